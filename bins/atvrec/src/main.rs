@@ -1,0 +1,3 @@
+//! `atvrec`: a telemetry recorder and tyre-force estimator for rugged vehicle PCs.
+
+fn main() {}

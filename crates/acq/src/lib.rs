@@ -1,0 +1,1 @@
+//! The only crate that touches devices and clocks: sources, stamps, supervision.

@@ -1,0 +1,1 @@
+//! What the vehicle did: forces, motion, events, calibration and identification from samples.

@@ -1,0 +1,181 @@
+//! The sensors file: what is mounted where, and how good it is. The virtual vehicle makes its
+//! bytes from it; the estimator takes noise, lag and geometry from it.
+
+use serde::{Deserialize, Serialize};
+
+/// All sensors of a vehicle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensors {
+    /// Name, for people.
+    pub name: String,
+    /// Strain bridges.
+    pub strain: StrainChain,
+    /// Spring potentiometers.
+    pub deflection: Deflection,
+    /// Inertial unit.
+    pub imu: Imu,
+    /// Velocity receiver.
+    pub gnss_velocity: GnssVelocity,
+    /// Attitude receiver.
+    pub gnss_attitude: GnssAttitude,
+    /// Wheel-speed pick-ups.
+    pub wheel_speed: WheelSpeed,
+    /// Hand-wheel encoder.
+    pub steer: Steer,
+}
+
+/// How the gauges of a channel are wired.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Bridge {
+    /// One active gauge: axial plus bending.
+    Quarter,
+    /// Two gauges in opposite arms: axial.
+    HalfAxial,
+    /// Two gauges in adjacent arms: bending.
+    HalfBending,
+    /// One axial and one transverse gauge in adjacent arms.
+    HalfPoisson,
+    /// Two axial and two transverse gauges.
+    FullPoisson,
+    /// Four gauges, bending.
+    FullBending,
+}
+
+/// The chain from a member's force to counts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrainChain {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Tube outer diameter, m.
+    pub tube_outer_diameter_m: f64,
+    /// Tube wall thickness, m.
+    pub tube_wall_m: f64,
+    /// Young's modulus, Pa.
+    pub youngs_modulus_pa: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+    /// Gauge factor GF.
+    pub gauge_factor: f64,
+    /// Bridge excitation V_ex and converter span, V.
+    pub excitation_v: f64,
+    /// Axial channels: wiring.
+    pub bridge: Bridge,
+    /// Axial channels: gain resistor R_G of the INA2126, ohm.
+    pub gain_resistor_ohm: f64,
+    /// Bending bridge on each lower tube, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bending: Option<BendingBridge>,
+    /// First-order lag of the output filter, Hz.
+    pub lag_hz: f64,
+    /// Converter resolution, bits over `excitation_v`.
+    pub adc_bits: u8,
+    /// Standard deviation of the converter's noise, counts.
+    pub noise_counts: f64,
+    /// Largest offset left after the jackstand zero, counts (uniform within plus and minus).
+    pub zero_error_counts: f64,
+}
+
+/// A bending bridge on a lower tube.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BendingBridge {
+    /// Wiring.
+    pub bridge: Bridge,
+    /// Gain resistor R_G, ohm.
+    pub gain_resistor_ohm: f64,
+    /// Distance inboard of the ball joint, m.
+    pub distance_from_ball_joint_m: f64,
+}
+
+/// Spring potentiometers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Deflection {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Travel that the converter spans, m.
+    pub span_m: f64,
+    /// Resolution, bits.
+    pub adc_bits: u8,
+    /// Standard deviation of noise, counts.
+    pub noise_counts: f64,
+    /// Largest offset left after the jackstand zero, counts.
+    pub zero_error_counts: f64,
+}
+
+/// Inertial unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Imu {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Position from the centre of gravity, body axes, m.
+    pub position_m: [f64; 3],
+    /// Misalignment: small rotations about x, y, z from body to sensor axes, rad.
+    pub misalignment_rad: [f64; 3],
+    /// Standard deviation of specific force, m/s^2.
+    pub accel_noise_m_s2: f64,
+    /// Standard deviation of angular rate, rad/s.
+    pub gyro_noise_rad_s: f64,
+    /// Size of each axis's specific-force bias, m/s^2 (sign drawn by the seed).
+    pub accel_bias_m_s2: f64,
+    /// Size of each axis's rate bias, rad/s (sign drawn by the seed).
+    pub gyro_bias_rad_s: f64,
+}
+
+/// Receiver of position and velocity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GnssVelocity {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Antenna position from the centre of gravity, body axes, m.
+    pub antenna_m: [f64; 3],
+    /// Standard deviation of each velocity component, m/s.
+    pub velocity_noise_m_s: f64,
+    /// Standard deviation of each position component, m.
+    pub position_noise_m: f64,
+    /// How late the velocity is against its time tag, s.
+    pub latency_s: f64,
+    /// Interval that the velocity is averaged over, s.
+    pub averaging_s: f64,
+}
+
+/// Receiver of attitude.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GnssAttitude {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Main antenna's position from the centre of gravity, body axes, m.
+    pub antenna_m: [f64; 3],
+    /// Standard deviation of heading, rad.
+    pub heading_noise_rad: f64,
+    /// Standard deviation of roll and of pitch, rad.
+    pub roll_pitch_noise_rad: f64,
+    /// How late the attitude is against its time tag, s.
+    pub latency_s: f64,
+}
+
+/// Wheel speeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WheelSpeed {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Standard deviation, part of the value.
+    pub noise_fraction: f64,
+}
+
+/// Hand wheel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Steer {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// Standard deviation, rad.
+    pub noise_rad: f64,
+}

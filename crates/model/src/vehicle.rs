@@ -1,0 +1,282 @@
+//! The vehicle file: what a workshop can measure of a vehicle, in SI units.
+//!
+//! Axes are ISO 8855. Positions are given in the *axle frame* of their axle: origin on the design
+//! ground plane, in the vehicle's middle plane, below the wheel centres' line; left-hand side, the
+//! right-hand side being its mirror image.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// A vehicle, as its file describes it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Vehicle {
+    /// Name, for people.
+    pub name: String,
+    /// What is meant by this variant and where it is from.
+    pub description: String,
+    /// Mass properties.
+    pub body: Body,
+    /// Front axle.
+    pub front: Axle,
+    /// Rear axle.
+    pub rear: Axle,
+    /// From the hand wheel to the road wheels.
+    pub steering: Steering,
+    /// Where torque comes from and where it is reacted.
+    #[serde(default)]
+    pub drivetrain: Drivetrain,
+    /// Where each value is from, by its dotted name, such as `body.mass_kg`.
+    #[serde(default)]
+    pub sources: BTreeMap<String, String>,
+}
+
+/// Mass properties of the whole vehicle and of its sprung part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Total mass m, kg.
+    pub mass_kg: f64,
+    /// Front axle to centre of gravity a, m.
+    pub front_axle_to_cg_m: f64,
+    /// Centre of gravity to rear axle b, m.
+    pub cg_to_rear_axle_m: f64,
+    /// Height h of the whole vehicle's centre of gravity above ground, m.
+    pub cg_height_m: f64,
+    /// Moments of inertia of the whole vehicle about its centre of gravity (roll, pitch, yaw),
+    /// kg m^2.
+    pub inertia_kg_m2: [f64; 3],
+    /// Product of inertia I_xz of the whole vehicle, kg m^2.
+    #[serde(default)]
+    pub inertia_xz_kg_m2: f64,
+    /// Aerodynamic drag coefficient times area times half the air's density, N s^2/m^2.
+    #[serde(default)]
+    pub drag_n_s2_m2: f64,
+    /// The sprung part; without it, it is taken from the total and the axles' unsprung masses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sprung: Option<Sprung>,
+}
+
+/// The sprung part of the vehicle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sprung {
+    /// Sprung mass m_s, kg.
+    pub mass_kg: f64,
+    /// Its centre of gravity from the point on the ground below the whole vehicle's, m.
+    pub cg_m: [f64; 3],
+    /// Its moments of inertia about its own centre of gravity, kg m^2.
+    pub inertia_kg_m2: [f64; 3],
+    /// Its product of inertia I_xz, kg m^2.
+    #[serde(default)]
+    pub inertia_xz_kg_m2: f64,
+}
+
+/// One axle and both its wheels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axle {
+    /// Track width t, m.
+    pub track_m: f64,
+    /// Roll-centre height h_r above ground, m (equivalent model; hard-points give their own).
+    pub roll_centre_height_m: f64,
+    /// Roll stiffness K_phi of springs and bars of this axle, N m/rad.
+    pub roll_stiffness_n_m_rad: f64,
+    /// Roll damping B_phi of this axle, N m s/rad.
+    pub roll_damping_n_m_s_rad: f64,
+    /// Stiffness of the anti-roll bar alone, already part of the roll stiffness, N m/rad.
+    #[serde(default)]
+    pub anti_roll_bar_n_m_rad: f64,
+    /// Wheels, hubs and arms of one corner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unsprung: Option<Unsprung>,
+    /// Spring, damper and stops of one corner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strut: Option<Strut>,
+    /// Double-wishbone hard-points of the left corner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wishbone: Option<Wishbone>,
+    /// Tyre of one corner.
+    pub tyre: Tyre,
+}
+
+/// Unsprung masses of one corner.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unsprung {
+    /// Spindle, rim and tyre: what turns with the wheel, kg.
+    pub wheel_mass_kg: f64,
+    /// Spin inertia of what turns, half-shaft included, kg m^2.
+    pub wheel_spin_inertia_kg_m2: f64,
+    /// Inertia of the wheel about its diameter, kg m^2.
+    pub wheel_diametral_inertia_kg_m2: f64,
+    /// Upright, kg.
+    pub upright_mass_kg: f64,
+    /// Upper arm, kg.
+    pub upper_arm_mass_kg: f64,
+    /// Lower arm, kg.
+    pub lower_arm_mass_kg: f64,
+    /// Centre of gravity of the upright, axle frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upright_cg_m: Option<[f64; 3]>,
+    /// Centre of gravity of the upper arm, axle frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper_arm_cg_m: Option<[f64; 3]>,
+    /// Centre of gravity of the lower arm, axle frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower_arm_cg_m: Option<[f64; 3]>,
+}
+
+impl Unsprung {
+    /// Mass of the whole corner, kg.
+    #[must_use]
+    pub fn total_mass_kg(&self) -> f64 {
+        self.wheel_mass_kg + self.upright_mass_kg + self.upper_arm_mass_kg + self.lower_arm_mass_kg
+    }
+}
+
+/// Spring, damper and stops along one strut. Force pushes the strut's ends apart:
+/// F = k (l_0 - l) - c l' + stops.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Strut {
+    /// Spring stiffness k, N/m.
+    pub stiffness_n_m: f64,
+    /// Length l_0 at which the spring's force would vanish, m. A preload F_0 at length l makes
+    /// l_0 = l + F_0/k.
+    pub free_length_m: f64,
+    /// Length in the design position, m.
+    pub design_length_m: f64,
+    /// Damping c, N s/m.
+    pub damping_n_s_m: f64,
+    /// Length at which the droop (rebound) stop touches, m.
+    pub droop_stop_length_m: f64,
+    /// Length at which the bump stop touches, m.
+    pub bump_stop_length_m: f64,
+    /// Stiffness of both stops, N/m.
+    pub stop_stiffness_n_m: f64,
+    /// Damping of both stops, N s/m.
+    #[serde(default)]
+    pub stop_damping_n_s_m: f64,
+    /// Spring travel for one metre of wheel travel in the design position; used where no
+    /// hard-points are given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion_ratio: Option<f64>,
+}
+
+/// Hard-points of a left-hand double wishbone, axle frame, design position, m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wishbone {
+    /// Wheel centre.
+    pub wheel_centre_m: [f64; 3],
+    /// Upper arm, front hinge.
+    pub upper_front_m: [f64; 3],
+    /// Upper arm, rear hinge.
+    pub upper_rear_m: [f64; 3],
+    /// Upper ball joint.
+    pub upper_ball_m: [f64; 3],
+    /// Lower arm, front hinge.
+    pub lower_front_m: [f64; 3],
+    /// Lower arm, rear hinge.
+    pub lower_rear_m: [f64; 3],
+    /// Lower ball joint.
+    pub lower_ball_m: [f64; 3],
+    /// Strut, end at the chassis.
+    pub strut_chassis_m: [f64; 3],
+    /// Strut, end at the lower arm.
+    pub strut_arm_m: [f64; 3],
+    /// Tie rod (rear axle: toe link), end at the rack or chassis.
+    pub tie_rod_inner_m: [f64; 3],
+    /// Tie rod, end at the upright.
+    pub tie_rod_outer_m: [f64; 3],
+}
+
+/// Tyre of one corner.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tyre {
+    /// Unloaded radius R_0, m.
+    pub unloaded_radius_m: f64,
+    /// Vertical stiffness, N/m.
+    pub vertical_stiffness_n_m: f64,
+    /// Vertical damping, N s/m.
+    #[serde(default)]
+    pub vertical_damping_n_s_m: f64,
+    /// Cornering stiffness of one tyre at `reference_load_n`, N/rad.
+    pub cornering_stiffness_n_rad: f64,
+    /// Longitudinal slip stiffness of one tyre at `reference_load_n`, N per unit slip.
+    pub slip_stiffness_n: f64,
+    /// Load for which the stiffnesses hold, N.
+    pub reference_load_n: f64,
+    /// Exponent n of C = C_0 (F_z/F_z0)^n.
+    #[serde(default = "one")]
+    pub load_exponent: f64,
+    /// Friction coefficient mu.
+    pub friction: f64,
+    /// Relaxation length sigma, m.
+    #[serde(default)]
+    pub relaxation_length_m: f64,
+    /// Rolling resistance coefficient.
+    #[serde(default)]
+    pub rolling_resistance: f64,
+    /// Camber stiffness, N/rad.
+    #[serde(default)]
+    pub camber_stiffness_n_rad: f64,
+}
+
+/// Steering gear.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Steering {
+    /// Hand-wheel angle over mean road-wheel angle; used where no map or rack is given.
+    pub ratio: f64,
+    /// Rack travel per hand-wheel angle, m/rad; with hard-points it gives exact wheel angles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rack_m_rad: Option<f64>,
+    /// Free play at the hand wheel, rad, from one contact to the other.
+    #[serde(default)]
+    pub lash_rad: f64,
+    /// Calibrated map, left front wheel: pairs of hand-wheel and road-wheel angle, rad, ascending.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_map_rad: Vec<[f64; 2]>,
+    /// Calibrated map, right front wheel.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub right_map_rad: Vec<[f64; 2]>,
+    /// Road-wheel steer per roll angle (front, rear).
+    #[serde(default)]
+    pub roll_steer: [f64; 2],
+}
+
+/// Drive and brake torque.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drivetrain {
+    /// Part of the drive torque that goes to the front axle.
+    pub drive_split_front: f64,
+    /// Part of the brake torque that goes to the front axle.
+    pub brake_split_front: f64,
+    /// Whether drive torque is reacted by the chassis (half-shafts) rather than the upright.
+    pub drive_reacted_by_chassis: bool,
+    /// Whether the front brake is reacted by the upright (outboard) rather than the chassis.
+    pub front_brake_outboard: bool,
+    /// Whether the rear brake is reacted by the upright (outboard) rather than the chassis.
+    pub rear_brake_outboard: bool,
+}
+
+impl Default for Drivetrain {
+    fn default() -> Self {
+        Self {
+            drive_split_front: 0.0,
+            brake_split_front: 0.6,
+            drive_reacted_by_chassis: true,
+            front_brake_outboard: true,
+            rear_brake_outboard: false,
+        }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}

@@ -1,0 +1,1 @@
+//! The Python package `atvrec`: thin wrappers of the model and the log reader.

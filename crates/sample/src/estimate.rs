@@ -1,0 +1,171 @@
+use serde::{Deserialize, Serialize};
+
+use crate::{LogTime, LossPlace, PerWheel, SourceId, Wheel};
+
+/// What the estimator publishes at one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Log clock of the instant that the estimate is for.
+    pub time: LogTime,
+    /// The vehicle's motion.
+    pub motion: Motion,
+    /// Tyre forces of the estimator's measurement path (strain, deflection, fusion).
+    pub measured: PerWheel<TyreForce>,
+    /// Tyre forces that the vehicle model expects from steer and motion alone.
+    pub expected: PerWheel<TyreForce>,
+}
+
+/// Motion of the body at its centre of gravity. A standard deviation of `NaN` means that the
+/// method in use gives none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Forward velocity, body axes, m/s.
+    pub velocity_x_m_s: f64,
+    /// Leftward velocity, body axes, m/s.
+    pub velocity_y_m_s: f64,
+    /// Sideslip angle, atan2(v_y, v_x), rad.
+    pub sideslip_rad: f64,
+    /// Standard deviation of the sideslip angle, rad.
+    pub sideslip_sigma_rad: f64,
+    /// Roll angle, right side down positive, rad.
+    pub roll_rad: f64,
+    /// Pitch angle, nose down positive, rad.
+    pub pitch_rad: f64,
+    /// Angular rate in body axes (roll, pitch, yaw), rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// Acceleration of the centre of gravity in body axes without gravity, m/s^2.
+    pub acceleration_m_s2: [f64; 3],
+    /// Road-wheel steer angle, rad.
+    pub steer_rad: PerWheel<f64>,
+    /// Tyre slip angle, rad.
+    pub slip_angle_rad: PerWheel<f64>,
+    /// Road bank, right side down positive, rad.
+    pub bank_rad: f64,
+    /// Road grade, nose down positive, rad.
+    pub grade_rad: f64,
+}
+
+/// The force that the ground exerts on one tyre, contact frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TyreForce {
+    /// F_x, F_y, F_z in N; `NaN` where unknown.
+    pub force_n: [f64; 3],
+    /// Standard deviations in N; `NaN` where the method gives none.
+    pub sigma_n: [f64; 3],
+    /// What the value rests on.
+    pub source: ForceSource,
+}
+
+impl Default for TyreForce {
+    fn default() -> Self {
+        Self {
+            force_n: [f64::NAN; 3],
+            sigma_n: [f64::NAN; 3],
+            source: ForceSource::None,
+        }
+    }
+}
+
+/// What a tyre force rests on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceSource {
+    /// Nothing yet.
+    #[default]
+    None,
+    /// Spring deflection alone.
+    Deflection,
+    /// Strain and deflection through the linkage's statics.
+    Statics,
+    /// All sensors in one filter.
+    Fusion,
+    /// The vehicle model alone.
+    Model,
+}
+
+/// Something that the estimator or a source declares.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// Log clock of the declaration.
+    pub time: LogTime,
+    /// Log clock when it is judged to have happened, or to be going to happen.
+    pub onset: LogTime,
+    /// What it is.
+    pub kind: EventKind,
+    /// Probability in [0, 1], where the detector gives one.
+    pub probability: Option<f64>,
+    /// Plain words for a person.
+    pub text: String,
+}
+
+/// What an [`Event`] is about.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    /// A wheel's load is predicted to vanish within the lead time (s).
+    LiftWarning(Wheel, f64),
+    /// A wheel left the ground.
+    Lift(Wheel),
+    /// A wheel touched the ground again.
+    Touchdown(Wheel),
+    /// Both wheels of a side left the ground; `true` for the left side.
+    TwoWheelLift(bool),
+    /// The surface changed: ratio of the new friction or stiffness to the old.
+    SurfaceChange(f64),
+    /// A sensor was found faulty and is excluded; the text names it.
+    SensorFault(String),
+    /// A sensor is used again.
+    SensorRecovered(String),
+    /// The filter diverged and was started anew.
+    FilterReset,
+}
+
+/// How grave a message is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// A rare event of life.
+    Info,
+    /// Recovered, or to be looked at.
+    Warning,
+    /// Data lost or a person needed.
+    Error,
+}
+
+/// The recorder's own state, at a regular interval.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Health {
+    /// Log clock of the report.
+    pub time: LogTime,
+    /// Counters of each source.
+    pub sources: Vec<SourceHealth>,
+}
+
+/// Counters of one source since the start; each only rises.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SourceHealth {
+    /// Which source.
+    pub source: SourceId,
+    /// Its name in the configuration.
+    pub name: String,
+    /// Whether its device is open.
+    pub open: bool,
+    /// Whether it has been silent for longer than its configured limit.
+    pub silent: bool,
+    /// Bytes received.
+    pub bytes: u64,
+    /// Messages or frames decoded.
+    pub messages: u64,
+    /// Messages whose checksum was wrong.
+    pub checksum_errors: u64,
+    /// Bytes that belonged to no message.
+    pub skipped_bytes: u64,
+    /// Messages missing by the device's own counter.
+    pub gaps: u64,
+    /// Messages with a good checksum that could not be decoded.
+    pub malformed: u64,
+    /// Times the device was opened again after a failure.
+    pub reopened: u64,
+    /// Items lost, by place, in the order of [`LossPlace::ALL`].
+    pub lost: [u64; LossPlace::ALL.len()],
+}

@@ -1,0 +1,33 @@
+//! What one datum is: stamps, SI payloads, frames and signs.
+//!
+//! Axes and signs are stated here, once, for the whole project.
+//!
+//! - Vehicle axes (ISO 8855): x forward, y left, z up. Earth axes: east, north, up.
+//! - Roll right side down, pitch nose down and yaw left are positive, as the right-hand rule gives.
+//! - Tyre forces stand in the wheel's contact frame: x along the wheel heading, y left of it,
+//!   z up. They are what the ground exerts on the tyre. A positive slip angle gives a negative
+//!   lateral force.
+//! - Specific force is what an accelerometer reads: +g along z at rest.
+//! - SI units and radians. Degrees, bytes and counts live in `wire` and on screens only.
+//! - Wheels are ordered front left, front right, rear left, rear right everywhere ([`Wheel::ALL`]).
+
+mod arrival;
+mod estimate;
+mod measurement;
+mod stamp;
+mod wheel;
+
+pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
+pub use estimate::{
+    Estimate, Event, EventKind, ForceSource, Health, Motion, Severity, SourceHealth, TyreForce,
+};
+pub use measurement::{
+    Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
+    GnssVelocity, ImuSample, Measurement, Sample, Signal, SignalFrame, SteerSample, StrainChannel,
+    WheelSpeedSample,
+};
+pub use stamp::{LogTime, NANOS_PER_SECOND};
+pub use wheel::{PerWheel, Wheel};
+
+/// Standard gravity in m/s^2 (3rd CGPM, 1901).
+pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;

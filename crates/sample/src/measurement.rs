@@ -1,0 +1,276 @@
+use serde::{Deserialize, Serialize};
+
+use crate::{LogTime, PerWheel, SourceId, Wheel};
+
+/// One measurement with its stamps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// The device it came from.
+    pub source: SourceId,
+    /// Log clock when the last byte of the message arrived.
+    pub log_time: LogTime,
+    /// Log clock when the measured thing was true: device time mapped to the log clock where the
+    /// mapping is known, with the message's latency removed; else `log_time`.
+    pub valid_time: LogTime,
+    /// The device's own time, as sent.
+    pub device_time: Option<DeviceTime>,
+    /// What was measured.
+    pub measurement: Measurement,
+}
+
+/// A device's own time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum DeviceTime {
+    /// GPS week (unrolled) and time of week in seconds.
+    Gps {
+        /// Weeks since 1980-01-06; `None` when the message carries the time of week alone.
+        week: Option<u16>,
+        /// Seconds since Sunday midnight, GPS time.
+        time_of_week_s: f64,
+    },
+    /// UTC time of day in seconds (NMEA).
+    UtcTimeOfDay(f64),
+    /// A free-running message counter and its modulus.
+    Counter {
+        /// Value in the message.
+        value: u32,
+        /// The counter runs from 0 to `modulus - 1`.
+        modulus: u32,
+    },
+    /// Nanoseconds of an adapter's own clock.
+    AdapterNanos(i64),
+}
+
+/// What a [`Sample`] measured. SI units, the frames of the crate's documentation; sensor frames
+/// where the member says so.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Measurement {
+    /// Inertial unit, sensor frame.
+    Imu(ImuSample),
+    /// GNSS position of the antenna.
+    GnssPosition(GnssPosition),
+    /// GNSS velocity of the antenna.
+    GnssVelocity(GnssVelocity),
+    /// Multi-antenna attitude.
+    GnssAttitude(GnssAttitude),
+    /// Strain and deflection counts of one corner; a message may carry some of them only.
+    Corner(CornerSample),
+    /// Hand wheel.
+    Steer(SteerSample),
+    /// Wheel speeds.
+    WheelSpeed(WheelSpeedSample),
+    /// Throttle, brake and other controllers.
+    Control(ControlSample),
+    /// A CAN message decoded through a DBC.
+    Signals(SignalFrame),
+    /// The vehicle's attitude from a device that integrates its own (not measured by GNSS).
+    Attitude(Attitude),
+}
+
+/// Specific force and angular rate in the sensor's own axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ImuSample {
+    /// Specific force, m/s^2.
+    pub specific_force_m_s2: [f64; 3],
+    /// Angular rate, rad/s.
+    pub angular_rate_rad_s: [f64; 3],
+    /// Board temperature, degrees Celsius, where sent.
+    pub temperature_c: Option<f64>,
+    /// Interval that the values are averaged over, s (delta-velocity messages); 0 for samples.
+    pub interval_s: f64,
+    /// The device's status word, as sent.
+    pub status: u16,
+    /// Whether the device calls the sample good.
+    pub valid: bool,
+}
+
+/// How good a GNSS solution is, in the receivers' common terms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FixQuality {
+    /// No solution: values must not be used.
+    #[default]
+    None,
+    /// Code solution of one receiver.
+    Single,
+    /// Code-differential or SBAS solution.
+    Differential,
+    /// Carrier solution with float ambiguities.
+    Float,
+    /// Carrier solution with fixed ambiguities.
+    Fixed,
+    /// Propagated by inertial sensors.
+    DeadReckoning,
+}
+
+/// Antenna position, WGS 84.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GnssPosition {
+    /// Quality of the solution.
+    pub quality: FixQuality,
+    /// Geodetic latitude, rad.
+    pub latitude_rad: f64,
+    /// Longitude, rad.
+    pub longitude_rad: f64,
+    /// Height above the ellipsoid, m.
+    pub height_m: f64,
+    /// Standard deviations east, north, up in m, where sent.
+    pub sigma_enu_m: Option<[f64; 3]>,
+    /// Satellites in the solution, where sent.
+    pub satellites: Option<u8>,
+}
+
+/// Antenna velocity, earth axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GnssVelocity {
+    /// Quality of the solution.
+    pub quality: FixQuality,
+    /// Velocity east, north, up, m/s.
+    pub velocity_enu_m_s: [f64; 3],
+    /// Standard deviations east, north, up in m/s, where sent.
+    pub sigma_enu_m_s: Option<[f64; 3]>,
+    /// Latency from the record's own field, s; `None` where the record has none.
+    pub latency_s: Option<f64>,
+}
+
+/// Attitude from several antennas.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GnssAttitude {
+    /// Quality of the solution.
+    pub quality: FixQuality,
+    /// Yaw angle from east, left positive, rad (that is pi/2 minus the receiver's heading).
+    pub yaw_rad: Option<f64>,
+    /// Pitch, nose down positive, rad.
+    pub pitch_rad: Option<f64>,
+    /// Roll, right side down positive, rad.
+    pub roll_rad: Option<f64>,
+    /// Standard deviations of yaw, pitch, roll in rad, where sent.
+    pub sigma_rad: Option<[f64; 3]>,
+}
+
+/// Roll, pitch and yaw of the vehicle, rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Attitude {
+    /// Roll, right side down positive, rad.
+    pub roll_rad: f64,
+    /// Pitch, nose down positive, rad.
+    pub pitch_rad: f64,
+    /// Yaw from east, left positive, rad.
+    pub yaw_rad: f64,
+}
+
+/// The strain channels of one corner, in the order of [`CornerSample::strain_counts`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StrainChannel {
+    /// Axial, front tube of the upper arm.
+    UpperFront,
+    /// Axial, rear tube of the upper arm.
+    UpperRear,
+    /// Axial, front tube of the lower arm.
+    LowerFront,
+    /// Axial, rear tube of the lower arm.
+    LowerRear,
+    /// Axial, steering tie rod (rear axle: toe link).
+    TieRod,
+    /// Bending, front tube of the lower arm.
+    LowerFrontBending,
+    /// Bending, rear tube of the lower arm.
+    LowerRearBending,
+}
+
+impl StrainChannel {
+    /// All channels, in order.
+    pub const ALL: [Self; 7] = [
+        Self::UpperFront,
+        Self::UpperRear,
+        Self::LowerFront,
+        Self::LowerRear,
+        Self::TieRod,
+        Self::LowerFrontBending,
+        Self::LowerRearBending,
+    ];
+
+    /// Number of channels.
+    pub const COUNT: usize = Self::ALL.len();
+
+    /// Position in [`StrainChannel::ALL`].
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Name in files and topics, snake case.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::UpperFront => "upper_front",
+            Self::UpperRear => "upper_rear",
+            Self::LowerFront => "lower_front",
+            Self::LowerRear => "lower_rear",
+            Self::TieRod => "tie_rod",
+            Self::LowerFrontBending => "lower_front_bending",
+            Self::LowerRearBending => "lower_rear_bending",
+        }
+    }
+
+    /// The channel with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|channel| channel.name() == name)
+    }
+}
+
+/// Converter counts of one corner's box; absent members were not in the message.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CornerSample {
+    /// Which corner.
+    pub wheel: Wheel,
+    /// Strain counts, in the order of [`StrainChannel::ALL`].
+    pub strain_counts: [Option<u16>; StrainChannel::COUNT],
+    /// Spring potentiometer counts.
+    pub deflection_counts: Option<u16>,
+}
+
+/// Hand-wheel angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SteerSample {
+    /// Hand-wheel angle, left positive, rad.
+    pub hand_wheel_rad: f64,
+}
+
+/// Wheel speeds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WheelSpeedSample {
+    /// Angular speed, forward positive, rad/s; absent members were not in the message.
+    pub angular_speed_rad_s: PerWheel<Option<f64>>,
+}
+
+/// What a controller reports, in its own terms.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ControlSample {
+    /// Named values in SI units.
+    pub values: Vec<Signal>,
+}
+
+/// One CAN message decoded through a DBC.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SignalFrame {
+    /// Message name in the DBC.
+    pub message: String,
+    /// CAN identifier.
+    pub id: u32,
+    /// Signals present in this frame (multiplexed ones only where selected).
+    pub signals: Vec<Signal>,
+}
+
+/// A named physical value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Signal {
+    /// Name, as in the DBC or the source's configuration.
+    pub name: String,
+    /// Physical value, in `unit`.
+    pub value: f64,
+    /// Unit, as in the DBC or the source's configuration.
+    pub unit: String,
+}

@@ -1,0 +1,1 @@
+//! The virtual vehicle: the model's motion as each sensor's own bytes.

@@ -1,0 +1,1 @@
+//! Samples to MCAP and back: schemas, writing, reading, recovery.
