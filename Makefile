@@ -1,0 +1,50 @@
+# `make demo` and `make test` do all set-up on a fresh Debian or Ubuntu with a Rust toolchain.
+SHELL := /bin/bash
+CARGO ?= cargo
+PYTHON := target/venv/bin/python
+
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench golden bless fuzz deb clean
+
+help: ## List these targets
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+setup: ## Install what building needs, if it is missing
+	@scripts/setup build
+
+venv: ## Python environment of the tests (reference MCAP readers, maturin, numpy)
+	@scripts/setup python
+
+demo: setup ## Record a virtual drive, replay it bit for bit, draw the report
+	$(CARGO) build --release --bin atvrec
+	target/release/atvrec demo
+
+test: setup check python rig ## Everything that CI runs
+
+check: fmt clippy unit doc deny ## Formatting, lints, tests, documentation, licences
+
+fmt:
+	$(CARGO) fmt --all --check
+
+clippy:
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+
+unit: ## Rust tests of all crates
+	$(CARGO) test --workspace --locked
+
+doc:
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+
+deny:
+	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed; licences and bans not checked (cargo install cargo-deny)"; fi
+
+python: venv ## Reference readers on our logs, and the Python package's tests
+	@scripts/test-python
+
+rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
+	@scripts/test-rig
+
+bench: setup ## Every figure that the README states, beside its peers
+	@scripts/bench
+
+clean:
+	$(CARGO) clean

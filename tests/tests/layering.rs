@@ -1,0 +1,92 @@
+//! Imports go down only: the floors of ARCHITECTURE.md, checked against the manifests.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Floor of each crate; an edge must lead to a lower floor,.
+const FLOORS: [(&str, u8); 10] = [
+    ("sample", 0),
+    ("wire", 1),
+    ("model", 1),
+    ("store", 1),
+    ("estimator", 2),
+    ("acq", 2),
+    ("sim", 2),
+    ("report", 3),
+    ("pybind", 4),
+    ("atvrec", 4),
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ stands in the project").into()
+}
+
+fn manifest(path: &Path) -> toml::Table {
+    let text = std::fs::read_to_string(path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    text.parse().unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+fn internal_dependencies(manifest: &toml::Table, floors: &BTreeMap<&str, u8>) -> Vec<String> {
+    manifest
+        .get("dependencies")
+        .and_then(toml::Value::as_table)
+        .map(|table| table.keys().filter(|name| floors.contains_key(name.as_str())).cloned())
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
+#[test]
+fn imports_go_down_only() {
+    let floors: BTreeMap<&str, u8> = FLOORS.into_iter().collect();
+    let mut seen = 0;
+    for (name, floor) in FLOORS {
+        let folder = if name == "atvrec" { "bins" } else { "crates" };
+        let path = root().join(folder).join(name).join("Cargo.toml");
+        for dependency in internal_dependencies(&manifest(&path), &floors) {
+            seen += 1;
+            assert!(
+                floors[dependency.as_str()] < floor,
+                "{name} (floor {floor}) must not import {dependency} (floor {})",
+                floors[dependency.as_str()]
+            );
+        }
+    }
+    assert!(seen > 10, "only {seen} edges found: the manifests are not being read");
+}
+
+#[test]
+fn every_crate_has_a_floor() {
+    for entry in std::fs::read_dir(root().join("crates")).expect("crates/ exists") {
+        let name = entry.expect("readable entry").file_name().into_string().expect("UTF-8 name");
+        assert!(FLOORS.iter().any(|(known, _)| *known == name), "{name} has no floor");
+    }
+}
+
+/// Only `acq` and the binary read clocks, below floor 4.
+#[test]
+fn pure_crates_read_no_clock_and_no_environment() {
+    const FORBIDDEN: [&str; 4] = ["Instant::now", "SystemTime::now", "std::env::var", "env::args"];
+    for name in ["sample", "wire", "model", "store", "estimator", "sim", "report"] {
+        for file in rust_files(&root().join("crates").join(name).join("src")) {
+            let text = std::fs::read_to_string(&file).expect("readable source");
+            for word in FORBIDDEN {
+                assert!(!text.contains(word), "{} uses {word}", file.display());
+            }
+        }
+    }
+}
+
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("source folder exists") {
+        let path = entry.expect("readable entry").path();
+        if path.is_dir() {
+            found.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    found
+}
