@@ -1,0 +1,4 @@
+//! Crossbow IMU440.
+/// A packet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Packet;

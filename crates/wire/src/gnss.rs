@@ -1,0 +1,1 @@
+//! One receiver port: NovAtel, SBF and NMEA mixed.

@@ -1,0 +1,4 @@
+//! Septentrio Binary Format.
+/// A block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block;
