@@ -1,1 +1,21 @@
 //! The only crate that touches devices and clocks: sources, stamps, supervision.
+//!
+//! A [`Supervisor`] runs one task for each [`SourceSpec`]. The tasks push what the operating
+//! system gives them, unaltered, into the [`Sequencer`], which stamps and numbers it and hands it
+//! to the recorder and to the estimator through bounded queues. Nothing here knows what the bytes
+//! mean, save for SLCAN, whose text is turned into frames, and the dialogues that set a device up.
+
+pub mod clock;
+mod port;
+pub mod sequencer;
+mod serial;
+pub mod spec;
+pub mod supervisor;
+mod sys;
+
+pub use clock::{LogClock, Reading};
+pub use sequencer::{QueueSizes, Sequencer, SourceCounters, Streams};
+pub use spec::{
+    CanFilter, CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec,
+};
+pub use supervisor::{StuckTasks, Supervisor};

@@ -8,6 +8,11 @@ use crate::LogTime;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SourceId(pub u16);
 
+impl SourceId {
+    /// The recorder itself: ticks, marks and notices that belong to no device.
+    pub const HOST: Self = Self(u16::MAX);
+}
+
 impl fmt::Display for SourceId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "#{}", self.0)

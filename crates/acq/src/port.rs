@@ -1,0 +1,241 @@
+//! The life of a serial port: open, talk, notice that it went, open again.
+
+use std::io;
+use std::time::Duration;
+
+use sample::{LossPlace, Notice, SourceId};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::sync::watch;
+use tokio::time::{Instant, MissedTickBehavior};
+use tokio_serial::{DataBits, SerialPort, SerialPortBuilderExt, SerialStream, StopBits};
+
+use crate::supervisor::pause;
+use crate::sys::{self, UartCounters};
+use crate::{Parity, PortSpec, Sequencer};
+
+/// Size of one read, bytes.
+const READ_BYTES: usize = 4096;
+/// How often the UART's error counters are looked at.
+const COUNTER_PERIOD: Duration = Duration::from_secs(1);
+/// Wait before the first attempt to reopen a port; doubled after each failure.
+const REOPEN_FIRST: Duration = Duration::from_millis(50);
+/// Longest wait between two attempts to reopen a port.
+const REOPEN_LONGEST: Duration = Duration::from_millis(500);
+/// Longest time for a write: a device that takes no commands must not hold up its data.
+const WRITE_DEADLINE: Duration = Duration::from_millis(500);
+
+/// Who talks on a port: takes the bytes into the stream and says what to answer.
+pub(crate) trait Talk: Send {
+    /// The port was opened, for the first time or again.
+    fn opened(&mut self) -> Act;
+    /// Bytes came.
+    fn received(&mut self, bytes: &[u8]) -> Act;
+    /// The time asked for with [`Act::wake`] has passed.
+    fn woken(&mut self) -> Act;
+    /// What to send before the port is closed in good order.
+    fn farewell(&mut self) -> Vec<u8>;
+}
+
+/// What a [`Talk`] wants done.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Act {
+    /// Change to this baud rate, before writing.
+    pub baud: Option<u32>,
+    /// Bytes to write.
+    pub write: Vec<u8>,
+    /// Call [`Talk::woken`] after this time; `None` leaves what was asked for before.
+    pub wake: Option<Duration>,
+}
+
+/// Who a port's notices are from and where they go.
+#[derive(Clone, Debug)]
+pub(crate) struct Owner {
+    pub id: SourceId,
+    pub name: String,
+    pub sequencer: Sequencer,
+}
+
+impl Owner {
+    pub fn notice(&self, notice: Notice) {
+        self.sequencer.notice(self.id, notice);
+    }
+
+    pub fn lost(&self, place: LossPlace, count: u64) {
+        if count > 0 {
+            self.notice(Notice::Lost { place, count });
+        }
+    }
+}
+
+/// Runs a port until the shutdown.
+pub(crate) async fn run(
+    owner: &Owner,
+    spec: &PortSpec,
+    talk: &mut dyn Talk,
+    mut shutdown: watch::Receiver<bool>,
+) {
+    let mut wait = REOPEN_FIRST;
+    let mut last_failure = String::new();
+    while !*shutdown.borrow() {
+        match open(spec) {
+            Ok(port) => {
+                last_failure.clear();
+                wait = REOPEN_FIRST;
+                let text = format!("{} at {} baud", spec.path.display(), spec.baud);
+                tracing::info!(source = %owner.name, port = %text, "opened");
+                owner.notice(Notice::Opened(text));
+                match Session::new(owner, port).run(talk, &mut shutdown).await {
+                    Ok(()) => return,
+                    Err(error) => {
+                        let text = format!("{}: {error}", spec.path.display());
+                        tracing::warn!(source = %owner.name, %text, "closed, opening again");
+                        owner.notice(Notice::Closed(text));
+                    }
+                }
+            }
+            Err(error) => {
+                let text = format!("{}: {error}", spec.path.display());
+                if text != last_failure {
+                    tracing::warn!(source = %owner.name, %text, "cannot open, trying again");
+                    owner.notice(Notice::Closed(text.clone()));
+                    last_failure = text;
+                }
+            }
+        }
+        if pause(wait, &mut shutdown).await {
+            return;
+        }
+        wait = (wait * 2).min(REOPEN_LONGEST);
+    }
+}
+
+fn open(spec: &PortSpec) -> io::Result<SerialStream> {
+    let parity = match spec.parity {
+        Parity::None => tokio_serial::Parity::None,
+        Parity::Odd => tokio_serial::Parity::Odd,
+        Parity::Even => tokio_serial::Parity::Even,
+    };
+    let stop_bits = if spec.two_stop_bits {
+        StopBits::Two
+    } else {
+        StopBits::One
+    };
+    // Not `exclusive`: on a pseudo-terminal that flag outlives this process and locks out the next.
+    let port = tokio_serial::new(spec.path.to_string_lossy(), spec.baud)
+        .data_bits(DataBits::Eight)
+        .parity(parity)
+        .stop_bits(stop_bits)
+        .exclusive(false)
+        .open_native_async()?;
+    if !sys::lock_port(&port)? {
+        return Err(io::Error::new(
+            io::ErrorKind::ResourceBusy,
+            "another program has this port, stop it first",
+        ));
+    }
+    if spec.low_latency
+        && let Err(error) = sys::set_low_latency(&port)
+    {
+        tracing::debug!(path = %spec.path.display(), %error, "driver has no low-latency mode");
+    }
+    Ok(port)
+}
+
+/// One opening of a port.
+struct Session<'a> {
+    owner: &'a Owner,
+    port: SerialStream,
+    counters: Option<UartCounters>,
+    wake: Option<Instant>,
+}
+
+impl<'a> Session<'a> {
+    fn new(owner: &'a Owner, port: SerialStream) -> Self {
+        let counters = sys::uart_counters(&port).ok();
+        Self {
+            owner,
+            port,
+            counters,
+            wake: None,
+        }
+    }
+
+    /// Reads until the shutdown (`Ok`) or until the port fails.
+    async fn run(
+        mut self,
+        talk: &mut dyn Talk,
+        shutdown: &mut watch::Receiver<bool>,
+    ) -> io::Result<()> {
+        let mut buffer = vec![0; READ_BYTES];
+        let mut counter_timer = tokio::time::interval(COUNTER_PERIOD);
+        counter_timer.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let act = talk.opened();
+        self.act(act).await?;
+        loop {
+            let wake = self.wake.unwrap_or_else(|| Instant::now() + COUNTER_PERIOD);
+            let act = tokio::select! {
+                biased;
+                _ = shutdown.wait_for(|stop| *stop) => break,
+                read = self.port.read(&mut buffer) => match read? {
+                    0 => return Err(io::Error::other("the device went away")),
+                    count => talk.received(&buffer[..count]),
+                },
+                () = tokio::time::sleep_until(wake), if self.wake.is_some() => {
+                    self.wake = None;
+                    talk.woken()
+                }
+                _ = counter_timer.tick(), if self.counters.is_some() => {
+                    self.look_at_counters()?;
+                    Act::default()
+                }
+            };
+            self.act(act).await?;
+        }
+        let farewell = talk.farewell();
+        if let Err(error) = self.write(&farewell).await {
+            tracing::debug!(source = %self.owner.name, %error, "no farewell");
+        }
+        self.look_at_counters().ok();
+        self.owner.notice(Notice::Closed("stopped".to_owned()));
+        Ok(())
+    }
+
+    async fn act(&mut self, act: Act) -> io::Result<()> {
+        if let Some(baud) = act.baud {
+            self.port.set_baud_rate(baud)?;
+        }
+        if let Some(after) = act.wake {
+            self.wake = Some(Instant::now() + after);
+        }
+        self.write(&act.write).await
+    }
+
+    async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        match tokio::time::timeout(WRITE_DEADLINE, self.port.write_all(bytes)).await {
+            Ok(result) => result,
+            Err(_) => {
+                tracing::warn!(source = %self.owner.name, "the device takes no commands");
+                Ok(())
+            }
+        }
+    }
+
+    /// Reports what the UART lost since the last look.
+    fn look_at_counters(&mut self) -> io::Result<()> {
+        let Some(earlier) = self.counters else {
+            return Ok(());
+        };
+        let now = sys::uart_counters(&self.port)?;
+        self.owner
+            .lost(LossPlace::Device, now.overruns_since(&earlier));
+        let line_errors = now.line_errors_since(&earlier);
+        if line_errors > 0 {
+            tracing::warn!(source = %self.owner.name, line_errors, "check the baud rate and cable");
+        }
+        self.counters = Some(now);
+        Ok(())
+    }
+}

@@ -1,0 +1,478 @@
+//! Where all sources meet: stamps, numbers and hands on every arrival in one critical section.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use sample::{Arrival, LogTime, LossPlace, Notice, Payload, SourceId};
+use tokio::sync::mpsc;
+
+use crate::LogClock;
+
+/// Places in the recorder's queue that only notices may take, so that what is said about a loss
+/// is not lost with it.
+const NOTICE_RESERVE: usize = 64;
+
+/// Runs of arrivals that the estimator skipped and the recorder has had no room to hear of yet.
+/// Older ones are merged into an error in the program's own log.
+const UNRECORDED_RUNS_MAX: usize = 64;
+
+/// How many arrivals each consumer may lag behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QueueSizes {
+    /// Arrivals between the sources and the recorder.
+    pub recorder: usize,
+    /// Arrivals between the sources and the estimator; 0 means that there is none.
+    pub estimator: usize,
+}
+
+impl Default for QueueSizes {
+    /// About two seconds of four full CAN buses for the recorder, half a second for the estimator.
+    fn default() -> Self {
+        Self {
+            recorder: 16_384,
+            estimator: 4_096,
+        }
+    }
+}
+
+/// The consumers' ends of the queues. `recv` is for tasks, `blocking_recv` for threads; both end
+/// with `None` after [`Sequencer::finish`].
+#[derive(Debug)]
+pub struct Streams {
+    /// For the recorder.
+    pub recorder: mpsc::Receiver<Arc<Arrival>>,
+    /// For the estimator; `None` if its queue has size 0.
+    pub estimator: Option<mpsc::Receiver<Arc<Arrival>>>,
+}
+
+/// What has come from one source so far.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SourceCounters {
+    /// Arrivals, notices included.
+    pub arrivals: u64,
+    /// Frames on CAN, reads on serial ports.
+    pub items: u64,
+    /// Payload bytes.
+    pub bytes: u64,
+    /// Items lost, in the order of [`LossPlace::ALL`].
+    pub lost: [u64; LossPlace::ALL.len()],
+    /// When data last came.
+    pub last_data: Option<LogTime>,
+    /// Whether the device is open.
+    pub open: bool,
+    /// What the last `Opened` or `Closed` notice said.
+    pub state: String,
+}
+
+/// Gives every arrival its sequence number and stamps and pushes it to the recorder and to the
+/// estimator. Clones share one stream.
+///
+/// Number and stamp are taken under one lock, so the order of `sequence` is the order of
+/// `log_time`. A full queue never blocks: the arrival is left out for that consumer alone.
+/// - Recorder: items are counted by source, and [`Notice::Lost`] tells so when there is room
+///   again; the gap in `sequence` says where.
+/// - Estimator: once full it is left alone until half of its queue is free, then
+///   [`Notice::EstimatorSkipped`] tells both consumers which arrivals it did not see.
+#[derive(Clone, Debug)]
+pub struct Sequencer {
+    clock: LogClock,
+    state: Arc<Mutex<State>>,
+}
+
+#[derive(Debug)]
+struct State {
+    next_sequence: u64,
+    sizes: QueueSizes,
+    recorder: Option<mpsc::Sender<Arc<Arrival>>>,
+    recorder_full: bool,
+    unreported: BTreeMap<SourceId, u64>,
+    estimator: Option<mpsc::Sender<Arc<Arrival>>>,
+    skipping: Option<Run>,
+    unrecorded: VecDeque<Run>,
+    counters: BTreeMap<SourceId, SourceCounters>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    first_sequence: u64,
+    count: u64,
+}
+
+impl Run {
+    const fn notice(self) -> Payload {
+        Payload::Notice(Notice::EstimatorSkipped {
+            first_sequence: self.first_sequence,
+            count: self.count,
+        })
+    }
+}
+
+impl Sequencer {
+    /// A stream that starts at sequence 0, and its consumers' ends.
+    #[must_use]
+    pub fn new(clock: LogClock, sizes: QueueSizes) -> (Self, Streams) {
+        let sizes = QueueSizes {
+            recorder: sizes.recorder.max(1),
+            ..sizes
+        };
+        let (recorder, recorder_end) = mpsc::channel(sizes.recorder + NOTICE_RESERVE);
+        let (estimator, estimator_end) = match sizes.estimator {
+            0 => (None, None),
+            size => {
+                let (sender, receiver) = mpsc::channel(size);
+                (Some(sender), Some(receiver))
+            }
+        };
+        let state = State {
+            next_sequence: 0,
+            sizes,
+            recorder: Some(recorder),
+            recorder_full: false,
+            unreported: BTreeMap::new(),
+            estimator,
+            skipping: None,
+            unrecorded: VecDeque::new(),
+            counters: BTreeMap::new(),
+        };
+        let sequencer = Self {
+            clock,
+            state: Arc::new(Mutex::new(state)),
+        };
+        let streams = Streams {
+            recorder: recorder_end,
+            estimator: estimator_end,
+        };
+        (sequencer, streams)
+    }
+
+    /// Takes what `source` delivered into the stream and returns its stamp.
+    pub fn push(&self, source: SourceId, payload: Payload) -> LogTime {
+        let mut state = self.lock();
+        state.settle(&self.clock);
+        state.emit(&self.clock, source, payload)
+    }
+
+    /// Takes a notice into the stream.
+    pub fn notice(&self, source: SourceId, notice: Notice) -> LogTime {
+        self.push(source, Payload::Notice(notice))
+    }
+
+    /// Takes a person's or program's mark into the stream and returns the instant it stands for.
+    pub fn mark(&self, text: &str) -> LogTime {
+        self.notice(SourceId::HOST, Notice::Mark(text.to_owned()))
+    }
+
+    /// The clock that stamps the stream.
+    #[must_use]
+    pub const fn clock(&self) -> &LogClock {
+        &self.clock
+    }
+
+    /// What has come so far, by source.
+    #[must_use]
+    pub fn counters(&self) -> BTreeMap<SourceId, SourceCounters> {
+        self.lock().counters.clone()
+    }
+
+    /// Sequence number of the next arrival: how many there were.
+    #[must_use]
+    pub fn next_sequence(&self) -> u64 {
+        self.lock().next_sequence
+    }
+
+    /// Ends the stream: writes the notices that were waiting for room, then closes both queues.
+    /// Call it after [`crate::Supervisor::stop`]. What is pushed later is counted as lost.
+    pub fn finish(&self) {
+        let mut state = self.lock();
+        state.report_losses(&self.clock);
+        state.report_skips(&self.clock, true);
+        state.recorder = None;
+        state.estimator = None;
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Reports what was left out, where there is room to.
+    fn settle(&mut self, clock: &LogClock) {
+        if self.recorder_full && self.recorder_room() >= self.sizes.recorder.div_ceil(4) {
+            self.report_losses(clock);
+        }
+        let resume = self.sizes.estimator.div_ceil(2);
+        let resumes = self.skipping.is_some() && self.estimator_room() >= resume;
+        if resumes || !self.unrecorded.is_empty() {
+            self.report_skips(clock, false);
+        }
+    }
+
+    fn report_losses(&mut self, clock: &LogClock) {
+        self.recorder_full = false;
+        for (source, count) in std::mem::take(&mut self.unreported) {
+            let lost = Notice::Lost {
+                place: LossPlace::Queue,
+                count,
+            };
+            self.emit(clock, source, Payload::Notice(lost));
+        }
+    }
+
+    /// Ends the run that the estimator skips, if it has room again or at the `end` of the stream,
+    /// and tells the recorder of all runs that it has room for.
+    fn report_skips(&mut self, clock: &LogClock, end: bool) {
+        let resume = self.sizes.estimator.div_ceil(2);
+        if end || self.estimator_room() >= resume {
+            self.unrecorded.extend(self.skipping.take());
+        }
+        while self
+            .recorder
+            .as_ref()
+            .is_some_and(|queue| queue.capacity() > 0)
+            && let Some(run) = self.unrecorded.pop_front()
+        {
+            self.emit(clock, SourceId::HOST, run.notice());
+        }
+        while self.unrecorded.len() > UNRECORDED_RUNS_MAX {
+            let run = self.unrecorded.pop_front();
+            tracing::error!(
+                ?run,
+                "estimator skipped arrivals, and the log cannot say so"
+            );
+        }
+    }
+
+    fn emit(&mut self, clock: &LogClock, source: SourceId, payload: Payload) -> LogTime {
+        let reading = clock.read();
+        let sequence = self.next_sequence;
+        self.next_sequence += 1;
+        let items = self.count(source, &payload, reading.log_time);
+        let is_notice = matches!(payload, Payload::Notice(_));
+        let arrival = Arc::new(Arrival {
+            sequence,
+            source,
+            log_time: reading.log_time,
+            realtime_ns: reading.realtime_ns,
+            payload,
+        });
+        self.offer_estimator(&arrival);
+        self.offer_recorder(arrival, items, is_notice);
+        reading.log_time
+    }
+
+    fn offer_recorder(&mut self, arrival: Arc<Arrival>, items: u64, is_notice: bool) {
+        let source = arrival.source;
+        let admitted = is_notice || (!self.recorder_full && self.recorder_room() > 0);
+        let sent = admitted
+            && self
+                .recorder
+                .as_ref()
+                .is_some_and(|queue| queue.try_send(arrival).is_ok());
+        if !sent {
+            self.recorder_full = true;
+            *self.unreported.entry(source).or_default() += items;
+            self.counters.entry(source).or_default().lost[queue_index()] += items;
+        }
+    }
+
+    fn offer_estimator(&mut self, arrival: &Arc<Arrival>) {
+        if let Some(run) = &mut self.skipping {
+            run.count += 1;
+            return;
+        }
+        let Some(queue) = &self.estimator else {
+            return;
+        };
+        if queue.try_send(Arc::clone(arrival)).is_err() {
+            self.skipping = Some(Run {
+                first_sequence: arrival.sequence,
+                count: 1,
+            });
+        }
+    }
+
+    /// Free places for data in the recorder's queue.
+    fn recorder_room(&self) -> usize {
+        self.recorder
+            .as_ref()
+            .map_or(0, |queue| queue.capacity().saturating_sub(NOTICE_RESERVE))
+    }
+
+    /// Free places in the estimator's queue; none once its end is dropped.
+    fn estimator_room(&self) -> usize {
+        match &self.estimator {
+            Some(queue) if !queue.is_closed() => queue.capacity(),
+            _ => 0,
+        }
+    }
+
+    /// Counts an arrival and returns how many items it holds.
+    fn count(&mut self, source: SourceId, payload: &Payload, log_time: LogTime) -> u64 {
+        let counters = self.counters.entry(source).or_default();
+        counters.arrivals += 1;
+        match payload {
+            Payload::Bytes(bytes) => {
+                counters.bytes += bytes.len() as u64;
+                counters.last_data = Some(log_time);
+                counters.items += 1;
+                1
+            }
+            Payload::Can(frames) => {
+                counters.bytes += frames
+                    .iter()
+                    .map(|frame| frame.bytes().len() as u64)
+                    .sum::<u64>();
+                counters.last_data = Some(log_time);
+                counters.items += frames.len() as u64;
+                frames.len() as u64
+            }
+            Payload::Tick => 1,
+            Payload::Notice(notice) => {
+                match notice {
+                    Notice::Opened(text) | Notice::Closed(text) => {
+                        counters.open = matches!(notice, Notice::Opened(_));
+                        counters.state.clone_from(text);
+                    }
+                    Notice::Lost { place, count } if *place != LossPlace::Queue => {
+                        counters.lost[*place as usize] += count;
+                    }
+                    _ => {}
+                }
+                1
+            }
+        }
+    }
+}
+
+const fn queue_index() -> usize {
+    LossPlace::Queue as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PORT: SourceId = SourceId(3);
+
+    fn sequencer(recorder: usize, estimator: usize) -> (Sequencer, Streams) {
+        Sequencer::new(
+            LogClock::start(),
+            QueueSizes {
+                recorder,
+                estimator,
+            },
+        )
+    }
+
+    fn drain(queue: &mut mpsc::Receiver<Arc<Arrival>>) -> Vec<Arc<Arrival>> {
+        std::iter::from_fn(|| queue.try_recv().ok()).collect()
+    }
+
+    fn bytes(value: u8) -> Payload {
+        Payload::Bytes(vec![value])
+    }
+
+    #[test]
+    fn threads_get_one_order_without_gaps() {
+        let (sequencer, mut streams) = sequencer(10_000, 10_000);
+        let threads: Vec<_> = (0..4)
+            .map(|source| {
+                let sequencer = sequencer.clone();
+                std::thread::spawn(move || {
+                    for value in 0..500 {
+                        sequencer.push(SourceId(source), bytes(value as u8));
+                    }
+                })
+            })
+            .collect();
+        for thread in threads {
+            thread.join().expect("pushing does not panic");
+        }
+        let recorded = drain(&mut streams.recorder);
+        assert_eq!(recorded.len(), 2000);
+        for (index, pair) in recorded.windows(2).enumerate() {
+            assert_eq!(pair[0].sequence, index as u64);
+            assert!(pair[0].log_time <= pair[1].log_time);
+        }
+        let estimated = drain(streams.estimator.as_mut().expect("a queue"));
+        assert_eq!(recorded, estimated);
+    }
+
+    #[test]
+    fn a_full_recorder_queue_counts_and_reports() {
+        let (sequencer, mut streams) = sequencer(8, 0);
+        for value in 0..20 {
+            sequencer.push(PORT, bytes(value));
+        }
+        let kept = drain(&mut streams.recorder);
+        assert_eq!(kept.len(), 8);
+        sequencer.push(PORT, bytes(99));
+        let after = drain(&mut streams.recorder);
+        assert_eq!(
+            after[0].payload,
+            Payload::Notice(Notice::Lost {
+                place: LossPlace::Queue,
+                count: 12
+            })
+        );
+        assert_eq!(after[0].sequence, 20);
+        assert_eq!(after[1].payload, bytes(99));
+        assert_eq!(sequencer.counters()[&PORT].lost[queue_index()], 12);
+        assert_eq!(sequencer.counters()[&PORT].items, 21);
+    }
+
+    #[test]
+    fn notices_pass_a_full_queue() {
+        let (sequencer, mut streams) = sequencer(1, 0);
+        sequencer.push(PORT, bytes(0));
+        sequencer.push(PORT, bytes(1));
+        sequencer.mark("gravel");
+        let kept = drain(&mut streams.recorder);
+        assert_eq!(
+            kept.last().expect("a mark").payload,
+            Payload::Notice(Notice::Mark("gravel".to_owned()))
+        );
+    }
+
+    #[test]
+    fn a_slow_estimator_is_told_what_it_missed_and_the_recorder_too() {
+        let (sequencer, mut streams) = sequencer(100, 4);
+        for value in 0..10 {
+            sequencer.push(PORT, bytes(value));
+        }
+        let queue = streams.estimator.as_mut().expect("a queue");
+        assert_eq!(drain(queue).len(), 4);
+        sequencer.push(PORT, bytes(10));
+        let seen = drain(queue);
+        let expected = Payload::Notice(Notice::EstimatorSkipped {
+            first_sequence: 4,
+            count: 6,
+        });
+        assert_eq!(seen[0].payload, expected);
+        assert_eq!(seen[0].sequence, 10);
+        assert_eq!(seen[1].sequence, 11);
+        let recorded = drain(&mut streams.recorder);
+        assert_eq!(recorded.len(), 12);
+        assert_eq!(recorded[10].payload, expected);
+    }
+
+    #[test]
+    fn an_estimator_that_died_is_told_of_at_the_end() {
+        let (sequencer, mut streams) = sequencer(100, 4);
+        sequencer.push(PORT, bytes(0));
+        streams.estimator = None;
+        sequencer.push(PORT, bytes(1));
+        sequencer.push(PORT, bytes(2));
+        sequencer.finish();
+        let recorded = drain(&mut streams.recorder);
+        assert_eq!(
+            recorded.last().expect("a notice").payload,
+            Payload::Notice(Notice::EstimatorSkipped {
+                first_sequence: 1,
+                count: 2
+            })
+        );
+        assert!(streams.recorder.blocking_recv().is_none());
+    }
+}
