@@ -1,1 +1,31 @@
-//! The virtual vehicle: the model's motion as each sensor's own bytes.
+//! The virtual vehicle: a motion as each sensor's own bytes.
+//!
+//! ```text
+//! Motion::open(truth file) ───────┐
+//!                                 ├─► VirtualVehicle ─► Emission, Emission, …  (bytes, CAN frames)
+//! Manoeuvre::drive(vehicle file) ─┘                 └─► truth_at(time)
+//! ```
+//!
+//! Nothing here opens a port or reads a clock: time is seconds since the motion's start. The same
+//! motion, vehicle, sensors, options and seed give the same bytes. Each sensor draws from its own
+//! random stream, so that a change of one sensor leaves the others' bytes as they were.
+
+mod can_bus;
+mod chain;
+mod corner;
+mod emission;
+mod error;
+mod manoeuvre;
+mod motion;
+mod options;
+mod random;
+mod truth;
+mod virtual_vehicle;
+
+pub use emission::{Emission, Output, Port};
+pub use error::SimError;
+pub use manoeuvre::Manoeuvre;
+pub use motion::{Motion, TruthState, WheelTruth};
+pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
+pub use truth::{optional_columns, required_columns};
+pub use virtual_vehicle::VirtualVehicle;

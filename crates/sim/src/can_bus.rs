@@ -1,0 +1,203 @@
+//! The CAN bus: four strain boxes, wheel speeds and hand wheel.
+
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use sample::{CanFlags, CanFrame, PerWheel, Wheel};
+
+use crate::corner::Corner;
+use crate::emission::{Emission, Output, Port};
+use crate::random::Noise;
+use crate::{Motion, Options, SimError};
+
+/// Value of a 16-bit field that carries nothing.
+pub(crate) const ABSENT: u16 = 0xFFFF;
+
+/// Strain boxes by corner (thesis Table 3.2; its second "rear left" is the rear right).
+const BOX: PerWheel<u32> = PerWheel([1, 3, 4, 5]);
+
+/// Time from a box's conversion to its frame's claim on the bus, s.
+const BOX_LATENCY_S: f64 = 200e-6;
+
+/// The bus and all devices on it.
+pub(crate) struct CanBus {
+    corners: [Corner; 4],
+    noise_steer: Noise,
+    noise_wheel_speed: Noise,
+    noise_bus: Noise,
+    steer_noise_rad: f64,
+    wheel_noise_fraction: f64,
+    bit_time_s: f64,
+    boxes: Ticker,
+    steer: Ticker,
+    wheel_speed: Ticker,
+    /// Converter instants of the potentiometers.
+    deflection: Ticker,
+    free_at_s: f64,
+    end_s: f64,
+}
+
+impl CanBus {
+    pub(crate) fn new(
+        motion: &Motion,
+        vehicle: &Vehicle,
+        sensors: &Sensors,
+        options: &Options,
+        seed: u64,
+    ) -> Result<Self, SimError> {
+        let corner = |wheel| Corner::new(wheel, motion, vehicle, sensors, options, seed);
+        let [fl, fr, rl, rr] = Wheel::ALL;
+        Ok(Self {
+            corners: [corner(fl)?, corner(fr)?, corner(rl)?, corner(rr)?],
+            noise_steer: Noise::new(seed, "steer"),
+            noise_wheel_speed: Noise::new(seed, "wheel speed"),
+            noise_bus: Noise::new(seed, "can0"),
+            steer_noise_rad: sensors.steer.noise_rad,
+            wheel_noise_fraction: sensors.wheel_speed.noise_fraction,
+            bit_time_s: period_s_of("can_bit_rate", f64::from(options.can_bit_rate))?,
+            boxes: Ticker::new("strain.rate_hz", sensors.strain.rate_hz)?,
+            deflection: Ticker::new("deflection.rate_hz", sensors.deflection.rate_hz)?,
+            steer: Ticker::new("steer.rate_hz", sensors.steer.rate_hz)?,
+            wheel_speed: Ticker::new("wheel_speed.rate_hz", sensors.wheel_speed.rate_hz)?,
+            free_at_s: 0.0,
+            end_s: motion.duration_s(),
+        })
+    }
+
+    /// The frames of the next instant, in the order in which they win the bus; none at the end.
+    pub(crate) fn produce(&mut self, motion: &Motion) -> Vec<Emission> {
+        let time_s = [&self.boxes, &self.steer, &self.wheel_speed]
+            .map(Ticker::next_s)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        if time_s > self.end_s {
+            return Vec::new();
+        }
+        let state = motion.at(time_s);
+        let mut frames = Vec::new();
+        if self.boxes.due(time_s) {
+            let with_deflection = self.deflection.due(time_s);
+            for (corner, number) in self.corners.iter_mut().zip(BOX.0) {
+                let strain = corner.strain(motion, time_s);
+                let deflection = corner.deflection(&state).filter(|_| with_deflection);
+                let [uf, ur, lf, lr, tie, front, rear] = strain;
+                frames.push(frame(0x100 + 16 * number, [uf, ur, lf, lr]));
+                frames.push(frame(0x101 + 16 * number, [tie, deflection, front, rear]));
+            }
+        }
+        if self.steer.due(time_s) {
+            let angle_rad = state.hand_wheel_rad + self.noise_steer.normal(self.steer_noise_rad);
+            frames.push(steer_frame(angle_rad));
+        }
+        if self.wheel_speed.due(time_s) {
+            let (noise, sigma) = (&mut self.noise_wheel_speed, self.wheel_noise_fraction);
+            let speeds = state
+                .wheels
+                .0
+                .map(|wheel| wheel.angular_speed_rad_s * (1.0 + noise.normal(sigma)));
+            frames.push(wheel_speed_frame(speeds));
+        }
+        frames.sort_by_key(|frame| frame.id);
+        self.send(time_s, frames)
+    }
+
+    /// Puts frames on the bus one after another.
+    fn send(&mut self, time_s: f64, frames: Vec<CanFrame>) -> Vec<Emission> {
+        let claim_s = time_s + BOX_LATENCY_S + self.noise_bus.delay(20e-6);
+        frames
+            .into_iter()
+            .map(|frame| {
+                // 47 bits beside the data, and on average one stuff bit in ten.
+                let bits = (47.0 + 8.0 * f64::from(frame.len)) * 1.1;
+                self.free_at_s = self.free_at_s.max(claim_s) + bits * self.bit_time_s;
+                Emission {
+                    time_s: self.free_at_s,
+                    port: Port::Can0,
+                    output: Output::Can(frame),
+                }
+            })
+            .collect()
+    }
+}
+
+/// A frame of four 16-bit fields, least significant byte first.
+fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
+    let mut data = [0; 64];
+    for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
+        bytes.copy_from_slice(&field.unwrap_or(ABSENT).to_le_bytes());
+    }
+    CanFrame {
+        id,
+        flags: CanFlags::default(),
+        len: 8,
+        data,
+        kernel_ns: None,
+        hardware_ns: None,
+    }
+}
+
+fn steer_frame(angle_rad: f64) -> CanFrame {
+    let hundredths = (angle_rad.to_degrees() * 100.0).round() as i16;
+    let mut frame = frame(0x200, [Some(hundredths.cast_unsigned()), None, None, None]);
+    frame.len = 2;
+    frame.data[2..8].fill(0);
+    frame
+}
+
+fn wheel_speed_frame(speeds_rad_s: [f64; 4]) -> CanFrame {
+    frame(
+        0x210,
+        speeds_rad_s.map(|speed| Some(((speed * 100.0).round() as i16).cast_unsigned())),
+    )
+}
+
+/// Instants at a fixed rate, the first at zero.
+struct Ticker {
+    period_s: f64,
+    count: u64,
+}
+
+impl Ticker {
+    fn new(name: &str, rate_hz: f64) -> Result<Self, SimError> {
+        Ok(Self {
+            period_s: period_s(name, rate_hz)?,
+            count: 0,
+        })
+    }
+
+    fn next_s(&self) -> f64 {
+        self.count as f64 * self.period_s
+    }
+
+    /// Whether an instant is due at `time_s`; if so, moves on.
+    fn due(&mut self, time_s: f64) -> bool {
+        let due = self.next_s() <= time_s + 1e-6;
+        self.count += u64::from(due);
+        due
+    }
+}
+
+/// The interval of a message rate.
+pub(crate) fn period_s(name: &str, rate_hz: f64) -> Result<f64, SimError> {
+    if rate_hz <= 10_000.0 {
+        period_s_of(name, rate_hz)
+    } else {
+        Err(SimError::BadParameter {
+            name: name.to_owned(),
+            value: rate_hz,
+            expected: "at most 10000 Hz",
+        })
+    }
+}
+
+/// The reciprocal of a number that must be above zero.
+pub(crate) fn period_s_of(name: &str, rate_hz: f64) -> Result<f64, SimError> {
+    if rate_hz > 0.0 {
+        Ok(1.0 / rate_hz)
+    } else {
+        Err(SimError::BadParameter {
+            name: name.to_owned(),
+            value: rate_hz,
+            expected: "above 0",
+        })
+    }
+}

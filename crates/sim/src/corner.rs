@@ -1,0 +1,212 @@
+//! One corner's strain bridges and spring potentiometer.
+
+use model::sensors::{Sensors, StrainChain};
+use model::vehicle::Vehicle;
+use sample::{StrainChannel, Wheel};
+
+use crate::chain::{Lag, Scale};
+use crate::random::Noise;
+use crate::{Motion, Options, SimError, TruthState};
+
+/// The sensors of one corner.
+pub(crate) struct Corner {
+    wheel: Wheel,
+    arm: Option<LowerArm>,
+    strut_design_length_m: Option<f64>,
+    strain: [Option<Channel>; StrainChannel::COUNT],
+    strain_noise_counts: f64,
+    pot: Scale,
+    pot_offset_counts: f64,
+    pot_noise_counts: f64,
+    noise: Noise,
+    time_s: f64,
+    next_row: usize,
+}
+
+/// One strain channel: bridge, amplifier, filter, converter.
+struct Channel {
+    scale: Scale,
+    offset_counts: f64,
+    /// Filter on the level in counts.
+    lag: Lag,
+}
+
+/// The lower arm, for its bending.
+struct LowerArm {
+    /// A point of the hinge axis, chassis axes, m.
+    hinge_m: [f64; 3],
+    /// Unit vector along the hinge axis.
+    axis: [f64; 3],
+    /// From the ball joint to the bending gauges, m.
+    gauge_distance_m: f64,
+}
+
+impl Corner {
+    pub(crate) fn new(
+        wheel: Wheel,
+        motion: &Motion,
+        vehicle: &Vehicle,
+        sensors: &Sensors,
+        options: &Options,
+        seed: u64,
+    ) -> Result<Self, SimError> {
+        let axle = if wheel.is_front() {
+            &vehicle.front
+        } else {
+            &vehicle.rear
+        };
+        let mut noise = Noise::new(seed, &format!("corner {wheel}"));
+        let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts);
+        let mut corner = Self {
+            wheel,
+            arm: LowerArm::new(wheel, vehicle, &sensors.strain),
+            strut_design_length_m: axle.strut.as_ref().map(|strut| strut.design_length_m),
+            strain: [const { None }; StrainChannel::COUNT],
+            strain_noise_counts: sensors.strain.noise_counts,
+            pot: Scale::deflection(&sensors.deflection)?,
+            pot_offset_counts,
+            pot_noise_counts: sensors.deflection.noise_counts,
+            noise,
+            time_s: 0.0,
+            next_row: 1,
+        };
+        let first = corner.loads(&motion.states()[0]);
+        for channel in StrainChannel::ALL {
+            let scale = match (channel, &sensors.strain.bending) {
+                (StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending, None) => {
+                    continue;
+                }
+                (
+                    StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending,
+                    Some(bending),
+                ) => Scale::bending(&sensors.strain, bending)?,
+                _ => Scale::axial(&sensors.strain)?,
+            };
+            let offset_counts = corner.noise.within(sensors.strain.zero_error_counts)
+                + corner.noise.within(options.bridge_offset_counts);
+            let load = first[channel.index()];
+            if load.is_nan() {
+                continue;
+            }
+            corner.strain[channel.index()] = Some(Channel {
+                scale,
+                offset_counts,
+                lag: Lag::settled(sensors.strain.lag_hz, scale.counts(load) + offset_counts),
+            });
+        }
+        Ok(corner)
+    }
+
+    /// What the strain converters give at `time_s`, which must not fall from call to call.
+    pub(crate) fn strain(
+        &mut self,
+        motion: &Motion,
+        time_s: f64,
+    ) -> [Option<u16>; StrainChannel::COUNT] {
+        while let Some(row) = motion.states().get(self.next_row) {
+            if row.time_s > time_s {
+                break;
+            }
+            self.filter(row);
+            self.next_row += 1;
+        }
+        self.filter(&motion.at(time_s));
+        let (noise, sigma) = (&mut self.noise, self.strain_noise_counts);
+        self.strain.each_ref().map(|channel| {
+            // Drawn for absent channels too, so that a channel's noise does not depend on others.
+            let error = noise.normal(sigma);
+            channel
+                .as_ref()
+                .map(|channel| channel.scale.convert(channel.lag.output() + error))
+        })
+    }
+
+    /// What the potentiometer's converter gives in this state.
+    pub(crate) fn deflection(&mut self, state: &TruthState) -> Option<u16> {
+        let error = self.noise.normal(self.pot_noise_counts);
+        let length_m = state.wheels[self.wheel].strut_length_m;
+        let compression_m = self.strut_design_length_m? - length_m;
+        if compression_m.is_nan() {
+            return None;
+        }
+        let level = self.pot.counts(compression_m) + self.pot_offset_counts + error;
+        Some(self.pot.convert(level))
+    }
+
+    /// Moves all filters on to this state.
+    fn filter(&mut self, state: &TruthState) {
+        let loads = self.loads(state);
+        let dt_s = state.time_s - self.time_s;
+        self.time_s = state.time_s;
+        for (channel, load) in self.strain.iter_mut().zip(loads) {
+            if let Some(channel) = channel {
+                let level = channel.scale.counts(load) + channel.offset_counts;
+                channel.lag.advance(dt_s, level);
+            }
+        }
+    }
+
+    /// What each channel's gauges feel, in the channels' order: newtons of tension, newton metres
+    /// of bending; `NaN` where the motion does not tell.
+    fn loads(&self, state: &TruthState) -> [f64; StrainChannel::COUNT] {
+        let wheel = &state.wheels[self.wheel];
+        let [uf, ur, lf, lr, tie] = wheel.link_force_n;
+        let moment = self.arm.as_ref().map_or(f64::NAN, |arm| {
+            arm.bending_moment(wheel.lower_ball_m, wheel.lower_ball_force_n)
+        });
+        [uf, ur, lf, lr, tie, moment, moment]
+    }
+}
+
+impl LowerArm {
+    fn new(wheel: Wheel, vehicle: &Vehicle, chain: &StrainChain) -> Option<Self> {
+        let (axle, axle_x_m) = if wheel.is_front() {
+            (&vehicle.front, vehicle.body.front_axle_to_cg_m)
+        } else {
+            (&vehicle.rear, -vehicle.body.cg_to_rear_axle_m)
+        };
+        let points = axle.wishbone.as_ref()?;
+        let place = |[x, y, z]: [f64; 3]| [axle_x_m + x, wheel.side() * y, z];
+        let front = place(points.lower_front_m);
+        let rear = place(points.lower_rear_m);
+        let along = sub(front, rear);
+        Some(Self {
+            hinge_m: rear,
+            axis: scale(along, 1.0 / norm(along)),
+            gauge_distance_m: chain.bending.as_ref()?.distance_from_ball_joint_m,
+        })
+    }
+
+    /// Bending moment in each of the two lower tubes at its gauges. The part of the ball-joint
+    /// force normal to the arm's plane bends both tubes, each by one half; a push up is positive.
+    fn bending_moment(&self, ball_m: [f64; 3], force_n: [f64; 3]) -> f64 {
+        let normal = cross(self.axis, sub(ball_m, self.hinge_m));
+        let up = normal[2].signum() / norm(normal);
+        dot(force_n, normal) * up * self.gauge_distance_m / 2.0
+    }
+}
+
+fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn scale(a: [f64; 3], factor: f64) -> [f64; 3] {
+    a.map(|x| x * factor)
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// Vector product.
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}

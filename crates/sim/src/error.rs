@@ -1,0 +1,123 @@
+use std::path::PathBuf;
+
+/// What can go wrong in making a virtual vehicle.
+#[derive(Debug, thiserror::Error)]
+pub enum SimError {
+    /// The truth file cannot be read.
+    #[error("cannot read truth file {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The file's name ends in something unknown.
+    #[error("truth file {path}: unknown kind of file; its name must end in .parquet or .csv")]
+    UnknownKind {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The Parquet file is damaged or of a kind that is not understood.
+    #[error("truth file {path}: {source}; write it as Parquet 2 with double columns")]
+    Parquet {
+        /// The file.
+        path: PathBuf,
+        /// What the Parquet reader said.
+        source: parquet::errors::ParquetError,
+    },
+    /// The CSV file is malformed.
+    #[error("truth file {path}: {source}; the first line must name the columns")]
+    Csv {
+        /// The file.
+        path: PathBuf,
+        /// What the CSV reader said.
+        source: csv::Error,
+    },
+    /// Columns that the virtual vehicle cannot do without.
+    #[error(
+        "truth file {path} lacks the column(s) {}; docs/truth-files.md lists what is needed",
+        columns.join(", ")
+    )]
+    MissingColumns {
+        /// The file.
+        path: PathBuf,
+        /// All that are missing, as `name[unit]`.
+        columns: Vec<String>,
+    },
+    /// A known column in another unit.
+    #[error("truth file {path}: column {found} must be in {expected}; convert it and name it so")]
+    WrongUnit {
+        /// The file.
+        path: PathBuf,
+        /// The column as found.
+        found: String,
+        /// The column as it must be named.
+        expected: String,
+    },
+    /// A column whose type is not a number.
+    #[error("truth file {path}: column {column} holds {found}, not numbers; write it as double")]
+    NotNumbers {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// The type found.
+        found: String,
+    },
+    /// A cell that is not a finite number.
+    #[error("truth file {path}: row {row} of column {column} is {value:?}, not a finite number")]
+    BadValue {
+        /// The file.
+        path: PathBuf,
+        /// Row, from 1 after the header.
+        row: usize,
+        /// The column.
+        column: String,
+        /// The cell's text.
+        value: String,
+    },
+    /// Fewer than two rows.
+    #[error("a motion needs at least two instants, {found} given")]
+    TooShort {
+        /// Instants given.
+        found: usize,
+    },
+    /// Time does not rise.
+    #[error("time must rise from row to row: row {row} is at {time_s} s after {previous_s} s")]
+    TimeOrder {
+        /// Row, from 1.
+        row: usize,
+        /// Its time.
+        time_s: f64,
+        /// The time of the row before it.
+        previous_s: f64,
+    },
+    /// A sensor needs a property that the vehicle file does not have.
+    #[error("vehicle {vehicle:?} has no {missing}, which {needed_for} needs; add it to its file")]
+    VehicleLacks {
+        /// The vehicle's name.
+        vehicle: String,
+        /// The missing table or value.
+        missing: &'static str,
+        /// What needs it.
+        needed_for: &'static str,
+    },
+    /// A number that makes no sense, such as a rate of zero.
+    #[error("{name} is {value}; it must be {expected}")]
+    BadParameter {
+        /// The dotted name.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// What is acceptable.
+        expected: &'static str,
+    },
+    /// An unknown manoeuvre.
+    #[error("no manoeuvre is called {name:?}; there are: {known}")]
+    UnknownManoeuvre {
+        /// The name asked for.
+        name: String,
+        /// All names.
+        known: String,
+    },
+}

@@ -1,0 +1,316 @@
+use sample::{ForceSource, PerWheel, TyreForce, Wheel};
+
+use crate::SimError;
+
+/// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TruthState {
+    /// Seconds since the motion's start.
+    pub time_s: f64,
+    /// Position of the centre of gravity from the motion's origin on the ground: east, north,
+    /// up, m.
+    pub position_m: [f64; 3],
+    /// Roll, right side down positive, rad.
+    pub roll_rad: f64,
+    /// Pitch, nose down positive, rad.
+    pub pitch_rad: f64,
+    /// Yaw from east, left positive, unwrapped, rad.
+    pub yaw_rad: f64,
+    /// Velocity of the centre of gravity, body axes, m/s.
+    pub velocity_body_m_s: [f64; 3],
+    /// Angular rate, body axes, rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// Angular acceleration, body axes, rad/s^2.
+    pub rate_derivative_rad_s2: [f64; 3],
+    /// Specific force at the centre of gravity, body axes, m/s^2 (+g along z at rest).
+    pub specific_force_m_s2: [f64; 3],
+    /// Acceleration of the centre of gravity without gravity, body axes, m/s^2.
+    pub acceleration_m_s2: [f64; 3],
+    /// Hand-wheel angle, left positive, rad.
+    pub hand_wheel_rad: f64,
+    /// Each corner.
+    pub wheels: PerWheel<WheelTruth>,
+}
+
+/// What is true at one corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelTruth {
+    /// Force of the ground on the tyre, contact frame, N.
+    pub force_n: [f64; 3],
+    /// Angular speed, forward positive, rad/s.
+    pub angular_speed_rad_s: f64,
+    /// Steer angle of the wheel, left positive, rad.
+    pub steer_rad: f64,
+    /// Tyre slip angle, rad.
+    pub slip_angle_rad: f64,
+    /// Friction coefficient below the tyre.
+    pub friction: f64,
+    /// Length of the strut between its mounts, m.
+    pub strut_length_m: f64,
+    /// Axial force, tension positive, N: upper front, upper rear, lower front and lower rear tube
+    /// (lower ones outboard of the strut's mount), tie rod.
+    pub link_force_n: [f64; 5],
+    /// Force of the upright on the lower arm at the ball joint, chassis axes, N.
+    pub lower_ball_force_n: [f64; 3],
+    /// Position of the lower ball joint, chassis axes from the point on the design ground below
+    /// the centre of gravity, m.
+    pub lower_ball_m: [f64; 3],
+}
+
+impl Default for WheelTruth {
+    fn default() -> Self {
+        Self {
+            force_n: [f64::NAN; 3],
+            angular_speed_rad_s: f64::NAN,
+            steer_rad: f64::NAN,
+            slip_angle_rad: f64::NAN,
+            friction: f64::NAN,
+            strut_length_m: f64::NAN,
+            link_force_n: [f64::NAN; 5],
+            lower_ball_force_n: [f64::NAN; 3],
+            lower_ball_m: [f64::NAN; 3],
+        }
+    }
+}
+
+impl Default for TruthState {
+    /// At rest and level; what a motion may leave out is `NaN`.
+    fn default() -> Self {
+        Self {
+            time_s: 0.0,
+            position_m: [0.0; 3],
+            roll_rad: 0.0,
+            pitch_rad: 0.0,
+            yaw_rad: 0.0,
+            velocity_body_m_s: [0.0; 3],
+            rate_rad_s: [0.0; 3],
+            rate_derivative_rad_s2: [0.0; 3],
+            specific_force_m_s2: [0.0, 0.0, sample::STANDARD_GRAVITY_M_S2],
+            acceleration_m_s2: [0.0; 3],
+            hand_wheel_rad: 0.0,
+            wheels: PerWheel([WheelTruth::default(); 4]),
+        }
+    }
+}
+
+impl TruthState {
+    /// The motion in the form that the estimator publishes, without standard deviations. Bank and
+    /// grade are zero: truth is driven on level ground.
+    #[must_use]
+    pub fn motion(&self) -> sample::Motion {
+        let [velocity_x_m_s, velocity_y_m_s, _] = self.velocity_body_m_s;
+        sample::Motion {
+            velocity_x_m_s,
+            velocity_y_m_s,
+            sideslip_rad: if velocity_x_m_s.hypot(velocity_y_m_s) > 0.0 {
+                velocity_y_m_s.atan2(velocity_x_m_s)
+            } else {
+                0.0
+            },
+            sideslip_sigma_rad: f64::NAN,
+            roll_rad: self.roll_rad,
+            pitch_rad: self.pitch_rad,
+            rate_rad_s: self.rate_rad_s,
+            acceleration_m_s2: self.acceleration_m_s2,
+            steer_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].steer_rad),
+            slip_angle_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].slip_angle_rad),
+            bank_rad: 0.0,
+            grade_rad: 0.0,
+        }
+    }
+
+    /// The tyre forces in the form that the estimator publishes, without standard deviations.
+    #[must_use]
+    pub fn tyre_forces(&self) -> PerWheel<TyreForce> {
+        PerWheel::from_fn(|wheel| TyreForce {
+            force_n: self.wheels[wheel].force_n,
+            sigma_n: [f64::NAN; 3],
+            source: ForceSource::Model,
+        })
+    }
+
+    /// Rotation of vectors from body axes into earth axes (east, north, up), row by row: yaw, then
+    /// pitch, then roll.
+    #[must_use]
+    pub fn earth_from_body(&self) -> [[f64; 3]; 3] {
+        let (sr, cr) = self.roll_rad.sin_cos();
+        let (sp, cp) = self.pitch_rad.sin_cos();
+        let (sy, cy) = self.yaw_rad.sin_cos();
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    }
+
+    /// The state between `a` (weight 0) and `b` (weight 1), each member linear.
+    fn between(a: &Self, b: &Self, weight: f64) -> Self {
+        let l = |x: f64, y: f64| x + (y - x) * weight;
+        Self {
+            time_s: l(a.time_s, b.time_s),
+            position_m: mix(&a.position_m, &b.position_m, weight),
+            roll_rad: l(a.roll_rad, b.roll_rad),
+            pitch_rad: l(a.pitch_rad, b.pitch_rad),
+            yaw_rad: l(a.yaw_rad, b.yaw_rad),
+            velocity_body_m_s: mix(&a.velocity_body_m_s, &b.velocity_body_m_s, weight),
+            rate_rad_s: mix(&a.rate_rad_s, &b.rate_rad_s, weight),
+            rate_derivative_rad_s2: mix(
+                &a.rate_derivative_rad_s2,
+                &b.rate_derivative_rad_s2,
+                weight,
+            ),
+            specific_force_m_s2: mix(&a.specific_force_m_s2, &b.specific_force_m_s2, weight),
+            acceleration_m_s2: mix(&a.acceleration_m_s2, &b.acceleration_m_s2, weight),
+            hand_wheel_rad: l(a.hand_wheel_rad, b.hand_wheel_rad),
+            wheels: PerWheel::from_fn(|wheel| {
+                WheelTruth::between(&a.wheels[wheel], &b.wheels[wheel], weight)
+            }),
+        }
+    }
+}
+
+impl WheelTruth {
+    fn between(a: &Self, b: &Self, weight: f64) -> Self {
+        let l = |x: f64, y: f64| x + (y - x) * weight;
+        Self {
+            force_n: mix(&a.force_n, &b.force_n, weight),
+            angular_speed_rad_s: l(a.angular_speed_rad_s, b.angular_speed_rad_s),
+            steer_rad: l(a.steer_rad, b.steer_rad),
+            slip_angle_rad: l(a.slip_angle_rad, b.slip_angle_rad),
+            friction: l(a.friction, b.friction),
+            strut_length_m: l(a.strut_length_m, b.strut_length_m),
+            link_force_n: mix(&a.link_force_n, &b.link_force_n, weight),
+            lower_ball_force_n: mix(&a.lower_ball_force_n, &b.lower_ball_force_n, weight),
+            lower_ball_m: mix(&a.lower_ball_m, &b.lower_ball_m, weight),
+        }
+    }
+}
+
+fn mix<const N: usize>(a: &[f64; N], b: &[f64; N], weight: f64) -> [f64; N] {
+    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * weight)
+}
+
+/// A motion: states in time order, linear in between.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    name: String,
+    states: Vec<TruthState>,
+}
+
+impl Motion {
+    /// A motion from its states. The first state's time becomes zero, yaw is unwrapped.
+    ///
+    /// # Errors
+    /// Fewer than two states, or times that do not rise.
+    pub fn new(name: &str, mut states: Vec<TruthState>) -> Result<Self, SimError> {
+        if states.len() < 2 {
+            return Err(SimError::TooShort {
+                found: states.len(),
+            });
+        }
+        for row in 1..states.len() {
+            let (previous_s, time_s) = (states[row - 1].time_s, states[row].time_s);
+            // Written so that NaN fails too.
+            if !(time_s - previous_s > 0.0) {
+                return Err(SimError::TimeOrder {
+                    row: row + 1,
+                    time_s,
+                    previous_s,
+                });
+            }
+            let turn = std::f64::consts::TAU;
+            let step = states[row].yaw_rad - states[row - 1].yaw_rad;
+            states[row].yaw_rad -= turn * (step / turn).round();
+        }
+        let start_s = states[0].time_s;
+        for state in &mut states {
+            state.time_s -= start_s;
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            states,
+        })
+    }
+
+    /// The manoeuvre's or the file's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Seconds from the first to the last state.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.states.last().map_or(0.0, |state| state.time_s)
+    }
+
+    /// All states, the first at time zero.
+    #[must_use]
+    pub fn states(&self) -> &[TruthState] {
+        &self.states
+    }
+
+    /// The state at a time; before the start the first one, after the end the last one.
+    #[must_use]
+    pub fn at(&self, time_s: f64) -> TruthState {
+        let after = self.states.partition_point(|state| state.time_s <= time_s);
+        match (after.checked_sub(1), self.states.get(after)) {
+            (None, _) => self.states[0],
+            (Some(last), None) => self.states[last],
+            (Some(before), Some(b)) => {
+                let a = &self.states[before];
+                TruthState::between(a, b, (time_s - a.time_s) / (b.time_s - a.time_s))
+            }
+        }
+    }
+
+    /// Whether every state tells the axial forces of all links.
+    #[must_use]
+    pub fn has_link_forces(&self) -> bool {
+        self.states.iter().all(|state| {
+            Wheel::ALL.iter().all(|&wheel| {
+                state.wheels[wheel]
+                    .link_force_n
+                    .iter()
+                    .all(|f| f.is_finite())
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at_time(time_s: f64, yaw_rad: f64) -> TruthState {
+        TruthState {
+            time_s,
+            yaw_rad,
+            ..TruthState::default()
+        }
+    }
+
+    #[test]
+    fn interpolates_and_unwraps_yaw() {
+        let motion =
+            Motion::new("m", vec![at_time(5.0, 3.1), at_time(6.0, -3.1)]).expect("two states");
+        assert_eq!(motion.duration_s(), 1.0);
+        let middle = motion.at(0.5);
+        assert!((middle.yaw_rad - std::f64::consts::PI).abs() < 1e-12);
+        assert_eq!(motion.at(-1.0).yaw_rad, 3.1);
+        assert_eq!(motion.at(9.0).time_s, 1.0);
+    }
+
+    #[test]
+    fn refuses_time_that_does_not_rise() {
+        assert!(matches!(
+            Motion::new("m", vec![at_time(1.0, 0.0), at_time(1.0, 0.0)]),
+            Err(SimError::TimeOrder { row: 2, .. })
+        ));
+        assert!(Motion::new("m", vec![at_time(0.0, 0.0), at_time(f64::NAN, 0.0)]).is_err());
+        assert!(matches!(
+            Motion::new("m", vec![]),
+            Err(SimError::TooShort { found: 0 })
+        ));
+    }
+}
