@@ -1,4 +1,9 @@
 //! What a vehicle does: chassis, suspension, tyres, strain chain, steering and vehicle files.
 
+mod error;
+mod file;
 pub mod sensors;
 pub mod vehicle;
+
+pub use error::Error;
+pub use file::{FileErrors, Problem};

@@ -1,6 +1,10 @@
 //! The sensors file: what is mounted where, and how good it is. The virtual vehicle makes its
 //! bytes from it; the estimator takes noise, lag and geometry from it.
 
+mod file;
+
+pub use file::SensorsErrors;
+
 use serde::{Deserialize, Serialize};
 
 /// All sensors of a vehicle.

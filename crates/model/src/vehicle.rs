@@ -4,9 +4,19 @@
 //! ground plane, in the vehicle's middle plane, below the wheel centres' line; left-hand side, the
 //! right-hand side being its mirror image.
 
+mod builtin;
+mod check;
+mod derived;
+mod rules;
+
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+
+pub use check::Warning;
+
+/// All that is wrong with a vehicle file.
+pub type VehicleErrors = crate::file::FileErrors;
 
 /// A vehicle, as its file describes it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +66,21 @@ pub struct Body {
     /// The sprung part; without it, it is taken from the total and the axles' unsprung masses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sprung: Option<Sprung>,
+    /// The lumped pitch model; without it, it is derived from the axles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch: Option<Pitch>,
+}
+
+/// Springs and dampers of both axles, lumped at a pitch centre as in equation 2.15 of the thesis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pitch {
+    /// Height h_pc of the pitch centre above ground, m.
+    pub centre_height_m: f64,
+    /// Pitch stiffness K_theta, N m/rad.
+    pub stiffness_n_m_rad: f64,
+    /// Pitch damping B_theta, N m s/rad.
+    pub damping_n_m_s_rad: f64,
 }
 
 /// The sprung part of the vehicle.

@@ -1,0 +1,413 @@
+//! Reading vehicle and sensors files: every mistake of a file is told at once, with its line, the
+//! field, the value and what to do.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use toml::de::{DeTable, DeValue};
+
+/// One mistake in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Line, counted from 1; none where the file holds nothing to point at.
+    pub line: Option<usize>,
+    /// Dotted name of the field, such as `front.tyre.friction`.
+    pub field: String,
+    /// The value found, as written; empty where there is none.
+    pub value: String,
+    /// What is wrong with it.
+    pub message: String,
+    /// What to do about it.
+    pub remedy: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.field)?;
+        if !self.value.is_empty() {
+            write!(f, " = {}", self.value)?;
+        }
+        write!(f, ": {}; {}", self.message, self.remedy)
+    }
+}
+
+/// All mistakes of one file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileErrors {
+    /// The file.
+    pub path: PathBuf,
+    /// Its mistakes, in the order of the lines.
+    pub problems: Vec<Problem>,
+}
+
+impl fmt::Display for FileErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, problem) in self.problems.iter().enumerate() {
+            if index > 0 {
+                writeln!(f)?;
+            }
+            match problem.line {
+                Some(line) => write!(f, "{}:{line}: {problem}", self.path.display())?,
+                None => write!(f, "{}: {problem}", self.path.display())?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for FileErrors {}
+
+/// Which numbers a field admits.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Range {
+    /// Any finite number.
+    Finite,
+    /// Greater than zero and at most this.
+    Positive(f64),
+    /// Zero or greater and at most this.
+    NonNegative(f64),
+    /// Between these, both included.
+    Within(f64, f64),
+}
+
+impl Range {
+    fn complaint(self, value: f64) -> Option<String> {
+        if !value.is_finite() {
+            return Some("is not a finite number".into());
+        }
+        match self {
+            Self::Positive(_) if value <= 0.0 => Some("must be greater than 0".into()),
+            Self::NonNegative(_) if value < 0.0 => Some("must not be negative".into()),
+            Self::Positive(most) | Self::NonNegative(most) if value > most => {
+                Some(format!("is more than {most}, which no vehicle has"))
+            }
+            Self::Within(least, most) if !(least..=most).contains(&value) => {
+                Some(format!("must lie between {least} and {most}"))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// What a field holds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind {
+    Table,
+    Texts,
+    Text,
+    Flag,
+    Number(Range),
+    Integer(i64, i64),
+    Vector(usize, Range),
+    Pairs,
+    Choice(&'static [&'static str]),
+}
+
+/// One field of a file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rule {
+    /// Dotted name.
+    pub field: &'static str,
+    /// What it holds.
+    pub kind: Kind,
+    /// Whether it must be there when its table is.
+    pub required: bool,
+}
+
+/// A field that must be there.
+pub(crate) const fn must(field: &'static str, kind: Kind) -> Rule {
+    Rule {
+        field,
+        kind,
+        required: true,
+    }
+}
+
+/// A field that may be left out.
+pub(crate) const fn may(field: &'static str, kind: Kind) -> Rule {
+    Rule {
+        field,
+        kind,
+        required: false,
+    }
+}
+
+/// Rules of one table of a file. The same rules may hold for several tables, as for both axles.
+pub(crate) struct Section {
+    /// Dotted names of the tables, empty for the top of the file.
+    pub tables: &'static [&'static str],
+    /// The fields in them.
+    pub rules: &'static [Rule],
+}
+
+/// A file that was read, with the line of each of its fields.
+pub(crate) struct Checked<T> {
+    /// What the file says.
+    pub value: T,
+    /// Line of each field.
+    lines: BTreeMap<String, usize>,
+    path: PathBuf,
+    problems: Vec<Problem>,
+}
+
+impl<T> Checked<T> {
+    /// Notes a mistake that shows only between fields.
+    pub fn note(&mut self, field: &str, value: String, message: String, remedy: String) {
+        self.problems.push(Problem {
+            line: line_of(&self.lines, field),
+            field: field.to_owned(),
+            value,
+            message,
+            remedy,
+        });
+    }
+
+    /// The file, or all that is wrong with it.
+    pub fn finish(self) -> Result<T, FileErrors> {
+        if self.problems.is_empty() {
+            Ok(self.value)
+        } else {
+            Err(sorted(self.path, self.problems))
+        }
+    }
+}
+
+/// Reads a file under rules.
+pub(crate) fn read<T: DeserializeOwned>(
+    text: &str,
+    path: &Path,
+    sections: &[Section],
+) -> Result<Checked<T>, FileErrors> {
+    let (document, errors) = DeTable::parse_recoverable(text);
+    if !errors.is_empty() {
+        let problems = errors
+            .iter()
+            .map(|error| syntax_problem(text, error))
+            .collect();
+        return Err(sorted(path.to_owned(), problems));
+    }
+    let mut walk = Walk {
+        text,
+        sections,
+        lines: BTreeMap::new(),
+        problems: Vec::new(),
+    };
+    walk.table("", document.get_ref());
+    if !walk.problems.is_empty() {
+        return Err(sorted(path.to_owned(), walk.problems));
+    }
+    match toml::from_str(text) {
+        Ok(value) => Ok(Checked {
+            value,
+            lines: walk.lines,
+            path: path.to_owned(),
+            problems: Vec::new(),
+        }),
+        Err(error) => Err(sorted(path.to_owned(), vec![syntax_problem(text, &error)])),
+    }
+}
+
+fn syntax_problem(text: &str, error: &toml::de::Error) -> Problem {
+    let span = error.span();
+    Problem {
+        line: span.as_ref().map(|span| line_at(text, span.start)),
+        field: "syntax".into(),
+        value: span
+            .and_then(|span| text.get(span))
+            .unwrap_or_default()
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .to_owned(),
+        message: error.message().to_owned(),
+        remedy: "correct the TOML".into(),
+    }
+}
+
+fn sorted(path: PathBuf, mut problems: Vec<Problem>) -> FileErrors {
+    problems.sort_by(|a, b| (a.line, &a.field).cmp(&(b.line, &b.field)));
+    FileErrors { path, problems }
+}
+
+fn line_at(text: &str, offset: usize) -> usize {
+    1 + text
+        .bytes()
+        .take(offset)
+        .filter(|byte| *byte == b'\n')
+        .count()
+}
+
+/// Line of a field, or of the nearest table around it.
+fn line_of(lines: &BTreeMap<String, usize>, field: &str) -> Option<usize> {
+    let mut name = field;
+    loop {
+        if let Some(line) = lines.get(name) {
+            return Some(*line);
+        }
+        name = name.rsplit_once('.')?.0;
+    }
+}
+
+struct Walk<'a> {
+    text: &'a str,
+    sections: &'a [Section],
+    lines: BTreeMap<String, usize>,
+    problems: Vec<Problem>,
+}
+
+impl Walk<'_> {
+    fn rules(&self, table: &str) -> impl Iterator<Item = &'static Rule> + use<> {
+        self.sections
+            .iter()
+            .filter(|section| section.tables.contains(&table))
+            .map(|section| section.rules)
+            .collect::<Vec<_>>()
+            .into_iter()
+            .flatten()
+    }
+
+    fn problem(&mut self, field: &str, value: &str, message: String, remedy: String) {
+        self.problems.push(Problem {
+            line: line_of(&self.lines, field),
+            field: field.to_owned(),
+            value: value.trim().to_owned(),
+            message,
+            remedy,
+        });
+    }
+
+    fn table(&mut self, name: &str, table: &DeTable<'_>) {
+        for (key, value) in table {
+            let field = join(name, key.get_ref());
+            self.lines
+                .insert(field.clone(), line_at(self.text, key.span().start));
+            let rule = self.rules(name).find(|rule| rule.field == key.get_ref());
+            let Some(rule) = rule else {
+                let known: Vec<_> = self.rules(name).map(|rule| rule.field).collect();
+                self.problem(
+                    &field,
+                    "",
+                    "no such field".into(),
+                    nearest(key.get_ref(), &known),
+                );
+                continue;
+            };
+            let written = self.text.get(value.span()).unwrap_or_default().to_owned();
+            self.field(&field, rule.kind, value.get_ref(), &written);
+        }
+        for rule in self.rules(name) {
+            if rule.required && !table.keys().any(|key| key.get_ref() == rule.field) {
+                let field = join(name, rule.field);
+                self.problem(
+                    &field,
+                    "",
+                    "is missing".into(),
+                    format!("add {}", wanted(rule.kind)),
+                );
+            }
+        }
+    }
+
+    fn field(&mut self, field: &str, kind: Kind, value: &DeValue<'_>, written: &str) {
+        let complaint = match (kind, value) {
+            (Kind::Table, DeValue::Table(table)) => {
+                self.table(field, table);
+                None
+            }
+            (Kind::Texts, DeValue::Table(table)) => (!table.values().all(|v| v.get_ref().is_str()))
+                .then(|| "must hold texts only".to_owned()),
+            (Kind::Text, DeValue::String(_)) | (Kind::Flag, DeValue::Boolean(_)) => None,
+            (Kind::Number(range), value) => match number(value) {
+                Some(number) => range.complaint(number),
+                None => Some("is not a number".into()),
+            },
+            (Kind::Integer(least, most), DeValue::Integer(_)) => match number(value) {
+                Some(number) if (least as f64..=most as f64).contains(&number) => None,
+                _ => Some(format!("must lie between {least} and {most}")),
+            },
+            (Kind::Vector(length, range), DeValue::Array(items)) => {
+                let numbers: Option<Vec<f64>> = items.iter().map(|i| number(i.get_ref())).collect();
+                match numbers {
+                    Some(numbers) if numbers.len() == length => {
+                        numbers.iter().find_map(|n| range.complaint(*n))
+                    }
+                    _ => Some(format!("is not {length} numbers")),
+                }
+            }
+            (Kind::Pairs, DeValue::Array(items)) => pairs_complaint(items),
+            (Kind::Choice(choices), DeValue::String(text)) => (!choices.contains(&text.as_ref()))
+                .then(|| "is not one of the kinds known".to_owned()),
+            _ => Some(format!("is of the wrong type ({})", value.type_str())),
+        };
+        if let Some(message) = complaint {
+            let shown = written.lines().next().unwrap_or_default();
+            self.problem(field, shown, message, format!("give {}", wanted(kind)));
+        }
+    }
+}
+
+fn pairs_complaint(items: &toml::de::DeArray<'_>) -> Option<String> {
+    let mut last = f64::NEG_INFINITY;
+    for item in items {
+        let pair = item.get_ref().as_array()?;
+        let numbers: Vec<f64> = pair.iter().filter_map(|i| number(i.get_ref())).collect();
+        let [from, to] = numbers[..] else {
+            return Some("is not made of pairs of numbers".into());
+        };
+        if !from.is_finite() || !to.is_finite() || from <= last {
+            return Some("must be finite, its first column ascending".into());
+        }
+        last = from;
+    }
+    (items.len() == 1).then(|| "needs two pairs at least".to_owned())
+}
+
+fn number(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().replace('_', "").parse().ok(),
+        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
+            .ok()
+            .map(|integer| integer as f64),
+        _ => None,
+    }
+}
+
+fn wanted(kind: Kind) -> String {
+    match kind {
+        Kind::Table => "a table".into(),
+        Kind::Texts => "a table of texts".into(),
+        Kind::Text => "a text in quotes".into(),
+        Kind::Flag => "true or false".into(),
+        Kind::Number(_) => "a number in the unit that the field's name ends with".into(),
+        Kind::Integer(least, most) => format!("a whole number from {least} to {most}"),
+        Kind::Vector(length, _) => {
+            format!("{length} numbers in the unit that the field's name ends with")
+        }
+        Kind::Pairs => "pairs such as [[-1.0, -0.1], [1.0, 0.1]]".into(),
+        Kind::Choice(choices) => format!("one of {}", choices.join(", ")),
+    }
+}
+
+fn join(table: &str, field: &str) -> String {
+    if table.is_empty() {
+        field.to_owned()
+    } else {
+        format!("{table}.{field}")
+    }
+}
+
+/// Suggests the known name that shares the longest beginning, or lists them.
+fn nearest(name: &str, known: &[&str]) -> String {
+    let shared = |other: &str| {
+        name.bytes()
+            .zip(other.bytes())
+            .take_while(|(a, b)| a == b)
+            .count()
+    };
+    match known.iter().max_by_key(|other| shared(other)) {
+        Some(best) if shared(best) >= 3 => format!("is {best} meant? Units belong to the name"),
+        _ => format!("remove it; known here: {}", known.join(", ")),
+    }
+}

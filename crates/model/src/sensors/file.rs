@@ -1,0 +1,225 @@
+//! Reading sensors files, and those that ship with the project.
+
+use std::path::Path;
+
+use super::Sensors;
+use crate::Error;
+use crate::file::Kind::{Choice, Integer, Number, Table, Text, Vector};
+use crate::file::Range::{NonNegative, Positive, Within};
+use crate::file::{self, Checked, FileErrors, Kind, Rule, Section, may, must};
+
+/// All that is wrong with a sensors file.
+pub type SensorsErrors = FileErrors;
+
+const FILES: &[(&str, &str)] = &[
+    (
+        "thesis-10bit",
+        include_str!("../../sensors/thesis-10bit.toml"),
+    ),
+    (
+        "full-bridge-16bit",
+        include_str!("../../sensors/full-bridge-16bit.toml"),
+    ),
+    (
+        "full-bridge-16bit-bending",
+        include_str!("../../sensors/full-bridge-16bit-bending.toml"),
+    ),
+];
+
+const BRIDGES: Kind = Choice(&[
+    "quarter",
+    "half_axial",
+    "half_bending",
+    "half_poisson",
+    "full_poisson",
+    "full_bending",
+]);
+const RATE: Rule = must("rate_hz", Number(Positive(1e5)));
+const PLACE: Kind = Vector(3, Within(-30.0, 30.0));
+const LATENCY: Rule = must("latency_s", Number(NonNegative(5.0)));
+
+const SECTIONS: &[Section] = &[
+    Section {
+        tables: &[""],
+        rules: &[
+            must("name", Text),
+            must("strain", Table),
+            must("deflection", Table),
+            must("imu", Table),
+            must("gnss_velocity", Table),
+            must("gnss_attitude", Table),
+            must("wheel_speed", Table),
+            must("steer", Table),
+        ],
+    },
+    Section {
+        tables: &["strain"],
+        rules: &[
+            RATE,
+            must("tube_outer_diameter_m", Number(Positive(1.0))),
+            must("tube_wall_m", Number(Positive(0.5))),
+            must("youngs_modulus_pa", Number(Within(1e8, 1e12))),
+            must("poisson_ratio", Number(Within(0.0, 0.5))),
+            must("gauge_factor", Number(Positive(300.0))),
+            must("excitation_v", Number(Positive(100.0))),
+            must("bridge", BRIDGES),
+            must("gain_resistor_ohm", Number(Positive(1e6))),
+            may("bending", Table),
+            must("lag_hz", Number(Positive(1e6))),
+            must("adc_bits", Integer(4, 16)),
+            must("noise_counts", Number(NonNegative(65_535.0))),
+            must("zero_error_counts", Number(NonNegative(65_535.0))),
+        ],
+    },
+    Section {
+        tables: &["strain.bending"],
+        rules: &[
+            must("bridge", BRIDGES),
+            must("gain_resistor_ohm", Number(Positive(1e6))),
+            must("distance_from_ball_joint_m", Number(Positive(2.0))),
+        ],
+    },
+    Section {
+        tables: &["deflection"],
+        rules: &[
+            RATE,
+            must("span_m", Number(Positive(5.0))),
+            must("adc_bits", Integer(4, 16)),
+            must("noise_counts", Number(NonNegative(65_535.0))),
+            must("zero_error_counts", Number(NonNegative(65_535.0))),
+        ],
+    },
+    Section {
+        tables: &["imu"],
+        rules: &[
+            RATE,
+            must("position_m", PLACE),
+            must("misalignment_rad", Vector(3, Within(-0.5, 0.5))),
+            must("accel_noise_m_s2", Number(NonNegative(100.0))),
+            must("gyro_noise_rad_s", Number(NonNegative(10.0))),
+            must("accel_bias_m_s2", Number(NonNegative(100.0))),
+            must("gyro_bias_rad_s", Number(NonNegative(10.0))),
+        ],
+    },
+    Section {
+        tables: &["gnss_velocity"],
+        rules: &[
+            RATE,
+            must("antenna_m", PLACE),
+            must("velocity_noise_m_s", Number(NonNegative(100.0))),
+            must("position_noise_m", Number(NonNegative(1e4))),
+            LATENCY,
+            must("averaging_s", Number(NonNegative(5.0))),
+        ],
+    },
+    Section {
+        tables: &["gnss_attitude"],
+        rules: &[
+            RATE,
+            must("antenna_m", PLACE),
+            must("heading_noise_rad", Number(NonNegative(3.2))),
+            must("roll_pitch_noise_rad", Number(NonNegative(3.2))),
+            LATENCY,
+        ],
+    },
+    Section {
+        tables: &["wheel_speed"],
+        rules: &[RATE, must("noise_fraction", Number(NonNegative(1.0)))],
+    },
+    Section {
+        tables: &["steer"],
+        rules: &[RATE, must("noise_rad", Number(NonNegative(3.2)))],
+    },
+];
+
+impl Sensors {
+    /// Reads a sensors file. `path` is only named in messages.
+    ///
+    /// # Errors
+    /// All mistakes at once, each with its line, field, value and remedy.
+    pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, SensorsErrors> {
+        let mut checked: Checked<Self> = file::read(text, path.as_ref(), SECTIONS)?;
+        let strain = &checked.value.strain;
+        let (wall, diameter) = (strain.tube_wall_m, strain.tube_outer_diameter_m);
+        if 2.0 * wall > diameter {
+            checked.note(
+                "strain.tube_wall_m",
+                wall.to_string(),
+                format!("is more than half the tube's diameter of {diameter} m"),
+                "check its unit".into(),
+            );
+        }
+        checked.finish()
+    }
+
+    /// Names of the sensors files that ship with the project; the first is the default.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        FILES.iter().map(|(name, _)| *name)
+    }
+
+    /// Text of a sensors file that ships with the project.
+    #[must_use]
+    pub fn builtin_text(name: &str) -> Option<&'static str> {
+        FILES
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, text)| *text)
+    }
+
+    /// Sensors that ship with the project.
+    ///
+    /// # Errors
+    /// Where no sensors file has this name; the message lists those there are.
+    pub fn builtin(name: &str) -> Result<Self, Error> {
+        let text = Self::builtin_text(name).ok_or_else(|| Error::UnknownName {
+            kind: "sensors file",
+            name: name.to_owned(),
+            known: Self::builtin_names().collect::<Vec<_>>().join(", "),
+        })?;
+        Ok(Self::from_toml(text, format!("{name}.toml"))?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensors::Bridge;
+
+    #[test]
+    fn builtin_files_differ_as_their_names_say() {
+        let read = |name| Sensors::builtin(name).unwrap().strain;
+        let thesis = read("thesis-10bit");
+        assert_eq!((thesis.adc_bits, thesis.bridge), (10, Bridge::HalfAxial));
+        assert!(thesis.bending.is_none());
+        let full = read("full-bridge-16bit");
+        assert_eq!((full.adc_bits, full.bridge), (16, Bridge::FullPoisson));
+        assert!(full.bending.is_none());
+        let bending = read("full-bridge-16bit-bending").bending.unwrap();
+        assert_eq!(bending.bridge, Bridge::FullBending);
+    }
+
+    #[test]
+    fn all_mistakes_are_told_at_once_with_their_lines() {
+        let text = Sensors::builtin_text("thesis-10bit")
+            .unwrap()
+            .replace("half_axial", "half_axle")
+            .replace(
+                "adc_bits = 10\nnoise_counts = 1.0\nzero_error_counts = 0.5\n\n[def",
+                "adc_bits = 40\n\n[def",
+            );
+        let errors = Sensors::from_toml(&text, "s.toml").unwrap_err();
+        let fields: Vec<_> = errors.problems.iter().map(|p| p.field.as_str()).collect();
+        for field in [
+            "strain.bridge",
+            "strain.adc_bits",
+            "strain.noise_counts",
+            "strain.zero_error_counts",
+        ] {
+            assert!(fields.contains(&field), "{errors}");
+        }
+        assert!(
+            errors.to_string().contains("s.toml:11: strain.bridge"),
+            "{errors}"
+        );
+    }
+}

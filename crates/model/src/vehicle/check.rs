@@ -1,0 +1,341 @@
+//! Whether the values of a vehicle file make physical sense together.
+
+use std::fmt;
+use std::path::Path;
+
+use super::rules::SECTIONS;
+use super::{Axle, Strut, Vehicle, VehicleErrors};
+use crate::file::{self, Checked};
+
+/// Something in a vehicle file that is possible, but so rare that it is worth a second look.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Warning {
+    /// Dotted name of the field.
+    pub field: &'static str,
+    /// The value that is looked at, a ratio without unit unless the text says otherwise.
+    pub value: f64,
+    /// What is odd about it and what to do.
+    pub text: String,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.field, self.text)
+    }
+}
+
+impl Vehicle {
+    /// Reads a vehicle file. `path` is only named in messages.
+    ///
+    /// # Errors
+    /// All mistakes at once, each with its line, field, value and remedy.
+    pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, VehicleErrors> {
+        let mut checked: Checked<Self> = file::read(text, path.as_ref(), SECTIONS)?;
+        for (field, value, message, remedy) in contradictions(&checked.value) {
+            checked.note(&field, value, message, remedy);
+        }
+        checked.finish()
+    }
+
+    /// The vehicle as the text of a vehicle file.
+    ///
+    /// # Errors
+    /// Where a value cannot be written, which no vehicle that was read has.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string_pretty(self)
+    }
+
+    /// What is odd about this vehicle without being impossible.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<Warning> {
+        let body = &self.body;
+        let mut warnings = Vec::new();
+        let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+        let [_, _, yaw] = body.inertia_kg_m2;
+        let ratio = yaw / (body.mass_kg * a * b);
+        if !(0.7..=1.5).contains(&ratio) {
+            warnings.push(Warning {
+                field: "body.inertia_kg_m2",
+                value: ratio,
+                text: format!(
+                    "the yaw inertia {yaw} kg m^2 is {ratio:.2} times m a b; 0.7 to 1.5 is usual \
+                     (thesis, equation 2.29), check its unit and axis"
+                ),
+            });
+        }
+        let front = b / (a + b);
+        if !(0.3..=0.7).contains(&front) {
+            warnings.push(Warning {
+                field: "body.front_axle_to_cg_m",
+                value: front,
+                text: format!(
+                    "{:.0} % of the weight on the front axle; check with four scales",
+                    100.0 * front
+                ),
+            });
+        }
+        if body.cg_height_m > 0.8 * self.front.track_m.min(self.rear.track_m) {
+            warnings.push(Warning {
+                field: "body.cg_height_m",
+                value: body.cg_height_m,
+                text: format!(
+                    "the centre of gravity at {} m stands high over a track of {} m; check",
+                    body.cg_height_m, self.front.track_m
+                ),
+            });
+        }
+        warnings.extend(self.wheelbase_warning());
+        warnings
+    }
+
+    fn wheelbase_warning(&self) -> Option<Warning> {
+        let length = self.body.front_axle_to_cg_m + self.body.cg_to_rear_axle_m;
+        let ratio = length / self.front.track_m;
+        (!(0.9..=3.0).contains(&ratio)).then(|| Warning {
+            field: "front.track_m",
+            value: ratio,
+            text: format!("the wheelbase {length:.3} m is {ratio:.2} times the track; check both"),
+        })
+    }
+}
+
+type Contradiction = (String, String, String, String);
+
+fn contradictions(vehicle: &Vehicle) -> Vec<Contradiction> {
+    let mut found = Vec::new();
+    let body = &vehicle.body;
+    triangle("body", body.inertia_kg_m2, &mut found);
+    product(
+        "body",
+        body.inertia_kg_m2,
+        body.inertia_xz_kg_m2,
+        &mut found,
+    );
+    let unsprung: f64 = [&vehicle.front, &vehicle.rear]
+        .iter()
+        .filter_map(|axle| axle.unsprung.as_ref())
+        .map(|corner| 2.0 * corner.total_mass_kg())
+        .sum();
+    if unsprung >= body.mass_kg {
+        found.push((
+            "body.mass_kg".into(),
+            body.mass_kg.to_string(),
+            format!("the four corners alone weigh {unsprung} kg"),
+            "give the whole vehicle's mass, wheels and arms included".into(),
+        ));
+    }
+    if let Some(sprung) = &body.sprung {
+        triangle("body.sprung", sprung.inertia_kg_m2, &mut found);
+        product(
+            "body.sprung",
+            sprung.inertia_kg_m2,
+            sprung.inertia_xz_kg_m2,
+            &mut found,
+        );
+        let rest = body.mass_kg - sprung.mass_kg - unsprung;
+        if rest < -1e-6 * body.mass_kg {
+            found.push((
+                "body.sprung.mass_kg".into(),
+                sprung.mass_kg.to_string(),
+                format!(
+                    "sprung and unsprung masses exceed the total by {:.3} kg",
+                    -rest
+                ),
+                "make body.mass_kg = sprung + unsprung".into(),
+            ));
+        }
+    }
+    topple(vehicle, &mut found);
+    axle("front", &vehicle.front, &mut found);
+    axle("rear", &vehicle.rear, &mut found);
+    for (name, map) in [
+        ("steering.left_map_rad", &vehicle.steering.left_map_rad),
+        ("steering.right_map_rad", &vehicle.steering.right_map_rad),
+    ] {
+        if map.windows(2).any(|pair| pair[1][1] < pair[0][1]) {
+            found.push((
+                name.into(),
+                String::new(),
+                "the road-wheel angle falls where the hand wheel turns left".into(),
+                "left is positive for both columns".into(),
+            ));
+        }
+    }
+    found
+}
+
+fn triangle(table: &str, inertia: [f64; 3], found: &mut Vec<Contradiction>) {
+    let sum: f64 = inertia.iter().sum();
+    let largest = inertia.iter().copied().fold(0.0, f64::max);
+    if largest > sum - largest {
+        found.push((
+            format!("{table}.inertia_kg_m2"),
+            format!("{inertia:?}"),
+            "no rigid body has one moment of inertia above the sum of the other two".into(),
+            "check order (roll, pitch, yaw) and units".into(),
+        ));
+    }
+}
+
+fn product(table: &str, [roll, _, yaw]: [f64; 3], xz: f64, found: &mut Vec<Contradiction>) {
+    if xz * xz >= roll * yaw {
+        found.push((
+            format!("{table}.inertia_xz_kg_m2"),
+            xz.to_string(),
+            "is larger than the moments of inertia allow (I_xz^2 < I_x I_z)".into(),
+            "check sign and unit".into(),
+        ));
+    }
+}
+
+fn topple(vehicle: &Vehicle, found: &mut Vec<Contradiction>) {
+    let stiffness = vehicle.front.roll_stiffness_n_m_rad + vehicle.rear.roll_stiffness_n_m_rad;
+    let overturning =
+        vehicle.sprung().mass_kg * sample::STANDARD_GRAVITY_M_S2 * vehicle.roll_arm_m();
+    if stiffness <= overturning {
+        found.push((
+            "front.roll_stiffness_n_m_rad".into(),
+            vehicle.front.roll_stiffness_n_m_rad.to_string(),
+            format!(
+                "front and rear together, {stiffness:.0} N m/rad, do not carry the sprung mass, \
+                 which needs more than m g h_1 = {overturning:.0} N m/rad"
+            ),
+            "give the stiffness about the roll axis, without gravity's part".into(),
+        ));
+    }
+}
+
+fn axle(name: &str, axle: &Axle, found: &mut Vec<Contradiction>) {
+    if axle.anti_roll_bar_n_m_rad > axle.roll_stiffness_n_m_rad {
+        found.push((
+            format!("{name}.anti_roll_bar_n_m_rad"),
+            axle.anti_roll_bar_n_m_rad.to_string(),
+            "is above the roll stiffness of the whole axle, which includes it".into(),
+            "add the springs' part to roll_stiffness_n_m_rad".into(),
+        ));
+    }
+    if let Some(strut) = &axle.strut {
+        stops(name, strut, found);
+        if axle.wishbone.is_none() && strut.motion_ratio.is_none() {
+            found.push((
+                format!("{name}.strut.motion_ratio"),
+                String::new(),
+                "is missing and there are no hard-points to take it from".into(),
+                format!("add it or the table [{name}.wishbone]"),
+            ));
+        }
+    }
+    if let Some(corner) = &axle.wishbone {
+        for (point, [_, y, _]) in [
+            ("wheel_centre_m", corner.wheel_centre_m),
+            ("upper_ball_m", corner.upper_ball_m),
+            ("lower_ball_m", corner.lower_ball_m),
+        ] {
+            if y <= 0.0 {
+                found.push((
+                    format!("{name}.wishbone.{point}"),
+                    y.to_string(),
+                    "lies on the right-hand side".into(),
+                    "give the left corner's points: y is positive to the left".into(),
+                ));
+            }
+        }
+    }
+}
+
+fn stops(name: &str, strut: &Strut, found: &mut Vec<Contradiction>) {
+    let (bump, design, droop) = (
+        strut.bump_stop_length_m,
+        strut.design_length_m,
+        strut.droop_stop_length_m,
+    );
+    if !(bump < design && design < droop) {
+        found.push((
+            format!("{name}.strut.design_length_m"),
+            design.to_string(),
+            format!("does not lie between bump stop {bump} and droop stop {droop}"),
+            "the strut is shortest on the bump stop".into(),
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(change: impl Fn(&str) -> String) -> VehicleErrors {
+        let text = change(Vehicle::builtin_text("prowler").unwrap());
+        Vehicle::from_toml(&text, "bad.toml").unwrap_err()
+    }
+
+    fn fields(errors: &VehicleErrors) -> Vec<&str> {
+        errors.problems.iter().map(|p| p.field.as_str()).collect()
+    }
+
+    #[test]
+    fn structural_mistakes_are_told_together_with_line_value_and_remedy() {
+        let errors = errors(|text| {
+            text.replace("mass_kg = 644.0", "mass_kg = -644.0")
+                .replace("cg_height_m = 0.579", "cg_hight_m = 0.579")
+                .replacen("friction = 0.87", "friction = \"high\"", 1)
+                .replacen("track_m = 1.143", "track_m = 1143.0", 1)
+                .replace("ratio = 9.16\n", "")
+        });
+        let mut named = fields(&errors);
+        named.sort_unstable();
+        assert_eq!(
+            named,
+            [
+                "body.cg_height_m",
+                "body.cg_hight_m",
+                "body.mass_kg",
+                "front.track_m",
+                "front.tyre.friction",
+                "steering.ratio",
+            ]
+        );
+        let text = errors.to_string();
+        assert!(text.contains("bad.toml:5: body.mass_kg = -644.0"), "{text}");
+        assert!(text.contains("is cg_height_m meant?"), "{text}");
+    }
+    #[test]
+    fn contradictions_between_fields_are_told_together() {
+        let errors = errors(|text| {
+            text.replace("[213.4, 445.7, 453.9]", "[213.4, 445.7, 753.9]")
+                .replacen(
+                    "bump_stop_length_m = 0.308792",
+                    "bump_stop_length_m = 0.4",
+                    1,
+                )
+                .replacen(
+                    "roll_stiffness_n_m_rad = 6425.0",
+                    "roll_stiffness_n_m_rad = 5.0",
+                    1,
+                )
+                .replace(
+                    "roll_stiffness_n_m_rad = 6051.0",
+                    "roll_stiffness_n_m_rad = 5.0",
+                )
+        });
+        let mut named = fields(&errors);
+        named.sort_unstable();
+        assert_eq!(
+            named,
+            [
+                "body.inertia_kg_m2",
+                "front.roll_stiffness_n_m_rad",
+                "front.strut.design_length_m",
+            ]
+        );
+        assert!(errors.problems.iter().all(|problem| problem.line.is_some()));
+    }
+
+    #[test]
+    fn non_finite_numbers_and_broken_toml_are_refused() {
+        let infinite = errors(|text| text.replace("644.0", "inf"));
+        assert_eq!(fields(&infinite), ["body.mass_kg"]);
+        let broken = errors(|text| text.replace("[body]", "[body"));
+        assert_eq!(broken.problems[0].line, Some(4));
+        assert_eq!(broken.problems[0].field, "syntax");
+    }
+}

@@ -1,0 +1,129 @@
+//! What follows from a vehicle's values.
+
+use super::{Axle, Pitch, Sprung, Vehicle};
+
+impl Axle {
+    /// Mass of both corners' wheels, uprights and arms, kg; zero where the file gives none.
+    #[must_use]
+    pub fn unsprung_mass_kg(&self) -> f64 {
+        self.unsprung
+            .as_ref()
+            .map_or(0.0, |corner| 2.0 * corner.total_mass_kg())
+    }
+
+    /// Stiffness at one wheel that gives this axle's roll stiffness, bar excluded, N/m:
+    /// K_w = 2 K_phi / t^2 (equation 2.30 with the track for s).
+    #[must_use]
+    pub fn wheel_rate_n_m(&self) -> f64 {
+        2.0 * (self.roll_stiffness_n_m_rad - self.anti_roll_bar_n_m_rad) / self.track_m.powi(2)
+    }
+
+    /// Damping at one wheel that gives this axle's roll damping, N s/m.
+    #[must_use]
+    pub fn wheel_damping_n_s_m(&self) -> f64 {
+        2.0 * self.roll_damping_n_m_s_rad / self.track_m.powi(2)
+    }
+}
+
+impl Vehicle {
+    /// Wheelbase L = a + b, m.
+    #[must_use]
+    pub fn wheelbase_m(&self) -> f64 {
+        self.body.front_axle_to_cg_m + self.body.cg_to_rear_axle_m
+    }
+
+    /// Height of the roll axis above ground, under the centre of gravity, m: straight between both roll
+    /// centres.
+    #[must_use]
+    pub fn roll_axis_height_m(&self) -> f64 {
+        let (a, b) = (self.body.front_axle_to_cg_m, self.body.cg_to_rear_axle_m);
+        (b * self.front.roll_centre_height_m + a * self.rear.roll_centre_height_m) / (a + b)
+    }
+
+    /// Arm h_1 of the sprung mass over the roll axis, m.
+    #[must_use]
+    pub fn roll_arm_m(&self) -> f64 {
+        self.sprung().cg_m[2] - self.roll_axis_height_m()
+    }
+
+    /// The sprung part: as the file gives it, otherwise the whole less the unsprung masses, which
+    /// are taken at the wheel centres. Without unsprung masses, the whole mass is sprung.
+    #[must_use]
+    pub fn sprung(&self) -> Sprung {
+        if let Some(sprung) = &self.body.sprung {
+            return sprung.clone();
+        }
+        let body = &self.body;
+        let corners = [
+            (body.front_axle_to_cg_m, &self.front),
+            (-body.cg_to_rear_axle_m, &self.rear),
+        ];
+        let unsprung: f64 = corners
+            .iter()
+            .map(|(_, axle)| axle.unsprung_mass_kg())
+            .sum();
+        let mass = body.mass_kg - unsprung;
+        let moment = |arm: &dyn Fn(f64, &Axle) -> f64| -> f64 {
+            corners
+                .iter()
+                .map(|(x, axle)| axle.unsprung_mass_kg() * arm(*x, axle))
+                .sum()
+        };
+        let centre = [
+            -moment(&|x, _| x) / mass,
+            0.0,
+            (body.mass_kg * body.cg_height_m - moment(&|_, axle| axle.tyre.unloaded_radius_m))
+                / mass,
+        ];
+        let [x, _, z] = centre;
+        let rise = z - body.cg_height_m;
+        let height = |axle: &Axle| axle.tyre.unloaded_radius_m - body.cg_height_m;
+        let half = |axle: &Axle| 0.5 * axle.track_m;
+        let spin = |axle: &Axle| {
+            axle.unsprung.as_ref().map_or([0.0; 3], |corner| {
+                let flat = 2.0 * corner.wheel_diametral_inertia_kg_m2;
+                [flat, 2.0 * corner.wheel_spin_inertia_kg_m2, flat]
+            })
+        };
+        let own: [f64; 3] =
+            std::array::from_fn(|axis| corners.iter().map(|(_, axle)| spin(axle)[axis]).sum());
+        let [roll, pitch, yaw] = body.inertia_kg_m2;
+        Sprung {
+            mass_kg: mass,
+            cg_m: centre,
+            inertia_kg_m2: [
+                roll - own[0]
+                    - moment(&|_, axle| half(axle).powi(2) + height(axle).powi(2))
+                    - mass * rise.powi(2),
+                pitch
+                    - own[1]
+                    - moment(&|x, axle| x.powi(2) + height(axle).powi(2))
+                    - mass * (x.powi(2) + rise.powi(2)),
+                yaw - own[2] - moment(&|x, axle| x.powi(2) + half(axle).powi(2)) - mass * x.powi(2),
+            ],
+            inertia_xz_kg_m2: body.inertia_xz_kg_m2
+                - moment(&|x, axle| x * height(axle))
+                - mass * x * rise,
+        }
+    }
+
+    /// The lumped pitch model: as the file gives it, otherwise from the wheel rates that the roll
+    /// stiffness implies, K_theta = 2 (K_wf a^2 + K_wr b^2), with the pitch centre at the height
+    /// of the roll axis.
+    #[must_use]
+    pub fn pitch(&self) -> Pitch {
+        if let Some(pitch) = self.body.pitch {
+            return pitch;
+        }
+        let (a, b) = (self.body.front_axle_to_cg_m, self.body.cg_to_rear_axle_m);
+        let lump = |front: f64, rear: f64| 2.0 * (front * a.powi(2) + rear * b.powi(2));
+        Pitch {
+            centre_height_m: self.roll_axis_height_m(),
+            stiffness_n_m_rad: lump(self.front.wheel_rate_n_m(), self.rear.wheel_rate_n_m()),
+            damping_n_m_s_rad: lump(
+                self.front.wheel_damping_n_s_m(),
+                self.rear.wheel_damping_n_s_m(),
+            ),
+        }
+    }
+}

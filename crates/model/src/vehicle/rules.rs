@@ -1,0 +1,176 @@
+//! What each field of a vehicle file may hold.
+
+use crate::file::Kind::{Flag, Number, Pairs, Table, Text, Texts, Vector};
+use crate::file::Range::{Finite, NonNegative, Positive, Within};
+use crate::file::{Kind, Rule, Section, may, must};
+
+/// Lengths beyond this are taken for millimetres.
+const LENGTH: f64 = 30.0;
+const MASS: f64 = 1e5;
+const STIFFNESS: f64 = 1e8;
+const POINT: Kind = Vector(3, Within(-LENGTH, LENGTH));
+
+/// All tables of a vehicle file.
+pub(super) const SECTIONS: &[Section] = &[
+    Section {
+        tables: &[""],
+        rules: TOP,
+    },
+    Section {
+        tables: &["body"],
+        rules: BODY,
+    },
+    Section {
+        tables: &["body.sprung"],
+        rules: SPRUNG,
+    },
+    Section {
+        tables: &["body.pitch"],
+        rules: PITCH,
+    },
+    Section {
+        tables: &["front", "rear"],
+        rules: AXLE,
+    },
+    Section {
+        tables: &["front.unsprung", "rear.unsprung"],
+        rules: UNSPRUNG,
+    },
+    Section {
+        tables: &["front.strut", "rear.strut"],
+        rules: STRUT,
+    },
+    Section {
+        tables: &["front.wishbone", "rear.wishbone"],
+        rules: WISHBONE,
+    },
+    Section {
+        tables: &["front.tyre", "rear.tyre"],
+        rules: TYRE,
+    },
+    Section {
+        tables: &["steering"],
+        rules: STEERING,
+    },
+    Section {
+        tables: &["drivetrain"],
+        rules: DRIVETRAIN,
+    },
+];
+
+const TOP: &[Rule] = &[
+    must("name", Text),
+    must("description", Text),
+    must("body", Table),
+    must("front", Table),
+    must("rear", Table),
+    must("steering", Table),
+    may("drivetrain", Table),
+    may("sources", Texts),
+];
+
+const BODY: &[Rule] = &[
+    must("mass_kg", Number(Positive(MASS))),
+    must("front_axle_to_cg_m", Number(Positive(LENGTH))),
+    must("cg_to_rear_axle_m", Number(Positive(LENGTH))),
+    must("cg_height_m", Number(Positive(LENGTH))),
+    must("inertia_kg_m2", Vector(3, Positive(1e7))),
+    may("inertia_xz_kg_m2", Number(Within(-1e7, 1e7))),
+    may("drag_n_s2_m2", Number(NonNegative(100.0))),
+    may("sprung", Table),
+    may("pitch", Table),
+];
+
+const SPRUNG: &[Rule] = &[
+    must("mass_kg", Number(Positive(MASS))),
+    must("cg_m", POINT),
+    must("inertia_kg_m2", Vector(3, Positive(1e7))),
+    may("inertia_xz_kg_m2", Number(Within(-1e7, 1e7))),
+];
+
+const PITCH: &[Rule] = &[
+    must("centre_height_m", Number(Within(-LENGTH, LENGTH))),
+    must("stiffness_n_m_rad", Number(Positive(STIFFNESS))),
+    must("damping_n_m_s_rad", Number(NonNegative(STIFFNESS))),
+];
+
+const AXLE: &[Rule] = &[
+    must("track_m", Number(Positive(LENGTH))),
+    must("roll_centre_height_m", Number(Within(-LENGTH, LENGTH))),
+    must("roll_stiffness_n_m_rad", Number(Positive(STIFFNESS))),
+    must("roll_damping_n_m_s_rad", Number(NonNegative(STIFFNESS))),
+    may("anti_roll_bar_n_m_rad", Number(NonNegative(STIFFNESS))),
+    may("unsprung", Table),
+    may("strut", Table),
+    may("wishbone", Table),
+    must("tyre", Table),
+];
+
+const UNSPRUNG: &[Rule] = &[
+    must("wheel_mass_kg", Number(Positive(MASS))),
+    must("wheel_spin_inertia_kg_m2", Number(Positive(1e5))),
+    must("wheel_diametral_inertia_kg_m2", Number(Positive(1e5))),
+    must("upright_mass_kg", Number(NonNegative(MASS))),
+    must("upper_arm_mass_kg", Number(NonNegative(MASS))),
+    must("lower_arm_mass_kg", Number(NonNegative(MASS))),
+    may("upright_cg_m", POINT),
+    may("upper_arm_cg_m", POINT),
+    may("lower_arm_cg_m", POINT),
+];
+
+const STRUT: &[Rule] = &[
+    must("stiffness_n_m", Number(Positive(STIFFNESS))),
+    must("free_length_m", Number(Positive(LENGTH))),
+    must("design_length_m", Number(Positive(LENGTH))),
+    must("damping_n_s_m", Number(NonNegative(STIFFNESS))),
+    must("droop_stop_length_m", Number(Positive(LENGTH))),
+    must("bump_stop_length_m", Number(Positive(LENGTH))),
+    must("stop_stiffness_n_m", Number(Positive(1e10))),
+    may("stop_damping_n_s_m", Number(NonNegative(STIFFNESS))),
+    may("motion_ratio", Number(Within(0.05, 2.0))),
+];
+
+const WISHBONE: &[Rule] = &[
+    must("wheel_centre_m", POINT),
+    must("upper_front_m", POINT),
+    must("upper_rear_m", POINT),
+    must("upper_ball_m", POINT),
+    must("lower_front_m", POINT),
+    must("lower_rear_m", POINT),
+    must("lower_ball_m", POINT),
+    must("strut_chassis_m", POINT),
+    must("strut_arm_m", POINT),
+    must("tie_rod_inner_m", POINT),
+    must("tie_rod_outer_m", POINT),
+];
+
+const TYRE: &[Rule] = &[
+    must("unloaded_radius_m", Number(Positive(3.0))),
+    must("vertical_stiffness_n_m", Number(Positive(STIFFNESS))),
+    may("vertical_damping_n_s_m", Number(NonNegative(1e6))),
+    must("cornering_stiffness_n_rad", Number(Positive(1e7))),
+    must("slip_stiffness_n", Number(Positive(1e7))),
+    must("reference_load_n", Number(Positive(1e6))),
+    may("load_exponent", Number(Within(0.0, 2.0))),
+    must("friction", Number(Positive(3.0))),
+    may("relaxation_length_m", Number(NonNegative(5.0))),
+    may("rolling_resistance", Number(Within(0.0, 0.5))),
+    may("camber_stiffness_n_rad", Number(NonNegative(1e6))),
+];
+
+const STEERING: &[Rule] = &[
+    must("ratio", Number(Positive(100.0))),
+    may("rack_m_rad", Number(Positive(1.0))),
+    may("lash_rad", Number(Within(0.0, 2.0))),
+    may("left_map_rad", Pairs),
+    may("right_map_rad", Pairs),
+    may("roll_steer", Vector(2, Finite)),
+];
+
+const DRIVETRAIN: &[Rule] = &[
+    must("drive_split_front", Number(Within(0.0, 1.0))),
+    must("brake_split_front", Number(Within(0.0, 1.0))),
+    must("drive_reacted_by_chassis", Flag),
+    must("front_brake_outboard", Flag),
+    must("rear_brake_outboard", Flag),
+];
