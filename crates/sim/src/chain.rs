@@ -45,7 +45,7 @@ impl Scale {
             Ok(Self {
                 mid: counts / 2.0,
                 counts_per_unit: counts / pot.span_m,
-                max: counts - 1.0,
+                max: largest_count(counts),
             })
         } else {
             Err(SimError::BadParameter {
@@ -66,7 +66,7 @@ impl Scale {
             Ok(Self {
                 mid: counts / 2.0,
                 counts_per_unit,
-                max: counts - 1.0,
+                max: largest_count(counts),
             })
         } else {
             Err(SimError::BadParameter {
@@ -90,7 +90,6 @@ impl Scale {
 }
 
 fn converter_counts(name: &str, bits: u8) -> Result<f64, SimError> {
-    // 0xFFFF means "absent" on the bus, so that a 16-bit converter loses its last count there.
     if (1..=16).contains(&bits) {
         Ok(f64::from(1_u32 << bits))
     } else {
@@ -100,6 +99,11 @@ fn converter_counts(name: &str, bits: u8) -> Result<f64, SimError> {
             expected: "1 to 16",
         })
     }
+}
+
+/// The bus keeps 0xFFFF for "absent", so that a 16-bit converter stops one count short of it.
+fn largest_count(counts: f64) -> f64 {
+    (counts - 1.0).min(f64::from(u16::MAX) - 1.0)
 }
 
 fn inner_diameter_m(chain: &StrainChain) -> f64 {

@@ -14,11 +14,15 @@ mod can_bus;
 mod chain;
 mod corner;
 mod emission;
+mod encode;
 mod error;
+mod gnss;
+mod imu;
 mod manoeuvre;
 mod motion;
 mod options;
 mod random;
+mod serial_line;
 mod truth;
 mod virtual_vehicle;
 

@@ -210,8 +210,8 @@ impl Motion {
         }
         for row in 1..states.len() {
             let (previous_s, time_s) = (states[row - 1].time_s, states[row].time_s);
-            // Written so that NaN fails too.
-            if !(time_s - previous_s > 0.0) {
+            let rises = time_s > previous_s;
+            if !rises {
                 return Err(SimError::TimeOrder {
                     row: row + 1,
                     time_s,

@@ -324,18 +324,19 @@ fn fill_missing(states: &mut [TruthState]) {
     for row in 0..states.len() {
         let (before, after) = (row.saturating_sub(1), (row + 1).min(states.len() - 1));
         let span_s = states[after].time_s - states[before].time_s;
-        for axis in 0..3 {
-            if states[row].rate_derivative_rad_s2[axis].is_nan() {
-                let change = states[after].rate_rad_s[axis] - states[before].rate_rad_s[axis];
-                states[row].rate_derivative_rad_s2[axis] =
-                    if span_s > 0.0 { change / span_s } else { 0.0 };
+        let change: [f64; 3] = std::array::from_fn(|axis| {
+            states[after].rate_rad_s[axis] - states[before].rate_rad_s[axis]
+        });
+        let state = &mut states[row];
+        let up_body = state.earth_from_body()[2];
+        for (axis, up) in up_body.into_iter().enumerate() {
+            if state.rate_derivative_rad_s2[axis].is_nan() {
+                let quotient = change[axis] / span_s;
+                state.rate_derivative_rad_s2[axis] = if span_s > 0.0 { quotient } else { 0.0 };
             }
-        }
-        let up_body = states[row].earth_from_body()[2];
-        for axis in 0..3 {
-            if states[row].acceleration_m_s2[axis].is_nan() {
-                states[row].acceleration_m_s2[axis] = states[row].specific_force_m_s2[axis]
-                    - sample::STANDARD_GRAVITY_M_S2 * up_body[axis];
+            if state.acceleration_m_s2[axis].is_nan() {
+                state.acceleration_m_s2[axis] =
+                    state.specific_force_m_s2[axis] - sample::STANDARD_GRAVITY_M_S2 * up;
             }
         }
     }

@@ -5,11 +5,16 @@ use model::vehicle::Vehicle;
 
 use crate::can_bus::CanBus;
 use crate::emission::{Emission, Port};
+use crate::gnss::{Novatel, Septentrio};
+use crate::imu::Imu;
 use crate::{Motion, Options, SimError, TruthState};
 
 /// A motion, seen through a vehicle's sensors: an iterator of [`Emission`]s in time order.
 pub struct VirtualVehicle {
     motion: Motion,
+    imu: Imu,
+    novatel: Novatel,
+    septentrio: Septentrio,
     can: CanBus,
     /// Emissions made but not yet handed out, by port.
     waiting: [VecDeque<Emission>; Port::ALL.len()],
@@ -29,6 +34,9 @@ impl VirtualVehicle {
         seed: u64,
     ) -> Result<Self, SimError> {
         Ok(Self {
+            imu: Imu::new(&motion, sensors, options, seed)?,
+            novatel: Novatel::new(&motion, sensors, options, seed)?,
+            septentrio: Septentrio::new(&motion, sensors, options, seed)?,
             can: CanBus::new(&motion, vehicle, sensors, options, seed)?,
             waiting: [const { VecDeque::new() }; Port::ALL.len()],
             motion,
@@ -53,10 +61,19 @@ impl VirtualVehicle {
         &self.motion
     }
 
+    /// The inertial unit's biases of this run, sensor axes: specific force in m/s^2, rate in
+    /// rad/s.
+    #[must_use]
+    pub fn imu_biases(&self) -> ([f64; 3], [f64; 3]) {
+        self.imu.biases()
+    }
+
     fn produce(&mut self, port: Port) -> Vec<Emission> {
         match port {
+            Port::Imu => self.imu.produce(&self.motion).into_iter().collect(),
+            Port::Novatel => self.novatel.produce(&self.motion),
+            Port::Septentrio => self.septentrio.produce(&self.motion),
             Port::Can0 => self.can.produce(&self.motion),
-            Port::Imu | Port::Novatel | Port::Septentrio => Vec::new(),
         }
     }
 }

@@ -1,0 +1,160 @@
+//! The inertial unit: Crossbow 440, S1 packets.
+
+use model::sensors::Sensors;
+
+use crate::can_bus::period_s;
+use crate::corner::cross;
+use crate::emission::{Emission, Output, Port};
+use crate::random::Noise;
+use crate::serial_line::SerialLine;
+use crate::{Motion, Options, SimError, TruthState, encode};
+
+/// The unit, its errors and its line.
+pub(crate) struct Imu {
+    position_m: [f64; 3],
+    sensor_from_body: [[f64; 3]; 3],
+    accel_bias_m_s2: [f64; 3],
+    gyro_bias_rad_s: [f64; 3],
+    accel_noise_m_s2: f64,
+    gyro_noise_rad_s: f64,
+    noise: Noise,
+    noise_line: Noise,
+    line: SerialLine,
+    period_s: f64,
+    count: u64,
+    end_s: f64,
+}
+
+impl Imu {
+    pub(crate) fn new(
+        motion: &Motion,
+        sensors: &Sensors,
+        options: &Options,
+        seed: u64,
+    ) -> Result<Self, SimError> {
+        let imu = &sensors.imu;
+        let mut noise = Noise::new(seed, "imu");
+        let accel_bias_m_s2 = std::array::from_fn(|_| noise.sign() * imu.accel_bias_m_s2);
+        let gyro_bias_rad_s = std::array::from_fn(|_| noise.sign() * imu.gyro_bias_rad_s);
+        Ok(Self {
+            position_m: imu.position_m,
+            sensor_from_body: sensor_from_body(imu.misalignment_rad),
+            accel_bias_m_s2,
+            gyro_bias_rad_s,
+            accel_noise_m_s2: imu.accel_noise_m_s2,
+            gyro_noise_rad_s: imu.gyro_noise_rad_s,
+            noise,
+            noise_line: Noise::new(seed, "imu line"),
+            line: SerialLine::new(options.imu_baud),
+            period_s: period_s("imu.rate_hz", imu.rate_hz)? / (1.0 + options.imu_clock_ppm * 1e-6),
+            count: 0,
+            end_s: motion.duration_s(),
+        })
+    }
+
+    /// The biases drawn for this run: specific force (m/s^2) and rate (rad/s), sensor axes.
+    pub(crate) fn biases(&self) -> ([f64; 3], [f64; 3]) {
+        (self.accel_bias_m_s2, self.gyro_bias_rad_s)
+    }
+
+    /// The next packet; none at the end.
+    pub(crate) fn produce(&mut self, motion: &Motion) -> Option<Emission> {
+        let time_s = self.count as f64 * self.period_s;
+        if time_s > self.end_s {
+            return None;
+        }
+        let state = motion.at(time_s);
+        let force = rotate(
+            &self.sensor_from_body,
+            specific_force_at(&state, self.position_m),
+        );
+        let rate = rotate(&self.sensor_from_body, state.rate_rad_s);
+        let force = add3(
+            force,
+            self.accel_bias_m_s2,
+            self.noise.normal3(self.accel_noise_m_s2),
+        );
+        let rate = add3(
+            rate,
+            self.gyro_bias_rad_s,
+            self.noise.normal3(self.gyro_noise_rad_s),
+        );
+        let bytes = encode::crossbow_s1(force, rate, self.count as u16);
+        self.count += 1;
+        // The unit samples, filters and starts to send within some tens of microseconds.
+        let ready_s = time_s + self.noise_line.delay(30e-6);
+        Some(Emission {
+            time_s: self.line.send(ready_s, bytes.len()),
+            port: Port::Imu,
+            output: Output::Bytes(bytes),
+        })
+    }
+}
+
+/// Specific force at a point `r` from the centre of gravity: f + w' x r + w x (w x r), body axes.
+pub(crate) fn specific_force_at(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
+    let w = state.rate_rad_s;
+    let tangential = cross(state.rate_derivative_rad_s2, r);
+    let centripetal = cross(w, cross(w, r));
+    add3(state.specific_force_m_s2, tangential, centripetal)
+}
+
+/// The rotation of vectors from body axes into a sensor that is turned by `[a, b, c]` about the
+/// body's x, y, z axes, exact to second order in these small angles.
+fn sensor_from_body([a, b, c]: [f64; 3]) -> [[f64; 3]; 3] {
+    // Rodrigues' formula for the turn by -|m| about m.
+    let m = [-a, -b, -c];
+    let angle = (a * a + b * b + c * c).sqrt();
+    let (first, second) = if angle < 1e-9 {
+        (1.0, 0.5)
+    } else {
+        (angle.sin() / angle, (1.0 - angle.cos()) / (angle * angle))
+    };
+    let mut columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for column in &mut columns {
+        let once = cross(m, *column);
+        let twice = cross(m, once);
+        *column = std::array::from_fn(|i| column[i] + first * once[i] + second * twice[i]);
+    }
+    std::array::from_fn(|row| std::array::from_fn(|column| columns[column][row]))
+}
+
+/// Matrix, row by row, times vector.
+pub(crate) fn rotate(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
+    matrix.map(|row| row.iter().zip(vector).map(|(m, v)| m * v).sum())
+}
+
+/// Sum of three vectors.
+fn add3(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] + b[i] + c[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lever_arm_on_a_turntable() {
+        // 2 rad/s about z, speeding up by 3 rad/s^2, at 0.5 m forward: centripetal 2 m/s^2
+        // backward, tangential 1.5 m/s^2 to the left.
+        let state = TruthState {
+            rate_rad_s: [0.0, 0.0, 2.0],
+            rate_derivative_rad_s2: [0.0, 0.0, 3.0],
+            specific_force_m_s2: [0.0, 0.0, 9.81],
+            ..TruthState::default()
+        };
+        let force = specific_force_at(&state, [0.5, 0.0, 0.0]);
+        for (found, expected) in force.into_iter().zip([-2.0, 1.5, 9.81]) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_sensor_turned_left_sees_forward_on_its_right() {
+        let matrix = sensor_from_body([0.0, 0.0, 0.1]);
+        let seen = rotate(&matrix, [1.0, 0.0, 0.0]);
+        for (found, expected) in seen.into_iter().zip([0.1_f64.cos(), -0.1_f64.sin(), 0.0]) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+    }
+}
