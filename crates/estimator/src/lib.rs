@@ -1,1 +1,21 @@
 //! What the vehicle did: forces, motion, events, calibration and identification from samples.
+//!
+//! The [`Estimator`] is a deterministic machine without a clock: [`Estimator::advance`] tells it
+//! how far the log clock has come, [`Estimator::push`] gives it a sample, and at each instant of a
+//! 100 Hz grid it hands out an [`Estimate`](sample::Estimate) and the events that it declares.
+//! The same calls in the same order give the same bits.
+//!
+//! ```text
+//! samples ─► calibration ─► motion (attitude, velocity, sideslip) ─┬─► statics or fusion ─► measured forces
+//!                                                                   └─► expected (vehicle model) ─► expected forces
+//! ```
+
+pub mod calibration;
+mod error;
+mod estimator;
+mod settings;
+
+pub use calibration::Calibration;
+pub use error::EstimatorError;
+pub use estimator::{Estimator, GRID_NANOS, Output};
+pub use settings::{Input, Method, Settings};

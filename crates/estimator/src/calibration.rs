@@ -1,0 +1,143 @@
+//! The calibration file: what a workshop found of each channel of one vehicle.
+//!
+//! A file may leave anything out; what is absent is nominal, that is as the sensors file says. A
+//! converter's nominal zero is mid-scale; strain counts rise with tension, deflection counts with
+//! compression from the design length.
+
+mod resolved;
+
+use std::collections::BTreeMap;
+
+use sample::{StrainChannel, Wheel};
+use serde::{Deserialize, Serialize};
+
+use crate::EstimatorError;
+
+pub use resolved::{Channel, CornerChannels, Resolved};
+
+/// A calibration file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Name of the vehicle that it is for; another vehicle's is refused.
+    pub vehicle: String,
+    /// When, where and how it was made, for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// Strain and deflection channels.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub corner: BTreeMap<Wheel, CornerCalibration>,
+    /// Hand wheel.
+    #[serde(default)]
+    pub steer: SteerCalibration,
+    /// Inertial unit.
+    #[serde(default)]
+    pub imu: ImuCalibration,
+    /// Velocity receiver.
+    #[serde(default)]
+    pub gnss_velocity: GnssCalibration,
+    /// Attitude receiver.
+    #[serde(default)]
+    pub gnss_attitude: GnssCalibration,
+}
+
+/// Channels of one corner.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CornerCalibration {
+    /// Strain channels.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub strain: BTreeMap<StrainChannel, ChannelCalibration>,
+    /// Spring potentiometer; its gain is in m of compression per count, its offset the counts at
+    /// the design length.
+    #[serde(default)]
+    pub deflection: ChannelCalibration,
+}
+
+/// One converter channel: value = gain (counts - offset).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChannelCalibration {
+    /// Counts at zero force (axial), zero moment (bending), design length (deflection).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_counts: Option<f64>,
+    /// Standard deviation of the offset, counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_sigma_counts: Option<f64>,
+    /// Value of one count: N of tension (axial), N m (bending), m (deflection). Negative where
+    /// the bridge or the potentiometer is wired the other way round.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain_per_count: Option<f64>,
+    /// The channel is not to be used.
+    #[serde(default)]
+    pub dead: bool,
+}
+
+/// Hand wheel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SteerCalibration {
+    /// What the encoder reads with the wheels straight ahead, rad.
+    #[serde(default)]
+    pub offset_rad: f64,
+}
+
+/// Inertial unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImuCalibration {
+    /// Specific-force bias, sensor axes, m/s^2.
+    #[serde(default)]
+    pub accel_bias_m_s2: [f64; 3],
+    /// Rate bias, sensor axes, rad/s.
+    #[serde(default)]
+    pub gyro_bias_rad_s: [f64; 3],
+    /// Small rotations about x, y, z from body to sensor axes, rad; absent: the sensors file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misalignment_rad: Option<[f64; 3]>,
+    /// Position from the centre of gravity, body axes, m; absent: the sensors file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_m: Option<[f64; 3]>,
+}
+
+/// A GNSS receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GnssCalibration {
+    /// Antenna from the centre of gravity, body axes, m; absent: the sensors file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub antenna_m: Option<[f64; 3]>,
+    /// How late a value is against its time tag, s, beside what the record itself says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency_s: Option<f64>,
+    /// Yaw, pitch and roll that the antennas' mounting adds, rad.
+    #[serde(default)]
+    pub attitude_offset_rad: [f64; 3],
+}
+
+impl Calibration {
+    /// The nominal calibration of the vehicle with this name.
+    #[must_use]
+    pub fn nominal(vehicle: &str) -> Self {
+        Self {
+            vehicle: vehicle.to_owned(),
+            ..Self::default()
+        }
+    }
+
+    /// Reads a calibration file's text.
+    ///
+    /// # Errors
+    /// When the text is not TOML or has a field that does not exist; line and column are told.
+    pub fn from_toml(text: &str) -> Result<Self, EstimatorError> {
+        toml::from_str(text).map_err(|error| EstimatorError::Parse(error.to_string()))
+    }
+
+    /// The file's text.
+    ///
+    /// # Errors
+    /// When a value cannot be written as TOML.
+    pub fn to_toml(&self) -> Result<String, EstimatorError> {
+        toml::to_string(self).map_err(|error| EstimatorError::Parse(error.to_string()))
+    }
+}

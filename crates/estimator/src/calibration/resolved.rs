@@ -1,0 +1,275 @@
+//! A calibration with every absent value filled in from the sensors file.
+
+use model::sensors::{Bridge, Sensors, StrainChain};
+use nalgebra::{Matrix3, Vector3};
+use sample::{PerWheel, StrainChannel, Wheel};
+
+use super::{Calibration, ChannelCalibration};
+use crate::EstimatorError;
+
+/// Gain of the INA2126 is 5 + 80 kilo-ohm/R_G (Burr-Brown data sheet, table 1).
+const INA2126_GAIN_FLOOR: f64 = 5.0;
+const INA2126_GAIN_OHM: f64 = 80_000.0;
+
+/// Everything that turns readings into values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resolved {
+    /// Channels of each corner.
+    pub corners: PerWheel<CornerChannels>,
+    /// Hand wheel, straight ahead, rad.
+    pub steer_offset_rad: f64,
+    /// Specific-force bias, sensor axes, m/s^2.
+    pub accel_bias_m_s2: Vector3<f64>,
+    /// Rate bias, sensor axes, rad/s.
+    pub gyro_bias_rad_s: Vector3<f64>,
+    /// Turns sensor into body axes.
+    pub body_from_imu: Matrix3<f64>,
+    /// Inertial unit from the centre of gravity, m.
+    pub imu_m: Vector3<f64>,
+    /// Velocity antenna from the centre of gravity, m.
+    pub velocity_antenna_m: Vector3<f64>,
+    /// Additional latency of GNSS velocity, s.
+    pub velocity_latency_s: f64,
+    /// Additional latency of GNSS attitude, s.
+    pub attitude_latency_s: f64,
+    /// Mounting of the attitude antennas (yaw, pitch, roll), rad.
+    pub attitude_offset_rad: [f64; 3],
+}
+
+/// Channels of one corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CornerChannels {
+    /// Strain channels in the order of [`StrainChannel::ALL`]; axial in N, bending in N m.
+    pub strain: [Channel; StrainChannel::COUNT],
+    /// Compression of the strut from its design length, m.
+    pub deflection: Channel,
+}
+
+/// One converter channel: value = gain (counts - offset).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channel {
+    /// Counts at zero.
+    pub offset_counts: f64,
+    /// Standard deviation of the offset, in the channel's value.
+    pub offset_sigma: f64,
+    /// Value of one count.
+    pub gain: f64,
+    /// Standard deviation of one reading, converter's rounding included, in the channel's value.
+    pub noise_sigma: f64,
+    /// Largest count that the converter gives; a reading at 0 or there is saturated.
+    pub counts_max: u16,
+    /// Not fitted, or called dead.
+    pub dead: bool,
+}
+
+impl Channel {
+    /// The value of a reading; `None` for a dead channel or a saturated converter.
+    #[must_use]
+    pub fn value(&self, counts: u16) -> Option<f64> {
+        (!self.dead && counts > 0 && counts < self.counts_max)
+            .then(|| self.gain * (f64::from(counts) - self.offset_counts))
+    }
+}
+
+impl Resolved {
+    /// Fills `calibration` in from `sensors`.
+    ///
+    /// # Errors
+    /// When a value cannot be used, such as a gain of zero.
+    pub fn new(sensors: &Sensors, calibration: &Calibration) -> Result<Self, EstimatorError> {
+        let mut corners = Vec::with_capacity(Wheel::ALL.len());
+        for wheel in Wheel::ALL {
+            corners.push(corner(sensors, calibration, wheel)?);
+        }
+        let imu = &calibration.imu;
+        let turn = imu.misalignment_rad.unwrap_or(sensors.imu.misalignment_rad);
+        let imu_from_body = nalgebra::Rotation3::from_euler_angles(turn[0], turn[1], turn[2]);
+        let velocity = &calibration.gnss_velocity;
+        Ok(Self {
+            corners: PerWheel(std::array::from_fn(|i| corners[i])),
+            steer_offset_rad: finite("steer.offset_rad", calibration.steer.offset_rad)?,
+            accel_bias_m_s2: finite3("imu.accel_bias_m_s2", imu.accel_bias_m_s2)?,
+            gyro_bias_rad_s: finite3("imu.gyro_bias_rad_s", imu.gyro_bias_rad_s)?,
+            body_from_imu: imu_from_body.inverse().into_inner(),
+            imu_m: finite3(
+                "imu.position_m",
+                imu.position_m.unwrap_or(sensors.imu.position_m),
+            )?,
+            velocity_antenna_m: finite3(
+                "gnss_velocity.antenna_m",
+                velocity
+                    .antenna_m
+                    .unwrap_or(sensors.gnss_velocity.antenna_m),
+            )?,
+            velocity_latency_s: finite(
+                "gnss_velocity.latency_s",
+                velocity
+                    .latency_s
+                    .unwrap_or(sensors.gnss_velocity.latency_s),
+            )?,
+            attitude_latency_s: finite(
+                "gnss_attitude.latency_s",
+                calibration
+                    .gnss_attitude
+                    .latency_s
+                    .unwrap_or(sensors.gnss_attitude.latency_s),
+            )?,
+            attitude_offset_rad: finite3(
+                "gnss_attitude.attitude_offset_rad",
+                calibration.gnss_attitude.attitude_offset_rad,
+            )?
+            .into(),
+        })
+    }
+}
+
+/// Axial force of one count, N: V/V_ex = k G EA^-1 F, with the bridge's k (physics: GF/4 for one
+/// gauge, GF/2 for two in opposite arms, (1 + nu) GF/4 and (1 + nu) GF/2 with Poisson gauges).
+fn axial_n_per_count(chain: &StrainChain) -> f64 {
+    let outer = chain.tube_outer_diameter_m;
+    let inner = outer - 2.0 * chain.tube_wall_m;
+    let area = std::f64::consts::FRAC_PI_4 * (outer * outer - inner * inner);
+    chain.youngs_modulus_pa * area / counts_per_strain(chain, chain.bridge, chain.gain_resistor_ohm)
+}
+
+/// Bending moment of one count, N m.
+fn bending_n_m_per_count(chain: &StrainChain, bridge: Bridge, gain_resistor_ohm: f64) -> f64 {
+    let outer = chain.tube_outer_diameter_m;
+    let inner = outer - 2.0 * chain.tube_wall_m;
+    let modulus = std::f64::consts::PI / 32.0 * (outer.powi(4) - inner.powi(4)) / outer;
+    chain.youngs_modulus_pa * modulus / counts_per_strain(chain, bridge, gain_resistor_ohm)
+}
+
+fn counts_per_strain(chain: &StrainChain, bridge: Bridge, gain_resistor_ohm: f64) -> f64 {
+    let factor = chain.gauge_factor
+        * match bridge {
+            Bridge::Quarter => 0.25,
+            Bridge::HalfAxial | Bridge::HalfBending => 0.5,
+            Bridge::HalfPoisson => 0.25 * (1.0 + chain.poisson_ratio),
+            Bridge::FullPoisson => 0.5 * (1.0 + chain.poisson_ratio),
+            Bridge::FullBending => 1.0,
+        };
+    factor
+        * (INA2126_GAIN_FLOOR + INA2126_GAIN_OHM / gain_resistor_ohm)
+        * full_scale(chain.adc_bits)
+}
+
+fn full_scale(adc_bits: u8) -> f64 {
+    f64::from(adc_bits.min(16)).exp2()
+}
+
+/// A converter's noise with its rounding, counts.
+fn noise_counts(noise: f64) -> f64 {
+    (noise * noise + 1.0 / 12.0).sqrt()
+}
+
+fn corner(
+    sensors: &Sensors,
+    calibration: &Calibration,
+    wheel: Wheel,
+) -> Result<CornerChannels, EstimatorError> {
+    let given = calibration.corner.get(&wheel);
+    let chain = &sensors.strain;
+    let mut strain = [None; StrainChannel::COUNT];
+    for channel in StrainChannel::ALL {
+        let bending = matches!(
+            channel,
+            StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
+        );
+        let nominal_gain = match (&chain.bending, bending) {
+            (_, false) => Some(axial_n_per_count(chain)),
+            (Some(b), true) => Some(bending_n_m_per_count(chain, b.bridge, b.gain_resistor_ohm)),
+            (None, true) => None,
+        };
+        let name = format!("corner.{}.strain.{}", wheel_key(wheel), channel.name());
+        strain[channel.index()] = Some(resolve(
+            &name,
+            given.and_then(|c| c.strain.get(&channel)).copied(),
+            nominal_gain,
+            full_scale(chain.adc_bits),
+            chain.noise_counts,
+            chain.zero_error_counts,
+        )?);
+    }
+    let pot = &sensors.deflection;
+    let deflection = resolve(
+        &format!("corner.{}.deflection", wheel_key(wheel)),
+        given.map(|c| c.deflection),
+        Some(pot.span_m / full_scale(pot.adc_bits)),
+        full_scale(pot.adc_bits),
+        pot.noise_counts,
+        pot.zero_error_counts,
+    )?;
+    let dead = Channel {
+        dead: true,
+        ..deflection
+    };
+    Ok(CornerChannels {
+        strain: strain.map(|channel| channel.unwrap_or(dead)),
+        deflection,
+    })
+}
+
+fn resolve(
+    name: &str,
+    given: Option<ChannelCalibration>,
+    nominal_gain: Option<f64>,
+    full_scale: f64,
+    noise: f64,
+    zero_error: f64,
+) -> Result<Channel, EstimatorError> {
+    let given = given.unwrap_or_default();
+    let gain = given.gain_per_count.or(nominal_gain);
+    let dead = given.dead || gain.is_none();
+    let gain = finite(&format!("{name}.gain_per_count"), gain.unwrap_or(1.0))?;
+    if gain == 0.0 {
+        return Err(EstimatorError::Value {
+            name: format!("{name}.gain_per_count"),
+            value: gain,
+            expected: "a number other than zero; call the channel dead if it reads nothing",
+        });
+    }
+    // Uniform within plus and minus the zero error.
+    let zero_sigma = given
+        .offset_sigma_counts
+        .unwrap_or(zero_error / 3.0_f64.sqrt());
+    Ok(Channel {
+        offset_counts: finite(
+            &format!("{name}.offset_counts"),
+            given.offset_counts.unwrap_or(full_scale / 2.0),
+        )?,
+        offset_sigma: gain.abs() * finite(&format!("{name}.offset_sigma_counts"), zero_sigma)?,
+        gain,
+        noise_sigma: gain.abs() * noise_counts(noise),
+        counts_max: (full_scale - 1.0) as u16,
+        dead,
+    })
+}
+
+fn wheel_key(wheel: Wheel) -> &'static str {
+    match wheel {
+        Wheel::FrontLeft => "front_left",
+        Wheel::FrontRight => "front_right",
+        Wheel::RearLeft => "rear_left",
+        Wheel::RearRight => "rear_right",
+    }
+}
+
+fn finite(name: &str, value: f64) -> Result<f64, EstimatorError> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(EstimatorError::Value {
+            name: name.to_owned(),
+            value,
+            expected: "a finite number",
+        })
+    }
+}
+
+fn finite3(name: &str, values: [f64; 3]) -> Result<Vector3<f64>, EstimatorError> {
+    for value in values {
+        finite(name, value)?;
+    }
+    Ok(values.into())
+}

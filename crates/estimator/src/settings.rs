@@ -1,0 +1,51 @@
+use serde::{Deserialize, Serialize};
+
+/// What the estimator is told beside vehicle, sensors and calibration.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// How tyre forces are estimated.
+    pub method: Method,
+    /// Inputs to leave out, as if they were not fitted.
+    pub ignore: Vec<Input>,
+}
+
+impl Settings {
+    /// Whether an input is to be used.
+    #[must_use]
+    pub fn uses(&self, input: Input) -> bool {
+        !self.ignore.contains(&input)
+    }
+}
+
+/// How tyre forces are estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// The thesis's way: each corner by itself, from strain and deflection through the linkage's
+    /// statics, at each instant anew.
+    #[default]
+    Thesis,
+    /// One filter over all corners, with the inertial unit's balance of forces and moments.
+    Fusion,
+}
+
+/// A kind of measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Input {
+    /// Strain channels.
+    Strain,
+    /// Spring potentiometers.
+    Deflection,
+    /// Inertial unit.
+    Imu,
+    /// GNSS velocity.
+    GnssVelocity,
+    /// GNSS attitude.
+    GnssAttitude,
+    /// Wheel speeds.
+    WheelSpeed,
+    /// Hand wheel.
+    Steer,
+}
