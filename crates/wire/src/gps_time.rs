@@ -1,1 +1,114 @@
-//! GPS time.
+//! GPS time: weeks, leap seconds, UTC.
+//!
+//! GPS time began on 1980-01-06 00:00:00 UTC and has no leap seconds.
+
+/// Seconds in a GPS week.
+pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// UNIX time of the GPS epoch, s.
+pub const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
+
+/// UNIX time from which GPS - UTC has the value beside it, s (IERS Bulletin C; none since 2017).
+const LEAP_SECONDS: [(i64, i32); 18] = [
+    (362_793_600, 1),
+    (394_329_600, 2),
+    (425_865_600, 3),
+    (489_024_000, 4),
+    (567_993_600, 5),
+    (631_152_000, 6),
+    (662_688_000, 7),
+    (709_948_800, 8),
+    (741_484_800, 9),
+    (773_020_800, 10),
+    (820_454_400, 11),
+    (867_715_200, 12),
+    (915_148_800, 13),
+    (1_136_073_600, 14),
+    (1_230_768_000, 15),
+    (1_341_100_800, 16),
+    (1_435_708_800, 17),
+    (1_483_228_800, 18),
+];
+
+/// GPS minus UTC in whole seconds at a UNIX time.
+#[must_use]
+pub fn gps_minus_utc_s(unix_s: i64) -> i32 {
+    LEAP_SECONDS
+        .iter()
+        .rev()
+        .find(|(from, _)| unix_s >= *from)
+        .map_or(0, |(_, seconds)| *seconds)
+}
+
+/// UNIX time in ns of a GPS instant, by the table of leap seconds.
+#[must_use]
+pub fn unix_ns_from_gps(week: u16, time_of_week_s: f64) -> i64 {
+    let gps_ns = i64::from(week) * 604_800_000_000_000 + (time_of_week_s * 1e9).round() as i64;
+    let unix_ns = gps_ns + GPS_EPOCH_UNIX_S * 1_000_000_000;
+    let unix_s = unix_ns.div_euclid(1_000_000_000);
+    // The table is in UTC: look with the first guess, then with the corrected one.
+    let guess = i64::from(gps_minus_utc_s(unix_s));
+    let offset = i64::from(gps_minus_utc_s(unix_s - guess));
+    unix_ns - offset * 1_000_000_000
+}
+
+/// GPS week and time of week of a UNIX time in ns. Instants before the GPS epoch give week 0.
+#[must_use]
+pub fn gps_from_unix_ns(unix_ns: i64) -> (u16, f64) {
+    let offset = i64::from(gps_minus_utc_s(unix_ns.div_euclid(1_000_000_000)));
+    let gps_ns = (unix_ns - (GPS_EPOCH_UNIX_S - offset) * 1_000_000_000).max(0);
+    let week_ns = 604_800_000_000_000;
+    ((gps_ns / week_ns) as u16, (gps_ns % week_ns) as f64 / 1e9)
+}
+
+/// The week with the low ten bits of `week` that lies nearest to `near`. GPS satellites send ten
+/// bits, which roll over every 19.6 years; old receivers pass that on.
+#[must_use]
+pub fn unroll_week(week: u16, near: u16) -> u16 {
+    let (low, near) = (i32::from(week) & 1023, i32::from(near));
+    let base = near - (near & 1023) + low;
+    [base - 1024, base, base + 1024]
+        .into_iter()
+        .filter(|candidate| (0..=i32::from(u16::MAX)).contains(candidate))
+        .min_by_key(|candidate| (candidate - near).abs())
+        .map_or(week, |candidate| candidate as u16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leap_seconds_change_on_their_day() {
+        assert_eq!(gps_minus_utc_s(0), 0);
+        assert_eq!(gps_minus_utc_s(1_483_228_799), 17);
+        assert_eq!(gps_minus_utc_s(1_483_228_800), 18);
+        // 2014-06-01: the thesis's years.
+        assert_eq!(gps_minus_utc_s(1_401_580_800), 16);
+    }
+
+    #[test]
+    fn weeks_and_unix_time_agree() {
+        // Receiver record of 2025-05-23 14:11:00 UTC: week 2367, 483078 s, 18 leap seconds.
+        assert_eq!(unix_ns_from_gps(2367, 483_078.0), 1_748_009_460_000_000_000);
+        for unix_s in [
+            400_000_000,
+            1_000_000_000,
+            1_483_228_799,
+            1_483_228_801,
+            1_748_009_460_i64,
+        ] {
+            let (week, tow) = gps_from_unix_ns(unix_s * 1_000_000_000);
+            assert_eq!(unix_ns_from_gps(week, tow), unix_s * 1_000_000_000);
+        }
+    }
+
+    #[test]
+    fn weeks_unroll_to_the_nearest() {
+        assert_eq!(unroll_week(2367, 2360), 2367);
+        assert_eq!(unroll_week(2367 & 1023, 2360), 2367);
+        assert_eq!(unroll_week(1687 & 1023, 1700), 1687);
+        assert_eq!(unroll_week(1023, 2048), 2047);
+        assert_eq!(unroll_week(0, 2047), 2048);
+        assert_eq!(unroll_week(5, 0), 5);
+    }
+}

@@ -1,0 +1,60 @@
+//! What the decoders' tests share: reference data, noise and cuts.
+#![allow(dead_code)]
+
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(name)
+}
+
+/// A reference file's bytes; `None`, said aloud, when the data folder is not there.
+pub fn read(name: &str) -> Option<Vec<u8>> {
+    let path = path(name);
+    let bytes = std::fs::read(&path).ok();
+    if bytes.is_none() {
+        eprintln!("SKIPPED: no reference data at {}", path.display());
+    }
+    bytes
+}
+
+/// A reference file's text.
+pub fn read_text(name: &str) -> Option<String> {
+    read(name).map(|bytes| String::from_utf8(bytes).expect("reference text is UTF-8"))
+}
+
+/// A file of one JSON value a line.
+pub fn read_json_lines(name: &str) -> Option<Vec<serde_json::Value>> {
+    let text = read_text(name)?;
+    Some(
+        text.lines()
+            .filter(|line| !line.trim().is_empty())
+            .map(|line| serde_json::from_str(line).expect("a line is one JSON value"))
+            .collect(),
+    )
+}
+
+/// Noise that contains pieces of `header` more often than chance would have it.
+pub fn noise(header: &'static [u8]) -> impl Strategy<Value = Vec<u8>> {
+    let piece = prop_oneof![
+        prop::collection::vec(any::<u8>(), 0..20),
+        (1..=header.len()).prop_map(move |n| header[..n].to_vec()),
+    ];
+    prop::collection::vec(piece, 0..4).prop_map(|pieces| pieces.concat())
+}
+
+/// The bytes in pieces of the given sizes, over and over.
+pub fn cut<'a>(bytes: &'a [u8], sizes: &'a [usize]) -> impl Iterator<Item = &'a [u8]> {
+    let mut rest = bytes;
+    let mut sizes = sizes.iter().cycle();
+    std::iter::from_fn(move || {
+        let size = (*sizes.next()?).min(rest.len());
+        if size == 0 {
+            return None;
+        }
+        let (first, tail) = rest.split_at(size);
+        rest = tail;
+        Some(first)
+    })
+}
