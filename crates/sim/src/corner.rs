@@ -5,8 +5,13 @@ use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 
 use crate::chain::{Lag, Scale};
+use crate::faults::{ChannelFaultKind, Faults};
 use crate::random::Noise;
 use crate::{Motion, Options, SimError, TruthState};
+
+/// Where the axial gauges of a lower tube stand, inboard of the ball joint, m; it matters only
+/// where they are wired for bending by mistake.
+const BENDING_WIRED_DISTANCE_M: f64 = 0.10;
 
 /// The sensors of one corner.
 pub(crate) struct Corner {
@@ -19,6 +24,8 @@ pub(crate) struct Corner {
     pot_offset_counts: f64,
     pot_noise_counts: f64,
     noise: Noise,
+    faults: Faults,
+    frozen: [Option<u16>; StrainChannel::COUNT + 1],
     time_s: f64,
     next_row: usize,
 }
@@ -26,6 +33,8 @@ pub(crate) struct Corner {
 /// One strain channel: bridge, amplifier, filter, converter.
 struct Channel {
     scale: Scale,
+    /// The same channel wired as a bending bridge by mistake.
+    bending_wired: Scale,
     offset_counts: f64,
     /// Filter on the level in counts.
     lag: Lag,
@@ -67,6 +76,8 @@ impl Corner {
             pot_offset_counts,
             pot_noise_counts: sensors.deflection.noise_counts,
             noise,
+            faults: options.faults.clone(),
+            frozen: [None; StrainChannel::COUNT + 1],
             time_s: 0.0,
             next_row: 1,
         };
@@ -90,6 +101,7 @@ impl Corner {
             }
             corner.strain[channel.index()] = Some(Channel {
                 scale,
+                bending_wired: Scale::bending_wired(&sensors.strain)?,
                 offset_counts,
                 lag: Lag::settled(sensors.strain.lag_hz, scale.counts(load) + offset_counts),
             });
@@ -111,13 +123,12 @@ impl Corner {
             self.next_row += 1;
         }
         self.filter(&motion.at(time_s));
-        let (noise, sigma) = (&mut self.noise, self.strain_noise_counts);
-        self.strain.each_ref().map(|channel| {
+        StrainChannel::ALL.map(|channel| {
             // Drawn for absent channels too, so that a channel's noise does not depend on others.
-            let error = noise.normal(sigma);
-            channel
-                .as_ref()
-                .map(|channel| channel.scale.convert(channel.lag.output() + error))
+            let error = self.noise.normal(self.strain_noise_counts);
+            let Channel { scale, lag, .. } = self.strain[channel.index()].as_ref()?;
+            let (scale, level) = (*scale, lag.output() + error);
+            Some(self.convert(Some(channel), scale, level, time_s))
         })
     }
 
@@ -130,7 +141,35 @@ impl Corner {
             return None;
         }
         let level = self.pot.counts(compression_m) + self.pot_offset_counts + error;
-        Some(self.pot.convert(level))
+        Some(self.convert(None, self.pot, level, state.time_s))
+    }
+
+    /// Converts a level, with the faults that the channel (`None`: potentiometer) has now.
+    fn convert(
+        &mut self,
+        channel: Option<StrainChannel>,
+        scale: Scale,
+        mut level: f64,
+        time_s: f64,
+    ) -> u16 {
+        let slot = channel.map_or(StrainChannel::COUNT, StrainChannel::index);
+        let mut frozen = false;
+        for fault in self.faults.of_channel(self.wheel, channel, time_s) {
+            match fault.kind {
+                ChannelFaultKind::Dead => level = 0.0,
+                ChannelFaultKind::Frozen => frozen = true,
+                ChannelFaultKind::Inverted => level = 2.0 * scale.mid - level,
+                ChannelFaultKind::Drifting { counts_per_s } => {
+                    level += counts_per_s * (time_s - fault.from_s);
+                }
+                ChannelFaultKind::Step { counts } => level += counts,
+                ChannelFaultKind::BendingWired => {}
+            }
+        }
+        let count = scale.convert(level);
+        let held = self.frozen[slot].filter(|_| frozen).unwrap_or(count);
+        self.frozen[slot] = Some(held);
+        held
     }
 
     /// Moves all filters on to this state.
@@ -138,11 +177,27 @@ impl Corner {
         let loads = self.loads(state);
         let dt_s = state.time_s - self.time_s;
         self.time_s = state.time_s;
-        for (channel, load) in self.strain.iter_mut().zip(loads) {
-            if let Some(channel) = channel {
-                let level = channel.scale.counts(load) + channel.offset_counts;
-                channel.lag.advance(dt_s, level);
-            }
+        for kind in StrainChannel::ALL {
+            let Some(channel) = &mut self.strain[kind.index()] else {
+                continue;
+            };
+            let bending_wired = self
+                .faults
+                .of_channel(self.wheel, Some(kind), state.time_s)
+                .any(|fault| fault.kind == ChannelFaultKind::BendingWired);
+            let level = if bending_wired {
+                let moment = match kind {
+                    StrainChannel::LowerFront | StrainChannel::LowerRear => {
+                        loads[StrainChannel::LowerFrontBending.index()]
+                    }
+                    _ => 0.0,
+                };
+                let moment = if moment.is_nan() { 0.0 } else { moment };
+                channel.bending_wired.counts(moment)
+            } else {
+                channel.scale.counts(loads[kind.index()])
+            };
+            channel.lag.advance(dt_s, level + channel.offset_counts);
         }
     }
 
@@ -173,7 +228,10 @@ impl LowerArm {
         Some(Self {
             hinge_m: rear,
             axis: scale(along, 1.0 / norm(along)),
-            gauge_distance_m: chain.bending.as_ref()?.distance_from_ball_joint_m,
+            gauge_distance_m: chain
+                .bending
+                .as_ref()
+                .map_or(BENDING_WIRED_DISTANCE_M, |b| b.distance_from_ball_joint_m),
         })
     }
 

@@ -171,7 +171,8 @@ impl Novatel {
         let Some(tag_s) = self.0.next_tag_s() else {
             return Vec::new();
         };
-        let solution = self.0.solve(motion, tag_s, true);
+        let valid = !self.0.options.faults.is_out(Port::Novatel, tag_s);
+        let solution = self.0.solve(motion, tag_s, valid);
         let mut messages = vec![
             encode::novatel_bestpos(&solution),
             encode::novatel_bestvel(&solution),
@@ -234,8 +235,10 @@ impl Septentrio {
         let Some(tag_s) = self.receiver.next_tag_s() else {
             return Vec::new();
         };
-        let solution = self.receiver.solve(motion, tag_s, true);
-        let attitude = self.solve_attitude(motion, tag_s, true);
+        let faults = &self.receiver.options.faults;
+        let valid = !faults.is_out(Port::Septentrio, tag_s);
+        let solution = self.receiver.solve(motion, tag_s, valid);
+        let attitude = self.solve_attitude(motion, tag_s, valid);
         let messages = vec![
             encode::sbf_pvt_geodetic(&solution, self.blocks),
             encode::sbf_vel_cov_geodetic(&solution),

@@ -5,6 +5,7 @@ use model::sensors::Sensors;
 use crate::can_bus::period_s;
 use crate::corner::cross;
 use crate::emission::{Emission, Output, Port};
+use crate::faults::{ImuFault, ImuFaultKind};
 use crate::random::Noise;
 use crate::serial_line::SerialLine;
 use crate::{Motion, Options, SimError, TruthState, encode};
@@ -19,6 +20,9 @@ pub(crate) struct Imu {
     gyro_noise_rad_s: f64,
     noise: Noise,
     noise_line: Noise,
+    faults: Vec<ImuFault>,
+    noise_fault: Noise,
+    frozen: [f64; 6],
     line: SerialLine,
     period_s: f64,
     count: u64,
@@ -45,6 +49,9 @@ impl Imu {
             gyro_noise_rad_s: imu.gyro_noise_rad_s,
             noise,
             noise_line: Noise::new(seed, "imu line"),
+            faults: options.faults.imu.clone(),
+            noise_fault: Noise::new(seed, "imu faults"),
+            frozen: [0.0; 6],
             line: SerialLine::new(options.imu_baud),
             period_s: period_s("imu.rate_hz", imu.rate_hz)? / (1.0 + options.imu_clock_ppm * 1e-6),
             count: 0,
@@ -79,6 +86,7 @@ impl Imu {
             self.gyro_bias_rad_s,
             self.noise.normal3(self.gyro_noise_rad_s),
         );
+        let (force, rate) = self.with_faults(time_s, force, rate);
         let bytes = encode::crossbow_s1(force, rate, self.count as u16);
         self.count += 1;
         // The unit samples, filters and starts to send within some tens of microseconds.
@@ -88,6 +96,40 @@ impl Imu {
             port: Port::Imu,
             output: Output::Bytes(bytes),
         })
+    }
+}
+
+impl Imu {
+    /// What the axes give with the faults that hold now.
+    fn with_faults(
+        &mut self,
+        time_s: f64,
+        [fx, fy, fz]: [f64; 3],
+        [p, q, r]: [f64; 3],
+    ) -> ([f64; 3], [f64; 3]) {
+        let mut values = [fx, fy, fz, p, q, r];
+        for fault in &self.faults {
+            let Some(value) = values.get_mut(fault.axis) else {
+                continue;
+            };
+            if !(fault.from_s..fault.to_s).contains(&time_s) {
+                continue;
+            }
+            match fault.kind {
+                ImuFaultKind::Frozen => *value = self.frozen[fault.axis],
+                ImuFaultKind::Inverted => *value = -*value,
+                ImuFaultKind::Bias { size } => *value += size,
+                ImuFaultKind::Spikes { size, probability } => {
+                    let (hit, sign) = (self.noise_fault.unit(), self.noise_fault.sign());
+                    if hit < probability {
+                        *value += sign * size;
+                    }
+                }
+            }
+        }
+        self.frozen = values;
+        let [fx, fy, fz, p, q, r] = values;
+        ([fx, fy, fz], [p, q, r])
     }
 }
 

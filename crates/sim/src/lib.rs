@@ -16,6 +16,7 @@ mod corner;
 mod emission;
 mod encode;
 mod error;
+mod faults;
 mod gnss;
 mod imu;
 mod manoeuvre;
@@ -28,6 +29,9 @@ mod virtual_vehicle;
 
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;
+pub use faults::{
+    Chance, ChannelFault, ChannelFaultKind, Faults, ImuFault, ImuFaultKind, Interruption,
+};
 pub use manoeuvre::Manoeuvre;
 pub use motion::{Motion, TruthState, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use crate::Faults;
+
 /// What the virtual vehicle is told beside vehicle and sensors: where and when it drives, and how
 /// its devices deliver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +34,8 @@ pub struct Options {
     pub bridge_offset_counts: f64,
     /// Correlation time of the position error, s.
     pub position_correlation_s: f64,
+    /// What goes wrong on purpose.
+    pub faults: Faults,
 }
 
 impl Default for Options {
@@ -50,6 +54,7 @@ impl Default for Options {
             imu_clock_ppm: 12.0,
             bridge_offset_counts: 0.0,
             position_correlation_s: 60.0,
+            faults: Faults::default(),
         }
     }
 }

@@ -7,9 +7,14 @@ pub(crate) struct SerialLine {
 impl SerialLine {
     pub(crate) fn new(baud: u32) -> Self {
         Self {
-            byte_time_s: 10.0 / f64::from(baud.max(1)),
+            byte_time_s: Self::byte_time_s(baud),
             free_at_s: 0.0,
         }
+    }
+
+    /// How long one byte takes, s.
+    pub(crate) fn byte_time_s(baud: u32) -> f64 {
+        10.0 / f64::from(baud.max(1))
     }
 
     /// When the last of `length` bytes that are ready at `ready_s` leaves; messages queue up.

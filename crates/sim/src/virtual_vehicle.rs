@@ -5,8 +5,10 @@ use model::vehicle::Vehicle;
 
 use crate::can_bus::CanBus;
 use crate::emission::{Emission, Port};
+use crate::faults::LineFaults;
 use crate::gnss::{Novatel, Septentrio};
 use crate::imu::Imu;
+use crate::serial_line::SerialLine;
 use crate::{Motion, Options, SimError, TruthState};
 
 /// A motion, seen through a vehicle's sensors: an iterator of [`Emission`]s in time order.
@@ -16,6 +18,8 @@ pub struct VirtualVehicle {
     novatel: Novatel,
     septentrio: Septentrio,
     can: CanBus,
+    /// What happens on the way, and how long a byte takes, by port.
+    lines: [(LineFaults, f64); Port::ALL.len()],
     /// Emissions made but not yet handed out, by port.
     waiting: [VecDeque<Emission>; Port::ALL.len()],
 }
@@ -38,6 +42,16 @@ impl VirtualVehicle {
             novatel: Novatel::new(&motion, sensors, options, seed)?,
             septentrio: Septentrio::new(&motion, sensors, options, seed)?,
             can: CanBus::new(&motion, vehicle, sensors, options, seed)?,
+            lines: Port::ALL.map(|port| {
+                let baud = match port {
+                    Port::Imu => options.imu_baud,
+                    Port::Novatel => options.novatel_baud,
+                    Port::Septentrio => options.septentrio_baud,
+                    Port::Can0 => options.can_bit_rate,
+                };
+                let faults = LineFaults::new(port, &options.faults, seed);
+                (faults, SerialLine::byte_time_s(baud))
+            }),
             waiting: [const { VecDeque::new() }; Port::ALL.len()],
             motion,
         })
@@ -83,9 +97,17 @@ impl Iterator for VirtualVehicle {
 
     fn next(&mut self) -> Option<Emission> {
         for (index, port) in Port::ALL.into_iter().enumerate() {
-            if self.waiting[index].is_empty() {
+            // A whole epoch may be lost on the way: go on until something arrives.
+            while self.waiting[index].is_empty() {
                 let made = self.produce(port);
-                self.waiting[index].extend(made);
+                if made.is_empty() {
+                    break;
+                }
+                let (faults, byte_time_s) = &mut self.lines[index];
+                let arriving = made
+                    .into_iter()
+                    .filter_map(|e| faults.pass(e, *byte_time_s));
+                self.waiting[index].extend(arriving);
             }
         }
         self.waiting

@@ -1,0 +1,258 @@
+//! Things that go wrong, on purpose.
+
+use std::ops::Range;
+
+use sample::{StrainChannel, Wheel};
+use serde::{Deserialize, Serialize};
+
+use crate::emission::{Emission, Output, Port};
+use crate::random::Noise;
+
+/// All faults of a run; none by default. As TOML, each is a table in an array:
+///
+/// ```toml
+/// [[channel]]
+/// wheel = "front_right"
+/// channel = "lower_front"
+/// kind = { drifting = { counts_per_s = 2.0 } }
+/// from_s = 5.0
+/// to_s = 20.0
+///
+/// [[outage]]
+/// port = "novatel"
+/// from_s = 8.0
+/// to_s = 11.0
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Faults {
+    /// Faults of strain and deflection channels.
+    pub channel: Vec<ChannelFault>,
+    /// Faults of the inertial unit's axes.
+    pub imu: Vec<ImuFault>,
+    /// Intervals in which a receiver has no solution; its messages go on and say so.
+    pub outage: Vec<Interruption>,
+    /// Intervals in which a device is unplugged: nothing leaves, messages are cut at both ends.
+    pub unplugged: Vec<Interruption>,
+    /// Bytes that are changed on the way.
+    pub byte_noise: Vec<Chance>,
+    /// Messages that are lost whole.
+    pub dropped: Vec<Chance>,
+}
+
+/// A fault of one strain or deflection channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChannelFault {
+    /// The corner.
+    pub wheel: Wheel,
+    /// The strain channel; without one, the spring potentiometer.
+    #[serde(default)]
+    pub channel: Option<StrainChannel>,
+    /// What happens to it.
+    pub kind: ChannelFaultKind,
+    /// When it begins, s.
+    #[serde(default)]
+    pub from_s: f64,
+    /// When it ends, s.
+    #[serde(default = "for_ever")]
+    pub to_s: f64,
+}
+
+/// What happens to a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ChannelFaultKind {
+    /// Torn off: the converter sits at zero.
+    Dead,
+    /// The count stays as it was when the fault began.
+    Frozen,
+    /// The bridge is wired the other way round.
+    Inverted,
+    /// The level runs away.
+    Drifting {
+        /// How fast.
+        counts_per_s: f64,
+    },
+    /// The level jumps.
+    Step {
+        /// How far.
+        counts: f64,
+    },
+    /// The gauges stand in adjacent arms of the bridge, so that it reads bending instead of axial
+    /// strain (thesis section 5.2.1). A lower tube's bending is that of its outboard part; upper
+    /// tubes and tie rods hardly bend.
+    BendingWired,
+}
+
+/// A fault of one axis of the inertial unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImuFault {
+    /// 0 to 2: specific force along x, y, z; 3 to 5: rate about x, y, z.
+    pub axis: usize,
+    /// What happens to it.
+    pub kind: ImuFaultKind,
+    /// When it begins, s.
+    #[serde(default)]
+    pub from_s: f64,
+    /// When it ends, s.
+    #[serde(default = "for_ever")]
+    pub to_s: f64,
+}
+
+/// What happens to an axis; sizes are in m/s^2 or rad/s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ImuFaultKind {
+    /// The value stays as it was when the fault began.
+    Frozen,
+    /// The sign is wrong.
+    Inverted,
+    /// An additional bias.
+    Bias {
+        /// Its size.
+        size: f64,
+    },
+    /// Single wild values.
+    Spikes {
+        /// Their size, to either side.
+        size: f64,
+        /// The chance of one in each packet.
+        probability: f64,
+    },
+}
+
+/// An interval of a port.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Interruption {
+    /// The port.
+    pub port: Port,
+    /// When it begins, s.
+    #[serde(default)]
+    pub from_s: f64,
+    /// When it ends, s.
+    #[serde(default = "for_ever")]
+    pub to_s: f64,
+}
+
+/// A chance on a port: of a message to be lost, or of each byte to be changed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chance {
+    /// The port.
+    pub port: Port,
+    /// From 0 to 1.
+    pub probability: f64,
+    /// When it begins, s.
+    #[serde(default)]
+    pub from_s: f64,
+    /// When it ends, s.
+    #[serde(default = "for_ever")]
+    pub to_s: f64,
+}
+
+fn for_ever() -> f64 {
+    f64::INFINITY
+}
+
+impl Faults {
+    /// Whether `port` has no solution at `time_s`.
+    pub(crate) fn is_out(&self, port: Port, time_s: f64) -> bool {
+        self.outage
+            .iter()
+            .any(|outage| outage.port == port && (outage.from_s..outage.to_s).contains(&time_s))
+    }
+
+    /// The faults of one strain channel (`None`: potentiometer) that hold at `time_s`.
+    pub(crate) fn of_channel(
+        &self,
+        wheel: Wheel,
+        channel: Option<StrainChannel>,
+        time_s: f64,
+    ) -> impl Iterator<Item = &ChannelFault> {
+        self.channel.iter().filter(move |fault| {
+            fault.wheel == wheel
+                && fault.channel == channel
+                && (fault.from_s..fault.to_s).contains(&time_s)
+        })
+    }
+}
+
+/// What happens to a port's messages on their way.
+pub(crate) struct LineFaults {
+    port: Port,
+    unplugged: Vec<Range<f64>>,
+    dropped: Vec<(Range<f64>, f64)>,
+    byte_noise: Vec<(Range<f64>, f64)>,
+    noise: Noise,
+}
+
+impl LineFaults {
+    pub(crate) fn new(port: Port, faults: &Faults, seed: u64) -> Self {
+        let chances = |chances: &[Chance]| {
+            chances
+                .iter()
+                .filter(|chance| chance.port == port)
+                .map(|chance| (chance.from_s..chance.to_s, chance.probability))
+                .collect()
+        };
+        Self {
+            port,
+            unplugged: faults
+                .unplugged
+                .iter()
+                .filter(|interruption| interruption.port == port)
+                .map(|interruption| interruption.from_s..interruption.to_s)
+                .collect(),
+            dropped: chances(&faults.dropped),
+            byte_noise: chances(&faults.byte_noise),
+            noise: Noise::new(seed, &format!("faults {}", port.name())),
+        }
+    }
+
+    /// The message as it arrives; nothing where it is lost.
+    pub(crate) fn pass(&mut self, mut emission: Emission, byte_time_s: f64) -> Option<Emission> {
+        debug_assert_eq!(emission.port, self.port, "each port has its own faults");
+        let time_s = emission.time_s;
+        if hits(&mut self.noise, &self.dropped, time_s) {
+            return None;
+        }
+        match &mut emission.output {
+            Output::Can(frame) => {
+                // A frame hit by noise fails its checksum in the controller and is lost.
+                let bytes = usize::from(frame.len);
+                let hit = (0..bytes).any(|_| hits(&mut self.noise, &self.byte_noise, time_s));
+                let out = self.unplugged.iter().any(|span| span.contains(&time_s));
+                (!hit && !out).then_some(emission)
+            }
+            Output::Bytes(bytes) => {
+                for byte in bytes.iter_mut() {
+                    if hits(&mut self.noise, &self.byte_noise, time_s) {
+                        *byte ^= 1 << ((self.noise.unit() * 8.0) as u32).min(7);
+                    }
+                }
+                let length = bytes.len();
+                let mut index = 0;
+                bytes.retain(|_| {
+                    index += 1;
+                    let leaves_s = time_s - byte_time_s * (length - index) as f64;
+                    !self.unplugged.iter().any(|span| span.contains(&leaves_s))
+                });
+                (!bytes.is_empty()).then_some(emission)
+            }
+        }
+    }
+}
+
+/// Draws whether one of the chances that hold at `time_s` comes true.
+fn hits(noise: &mut Noise, chances: &[(Range<f64>, f64)], time_s: f64) -> bool {
+    let mut hit = false;
+    for (span, probability) in chances {
+        if span.contains(&time_s) {
+            hit |= noise.unit() < *probability;
+        }
+    }
+    hit
+}
