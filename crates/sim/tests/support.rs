@@ -1,0 +1,50 @@
+//! Motions for the tests, and the built-in vehicle and sensors.
+
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use sample::{PerWheel, STANDARD_GRAVITY_M_S2};
+use sim::{Motion, TruthState, WheelTruth};
+
+pub fn vehicle() -> Vehicle {
+    Vehicle::builtin("prowler").expect("a built-in vehicle")
+}
+
+pub fn sensors() -> Sensors {
+    Sensors::builtin("thesis-10bit").expect("built-in sensors")
+}
+
+/// A level circle to the left at constant speed, all corners alike.
+pub fn circle(speed_m_s: f64, radius_m: f64, duration_s: f64) -> Motion {
+    let rate = speed_m_s / radius_m;
+    let states = (0..=(duration_s * 200.0) as usize)
+        .map(|k| {
+            let time_s = k as f64 / 200.0;
+            let yaw_rad = rate * time_s;
+            TruthState {
+                time_s,
+                position_m: [
+                    radius_m * yaw_rad.sin(),
+                    radius_m * (1.0 - yaw_rad.cos()),
+                    0.579,
+                ],
+                yaw_rad,
+                velocity_body_m_s: [speed_m_s, 0.0, 0.0],
+                rate_rad_s: [0.0, 0.0, rate],
+                acceleration_m_s2: [0.0, speed_m_s * rate, 0.0],
+                specific_force_m_s2: [0.0, speed_m_s * rate, STANDARD_GRAVITY_M_S2],
+                hand_wheel_rad: 0.4,
+                roll_rad: 0.02,
+                pitch_rad: -0.01,
+                wheels: PerWheel::from_fn(|wheel| WheelTruth {
+                    force_n: [10.0, 600.0, 1500.0],
+                    angular_speed_rad_s: speed_m_s / 0.3,
+                    strut_length_m: if wheel.is_front() { 0.350 } else { 0.360 },
+                    link_force_n: [-300.0, 200.0, 700.0, -800.0, 400.0],
+                    ..WheelTruth::default()
+                }),
+                ..TruthState::default()
+            }
+        })
+        .collect();
+    Motion::new("circle", states).expect("a motion")
+}
