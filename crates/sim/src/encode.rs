@@ -1,26 +1,26 @@
 //! The sensors' messages as bytes.
 
+use wire::crossbow440::Scaled;
+use wire::geodesy::Geodetic;
+
 use crate::gnss::{AttitudeSolution, Solution};
 use crate::{Origin, SeptentrioBlocks};
 
 const CRC_XMODEM_POLY: u16 = 0x1021;
 
-/// Crossbow S1 packet: thesis appendix A's unit, big-endian.
+/// Crossbow S1 packet of a unit at room temperature.
 pub(crate) fn crossbow_s1(force_m_s2: [f64; 3], rate_rad_s: [f64; 3], counter: u16) -> Vec<u8> {
-    let force_lsb = 20.0 / 65_536.0 * sample::STANDARD_GRAVITY_M_S2;
-    let rate_lsb = 7.0 * std::f64::consts::PI / 65_536.0;
-    let temperature = (25.0_f64 * 65_536.0 / 200.0) as i16;
-    let mut body = b"S1\x18".to_vec();
-    let values = force_m_s2
-        .map(|f| (f / force_lsb).round() as i16)
-        .into_iter()
-        .chain(rate_rad_s.map(|w| (w / rate_lsb).round() as i16))
-        .chain([temperature; 4]);
-    values.for_each(|value| body.extend(value.to_be_bytes()));
-    body.extend(counter.to_be_bytes());
-    body.extend([0, 0]);
-    let crc = crc16(0x1D0F, &body);
-    [&[0x55, 0x55], body.as_slice(), &crc.to_be_bytes()].concat()
+    let mut bytes = Vec::with_capacity(31);
+    Scaled {
+        specific_force_m_s2: force_m_s2,
+        angular_rate_rad_s: rate_rad_s,
+        gyro_temperature_c: [25.0; 3],
+        board_temperature_c: 25.0,
+        counter,
+        ..Scaled::default()
+    }
+    .encode_s1(&mut bytes);
+    bytes
 }
 
 fn novatel(id: u16, week: u16, ms: u32, body: &[u8]) -> Vec<u8> {
@@ -48,9 +48,9 @@ pub(crate) fn novatel_bestpos(s: &Solution) -> Vec<u8> {
     let (status, kind) = if s.valid { (0_u32, 16_u32) } else { (1, 0) };
     body.extend(status.to_le_bytes());
     body.extend(kind.to_le_bytes());
-    body.extend(s.latitude_rad.to_degrees().to_le_bytes());
-    body.extend(s.longitude_rad.to_degrees().to_le_bytes());
-    body.extend((s.height_m - s.undulation_m).to_le_bytes());
+    body.extend(s.place.latitude_rad.to_degrees().to_le_bytes());
+    body.extend(s.place.longitude_rad.to_degrees().to_le_bytes());
+    body.extend((s.place.height_m - s.undulation_m).to_le_bytes());
     body.extend((s.undulation_m as f32).to_le_bytes());
     body.extend(61_u32.to_le_bytes());
     for _ in 0..3 {
@@ -118,7 +118,11 @@ pub(crate) fn sbf_pvt_geodetic(s: &Solution, blocks: SeptentrioBlocks) -> Vec<u8
         SeptentrioBlocks::PolaRx2e => body.extend([9, error, mode, 0, 0, 0]),
         SeptentrioBlocks::Current => body.extend([mode, error]),
     }
-    for value in [s.latitude_rad, s.longitude_rad, s.height_m] {
+    for value in [
+        s.place.latitude_rad,
+        s.place.longitude_rad,
+        s.place.height_m,
+    ] {
         body.extend(value.to_le_bytes());
     }
     if blocks == SeptentrioBlocks::Current {
@@ -204,26 +208,14 @@ fn crc16(seed: u16, bytes: &[u8]) -> u16 {
     })
 }
 
-/// Latitude, longitude (rad) and ellipsoidal height (m) of a point given east, north, up of an
-/// origin on WGS 84.
-pub(crate) fn geodetic_from_enu(origin: &Origin, [east, north, up]: [f64; 3]) -> [f64; 3] {
-    const A: f64 = 6_378_137.0;
-    const F: f64 = 1.0 / 298.257_223_563;
-    let e2 = F * (2.0 - F);
-    let (sin_lat, cos_lat) = origin.latitude_deg.to_radians().sin_cos();
-    let (sin_lon, cos_lon) = origin.longitude_deg.to_radians().sin_cos();
-    let n = A / (1.0 - e2 * sin_lat * sin_lat).sqrt();
-    let radial = (n + origin.height_m) * cos_lat - sin_lat * north + cos_lat * up;
-    let x = radial * cos_lon - sin_lon * east;
-    let y = radial * sin_lon + cos_lon * east;
-    let z = (n * (1.0 - e2) + origin.height_m) * sin_lat + cos_lat * north + sin_lat * up;
-    let p = x.hypot(y);
-    let mut latitude = z.atan2(p * (1.0 - e2));
-    let mut height = origin.height_m;
-    for _ in 0..5 {
-        let n = A / (1.0 - e2 * latitude.sin().powi(2)).sqrt();
-        height = p / latitude.cos() - n;
-        latitude = z.atan2(p * (1.0 - e2 * n / (n + height)));
-    }
-    [latitude, y.atan2(x), height]
+/// Where a point given east, north, up of an origin lies on WGS 84.
+pub(crate) fn geodetic_from_enu(origin: &Origin, enu_m: [f64; 3]) -> Geodetic {
+    let place = Geodetic {
+        latitude_rad: origin.latitude_deg.to_radians(),
+        longitude_rad: origin.longitude_deg.to_radians(),
+        height_m: origin.height_m,
+    };
+    let (start, step) = (place.to_ecef(), place.rotate_to_ecef(enu_m));
+    // Only a point near the earth's centre has no place.
+    Geodetic::from_ecef(std::array::from_fn(|i| start[i] + step[i])).unwrap_or(place)
 }

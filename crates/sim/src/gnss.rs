@@ -1,6 +1,7 @@
 //! The two satellite receivers: what they solve for, and when the solution leaves.
 
 use model::sensors::Sensors;
+use wire::geodesy::Geodetic;
 
 use crate::can_bus::period_s;
 use crate::corner::cross;
@@ -21,9 +22,7 @@ pub(crate) struct Solution {
     pub(crate) time_of_week_ms: u32,
     /// Whether there is one at all.
     pub(crate) valid: bool,
-    pub(crate) latitude_rad: f64,
-    pub(crate) longitude_rad: f64,
-    pub(crate) height_m: f64,
+    pub(crate) place: Geodetic,
     pub(crate) undulation_m: f64,
     pub(crate) velocity_enu_m_s: [f64; 3],
     pub(crate) position_sigma_m: f64,
@@ -88,16 +87,13 @@ impl Receiver {
         let velocity = self.mean_velocity(motion, tag_s - self.latency_s);
         let position = antenna_position(&motion.at(tag_s), self.antenna_m);
         let position = std::array::from_fn(|i| position[i] + self.position_error_m[i]);
-        let [latitude_rad, longitude_rad, height_m] =
-            encode::geodetic_from_enu(&self.options.origin, position);
+        let place = encode::geodetic_from_enu(&self.options.origin, position);
         let (week, time_of_week_ms) = self.gps_time(tag_s);
         Solution {
             week,
             time_of_week_ms,
             valid,
-            latitude_rad,
-            longitude_rad,
-            height_m,
+            place,
             undulation_m: self.options.origin.undulation_m,
             velocity_enu_m_s: std::array::from_fn(|i| velocity[i] + velocity_noise[i]),
             position_sigma_m: self.position_noise_m,

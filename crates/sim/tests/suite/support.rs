@@ -2,8 +2,8 @@
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{PerWheel, STANDARD_GRAVITY_M_S2};
-use sim::{Motion, TruthState, WheelTruth};
+use sample::{ImuSample, Measurement, PerWheel, STANDARD_GRAVITY_M_S2};
+use sim::{Emission, Motion, Options, Output, Port, TruthState, VirtualVehicle, WheelTruth};
 
 pub fn vehicle() -> Vehicle {
     Vehicle::builtin("prowler").expect("a built-in vehicle")
@@ -47,4 +47,47 @@ pub fn circle(speed_m_s: f64, radius_m: f64, duration_s: f64) -> Motion {
         })
         .collect();
     Motion::new("circle", states).expect("a motion")
+}
+
+pub fn emissions(motion: Motion, options: &Options, seed: u64) -> Vec<Emission> {
+    VirtualVehicle::new(motion, &vehicle(), &sensors(), options, seed)
+        .expect("a virtual vehicle")
+        .collect()
+}
+
+pub fn bytes_of(emissions: &[Emission], port: Port) -> Vec<u8> {
+    emissions
+        .iter()
+        .filter(|emission| emission.port == port)
+        .flat_map(|emission| match &emission.output {
+            Output::Bytes(bytes) => bytes.clone(),
+            Output::Can(_) => panic!("a frame on {port:?}"),
+        })
+        .collect()
+}
+
+pub fn frames_of(emissions: &[Emission], id: u32) -> Vec<[u16; 4]> {
+    emissions
+        .iter()
+        .filter_map(|emission| match &emission.output {
+            Output::Can(frame) if frame.id == id => Some(frame.data),
+            _ => None,
+        })
+        .map(|bytes| std::array::from_fn(|i| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]])))
+        .collect()
+}
+
+pub fn imu_samples(emissions: &[Emission]) -> Vec<ImuSample> {
+    let mut samples = Vec::new();
+    let mut decoder = wire::crossbow440::Decoder::default();
+    decoder.push(&bytes_of(emissions, Port::Imu), |item| {
+        for measurement in item.measurements.iter() {
+            if let Measurement::Imu(sample) = measurement {
+                samples.push(*sample);
+            }
+        }
+    });
+    let statistics = decoder.statistics();
+    assert_eq!((statistics.checksum_errors, statistics.gaps), (0, 0));
+    samples
 }

@@ -1,0 +1,10 @@
+//! The virtual vehicle from outside.
+
+#[path = "suite/faults.rs"]
+mod faults;
+#[path = "suite/sensors.rs"]
+mod sensors;
+#[path = "suite/support.rs"]
+mod support;
+#[path = "suite/truth_files.rs"]
+mod truth_files;

@@ -1,0 +1,175 @@
+//! Truth files: both kinds say the same, and mistakes are told in full.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use parquet::data_type::DoubleType;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use sim::{Motion, Options, SimError, VirtualVehicle};
+
+use crate::support;
+
+const ROWS: usize = 41;
+
+/// A column's made-up values: time rises by 5 ms, everything else moves smoothly.
+fn column(index: usize, name: &str) -> Vec<f64> {
+    (0..ROWS)
+        .map(|row| match name {
+            "t[s]" => 3.0 + row as f64 * 0.005,
+            _ => (0.1 * row as f64 + index as f64).sin() / 8.0,
+        })
+        .collect()
+}
+
+fn names(optional: bool) -> Vec<String> {
+    let extra = sim::optional_columns().filter(|_| optional);
+    sim::required_columns().chain(extra).collect()
+}
+
+fn write_csv(path: &Path, names: &[String]) {
+    let columns: Vec<_> = names
+        .iter()
+        .enumerate()
+        .map(|(i, n)| column(i, n))
+        .collect();
+    let mut text = names.join(",") + "\n";
+    for row in 0..ROWS {
+        // Rust writes the shortest text that reads back to the same bits.
+        let cells: Vec<_> = columns.iter().map(|c| c[row].to_string()).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    std::fs::write(path, text).expect("a temporary file");
+}
+
+fn write_parquet(path: &Path, names: &[String]) {
+    // Column names with brackets are made through the type builder, not the parser.
+    let fields = names
+        .iter()
+        .map(|name| {
+            let field = parquet::schema::types::Type::primitive_type_builder(
+                name,
+                parquet::basic::Type::DOUBLE,
+            )
+            .with_repetition(parquet::basic::Repetition::REQUIRED)
+            .build()
+            .expect("a column");
+            Arc::new(field)
+        })
+        .collect();
+    let schema = parquet::schema::types::Type::group_type_builder("truth")
+        .with_fields(fields)
+        .build()
+        .expect("a schema");
+    let file = std::fs::File::create(path).expect("a temporary file");
+    let properties = Arc::new(WriterProperties::builder().build());
+    let mut writer =
+        SerializedFileWriter::new(file, Arc::new(schema), properties).expect("a writer");
+    let mut group = writer.next_row_group().expect("a row group");
+    let mut index = 0;
+    while let Some(mut writer) = group.next_column().expect("a column") {
+        writer
+            .typed::<DoubleType>()
+            .write_batch(&column(index, &names[index]), None, None)
+            .expect("values");
+        writer.close().expect("a column's end");
+        index += 1;
+    }
+    group.close().expect("a group's end");
+    writer.close().expect("a file's end");
+}
+
+fn file(directory: &tempfile::TempDir, name: &str) -> PathBuf {
+    directory.path().join(name)
+}
+
+#[test]
+fn csv_and_parquet_give_the_same_bytes() {
+    let directory = tempfile::tempdir().expect("a directory");
+    for optional in [true, false] {
+        let names = names(optional);
+        let (csv, parquet) = (file(&directory, "run.csv"), file(&directory, "run.parquet"));
+        write_csv(&csv, &names);
+        write_parquet(&parquet, &names);
+        let [a, b] = [csv, parquet].map(|path| Motion::open(&path).expect("a truth file"));
+        assert_eq!(a.name(), "run");
+        assert!((a.duration_s() - 0.2).abs() < 1e-12);
+        let [a, b] = [a, b].map(|motion| {
+            let (vehicle, sensors) = (support::vehicle(), support::sensors());
+            VirtualVehicle::new(motion, &vehicle, &sensors, &Options::default(), 1)
+                .expect("a virtual vehicle")
+                .collect::<Vec<_>>()
+        });
+        assert!(!a.is_empty());
+        assert_eq!(a, b);
+    }
+}
+
+#[test]
+fn all_missing_columns_are_named() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = file(&directory, "run.csv");
+    let kept: Vec<_> = names(false)
+        .into_iter()
+        .filter(|name| name != "p[rad/s]" && name != "RR_Fz[N]")
+        .collect();
+    write_csv(&path, &kept);
+    let error = Motion::open(&path).expect_err("two columns are missing");
+    assert!(error.to_string().contains("p[rad/s], RR_Fz[N]"), "{error}");
+}
+
+#[test]
+fn another_unit_is_refused() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = file(&directory, "run.csv");
+    let mut names = names(false);
+    names
+        .iter_mut()
+        .filter(|n| *n == "roll[rad]")
+        .for_each(|n| *n = "roll[deg]".to_owned());
+    write_csv(&path, &names);
+    let error = Motion::open(&path).expect_err("degrees");
+    assert!(matches!(&error, SimError::WrongUnit { found, expected, .. }
+        if found == "roll[deg]" && expected == "roll[rad]"));
+}
+
+#[test]
+fn bad_cells_files_and_names_are_told() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = file(&directory, "run.csv");
+    write_csv(&path, &names(false));
+    let text = std::fs::read_to_string(&path).expect("just written");
+    let mut lines: Vec<_> = text.lines().map(str::to_owned).collect();
+    lines[7] = lines[7].replacen(',', ",x", 1);
+    std::fs::write(&path, lines.join("\n")).expect("a temporary file");
+    let error = Motion::open(&path).expect_err("a word in a cell");
+    assert!(matches!(&error, SimError::BadValue { row: 7, column, .. } if column == "roll[rad]"));
+
+    let torn = file(&directory, "torn.parquet");
+    std::fs::write(&torn, b"PAR1 and no more").expect("a temporary file");
+    assert!(matches!(Motion::open(&torn), Err(SimError::Parquet { .. })));
+    assert!(matches!(
+        Motion::open(&file(&directory, "none.csv")),
+        Err(SimError::Read { .. })
+    ));
+    assert!(matches!(
+        Motion::open(&file(&directory, "run.xlsx")),
+        Err(SimError::UnknownKind { .. })
+    ));
+}
+
+#[test]
+fn the_shared_truth_runs_open() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
+    let path = Path::new(root).join("h_jack.parquet");
+    if !path.exists() {
+        eprintln!("SKIPPED: {} is not there", path.display());
+        return;
+    }
+    let motion = Motion::open(&path).expect("a truth run");
+    assert!((motion.duration_s() - 34.0).abs() < 1e-9);
+    assert!(motion.has_link_forces());
+    let rest = motion.at(33.9);
+    let load_n: f64 = rest.tyre_forces().0.iter().map(|f| f.force_n[2]).sum();
+    assert!((load_n - 644.0 * 9.81).abs() < 20.0, "{load_n}");
+}
