@@ -8,6 +8,8 @@
 //! - [`crossbow440`]: Crossbow IMU440, with its set-up dialogue.
 //! - [`gnss`]: what one receiver port carries, [`novatel`], [`sbf`] and [`nmea`] mixed.
 //! - [`line`]: text devices described by the configuration (steering, throttle, brake).
+//! - [`dbc`]: CAN frames to named signals and back, through any DBC file.
+//! - [`slcan`], [`candump`]: CAN frames as text.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
 //!
 //! Encoders stand beside the decoders; the virtual vehicle speaks through them.
@@ -16,7 +18,9 @@ mod error;
 mod frame;
 mod item;
 
+pub mod candump;
 pub mod crossbow440;
+pub mod dbc;
 pub mod geodesy;
 pub mod gnss;
 pub mod gps_time;
@@ -24,6 +28,7 @@ pub mod line;
 pub mod nmea;
 pub mod novatel;
 pub mod sbf;
+pub mod slcan;
 
 pub use error::WireError;
 pub use frame::Statistics;

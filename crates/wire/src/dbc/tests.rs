@@ -1,0 +1,246 @@
+use proptest::prelude::*;
+use sample::{CanFlags, CanFrame, StrainChannel, Wheel};
+
+use super::*;
+
+const PROWLER: &[u8] = include_bytes!("../../../../bins/atvrec/assets/prowler.dbc");
+
+/// Two multiplexors inside each other, a Motorola signal, labels.
+const NESTED: &str = r#"VERSION ""
+BS_:
+BU_: Node
+BO_ 2566834688 Nested: 8 Node
+ SG_ page M : 0|8@1+ (1,0) [0|0] "" Node
+ SG_ sub m3M : 8|8@1+ (1,0) [0|0] "" Node
+ SG_ deep m7 : 23|16@0- (0.5,1) [-100|100] "N" Node
+ SG_ wide m0 : 16|16@1+ (1,0) [0|0] "" Node
+SG_MUL_VAL_ 2566834688 sub page 3-3;
+SG_MUL_VAL_ 2566834688 deep sub 7-9, 200-200;
+SG_MUL_VAL_ 2566834688 wide page 0-1;
+VAL_ 2566834688 deep -2 "low" 4 "high" ;
+"#;
+
+fn nested() -> Database {
+    Database::parse(NESTED.as_bytes()).expect("a good file")
+}
+
+fn names(message: &MessageDef, data: &[u8]) -> Vec<String> {
+    let values = message.decode(data);
+    values.map(|value| value.signal.name.clone()).collect()
+}
+
+fn errors(text: &str) -> Vec<String> {
+    let error = Database::parse(text.as_bytes()).expect_err("a bad file");
+    error.issues.iter().map(ToString::to_string).collect()
+}
+
+fn one_message(signals: &str) -> String {
+    format!("VERSION \"\"\nBS_:\nBU_: Node\nBO_ 5 Sample: 2 Node\n{signals}")
+}
+
+#[test]
+fn multiplexors_select_through_each_other() {
+    let database = nested();
+    let message = database.by_name("Nested").expect("the message");
+    assert_eq!(names(message, &[0, 7, 0, 0]), ["page", "wide"]);
+    assert_eq!(names(message, &[1, 7, 0, 0]), ["page", "wide"]);
+    assert_eq!(names(message, &[3, 6, 0, 0]), ["page", "sub"]);
+    assert_eq!(names(message, &[3, 9, 0, 0]), ["page", "sub", "deep"]);
+    assert_eq!(names(message, &[3, 200, 0, 0]), ["page", "sub", "deep"]);
+    // Too short for the signal, then for everything.
+    assert_eq!(names(message, &[3, 200, 0]), ["page", "sub"]);
+    assert_eq!(names(message, &[]), [""; 0]);
+}
+
+#[test]
+fn values_have_units_signs_and_labels() {
+    let database = nested();
+    let flags = CanFlags {
+        extended: true,
+        ..CanFlags::default()
+    };
+    let frame = CanFrame::new(0x18FE_CA00, flags, &[3, 8, 0xFF, 0xFE]).expect("a frame");
+    let message = database.message_of(&frame).expect("the message");
+    let deep = message.decode(frame.bytes()).last().expect("the signal");
+    assert_eq!(deep.physical, -2.0 * 0.5 + 1.0);
+    assert_eq!(deep.signal.unit, "N");
+    assert_eq!(deep.label(), Some("low"));
+    assert_eq!(deep.signal.range, Some((-100.0, 100.0)));
+    assert_eq!(database.by_id(0x18FE_CA00, false), None);
+    let remote = CanFrame {
+        flags: CanFlags {
+            remote: true,
+            ..flags
+        },
+        ..frame
+    };
+    assert_eq!(database.decode(&remote), None);
+}
+
+#[test]
+fn encoding_says_what_does_not_fit() {
+    let database = nested();
+    let message = database.by_name("Nested").expect("the message");
+    let frame = message
+        .encode(&[("page", 3.0), ("sub", 200.0), ("deep", -2.4)])
+        .expect("values that fit");
+    assert_eq!(frame.bytes(), [3, 200, 0xFF, 0xF9, 0, 0, 0, 0]);
+    assert!(frame.flags.extended);
+    for (values, word) in [
+        (&[("page", 256.0)][..], "0 to 255"),
+        (&[("page", f64::NAN)], "NaN"),
+        (&[("depth", 1.0)], "no signal depth"),
+        (&[("page", 0.0), ("deep", 1.0)], "set sub"),
+    ] {
+        let error = message.encode(values).expect_err(word).to_string();
+        assert!(error.contains(word), "{error}");
+    }
+}
+
+#[test]
+fn syntax_errors_name_line_and_token() {
+    let text = one_message(
+        " SG_ good : 0|8@1+ (1,0) [0|0] \"\" Node\n SG_ bad : 8|8@3+ (1,0) [0|0] \"\" Node\n",
+    );
+    let errors = errors(&text);
+    assert_eq!(errors.len(), 1);
+    assert!(errors[0].starts_with("line 6: `3+`"), "{errors:?}");
+}
+
+#[test]
+fn every_error_is_told_with_its_line() {
+    let text = one_message(concat!(
+        " SG_ far : 12|8@1+ (1,0) [0|0] \"\" Node\n",
+        " SG_ zero : 0|8@1+ (0,0) [0|0] \"\" Node\n",
+        " SG_ none : 0|0@1+ (1,0) [0|0] \"\" Node\n",
+        " SG_ far : 0|8@1+ (1,0) [0|0] \"\" Node\n",
+        "BO_ 5000 Wide: 1 Node\n",
+        "BO_ 5 Again: 1 Node\n",
+    ));
+    let errors = errors(&text);
+    let starts = [
+        "line 5: `far` is there twice",
+        "line 5: `far` needs 3 bytes, but Sample has 2",
+        "line 6: `zero` has factor 0",
+        "line 7: `none` has start bit 0 and 0 bits",
+        "line 9: `Wide` has identifier 5000",
+        "line 10: `Again` has the same identifier as Sample",
+    ];
+    assert_eq!(errors.len(), starts.len(), "{errors:#?}");
+    for (error, start) in errors.iter().zip(starts) {
+        assert!(error.starts_with(start), "{error}");
+    }
+}
+
+#[test]
+fn multiplexors_that_cannot_work_are_errors() {
+    let lonely = one_message(" SG_ a m1 : 0|8@1+ (1,0) [0|0] \"\" Node\n");
+    assert!(errors(&lonely)[0].contains("has 0 multiplexors"));
+    let ring = one_message(concat!(
+        " SG_ a m1M : 0|8@1+ (1,0) [0|0] \"\" Node\n",
+        " SG_ b m1M : 8|8@1+ (1,0) [0|0] \"\" Node\n",
+        "SG_MUL_VAL_ 5 a b 1-1;\nSG_MUL_VAL_ 5 b a 1-1;\n",
+    ));
+    assert!(errors(&ring)[0].contains("selects itself"));
+    let unknown = one_message(concat!(
+        " SG_ a m1 : 0|8@1+ (1,0) [0|0] \"\" Node\n",
+        "SG_MUL_VAL_ 5 a ghost 1-1;\n",
+    ));
+    assert!(errors(&unknown)[0].contains("selected by ghost"));
+    let float = one_message(concat!(
+        " SG_ a : 0|16@1+ (1,0) [0|0] \"\" Node\n",
+        "SIG_VALTYPE_ 5 a : 1;\n",
+    ));
+    assert!(errors(&float)[0].contains("has 16 bits"));
+}
+
+#[test]
+fn overlaps_and_loose_ends_are_warnings() {
+    let text = one_message(concat!(
+        " SG_ page M : 0|4@1+ (1,0) [0|0] \"\" Node\n",
+        " SG_ a m0 : 8|8@1+ (1,0) [0|0] \"\" Node\n",
+        " SG_ b m1 : 8|8@1+ (1,0) [0|0] \"\" Node\n",
+        " SG_ c : 2|4@1+ (1,0) [0|0] \"\" Node\n",
+        "VAL_ 5 ghost 1 \"x\" ;\n",
+    ));
+    let database = Database::parse(text.as_bytes()).expect("a usable file");
+    let warnings: Vec<_> = database
+        .warnings()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    assert_eq!(warnings.len(), 2, "{warnings:#?}");
+    assert!(warnings[0].contains("`ghost` is named in VAL_ 5"));
+    assert!(warnings[1].starts_with("line 8: `c` overlaps page in byte 0"));
+}
+
+#[test]
+fn windows_text_and_byte_order_marks_are_read() {
+    let degrees = one_message(" SG_ a : 0|8@1+ (1,0) [0|0] \"\u{b0}C\" Node\n");
+    let windows: Vec<u8> = degrees.chars().map(|letter| letter as u8).collect();
+    let marked = [b"\xEF\xBB\xBF", degrees.as_bytes()].concat();
+    for file in [windows, marked] {
+        let database = Database::parse(&file).expect("a good file");
+        assert_eq!(database.messages()[0].signals[0].unit, "\u{b0}C");
+    }
+}
+
+#[test]
+fn parameter_groups_leave_addresses_out() {
+    assert_eq!(parameter_group(0x18F0_0417), 0xF004);
+    assert_eq!(parameter_group(0x0CF0_0400), 0xF004);
+    assert_eq!(parameter_group(0x18EA_FF00), 0xEA00);
+    assert_eq!(parameter_group(0x19F0_0417), 0x1_F004);
+}
+
+#[test]
+fn the_projects_own_file_holds_every_channel_of_every_corner() {
+    let database = Database::parse(PROWLER).expect("a good file");
+    assert_eq!(database.warnings(), []);
+    assert_eq!(database.messages().len(), 10);
+    for (wheel, id) in Wheel::ALL.into_iter().zip([0x110, 0x130, 0x140, 0x150]) {
+        let arms = database.by_name(&format!("Strain_{wheel}")).expect("arms");
+        let rest = database.by_name(&format!("Corner_{wheel}")).expect("rest");
+        assert_eq!((arms.id, rest.id), (id, id + 1));
+        for channel in StrainChannel::ALL {
+            let signal = [arms, rest].into_iter().find_map(|message| {
+                message
+                    .position(channel.name())
+                    .map(|i| &message.signals[i])
+            });
+            let signal = signal.expect("every channel has a signal");
+            assert_eq!((signal.width(), signal.unit.as_str()), (16, "count"));
+            assert_eq!(signal.labels, [(0xFFFF, "absent".to_owned())]);
+            assert!(!signal.comment.is_empty());
+        }
+        assert!(rest.position("deflection").is_some());
+        let speeds = database.by_name("WheelSpeed").expect("speeds");
+        assert!(speeds.position(wheel.abbreviation()).is_some());
+    }
+    let steering = database.by_name("Steering").expect("steering");
+    let frame = steering
+        .encode(&[("hand_wheel_angle", -540.25)])
+        .expect("fits");
+    let signals = database.decode(&frame).expect("decodes").signals;
+    assert!((signals[0].value + 540.25).abs() < 1e-9);
+}
+
+proptest! {
+    #[test]
+    fn damaged_files_never_panic(
+        at in 0_usize..PROWLER.len(),
+        with in proptest::collection::vec(any::<u8>(), 0..12),
+        cut in 0_usize..40,
+    ) {
+        for file in [PROWLER, NESTED.as_bytes()] {
+            let at = at % file.len();
+            let end = (at + cut).min(file.len());
+            let damaged = [&file[..at], &with, &file[end..]].concat();
+            if let Ok(database) = Database::parse(&damaged) {
+                for message in database.messages() {
+                    message.decode(&[0xA5; 64]).for_each(drop);
+                }
+            }
+        }
+    }
+}
