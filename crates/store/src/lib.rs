@@ -1,1 +1,64 @@
 //! Samples to MCAP and back: schemas, writing, reading, recovery.
+//!
+//! A log holds the raw bytes of every source, from which everything else in it can be made again,
+//! and decoded channels beside them. Every channel carries its protobuf schema.
+//!
+//! - [`LogWriter`] writes one log to anything that takes bytes; the same input gives the same bytes.
+//! - [`Writer`] writes one log file, named `.active` until it is whole.
+//! - [`Recorder`] writes a run of files on threads of its own, and never blocks who feeds it.
+//! - [`Reader`] reads logs, whole or cut short, and gives the arrivals back in their exact order.
+//! - [`recover`] makes a log whole that was cut short.
+
+mod column;
+mod convert;
+mod dynamic;
+mod error;
+mod file;
+mod log_writer;
+mod raw;
+mod reader;
+mod record;
+mod recorder;
+mod recovery;
+mod scan;
+mod schema;
+mod session;
+
+pub use dynamic::{DynamicMessage, SignalSchema};
+pub use error::{Error, Result};
+pub use file::{ACTIVE_SUFFIX, Finished, Writer, part_path};
+pub use log_writer::{LogWriter, WriteCounters};
+pub use reader::{
+    ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
+};
+pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
+pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
+pub use recovery::{Recovered, recover, recover_directory};
+pub use session::{Attachment, Options, Session, Source, SourceKind};
+
+/// Types generated from the schemas in `proto/`, as they stand in the log.
+pub mod proto {
+    /// The project's own messages.
+    #[allow(
+        missing_docs,
+        unused_qualifications,
+        clippy::all,
+        clippy::pedantic,
+        rustdoc::all
+    )]
+    pub mod atvrec {
+        include!(concat!(env!("OUT_DIR"), "/atvrec.rs"));
+    }
+
+    /// The well-known messages that viewers draw without being told how.
+    #[allow(
+        missing_docs,
+        unused_qualifications,
+        clippy::all,
+        clippy::pedantic,
+        rustdoc::all
+    )]
+    pub mod foxglove {
+        include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+    }
+}

@@ -1,0 +1,33 @@
+//! Compiles the log's protobuf schemas to Rust and keeps their descriptors, which go into every log.
+
+use std::path::Path;
+
+use prost::Message as _;
+
+const PROTOS: [&str; 7] = [
+    "atvrec/raw.proto",
+    "atvrec/sensor.proto",
+    "atvrec/estimate.proto",
+    "atvrec/health.proto",
+    "foxglove/LocationFix.proto",
+    "foxglove/Log.proto",
+    "foxglove/FrameTransforms.proto",
+];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    println!("cargo::rerun-if-changed=proto");
+    let mut set = protox::compile(PROTOS, ["proto"])?;
+    let mut config = prost_build::Config::new();
+    config.enable_type_names();
+    config.compile_fds(set.clone())?;
+    // Comments have served the Rust documentation; a log carries the bare descriptors.
+    for file in &mut set.file {
+        file.source_code_info = None;
+    }
+    let out = std::env::var("OUT_DIR")?;
+    std::fs::write(
+        Path::new(&out).join("descriptors.binpb"),
+        set.encode_to_vec(),
+    )?;
+    Ok(())
+}

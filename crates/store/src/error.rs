@@ -1,0 +1,117 @@
+use std::path::{Path, PathBuf};
+
+/// What this crate returns.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What can go wrong between samples and the disk.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system refused an operation on a file.
+    #[error("cannot {action} {}: {cause}", path.display())]
+    File {
+        /// What was tried.
+        action: &'static str,
+        /// On which file.
+        path: PathBuf,
+        /// The operating system's answer.
+        #[source]
+        cause: std::io::Error,
+    },
+    /// The MCAP layer failed.
+    #[error("writing MCAP failed: {0}")]
+    Mcap(#[from] mcap::McapError),
+    /// The file is no MCAP file.
+    #[error("{} is not an MCAP file: it begins with {found:02x?}", path.display())]
+    NotMcap {
+        /// Which file.
+        path: PathBuf,
+        /// Its first bytes.
+        found: Vec<u8>,
+    },
+    /// Files of different runs were given as one.
+    #[error(
+        "{} belongs to run {found}, the files before it to run {expected}; \
+         read the runs one at a time",
+        path.display()
+    )]
+    MixedRuns {
+        /// The file that differs.
+        path: PathBuf,
+        /// Run of the first file.
+        expected: String,
+        /// Run of this file.
+        found: String,
+    },
+    /// No file was given.
+    #[error("no log was given")]
+    NoFiles,
+    /// A message does not follow its schema.
+    #[error("a message on {topic} at {log_time} ns does not follow its schema: {cause}")]
+    BadMessage {
+        /// Topic of the message.
+        topic: String,
+        /// Its log time, ns.
+        log_time: u64,
+        /// What is wrong with it.
+        #[source]
+        cause: MessageError,
+    },
+    /// Another process is writing the file.
+    #[error("{} is being written by another process; stop it first", .0.display())]
+    InUse(PathBuf),
+    /// The writer's thread ended before it was told to.
+    #[error("the writer thread ended early; the log was closed as far as it was written")]
+    WriterGone,
+    /// The recorder finished, but the disk kept data from it.
+    #[error("the disk refused {arrivals} arrivals and {records} records: {reason}")]
+    DiskLoss {
+        /// Raw arrivals lost.
+        arrivals: u64,
+        /// Decoded records lost.
+        records: u64,
+        /// The last refusal.
+        reason: String,
+    },
+}
+
+/// What is wrong with a message.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MessageError {
+    /// Not protobuf, or of another schema.
+    #[error(transparent)]
+    Protobuf(#[from] prost::DecodeError),
+    /// A list has another length than the lists beside it.
+    #[error("{column} has {found} entries, expected {expected}")]
+    Column {
+        /// Name of the list.
+        column: &'static str,
+        /// Entries that the other lists ask for.
+        expected: usize,
+        /// Entries found.
+        found: usize,
+    },
+    /// A value outside its range.
+    #[error("{field} is {value}, out of its range")]
+    Range {
+        /// Name of the field.
+        field: &'static str,
+        /// Its value.
+        value: i128,
+    },
+    /// A field that must be there is not.
+    #[error("{0} is missing")]
+    Absent(&'static str),
+}
+
+impl Error {
+    pub(crate) fn file(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |cause| Self::File {
+            action,
+            path,
+            cause,
+        }
+    }
+}

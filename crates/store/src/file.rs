@@ -1,0 +1,253 @@
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use sample::{Arrival, LogTime};
+
+use crate::log_writer::{Latched, Pending};
+use crate::{Error, LogWriter, Options, Record, Result, Session, WriteCounters};
+
+/// What an unfinished log's name ends in.
+pub const ACTIVE_SUFFIX: &str = ".active";
+
+/// Path of a part of a run: `<directory>/<stem>_<part>.mcap`.
+#[must_use]
+pub fn part_path(directory: &Path, stem: &str, part: u32) -> PathBuf {
+    directory.join(format!("{stem}_{part:04}.mcap"))
+}
+
+/// Writes one log file. Until it is whole its name ends in [`ACTIVE_SUFFIX`].
+pub struct Writer {
+    log: LogWriter<CountingFile>,
+    unfinished: Unfinished,
+    bytes: Arc<AtomicU64>,
+}
+
+/// A closed log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finished {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// What went into it.
+    pub counters: WriteCounters,
+}
+
+/// A file that still bears its unfinished name.
+pub(crate) struct Unfinished {
+    pub file: File,
+    pub active: PathBuf,
+    pub path: PathBuf,
+}
+
+impl Unfinished {
+    /// Syncs the file, gives it its final name, and syncs the directory.
+    pub(crate) fn finish(self) -> Result<PathBuf> {
+        self.file
+            .sync_all()
+            .map_err(Error::file("sync", &self.active))?;
+        std::fs::rename(&self.active, &self.path)
+            .map_err(Error::file("give its final name to", &self.active))?;
+        sync_directory(&self.path)?;
+        Ok(self.path)
+    }
+}
+
+/// Makes a file's directory entry last.
+pub(crate) fn sync_directory(path: &Path) -> Result<()> {
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    File::open(directory)
+        .and_then(|directory| directory.sync_all())
+        .map_err(Error::file("sync the directory", directory))
+}
+
+/// `path` with [`ACTIVE_SUFFIX`] behind it.
+pub(crate) fn active_path(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(ACTIVE_SUFFIX);
+    name.into()
+}
+
+/// Takes the lock that tells other processes that a log is being written.
+pub(crate) fn lock(file: &File, path: &Path) -> Result<()> {
+    match file.try_lock() {
+        Ok(()) => Ok(()),
+        Err(TryLockError::WouldBlock) => Err(Error::InUse(path.to_owned())),
+        Err(TryLockError::Error(cause)) => Err(Error::file("lock", path)(cause)),
+    }
+}
+
+pub(crate) struct CountingFile {
+    file: File,
+    bytes: Arc<AtomicU64>,
+}
+
+impl Write for CountingFile {
+    fn write(&mut self, data: &[u8]) -> std::io::Result<usize> {
+        let written = self.file.write(data)?;
+        self.bytes.fetch_add(written as u64, Ordering::Relaxed);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Writer {
+    /// Begins the log `path`, as part `part` of its run.
+    ///
+    /// # Errors
+    /// If the file cannot be made or written, or an unfinished log of that name is there: recover
+    /// it first.
+    pub fn create(path: &Path, session: Session, options: Options, part: u32) -> Result<Self> {
+        let active = active_path(path);
+        let file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&active)
+            .map_err(Error::file("create", &active))?;
+        lock(&file, &active)?;
+        let handle = file
+            .try_clone()
+            .map_err(Error::file("open again", &active))?;
+        let bytes = Arc::new(AtomicU64::new(0));
+        let sink = CountingFile {
+            file,
+            bytes: Arc::clone(&bytes),
+        };
+        let log = LogWriter::new(sink, session, options, part).inspect_err(|_| {
+            // Nothing of worth is in it.
+            let _ = std::fs::remove_file(&active);
+        })?;
+        sync_directory(&active)?;
+        Ok(Self {
+            log,
+            unfinished: Unfinished {
+                file: handle,
+                active,
+                path: path.to_owned(),
+            },
+            bytes,
+        })
+    }
+
+    /// Takes the next arrival of the ordered stream; see [`LogWriter::push`].
+    ///
+    /// # Errors
+    /// If the disk refuses bytes.
+    pub fn push(&mut self, arrival: Arrival) -> Result<()> {
+        self.log.push(arrival)
+    }
+
+    /// Takes a decoded record; see [`LogWriter::record`].
+    pub fn record(&mut self, record: &Record) {
+        self.log.record(record);
+    }
+
+    /// Hands on what is due at `now`; see [`LogWriter::flush_due`].
+    ///
+    /// # Errors
+    /// If the disk refuses bytes.
+    pub fn flush_due(&mut self, now: LogTime) -> Result<()> {
+        self.log.flush_due(now)
+    }
+
+    /// Hands all that was taken to the operating system.
+    ///
+    /// # Errors
+    /// If the disk refuses bytes.
+    pub fn flush(&mut self) -> Result<()> {
+        self.log.flush()
+    }
+
+    /// Hands all that was taken to the disk itself.
+    ///
+    /// # Errors
+    /// If the disk refuses.
+    pub fn sync(&mut self) -> Result<()> {
+        self.log.flush()?;
+        self.unfinished
+            .file
+            .sync_data()
+            .map_err(Error::file("sync", &self.unfinished.active))
+    }
+
+    /// Bytes written so far.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+
+    /// Where the log will be when it is whole.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.unfinished.path
+    }
+
+    /// What went into the log so far.
+    #[must_use]
+    pub fn counters(&self) -> &WriteCounters {
+        self.log.counters()
+    }
+
+    /// Closes the log with its counters, statistics and indexes, syncs it and gives it its name.
+    ///
+    /// # Errors
+    /// If the disk refuses; the unfinished file is then still there, to be recovered.
+    pub fn finish(self) -> Result<Finished> {
+        let counters = self.log.counters().clone();
+        let bytes = Arc::clone(&self.bytes);
+        let path = self.close(&BTreeMap::new())?.finish()?;
+        Ok(Finished {
+            path,
+            bytes: bytes.load(Ordering::Relaxed),
+            counters,
+        })
+    }
+
+    /// Closes the log, but leaves its unfinished name.
+    pub(crate) fn close(self, extra: &BTreeMap<String, String>) -> Result<Unfinished> {
+        drop(self.log.finish(extra)?);
+        Ok(self.unfinished)
+    }
+
+    pub(crate) fn flush_raw(&mut self) -> Result<()> {
+        self.log.flush_raw()
+    }
+
+    pub(crate) fn last_log_time(&self) -> Option<LogTime> {
+        self.log.last_log_time()
+    }
+
+    pub(crate) fn latched(&self) -> &Latched {
+        self.log.latched()
+    }
+
+    pub(crate) fn continue_from(&mut self, latched: Latched) -> Result<()> {
+        self.log.continue_from(latched)
+    }
+
+    pub(crate) fn resume(&mut self, pending: Pending) {
+        self.log.resume(pending);
+    }
+
+    pub(crate) fn abandon(self) -> (Pending, Latched, Unfinished) {
+        let (pending, latched) = self.log.abandon();
+        (pending, latched, self.unfinished)
+    }
+
+    pub(crate) fn handle(&self) -> Result<File> {
+        self.unfinished
+            .file
+            .try_clone()
+            .map_err(Error::file("open again", &self.unfinished.active))
+    }
+}

@@ -1,0 +1,426 @@
+use std::collections::{BTreeMap, HashMap};
+use std::io::{BufWriter, Write};
+
+use mcap::records::MessageHeader;
+use mcap::write::{Metadata, NoSeek, WriteOptions};
+use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
+
+use crate::convert::{self, Encoded};
+use crate::dynamic::DynamicMessage;
+use crate::session::{COUNTERS_METADATA, RUN_METADATA};
+use crate::{Options, Record, Result, Session, raw, schema};
+
+/// Writes one log to anything that takes bytes. It reads no clock: the same input gives the same
+/// bytes.
+///
+/// Arrivals are gathered into groups; a group is closed, compressed and handed on when
+/// [`Options::raw_interval`] has passed on the log clock. Decoded records go into chunks of their
+/// own, which are larger, so that indexes stay small.
+pub struct LogWriter<W: Write> {
+    mcap: mcap::Writer<NoSeek<BufWriter<W>>>,
+    session: Session,
+    options: Options,
+    channels: HashMap<ChannelKey, Channel>,
+    dynamic: BTreeMap<String, DynamicMessage>,
+    group: Vec<Arrival>,
+    decoded: Vec<Encoded>,
+    decoded_bytes: usize,
+    decoded_since: Option<LogTime>,
+    latched: Latched,
+    last_log_time: Option<LogTime>,
+    counters: WriteCounters,
+}
+
+/// The last word on states that last, repeated at the start of each file of a run.
+#[derive(Clone, Default)]
+pub(crate) struct Latched {
+    notices: BTreeMap<SourceId, Arrival>,
+    messages: BTreeMap<(String, Option<SourceId>), Encoded>,
+}
+
+impl Latched {
+    fn see_arrival(&mut self, arrival: &Arrival) {
+        if let Payload::Notice(Notice::Opened(_) | Notice::Closed(_)) = &arrival.payload {
+            self.notices.insert(arrival.source, arrival.clone());
+        }
+    }
+
+    fn see_message(&mut self, message: &Encoded) {
+        if matches!(message.schema.as_str(), "atvrec.ClockFit" | "atvrec.Health") {
+            let key = (message.topic.clone(), message.source);
+            self.messages.insert(key, message.clone());
+        }
+    }
+}
+
+/// What a log that failed did not take.
+#[derive(Default)]
+pub(crate) struct Pending {
+    pub arrivals: Vec<Arrival>,
+    pub messages: Vec<Encoded>,
+}
+
+type ChannelKey = (String, String, Option<SourceId>);
+
+struct Channel {
+    id: u16,
+    messages: u32,
+}
+
+/// What went into a log.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WriteCounters {
+    /// Raw arrivals.
+    pub arrivals: u64,
+    /// CAN frames in them.
+    pub can_frames: u64,
+    /// Bytes of serial ports in them.
+    pub serial_bytes: u64,
+    /// Decoded messages.
+    pub messages: u64,
+    /// First sequence in the log.
+    pub first_sequence: Option<u64>,
+    /// Last sequence in the log.
+    pub last_sequence: Option<u64>,
+    /// Items lost before they became arrivals, by source and place, as the sources told.
+    pub lost: BTreeMap<(u16, &'static str), u64>,
+}
+
+impl WriteCounters {
+    fn count(&mut self, arrival: &Arrival) {
+        self.arrivals += 1;
+        self.first_sequence.get_or_insert(arrival.sequence);
+        self.last_sequence = Some(arrival.sequence);
+        match &arrival.payload {
+            Payload::Bytes(bytes) => self.serial_bytes += bytes.len() as u64,
+            Payload::Can(frames) => self.can_frames += frames.len() as u64,
+            Payload::Notice(Notice::Lost { place, count }) => {
+                *self
+                    .lost
+                    .entry((arrival.source.0, place.name()))
+                    .or_default() += count;
+            }
+            Payload::Tick | Payload::Notice(_) => {}
+        }
+    }
+
+    fn to_metadata(&self, session: &Session) -> BTreeMap<String, String> {
+        let mut map = BTreeMap::from([
+            ("arrivals".to_owned(), self.arrivals.to_string()),
+            ("can_frames".to_owned(), self.can_frames.to_string()),
+            ("serial_bytes".to_owned(), self.serial_bytes.to_string()),
+            ("messages".to_owned(), self.messages.to_string()),
+        ]);
+        if let (Some(first), Some(last)) = (self.first_sequence, self.last_sequence) {
+            map.insert("first_sequence".to_owned(), first.to_string());
+            map.insert("last_sequence".to_owned(), last.to_string());
+        }
+        for ((source, place), count) in &self.lost {
+            let name = session.source_name(SourceId(*source));
+            map.insert(format!("lost.{name}.{place}"), count.to_string());
+        }
+        map
+    }
+}
+
+impl<W: Write> LogWriter<W> {
+    /// Begins a log: its part number within the run, session and attachments.
+    ///
+    /// # Errors
+    /// If `sink` refuses the first bytes.
+    pub fn new(sink: W, session: Session, options: Options, part: u32) -> Result<Self> {
+        let sink = NoSeek::new(BufWriter::with_capacity(1 << 16, sink));
+        let mut mcap = WriteOptions::new()
+            .profile("")
+            .library("atvrec")
+            .compression_level(options.compression_level)
+            .compression_threads(0)
+            .chunk_size(None)
+            .disable_seeking(true)
+            .create(sink)?;
+        mcap.write_metadata(&Metadata {
+            name: RUN_METADATA.to_owned(),
+            metadata: session.to_metadata(part),
+        })?;
+        for attachment in &session.attachments {
+            mcap.attach(&mcap::Attachment {
+                log_time: session.started.0,
+                create_time: session.started.0,
+                name: attachment.name.clone(),
+                media_type: attachment.media_type.clone(),
+                data: attachment.data.as_slice().into(),
+            })?;
+        }
+        mcap.flush()?;
+        let dynamic = session
+            .dynamic
+            .iter()
+            .map(|message| (message.topic.clone(), message.clone()))
+            .collect();
+        Ok(Self {
+            mcap,
+            session,
+            options,
+            channels: HashMap::new(),
+            dynamic,
+            group: Vec::new(),
+            decoded: Vec::new(),
+            decoded_bytes: 0,
+            decoded_since: None,
+            latched: Latched::default(),
+            last_log_time: None,
+            counters: WriteCounters::default(),
+        })
+    }
+
+    /// Goes on where another file of the run ended: repeats the states that last.
+    pub(crate) fn continue_from(&mut self, latched: Latched) -> Result<()> {
+        let mut notices: Vec<Arrival> = latched.notices.values().cloned().collect();
+        notices.sort_by_key(|arrival| arrival.sequence);
+        let end = notices.last().map_or(0, |last| last.sequence + 1);
+        for message in raw::encode_group(&self.session, &notices, end, true) {
+            self.write(&message)?;
+        }
+        for message in latched.messages.values() {
+            self.write(message)?;
+        }
+        self.latched = latched;
+        Ok(self.mcap.flush()?)
+    }
+
+    /// Takes what a log that failed did not take; nothing is written before the next flush.
+    pub(crate) fn resume(&mut self, pending: Pending) {
+        for message in pending.messages {
+            self.keep(message);
+        }
+        for arrival in pending.arrivals {
+            self.take(arrival);
+        }
+    }
+
+    /// Gives up on a log that failed, without another byte to the sink.
+    pub(crate) fn abandon(self) -> (Pending, Latched) {
+        // Dropping the MCAP writer would write a summary behind the gap.
+        drop(self.mcap.into_inner());
+        let pending = Pending {
+            arrivals: self.group,
+            messages: self.decoded,
+        };
+        (pending, self.latched)
+    }
+
+    pub(crate) fn last_log_time(&self) -> Option<LogTime> {
+        self.last_log_time
+    }
+
+    pub(crate) fn latched(&self) -> &Latched {
+        &self.latched
+    }
+
+    /// Takes the next arrival of the ordered stream, and closes what is due by its log time.
+    ///
+    /// # Errors
+    /// If the sink refuses bytes; the arrivals of the open group are then not in the log.
+    pub fn push(&mut self, arrival: Arrival) -> Result<()> {
+        let flushed = self.flush_due(arrival.log_time);
+        self.take(arrival);
+        flushed
+    }
+
+    fn take(&mut self, arrival: Arrival) {
+        self.counters.count(&arrival);
+        self.latched.see_arrival(&arrival);
+        self.last_log_time = Some(arrival.log_time);
+        self.group.push(arrival);
+    }
+
+    /// Takes a decoded record. It is in the log after the next flush.
+    pub fn record(&mut self, record: &Record) {
+        if let Record::Sample(sample) = record {
+            self.dynamic_record(sample);
+        }
+        let session = &self.session;
+        for message in convert::encode(record, &|id| session.source_name(id)) {
+            self.keep(message);
+        }
+    }
+
+    fn keep(&mut self, message: Encoded) {
+        self.latched.see_message(&message);
+        self.decoded_since.get_or_insert(message.log_time);
+        self.decoded_bytes += message.data.len() + 31;
+        self.decoded.push(message);
+    }
+
+    fn dynamic_record(&mut self, sample: &Sample) {
+        let name = self.session.source_name(sample.source);
+        let (topic, name, can_id, signals): (String, &str, Option<u32>, &[Signal]) =
+            match &sample.measurement {
+                Measurement::Signals(frame) => (
+                    format!("/can/{name}/{}", frame.message),
+                    &frame.message,
+                    Some(frame.id),
+                    &frame.signals,
+                ),
+                Measurement::Control(control) => {
+                    (format!("/control/{name}"), &name, None, &control.values)
+                }
+                _ => return,
+            };
+        let message = self
+            .dynamic
+            .entry(topic.clone())
+            .or_insert_with(|| DynamicMessage {
+                topic: topic.clone(),
+                name: name.to_owned(),
+                can_id,
+                signals: Vec::new(),
+            });
+        if message.extend(signals) {
+            // The schema grew: the topic goes on in a new channel.
+            self.channels.retain(|(known, _, _), _| *known != topic);
+        }
+        let encoded = Encoded {
+            schema: message.schema_name(),
+            source: Some(sample.source),
+            log_time: sample.log_time,
+            publish_time: sample.valid_time,
+            data: message.encode(signals),
+            topic,
+        };
+        self.keep(encoded);
+    }
+
+    /// Closes the group or the decoded chunk if they are older than they may be at `now`.
+    ///
+    /// # Errors
+    /// If the sink refuses bytes.
+    pub fn flush_due(&mut self, now: LogTime) -> Result<()> {
+        let raw_since = self.group.first().map(|arrival| arrival.log_time);
+        let older = |since: Option<LogTime>, limit: std::time::Duration| {
+            since.is_some_and(|since| now - since >= limit.as_nanos() as i64)
+        };
+        if older(self.decoded_since, self.options.decoded_interval)
+            || self.decoded_bytes >= self.options.decoded_chunk_bytes
+        {
+            self.flush_decoded()?;
+        }
+        if older(raw_since, self.options.raw_interval) {
+            self.flush_raw()?;
+        }
+        Ok(())
+    }
+
+    /// Hands all that was taken to the sink.
+    ///
+    /// # Errors
+    /// If the sink refuses bytes.
+    pub fn flush(&mut self) -> Result<()> {
+        self.flush_decoded()?;
+        self.flush_raw()
+    }
+
+    pub(crate) fn flush_raw(&mut self) -> Result<()> {
+        let Some(last) = self.group.last() else {
+            return Ok(());
+        };
+        let end = last.sequence.saturating_add(1);
+        let messages = raw::encode_group(&self.session, &self.group, end, false);
+        for message in &messages {
+            self.write(message)?;
+        }
+        self.mcap.flush()?;
+        // Kept until here, so that a log which fails can hand its open group on.
+        self.group.clear();
+        Ok(())
+    }
+
+    fn flush_decoded(&mut self) -> Result<()> {
+        if self.decoded.is_empty() {
+            return Ok(());
+        }
+        let messages = std::mem::take(&mut self.decoded);
+        let written = messages
+            .iter()
+            .try_for_each(|message| self.write(message))
+            .and_then(|()| Ok(self.mcap.flush()?));
+        if let Err(error) = written {
+            self.decoded = messages;
+            return Err(error);
+        }
+        self.counters.messages += messages.len() as u64;
+        self.decoded_bytes = 0;
+        self.decoded_since = None;
+        Ok(())
+    }
+
+    fn write(&mut self, message: &Encoded) -> Result<()> {
+        let key = (
+            message.topic.clone(),
+            message.schema.clone(),
+            message.source,
+        );
+        if !self.channels.contains_key(&key) {
+            let id = self.add_channel(message)?;
+            self.channels
+                .insert(key.clone(), Channel { id, messages: 0 });
+        }
+        let Some(channel) = self.channels.get_mut(&key) else {
+            return Ok(());
+        };
+        channel.messages = channel.messages.wrapping_add(1);
+        let header = MessageHeader {
+            channel_id: channel.id,
+            sequence: channel.messages,
+            log_time: message.log_time.0,
+            publish_time: message.publish_time.0,
+        };
+        Ok(self.mcap.write_to_known_channel(&header, &message.data)?)
+    }
+
+    fn add_channel(&mut self, message: &Encoded) -> Result<u16> {
+        let dynamic = self.dynamic.get(&message.topic);
+        let descriptors = dynamic.map_or_else(
+            || schema::descriptor_set(&message.schema),
+            DynamicMessage::descriptor_set,
+        );
+        let mut metadata = dynamic.map(DynamicMessage::metadata).unwrap_or_default();
+        if let Some(source) = message.source {
+            metadata.insert("source".to_owned(), source.0.to_string());
+        }
+        let schema = self
+            .mcap
+            .add_schema(&message.schema, "protobuf", &descriptors)?;
+        Ok(self
+            .mcap
+            .add_channel(schema, &message.topic, "protobuf", &metadata)?)
+    }
+
+    /// What went into the log so far, the open group included.
+    #[must_use]
+    pub fn counters(&self) -> &WriteCounters {
+        &self.counters
+    }
+
+    /// Closes the log with its counters, statistics and indexes, and gives the sink back.
+    ///
+    /// # Errors
+    /// If the sink refuses bytes.
+    pub fn finish(mut self, extra: &BTreeMap<String, String>) -> Result<W> {
+        self.flush()?;
+        let mut metadata = self.counters.to_metadata(&self.session);
+        metadata.extend(extra.clone());
+        self.mcap.write_metadata(&Metadata {
+            name: COUNTERS_METADATA.to_owned(),
+            metadata,
+        })?;
+        if let Err(error) = self.mcap.finish() {
+            drop(self.mcap.into_inner());
+            return Err(error.into());
+        }
+        let buffered = self.mcap.into_inner().into_inner();
+        Ok(buffered
+            .into_inner()
+            .map_err(|refused| mcap::McapError::Io(refused.into_error()))?)
+    }
+}

@@ -1,0 +1,336 @@
+//! Reading logs, whole or cut short.
+
+mod arrivals;
+mod index;
+mod messages;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use sample::{Estimate, LogTime, Motion, PerWheel, Signal, SourceId, TyreForce};
+
+pub use arrivals::ArrivalIter;
+pub use messages::{Message, MessageIter, Selection};
+
+use crate::session::{COUNTERS_METADATA, RUN_METADATA};
+use crate::{Attachment, Error, Record, Result, Session, Stage};
+pub(crate) use index::Index;
+use index::attachment;
+
+/// One or more files of a run, read as one log.
+pub struct Reader {
+    files: Vec<Arc<LogFile>>,
+    session: Session,
+}
+
+pub(crate) struct LogFile {
+    pub path: PathBuf,
+    pub index: Index,
+}
+
+/// A channel of a log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Topic.
+    pub topic: String,
+    /// Name of the schema.
+    pub schema: String,
+    /// The schema itself: for protobuf a serialized `FileDescriptorSet`.
+    pub schema_data: Arc<[u8]>,
+    /// The source that the channel belongs to, where it belongs to one.
+    pub source: Option<SourceId>,
+    /// What else is known of the channel, such as units.
+    pub metadata: BTreeMap<String, String>,
+}
+
+/// What a log turned out not to hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Missing {
+    /// The file has no summary: it was not closed. What is in it was found by reading through it.
+    Unfinished {
+        /// Which file.
+        path: PathBuf,
+    },
+    /// The file ends inside of a record.
+    Cut {
+        /// Which file.
+        path: PathBuf,
+        /// Where the cut record begins.
+        offset: u64,
+    },
+    /// A part of the file could not be read and was left out.
+    Damaged {
+        /// Which file.
+        path: PathBuf,
+        /// Where it begins.
+        offset: u64,
+        /// What it is.
+        what: &'static str,
+    },
+    /// A message does not follow its schema and was left out.
+    BadMessage {
+        /// Its topic.
+        topic: String,
+        /// Its log time.
+        log_time: LogTime,
+        /// What is wrong with it.
+        text: String,
+    },
+    /// Arrivals are missing from the sequence.
+    Arrivals {
+        /// Sequence of the first that is missing.
+        first_sequence: u64,
+        /// How many in a row.
+        count: u64,
+    },
+}
+
+impl Missing {
+    /// What is missing, without the file's name.
+    #[must_use]
+    pub(crate) fn without_path(&self) -> String {
+        match self {
+            Self::Unfinished { .. } => "the file was not closed".to_owned(),
+            Self::Cut { offset, .. } => {
+                format!("the file ends inside of the record at byte {offset}")
+            }
+            Self::Damaged { offset, what, .. } => {
+                format!("the {what} at byte {offset} is damaged and left out")
+            }
+            Self::BadMessage {
+                topic,
+                log_time,
+                text,
+            } => format!("a message on {topic} at {log_time} s is malformed: {text}"),
+            Self::Arrivals {
+                first_sequence,
+                count,
+            } => format!("{count} arrivals are missing from number {first_sequence} on"),
+        }
+    }
+}
+
+impl std::fmt::Display for Missing {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Self::Unfinished { path } | Self::Cut { path, .. } | Self::Damaged { path, .. } =
+            self
+        {
+            write!(f, "{}: ", path.display())?;
+        }
+        f.write_str(&self.without_path())
+    }
+}
+
+/// What a log holds, in numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Info {
+    /// Files, in order, with their sizes in bytes.
+    pub files: Vec<(PathBuf, u64)>,
+    /// Log time of the first and the last message.
+    pub span: Option<(LogTime, LogTime)>,
+    /// Messages of each topic, with the schema's name; exact for closed files.
+    pub channels: BTreeMap<String, (String, u64)>,
+    /// Chunks.
+    pub chunks: u64,
+    /// Counters of the closed files, summed where they are numbers.
+    pub counters: BTreeMap<String, u64>,
+    /// Names, media types and sizes of the attachments.
+    pub attachments: Vec<(String, String, u64)>,
+    /// What is known to be missing without reading through the log.
+    pub missing: Vec<Missing>,
+}
+
+impl Reader {
+    /// Opens files of one run; they are put in order by themselves.
+    ///
+    /// # Errors
+    /// If no file is given, one cannot be read, is no MCAP file, or belongs to another run. A file
+    /// that is cut or damaged is no error: see [`Info::missing`].
+    pub fn open<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Self> {
+        let mut files = Vec::new();
+        for path in paths {
+            let path = path.as_ref().to_owned();
+            let index = Index::read(&path)?;
+            files.push(LogFile { path, index });
+        }
+        let part = |file: &LogFile| {
+            let run = file.index.metadata.get(RUN_METADATA);
+            let part = run.and_then(|run| run.get("part")?.parse::<u32>().ok());
+            (part, file.index.span.map(|span| span.0))
+        };
+        files.sort_by(|a, b| part(a).cmp(&part(b)));
+        let sessions: Vec<Session> = files
+            .iter()
+            .map(|file| {
+                let run = file.index.metadata.get(RUN_METADATA);
+                run.map(Session::from_metadata).unwrap_or_default()
+            })
+            .collect();
+        let Some(session) = sessions.first().cloned() else {
+            return Err(Error::NoFiles);
+        };
+        for (file, other) in files.iter().zip(&sessions) {
+            if other.run_id != session.run_id {
+                return Err(Error::MixedRuns {
+                    path: file.path.clone(),
+                    expected: session.run_id,
+                    found: other.run_id.clone(),
+                });
+            }
+        }
+        Ok(Self {
+            files: files.into_iter().map(Arc::new).collect(),
+            session,
+        })
+    }
+
+    /// What the files say about the run. Attachments are read by [`Reader::attachments`].
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// What the log holds, in numbers.
+    #[must_use]
+    pub fn info(&self) -> Info {
+        let mut info = Info {
+            files: Vec::new(),
+            span: None,
+            channels: BTreeMap::new(),
+            chunks: 0,
+            counters: BTreeMap::new(),
+            attachments: Vec::new(),
+            missing: Vec::new(),
+        };
+        for file in &self.files {
+            let index = &file.index;
+            info.files.push((file.path.clone(), index.length));
+            info.span = match (info.span, index.span) {
+                (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
+                (a, b) => a.or(b),
+            };
+            for (id, channel) in &index.channels {
+                let count = index.counts.get(id).copied().unwrap_or_default();
+                info.channels
+                    .entry(channel.topic.clone())
+                    .or_insert_with(|| (channel.schema.clone(), 0))
+                    .1 += count;
+            }
+            info.chunks += index.parts.len() as u64;
+            for (key, value) in index.metadata.get(COUNTERS_METADATA).into_iter().flatten() {
+                if let Ok(value) = value.parse::<u64>() {
+                    let sum = info.counters.entry(key.clone()).or_default();
+                    match key.as_str() {
+                        "first_sequence" if *sum > 0 => *sum = value.min(*sum),
+                        "last_sequence" => *sum = value.max(*sum),
+                        _ => *sum += value,
+                    }
+                }
+            }
+            for a in &index.attachments {
+                let entry = (a.name.clone(), a.media_type.clone(), a.data_size);
+                if !info.attachments.contains(&entry) {
+                    info.attachments.push(entry);
+                }
+            }
+            info.missing.extend(index.missing.iter().cloned());
+        }
+        info
+    }
+
+    /// Metadata records of all files by name; where files differ, the last one's.
+    #[must_use]
+    pub fn metadata(&self) -> BTreeMap<String, BTreeMap<String, String>> {
+        let all = self.files.iter().flat_map(|file| &file.index.metadata);
+        all.map(|(name, map)| (name.clone(), map.clone())).collect()
+    }
+
+    /// The files carried inside the log; each once, though every file of a run repeats them.
+    ///
+    /// # Errors
+    /// If a file can no longer be read.
+    pub fn attachments(&self) -> Result<Vec<Attachment>> {
+        let mut attachments: Vec<Attachment> = Vec::new();
+        for file in &self.files {
+            for index in &file.index.attachments {
+                if let Some(found) = attachment(&file.path, index)?
+                    && !attachments.contains(&found)
+                {
+                    attachments.push(found);
+                }
+            }
+        }
+        Ok(attachments)
+    }
+
+    /// Messages in the order of writing. Within a topic that is the order of log time.
+    #[must_use]
+    pub fn messages(&self, selection: Selection) -> MessageIter {
+        MessageIter::new(self.files.clone(), selection)
+    }
+
+    /// The ordered stream: all arrivals by their sequence, in bounded memory.
+    #[must_use]
+    pub fn arrivals(&self) -> ArrivalIter {
+        self.arrivals_between(LogTime(0), LogTime(u64::MAX))
+    }
+
+    /// The ordered stream from `start` to `end`, both included.
+    #[must_use]
+    pub fn arrivals_between(&self, start: LogTime, end: LogTime) -> ArrivalIter {
+        ArrivalIter::new(self.files.clone(), start, end)
+    }
+
+    /// The estimates of the log, put together from their channels.
+    pub fn estimates(&self) -> impl Iterator<Item = Result<Estimate>> {
+        self.joined(Stage::Estimate)
+    }
+
+    /// The truth of a simulated log: motion, and forces as `measured`; `expected` is unknown.
+    pub fn truth(&self) -> impl Iterator<Item = Result<Estimate>> {
+        self.joined(Stage::Truth)
+    }
+
+    fn joined(&self, stage: Stage) -> impl Iterator<Item = Result<Estimate>> {
+        let topics = match stage {
+            Stage::Truth => vec!["/truth/motion", "/truth/tyre_forces"],
+            Stage::Estimate | Stage::Model => vec![
+                "/estimate/motion",
+                "/estimate/tyre_forces",
+                "/model/tyre_forces",
+            ],
+        };
+        let messages = self.messages(Selection::topics(topics));
+        messages::joined(messages, stage)
+    }
+}
+
+impl Message {
+    /// The record of this message; `None` for raw batches, positions repeated for viewers, and
+    /// messages of other programs.
+    ///
+    /// # Errors
+    /// If the message does not follow its schema.
+    pub fn record(&self) -> Result<Option<Record>> {
+        messages::record(self)
+    }
+
+    /// Named values of a message whose schema was made at run time (a DBC message, a controller).
+    ///
+    /// # Errors
+    /// If the message does not follow its schema.
+    pub fn signals(&self) -> Result<Vec<Signal>> {
+        messages::signals(self)
+    }
+}
+
+pub(crate) fn unknown_estimate(time: LogTime) -> Estimate {
+    Estimate {
+        time,
+        motion: Motion::default(),
+        measured: PerWheel([TyreForce::default(); 4]),
+        expected: PerWheel([TyreForce::default(); 4]),
+    }
+}

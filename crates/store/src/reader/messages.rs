@@ -1,0 +1,312 @@
+//! Messages, chunk by chunk.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
+
+use mcap::records::op;
+use sample::{Estimate, LogTime, Measurement, Sample, Signal, SignalFrame, SourceId};
+
+use super::{ChannelInfo, LogFile, Missing, unknown_estimate};
+use crate::convert::{self, Envelope};
+use crate::scan::{self, Decompressor, Scanner, Step};
+use crate::{Error, Record, Result, Stage, dynamic};
+
+/// Which messages to read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// Topics, or beginnings of topics with a `*` behind them; `None` for all.
+    pub topics: Option<Vec<String>>,
+    /// Earliest log time.
+    pub start: LogTime,
+    /// Latest log time.
+    pub end: LogTime,
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self {
+            topics: None,
+            start: LogTime(0),
+            end: LogTime(u64::MAX),
+        }
+    }
+}
+
+impl Selection {
+    /// All messages of some topics.
+    #[must_use]
+    pub fn topics<T: Into<String>>(topics: impl IntoIterator<Item = T>) -> Self {
+        Self {
+            topics: Some(topics.into_iter().map(Into::into).collect()),
+            ..Self::default()
+        }
+    }
+
+    /// The same topics within a stretch of time, both ends included.
+    #[must_use]
+    pub fn between(self, start: LogTime, end: LogTime) -> Self {
+        Self { start, end, ..self }
+    }
+
+    fn wants(&self, topic: &str) -> bool {
+        self.topics.as_ref().is_none_or(|topics| {
+            topics.iter().any(|wanted| match wanted.strip_suffix('*') {
+                Some(beginning) => topic.starts_with(beginning),
+                None => topic == wanted,
+            })
+        })
+    }
+}
+
+/// A message as it stands in the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// Its channel.
+    pub channel: Arc<ChannelInfo>,
+    /// Its number on the channel.
+    pub sequence: u32,
+    /// Log clock when it was recorded or computed.
+    pub log_time: LogTime,
+    /// Log clock when it was true.
+    pub publish_time: LogTime,
+    /// Contents, by the channel's schema.
+    pub data: Vec<u8>,
+}
+
+/// Messages of a [`super::Reader`], in the order of writing.
+pub struct MessageIter {
+    files: VecDeque<Arc<LogFile>>,
+    selection: Selection,
+    open: Option<OpenFile>,
+    ready: VecDeque<Message>,
+    missing: Vec<Missing>,
+    decompressor: Decompressor,
+}
+
+struct OpenFile {
+    file: Arc<LogFile>,
+    scanner: Scanner,
+    wanted: BTreeSet<u16>,
+    next_part: usize,
+}
+
+impl MessageIter {
+    pub(super) fn new(files: Vec<Arc<LogFile>>, selection: Selection) -> Self {
+        Self {
+            files: files.into(),
+            selection,
+            open: None,
+            ready: VecDeque::new(),
+            missing: Vec::new(),
+            decompressor: Decompressor::default(),
+        }
+    }
+
+    /// What was found damaged while reading, so far.
+    #[must_use]
+    pub fn missing(&self) -> &[Missing] {
+        &self.missing
+    }
+
+    /// Reads the next part of the files; `false` at the end of the last.
+    fn advance(&mut self) -> Result<bool> {
+        let Some(open) = &mut self.open else {
+            let Some(file) = self.files.pop_front() else {
+                return Ok(false);
+            };
+            let channels = &file.index.channels;
+            let wanted = channels
+                .iter()
+                .filter(|(_, channel)| self.selection.wants(&channel.topic))
+                .map(|(id, _)| *id)
+                .collect();
+            self.open = Some(OpenFile {
+                scanner: Scanner::open(&file.path)?,
+                file,
+                wanted,
+                next_part: 0,
+            });
+            return Ok(true);
+        };
+        let Some(part) = open.file.index.parts.get(open.next_part) else {
+            self.open = None;
+            return Ok(true);
+        };
+        open.next_part += 1;
+        let in_time = part.start <= self.selection.end && part.end >= self.selection.start;
+        let has_wanted = part
+            .channels
+            .as_ref()
+            .is_none_or(|channels| !channels.is_disjoint(&open.wanted));
+        if in_time && has_wanted {
+            let path = &open.file.path;
+            let offset = part.offset;
+            let step = open
+                .scanner
+                .seek(offset)
+                .and_then(|()| open.scanner.step())
+                .map_err(Error::file("read", path))?;
+            self.take(step, offset);
+        }
+        Ok(true)
+    }
+
+    fn take(&mut self, step: Step, offset: u64) {
+        let Some(open) = &self.open else { return };
+        let (opcode, body, cut) = match step {
+            Step::Record { opcode, body, .. } => (opcode, body, false),
+            Step::Cut { opcode, body, .. } => (opcode, body, true),
+            Step::End => (0, Vec::new(), true),
+        };
+        let (wanted, selection, index) = (&open.wanted, &self.selection, &open.file.index);
+        let ready = &mut self.ready;
+        let mut add = |body: &[u8]| {
+            if let Some((header, data)) = scan::message(body)
+                && wanted.contains(&header.channel_id)
+                && (selection.start.0..=selection.end.0).contains(&header.log_time)
+                && let Some(channel) = index.channels.get(&header.channel_id)
+            {
+                ready.push_back(Message {
+                    channel: Arc::clone(channel),
+                    sequence: header.sequence,
+                    log_time: LogTime(header.log_time),
+                    publish_time: LogTime(header.publish_time),
+                    data: data.to_vec(),
+                });
+            }
+        };
+        match opcode {
+            op::MESSAGE => add(&body),
+            op::CHUNK => {
+                if let Some(contents) = self.decompressor.chunk(&body, cut) {
+                    scan::for_each_record(&contents.records, |opcode, body| {
+                        if opcode == op::MESSAGE {
+                            add(body);
+                        }
+                    });
+                } else {
+                    let path = open.file.path.clone();
+                    let what = "chunk";
+                    self.missing.push(Missing::Damaged { path, offset, what });
+                }
+            }
+            _ => {
+                let path = open.file.path.clone();
+                let what = "chunk";
+                self.missing.push(Missing::Damaged { path, offset, what });
+            }
+        }
+    }
+}
+
+impl Iterator for MessageIter {
+    type Item = Result<Message>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(message) = self.ready.pop_front() {
+                return Some(Ok(message));
+            }
+            match self.advance() {
+                Ok(true) => {}
+                Ok(false) => return None,
+                Err(error) => {
+                    self.open = None;
+                    return Some(Err(error));
+                }
+            }
+        }
+    }
+}
+
+fn bad_message(message: &Message) -> impl FnOnce(crate::error::MessageError) -> Error {
+    let topic = message.channel.topic.clone();
+    let log_time = message.log_time.0;
+    move |cause| Error::BadMessage {
+        topic,
+        log_time,
+        cause,
+    }
+}
+
+pub(super) fn record(message: &Message) -> Result<Option<Record>> {
+    let channel = &message.channel;
+    let source = channel.source.unwrap_or(SourceId(0));
+    if channel.schema.starts_with("atvrec.signals.") {
+        let signals = signals(message)?;
+        let measurement = if channel.topic.starts_with("/control/") {
+            Measurement::Control(sample::ControlSample { values: signals })
+        } else {
+            let name = channel.topic.rsplit('/').next().unwrap_or_default();
+            let id = channel.metadata.get("can_id");
+            Measurement::Signals(SignalFrame {
+                message: name.to_owned(),
+                id: id.and_then(|id| id.parse().ok()).unwrap_or_default(),
+                signals,
+            })
+        };
+        return Ok(Some(Record::Sample(Sample {
+            source,
+            log_time: message.log_time,
+            valid_time: message.publish_time,
+            device_time: None,
+            measurement,
+        })));
+    }
+    let envelope = Envelope {
+        topic: &channel.topic,
+        schema: &channel.schema,
+        source,
+        log_time: message.log_time,
+        publish_time: message.publish_time,
+    };
+    convert::decode(&envelope, &message.data).map_err(bad_message(message))
+}
+
+pub(super) fn signals(message: &Message) -> Result<Vec<Signal>> {
+    let channel = &message.channel;
+    dynamic::decode(&channel.schema_data, &channel.metadata, &message.data)
+        .map_err(|cause| bad_message(message)(cause.into()))
+}
+
+/// Puts the parts of each instant together again; they stand beside each other in the log.
+pub(super) fn joined(
+    messages: MessageIter,
+    stage: Stage,
+) -> impl Iterator<Item = Result<Estimate>> {
+    let mut messages = messages.fuse();
+    let mut open: Option<Estimate> = None;
+    std::iter::from_fn(move || {
+        loop {
+            let Some(message) = messages.next() else {
+                return open.take().map(Ok);
+            };
+            let record = match message.and_then(|message| message.record()) {
+                Ok(record) => record,
+                Err(error) => return Some(Err(error)),
+            };
+            let time = match &record {
+                Some(Record::Motion { time, .. } | Record::TyreForces { time, .. }) => *time,
+                _ => continue,
+            };
+            let done = open.take_if(|open| open.time != time);
+            let estimate = open.get_or_insert_with(|| unknown_estimate(time));
+            match record {
+                Some(Record::Motion { motion, .. }) => estimate.motion = motion,
+                Some(Record::TyreForces {
+                    forces, stage: of, ..
+                }) => {
+                    if of == stage {
+                        estimate.measured = forces;
+                    } else {
+                        estimate.expected = forces;
+                    }
+                }
+                _ => {}
+            }
+            if let Some(done) = done {
+                return Some(Ok(done));
+            }
+        }
+    })
+}

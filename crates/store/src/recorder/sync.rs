@@ -1,0 +1,83 @@
+//! The thread that waits for the disk, so that nobody else does.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::Shared;
+use crate::file::Unfinished;
+use crate::{Error, Result};
+
+/// What the syncing thread is asked to do.
+pub(crate) enum Job {
+    /// From now on sync this file.
+    Watch(File),
+    /// This file is closed: sync it and give it its name.
+    Finish(Unfinished),
+}
+
+/// The syncing thread.
+pub(crate) struct Syncer {
+    jobs: Sender<Job>,
+    thread: JoinHandle<Vec<PathBuf>>,
+}
+
+impl Syncer {
+    pub(crate) fn start(interval: Duration, shared: Arc<Shared>) -> Result<Self> {
+        let (jobs, queue) = channel();
+        let thread = std::thread::Builder::new()
+            .name("store-sync".to_owned())
+            .spawn(move || run(&queue, interval, &shared))
+            .map_err(Error::file("start a thread for", ".".as_ref()))?;
+        Ok(Self { jobs, thread })
+    }
+
+    pub(crate) fn send(&self, job: Job) {
+        if self.jobs.send(job).is_err() {
+            tracing::error!("the thread that syncs the log is gone");
+        }
+    }
+
+    /// Waits until all is on the disk; gives the files that could not be finished.
+    pub(crate) fn finish(self) -> Vec<PathBuf> {
+        drop(self.jobs);
+        self.thread.join().unwrap_or_default()
+    }
+}
+
+fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBuf> {
+    let mut watched: Option<File> = None;
+    let mut unfinished = Vec::new();
+    loop {
+        match queue.recv_timeout(interval) {
+            Ok(Job::Watch(file)) => watched = Some(file),
+            Ok(Job::Finish(file)) => {
+                let active = file.active.clone();
+                if let Err(error) = file.finish() {
+                    report(shared, &error.to_string());
+                    unfinished.push(active);
+                }
+                continue;
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return unfinished,
+        }
+        if let Some(file) = &watched
+            && let Err(error) = file.sync_data()
+        {
+            report(shared, &format!("cannot sync the log: {error}"));
+            watched = None;
+        }
+    }
+}
+
+fn report(shared: &Shared, reason: &str) {
+    tracing::error!(reason, "the log did not reach the disk");
+    *shared
+        .sync_failed
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner) = Some(reason.to_owned());
+}

@@ -1,0 +1,384 @@
+//! The thread that compresses and writes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, PoisonError, atomic::Ordering};
+use std::time::Instant;
+
+use sample::{Arrival, LogTime};
+
+use super::sync::{Job, Syncer};
+use super::{Command, DiskState, RecorderSummary, Shared};
+use crate::file::{Writer, part_path};
+use crate::log_writer::{Latched, Pending};
+use crate::{Error, Finished, Options, Record, Result, Session};
+
+pub(crate) struct Worker {
+    directory: PathBuf,
+    stem: String,
+    session: Session,
+    options: Options,
+    shared: Arc<Shared>,
+    syncer: Syncer,
+    part: u32,
+    sink: Sink,
+    summary: RecorderSummary,
+    /// Bytes of the files before this one.
+    bytes_before: u64,
+}
+
+enum Sink {
+    Open {
+        writer: Box<Writer>,
+        since: Option<LogTime>,
+    },
+    Failing {
+        pending: Pending,
+        latched: Latched,
+        retry_at: Instant,
+    },
+}
+
+impl Worker {
+    pub(crate) fn open(
+        directory: &Path,
+        stem: &str,
+        session: Session,
+        options: Options,
+        shared: Arc<Shared>,
+    ) -> Result<Self> {
+        let syncer = Syncer::start(options.sync_interval, Arc::clone(&shared))?;
+        let path = part_path(directory, stem, 0);
+        let writer = Writer::create(&path, session.clone(), options.clone(), 0)?;
+        syncer.send(Job::Watch(writer.handle()?));
+        shared.set_state(DiskState::Writing(path));
+        Ok(Self {
+            directory: directory.to_owned(),
+            stem: stem.to_owned(),
+            session,
+            options,
+            shared,
+            syncer,
+            part: 0,
+            sink: Sink::Open {
+                writer: Box::new(writer),
+                since: None,
+            },
+            summary: RecorderSummary::default(),
+            bytes_before: 0,
+        })
+    }
+
+    pub(crate) fn run(mut self, queue: &Receiver<Command>) -> RecorderSummary {
+        loop {
+            match queue.recv_timeout(self.options.raw_interval) {
+                Ok(Command::Arrival(arrival)) => {
+                    self.shared.taken();
+                    self.arrival(arrival);
+                }
+                Ok(Command::Record(record)) => {
+                    self.shared.taken();
+                    self.record(&record);
+                }
+                Ok(Command::Rotate) => {}
+                Err(RecvTimeoutError::Timeout) => self.idle(),
+                Ok(Command::Finish) | Err(RecvTimeoutError::Disconnected) => break,
+            }
+            self.look_after_disk();
+        }
+        self.finish()
+    }
+
+    fn arrival(&mut self, arrival: Arrival) {
+        let failed = match &mut self.sink {
+            Sink::Open { writer, since } => {
+                since.get_or_insert(arrival.log_time);
+                writer.push(arrival).err()
+            }
+            Sink::Failing { pending, .. } => {
+                if pending.arrivals.len() < self.options.backlog_capacity {
+                    pending.arrivals.push(arrival);
+                } else {
+                    self.shared.lose(&arrival);
+                }
+                None
+            }
+        };
+        if let Some(error) = failed {
+            self.fail(&error);
+        }
+    }
+
+    fn record(&mut self, record: &Record) {
+        match &mut self.sink {
+            Sink::Open { writer, .. } => writer.record(record),
+            // A replay makes it again from the arrivals that are kept.
+            Sink::Failing { .. } => {
+                self.shared.dropped_records.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    fn idle(&mut self) {
+        if let Sink::Open { writer, .. } = &mut self.sink
+            && let Err(error) = writer.flush_raw()
+        {
+            self.fail(&error);
+        }
+    }
+
+    fn look_after_disk(&mut self) {
+        let refused = self
+            .shared
+            .sync_failed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        if let Some(reason) = refused
+            && matches!(self.sink, Sink::Open { .. })
+        {
+            self.fail_because(reason);
+        }
+        match &self.sink {
+            Sink::Open { writer, since } => {
+                let bytes = self.bytes_before + writer.bytes();
+                self.shared.bytes.store(bytes, Ordering::Relaxed);
+                if self.rotation_due(writer, *since) {
+                    self.shared.rotate.store(false, Ordering::Relaxed);
+                    self.rotate();
+                }
+            }
+            Sink::Failing { retry_at, .. } => {
+                if Instant::now() >= *retry_at {
+                    self.retry();
+                }
+            }
+        }
+    }
+
+    fn rotation_due(&self, writer: &Writer, since: Option<LogTime>) -> bool {
+        let age = since.zip(writer.last_log_time()).map(|(a, b)| b - a);
+        let old = self.options.rotate_after.zip(age);
+        old.is_some_and(|(limit, age)| age >= limit.as_nanos() as i64)
+            || self
+                .options
+                .rotate_bytes
+                .is_some_and(|limit| writer.bytes() >= limit)
+            || (self.shared.rotate.load(Ordering::Relaxed) && since.is_some())
+    }
+
+    fn rotate(&mut self) {
+        let Sink::Open { writer, .. } = &mut self.sink else {
+            return;
+        };
+        if let Err(error) = writer.flush() {
+            return self.fail(&error);
+        }
+        let latched = writer.latched().clone();
+        // The new file is there before the old one is closed.
+        let next = self.new_file(latched.clone(), Pending::default());
+        match next {
+            Ok(next) => {
+                let old = std::mem::replace(&mut self.sink, next);
+                if let Sink::Open { writer, .. } = old {
+                    self.close(*writer);
+                }
+            }
+            Err((pending, error)) => {
+                tracing::error!(%error, "cannot go on in a new file");
+                let old = std::mem::replace(
+                    &mut self.sink,
+                    Sink::Failing {
+                        pending,
+                        latched,
+                        retry_at: Instant::now() + self.options.retry_interval,
+                    },
+                );
+                let reason = error.to_string();
+                self.summary.last_failure = Some(reason.clone());
+                self.shared.set_state(DiskState::Failing { reason });
+                if let Sink::Open { writer, .. } = old {
+                    self.close(*writer);
+                }
+            }
+        }
+    }
+
+    fn new_file(
+        &mut self,
+        latched: Latched,
+        pending: Pending,
+    ) -> std::result::Result<Sink, (Pending, Error)> {
+        self.part += 1;
+        let path = part_path(&self.directory, &self.stem, self.part);
+        let session = self.session.clone();
+        let mut writer = match Writer::create(&path, session, self.options.clone(), self.part) {
+            Ok(writer) => writer,
+            Err(error) => {
+                self.part -= 1;
+                return Err((pending, error));
+            }
+        };
+        let since = pending.arrivals.first().map(|arrival| arrival.log_time);
+        writer.resume(pending);
+        let begun = writer
+            .continue_from(latched)
+            .and_then(|()| writer.flush())
+            .and_then(|()| writer.handle());
+        match begun {
+            Ok(handle) => {
+                self.syncer.send(Job::Watch(handle));
+                self.shared.set_state(DiskState::Writing(path));
+                Ok(Sink::Open {
+                    writer: Box::new(writer),
+                    since,
+                })
+            }
+            Err(error) => {
+                let (pending, _, file) = writer.abandon();
+                if let Err(error) = std::fs::remove_file(&file.active) {
+                    tracing::warn!(%error, "cannot remove an empty log");
+                }
+                self.part -= 1;
+                Err((pending, error))
+            }
+        }
+    }
+
+    fn close(&mut self, writer: Writer) {
+        self.bytes_before += writer.bytes();
+        let finished = Finished {
+            path: writer.path().to_owned(),
+            bytes: writer.bytes(),
+            counters: writer.counters().clone(),
+        };
+        let active = crate::file::active_path(writer.path());
+        match writer.close(&self.loss_metadata()) {
+            Ok(file) => {
+                let size = file.file.metadata().map(|m| m.len());
+                self.summary.files.push(Finished {
+                    bytes: size.unwrap_or(finished.bytes),
+                    ..finished
+                });
+                self.syncer.send(Job::Finish(file));
+            }
+            Err(error) => {
+                tracing::error!(%error, "cannot close the log; it waits for recovery");
+                self.summary.last_failure = Some(error.to_string());
+                self.summary.unfinished.push(active);
+            }
+        }
+    }
+
+    fn loss_metadata(&self) -> BTreeMap<String, String> {
+        let (_, items) = self.shared.lost();
+        let records = self.shared.dropped_records.load(Ordering::Relaxed);
+        items
+            .iter()
+            .map(|(source, count)| {
+                let name = self.session.source_name(*source);
+                (format!("lost.{name}.disk"), count.to_string())
+            })
+            .chain((records > 0).then(|| ("lost_records".to_owned(), records.to_string())))
+            .collect()
+    }
+
+    fn fail(&mut self, error: &Error) {
+        self.fail_because(error.to_string());
+    }
+
+    fn fail_because(&mut self, reason: String) {
+        tracing::error!(reason, "the disk refuses the log; a new file will be tried");
+        self.summary.last_failure = Some(reason.clone());
+        self.shared.set_state(DiskState::Failing { reason });
+        let failing = Sink::Failing {
+            pending: Pending::default(),
+            latched: Latched::default(),
+            retry_at: Instant::now() + self.options.retry_interval,
+        };
+        if let Sink::Open { writer, .. } = std::mem::replace(&mut self.sink, failing) {
+            self.bytes_before += writer.bytes();
+            let (kept, last, file) = writer.abandon();
+            self.summary.unfinished.push(file.active);
+            if let Sink::Failing {
+                pending, latched, ..
+            } = &mut self.sink
+            {
+                *pending = kept;
+                *latched = last;
+            }
+        }
+    }
+
+    fn retry(&mut self) {
+        let Sink::Failing {
+            pending, latched, ..
+        } = &mut self.sink
+        else {
+            return;
+        };
+        let (pending, latched) = (std::mem::take(pending), std::mem::take(latched));
+        match self.new_file(latched.clone(), pending) {
+            Ok(sink) => {
+                tracing::warn!("the disk takes the log again");
+                self.sink = sink;
+            }
+            Err((pending, error)) => {
+                let reason = error.to_string();
+                self.shared.set_state(DiskState::Failing {
+                    reason: reason.clone(),
+                });
+                self.summary.last_failure = Some(reason);
+                self.sink = Sink::Failing {
+                    pending,
+                    latched,
+                    retry_at: Instant::now() + self.options.retry_interval,
+                };
+            }
+        }
+    }
+
+    fn finish(mut self) -> RecorderSummary {
+        if matches!(self.sink, Sink::Failing { .. }) {
+            self.retry();
+        }
+        let closing = Sink::Failing {
+            pending: Pending::default(),
+            latched: Latched::default(),
+            retry_at: Instant::now(),
+        };
+        match std::mem::replace(&mut self.sink, closing) {
+            Sink::Open { mut writer, .. } => match writer.flush() {
+                Ok(()) => self.close(*writer),
+                Err(error) => {
+                    self.summary.last_failure = Some(error.to_string());
+                    let (pending, _, file) = writer.abandon();
+                    self.summary.unfinished.push(file.active);
+                    self.give_up(&pending);
+                }
+            },
+            Sink::Failing { pending, .. } => self.give_up(&pending),
+        }
+        self.shared.set_state(DiskState::Closed);
+        let (lost_arrivals, _) = self.shared.lost();
+        let mut summary = self.summary;
+        summary.lost_arrivals = lost_arrivals;
+        summary.lost_records = self.shared.dropped_records.load(Ordering::Relaxed);
+        let unnamed = self.syncer.finish();
+        summary
+            .files
+            .retain(|file| !unnamed.contains(&crate::file::active_path(&file.path)));
+        summary.unfinished.extend(unnamed);
+        summary
+    }
+
+    fn give_up(&self, pending: &Pending) {
+        for arrival in &pending.arrivals {
+            self.shared.lose(arrival);
+        }
+        self.shared
+            .dropped_records
+            .fetch_add(pending.messages.len() as u64, Ordering::Relaxed);
+    }
+}

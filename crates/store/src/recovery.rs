@@ -1,0 +1,291 @@
+//! Making logs whole that were cut short.
+
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use mcap::records::{Record, op};
+use mcap::write::{Metadata, NoSeek, WriteOptions};
+
+use crate::file::{ACTIVE_SUFFIX, lock, sync_directory};
+use crate::reader::{Index, Missing};
+use crate::scan::{self, Decompressor, Scanner, Step};
+use crate::{Error, Result};
+
+/// Name of the metadata record that tells of a recovery.
+const RECOVERED_METADATA: &str = "atvrec.recovered";
+
+/// What a recovery did.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recovered {
+    /// The whole log.
+    pub path: PathBuf,
+    /// It needed no more than its name.
+    pub was_whole: bool,
+    /// Messages saved.
+    pub messages: u64,
+    /// Those of them that were in a chunk which was cut.
+    pub messages_of_cut_chunk: u64,
+    /// What could not be saved.
+    pub missing: Vec<Missing>,
+}
+
+/// Makes every unfinished log of a directory whole; one result a log. Logs that another process is
+/// writing are left alone.
+///
+/// # Errors
+/// If the directory cannot be read.
+pub fn recover_directory(directory: &Path) -> Result<Vec<(PathBuf, Result<Recovered>)>> {
+    let read = || Error::file("read the directory", directory);
+    let mut unfinished = Vec::new();
+    for entry in std::fs::read_dir(directory).map_err(read())? {
+        let path = entry.map_err(read())?.path();
+        if path
+            .as_os_str()
+            .to_string_lossy()
+            .ends_with(&format!(".mcap{ACTIVE_SUFFIX}"))
+        {
+            unfinished.push(path);
+        }
+    }
+    unfinished.sort();
+    let recovered = unfinished.into_iter().map(|path| {
+        let result = recover(&path);
+        (path, result)
+    });
+    Ok(recovered
+        .filter(|(_, result)| !matches!(result, Err(Error::InUse(_))))
+        .collect())
+}
+
+/// Makes a log whole in place: saves all intact chunks, and the intact messages of a chunk that is
+/// cut, writes summary and indexes, and takes the place of the old file in one step. Nothing is in
+/// the result that was not in the old file, except a metadata record that tells of the recovery.
+///
+/// # Errors
+/// If the file cannot be read, is no MCAP file, is being written, or the result cannot be written;
+/// the old file is then as it was.
+pub fn recover(path: &Path) -> Result<Recovered> {
+    let file = File::open(path).map_err(Error::file("open", path))?;
+    lock(&file, path)?;
+    let target = final_path(path);
+    let index = Index::read(path)?;
+    if index.missing.is_empty() {
+        if target != path {
+            std::fs::rename(path, &target).map_err(Error::file("give its final name to", path))?;
+            sync_directory(&target)?;
+        }
+        return Ok(Recovered {
+            path: target,
+            was_whole: true,
+            messages: index.counts.values().sum(),
+            messages_of_cut_chunk: 0,
+            missing: Vec::new(),
+        });
+    }
+    let temporary = with_suffix(&target, ".recovering");
+    let result = rewrite(path, &temporary, &index);
+    let (messages, messages_of_cut_chunk) = match result {
+        Ok(counts) => counts,
+        Err(error) => {
+            let _ = std::fs::remove_file(&temporary);
+            return Err(error);
+        }
+    };
+    std::fs::rename(&temporary, &target).map_err(Error::file("replace", &target))?;
+    if target != path {
+        std::fs::remove_file(path).map_err(Error::file("remove", path))?;
+    }
+    sync_directory(&target)?;
+    Ok(Recovered {
+        path: target,
+        was_whole: false,
+        messages,
+        messages_of_cut_chunk,
+        missing: index.missing,
+    })
+}
+
+fn final_path(path: &Path) -> PathBuf {
+    let name = path.as_os_str().to_string_lossy();
+    name.strip_suffix(ACTIVE_SUFFIX)
+        .map_or_else(|| path.to_owned(), PathBuf::from)
+}
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}
+
+fn rewrite(path: &Path, temporary: &Path, index: &Index) -> Result<(u64, u64)> {
+    let output = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .open(temporary)
+        .map_err(Error::file("create", temporary))?;
+    let handle = output
+        .try_clone()
+        .map_err(Error::file("open again", temporary))?;
+    let mut scanner = Scanner::open(path)?;
+    let writer = WriteOptions::new()
+        .profile("")
+        .library("atvrec")
+        .compression_threads(0)
+        .disable_seeking(true)
+        .create(NoSeek::new(BufWriter::with_capacity(1 << 16, output)))?;
+    let mut copy = Copy {
+        writer,
+        decompressor: Decompressor::default(),
+        messages: 0,
+        messages_of_cut_chunk: 0,
+    };
+    let outcome = copy.run(path, &mut scanner, index);
+    let (counts, writer) = (
+        (copy.messages, copy.messages_of_cut_chunk),
+        copy.writer.into_inner(),
+    );
+    outcome?;
+    writer
+        .into_inner()
+        .into_inner()
+        .map_err(|refused| Error::file("write", temporary)(refused.into_error()))?;
+    handle.sync_all().map_err(Error::file("sync", temporary))?;
+    Ok(counts)
+}
+
+struct Copy {
+    writer: mcap::Writer<NoSeek<BufWriter<File>>>,
+    decompressor: Decompressor,
+    messages: u64,
+    messages_of_cut_chunk: u64,
+}
+
+impl Copy {
+    fn run(&mut self, path: &Path, scanner: &mut Scanner, index: &Index) -> Result<()> {
+        loop {
+            match scanner.step().map_err(Error::file("read", path))? {
+                Step::End => break,
+                Step::Cut { opcode, body, .. } => {
+                    if opcode == op::CHUNK {
+                        let before = self.messages;
+                        self.chunk(&body, true)?;
+                        self.messages_of_cut_chunk = self.messages - before;
+                    }
+                    break;
+                }
+                Step::Record { opcode, body, .. } => match opcode {
+                    op::DATA_END | op::FOOTER => break,
+                    op::CHUNK => self.chunk(&body, false)?,
+                    _ if !scan::is_known(opcode) => break,
+                    _ => self.record(opcode, &body)?,
+                },
+            }
+        }
+        let mut metadata = BTreeMap::from([
+            ("messages".to_owned(), self.messages.to_string()),
+            (
+                "messages_of_cut_chunk".to_owned(),
+                self.messages_of_cut_chunk.to_string(),
+            ),
+            ("bytes_before".to_owned(), index.length.to_string()),
+        ]);
+        for (number, missing) in index.missing.iter().enumerate() {
+            // Without the path: the same bytes recover to the same bytes, wherever they are.
+            metadata.insert(format!("missing.{number}"), missing.without_path());
+        }
+        self.writer.write_metadata(&Metadata {
+            name: RECOVERED_METADATA.to_owned(),
+            metadata,
+        })?;
+        self.writer.finish()?;
+        Ok(())
+    }
+
+    fn chunk(&mut self, body: &[u8], cut: bool) -> Result<()> {
+        let Some(contents) = self.decompressor.chunk(body, cut) else {
+            return Ok(());
+        };
+        let mut rest = contents.records.as_slice();
+        while let Some((opcode, body, tail)) = scan::split_record(rest) {
+            self.record(opcode, body)?;
+            rest = tail;
+        }
+        // Chunks keep their bounds: what was written together is read together.
+        Ok(self.writer.flush()?)
+    }
+
+    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<()> {
+        if opcode == op::MESSAGE {
+            return self.message(body);
+        }
+        match scan::parse(opcode, body) {
+            Some(Record::Schema { header, data }) if header.id != 0 => {
+                let added = self.writer.add_schema_with_id(
+                    header.id,
+                    &header.name,
+                    &header.encoding,
+                    &data,
+                );
+                ignore_conflict(added.map(drop))
+            }
+            Some(Record::Channel(channel)) => {
+                let added = self.writer.add_channel_with_id(
+                    channel.id,
+                    channel.schema_id,
+                    &channel.topic,
+                    &channel.message_encoding,
+                    &channel.metadata,
+                );
+                ignore_conflict(added.map(drop))
+            }
+            Some(Record::Metadata(metadata)) => Ok(self.writer.write_metadata(&metadata)?),
+            Some(Record::Attachment { header, data, crc }) => {
+                let sound = body
+                    .len()
+                    .checked_sub(4)
+                    .is_some_and(|end| crc == 0 || crc32fast::hash(&body[..end]) == crc);
+                if sound {
+                    self.writer.attach(&mcap::Attachment {
+                        log_time: header.log_time,
+                        create_time: header.create_time,
+                        name: header.name,
+                        media_type: header.media_type,
+                        data,
+                    })?;
+                }
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn message(&mut self, body: &[u8]) -> Result<()> {
+        let Some((header, data)) = scan::message(body) else {
+            return Ok(());
+        };
+        match self.writer.write_to_known_channel(&header, data) {
+            Ok(()) => {
+                self.messages += 1;
+                Ok(())
+            }
+            // The chunk that introduced the channel is lost, so nobody can read the message.
+            Err(mcap::McapError::UnknownChannel(..)) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// Definitions that contradict each other come from damage: the first one stands.
+fn ignore_conflict(result: mcap::McapResult<()>) -> Result<()> {
+    match result {
+        Err(
+            mcap::McapError::ConflictingSchemas(_)
+            | mcap::McapError::ConflictingChannels(_)
+            | mcap::McapError::UnknownSchema(..),
+        ) => Ok(()),
+        other => Ok(other?),
+    }
+}

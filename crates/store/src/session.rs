@@ -1,0 +1,187 @@
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use sample::{LogTime, SourceId};
+
+use crate::DynamicMessage;
+
+/// What every file of a run says about itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Session {
+    /// Names the run; the same in all its files.
+    pub run_id: String,
+    /// Log clock at the start of the run.
+    pub started: LogTime,
+    /// Version of the recorder.
+    pub version: String,
+    /// Commit that it was built from.
+    pub git_hash: String,
+    /// The kernel's boot id; empty in simulations.
+    pub boot_id: String,
+    /// Name of the host; empty in simulations.
+    pub host: String,
+    /// All sources of the resolved configuration.
+    pub sources: Vec<Source>,
+    /// Messages of the DBC files, so that their channels carry all signals from the first frame on.
+    pub dynamic: Vec<DynamicMessage>,
+    /// Configuration, vehicle, calibration and DBC files.
+    pub attachments: Vec<Attachment>,
+}
+
+/// One source of the configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// Its position.
+    pub id: SourceId,
+    /// Its name; a part of topics.
+    pub name: String,
+    /// What it delivers.
+    pub kind: SourceKind,
+}
+
+/// What a source delivers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceKind {
+    /// Bytes of a serial port.
+    Serial,
+    /// Frames of a CAN bus.
+    Can,
+    /// The recorder itself: ticks and notices.
+    Recorder,
+}
+
+impl SourceKind {
+    /// Lower-case name, as in the log's metadata.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Serial => "serial",
+            Self::Can => "can",
+            Self::Recorder => "recorder",
+        }
+    }
+
+    fn from_name(name: &str) -> Option<Self> {
+        [Self::Serial, Self::Can, Self::Recorder]
+            .into_iter()
+            .find(|kind| kind.name() == name)
+    }
+}
+
+/// A file carried inside the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// File name.
+    pub name: String,
+    /// Media type, such as `application/toml`.
+    pub media_type: String,
+    /// Contents.
+    pub data: Vec<u8>,
+}
+
+/// How a log is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Raw data is handed to the operating system after at most this time on the log clock.
+    pub raw_interval: Duration,
+    /// Decoded records, which can be made again from the raw data, after at most this time. Longer
+    /// means fewer indexes and better compression.
+    pub decoded_interval: Duration,
+    /// A chunk of decoded records ends when it is larger than this, whatever its age.
+    pub decoded_chunk_bytes: usize,
+    /// zstd level; 0 is zstd's own default.
+    pub compression_level: u32,
+    /// The file is synced to the disk this often (recorder only).
+    pub sync_interval: Duration,
+    /// A new file begins after this time on the log clock (recorder only).
+    pub rotate_after: Option<Duration>,
+    /// A new file begins when this many bytes are written (recorder only).
+    pub rotate_bytes: Option<u64>,
+    /// Arrivals and records that may wait for the writer (recorder only).
+    pub queue_capacity: usize,
+    /// Arrivals and records kept while the disk refuses them, before they count as lost (recorder
+    /// only).
+    pub backlog_capacity: usize,
+    /// A disk that failed is tried again this often (recorder only).
+    pub retry_interval: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            raw_interval: Duration::from_millis(80),
+            decoded_interval: Duration::from_millis(500),
+            decoded_chunk_bytes: 1 << 20,
+            compression_level: 0,
+            sync_interval: Duration::from_millis(500),
+            rotate_after: Some(Duration::from_secs(600)),
+            rotate_bytes: Some(1 << 30),
+            queue_capacity: 1 << 16,
+            backlog_capacity: 1 << 17,
+            retry_interval: Duration::from_secs(1),
+        }
+    }
+}
+
+/// Name of the metadata record that opens each file.
+pub(crate) const RUN_METADATA: &str = "atvrec.run";
+/// Name of the metadata record that closes each file.
+pub(crate) const COUNTERS_METADATA: &str = "atvrec.counters";
+
+impl Session {
+    /// Name of a source, for topics.
+    #[must_use]
+    pub fn source_name(&self, id: SourceId) -> String {
+        self.sources
+            .iter()
+            .find(|source| source.id == id)
+            .map_or_else(|| format!("source{}", id.0), |source| source.name.clone())
+    }
+
+    pub(crate) fn to_metadata(&self, part: u32) -> BTreeMap<String, String> {
+        let mut map = BTreeMap::from([
+            ("run_id".to_owned(), self.run_id.clone()),
+            ("part".to_owned(), part.to_string()),
+            ("started_ns".to_owned(), self.started.0.to_string()),
+            ("version".to_owned(), self.version.clone()),
+            ("git_hash".to_owned(), self.git_hash.clone()),
+            ("boot_id".to_owned(), self.boot_id.clone()),
+            ("host".to_owned(), self.host.clone()),
+        ]);
+        for source in &self.sources {
+            map.insert(
+                format!("source.{:05}", source.id.0),
+                format!("{} {}", source.kind.name(), source.name),
+            );
+        }
+        map
+    }
+
+    /// The session that a file's metadata tells of; attachments and dynamic messages stay empty.
+    pub(crate) fn from_metadata(map: &BTreeMap<String, String>) -> Self {
+        let text = |key: &str| map.get(key).cloned().unwrap_or_default();
+        let sources = map
+            .iter()
+            .filter_map(|(key, value)| {
+                let id = key.strip_prefix("source.")?.parse().ok()?;
+                let (kind, name) = value.split_once(' ')?;
+                Some(Source {
+                    id: SourceId(id),
+                    name: name.to_owned(),
+                    kind: SourceKind::from_name(kind)?,
+                })
+            })
+            .collect();
+        Self {
+            run_id: text("run_id"),
+            started: LogTime(text("started_ns").parse().unwrap_or_default()),
+            version: text("version"),
+            git_hash: text("git_hash"),
+            boot_id: text("boot_id"),
+            host: text("host"),
+            sources,
+            dynamic: Vec::new(),
+            attachments: Vec::new(),
+        }
+    }
+}
