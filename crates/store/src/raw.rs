@@ -446,9 +446,9 @@ fn can_frames(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
     // Where each kind's block begins in the data, and how wide its rows are.
     let mut start = Vec::with_capacity(kinds);
     let mut total = 0_usize;
-    for kind in 0..kinds {
+    for (kind, frames) in count.iter().enumerate() {
         start.push(total);
-        total += count[kind] * row_width(message, kind)?;
+        total += frames * row_width(message, kind)?;
     }
     expect_len("data", total, message.data.len())?;
 

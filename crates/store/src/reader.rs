@@ -160,7 +160,7 @@ impl Reader {
             let part = run.and_then(|run| run.get("part")?.parse::<u32>().ok());
             (part, file.index.span.map(|span| span.0))
         };
-        files.sort_by(|a, b| part(a).cmp(&part(b)));
+        files.sort_by_key(part);
         let sessions: Vec<Session> = files
             .iter()
             .map(|file| {

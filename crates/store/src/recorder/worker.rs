@@ -185,7 +185,8 @@ impl Worker {
                     self.close(*writer);
                 }
             }
-            Err((pending, error)) => {
+            Err(failed) => {
+                let (pending, error) = *failed;
                 tracing::error!(%error, "cannot go on in a new file");
                 let old = std::mem::replace(
                     &mut self.sink,
@@ -209,7 +210,7 @@ impl Worker {
         &mut self,
         latched: Latched,
         pending: Pending,
-    ) -> std::result::Result<Sink, (Pending, Error)> {
+    ) -> std::result::Result<Sink, Box<(Pending, Error)>> {
         self.part += 1;
         let path = part_path(&self.directory, &self.stem, self.part);
         let session = self.session.clone();
@@ -217,7 +218,7 @@ impl Worker {
             Ok(writer) => writer,
             Err(error) => {
                 self.part -= 1;
-                return Err((pending, error));
+                return Err(Box::new((pending, error)));
             }
         };
         let since = pending.arrivals.first().map(|arrival| arrival.log_time);
@@ -241,7 +242,7 @@ impl Worker {
                     tracing::warn!(%error, "cannot remove an empty log");
                 }
                 self.part -= 1;
-                Err((pending, error))
+                Err(Box::new((pending, error)))
             }
         }
     }
@@ -324,7 +325,8 @@ impl Worker {
                 tracing::warn!("the disk takes the log again");
                 self.sink = sink;
             }
-            Err((pending, error)) => {
+            Err(failed) => {
+                let (pending, error) = *failed;
                 let reason = error.to_string();
                 self.shared.set_state(DiskState::Failing {
                     reason: reason.clone(),
