@@ -3,6 +3,8 @@
 mod error;
 mod file;
 pub mod sensors;
+pub mod suspension;
+pub mod truth_params;
 pub mod vehicle;
 
 pub use error::Error;

@@ -1,0 +1,105 @@
+//! The ground under the wheels: contact points, tyre axes and the ground's normal, seen from the
+//! sprung body.
+
+use nalgebra::{Matrix3, Vector3};
+use sample::PerWheel;
+
+use super::CornerPose;
+
+/// The tyre's contact frame: x along the wheel's heading, y left of it, z along the ground's
+/// normal; origin at the contact point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TyreFrame {
+    /// Contact point, vehicle axes, m.
+    pub contact_m: Vector3<f64>,
+    /// Its columns are the frame's axes in vehicle axes.
+    pub vehicle_from_tyre: Matrix3<f64>,
+}
+
+impl TyreFrame {
+    /// The frame of a wheel on ground with the unit normal `normal` (vehicle axes), its tyre of
+    /// unloaded radius R_0 pressed in by F_z/k_z.
+    ///
+    /// x = s x n, y = n x x, contact = c - (R_0 - F_z/k_z) (n - (n.s) s)/|n - (n.s) s|, with the
+    /// wheel centre c and the spindle's direction s.
+    #[must_use]
+    pub fn new(
+        pose: &CornerPose,
+        normal: Vector3<f64>,
+        unloaded_radius_m: f64,
+        compression_m: f64,
+    ) -> Self {
+        let x = pose.spindle.cross(&normal).normalize();
+        let upward = (normal - pose.spindle * normal.dot(&pose.spindle)).normalize();
+        Self {
+            contact_m: pose.wheel_centre_m - upward * (unloaded_radius_m - compression_m),
+            vehicle_from_tyre: Matrix3::from_columns(&[x, normal.cross(&x), normal]),
+        }
+    }
+
+    /// The ground's normal, vehicle axes.
+    #[must_use]
+    pub fn normal(&self) -> Vector3<f64> {
+        self.vehicle_from_tyre.column(2).into_owned()
+    }
+}
+
+/// A plane, vehicle axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundPlane {
+    /// Unit normal, upwards.
+    pub normal: Vector3<f64>,
+    /// Height of the plane at x = y = 0, m.
+    pub height_m: f64,
+}
+
+impl GroundPlane {
+    /// Roll and pitch of the body against this plane, rad: right side down and nose down positive.
+    #[must_use]
+    pub fn body_roll_pitch_rad(&self) -> [f64; 2] {
+        let n = self.normal;
+        [n.y.atan2(n.z), (-n.x).atan2(n.y.hypot(n.z))]
+    }
+}
+
+/// The plane through the wheels' contact points, by least squares with one weight a wheel (0 for
+/// a wheel that may be off the ground). `None` with fewer than three weighted wheels: carry the
+/// last normal on with the gyro then.
+#[must_use]
+pub fn ground_plane(
+    poses: &PerWheel<CornerPose>,
+    unloaded_radius_m: &PerWheel<f64>,
+    compression_m: &PerWheel<f64>,
+    weight: &PerWheel<f64>,
+) -> Option<GroundPlane> {
+    if weight.0.iter().filter(|w| **w > 0.0).count() < 3 {
+        return None;
+    }
+    let mut plane = GroundPlane {
+        normal: Vector3::z(),
+        height_m: 0.0,
+    };
+    // The contact points depend on the normal to first order in camber only: three rounds leave
+    // less than a nanometre.
+    for _ in 0..4 {
+        let mut normal_matrix = Matrix3::zeros();
+        let mut right = Vector3::zeros();
+        for i in 0..4 {
+            let frame = TyreFrame::new(
+                &poses.0[i],
+                plane.normal,
+                unloaded_radius_m.0[i],
+                compression_m.0[i],
+            );
+            let row = Vector3::new(1.0, frame.contact_m.x, frame.contact_m.y);
+            normal_matrix += row * row.transpose() * weight.0[i];
+            right += row * (frame.contact_m.z * weight.0[i]);
+        }
+        let solution = normal_matrix.try_inverse()? * right;
+        plane = GroundPlane {
+            normal: Vector3::new(-solution.y, -solution.z, 1.0).normalize(),
+            height_m: solution.x,
+        };
+    }
+    plane.height_m.is_finite().then_some(plane)
+}

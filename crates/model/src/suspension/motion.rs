@@ -1,0 +1,152 @@
+//! How the unsprung parts of a corner move: what their inertia and weight add to the statics.
+
+use nalgebra::Vector3;
+
+use super::{Corner, CornerPose};
+
+/// Motion of the sprung body, vehicle axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BodyMotion {
+    /// Specific force at `reference_m` (what an accelerometer reads there), m/s^2.
+    pub specific_force_m_s2: Vector3<f64>,
+    /// Where that holds, vehicle axes, m: (0, 0, h) for the centre of gravity.
+    pub reference_m: Vector3<f64>,
+    /// Angular rate w, rad/s.
+    pub rate_rad_s: Vector3<f64>,
+    /// Angular acceleration w', rad/s^2.
+    pub rate_dot_rad_s2: Vector3<f64>,
+}
+
+impl BodyMotion {
+    /// Specific force at another point of the body: f + w' x r + w x (w x r).
+    #[must_use]
+    pub fn specific_force_at(&self, point_m: Vector3<f64>) -> Vector3<f64> {
+        let r = point_m - self.reference_m;
+        self.specific_force_m_s2
+            + self.rate_dot_rad_s2.cross(&r)
+            + self.rate_rad_s.cross(&self.rate_rad_s.cross(&r))
+    }
+}
+
+/// Motion of one corner's unsprung parts, vehicle axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CornerMotion {
+    /// Specific force at the wheel centre, m/s^2.
+    pub wheel_specific_force_m_s2: Vector3<f64>,
+    /// Specific force at the upright's centre of gravity, m/s^2.
+    pub upright_specific_force_m_s2: Vector3<f64>,
+    /// Specific force at the upper arm's centre of gravity, m/s^2.
+    pub upper_arm_specific_force_m_s2: Vector3<f64>,
+    /// Specific force at the lower arm's centre of gravity, m/s^2.
+    pub lower_arm_specific_force_m_s2: Vector3<f64>,
+    /// Angular rate of the upright, rad/s.
+    pub upright_rate_rad_s: Vector3<f64>,
+    /// Angular acceleration of the upright, rad/s^2.
+    pub upright_rate_dot_rad_s2: Vector3<f64>,
+    /// Spin of the wheel about the spindle against the upright, forward rolling positive, rad/s.
+    pub spin_rad_s: f64,
+    /// Its rate of change, rad/s^2.
+    pub spin_dot_rad_s2: f64,
+    /// Torque that a half-shaft exerts on the wheel, reacted by the chassis; forward driving
+    /// positive, N m. Torque between wheel and upright (an outboard brake) is internal to the
+    /// corner and does not appear.
+    pub axle_torque_n_m: f64,
+}
+
+impl CornerMotion {
+    /// A corner that hangs or stands still: every part has the specific force `f`.
+    #[must_use]
+    pub fn at_rest(specific_force_m_s2: Vector3<f64>) -> Self {
+        Self {
+            wheel_specific_force_m_s2: specific_force_m_s2,
+            upright_specific_force_m_s2: specific_force_m_s2,
+            upper_arm_specific_force_m_s2: specific_force_m_s2,
+            lower_arm_specific_force_m_s2: specific_force_m_s2,
+            ..Self::default()
+        }
+    }
+
+    /// A corner whose strut lengthens at `strut_rate_m_s` and whose rack moves at `rack_rate_m_s`
+    /// on a moving body. Of the relative acceleration the Coriolis part is in, what comes from
+    /// l'' is not: on ground, [`CornerMotion::on_ground`] replaces it.
+    #[must_use]
+    pub fn on_body(
+        corner: &Corner,
+        pose: &CornerPose,
+        body: &BodyMotion,
+        strut_rate_m_s: f64,
+        rack_rate_m_s: f64,
+    ) -> Self {
+        let rates = corner.rates(pose);
+        let rotation = rates.strut.rotation * strut_rate_m_s + rates.rack.rotation * rack_rate_m_s;
+        let hub =
+            rates.strut.wheel_centre * strut_rate_m_s + rates.rack.wheel_centre * rack_rate_m_s;
+        let upright = hub + rotation.cross(&(pose.upright_cg_m - pose.wheel_centre_m));
+        let moving = |point: Vector3<f64>, velocity: Vector3<f64>| {
+            body.specific_force_at(point) + body.rate_rad_s.cross(&velocity) * 2.0
+        };
+        let swing = |hinge: Vector3<f64>, axis: Vector3<f64>, per_strut: f64, point| {
+            axis.cross(&(point - hinge)) * (per_strut * strut_rate_m_s)
+        };
+        let p = &corner.points;
+        let upper = swing(
+            p.upper_rear,
+            corner.upper_axis,
+            rates.upper_angle_per_strut,
+            pose.upper_arm_cg_m,
+        );
+        let lower = swing(
+            p.lower_rear,
+            corner.lower_axis,
+            rates.lower_angle_per_strut,
+            pose.lower_arm_cg_m,
+        );
+        Self {
+            wheel_specific_force_m_s2: moving(pose.wheel_centre_m, hub),
+            upright_specific_force_m_s2: moving(pose.upright_cg_m, upright),
+            upper_arm_specific_force_m_s2: moving(pose.upper_arm_cg_m, upper),
+            lower_arm_specific_force_m_s2: moving(pose.lower_arm_cg_m, lower),
+            upright_rate_rad_s: body.rate_rad_s + rotation,
+            upright_rate_dot_rad_s2: body.rate_dot_rad_s2,
+            ..Self::default()
+        }
+    }
+
+    /// The same corner with its wheel on flat ground: along the ground's normal the wheel has no
+    /// acceleration, whatever the body's roll and pitch do, so that its specific force there is
+    /// gravity's. The arms take the part of that correction which their centre of gravity's
+    /// distance from the hinge gives them.
+    #[must_use]
+    pub fn on_ground(
+        mut self,
+        corner: &Corner,
+        pose: &CornerPose,
+        normal: Vector3<f64>,
+        gravity_along_normal_m_s2: f64,
+    ) -> Self {
+        let correction =
+            normal * (gravity_along_normal_m_s2 - self.wheel_specific_force_m_s2.dot(&normal));
+        let p = &corner.points;
+        let share = |hinge: Vector3<f64>, axis: Vector3<f64>, cg: Vector3<f64>, ball| {
+            let distance = |point: Vector3<f64>| axis.cross(&(point - hinge)).norm();
+            distance(cg) / distance(ball)
+        };
+        let upper = share(
+            p.upper_rear,
+            corner.upper_axis,
+            pose.upper_arm_cg_m,
+            pose.upper_ball_m,
+        );
+        let lower = share(
+            p.lower_rear,
+            corner.lower_axis,
+            pose.lower_arm_cg_m,
+            pose.lower_ball_m,
+        );
+        self.wheel_specific_force_m_s2 += correction;
+        self.upright_specific_force_m_s2 += correction;
+        self.upper_arm_specific_force_m_s2 += correction * upper;
+        self.lower_arm_specific_force_m_s2 += correction * lower;
+        self
+    }
+}

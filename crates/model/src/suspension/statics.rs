@@ -1,0 +1,338 @@
+//! Statics of one corner: from member forces to the contact-patch wrench and back.
+//!
+//! A two-leg arm takes the part of its ball joint's force that lies in its plane axially in its
+//! legs; the part along the arm's normal is set by the strut (or read by bending bridges) through
+//! the equilibrium about the hinge. With four legs, the tie rod and one of strut or ball-normal
+//! force the upright's six equations are determined:
+//!
+//! w = G c + g, with the wrench w = (F, M) that the ground exerts on the tyre, in the tyre's
+//! contact frame about the contact point, and the member forces c.
+
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+
+use super::{Corner, CornerMotion, CornerPose, SuspensionError, TyreFrame};
+use crate::vehicle::Unsprung;
+
+/// Force and moment that the ground exerts on a tyre, contact frame, about the contact point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench {
+    /// Force, N.
+    pub force_n: Vector3<f64>,
+    /// Moment, N m.
+    pub moment_n_m: Vector3<f64>,
+}
+
+impl Wrench {
+    /// (F_x, F_y, F_z, M_x, M_y, M_z).
+    #[must_use]
+    pub fn to_vector(self) -> Vector6<f64> {
+        stack(self.force_n, self.moment_n_m)
+    }
+
+    /// The inverse of [`Wrench::to_vector`].
+    #[must_use]
+    pub fn from_vector(v: &Vector6<f64>) -> Self {
+        Self {
+            force_n: v.fixed_rows::<3>(0).into_owned(),
+            moment_n_m: v.fixed_rows::<3>(3).into_owned(),
+        }
+    }
+}
+
+/// What the sixth channel of a corner is, the five axial ones being given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChannelKind {
+    /// Force of spring, damper and stops along the strut, pushing its ends apart, N.
+    Strut,
+    /// Force of the upright on the lower arm's ball joint along the arm's upward normal, N: what
+    /// bending bridges between strut mount and ball joint read. No strut model enters.
+    BallNormal,
+}
+
+/// Forces in the members of one corner, N. Axial forces are positive in tension; those of the
+/// lower legs hold outboard of the strut's mount.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MemberForces {
+    /// Upper arm, front leg.
+    pub upper_front_n: f64,
+    /// Upper arm, rear leg.
+    pub upper_rear_n: f64,
+    /// Lower arm, front leg.
+    pub lower_front_n: f64,
+    /// Lower arm, rear leg.
+    pub lower_rear_n: f64,
+    /// Tie rod or toe link.
+    pub tie_rod_n: f64,
+    /// Strut or ball-normal force: see [`ChannelKind`].
+    pub sixth_n: f64,
+}
+
+impl MemberForces {
+    /// The forces in the order of the fields.
+    #[must_use]
+    pub fn to_vector(self) -> Vector6<f64> {
+        Vector6::new(
+            self.upper_front_n,
+            self.upper_rear_n,
+            self.lower_front_n,
+            self.lower_rear_n,
+            self.tie_rod_n,
+            self.sixth_n,
+        )
+    }
+
+    /// The inverse of [`MemberForces::to_vector`].
+    #[must_use]
+    pub fn from_vector(v: &Vector6<f64>) -> Self {
+        Self {
+            upper_front_n: v[0],
+            upper_rear_n: v[1],
+            lower_front_n: v[2],
+            lower_rear_n: v[3],
+            tie_rod_n: v[4],
+            sixth_n: v[5],
+        }
+    }
+}
+
+/// The linear map of one corner at one instant, both ways.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CornerStatics {
+    /// G of w = G c + g.
+    pub wrench_from_members: Matrix6<f64>,
+    /// g of w = G c + g: weight and inertia of the unsprung parts, spin, half-shaft torque.
+    pub wrench_offset: Vector6<f64>,
+    /// G^-1 of c = G^-1 w + c_0. Its columns 0-2 are the gains A on the tyre's force, 3-5 the
+    /// gains B on its moment: a filter predicts each member's force as A F + B M + c_0.
+    pub members_from_wrench: Matrix6<f64>,
+    /// c_0 = -G^-1 g.
+    pub members_offset: Vector6<f64>,
+    /// Ball-normal force for one newton of strut force.
+    pub ball_normal_per_strut: f64,
+    /// Ball-normal force without strut force (the lower arm's weight and inertia), N.
+    pub ball_normal_offset_n: f64,
+    /// Upward unit normal of the lower arm's plane, vehicle axes.
+    pub lower_normal: Vector3<f64>,
+    /// What the sixth channel is.
+    pub sixth: ChannelKind,
+}
+
+impl CornerStatics {
+    /// The map at `pose`, with the tyre standing in `frame`, the parts' masses in `unsprung` and
+    /// their motion.
+    ///
+    /// # Errors
+    /// When the members' lines of action are dependent, so that they cannot hold the upright.
+    pub fn new(
+        corner: &Corner,
+        pose: &CornerPose,
+        frame: &TyreFrame,
+        unsprung: &Unsprung,
+        motion: &CornerMotion,
+        sixth: ChannelKind,
+    ) -> Result<Self, SuspensionError> {
+        let p = &corner.points;
+        let contact = frame.contact_m;
+        let line = |at: Vector3<f64>, direction: Vector3<f64>| {
+            stack(direction, (at - contact).cross(&direction))
+        };
+        let leg = |hinge: Vector3<f64>, ball: Vector3<f64>| line(ball, -(ball - hinge).normalize());
+        let upper = Arm::new(
+            p.upper_front,
+            p.upper_rear,
+            corner.upper_axis,
+            pose.upper_ball_m,
+        );
+        let lower = Arm::new(
+            p.lower_front,
+            p.lower_rear,
+            corner.lower_axis,
+            pose.lower_ball_m,
+        );
+        let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
+
+        let strut_gain = -lower.lever(pose.strut_arm_m, pose.strut_direction);
+        let lower_weight = lower.lever(
+            pose.lower_arm_cg_m,
+            motion.lower_arm_specific_force_m_s2 * unsprung.lower_arm_mass_kg,
+        );
+        let upper_weight = upper.lever(
+            pose.upper_arm_cg_m,
+            motion.upper_arm_specific_force_m_s2 * unsprung.upper_arm_mass_kg,
+        );
+        let on_upright = line(pose.lower_ball_m, -lower.normal);
+        let mut known = corner_inertia(pose, contact, unsprung, motion)
+            + line(pose.upper_ball_m, -upper.normal) * upper_weight;
+        let sixth_column = match sixth {
+            ChannelKind::Strut => {
+                known += on_upright * lower_weight;
+                on_upright * strut_gain
+            }
+            ChannelKind::BallNormal => on_upright,
+        };
+        let members = Matrix6::from_columns(&[
+            leg(p.upper_front, pose.upper_ball_m),
+            leg(p.upper_rear, pose.upper_ball_m),
+            leg(p.lower_front, pose.lower_ball_m),
+            leg(p.lower_rear, pose.lower_ball_m),
+            line(pose.tie_rod_outer_m, tie_rod),
+            sixth_column,
+        ]);
+        let to_tyre = -tyre_from_vehicle(&frame.vehicle_from_tyre);
+        let wrench_from_members = to_tyre * members;
+        let wrench_offset = to_tyre * known;
+        let members_from_wrench =
+            wrench_from_members
+                .try_inverse()
+                .ok_or(SuspensionError::Degenerate {
+                    what: "the members' lines of action depend on each other",
+                })?;
+        Ok(Self {
+            wrench_from_members,
+            wrench_offset,
+            members_from_wrench,
+            members_offset: -(members_from_wrench * wrench_offset),
+            ball_normal_per_strut: strut_gain,
+            ball_normal_offset_n: lower_weight,
+            lower_normal: lower.normal,
+            sixth,
+        })
+    }
+
+    /// The tyre's wrench from all six member forces: nothing is inverted.
+    #[must_use]
+    pub fn wrench(&self, members: &MemberForces) -> Wrench {
+        let w = self.wrench_from_members * members.to_vector() + self.wrench_offset;
+        Wrench::from_vector(&w)
+    }
+
+    /// The member forces that a tyre's wrench calls for.
+    #[must_use]
+    pub fn members(&self, wrench: &Wrench) -> MemberForces {
+        let c = self.members_from_wrench * wrench.to_vector() + self.members_offset;
+        MemberForces::from_vector(&c)
+    }
+
+    /// Gains A (3 columns) of every member's force on the tyre's force.
+    #[must_use]
+    pub fn force_gains(&self) -> SMatrix<f64, 6, 3> {
+        self.members_from_wrench.fixed_columns::<3>(0).into_owned()
+    }
+
+    /// Gains B (3 columns) of every member's force on the tyre's moment, N per N m.
+    #[must_use]
+    pub fn moment_gains(&self) -> SMatrix<f64, 6, 3> {
+        self.members_from_wrench.fixed_columns::<3>(3).into_owned()
+    }
+
+    /// Ball-normal force of the lower arm that belongs to these member forces, N.
+    #[must_use]
+    pub fn ball_normal_n(&self, members: &MemberForces) -> f64 {
+        match self.sixth {
+            ChannelKind::Strut => {
+                self.ball_normal_per_strut * members.sixth_n + self.ball_normal_offset_n
+            }
+            ChannelKind::BallNormal => members.sixth_n,
+        }
+    }
+}
+
+/// How much more tension the lower legs (front, rear) carry inboard of the strut's mount than
+/// outboard, N: T_in = T_out + pinv([u_F u_B]) (F_strut d - m f), with the legs' directions u
+/// from hinge to ball joint. A gauge inboard of the mount reads T_in.
+///
+/// It holds for ideal hinges; in the metal their axial split and the legs' own bending add to it,
+/// so mount axial bridges outboard.
+#[must_use]
+pub fn inboard_excess_n(
+    corner: &Corner,
+    pose: &CornerPose,
+    unsprung: &Unsprung,
+    motion: &CornerMotion,
+    strut_force_n: f64,
+) -> [f64; 2] {
+    let front = (pose.lower_ball_m - corner.points.lower_front).normalize();
+    let rear = (pose.lower_ball_m - corner.points.lower_rear).normalize();
+    let load = pose.strut_direction * strut_force_n
+        - motion.lower_arm_specific_force_m_s2 * unsprung.lower_arm_mass_kg;
+    let (a, b) = (front.dot(&load), rear.dot(&load));
+    let c = front.dot(&rear);
+    let scale = 1.0 / (1.0 - c * c);
+    [(a - c * b) * scale, (b - c * a) * scale]
+}
+
+/// An arm's hinge and ball joint.
+struct Arm {
+    origin: Vector3<f64>,
+    axis: Vector3<f64>,
+    normal: Vector3<f64>,
+    normal_moment: f64,
+}
+
+impl Arm {
+    fn new(
+        front: Vector3<f64>,
+        rear: Vector3<f64>,
+        axis: Vector3<f64>,
+        ball: Vector3<f64>,
+    ) -> Self {
+        let across = (front - ball).cross(&(rear - ball)).normalize();
+        let normal = if across.z < 0.0 { -across } else { across };
+        Self {
+            origin: rear,
+            axis,
+            normal,
+            normal_moment: (ball - rear).cross(&normal).dot(&axis),
+        }
+    }
+
+    /// The force along the normal at the ball joint that has the same moment about the hinge as
+    /// `force` at `point`. A force -m f there (weight and inertia) thus calls for this force of
+    /// the upright on the arm.
+    fn lever(&self, point: Vector3<f64>, force: Vector3<f64>) -> f64 {
+        (point - self.origin).cross(&force).dot(&self.axis) / self.normal_moment
+    }
+}
+
+/// Weight, inertia, spin and half-shaft torque of wheel and upright as a wrench on them about the
+/// contact point, vehicle axes:
+///
+/// F = -sum m f, M = sum (r x -m f) - I' w' - w x H + T s, H = I w + I_s Omega s.
+fn corner_inertia(
+    pose: &CornerPose,
+    contact: Vector3<f64>,
+    unsprung: &Unsprung,
+    motion: &CornerMotion,
+) -> Vector6<f64> {
+    let wheel = motion.wheel_specific_force_m_s2 * -unsprung.wheel_mass_kg;
+    let upright = motion.upright_specific_force_m_s2 * -unsprung.upright_mass_kg;
+    let s = pose.spindle;
+    let spin = unsprung.wheel_spin_inertia_kg_m2;
+    let diametral = unsprung.wheel_diametral_inertia_kg_m2;
+    let inertia = |v: Vector3<f64>| v * diametral + s * (s.dot(&v) * (spin - diametral));
+    let rate = motion.upright_rate_rad_s;
+    let momentum = inertia(rate) + s * (spin * motion.spin_rad_s);
+    let momentum_dot = inertia(motion.upright_rate_dot_rad_s2)
+        + s * (spin * motion.spin_dot_rad_s2)
+        + rate.cross(&momentum);
+    stack(
+        wheel + upright,
+        (pose.wheel_centre_m - contact).cross(&wheel)
+            + (pose.upright_cg_m - contact).cross(&upright)
+            - momentum_dot
+            + s * motion.axle_torque_n_m,
+    )
+}
+
+/// Turns a wrench's force and moment from vehicle to tyre axes.
+fn tyre_from_vehicle(vehicle_from_tyre: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut both = Matrix6::zeros();
+    let inverse = vehicle_from_tyre.transpose();
+    both.fixed_view_mut::<3, 3>(0, 0).copy_from(&inverse);
+    both.fixed_view_mut::<3, 3>(3, 3).copy_from(&inverse);
+    both
+}
+
+fn stack(force: Vector3<f64>, moment: Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+}

@@ -1,0 +1,590 @@
+//! Exact kinematics of a double wishbone from its hard-points.
+//!
+//! The lower arm turns about its hinge until the strut has the wanted length; the upper ball
+//! joint is where the circle of the upper arm meets the sphere about the lower ball joint; the
+//! tie rod's outer end is where its circle about the line through both ball joints meets the
+//! sphere about the tie rod's inner end. Each of the three is
+//! A cos(phi) + B sin(phi) = C, solved in closed form; of both roots the one of the design
+//! position is kept. The thesis (2.2.4) has the lever of one arm only, and upside down.
+
+use nalgebra::{Matrix3, Vector3};
+use sample::Wheel;
+
+use super::{SuspensionError, finite};
+use crate::vehicle::{Axle, Vehicle, Wishbone};
+
+/// Smallest distance between hard-points that counts as one, m.
+const COINCIDENT_M: f64 = 1e-6;
+
+/// The linkage of one corner in vehicle axes, left or right.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Corner {
+    /// Which wheel it carries.
+    pub wheel: Wheel,
+    /// Hard-points in the design position, vehicle axes; a right corner is mirrored already.
+    pub points: HardPoints,
+    /// Unit vector of the lower arm's hinge, rear to front.
+    pub lower_axis: Vector3<f64>,
+    /// Unit vector of the upper arm's hinge, rear to front.
+    pub upper_axis: Vector3<f64>,
+    /// Direction in which the rack moves for positive travel (that steers left): -1 towards -y
+    /// (tie rods behind the king-pin), +1 towards +y (in front of it).
+    pub rack_direction: f64,
+    strut_circle: Circle,
+    upper_circle: Circle,
+    upright_length_m: f64,
+    kingpin_foot_m: f64,
+    tie_rod_radius_m: f64,
+    tie_rod_length_m: f64,
+    tie_rod_branch: f64,
+    design_frame: Matrix3<f64>,
+    design_strut_length_m: f64,
+}
+
+/// Hard-points of one corner in the design position, vehicle axes, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(
+    missing_docs,
+    reason = "the fields are those of vehicle::Wishbone and Unsprung"
+)]
+pub struct HardPoints {
+    pub wheel_centre: Vector3<f64>,
+    pub upper_front: Vector3<f64>,
+    pub upper_rear: Vector3<f64>,
+    pub upper_ball: Vector3<f64>,
+    pub lower_front: Vector3<f64>,
+    pub lower_rear: Vector3<f64>,
+    pub lower_ball: Vector3<f64>,
+    pub strut_chassis: Vector3<f64>,
+    pub strut_arm: Vector3<f64>,
+    pub tie_rod_inner: Vector3<f64>,
+    pub tie_rod_outer: Vector3<f64>,
+    pub upright_cg: Vector3<f64>,
+    pub upper_arm_cg: Vector3<f64>,
+    pub lower_arm_cg: Vector3<f64>,
+}
+
+/// Where every point of a corner is, vehicle axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CornerPose {
+    /// Length of the strut, m.
+    pub strut_length_m: f64,
+    /// Rack travel, positive steers left, m.
+    pub rack_m: f64,
+    /// Turn of the lower arm about its hinge from the design position, rad.
+    pub lower_angle_rad: f64,
+    /// Turn of the upper arm about its hinge from the design position, rad.
+    pub upper_angle_rad: f64,
+    /// Lower ball joint, m.
+    pub lower_ball_m: Vector3<f64>,
+    /// Upper ball joint, m.
+    pub upper_ball_m: Vector3<f64>,
+    /// Tie rod at the rack, m.
+    pub tie_rod_inner_m: Vector3<f64>,
+    /// Tie rod at the upright, m.
+    pub tie_rod_outer_m: Vector3<f64>,
+    /// Strut at the lower arm, m.
+    pub strut_arm_m: Vector3<f64>,
+    /// Unit vector along the strut, chassis end to arm end.
+    pub strut_direction: Vector3<f64>,
+    /// Wheel centre, m.
+    pub wheel_centre_m: Vector3<f64>,
+    /// Unit vector of the spindle; it points left on both sides.
+    pub spindle: Vector3<f64>,
+    /// Rotation of the upright from the design position.
+    pub vehicle_from_upright: Matrix3<f64>,
+    /// Centre of gravity of the upright, m.
+    pub upright_cg_m: Vector3<f64>,
+    /// Centre of gravity of the upper arm, m.
+    pub upper_arm_cg_m: Vector3<f64>,
+    /// Centre of gravity of the lower arm, m.
+    pub lower_arm_cg_m: Vector3<f64>,
+}
+
+impl CornerPose {
+    /// Steer angle of the wheel about the vehicle's z axis, left positive, rad.
+    #[must_use]
+    pub fn steer_rad(&self) -> f64 {
+        (-self.spindle.x).atan2(self.spindle.y)
+    }
+
+    /// Inclination of the wheel plane about its heading, rad: right-hand rule, so that the top
+    /// leans right where positive, on both sides. This is ISO 8855's inclination angle; see
+    /// [`CornerPose::camber_rad`].
+    #[must_use]
+    pub fn inclination_rad(&self) -> f64 {
+        self.spindle.z.clamp(-1.0, 1.0).asin()
+    }
+
+    /// Camber against the vehicle's z axis, rad: positive where the wheel's top leans outwards.
+    #[must_use]
+    pub fn camber_rad(&self, wheel: Wheel) -> f64 {
+        -wheel.side() * self.inclination_rad()
+    }
+
+    /// Toe against the vehicle's x axis, rad: positive where the wheel's front points inwards.
+    #[must_use]
+    pub fn toe_in_rad(&self, wheel: Wheel) -> f64 {
+        -wheel.side() * self.steer_rad()
+    }
+
+    /// Unit vector from the lower to the upper ball joint.
+    #[must_use]
+    pub fn kingpin(&self) -> Vector3<f64> {
+        (self.upper_ball_m - self.lower_ball_m).normalize()
+    }
+}
+
+/// Velocity of the wheel centre and rotation rate of the upright for one unit of an input.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Twist {
+    /// Movement of the wheel centre, m per unit.
+    pub wheel_centre: Vector3<f64>,
+    /// Rotation of the upright, rad per unit.
+    pub rotation: Vector3<f64>,
+}
+
+impl Twist {
+    /// Movement of another point that is fixed to the upright, m per unit.
+    #[must_use]
+    pub fn at(&self, pose: &CornerPose, point_m: Vector3<f64>) -> Vector3<f64> {
+        self.wheel_centre + self.rotation.cross(&(point_m - pose.wheel_centre_m))
+    }
+}
+
+/// First derivatives of a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CornerRates {
+    /// Per metre of strut length, rack held.
+    pub strut: Twist,
+    /// Per metre of rack travel, strut held.
+    pub rack: Twist,
+    /// Turn of the lower arm per metre of strut length, rad/m.
+    pub lower_angle_per_strut: f64,
+    /// Turn of the upper arm per metre of strut length, rad/m.
+    pub upper_angle_per_strut: f64,
+}
+
+impl CornerRates {
+    /// Motion ratio: strut travel for one metre of upward wheel travel, as a positive number.
+    /// The wheel rate is its square times the spring stiffness (where the thesis's equation 2.27
+    /// multiplies by 2.3, its inverse).
+    #[must_use]
+    pub fn motion_ratio(&self) -> f64 {
+        -1.0 / self.strut.wheel_centre.z
+    }
+
+    /// Bump steer: steer angle per metre of upward wheel travel, left positive, rad/m.
+    #[must_use]
+    pub fn bump_steer_rad_m(&self) -> f64 {
+        self.strut.rotation.z / self.strut.wheel_centre.z
+    }
+}
+
+impl Corner {
+    /// The corner of `wheel` of `vehicle`.
+    ///
+    /// # Errors
+    /// When the axle has no hard-points, or degenerate ones.
+    pub fn of(vehicle: &Vehicle, wheel: Wheel) -> Result<Self, SuspensionError> {
+        if wheel.is_front() {
+            Self::new(&vehicle.front, vehicle.body.front_axle_to_cg_m, wheel)
+        } else {
+            Self::new(&vehicle.rear, -vehicle.body.cg_to_rear_axle_m, wheel)
+        }
+    }
+
+    /// The corner of `wheel` on `axle`, whose frame's origin is `axle_x_m` ahead of the centre of
+    /// gravity.
+    ///
+    /// # Errors
+    /// When the axle has no hard-points, or degenerate ones.
+    pub fn new(axle: &Axle, axle_x_m: f64, wheel: Wheel) -> Result<Self, SuspensionError> {
+        let name = if wheel.is_front() { "front" } else { "rear" };
+        let wishbone = axle.wishbone.as_ref().ok_or(SuspensionError::Missing {
+            axle: name,
+            table: "wishbone",
+        })?;
+        let points = HardPoints::new(axle, wishbone, finite("axle x", axle_x_m, "m")?, wheel);
+        points.check()?;
+        Ok(Self::from_points(points, wheel))
+    }
+
+    fn from_points(points: HardPoints, wheel: Wheel) -> Self {
+        let lower_axis = (points.lower_front - points.lower_rear).normalize();
+        let upper_axis = (points.upper_front - points.upper_rear).normalize();
+        let kingpin = points.upper_ball - points.lower_ball;
+        let upright_length_m = kingpin.norm();
+        let axis = kingpin / upright_length_m;
+        let to_outer = points.tie_rod_outer - points.lower_ball;
+        let kingpin_foot_m = axis.dot(&to_outer);
+        let foot = points.lower_ball + axis * kingpin_foot_m;
+        let lever = points.tie_rod_outer - foot;
+        Self {
+            wheel,
+            lower_axis,
+            upper_axis,
+            rack_direction: if lever.x < 0.0 { -1.0 } else { 1.0 },
+            strut_circle: Circle::new(
+                points.lower_rear,
+                lower_axis,
+                points.strut_arm,
+                points.strut_chassis,
+            ),
+            upper_circle: Circle::new(
+                points.upper_rear,
+                upper_axis,
+                points.upper_ball,
+                points.lower_ball,
+            ),
+            upright_length_m,
+            kingpin_foot_m,
+            tie_rod_radius_m: lever.norm(),
+            tie_rod_length_m: (points.tie_rod_outer - points.tie_rod_inner).norm(),
+            tie_rod_branch: branch(foot, axis, lever, points.tie_rod_inner),
+            design_frame: frame(points.lower_ball, points.upper_ball, points.tie_rod_outer),
+            design_strut_length_m: (points.strut_arm - points.strut_chassis).norm(),
+            points,
+        }
+    }
+
+    /// Length of the strut in the design position, m.
+    #[must_use]
+    pub fn design_strut_length_m(&self) -> f64 {
+        self.design_strut_length_m
+    }
+
+    /// The pose in which the strut is `strut_length_m` long and the rack has moved `rack_m`
+    /// (positive steers left; 0 on an axle without a rack).
+    ///
+    /// # Errors
+    /// When no position of the linkage has this length or travel.
+    pub fn pose(&self, strut_length_m: f64, rack_m: f64) -> Result<CornerPose, SuspensionError> {
+        finite("strut length", strut_length_m, "m")?;
+        let angle = self
+            .strut_circle
+            .angle_at(self.points.strut_chassis, strut_length_m)
+            .ok_or(SuspensionError::OutOfReach {
+                what: "strut length",
+                value: strut_length_m,
+                unit: "m",
+            })?;
+        self.pose_at_angle(angle, rack_m)
+    }
+
+    /// The pose in which the lower arm has turned by `angle_rad` about its hinge (rear to front,
+    /// right-hand rule) from the design position.
+    ///
+    /// # Errors
+    /// When the linkage cannot follow the arm or the rack that far.
+    pub fn pose_at_angle(
+        &self,
+        angle_rad: f64,
+        rack_m: f64,
+    ) -> Result<CornerPose, SuspensionError> {
+        finite("lower arm angle", angle_rad, "rad")?;
+        finite("rack travel", rack_m, "m")?;
+        let p = &self.points;
+        let turn_lower = |point| turn(p.lower_rear, self.lower_axis, angle_rad, point);
+        let lower_ball = turn_lower(p.lower_ball);
+        let strut_arm = turn_lower(p.strut_arm);
+        let upper_angle = self
+            .upper_circle
+            .angle_at(lower_ball, self.upright_length_m)
+            .ok_or(SuspensionError::OutOfReach {
+                what: "lower arm angle",
+                value: angle_rad,
+                unit: "rad",
+            })?;
+        let turn_upper = |point| turn(p.upper_rear, self.upper_axis, upper_angle, point);
+        let upper_ball = turn_upper(p.upper_ball);
+        let inner = p.tie_rod_inner + Vector3::y() * (self.rack_direction * rack_m);
+        let outer = self.tie_rod_outer(lower_ball, upper_ball, inner).ok_or(
+            SuspensionError::OutOfReach {
+                what: "rack travel",
+                value: rack_m,
+                unit: "m",
+            },
+        )?;
+        let rotation = frame(lower_ball, upper_ball, outer) * self.design_frame.transpose();
+        let follow = |point: Vector3<f64>| lower_ball + rotation * (point - p.lower_ball);
+        let strut = strut_arm - p.strut_chassis;
+        let strut_length_m = strut.norm();
+        Ok(CornerPose {
+            strut_length_m,
+            rack_m,
+            lower_angle_rad: angle_rad,
+            upper_angle_rad: upper_angle,
+            lower_ball_m: lower_ball,
+            upper_ball_m: upper_ball,
+            tie_rod_inner_m: inner,
+            tie_rod_outer_m: outer,
+            strut_arm_m: strut_arm,
+            strut_direction: strut / strut_length_m,
+            wheel_centre_m: follow(p.wheel_centre),
+            spindle: rotation.column(1).into_owned(),
+            vehicle_from_upright: rotation,
+            upright_cg_m: follow(p.upright_cg),
+            upper_arm_cg_m: turn_upper(p.upper_arm_cg),
+            lower_arm_cg_m: turn_lower(p.lower_arm_cg),
+        })
+    }
+
+    /// The pose in which the wheel centre stands `jounce_m` above its design height.
+    ///
+    /// # Errors
+    /// When the linkage does not reach it.
+    pub fn pose_at_jounce(
+        &self,
+        jounce_m: f64,
+        rack_m: f64,
+    ) -> Result<CornerPose, SuspensionError> {
+        let target = self.points.wheel_centre.z + finite("jounce", jounce_m, "m")?;
+        let out_of_reach = SuspensionError::OutOfReach {
+            what: "jounce",
+            value: jounce_m,
+            unit: "m",
+        };
+        let mut angle = 0.0;
+        for _ in 0..30 {
+            let pose = self
+                .pose_at_angle(angle, rack_m)
+                .map_err(|_| out_of_reach.clone())?;
+            let rates = self.rates(&pose);
+            let miss = target - pose.wheel_centre_m.z;
+            if miss.abs() < 1e-12 {
+                return Ok(pose);
+            }
+            let slope = rates.strut.wheel_centre.z / rates.lower_angle_per_strut;
+            angle += (miss / slope).clamp(-0.2, 0.2);
+        }
+        Err(out_of_reach)
+    }
+
+    /// First derivatives at `pose`.
+    #[must_use]
+    pub fn rates(&self, pose: &CornerPose) -> CornerRates {
+        let p = &self.points;
+        let strut_per_angle = self
+            .lower_axis
+            .cross(&(pose.strut_arm_m - p.lower_rear))
+            .dot(&pose.strut_direction);
+        let lower_angle_per_strut = 1.0 / strut_per_angle;
+        let lower =
+            self.lower_axis.cross(&(pose.lower_ball_m - p.lower_rear)) * lower_angle_per_strut;
+        let upper_path = self.upper_axis.cross(&(pose.upper_ball_m - p.upper_rear));
+        let kingpin = pose.upper_ball_m - pose.lower_ball_m;
+        let upper_angle_per_strut = kingpin.dot(&lower) / kingpin.dot(&upper_path);
+        let rack_velocity = Vector3::y() * self.rack_direction;
+        CornerRates {
+            strut: upright_twist(
+                pose,
+                lower,
+                upper_path * upper_angle_per_strut,
+                Vector3::zeros(),
+            ),
+            rack: upright_twist(pose, Vector3::zeros(), Vector3::zeros(), rack_velocity),
+            lower_angle_per_strut,
+            upper_angle_per_strut,
+        }
+    }
+
+    fn tie_rod_outer(
+        &self,
+        lower_ball: Vector3<f64>,
+        upper_ball: Vector3<f64>,
+        inner: Vector3<f64>,
+    ) -> Option<Vector3<f64>> {
+        let axis = (upper_ball - lower_ball) / self.upright_length_m;
+        let foot = lower_ball + axis * self.kingpin_foot_m;
+        let to_inner = inner - foot;
+        let along = axis.dot(&to_inner);
+        let radial = to_inner - axis * along;
+        let reach = radial.norm();
+        let cosine = (self.tie_rod_radius_m.powi(2) + reach * reach + along * along
+            - self.tie_rod_length_m.powi(2))
+            / (2.0 * self.tie_rod_radius_m * reach);
+        if cosine.is_nan() || cosine.abs() > 1.0 {
+            return None;
+        }
+        let sine = self.tie_rod_branch * (1.0 - cosine * cosine).sqrt();
+        let e = radial / reach;
+        Some(foot + (e * cosine + axis.cross(&e) * sine) * self.tie_rod_radius_m)
+    }
+}
+
+impl HardPoints {
+    fn new(axle: &Axle, w: &Wishbone, axle_x_m: f64, wheel: Wheel) -> Self {
+        let place = |p: [f64; 3]| Vector3::new(axle_x_m + p[0], wheel.side() * p[1], p[2]);
+        let centroid = |a: [f64; 3], b: [f64; 3], ball: [f64; 3]| {
+            std::array::from_fn(|i| 0.25 * (a[i] + b[i]) + 0.5 * ball[i])
+        };
+        let unsprung = axle.unsprung.as_ref();
+        let upright = unsprung.and_then(|u| u.upright_cg_m).unwrap_or_else(|| {
+            std::array::from_fn(|i| 0.5 * (w.upper_ball_m[i] + w.lower_ball_m[i]))
+        });
+        let upper = unsprung
+            .and_then(|u| u.upper_arm_cg_m)
+            .unwrap_or_else(|| centroid(w.upper_front_m, w.upper_rear_m, w.upper_ball_m));
+        let lower = unsprung
+            .and_then(|u| u.lower_arm_cg_m)
+            .unwrap_or_else(|| centroid(w.lower_front_m, w.lower_rear_m, w.lower_ball_m));
+        Self {
+            wheel_centre: place(w.wheel_centre_m),
+            upper_front: place(w.upper_front_m),
+            upper_rear: place(w.upper_rear_m),
+            upper_ball: place(w.upper_ball_m),
+            lower_front: place(w.lower_front_m),
+            lower_rear: place(w.lower_rear_m),
+            lower_ball: place(w.lower_ball_m),
+            strut_chassis: place(w.strut_chassis_m),
+            strut_arm: place(w.strut_arm_m),
+            tie_rod_inner: place(w.tie_rod_inner_m),
+            tie_rod_outer: place(w.tie_rod_outer_m),
+            upright_cg: place(upright),
+            upper_arm_cg: place(upper),
+            lower_arm_cg: place(lower),
+        }
+    }
+
+    fn check(&self) -> Result<(), SuspensionError> {
+        let area =
+            |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>| (b - a).cross(&(c - a)).norm();
+        let spans = [
+            (
+                area(self.lower_front, self.lower_rear, self.lower_ball),
+                "the lower arm's hinges and ball joint stand on one line",
+            ),
+            (
+                area(self.upper_front, self.upper_rear, self.upper_ball),
+                "the upper arm's hinges and ball joint stand on one line",
+            ),
+            (
+                area(self.lower_ball, self.upper_ball, self.tie_rod_outer),
+                "the tie rod meets the line through both ball joints",
+            ),
+            (
+                area(self.lower_front, self.lower_rear, self.strut_arm),
+                "the strut meets the lower arm on its hinge",
+            ),
+            (
+                (self.strut_arm - self.strut_chassis).norm(),
+                "both ends of the strut coincide",
+            ),
+            (
+                (self.tie_rod_outer - self.tie_rod_inner).norm(),
+                "both ends of the tie rod coincide",
+            ),
+        ];
+        for (size, what) in spans {
+            // `!(a > b)` also catches NaN.
+            if !(size > COINCIDENT_M && size.is_finite()) {
+                return Err(SuspensionError::Degenerate { what });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The path of a point that turns about a hinge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Circle {
+    centre: Vector3<f64>,
+    /// From the centre to the point at angle zero.
+    start: Vector3<f64>,
+    /// A quarter of a turn on.
+    quarter: Vector3<f64>,
+    branch: f64,
+}
+
+impl Circle {
+    /// The circle of `point` about the hinge; of both points at a given distance from a target
+    /// near `target`, the one on `point`'s side is kept.
+    fn new(
+        hinge: Vector3<f64>,
+        axis: Vector3<f64>,
+        point: Vector3<f64>,
+        target: Vector3<f64>,
+    ) -> Self {
+        let centre = hinge + axis * axis.dot(&(point - hinge));
+        let start = point - centre;
+        Self {
+            centre,
+            start,
+            quarter: axis.cross(&start),
+            branch: branch(centre, axis, start, target),
+        }
+    }
+
+    /// The angle at which the point is `distance` away from `target`.
+    fn angle_at(&self, target: Vector3<f64>, distance: f64) -> Option<f64> {
+        let to_target = target - self.centre;
+        let a = to_target.dot(&self.start);
+        let b = to_target.dot(&self.quarter);
+        let c = 0.5 * (to_target.norm_squared() + self.start.norm_squared() - distance * distance);
+        let cosine = c / a.hypot(b);
+        if cosine.is_nan() || cosine.abs() > 1.0 {
+            return None;
+        }
+        let angle = b.atan2(a) + self.branch * cosine.acos();
+        Some(wrap(angle))
+    }
+}
+
+/// On which side of the direction to `target` the lever points, seen along the axis.
+fn branch(
+    centre: Vector3<f64>,
+    axis: Vector3<f64>,
+    lever: Vector3<f64>,
+    target: Vector3<f64>,
+) -> f64 {
+    if axis.dot(&(target - centre).cross(&lever)) < 0.0 {
+        -1.0
+    } else {
+        1.0
+    }
+}
+
+fn wrap(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    if angle > PI {
+        angle - TAU
+    } else if angle <= -PI {
+        angle + TAU
+    } else {
+        angle
+    }
+}
+
+/// `point` turned by `angle` about the line through `origin` along the unit vector `axis`.
+fn turn(origin: Vector3<f64>, axis: Vector3<f64>, angle: f64, point: Vector3<f64>) -> Vector3<f64> {
+    let r = point - origin;
+    let (sine, cosine) = angle.sin_cos();
+    origin + r * cosine + axis.cross(&r) * sine + axis * (axis.dot(&r) * (1.0 - cosine))
+}
+
+/// Orthonormal axes of the upright from its three joints.
+fn frame(lower: Vector3<f64>, upper: Vector3<f64>, outer: Vector3<f64>) -> Matrix3<f64> {
+    let z = (upper - lower).normalize();
+    let y = z.cross(&(outer - lower)).normalize();
+    Matrix3::from_columns(&[y.cross(&z), y, z])
+}
+
+/// The upright's twist from its joints' velocities; of the tie rod's, the inner end's is given.
+fn upright_twist(
+    pose: &CornerPose,
+    lower: Vector3<f64>,
+    upper: Vector3<f64>,
+    inner: Vector3<f64>,
+) -> Twist {
+    let kingpin = pose.upper_ball_m - pose.lower_ball_m;
+    let across = kingpin.cross(&(upper - lower)) / kingpin.norm_squared();
+    let rod = pose.tie_rod_outer_m - pose.tie_rod_inner_m;
+    let arm = pose.tie_rod_outer_m - pose.lower_ball_m;
+    let along = rod.dot(&(inner - lower - across.cross(&arm))) / rod.dot(&kingpin.cross(&arm));
+    let rotation = across + kingpin * along;
+    Twist {
+        wheel_centre: lower + rotation.cross(&(pose.wheel_centre_m - pose.lower_ball_m)),
+        rotation,
+    }
+}

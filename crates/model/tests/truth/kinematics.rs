@@ -1,0 +1,112 @@
+//! Positions and angles of every corner.
+
+use model::suspension::{Corner, CornerPose};
+use nalgebra::Vector3;
+use sample::Wheel;
+
+use crate::run::{Run, vehicle};
+
+/// Ball joints, tie rod and wheel centre: the simulator's own drift of its constraints is about 1 um.
+const POSITION_TOLERANCE_M: f64 = 2.0e-6;
+/// Angles follow from positions over arms of 0.1 m and more.
+const ANGLE_TOLERANCE_RAD: f64 = 2.0e-5;
+
+fn wanted(name: &str) -> bool {
+    const ENDS: &[&str] = &[
+        "wc_x",
+        "wc_y",
+        "wc_z",
+        "ubj_x",
+        "ubj_y",
+        "ubj_z",
+        "lbj_x",
+        "lbj_y",
+        "lbj_z",
+        "tro_x",
+        "tro_y",
+        "tro_z",
+        "strut_dir_x",
+        "strut_dir_y",
+        "strut_dir_z",
+        "spring_len",
+        "shock_vel",
+        "steer",
+    ];
+    name == "rack" || ENDS.iter().any(|end| name.len() > 3 && &name[3..] == *end)
+}
+
+#[test]
+fn poses_match_the_simulator() {
+    let Some(vehicle) = vehicle() else { return };
+    let corners = Wheel::ALL.map(|wheel| Corner::of(&vehicle, wheel).expect("hard-points"));
+    for name in ["b_circle", "c_sine03", "f_launch_brake"] {
+        let Some(run) = Run::open(name, 97, wanted) else {
+            return;
+        };
+        let mut worst = [0.0_f64; 6];
+        for row in 0..run.rows {
+            for corner in &corners {
+                let prefix = corner.wheel.abbreviation();
+                let rack = if corner.wheel.is_front() {
+                    run.get("rack", row)
+                } else {
+                    0.0
+                };
+                let length = run.get(&format!("{prefix}_spring_len"), row);
+                let pose = corner.pose(length, rack).expect("within reach");
+                let miss = |point: Vector3<f64>, column: &str| {
+                    (point - run.vector(&format!("{prefix}_{column}_"), "", row)).norm()
+                };
+                let angle = |value: f64, column: &str| {
+                    (value - run.get(&format!("{prefix}_{column}"), row)).abs()
+                };
+                let misses = [
+                    miss(pose.lower_ball_m, "lbj"),
+                    miss(pose.upper_ball_m, "ubj"),
+                    miss(pose.tie_rod_outer_m, "tro"),
+                    miss(pose.wheel_centre_m, "wc"),
+                    miss(pose.strut_direction, "strut_dir"),
+                    angle(pose.steer_rad(), "steer"),
+                ];
+                for (worst, miss) in worst.iter_mut().zip(misses) {
+                    *worst = worst.max(miss);
+                }
+            }
+        }
+        println!("{name}: worst lbj, ubj, tro, wc (m), strut, steer (rad) {worst:?}");
+        assert!(
+            worst[..4].iter().all(|miss| *miss < POSITION_TOLERANCE_M),
+            "{name}: {worst:?}"
+        );
+        assert!(
+            worst[4..].iter().all(|miss| *miss < ANGLE_TOLERANCE_RAD),
+            "{name}: {worst:?}"
+        );
+    }
+}
+
+#[test]
+fn design_ratios_match_the_simulator() {
+    let Some(vehicle) = vehicle() else { return };
+    // Secants read off the simulator's own runs: motion ratio, camber gain in deg/m, bump steer in deg/m.
+    for (wheel, ratio, camber, steer) in [
+        (Wheel::FrontLeft, 0.406, 28.1, 0.21),
+        (Wheel::RearLeft, 0.413, 22.4, 0.003),
+    ] {
+        let corner = Corner::of(&vehicle, wheel).expect("hard-points");
+        let pose_at = |jounce| -> CornerPose { corner.pose_at_jounce(jounce, 0.0).expect("near") };
+        let rates = corner.rates(&pose_at(0.0));
+        println!("{wheel}: motion ratio {:.4}", rates.motion_ratio());
+        assert!(
+            (rates.motion_ratio() - ratio).abs() < 0.0012,
+            "{}",
+            rates.motion_ratio()
+        );
+        let gain = (pose_at(0.005).camber_rad(wheel) - pose_at(-0.005).camber_rad(wheel)) / 0.01;
+        println!("{wheel}: camber gain {:.2} deg/m", gain.to_degrees());
+        assert!((gain.to_degrees().abs() - camber).abs() < 0.5);
+        let bump = rates.bump_steer_rad_m().to_degrees();
+        println!("{wheel}: bump steer {bump:.4} deg/m");
+        assert!((bump.abs() - steer).abs() < 0.06);
+    }
+}

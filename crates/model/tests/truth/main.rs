@@ -1,0 +1,4 @@
+//! The linkage against runs of an independent multi-body simulator.
+
+mod kinematics;
+mod run;
