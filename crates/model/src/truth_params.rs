@@ -214,6 +214,7 @@ impl Params {
                 inertia_kg_m2: [inertia.ixx, inertia.iyy, inertia.izz],
                 inertia_xz_kg_m2: 0.0,
                 drag_n_s2_m2: self.aero_drag,
+                pitch: None,
                 sprung: Some(self.sprung()),
             },
             front: self.axle(
