@@ -1,6 +1,6 @@
 //! One corner's strain bridges and spring potentiometer.
 
-use model::sensors::{Sensors, StrainChain};
+use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 
@@ -16,7 +16,8 @@ const BENDING_WIRED_DISTANCE_M: f64 = 0.10;
 /// The sensors of one corner.
 pub(crate) struct Corner {
     wheel: Wheel,
-    arm: Option<LowerArm>,
+    /// From the lower ball joint to the gauges that feel bending, m.
+    gauge_distance_m: f64,
     strut_design_length_m: Option<f64>,
     strain: [Option<Channel>; StrainChannel::COUNT],
     strain_noise_counts: f64,
@@ -40,16 +41,6 @@ struct Channel {
     lag: Lag,
 }
 
-/// The lower arm, for its bending.
-struct LowerArm {
-    /// A point of the hinge axis, chassis axes, m.
-    hinge_m: [f64; 3],
-    /// Unit vector along the hinge axis.
-    axis: [f64; 3],
-    /// From the ball joint to the bending gauges, m.
-    gauge_distance_m: f64,
-}
-
 impl Corner {
     pub(crate) fn new(
         wheel: Wheel,
@@ -68,7 +59,11 @@ impl Corner {
         let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts);
         let mut corner = Self {
             wheel,
-            arm: LowerArm::new(wheel, vehicle, &sensors.strain),
+            gauge_distance_m: sensors
+                .strain
+                .bending
+                .as_ref()
+                .map_or(BENDING_WIRED_DISTANCE_M, |b| b.distance_from_ball_joint_m),
             strut_design_length_m: axle.strut.as_ref().map(|strut| strut.design_length_m),
             strain: [const { None }; StrainChannel::COUNT],
             strain_noise_counts: sensors.strain.noise_counts,
@@ -206,58 +201,10 @@ impl Corner {
     fn loads(&self, state: &TruthState) -> [f64; StrainChannel::COUNT] {
         let wheel = &state.wheels[self.wheel];
         let [uf, ur, lf, lr, tie] = wheel.link_force_n;
-        let moment = self.arm.as_ref().map_or(f64::NAN, |arm| {
-            arm.bending_moment(wheel.lower_ball_m, wheel.lower_ball_force_n)
-        });
+        // The ball-joint force normal to the arm bends both lower tubes, each by one half.
+        let moment = wheel.ball_normal_n * self.gauge_distance_m / 2.0;
         [uf, ur, lf, lr, tie, moment, moment]
     }
-}
-
-impl LowerArm {
-    fn new(wheel: Wheel, vehicle: &Vehicle, chain: &StrainChain) -> Option<Self> {
-        let (axle, axle_x_m) = if wheel.is_front() {
-            (&vehicle.front, vehicle.body.front_axle_to_cg_m)
-        } else {
-            (&vehicle.rear, -vehicle.body.cg_to_rear_axle_m)
-        };
-        let points = axle.wishbone.as_ref()?;
-        let place = |[x, y, z]: [f64; 3]| [axle_x_m + x, wheel.side() * y, z];
-        let front = place(points.lower_front_m);
-        let rear = place(points.lower_rear_m);
-        let along = sub(front, rear);
-        Some(Self {
-            hinge_m: rear,
-            axis: scale(along, 1.0 / norm(along)),
-            gauge_distance_m: chain
-                .bending
-                .as_ref()
-                .map_or(BENDING_WIRED_DISTANCE_M, |b| b.distance_from_ball_joint_m),
-        })
-    }
-
-    /// Bending moment in each of the two lower tubes at its gauges. The part of the ball-joint
-    /// force normal to the arm's plane bends both tubes, each by one half; a push up is positive.
-    fn bending_moment(&self, ball_m: [f64; 3], force_n: [f64; 3]) -> f64 {
-        let normal = cross(self.axis, sub(ball_m, self.hinge_m));
-        let up = normal[2].signum() / norm(normal);
-        dot(force_n, normal) * up * self.gauge_distance_m / 2.0
-    }
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn scale(a: [f64; 3], factor: f64) -> [f64; 3] {
-    a.map(|x| x * factor)
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 /// Vector product.

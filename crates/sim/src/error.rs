@@ -112,6 +112,16 @@ pub enum SimError {
         /// What is acceptable.
         expected: &'static str,
     },
+    /// The linkage cannot stand as the motion says.
+    #[error("{wheel} at {time_s} s: {source}; check the motion's strut lengths and hand wheel")]
+    Linkage {
+        /// The corner.
+        wheel: sample::Wheel,
+        /// When.
+        time_s: f64,
+        /// What the linkage says.
+        source: model::suspension::SuspensionError,
+    },
     /// An unknown manoeuvre.
     #[error("no manoeuvre is called {name:?}; there are: {known}")]
     UnknownManoeuvre {

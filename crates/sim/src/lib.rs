@@ -19,6 +19,7 @@ mod error;
 mod faults;
 mod gnss;
 mod imu;
+mod linkage;
 mod manoeuvre;
 mod motion;
 mod options;

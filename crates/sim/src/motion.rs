@@ -1,6 +1,8 @@
+use model::vehicle::Vehicle;
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::SimError;
+use crate::linkage::Linkage;
 
 /// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +57,8 @@ pub struct WheelTruth {
     /// Position of the lower ball joint, chassis axes from the point on the design ground below
     /// the centre of gravity, m.
     pub lower_ball_m: [f64; 3],
+    /// The part of that force that is normal to the lower arm's plane, upward positive, N.
+    pub ball_normal_n: f64,
 }
 
 impl Default for WheelTruth {
@@ -69,6 +73,7 @@ impl Default for WheelTruth {
             link_force_n: [f64::NAN; 5],
             lower_ball_force_n: [f64::NAN; 3],
             lower_ball_m: [f64::NAN; 3],
+            ball_normal_n: f64::NAN,
         }
     }
 }
@@ -182,6 +187,7 @@ impl WheelTruth {
             link_force_n: mix(&a.link_force_n, &b.link_force_n, weight),
             lower_ball_force_n: mix(&a.lower_ball_force_n, &b.lower_ball_force_n, weight),
             lower_ball_m: mix(&a.lower_ball_m, &b.lower_ball_m, weight),
+            ball_normal_n: l(a.ball_normal_n, b.ball_normal_n),
         }
     }
 }
@@ -262,6 +268,19 @@ impl Motion {
                 TruthState::between(a, b, (time_s - a.time_s) / (b.time_s - a.time_s))
             }
         }
+    }
+
+    /// Fills in from the vehicle's linkage what the states do not tell: the ball-joint force's
+    /// part that bends the lower arm, and, computed forward from the tyre forces, strut lengths,
+    /// link forces and steer angles. A vehicle without hard-points leaves them unknown.
+    ///
+    /// # Errors
+    /// A linkage that cannot stand as the motion says.
+    pub fn complete(&mut self, vehicle: &Vehicle) -> Result<(), SimError> {
+        if let Some(linkage) = Linkage::new(vehicle)? {
+            linkage.complete(&mut self.states)?;
+        }
+        Ok(())
     }
 
     /// Whether every state tells the axial forces of all links.

@@ -25,18 +25,21 @@ pub struct VirtualVehicle {
 }
 
 impl VirtualVehicle {
-    /// Puts `sensors` on `vehicle` and lets it perform `motion`. Everything random follows from
+    /// Puts `sensors` on `vehicle` and lets it perform `motion`, completed by
+    /// [`Motion::complete`]. Everything random follows from
     /// `seed`.
     ///
     /// # Errors
-    /// Rates, resolutions or dimensions that make no sense.
+    /// Rates, resolutions or dimensions that make no sense; a linkage that cannot stand as the
+    /// motion says.
     pub fn new(
-        motion: Motion,
+        mut motion: Motion,
         vehicle: &Vehicle,
         sensors: &Sensors,
         options: &Options,
         seed: u64,
     ) -> Result<Self, SimError> {
+        motion.complete(vehicle)?;
         Ok(Self {
             imu: Imu::new(&motion, sensors, options, seed)?,
             novatel: Novatel::new(&motion, sensors, options, seed)?,

@@ -1,0 +1,318 @@
+//! What the linkage carries, where a motion tells the tyre forces but not the link forces.
+
+use model::suspension::{
+    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces,
+    SuspensionError, TyreFrame, Wrench,
+};
+use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
+use nalgebra::Vector3;
+use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+
+use crate::{SimError, TruthState};
+
+/// Pneumatic trail of an unslipping tyre, parts of its contact length.
+const TRAIL_OF_CONTACT_LENGTH: f64 = 0.17;
+
+/// Below this load a wheel counts as off the ground, N.
+const OFF_GROUND_N: f64 = 1.0;
+
+/// The linkage of all four corners.
+pub(crate) struct Linkage {
+    corners: PerWheel<LinkedCorner>,
+    cg_height_m: f64,
+}
+
+/// One corner, with what its statics need.
+struct LinkedCorner {
+    corner: Corner,
+    unsprung: Unsprung,
+    strut: Strut,
+    tyre: Tyre,
+    /// Rack travel per hand-wheel angle; 0 at the rear.
+    rack_m_rad: f64,
+    /// Whether a half-shaft that drives reacts on the chassis.
+    drive_on_chassis: bool,
+    /// Whether the brake sits on the upright.
+    brake_on_upright: bool,
+}
+
+/// How one corner stands and moves.
+struct Stance {
+    pose: CornerPose,
+    statics: CornerStatics,
+    wrench: Wrench,
+}
+
+impl Stance {
+    fn members(&self) -> MemberForces {
+        self.statics.members(&self.wrench)
+    }
+}
+
+impl Linkage {
+    /// The linkage of a vehicle; `None` where its file has no hard-points, struts or unsprung
+    /// masses.
+    pub(crate) fn new(vehicle: &Vehicle) -> Result<Option<Self>, SimError> {
+        let mut corners = Vec::with_capacity(Wheel::ALL.len());
+        for wheel in Wheel::ALL {
+            match LinkedCorner::new(vehicle, wheel)? {
+                Some(corner) => corners.push(corner),
+                None => return Ok(None),
+            }
+        }
+        let corners = <[LinkedCorner; 4]>::try_from(corners).ok();
+        Ok(corners.map(|corners| Self {
+            corners: PerWheel(corners),
+            cg_height_m: vehicle.body.cg_height_m,
+        }))
+    }
+
+    /// Fills in what the states do not tell: strut lengths, link forces, ball-joint forces, steer
+    /// angles.
+    pub(crate) fn complete(&self, states: &mut [TruthState]) -> Result<(), SimError> {
+        for wheel in Wheel::ALL {
+            self.find_strut_lengths(states, wheel)?;
+            for row in 0..states.len() {
+                self.resolve_ball_force(&mut states[row], wheel);
+                let truth = &states[row].wheels[wheel];
+                let known = truth.link_force_n.iter().all(|f| f.is_finite());
+                if known && truth.ball_normal_n.is_finite() && truth.steer_rad.is_finite() {
+                    continue;
+                }
+                let rate_m_s = slope(states, row, |s| s.wheels[wheel].strut_length_m);
+                let spin_dot = slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s);
+                let state = &states[row];
+                let length_m = state.wheels[wheel].strut_length_m;
+                let kind = ChannelKind::BallNormal;
+                let stance = self
+                    .stance(state, wheel, length_m, rate_m_s, spin_dot, kind)
+                    .map_err(|source| linkage_error(state, wheel, source))?;
+                let (members, steer_rad) = (stance.members(), stance.pose.steer_rad());
+                fill(&mut states[row], wheel, &members, steer_rad);
+            }
+        }
+        Ok(())
+    }
+
+    /// The ball-joint force's part normal to the lower arm, where the state tells force and place.
+    fn resolve_ball_force(&self, state: &mut TruthState, wheel: Wheel) {
+        let points = &self.corners[wheel].corner.points;
+        let truth = &mut state.wheels[wheel];
+        let ball = Vector3::from(truth.lower_ball_m);
+        let across = (points.lower_front - ball).cross(&(points.lower_rear - ball));
+        let normal_n = Vector3::from(truth.lower_ball_force_n).dot(&across.normalize());
+        if truth.ball_normal_n.is_nan() {
+            truth.ball_normal_n = normal_n * across.z.signum();
+        }
+    }
+
+    /// Strut lengths at which spring, damper and stops carry what the tyre force calls for.
+    fn find_strut_lengths(&self, states: &mut [TruthState], wheel: Wheel) -> Result<(), SimError> {
+        let corner = &self.corners[wheel];
+        let mut previous: Option<(f64, f64)> = None;
+        for row in 0..states.len() {
+            if states[row].wheels[wheel].strut_length_m.is_nan() {
+                let spin_dot = slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s);
+                let state = &states[row];
+                let length_m = self
+                    .balanced_length(corner, state, wheel, previous, spin_dot)
+                    .map_err(|source| linkage_error(state, wheel, source))?;
+                states[row].wheels[wheel].strut_length_m = length_m;
+            }
+            let state = &states[row];
+            previous = Some((state.time_s, state.wheels[wheel].strut_length_m));
+        }
+        Ok(())
+    }
+
+    /// Newton's method on one strut's length; its rate is the step from the instant before, and
+    /// zero at the first.
+    fn balanced_length(
+        &self,
+        corner: &LinkedCorner,
+        state: &TruthState,
+        wheel: Wheel,
+        previous: Option<(f64, f64)>,
+        spin_dot: f64,
+    ) -> Result<f64, SuspensionError> {
+        let strut = &corner.strut;
+        let mut length_m = previous.map_or(strut.design_length_m, |(_, length)| length);
+        for _ in 0..50 {
+            let rate_m_s = previous.map_or(0.0, |(time_s, last_m)| {
+                (length_m - last_m) / (state.time_s - time_s)
+            });
+            let kind = ChannelKind::Strut;
+            let stance = self.stance(state, wheel, length_m, rate_m_s, spin_dot, kind)?;
+            let missing_n = stance.members().sixth_n - strut.force(length_m, rate_m_s).total_n();
+            let damping = previous.map_or(0.0, |(time_s, _)| {
+                strut.damping_n_s_m / (state.time_s - time_s)
+            });
+            let step_m = -missing_n / (strut.stiffness_at(length_m) + damping);
+            // A stop's edge makes the slope jump: no step longer than a centimetre.
+            length_m += step_m.clamp(-0.01, 0.01);
+            if step_m.abs() < 1e-9 {
+                break;
+            }
+        }
+        Ok(length_m)
+    }
+
+    fn stance(
+        &self,
+        state: &TruthState,
+        wheel: Wheel,
+        length_m: f64,
+        rate_m_s: f64,
+        spin_dot: f64,
+        kind: ChannelKind,
+    ) -> Result<Stance, SuspensionError> {
+        let corner = &self.corners[wheel];
+        let truth = &state.wheels[wheel];
+        let pose = corner
+            .corner
+            .pose(length_m, corner.rack_m_rad * state.hand_wheel_rad)?;
+        let normal = Vector3::from(state.earth_from_body()[2]);
+        let load_n = truth.force_n[2];
+        let compression_m = load_n / corner.tyre.vertical_stiffness_n_m;
+        let radius_m = corner.tyre.unloaded_radius_m;
+        let frame = TyreFrame::new(&pose, normal, radius_m, compression_m);
+        let body = BodyMotion {
+            specific_force_m_s2: state.specific_force_m_s2.into(),
+            reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
+            rate_rad_s: state.rate_rad_s.into(),
+            rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
+        };
+        let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, 0.0);
+        if load_n > OFF_GROUND_N {
+            motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
+        }
+        let wrench = corner.wrench(truth.force_n, truth.angular_speed_rad_s);
+        motion.spin_rad_s = truth.angular_speed_rad_s;
+        motion.spin_dot_rad_s2 = spin_dot;
+        motion.axle_torque_n_m = corner.axle_torque_n_m(&wrench, compression_m, spin_dot);
+        let statics = CornerStatics::new(
+            &corner.corner,
+            &pose,
+            &frame,
+            &corner.unsprung,
+            &motion,
+            kind,
+        )?;
+        Ok(Stance {
+            pose,
+            statics,
+            wrench,
+        })
+    }
+}
+
+impl LinkedCorner {
+    fn new(vehicle: &Vehicle, wheel: Wheel) -> Result<Option<Self>, SimError> {
+        let axle = if wheel.is_front() {
+            &vehicle.front
+        } else {
+            &vehicle.rear
+        };
+        let (Some(_), Some(unsprung), Some(strut)) = (&axle.wishbone, &axle.unsprung, &axle.strut)
+        else {
+            return Ok(None);
+        };
+        let rack_m_rad = match vehicle.steering.rack_m_rad {
+            _ if !wheel.is_front() => 0.0,
+            Some(rack_m_rad) => rack_m_rad,
+            None => return Ok(None),
+        };
+        let drivetrain = &vehicle.drivetrain;
+        Ok(Some(Self {
+            corner: Corner::of(vehicle, wheel).map_err(|source| SimError::Linkage {
+                wheel,
+                time_s: 0.0,
+                source,
+            })?,
+            unsprung: unsprung.clone(),
+            strut: strut.clone(),
+            tyre: axle.tyre.clone(),
+            rack_m_rad,
+            drive_on_chassis: drivetrain.drive_reacted_by_chassis,
+            brake_on_upright: if wheel.is_front() {
+                drivetrain.front_brake_outboard
+            } else {
+                drivetrain.rear_brake_outboard
+            },
+        }))
+    }
+
+    /// The tyre's force with the moments that go with it: rolling resistance M_y = -f R_0 F_z, and
+    /// the aligning moment of a trail that vanishes as the tyre begins to slide,
+    /// M_z = -n F_y, n = n_0 (1 - |F_y|/(mu F_z)).
+    fn wrench(&self, force_n: [f64; 3], spin_rad_s: f64) -> Wrench {
+        let [_, lateral_n, load_n] = force_n;
+        let load_n = load_n.max(0.0);
+        let pressed_m = load_n / self.tyre.vertical_stiffness_n_m;
+        let contact_length_m = 2.0 * (2.0 * self.tyre.unloaded_radius_m * pressed_m).sqrt();
+        let sliding = lateral_n.abs() / (self.tyre.friction * load_n).max(1.0);
+        let trail_m = TRAIL_OF_CONTACT_LENGTH * contact_length_m * (1.0 - sliding).max(0.0);
+        let rolling =
+            self.tyre.rolling_resistance * self.tyre.unloaded_radius_m * load_n * spin_rad_s.tanh();
+        Wrench {
+            force_n: force_n.into(),
+            moment_n_m: Vector3::new(0.0, -rolling, -trail_m * lateral_n),
+        }
+    }
+
+    /// Torque of the half-shaft: what spins the wheel up against force and rolling resistance,
+    /// where it is not a brake on the upright.
+    fn axle_torque_n_m(&self, wrench: &Wrench, compression_m: f64, spin_dot: f64) -> f64 {
+        let lever_m = self.tyre.unloaded_radius_m - compression_m;
+        let torque = self.unsprung.wheel_spin_inertia_kg_m2 * spin_dot + lever_m * wrench.force_n.x
+            - wrench.moment_n_m.y;
+        let by_shaft = if torque > 0.0 {
+            self.drive_on_chassis
+        } else {
+            !self.brake_on_upright
+        };
+        if by_shaft { torque } else { 0.0 }
+    }
+}
+
+/// Puts the member forces where the state has none.
+fn fill(state: &mut TruthState, wheel: Wheel, members: &MemberForces, steer_rad: f64) {
+    let truth = &mut state.wheels[wheel];
+    let forces = [
+        members.upper_front_n,
+        members.upper_rear_n,
+        members.lower_front_n,
+        members.lower_rear_n,
+        members.tie_rod_n,
+    ];
+    if truth.link_force_n.iter().any(|f| f.is_nan()) {
+        truth.link_force_n = forces;
+    }
+    if truth.ball_normal_n.is_nan() {
+        truth.ball_normal_n = members.sixth_n;
+    }
+    if truth.steer_rad.is_nan() {
+        truth.steer_rad = steer_rad;
+    }
+}
+
+/// Slope at a row, central where it can be.
+fn slope(states: &[TruthState], row: usize, value: impl Fn(&TruthState) -> f64) -> f64 {
+    let before = &states[row.saturating_sub(1)];
+    let after = &states[(row + 1).min(states.len() - 1)];
+    let span_s = after.time_s - before.time_s;
+    let rise = value(after) - value(before);
+    if span_s > 0.0 && rise.is_finite() {
+        rise / span_s
+    } else {
+        0.0
+    }
+}
+
+fn linkage_error(state: &TruthState, wheel: Wheel, source: SuspensionError) -> SimError {
+    SimError::Linkage {
+        wheel,
+        time_s: state.time_s,
+        source,
+    }
+}
