@@ -135,18 +135,30 @@ fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
     }
 }
 
+/// Hand wheel, 0.01 degree.
 fn steer_frame(angle_rad: f64) -> CanFrame {
-    let hundredths = (angle_rad.to_degrees() * 100.0).round() as i16;
-    let mut frame = frame(0x200, [Some(hundredths.cast_unsigned()), None, None, None]);
-    frame.len = 2;
-    frame.data[2..8].fill(0);
+    let hundredths = if angle_rad.is_finite() {
+        (angle_rad.to_degrees() * 100.0).round() as i32
+    } else {
+        i32::MIN
+    };
+    let mut frame = frame(0x200, [Some(0); 4]);
+    frame.data[..4].copy_from_slice(&hundredths.to_le_bytes());
     frame
 }
 
+/// Wheel speeds, 0.01 rad/s.
 fn wheel_speed_frame(speeds_rad_s: [f64; 4]) -> CanFrame {
+    let field = |speed: f64| {
+        if speed.is_finite() {
+            (speed * 100.0).round() as i16
+        } else {
+            i16::MIN
+        }
+    };
     frame(
         0x210,
-        speeds_rad_s.map(|speed| Some(((speed * 100.0).round() as i16).cast_unsigned())),
+        speeds_rad_s.map(|speed| Some(field(speed).cast_unsigned())),
     )
 }
 

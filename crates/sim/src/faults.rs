@@ -233,14 +233,17 @@ impl LineFaults {
                         *byte ^= 1 << ((self.noise.unit() * 8.0) as u32).min(7);
                     }
                 }
-                let length = bytes.len();
-                let mut index = 0;
+                let (length, mut index, mut last_s) = (bytes.len(), 0, time_s);
                 bytes.retain(|_| {
                     index += 1;
                     let leaves_s = time_s - byte_time_s * (length - index) as f64;
-                    !self.unplugged.iter().any(|span| span.contains(&leaves_s))
+                    let kept = !self.unplugged.iter().any(|span| span.contains(&leaves_s));
+                    last_s = if kept { leaves_s } else { last_s };
+                    kept
                 });
-                (!bytes.is_empty()).then_some(emission)
+                let anything = !bytes.is_empty();
+                emission.time_s = last_s;
+                anything.then_some(emission)
             }
         }
     }

@@ -126,7 +126,9 @@ fn hand_wheel_and_wheel_speeds() {
     let steer: Vec<f64> = all
         .iter()
         .filter_map(|e| match &e.output {
-            Output::Can(f) if f.id == 0x200 => Some(i16::from_le_bytes([f.data[0], f.data[1]])),
+            Output::Can(f) if f.id == 0x200 => Some(i32::from_le_bytes([
+                f.data[0], f.data[1], f.data[2], f.data[3],
+            ])),
             _ => None,
         })
         .map(|hundredths| f64::from(hundredths) / 100.0)
@@ -143,6 +145,33 @@ fn hand_wheel_and_wheel_speeds() {
     let (mean, sigma) = moments(speeds.iter().map(|f| f64::from(f[2].cast_signed()) / 100.0));
     assert!((mean - 20.0).abs() < 0.01);
     assert_sigma("wheel speed", sigma, 0.005 * 20.0, speeds.len());
+}
+
+#[test]
+fn frames_are_those_of_the_project_s_dbc() {
+    let dbc = include_bytes!("../../../../bins/atvrec/assets/prowler.dbc");
+    let database = wire::dbc::Database::parse(dbc).expect("the project's DBC");
+    let all = emissions(circle(6.0, 15.24, 0.5), &Options::default(), 5);
+    let mut seen = std::collections::BTreeSet::new();
+    for emission in &all {
+        let Output::Can(frame) = &emission.output else {
+            continue;
+        };
+        let decoded = database.decode(frame).expect("a frame of the DBC");
+        let value = |name: &str| {
+            let signal = decoded.signals.iter().find(|s| s.name == name);
+            signal.map(|s| s.value).expect("a signal of the DBC")
+        };
+        match decoded.message.as_str() {
+            "Steering" => assert!((value("hand_wheel_angle") - 22.9).abs() < 3.0),
+            "WheelSpeed" => assert!((value("RR") - 20.0).abs() < 1.0),
+            "Corner_RL" => assert!((value("deflection") - 559.0).abs() < 6.0),
+            "Strain_RL" => assert!((value("lower_front") - 538.0).abs() < 6.0),
+            _ => {}
+        }
+        seen.insert(decoded.message);
+    }
+    assert_eq!(seen.len(), 10, "{seen:?}");
 }
 
 #[test]
