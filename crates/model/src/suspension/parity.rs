@@ -94,3 +94,91 @@ impl CornerStatics {
             })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::suspension::ChannelKind;
+
+    /// A map with a gain of its own for each pair, well conditioned.
+    fn statics() -> CornerStatics {
+        let wrench_from_members = Matrix6::from_fn(|i, j| {
+            if i == j {
+                1.0
+            } else {
+                0.1 * ((3 * i + 5 * j) % 7) as f64
+            }
+        });
+        let wrench_offset = Vector6::new(3.0, -2.0, 200.0, 1.0, 0.5, -0.2);
+        let members_from_wrench = wrench_from_members.try_inverse().expect("regular");
+        CornerStatics {
+            wrench_from_members,
+            wrench_offset,
+            members_from_wrench,
+            members_offset: -(members_from_wrench * wrench_offset),
+            ball_normal_per_strut: 0.4,
+            ball_normal_offset_n: 10.0,
+            lower_normal: nalgebra::Vector3::z(),
+            sixth: ChannelKind::Strut,
+        }
+    }
+
+    const KNOW_NOTHING: Parity = Parity {
+        sigma_n_m: [f64::INFINITY; 3],
+        rolling_radius_m: 0.0,
+    };
+
+    #[test]
+    fn without_parity_it_is_the_plain_sum() {
+        let statics = statics();
+        let members = Vector6::new(300.0, -200.0, 150.0, 80.0, -40.0, 900.0);
+        let sigma = Vector6::new(20.0, 30.0, 20.0, 25.0, 20.0, 15.0);
+        let found = statics
+            .wrench_with_parity(&members, &sigma, &KNOW_NOTHING)
+            .expect("six channels determine six values");
+        let plain = statics.wrench_from_members * members + statics.wrench_offset;
+        assert!((found.wrench.to_vector() - plain).amax() < 1e-6);
+        let spread = statics.wrench_from_members
+            * Matrix6::from_diagonal(&sigma.component_mul(&sigma))
+            * statics.wrench_from_members.transpose();
+        assert!((found.covariance - spread).amax() < 1e-6 * spread.amax());
+    }
+
+    #[test]
+    fn parity_sharpens_and_stands_in_for_a_dead_channel() {
+        let statics = statics();
+        let truth = Vector6::new(400.0, -700.0, 1500.0, 0.0, -9.0, 0.0);
+        let members = statics.members_from_wrench * truth + statics.members_offset;
+        let parity = Parity {
+            sigma_n_m: [40.0, 6.0, 15.0],
+            rolling_radius_m: 0.006,
+        };
+        let mut sigma = Vector6::repeat(20.0);
+        let plain = statics
+            .wrench_with_parity(&members, &sigma, &KNOW_NOTHING)
+            .expect("determined");
+        let sharp = statics
+            .wrench_with_parity(&members, &sigma, &parity)
+            .expect("determined");
+        for axis in 0..6 {
+            assert!(sharp.covariance[(axis, axis)] < plain.covariance[(axis, axis)]);
+        }
+        // The truth obeys the parity constraints, so that nothing pulls the estimate off it.
+        assert!((sharp.wrench.to_vector() - truth).amax() < 1e-6);
+
+        sigma[4] = f64::INFINITY;
+        assert!(
+            statics
+                .wrench_with_parity(&members, &sigma, &KNOW_NOTHING)
+                .is_none()
+        );
+        let dead = statics
+            .wrench_with_parity(&members, &sigma, &parity)
+            .expect("parity stands in");
+        assert!((dead.wrench.to_vector() - truth).amax() < 1e-6);
+        sigma[4] = 20.0;
+        let mut lost = members;
+        lost[2] = f64::NAN;
+        assert!(statics.wrench_with_parity(&lost, &sigma, &parity).is_some());
+    }
+}

@@ -32,10 +32,15 @@ pub fn vehicle() -> Option<Vehicle> {
 pub struct Run {
     columns: BTreeMap<String, Vec<f64>>,
     pub rows: usize,
+    stride: usize,
 }
 
+/// Rows a second of a truth run.
+const RATE_HZ: f64 = 200.0;
+
 impl Run {
-    /// Reads the columns whose name without unit satisfies `wanted`, every `stride`th row.
+    /// Reads the columns whose name without unit satisfies `wanted`; its rows are every
+    /// `stride`th of the file's.
     pub fn open(name: &str, stride: usize, wanted: impl Fn(&str) -> bool) -> Option<Self> {
         let path = directory().join(name).with_extension("parquet");
         let Ok(file) = File::open(&path) else {
@@ -56,22 +61,35 @@ impl Run {
                 }
             }
         }
-        for values in columns.values_mut() {
-            *values = values.iter().copied().step_by(stride).collect();
-        }
-        let rows = columns.values().next().map_or(0, Vec::len);
+        let all = columns.values().next().map_or(0, Vec::len);
+        // The first and the last row have no slope.
+        let rows = all.saturating_sub(2).div_ceil(stride);
         assert!(
             rows > 0,
             "no rows of the wanted columns in {}",
             path.display()
         );
-        Some(Self { columns, rows })
+        Some(Self {
+            columns,
+            rows,
+            stride,
+        })
     }
 
     pub fn get(&self, name: &str, row: usize) -> f64 {
+        self.column(name)[1 + row * self.stride]
+    }
+
+    /// Rate of change of a column, per second.
+    pub fn slope(&self, name: &str, row: usize) -> f64 {
+        let (values, middle) = (self.column(name), 1 + row * self.stride);
+        (values[middle + 1] - values[middle - 1]) * RATE_HZ / 2.0
+    }
+
+    fn column(&self, name: &str) -> &[f64] {
         self.columns
             .get(name)
-            .unwrap_or_else(|| panic!("column {name} was not read"))[row]
+            .unwrap_or_else(|| panic!("column {name} was not read"))
     }
 
     /// The vector of the columns `name` + `x`, `y`, `z` (+ `suffix`).
