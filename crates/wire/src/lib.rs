@@ -14,6 +14,7 @@
 //!
 //! Encoders stand beside the decoders; the virtual vehicle speaks through them.
 
+mod codec;
 mod error;
 mod frame;
 mod item;
