@@ -108,7 +108,7 @@ pub(crate) fn scan(bytes: &[u8]) -> Scan<()> {
         return Scan::Need(HEADER);
     }
     let len = usize::from(u16::from_le_bytes([bytes[6], bytes[7]]));
-    if len < HEADER || len > MAX_FRAME || !len.is_multiple_of(4) {
+    if !(HEADER..=MAX_FRAME).contains(&len) || !len.is_multiple_of(4) {
         return Scan::Skip(1);
     }
     if bytes.len() < len {
