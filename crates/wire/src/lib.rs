@@ -7,7 +7,7 @@
 //!
 //! - [`crossbow440`]: Crossbow IMU440, with its set-up dialogue.
 //! - [`gnss`]: what one receiver port carries, [`novatel`], [`sbf`] and [`nmea`] mixed.
-//! - [`line`]: text devices described by the configuration (steering, throttle, brake).
+//! - [`mod@line`]: text devices described by the configuration (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, through any DBC file.
 //! - [`slcan`], [`candump`]: CAN frames as text.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
