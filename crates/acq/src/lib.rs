@@ -5,10 +5,14 @@
 //! to the recorder and to the estimator through bounded queues. Nothing here knows what the bytes
 //! mean, save for SLCAN, whose text is turned into frames, and the dialogues that set a device up.
 
+mod can;
 pub mod clock;
+mod datagram;
+mod dialogue;
 mod port;
 pub mod sequencer;
 mod serial;
+mod slcan;
 pub mod spec;
 pub mod supervisor;
 mod sys;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use sample::SourceId;
+use wire::crossbow440;
 
 /// One source.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,11 +149,7 @@ pub enum Setup {
         /// Time between two of them.
         pause: Duration,
     },
-    /// Crossbow IMU440: find the baud rate, then ask for packets.
-    Crossbow440 {
-        /// Packets a second: 100 divided by a whole number.
-        rate_hz: u16,
-        /// Packet type, such as `S1`.
-        packet: [u8; 2],
-    },
+    /// Crossbow 440: find the line speed, then ask for packets. A unit that falls silent is set up
+    /// again; one that takes no commands is listened to at the port's own speed.
+    Crossbow440(crossbow440::SetupOptions),
 }

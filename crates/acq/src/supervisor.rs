@@ -9,7 +9,7 @@ use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior};
 
 use crate::port::Owner;
-use crate::{Sequencer, SourceKind, SourceSpec, serial};
+use crate::{Sequencer, SourceKind, SourceSpec, can, serial, slcan};
 
 /// How long a source whose task panicked stays down.
 const PANIC_PAUSE: Duration = Duration::from_secs(1);
@@ -115,10 +115,8 @@ async fn run(spec: SourceSpec, sequencer: Sequencer, shutdown: watch::Receiver<b
     };
     match spec.kind {
         SourceKind::Serial(serial) => serial::run(&owner, &serial, shutdown).await,
-        SourceKind::Can(_) | SourceKind::Slcan(_) => {
-            let text = "this kind of source cannot be opened yet".to_owned();
-            owner.notice(Notice::Closed(text));
-        }
+        SourceKind::Slcan(slcan) => slcan::run(&owner, &slcan, shutdown).await,
+        SourceKind::Can(can) => can::run(&owner, &can, shutdown).await,
     }
 }
 

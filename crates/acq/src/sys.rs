@@ -7,6 +7,9 @@ use std::mem::MaybeUninit;
 use std::os::fd::{AsRawFd, BorrowedFd};
 
 use libc::{c_int, c_uchar, c_uint, c_ulong, c_ushort};
+use socketcan::CanSocket;
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
 
 /// `ASYNC_LOW_LATENCY` of `linux/tty_flags.h`.
 const LOW_LATENCY: c_int = 1 << 13;
@@ -104,6 +107,140 @@ pub fn lock_port(port: &impl AsRawFd) -> io::Result<bool> {
         Err(std::fs::TryLockError::WouldBlock) => Ok(false),
         Err(std::fs::TryLockError::Error(error)) => Err(error),
     }
+}
+
+/// Most bytes of a datagram of a CAN socket: `struct canfd_frame`.
+const FRAME_BYTES: usize = 72;
+/// Room for the control messages of one datagram: stamps and drop counter take 104 bytes.
+const CONTROL_BYTES: usize = 256;
+
+/// Memory for one datagram. The alignment is that of `cmsghdr`.
+#[repr(C, align(8))]
+#[derive(Clone, Copy)]
+struct Slot {
+    control: [u8; CONTROL_BYTES],
+    frame: [u8; FRAME_BYTES],
+    control_len: usize,
+    frame_len: usize,
+    flags: c_int,
+}
+
+/// Datagrams received with one system call.
+pub struct Datagrams {
+    slots: Box<[Slot]>,
+    count: usize,
+}
+
+/// One datagram.
+pub struct Datagram<'a> {
+    /// Its bytes.
+    pub data: &'a [u8],
+    /// Its control messages.
+    pub control: &'a [u8],
+    /// `MSG_*` flags.
+    pub flags: c_int,
+}
+
+impl Datagrams {
+    /// The most that one call takes.
+    pub const CAPACITY: usize = 64;
+
+    pub fn new() -> Self {
+        let empty = Slot {
+            control: [0; CONTROL_BYTES],
+            frame: [0; FRAME_BYTES],
+            control_len: 0,
+            frame_len: 0,
+            flags: 0,
+        };
+        Self {
+            slots: vec![empty; Self::CAPACITY].into_boxed_slice(),
+            count: 0,
+        }
+    }
+
+    #[allow(
+        clippy::unnecessary_cast,
+        reason = "the C libraries differ in these types"
+    )]
+    /// Takes what waits on `socket`, without waiting for more; returns how many datagrams.
+    pub fn receive(&mut self, socket: &impl AsRawFd) -> io::Result<usize> {
+        self.count = 0;
+        // SAFETY: zero is a valid value of all fields of both structures: null pointers, no names.
+        let mut parts: [libc::iovec; Self::CAPACITY] = unsafe { std::mem::zeroed() };
+        // SAFETY: as above.
+        let mut headers: [libc::mmsghdr; Self::CAPACITY] = unsafe { std::mem::zeroed() };
+        for ((slot, part), header) in self.slots.iter_mut().zip(&mut parts).zip(&mut headers) {
+            part.iov_base = slot.frame.as_mut_ptr().cast();
+            part.iov_len = FRAME_BYTES;
+            header.msg_hdr.msg_iov = part;
+            header.msg_hdr.msg_iovlen = 1;
+            header.msg_hdr.msg_control = slot.control.as_mut_ptr().cast();
+            header.msg_hdr.msg_controllen = CONTROL_BYTES as _;
+        }
+        // SAFETY: `socket` keeps its descriptor open during the call; each of the CAPACITY headers
+        // points to one part and one control buffer with their true sizes, which live in `parts`
+        // and `self.slots`, neither of them moved or read before the call returns.
+        let count = check(unsafe {
+            libc::recvmmsg(
+                socket.as_raw_fd(),
+                headers.as_mut_ptr(),
+                Self::CAPACITY as c_uint,
+                libc::MSG_DONTWAIT as _,
+                std::ptr::null_mut(),
+            )
+        })?;
+        let count = usize::try_from(count).unwrap_or(0);
+        for (slot, header) in self.slots.iter_mut().zip(&headers[..count]) {
+            slot.frame_len = (header.msg_len as usize).min(FRAME_BYTES);
+            slot.control_len = (header.msg_hdr.msg_controllen as usize).min(CONTROL_BYTES);
+            slot.flags = header.msg_hdr.msg_flags;
+        }
+        self.count = count;
+        Ok(count)
+    }
+
+    /// What the last call received, in order.
+    pub fn iter(&self) -> impl Iterator<Item = Datagram<'_>> {
+        self.slots[..self.count].iter().map(|slot| Datagram {
+            data: &slot.frame[..slot.frame_len],
+            control: &slot.control[..slot.control_len],
+            flags: slot.flags,
+        })
+    }
+}
+
+/// Watches a socket for data, and for errors: an interface that goes down wakes without data.
+pub fn watch_socket(socket: CanSocket) -> io::Result<AsyncFd<CanSocket>> {
+    // SAFETY: the socket owns its descriptor, gives the same one at every call and closes it only
+    // when it is dropped, which `AsyncFd` does after it has stopped watching.
+    let watched =
+        unsafe { AsyncFd::register_with_interest(socket, Interest::READABLE | Interest::ERROR) };
+    Ok(watched?)
+}
+
+/// Whether a network interface is up. An error if there is none of this name.
+pub fn interface_is_up(socket: &impl AsRawFd, interface: &str) -> io::Result<bool> {
+    // SAFETY: zero is a valid value of all of its fields.
+    let mut request: libc::ifreq = unsafe { std::mem::zeroed() };
+    if interface.len() >= request.ifr_name.len() {
+        return Err(io::Error::from_raw_os_error(libc::ENODEV));
+    }
+    for (to, from) in request.ifr_name.iter_mut().zip(interface.bytes()) {
+        *to = from as libc::c_char;
+    }
+    // SAFETY: `socket` keeps its descriptor open during the call; SIOCGIFFLAGS reads the name,
+    // which ends with a zero, and writes the flags within `request`.
+    check(unsafe {
+        libc::ioctl(
+            socket.as_raw_fd(),
+            libc::SIOCGIFFLAGS as _,
+            &raw mut request,
+        )
+    })?;
+    // SAFETY: SIOCGIFFLAGS succeeded, so this is the field of the union that was written.
+    let flags = unsafe { request.ifr_ifru.ifru_flags };
+    Ok(c_int::from(flags) & libc::IFF_UP != 0)
 }
 
 /// A pseudo-terminal in raw mode: the device's end, and the path of the end that a program opens.

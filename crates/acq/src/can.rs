@@ -1,0 +1,294 @@
+//! SocketCAN interfaces.
+
+use std::io;
+use std::time::Duration;
+
+use sample::{CanFrame, LossPlace, Notice, Payload};
+use socketcan::{CanSocket, ShouldRetry as _, Socket, SocketOptions};
+use tokio::io::Interest;
+use tokio::io::unix::AsyncFd;
+use tokio::sync::watch;
+use tokio::time::MissedTickBehavior;
+
+use crate::CanSpec;
+use crate::datagram::{DropCounter, is_controller_overflow, take_apart};
+use crate::port::Owner;
+use crate::supervisor::pause;
+use crate::sys::{self, Datagrams};
+
+/// Wait between two attempts to open an interface.
+const REOPEN_WAIT: Duration = Duration::from_millis(200);
+/// How often the interface and the drop counter are looked at, whether frames come or not.
+const LOOK_PERIOD: Duration = Duration::from_millis(250);
+
+/// Flag bit of 29-bit identifiers in filters (`linux/can.h`).
+const EXTENDED_FLAG: u32 = 0x8000_0000;
+
+/// Runs a CAN source until the shutdown.
+pub(crate) async fn run(owner: &Owner, spec: &CanSpec, mut shutdown: watch::Receiver<bool>) {
+    let mut last_failure = String::new();
+    while !*shutdown.borrow() {
+        let ended = match Session::open(owner, spec) {
+            Ok(mut session) => {
+                last_failure.clear();
+                session.run(&mut shutdown).await
+            }
+            Err(error) => Err(error),
+        };
+        match ended {
+            Ok(()) => return,
+            Err(error) => {
+                let text = format!("{}: {}", spec.interface, explain(&error, &spec.interface));
+                if text != last_failure {
+                    tracing::warn!(source = %owner.name, %text, "no CAN, trying again");
+                    owner.notice(Notice::Closed(text.clone()));
+                    last_failure = text;
+                }
+            }
+        }
+        if pause(REOPEN_WAIT, &mut shutdown).await {
+            return;
+        }
+    }
+}
+
+/// What an error means and what to do about it.
+fn explain(error: &io::Error, interface: &str) -> String {
+    match error.raw_os_error() {
+        Some(libc::ENODEV | libc::ENXIO) => {
+            "no such interface; plug the adapter in or load its driver".to_owned()
+        }
+        Some(libc::ENETDOWN) => {
+            format!("the interface is down; bring it up with `ip link set {interface} up`")
+        }
+        Some(libc::EAFNOSUPPORT | libc::EPROTONOSUPPORT) => {
+            "this kernel has no CAN; load the modules can and can-raw".to_owned()
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// One opening of an interface.
+struct Session<'a> {
+    owner: &'a Owner,
+    spec: &'a CanSpec,
+    socket: AsyncFd<CanSocket>,
+    settings: String,
+    datagrams: Datagrams,
+    drops: DropCounter,
+    /// Whether the interface is up, as told by the last notice; `None` before the first.
+    up: Option<bool>,
+}
+
+impl<'a> Session<'a> {
+    fn open(owner: &'a Owner, spec: &'a CanSpec) -> io::Result<Self> {
+        let socket = CanSocket::open(&spec.interface)?;
+        let settings = configure(&socket, spec)?;
+        let drops = DropCounter::new(kernel_drops(&socket).unwrap_or(0));
+        let socket = sys::watch_socket(socket)?;
+        Ok(Self {
+            owner,
+            spec,
+            socket,
+            settings,
+            datagrams: Datagrams::new(),
+            drops,
+            up: None,
+        })
+    }
+
+    /// Reads until the shutdown (`Ok`) or until the interface is gone. One that goes down is waited
+    /// for: the socket stays bound to it and its first frame is not missed.
+    async fn run(&mut self, shutdown: &mut watch::Receiver<bool>) -> io::Result<()> {
+        let mut look = tokio::time::interval(LOOK_PERIOD);
+        look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                biased;
+                _ = shutdown.wait_for(|stop| *stop) => break,
+                _ = look.tick() => {
+                    self.look()?;
+                    // Also finds an error that came between two datagrams and woke nobody.
+                    self.receive()?;
+                }
+                ready = self.socket.ready(Interest::READABLE | Interest::ERROR) => {
+                    let mut ready = ready?;
+                    // Cleared before the read: what comes after it wakes again.
+                    ready.clear_ready();
+                    drop(ready);
+                    while self.receive()? {}
+                }
+            }
+        }
+        while self.receive().unwrap_or(false) {}
+        self.look_at_drops();
+        self.owner.notice(Notice::Closed("stopped".to_owned()));
+        Ok(())
+    }
+
+    /// Takes one batch into the stream; `true` if more may be waiting.
+    fn receive(&mut self) -> io::Result<bool> {
+        let count = match self.datagrams.receive(self.socket.get_ref()) {
+            Ok(count) => count,
+            Err(error) if error.should_retry() => return Ok(false),
+            Err(error) if error.raw_os_error() == Some(libc::ENETDOWN) => {
+                self.tell_state(false);
+                return Ok(false);
+            }
+            Err(error) => return Err(error),
+        };
+        let mut frames: Vec<CanFrame> = Vec::with_capacity(count);
+        let (mut kernel, mut device) = (0, 0);
+        for datagram in self.datagrams.iter() {
+            let (frame, drops) = take_apart(&datagram);
+            kernel += drops.map_or(0, |now| self.drops.since(now));
+            // An overflow is at least one frame; the controller does not say how many.
+            device += u64::from(frame.as_ref().is_some_and(is_controller_overflow));
+            frames.extend(frame);
+        }
+        self.owner.lost(LossPlace::Kernel, kernel);
+        self.owner.lost(LossPlace::Device, device);
+        if !frames.is_empty() {
+            self.tell_state(true);
+            let payload = Payload::Can(frames);
+            self.owner.sequencer.push(self.owner.id, payload);
+        }
+        Ok(count == Datagrams::CAPACITY)
+    }
+
+    fn look(&mut self) -> io::Result<()> {
+        let up = sys::interface_is_up(self.socket.get_ref(), &self.spec.interface)?;
+        self.tell_state(up);
+        self.look_at_drops();
+        Ok(())
+    }
+
+    /// Reports drops that no later frame has told of.
+    fn look_at_drops(&mut self) {
+        if let Some(now) = kernel_drops(self.socket.get_ref()) {
+            self.owner.lost(LossPlace::Kernel, self.drops.since(now));
+        }
+    }
+
+    /// Sends a notice if the state has changed.
+    fn tell_state(&mut self, up: bool) {
+        if self.up == Some(up) {
+            return;
+        }
+        self.up = Some(up);
+        let interface = &self.spec.interface;
+        if up {
+            let text = format!("{interface}, {}", self.settings);
+            tracing::info!(source = %self.owner.name, interface = %text, "opened");
+            self.owner.notice(Notice::Opened(text));
+        } else {
+            let down = io::Error::from_raw_os_error(libc::ENETDOWN);
+            let text = format!("{interface}: {}", explain(&down, interface));
+            tracing::warn!(source = %self.owner.name, %text);
+            self.owner.notice(Notice::Closed(text));
+        }
+    }
+}
+
+/// Sets a socket up and says how, in words.
+fn configure(socket: &CanSocket, spec: &CanSpec) -> io::Result<String> {
+    socket.set_nonblocking(true)?;
+    if !spec.filters.is_empty() {
+        let filters: Vec<_> = spec.filters.iter().map(kernel_filter).collect();
+        socket.set_filters(&filters)?;
+    }
+    if spec.errors {
+        socket.set_error_filter_accept_all()?;
+    }
+    if spec.fd {
+        socket.set_socket_option_int(libc::SOL_CAN_RAW, libc::CAN_RAW_FD_FRAMES, 1)?;
+    }
+    socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_RXQ_OVFL, 1)?;
+    socket.set_recv_timestamp(true)?;
+    let hardware = spec.hardware_stamps && socket.has_hw_timestamps();
+    if hardware {
+        let flags = libc::SOF_TIMESTAMPING_RX_HARDWARE
+            | libc::SOF_TIMESTAMPING_RAW_HARDWARE
+            | libc::SOF_TIMESTAMPING_OPT_CMSG;
+        socket.set_timestamping(flags)?;
+    }
+    let queue = enlarge_queue(socket, spec)?;
+    let stamps = if hardware {
+        "kernel and hardware"
+    } else {
+        "kernel"
+    };
+    Ok(format!("queue of {queue} bytes, {stamps} stamps"))
+}
+
+fn kernel_filter(filter: &crate::CanFilter) -> socketcan::CanFilter {
+    // The flag is part of the mask, so that identifiers of the other length do not match.
+    let id = filter.id | if filter.extended { EXTENDED_FLAG } else { 0 };
+    socketcan::CanFilter::new(id, filter.mask | EXTENDED_FLAG)
+}
+
+/// Asks for the receive queue, beyond the system's limit where this process may, and returns the
+/// size that it got.
+fn enlarge_queue(socket: &CanSocket, spec: &CanSpec) -> io::Result<usize> {
+    let wanted = i32::try_from(spec.receive_buffer_bytes).unwrap_or(i32::MAX);
+    let forced = socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_RCVBUFFORCE, wanted);
+    if forced.is_err() {
+        socket.set_socket_option_int(libc::SOL_SOCKET, libc::SO_RCVBUF, wanted)?;
+    }
+    let got = socket.get_socket_option_int(libc::SOL_SOCKET, libc::SO_RCVBUF)?;
+    // The kernel doubles what is asked for, to pay for its own bookkeeping.
+    let got = usize::try_from(got).unwrap_or(0) / 2;
+    if got < spec.receive_buffer_bytes {
+        tracing::warn!(
+            interface = %spec.interface,
+            wanted,
+            got,
+            "the kernel's queue is smaller than asked for; raise net.core.rmem_max or grant \
+             CAP_NET_ADMIN"
+        );
+    }
+    Ok(got)
+}
+
+/// The socket's drop counter as it is now.
+fn kernel_drops(socket: &CanSocket) -> Option<u32> {
+    const SO_MEMINFO: i32 = 55;
+    const DROPS_INDEX: usize = 8;
+    let mut words = [0_u8; 4 * (DROPS_INDEX + 1)];
+    let read = socket.get_socket_option_bytes(libc::SOL_SOCKET, SO_MEMINFO, &mut words);
+    let length = read.ok()?;
+    let word = words.get(..length)?.get(4 * DROPS_INDEX..)?.first_chunk()?;
+    Some(u32::from_ne_bytes(*word))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CanFilter;
+
+    #[test]
+    fn filters_keep_identifiers_of_the_other_length_out() {
+        let extended = kernel_filter(&CanFilter {
+            id: 0x123,
+            mask: 0x7FF,
+            extended: true,
+        });
+        let raw: &libc::can_filter = extended.as_ref();
+        assert_eq!((raw.can_id, raw.can_mask), (0x8000_0123, 0x8000_07FF));
+        let standard = kernel_filter(&CanFilter {
+            id: 0x123,
+            mask: 0x7FF,
+            extended: false,
+        });
+        let raw: &libc::can_filter = standard.as_ref();
+        assert_eq!((raw.can_id, raw.can_mask), (0x123, 0x8000_07FF));
+    }
+
+    #[test]
+    fn errors_come_with_a_remedy() {
+        for code in [libc::ENODEV, libc::ENETDOWN, libc::EAFNOSUPPORT] {
+            let text = explain(&io::Error::from_raw_os_error(code), "can7");
+            assert!(text.contains(';'), "{text}");
+        }
+    }
+}

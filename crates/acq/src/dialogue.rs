@@ -1,0 +1,220 @@
+//! What is said to a serial device after its port was opened.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+use wire::crossbow440::{self, Action};
+
+use crate::Setup;
+use crate::port::Act;
+
+/// A unit that was set up and sends no packet for this long is set up again: its power was cut, and
+/// what it was told is gone.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// The dialogue with one device.
+pub(crate) enum Dialogue {
+    None,
+    Commands(Commands),
+    Crossbow440(Box<Crossbow440>),
+}
+
+impl Dialogue {
+    pub fn new(setup: &Setup, baud: u32) -> Self {
+        match setup {
+            Setup::None => Self::None,
+            Setup::Commands { commands, pause } => Self::Commands(Commands {
+                commands: commands.clone(),
+                pause: *pause,
+                next: 0,
+            }),
+            Setup::Crossbow440(options) => {
+                Self::Crossbow440(Box::new(Crossbow440::new(*options, baud)))
+            }
+        }
+    }
+
+    /// The port was opened.
+    pub fn opened(&mut self) -> Act {
+        match self {
+            Self::None => Act::default(),
+            Self::Commands(commands) => {
+                commands.next = 0;
+                commands.send()
+            }
+            Self::Crossbow440(unit) => unit.begin(),
+        }
+    }
+
+    /// Bytes came.
+    pub fn received(&mut self, bytes: &[u8]) -> Act {
+        match self {
+            Self::None | Self::Commands(_) => Act::default(),
+            Self::Crossbow440(unit) => unit.received(bytes),
+        }
+    }
+
+    /// The time asked for has passed.
+    pub fn woken(&mut self) -> Act {
+        match self {
+            Self::None => Act::default(),
+            Self::Commands(commands) => commands.send(),
+            Self::Crossbow440(unit) => unit.woken(),
+        }
+    }
+}
+
+/// Commands sent one after the other, without a look at the answers.
+pub(crate) struct Commands {
+    commands: Vec<Vec<u8>>,
+    pause: Duration,
+    next: usize,
+}
+
+impl Commands {
+    fn send(&mut self) -> Act {
+        let write = self.commands.get(self.next).cloned().unwrap_or_default();
+        self.next += 1;
+        Act {
+            write,
+            wake: (self.next < self.commands.len()).then_some(self.pause),
+            baud: None,
+        }
+    }
+}
+
+/// Finds the line speed, sets the unit up, then watches that it sends.
+pub(crate) struct Crossbow440 {
+    options: crossbow440::SetupOptions,
+    /// The port's own line speed, for a unit that takes no commands.
+    baud: u32,
+    started: Instant,
+    /// `None` while the unit is watched.
+    setup: Option<crossbow440::Setup>,
+    decoder: crossbow440::Decoder,
+    packets: u64,
+}
+
+impl Crossbow440 {
+    fn new(options: crossbow440::SetupOptions, baud: u32) -> Self {
+        Self {
+            options,
+            baud,
+            started: Instant::now(),
+            setup: None,
+            decoder: crossbow440::Decoder::default(),
+            packets: 0,
+        }
+    }
+
+    fn begin(&mut self) -> Act {
+        self.started = Instant::now();
+        self.setup = Some(crossbow440::Setup::new(self.options));
+        self.advance()
+    }
+
+    fn received(&mut self, bytes: &[u8]) -> Act {
+        if let Some(setup) = &mut self.setup {
+            setup.receive(bytes);
+            return self.advance();
+        }
+        let packets = &mut self.packets;
+        self.decoder.push(bytes, |_| *packets += 1);
+        Act::default()
+    }
+
+    fn woken(&mut self) -> Act {
+        if self.setup.is_some() {
+            return self.advance();
+        }
+        if self.packets == 0 {
+            tracing::info!("no packet from the Crossbow 440, setting it up again");
+            return self.begin();
+        }
+        self.watch()
+    }
+
+    fn watch(&mut self) -> Act {
+        self.setup = None;
+        self.packets = 0;
+        Act {
+            wake: Some(SILENCE),
+            ..Act::default()
+        }
+    }
+
+    /// Does what the dialogue wants, until it waits.
+    fn advance(&mut self) -> Act {
+        let mut act = Act::default();
+        while let Some(setup) = &mut self.setup {
+            match setup.poll(self.started.elapsed()) {
+                Some(Action::SetBaud(baud)) => act.baud = Some(baud),
+                Some(Action::Send(bytes)) => act.write.extend(bytes),
+                Some(Action::Done { baud }) => {
+                    tracing::info!(baud, "Crossbow 440 is set up");
+                    act.wake = self.watch().wake;
+                }
+                Some(Action::Failed(error)) => {
+                    tracing::warn!(%error, "Crossbow 440 is not set up, listening");
+                    act.baud = Some(self.baud);
+                    act.wake = self.watch().wake;
+                }
+                None => {
+                    let due = setup.deadline();
+                    let wait = due.map(|due| due.saturating_sub(self.started.elapsed()));
+                    act.wake = wait.or(act.wake);
+                    break;
+                }
+            }
+        }
+        act
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_sent_in_order_each_time() {
+        let setup = Setup::Commands {
+            commands: vec![b"a\r".to_vec(), b"b\r".to_vec()],
+            pause: Duration::from_millis(5),
+        };
+        let mut dialogue = Dialogue::new(&setup, 9600);
+        for _ in 0..2 {
+            let first = dialogue.opened();
+            assert_eq!(
+                (first.write, first.wake),
+                (b"a\r".to_vec(), Some(Duration::from_millis(5)))
+            );
+            let second = dialogue.woken();
+            assert_eq!((second.write, second.wake), (b"b\r".to_vec(), None));
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_crossbow_that_takes_no_commands_is_listened_to_at_the_ports_own_speed() {
+        let setup = Setup::Crossbow440(crossbow440::SetupOptions::default());
+        let mut dialogue = Dialogue::new(&setup, 38_400);
+        let mut act = dialogue.opened();
+        let mut bauds = Vec::new();
+        for _ in 0..100 {
+            bauds.extend(act.baud);
+            let wake = act.wake.expect("it always wakes again");
+            if wake == SILENCE {
+                break;
+            }
+            tokio::time::advance(wake).await;
+            act = dialogue.woken();
+        }
+        assert_eq!(bauds, [57_600, 38_400, 19_200, 9_600, 38_400]);
+        // `PK` is a packet too: while one comes, nothing is set up.
+        dialogue.received(b"\x55\x55PK\x00\x9E\xF4");
+        tokio::time::advance(SILENCE).await;
+        let act = dialogue.woken();
+        assert_eq!((act.baud, act.wake), (None, Some(SILENCE)));
+        tokio::time::advance(SILENCE).await;
+        assert_eq!(dialogue.woken().baud, Some(57_600));
+    }
+}

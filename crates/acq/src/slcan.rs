@@ -1,0 +1,215 @@
+//! SLCAN adapters: text on a serial port into CAN frames.
+
+use std::time::Duration;
+
+use sample::{LossPlace, Payload};
+use tokio::sync::watch;
+use wire::slcan::{Command, Decoder, Event};
+
+use crate::SlcanSpec;
+use crate::port::{self, Act, Owner, Talk};
+
+/// Time for an adapter to take a command.
+const COMMAND_PAUSE: Duration = Duration::from_millis(20);
+/// How often an adapter is asked whether it lost frames.
+const STATUS_PERIOD: Duration = Duration::from_secs(1);
+
+/// Runs a SLCAN source until the shutdown.
+pub(crate) async fn run(owner: &Owner, spec: &SlcanSpec, shutdown: watch::Receiver<bool>) {
+    let mut talk = SlcanTalk::new(owner.clone(), spec);
+    port::run(owner, &spec.port, &mut talk, shutdown).await;
+}
+
+struct SlcanTalk {
+    owner: Owner,
+    /// What is sent at each opening, in order.
+    opening: Vec<Vec<u8>>,
+    /// Next of `opening`; past its end the adapter is on the bus.
+    next: usize,
+    /// Whether the adapter knows the status command.
+    has_status: bool,
+    /// The last command was a request for the status.
+    asked_status: bool,
+    decoder: Decoder,
+    /// Malformed lines already reported.
+    malformed: u64,
+    /// The first line after the opening may be the rest of one.
+    mid_line: bool,
+}
+
+impl SlcanTalk {
+    fn new(owner: Owner, spec: &SlcanSpec) -> Self {
+        let mut opening = vec![b"\r\r\r".to_vec()];
+        let on_bus = if spec.listen_only {
+            Command::ListenOnly
+        } else {
+            Command::Open
+        };
+        let commands = [
+            Some(Command::Close),
+            spec.bit_rate.map(Command::BitRate),
+            Some(Command::Timestamps(spec.timestamps)),
+            Some(on_bus),
+        ];
+        for command in commands.into_iter().flatten() {
+            match command.encode() {
+                Some(line) => opening.push(line),
+                None => tracing::error!(
+                    source = %owner.name,
+                    ?command,
+                    "SLCAN has no such bit rate, the adapter keeps its own"
+                ),
+            }
+        }
+        Self {
+            owner,
+            opening,
+            next: 0,
+            has_status: true,
+            asked_status: false,
+            decoder: Decoder::new(),
+            malformed: 0,
+            mid_line: true,
+        }
+    }
+
+    fn refused(&mut self) {
+        if self.next <= self.opening.len() && self.next > 0 {
+            let line = String::from_utf8_lossy(&self.opening[self.next - 1]).into_owned();
+            // Leaving a bus that one is not on is refused by some adapters.
+            if line != "C\r" {
+                tracing::warn!(source = %self.owner.name, command = line.trim(), "refused");
+            }
+        } else if self.asked_status {
+            self.has_status = false;
+        }
+    }
+}
+
+impl Talk for SlcanTalk {
+    fn opened(&mut self) -> Act {
+        self.next = 0;
+        self.asked_status = false;
+        self.decoder = Decoder::new();
+        self.malformed = 0;
+        self.mid_line = true;
+        self.woken()
+    }
+
+    fn received(&mut self, bytes: &[u8]) -> Act {
+        let mut frames = Vec::new();
+        let mut overrun = false;
+        let mut refused = false;
+        self.decoder.push(bytes, &mut |event| match event {
+            Event::Frame(frame) => frames.push(frame),
+            Event::Status(status) => {
+                overrun |= status.lost_frames();
+                if status.0 != 0 {
+                    tracing::warn!(source = %self.owner.name, status = status.describe());
+                }
+            }
+            Event::Refused => refused = true,
+            _ => {}
+        });
+        if refused {
+            self.refused();
+        }
+        let mut broken = self.decoder.statistics().malformed - self.malformed;
+        self.malformed += broken;
+        if self.mid_line && (broken > 0 || !frames.is_empty()) {
+            self.mid_line = false;
+            broken = broken.saturating_sub(1);
+        }
+        // An overrun is at least one frame; the adapter does not say how many.
+        self.owner
+            .lost(LossPlace::Device, broken + u64::from(overrun));
+        if !frames.is_empty() {
+            let payload = Payload::Can(frames);
+            self.owner.sequencer.push(self.owner.id, payload);
+        }
+        Act::default()
+    }
+
+    fn woken(&mut self) -> Act {
+        if let Some(line) = self.opening.get(self.next) {
+            self.next += 1;
+            return Act {
+                write: line.clone(),
+                wake: Some(COMMAND_PAUSE),
+                baud: None,
+            };
+        }
+        self.next = self.opening.len() + 1;
+        let status = Command::ReadStatus.encode().filter(|_| self.has_status);
+        self.asked_status = status.is_some();
+        Act {
+            wake: status.is_some().then_some(STATUS_PERIOD),
+            write: status.unwrap_or_default(),
+            baud: None,
+        }
+    }
+
+    fn farewell(&mut self) -> Vec<u8> {
+        Command::Close.encode().unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use sample::{Notice, SourceId};
+
+    use super::*;
+    use crate::{LogClock, PortSpec, QueueSizes, Sequencer};
+
+    fn talk() -> (SlcanTalk, crate::Streams) {
+        let (sequencer, streams) = Sequencer::new(LogClock::start(), QueueSizes::default());
+        let owner = Owner {
+            id: SourceId(1),
+            name: "can".to_owned(),
+            sequencer,
+        };
+        let spec = SlcanSpec {
+            port: PortSpec::new("/dev/null", 115_200),
+            bit_rate: Some(500_000),
+            listen_only: false,
+            timestamps: true,
+        };
+        (SlcanTalk::new(owner, &spec), streams)
+    }
+
+    #[test]
+    fn the_adapter_is_set_up_then_asked_for_losses() {
+        let (mut talk, _streams) = talk();
+        let mut sent = talk.opened().write;
+        for _ in 0..5 {
+            sent.extend(talk.woken().write);
+        }
+        assert_eq!(sent, b"\r\r\rC\rS6\rZ1\rO\rF\r");
+        talk.received(b"\x07");
+        assert_eq!(talk.woken(), Act::default());
+        assert_eq!(talk.farewell(), b"C\r");
+    }
+
+    #[test]
+    fn frames_and_losses_become_arrivals() {
+        let (mut talk, mut streams) = talk();
+        talk.opened();
+        talk.received(b"33\rt1002");
+        talk.received(b"AABB0005\rt1001CC0006\r");
+        talk.received(b"t10garbage\rF08\r");
+        let frames = streams.recorder.try_recv().expect("frames");
+        let Payload::Can(frames) = &frames.payload else {
+            panic!("{frames:?}");
+        };
+        assert_eq!(frames.len(), 2);
+        assert_eq!(frames[0].bytes(), [0xAA, 0xBB]);
+        assert_eq!(frames[1].hardware_ns, Some(6_000_000));
+        let lost = streams.recorder.try_recv().expect("a notice");
+        let expected = Notice::Lost {
+            place: LossPlace::Device,
+            count: 2,
+        };
+        assert_eq!(lost.payload, Payload::Notice(expected));
+        assert!(streams.recorder.try_recv().is_err());
+    }
+}
