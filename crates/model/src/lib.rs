@@ -1,11 +1,16 @@
 //! What a vehicle does: chassis, suspension, tyres, strain chain, steering and vehicle files.
 
+pub mod chassis;
 mod error;
 mod file;
+pub mod integrate;
+mod scalar;
 pub mod sensors;
 pub mod suspension;
 pub mod truth_params;
+pub mod tyre;
 pub mod vehicle;
 
 pub use error::Error;
 pub use file::{FileErrors, Problem};
+pub use scalar::Scalar;

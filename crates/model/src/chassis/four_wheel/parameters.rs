@@ -1,0 +1,186 @@
+use nalgebra::Matrix3;
+
+use crate::tyre::Tyre;
+use crate::vehicle::{Axle, Vehicle};
+
+/// One axle, as the four-wheel model sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxleParameters {
+    /// Distance x of the axle ahead of the centre of gravity, m; negative at the rear.
+    pub ahead_m: f64,
+    /// Track t, m.
+    pub track_m: f64,
+    /// Roll-centre height h_r, m.
+    pub roll_centre_height_m: f64,
+    /// Roll stiffness K_phi, N m/rad.
+    pub roll_stiffness_n_m_rad: f64,
+    /// Roll damping B_phi, N m s/rad.
+    pub roll_damping_n_m_s_rad: f64,
+    /// Unsprung mass m_u of the axle, kg.
+    pub unsprung_mass_kg: f64,
+    /// Height h_u of the unsprung mass, m.
+    pub unsprung_height_m: f64,
+    /// Road-wheel steer per roll angle, left positive.
+    pub roll_steer: f64,
+    /// Tyre.
+    pub tyre: Tyre,
+    /// Radius R that carries spin to the ground and force to the wheel, m.
+    pub rolling_radius_m: f64,
+    /// Spin inertia of one wheel, kg m^2.
+    pub spin_inertia_kg_m2: f64,
+    /// Relaxation length sigma, m; zero for none.
+    pub relaxation_length_m: f64,
+    /// Rolling resistance coefficient.
+    pub rolling_resistance: f64,
+}
+
+/// Parameters of the four-wheel model. After changing a mass, an inertia or an arm, call
+/// [`Parameters::prepare`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Total mass m, kg.
+    pub mass_kg: f64,
+    /// Sprung mass m_s, kg.
+    pub sprung_mass_kg: f64,
+    /// Yaw inertia I_z of the whole, kg m^2.
+    pub yaw_inertia_kg_m2: f64,
+    /// Roll inertia I_x of the sprung part about its centre of gravity, kg m^2.
+    pub roll_inertia_kg_m2: f64,
+    /// Pitch inertia I_y of the sprung part about its centre of gravity, kg m^2.
+    pub pitch_inertia_kg_m2: f64,
+    /// Product of inertia I_xz, kg m^2.
+    pub inertia_xz_kg_m2: f64,
+    /// Arm h_s of the sprung mass above the roll axis, m.
+    pub roll_arm_m: f64,
+    /// Arm h_p of the sprung mass above the pitch centre, m.
+    pub pitch_arm_m: f64,
+    /// Height h_pc of the pitch centre, m.
+    pub pitch_centre_height_m: f64,
+    /// Pitch stiffness K_theta, N m/rad.
+    pub pitch_stiffness_n_m_rad: f64,
+    /// Pitch damping B_theta, N m s/rad.
+    pub pitch_damping_n_m_s_rad: f64,
+    /// Drag, N s^2/m^2.
+    pub drag_n_s2_m2: f64,
+    /// Gravity g, m/s^2.
+    pub gravity_m_s2: f64,
+    /// Speed below which slip without relaxation is blended, m/s.
+    pub low_speed_m_s: f64,
+    /// Passes of the loop between loads and forces, one at least. Two, the default, leave some
+    /// 1e-5 of the forces in steady turning; each further pass divides that by about 50.
+    pub load_passes: usize,
+    /// Front axle.
+    pub front: AxleParameters,
+    /// Rear axle.
+    pub rear: AxleParameters,
+    /// Inverse of the mass matrix of (v' + u r, r', phi'').
+    pub(super) inverse: Matrix3<f64>,
+}
+
+impl Parameters {
+    /// The parameters of a vehicle. The sprung part's roll and pitch inertia are about its own
+    /// centre of gravity; rolling radius and spin inertia come from the tyre where the file has no
+    /// unsprung masses (a wheel of 1/40 of the vehicle's mass, as a hoop of 0.6 of the radius).
+    #[must_use]
+    pub fn from_vehicle(vehicle: &Vehicle) -> Self {
+        let body = &vehicle.body;
+        let sprung = vehicle.sprung();
+        let pitch = vehicle.pitch();
+        let gravity = sample::STANDARD_GRAVITY_M_S2;
+        let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+        let static_load = |arm: f64| 0.5 * body.mass_kg * gravity * arm / (a + b);
+        let mut parameters = Self {
+            mass_kg: body.mass_kg,
+            sprung_mass_kg: sprung.mass_kg,
+            yaw_inertia_kg_m2: body.inertia_kg_m2[2],
+            roll_inertia_kg_m2: sprung.inertia_kg_m2[0],
+            pitch_inertia_kg_m2: sprung.inertia_kg_m2[1],
+            inertia_xz_kg_m2: body.inertia_xz_kg_m2,
+            roll_arm_m: vehicle.roll_arm_m(),
+            pitch_arm_m: sprung.cg_m[2] - pitch.centre_height_m,
+            pitch_centre_height_m: pitch.centre_height_m,
+            pitch_stiffness_n_m_rad: pitch.stiffness_n_m_rad,
+            pitch_damping_n_m_s_rad: pitch.damping_n_m_s_rad,
+            drag_n_s2_m2: body.drag_n_s2_m2,
+            gravity_m_s2: gravity,
+            low_speed_m_s: 0.5,
+            load_passes: 2,
+            front: axle(vehicle, &vehicle.front, a, static_load(b), 0),
+            rear: axle(vehicle, &vehicle.rear, -b, static_load(a), 1),
+            inverse: Matrix3::zeros(),
+        };
+        parameters.prepare();
+        parameters
+    }
+
+    /// Brings what is derived from masses, inertias and arms up to date.
+    pub fn prepare(&mut self) {
+        let lever = self.sprung_mass_kg * self.roll_arm_m;
+        let matrix = Matrix3::new(
+            self.mass_kg,
+            0.0,
+            -lever,
+            0.0,
+            self.yaw_inertia_kg_m2,
+            -self.inertia_xz_kg_m2,
+            -lever,
+            -self.inertia_xz_kg_m2,
+            self.roll_inertia_kg_m2 + lever * self.roll_arm_m,
+        );
+        self.inverse = matrix.try_inverse().unwrap_or_else(Matrix3::zeros);
+    }
+
+    /// The axle of a wheel, by the wheel's index.
+    #[inline]
+    #[must_use]
+    pub fn axle(&self, wheel: usize) -> &AxleParameters {
+        if wheel < 2 { &self.front } else { &self.rear }
+    }
+
+    /// Position (x, y) of a wheel from the centre of gravity, m.
+    #[inline]
+    #[must_use]
+    pub fn wheel_position_m(&self, wheel: usize) -> [f64; 2] {
+        let axle = self.axle(wheel);
+        let side = if wheel.is_multiple_of(2) { 0.5 } else { -0.5 };
+        [axle.ahead_m, side * axle.track_m]
+    }
+
+    /// Wheelbase L, m.
+    #[inline]
+    #[must_use]
+    pub fn wheelbase_m(&self) -> f64 {
+        self.front.ahead_m - self.rear.ahead_m
+    }
+}
+
+fn axle(
+    vehicle: &Vehicle,
+    axle: &Axle,
+    ahead_m: f64,
+    static_load_n: f64,
+    index: usize,
+) -> AxleParameters {
+    let tyre = &axle.tyre;
+    // A rolling tyre turns as if its radius were short of a third of its deflection.
+    let rolling_radius_m =
+        tyre.unloaded_radius_m - static_load_n / tyre.vertical_stiffness_n_m / 3.0;
+    AxleParameters {
+        ahead_m,
+        track_m: axle.track_m,
+        roll_centre_height_m: axle.roll_centre_height_m,
+        roll_stiffness_n_m_rad: axle.roll_stiffness_n_m_rad,
+        roll_damping_n_m_s_rad: axle.roll_damping_n_m_s_rad,
+        unsprung_mass_kg: axle.unsprung_mass_kg(),
+        unsprung_height_m: tyre.unloaded_radius_m,
+        roll_steer: vehicle.steering.roll_steer[index],
+        tyre: Tyre::from_vehicle(tyre),
+        rolling_radius_m,
+        spin_inertia_kg_m2: axle.unsprung.as_ref().map_or_else(
+            || vehicle.body.mass_kg / 40.0 * (0.6 * tyre.unloaded_radius_m).powi(2),
+            |corner| corner.wheel_spin_inertia_kg_m2,
+        ),
+        relaxation_length_m: tyre.relaxation_length_m,
+        rolling_resistance: tyre.rolling_resistance,
+    }
+}

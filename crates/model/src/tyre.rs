@@ -1,0 +1,140 @@
+//! Tyres: from load and slip to force, behind one interface ([`Tyre::forces`]).
+//!
+//! All in the wheel's contact frame (ISO 8855): a positive slip angle gives a negative lateral
+//! force, which is the minus sign that equation 2.28 of the thesis lacks. The slip angle enters as
+//! its tangent, since that is what the contact patch sees and what [relaxation](relaxed_rate)
+//! integrates; it stays finite at rest.
+
+mod physical;
+mod stiffness;
+
+pub use physical::{Law, Physical};
+pub use stiffness::Stiffness;
+
+use crate::Scalar;
+use crate::vehicle;
+
+/// State of one contact patch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact<T> {
+    /// Normal load F_z, N; at or below zero the tyre is airborne and every force is zero.
+    pub load_n: T,
+    /// Tangent of the slip angle, tan(alpha) = v_y/|v_x| in the wheel's frame.
+    pub slip_tangent: T,
+    /// Longitudinal slip kappa = (omega R - v_x)/|v_x|; -1 is a locked wheel.
+    pub slip_ratio: T,
+    /// Camber angle gamma, rad; positive when the wheel's top leans right (about x by the
+    /// right-hand rule), which gives a negative lateral force.
+    pub camber_rad: T,
+    /// Factor on the friction coefficient: 1 on the surface that the tyre's file means.
+    pub friction_scale: T,
+    /// Factor on all slip stiffnesses.
+    pub stiffness_scale: T,
+}
+
+impl<T: Scalar> Contact<T> {
+    /// A free-rolling, upright tyre at a slip angle.
+    pub fn lateral(load_n: T, slip_angle_rad: T) -> Self {
+        Self::combined(load_n, slip_angle_rad, T::from(0.0))
+    }
+
+    /// An upright tyre at a slip angle and a longitudinal slip.
+    pub fn combined(load_n: T, slip_angle_rad: T, slip_ratio: T) -> Self {
+        Self {
+            load_n,
+            slip_tangent: slip_angle_rad.tan(),
+            slip_ratio,
+            camber_rad: T::from(0.0),
+            friction_scale: T::from(1.0),
+            stiffness_scale: T::from(1.0),
+        }
+    }
+}
+
+/// What the ground exerts on a tyre, in the wheel's contact frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forces<T> {
+    /// Longitudinal force F_x, N.
+    pub longitudinal_n: T,
+    /// Lateral force F_y, N.
+    pub lateral_n: T,
+    /// Aligning moment M_z, N m, about the contact point.
+    pub aligning_n_m: T,
+}
+
+impl<T: Scalar> Forces<T> {
+    /// No force: an airborne tyre.
+    #[must_use]
+    pub fn zero() -> Self {
+        let zero = T::from(0.0);
+        Self {
+            longitudinal_n: zero,
+            lateral_n: zero,
+            aligning_n_m: zero,
+        }
+    }
+}
+
+/// A tyre of any kind.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Tyre {
+    /// Stiffnesses and friction: linear, Fiala, brush, exponential, Dugoff.
+    Physical(Physical),
+}
+
+impl Tyre {
+    /// The tyre of a vehicle file: a brush tyre (Fiala in pure slip) with the file's stiffnesses,
+    /// load exponent and friction.
+    #[must_use]
+    pub fn from_vehicle(tyre: &vehicle::Tyre) -> Self {
+        Self::Physical(Physical::from_vehicle(tyre, Law::Brush))
+    }
+
+    /// Force and aligning moment.
+    #[inline]
+    pub fn forces<T: Scalar>(&self, contact: &Contact<T>) -> Forces<T> {
+        if contact.load_n <= 0.0 {
+            return Forces::zero();
+        }
+        match self {
+            Self::Physical(physical) => physical.forces(contact),
+        }
+    }
+}
+
+/// Scales a force that lies outside of the friction ellipse back onto it, keeping its direction.
+///
+/// The ellipse is (F_x/(mu_x F_z))^2 + (F_y/(mu_y F_z))^2 = 1 (figure 2.17 of the thesis, with
+/// equal semi-axes).
+#[inline]
+pub fn friction_ellipse<T: Scalar>(longitudinal_n: T, lateral_n: T, most_n: [T; 2]) -> [T; 2] {
+    let (x, y) = (longitudinal_n / most_n[0], lateral_n / most_n[1]);
+    let square = x * x + y * y;
+    if square > 1.0 {
+        let shrink = square.sqrt().recip();
+        [longitudinal_n * shrink, lateral_n * shrink]
+    } else {
+        [longitudinal_n, lateral_n]
+    }
+}
+
+/// Rate of a relaxed slip s: sigma s' + |v_x| s = v_slip, with s the tangent of the slip angle and
+/// v_slip = v_y, or s the longitudinal slip and v_slip = omega R - v_x. Well posed at rest, where
+/// the slip angle itself is not (thesis, figure 2.3).
+#[inline]
+pub fn relaxed_rate<T: Scalar>(slip: T, slip_speed: T, rolling_speed: T, length_m: f64) -> T {
+    (slip_speed - rolling_speed.magnitude() * slip) / length_m
+}
+
+/// Slip s = v_slip/|v_x| without relaxation. Below `low_m_s` the denominator blends smoothly to
+/// half that speed, so that the slip stays finite at rest.
+#[inline]
+pub fn steady_slip<T: Scalar>(slip_speed: T, rolling_speed: T, low_m_s: f64) -> T {
+    let speed = rolling_speed.magnitude();
+    let denominator = if speed < low_m_s {
+        (speed * speed + low_m_s * low_m_s) / (2.0 * low_m_s)
+    } else {
+        speed
+    };
+    slip_speed / denominator
+}
