@@ -116,10 +116,10 @@ fn loads<T: Scalar>(
         + state.pitch_rate_rad_s * p.pitch_damping_n_m_s_rad
         - longitudinal_force * p.pitch_centre_height_m)
         / length;
-    let sums = [
-        down * (-p.rear.ahead_m / length) + pitch,
-        down * (p.front.ahead_m / length) - pitch,
-    ];
+    // An axle that would pull hangs; the other carries the vehicle.
+    let front = (down * (-p.rear.ahead_m / length) + pitch).at_least(0.0);
+    let front = if front > down { down } else { front };
+    let sums = [front, down - front];
     let mut load = [T::from(0.0); 4];
     for (k, axle) in [&p.front, &p.rear].into_iter().enumerate() {
         let unsprung = felt_lateral * axle.unsprung_mass_kg;
@@ -128,7 +128,7 @@ fn loads<T: Scalar>(
             + (lateral_force[k] - unsprung) * axle.roll_centre_height_m
             + unsprung * axle.unsprung_height_m)
             / axle.track_m;
-        let half = (sums[k] * 0.5).at_least(0.0);
+        let half = sums[k] * 0.5;
         // A wheel that would pull hangs; its neighbour carries the axle.
         let transfer = if transfer > half {
             half
