@@ -18,9 +18,12 @@ pub enum Error {
         #[source]
         cause: std::io::Error,
     },
+    /// What a log is written to, or salvaged from, failed.
+    #[error("the log cannot be written or read: {0}")]
+    Sink(#[source] std::io::Error),
     /// The MCAP layer failed.
-    #[error("writing MCAP failed: {0}")]
-    Mcap(#[from] mcap::McapError),
+    #[error("the log cannot be written as MCAP: {0}")]
+    Mcap(#[source] mcap::McapError),
     /// The file is no MCAP file.
     #[error("{} is not an MCAP file: it begins with {found:02x?}", path.display())]
     NotMcap {
@@ -105,7 +108,24 @@ pub enum MessageError {
     Absent(&'static str),
 }
 
+impl From<mcap::McapError> for Error {
+    fn from(error: mcap::McapError) -> Self {
+        match error {
+            mcap::McapError::Io(cause) => Self::Sink(cause),
+            other => Self::Mcap(other),
+        }
+    }
+}
+
 impl Error {
+    /// Names the file whose bytes were refused.
+    pub(crate) fn at(self, path: &Path) -> Self {
+        match self {
+            Self::Sink(cause) => Self::file("write", path)(cause),
+            other => other,
+        }
+    }
+
     pub(crate) fn file(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |cause| Self::File {

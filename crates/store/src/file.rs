@@ -123,9 +123,10 @@ impl Writer {
             file,
             bytes: Arc::clone(&bytes),
         };
-        let log = LogWriter::new(sink, session, options, part).inspect_err(|_| {
+        let log = LogWriter::new(sink, session, options, part).map_err(|error| {
             // Nothing of worth is in it.
             let _ = std::fs::remove_file(&active);
+            error.at(&active)
         })?;
         sync_directory(&active)?;
         Ok(Self {
@@ -144,7 +145,9 @@ impl Writer {
     /// # Errors
     /// If the disk refuses bytes.
     pub fn push(&mut self, arrival: Arrival) -> Result<()> {
-        self.log.push(arrival)
+        self.log
+            .push(arrival)
+            .map_err(|error| error.at(&self.unfinished.active))
     }
 
     /// Takes a decoded record; see [`LogWriter::record`].
@@ -157,7 +160,9 @@ impl Writer {
     /// # Errors
     /// If the disk refuses bytes.
     pub fn flush_due(&mut self, now: LogTime) -> Result<()> {
-        self.log.flush_due(now)
+        self.log
+            .flush_due(now)
+            .map_err(|error| error.at(&self.unfinished.active))
     }
 
     /// Hands all that was taken to the operating system.
@@ -165,7 +170,9 @@ impl Writer {
     /// # Errors
     /// If the disk refuses bytes.
     pub fn flush(&mut self) -> Result<()> {
-        self.log.flush()
+        self.log
+            .flush()
+            .map_err(|error| error.at(&self.unfinished.active))
     }
 
     /// Hands all that was taken to the disk itself.
@@ -173,7 +180,7 @@ impl Writer {
     /// # Errors
     /// If the disk refuses.
     pub fn sync(&mut self) -> Result<()> {
-        self.log.flush()?;
+        self.flush()?;
         self.unfinished
             .file
             .sync_data()
@@ -215,12 +222,15 @@ impl Writer {
 
     /// Closes the log, but leaves its unfinished name.
     pub(crate) fn close(self, extra: &BTreeMap<String, String>) -> Result<Unfinished> {
-        drop(self.log.finish(extra)?);
+        let finished = self.log.finish(extra);
+        drop(finished.map_err(|error| error.at(&self.unfinished.active))?);
         Ok(self.unfinished)
     }
 
     pub(crate) fn flush_raw(&mut self) -> Result<()> {
-        self.log.flush_raw()
+        self.log
+            .flush_raw()
+            .map_err(|error| error.at(&self.unfinished.active))
     }
 
     pub(crate) fn last_log_time(&self) -> Option<LogTime> {
@@ -232,7 +242,9 @@ impl Writer {
     }
 
     pub(crate) fn continue_from(&mut self, latched: Latched) -> Result<()> {
-        self.log.continue_from(latched)
+        self.log
+            .continue_from(latched)
+            .map_err(|error| error.at(&self.unfinished.active))
     }
 
     pub(crate) fn resume(&mut self, pending: Pending) {

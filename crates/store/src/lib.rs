@@ -33,7 +33,7 @@ pub use reader::{
 };
 pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
 pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
-pub use recovery::{Recovered, recover, recover_directory};
+pub use recovery::{Recovered, recover, recover_directory, salvage};
 pub use session::{Attachment, Options, Session, Source, SourceKind};
 
 /// Types generated from the schemas in `proto/`, as they stand in the log.

@@ -424,3 +424,94 @@ impl<W: Write> LogWriter<W> {
             .map_err(|refused| mcap::McapError::Io(refused.into_error()))?)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+
+    /// Takes so many bytes and no more, as a disk does that fills up.
+    #[derive(Clone)]
+    struct SmallDisk {
+        taken: Arc<Mutex<Vec<u8>>>,
+        room: usize,
+    }
+
+    impl Write for SmallDisk {
+        fn write(&mut self, data: &[u8]) -> std::io::Result<usize> {
+            let mut taken = self.taken.lock().expect("one thread");
+            let room = self.room - taken.len();
+            if room == 0 {
+                return Err(std::io::ErrorKind::StorageFull.into());
+            }
+            let count = room.min(data.len());
+            taken.extend_from_slice(&data[..count]);
+            Ok(count)
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn arrival(sequence: u64) -> Arrival {
+        let bytes = (0..40).map(|n| (sequence * 37 + n * n) as u8).collect();
+        Arrival {
+            sequence,
+            source: SourceId(1),
+            log_time: LogTime(sequence * 10_000_000),
+            realtime_ns: sequence as i64,
+            payload: Payload::Bytes(bytes),
+        }
+    }
+
+    fn read(directory: &std::path::Path, name: &str, bytes: &[u8]) -> Vec<Arrival> {
+        let path = directory.join(name);
+        std::fs::write(&path, bytes).expect("written");
+        crate::Reader::open([path])
+            .expect("a log")
+            .arrivals()
+            .collect::<Result<_>>()
+            .expect("readable")
+    }
+
+    /// However full the disk was: what the first log holds and what is handed on is everything.
+    #[test]
+    fn what_a_full_disk_refuses_is_handed_on() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let written: Vec<Arrival> = (0..200).map(arrival).collect();
+        for room in (600..6_000).step_by(97) {
+            let disk = SmallDisk {
+                taken: Arc::default(),
+                room,
+            };
+            let session = Session::default();
+            let mut log = LogWriter::new(disk.clone(), session.clone(), Options::default(), 0)
+                .expect("the first bytes fit");
+            let fitted = written
+                .iter()
+                .position(|arrival| log.push(arrival.clone()).is_err())
+                .expect("the disk fills up");
+            let (pending, latched) = log.abandon();
+            let first = read(
+                directory.path(),
+                "first",
+                &disk.taken.lock().expect("one thread"),
+            );
+            let mut second = LogWriter::new(Vec::new(), session, Options::default(), 1)
+                .expect("a vector takes all");
+            second.resume(pending);
+            second.continue_from(latched).expect("a vector takes all");
+            let second = second.finish(&BTreeMap::new()).expect("a vector takes all");
+            let second = read(directory.path(), "second", &second);
+            let mut both = first.clone();
+            both.extend(
+                second
+                    .into_iter()
+                    .filter(|a| a.sequence >= first.len() as u64),
+            );
+            assert_eq!(both, written[..=fitted], "{room} bytes");
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
-use std::io::BufWriter;
+use std::io::{BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{Record, op};
@@ -107,6 +107,17 @@ pub fn recover(path: &Path) -> Result<Recovered> {
     })
 }
 
+/// Writes all that is intact in `input` as a finished log to `output`: what [`recover`] does, without
+/// files. Gives the number of messages.
+///
+/// # Errors
+/// If `input` does not begin like MCAP, or one of them fails.
+pub fn salvage<R: Read + Seek, W: Write>(mut input: R, output: W) -> Result<u64> {
+    let index = Index::scan_through(&mut input)?;
+    let (scanner, _) = Scanner::new(input).map_err(Error::Sink)?;
+    Ok(copy(scanner, output, &index)?.0)
+}
+
 fn final_path(path: &Path) -> PathBuf {
     let name = path.as_os_str().to_string_lossy();
     name.strip_suffix(ACTIVE_SUFFIX)
@@ -126,10 +137,19 @@ fn rewrite(path: &Path, temporary: &Path, index: &Index) -> Result<(u64, u64)> {
         .truncate(true)
         .open(temporary)
         .map_err(Error::file("create", temporary))?;
-    let handle = output
-        .try_clone()
-        .map_err(Error::file("open again", temporary))?;
-    let mut scanner = Scanner::open(path)?;
+    let scanner = Scanner::open(path)?;
+    let counts = copy(scanner, &output, index).map_err(|error| error.at(temporary))?;
+    output.sync_all().map_err(Error::file("sync", temporary))?;
+    Ok(counts)
+}
+
+/// Writes all that is intact as a finished log; counts the messages, and those of a chunk that is
+/// cut.
+fn copy<R: Read + Seek, W: Write>(
+    mut scanner: Scanner<R>,
+    output: W,
+    index: &Index,
+) -> Result<(u64, u64)> {
     let writer = WriteOptions::new()
         .profile("")
         .library("atvrec")
@@ -142,31 +162,27 @@ fn rewrite(path: &Path, temporary: &Path, index: &Index) -> Result<(u64, u64)> {
         messages: 0,
         messages_of_cut_chunk: 0,
     };
-    let outcome = copy.run(path, &mut scanner, index);
-    let (counts, writer) = (
-        (copy.messages, copy.messages_of_cut_chunk),
-        copy.writer.into_inner(),
-    );
+    let outcome = copy.run(&mut scanner, index);
+    let counts = (copy.messages, copy.messages_of_cut_chunk);
+    let buffer = copy.writer.into_inner().into_inner();
     outcome?;
-    writer
+    buffer
         .into_inner()
-        .into_inner()
-        .map_err(|refused| Error::file("write", temporary)(refused.into_error()))?;
-    handle.sync_all().map_err(Error::file("sync", temporary))?;
+        .map_err(|refused| Error::Sink(refused.into_error()))?;
     Ok(counts)
 }
 
-struct Copy {
-    writer: mcap::Writer<NoSeek<BufWriter<File>>>,
+struct Copy<W: Write> {
+    writer: mcap::Writer<NoSeek<BufWriter<W>>>,
     decompressor: Decompressor,
     messages: u64,
     messages_of_cut_chunk: u64,
 }
 
-impl Copy {
-    fn run(&mut self, path: &Path, scanner: &mut Scanner, index: &Index) -> Result<()> {
+impl<W: Write> Copy<W> {
+    fn run<R: Read + Seek>(&mut self, scanner: &mut Scanner<R>, index: &Index) -> Result<()> {
         loop {
-            match scanner.step().map_err(Error::file("read", path))? {
+            match scanner.step().map_err(Error::Sink)? {
                 Step::End => break,
                 Step::Cut { opcode, body, .. } => {
                     if opcode == op::CHUNK {

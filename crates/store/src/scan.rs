@@ -15,8 +15,8 @@ const PREFIX: u64 = 9;
 const CHUNK_LIMIT: u64 = 1 << 30;
 
 /// A file and how far it has been read.
-pub(crate) struct Scanner {
-    file: BufReader<File>,
+pub(crate) struct Scanner<R> {
+    file: BufReader<R>,
     position: u64,
     length: u64,
 }
@@ -39,31 +39,34 @@ pub(crate) enum Step {
     End,
 }
 
-impl Scanner {
+impl Scanner<File> {
     /// Opens a file and checks that it begins like MCAP. A file shorter than the magic is an empty
     /// log.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::file("open", path))?;
-        let length = file
-            .metadata()
-            .map_err(Error::file("read the size of", path))?
-            .len();
-        let mut file = BufReader::with_capacity(1 << 18, file);
-        let mut magic = [0; 8];
-        let found = length.min(8) as usize;
-        file.read_exact(&mut magic[..found])
-            .map_err(Error::file("read", path))?;
-        if magic[..found] != MAGIC[..found] {
+        let (scanner, magic) = Self::new(file).map_err(Error::file("read", path))?;
+        if magic != MAGIC[..magic.len()] {
             return Err(Error::NotMcap {
                 path: path.to_owned(),
-                found: magic[..found].to_vec(),
+                found: magic,
             });
         }
-        Ok(Self {
-            file,
-            position: found as u64,
+        Ok(scanner)
+    }
+}
+
+impl<R: Read + Seek> Scanner<R> {
+    /// Starts behind the magic, and gives what stands in its place.
+    pub(crate) fn new(mut file: R) -> std::io::Result<(Self, Vec<u8>)> {
+        let length = file.seek(SeekFrom::End(0))?;
+        file.seek(SeekFrom::Start(0))?;
+        let mut scanner = Self {
+            file: BufReader::with_capacity(1 << 18, file),
+            position: 0,
             length,
-        })
+        };
+        let magic = scanner.take(MAGIC.len() as u64)?;
+        Ok((scanner, magic))
     }
 
     pub(crate) fn length(&self) -> u64 {

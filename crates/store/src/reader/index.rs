@@ -1,6 +1,8 @@
 //! What a file holds and where: from its summary, or else by reading through it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -47,7 +49,7 @@ impl Index {
         Self::from_scan(path)
     }
 
-    fn from_summary(scanner: &mut Scanner) -> std::io::Result<Option<Self>> {
+    fn from_summary(scanner: &mut Scanner<File>) -> std::io::Result<Option<Self>> {
         let length = scanner.length();
         let Some(footer_start) = length.checked_sub(FOOTER_LENGTH) else {
             return Ok(None);
@@ -121,17 +123,30 @@ impl Index {
     }
 
     fn from_scan(path: &Path) -> Result<Self> {
-        let read = Error::file("read", path);
-        let mut scanner = Scanner::open(path)?;
+        let scanner = Scanner::open(path)?;
+        Self::read_through(scanner, path).map_err(Error::file("read", path))
+    }
+
+    /// The index of something that is no file, by reading through it.
+    pub(crate) fn scan_through<R: Read + Seek>(input: R) -> Result<Self> {
+        let (scanner, magic) = Scanner::new(input).map_err(Error::Sink)?;
+        let path = Path::new("the input");
+        if magic != scan::MAGIC[..magic.len()] {
+            return Err(Error::NotMcap {
+                path: path.to_owned(),
+                found: magic,
+            });
+        }
+        Self::read_through(scanner, path).map_err(Error::Sink)
+    }
+
+    fn read_through<R: Read + Seek>(mut scanner: Scanner<R>, path: &Path) -> std::io::Result<Self> {
         let mut index = Self {
             length: scanner.length(),
             ..Self::default()
         };
         let mut decompressor = Decompressor::default();
-        let finished = index
-            .scan(path, &mut scanner, &mut decompressor)
-            .map_err(read)?;
-        if !finished {
+        if !index.scan(path, &mut scanner, &mut decompressor)? {
             let path = path.to_owned();
             index.missing.insert(0, Missing::Unfinished { path });
         }
@@ -139,10 +154,10 @@ impl Index {
     }
 
     /// Reads through the file; says whether it ends as a closed file does.
-    fn scan(
+    fn scan<R: Read + Seek>(
         &mut self,
         path: &Path,
-        scanner: &mut Scanner,
+        scanner: &mut Scanner<R>,
         decompressor: &mut Decompressor,
     ) -> std::io::Result<bool> {
         loop {

@@ -1,6 +1,7 @@
 //! Messages, chunk by chunk.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::fs::File;
 use std::sync::Arc;
 
 use mcap::records::op;
@@ -85,7 +86,7 @@ pub struct MessageIter {
 
 struct OpenFile {
     file: Arc<LogFile>,
-    scanner: Scanner,
+    scanner: Scanner<File>,
     wanted: BTreeSet<u16>,
     next_part: usize,
 }

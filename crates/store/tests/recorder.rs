@@ -1,0 +1,198 @@
+//! The recorder's threads: rotation, losses, disks that fail.
+
+mod common;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use common::{START, arrivals, estimate, session};
+use sample::Arrival;
+use store::{DiskState, Options, Reader, Record, Recorder, RecorderSummary, Selection};
+
+fn paths(summary: &RecorderSummary) -> Vec<PathBuf> {
+    summary.files.iter().map(|file| file.path.clone()).collect()
+}
+
+fn read(paths: &[PathBuf]) -> Vec<Arrival> {
+    let mut stream = Reader::open(paths).expect("a run").arrivals();
+    let arrivals = stream.by_ref().collect::<Result<_, _>>().expect("readable");
+    assert_eq!(stream.missing(), []);
+    arrivals
+}
+
+fn push_all(recorder: &Recorder, arrivals: &[Arrival]) {
+    for arrival in arrivals {
+        assert!(recorder.push(arrival.clone()));
+    }
+}
+
+#[test]
+fn files_rotate_without_a_gap_and_explain_themselves() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = Options {
+        rotate_after: Some(Duration::from_secs(1)),
+        ..Options::default()
+    };
+    let recorder =
+        Recorder::start(directory.path(), "run", session(), options).expect("a recorder");
+    let written = arrivals(21, 4_000);
+    push_all(&recorder, &written);
+    recorder.record(Record::Estimate(estimate(START)));
+    let summary = recorder.finish().expect("finished");
+    let paths = paths(&summary);
+    assert!(paths.len() >= 4, "{paths:?}");
+    assert_eq!(read(&paths), written);
+    assert_eq!(summary.lost_arrivals, 0);
+    for path in &paths {
+        let reader = Reader::open([path]).expect("a log");
+        assert_eq!(reader.attachments().expect("readable").len(), 1);
+        assert_eq!(reader.info().missing, []);
+    }
+    // The states that last are told again by each file.
+    let last = Reader::open([paths.last().expect("a file")]).expect("a log");
+    assert!(last.info().channels["/notice"].1 >= 1);
+    let first = last.arrivals().next().expect("one").expect("readable");
+    assert!(first.sequence > 0);
+}
+
+#[test]
+fn rotation_can_be_asked_for() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder =
+        Recorder::start(directory.path(), "run", session(), Options::default()).expect("started");
+    let written = arrivals(22, 100);
+    push_all(&recorder, &written[..50]);
+    recorder.rotate();
+    push_all(&recorder, &written[50..]);
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(summary.files.len(), 2);
+    assert_eq!(read(&paths(&summary)), written);
+}
+
+/// The files that a killed process leaves are readable up to the last interval.
+#[test]
+fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder =
+        Recorder::start(directory.path(), "run", session(), Options::default()).expect("started");
+    let written = arrivals(23, 2_000);
+    push_all(&recorder, &written);
+    wait_until(|| recorder.status().waiting == 0);
+    // Idle, the recorder hands on what it holds; then copy what a kill would leave.
+    let active = directory.path().join("run_0000.mcap.active");
+    let copies = tempfile::tempdir().expect("a directory");
+    let copy = copies.path().join("run_0000.mcap.active");
+    let mut saved = Vec::new();
+    wait_until(|| {
+        for entry in std::fs::read_dir(directory.path()).expect("readable") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().expect("a name");
+            std::fs::copy(&path, copies.path().join(name)).expect("copied");
+        }
+        let recovered = store::recover(&copy).expect("recovered");
+        saved = read(&[recovered.path]);
+        saved.len() == written.len()
+    });
+    assert_eq!(saved, written);
+    assert!(active.exists());
+    recorder.finish().expect("finished");
+}
+
+fn wait_until(mut done: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !done() {
+        assert!(begin.elapsed() < Duration::from_secs(20), "it never came");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// A directory that is gone stands for a disk that refuses: no new file can be made in it.
+#[test]
+fn a_disk_that_comes_back_gets_what_was_kept() {
+    let parent = tempfile::tempdir().expect("a directory");
+    let directory = parent.path().join("logs");
+    let away = parent.path().join("away");
+    std::fs::create_dir(&directory).expect("made");
+    let options = Options {
+        retry_interval: Duration::from_millis(10),
+        ..Options::default()
+    };
+    let recorder = Recorder::start(&directory, "run", session(), options).expect("started");
+    let written = arrivals(24, 600);
+    push_all(&recorder, &written[..200]);
+    wait_until(|| recorder.status().waiting == 0);
+    std::fs::rename(&directory, &away).expect("moved");
+    recorder.rotate();
+    push_all(&recorder, &written[200..400]);
+    wait_until(|| matches!(recorder.status().disk, DiskState::Failing { .. }));
+    std::fs::rename(&away, &directory).expect("moved");
+    wait_until(|| matches!(recorder.status().disk, DiskState::Writing(_)));
+    push_all(&recorder, &written[400..]);
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(summary.lost_arrivals, 0);
+    assert!(summary.last_failure.is_some());
+    let mut files = paths(&summary);
+    for (_, result) in store::recover_directory(&directory).expect("readable") {
+        files.push(result.expect("recovered").path);
+    }
+    assert_eq!(read(&files), written);
+}
+
+/// With a backlog of ten, the rest is lost, and counted to the last one.
+#[test]
+fn a_disk_that_stays_away_costs_what_is_counted() {
+    let parent = tempfile::tempdir().expect("a directory");
+    let directory = parent.path().join("logs");
+    std::fs::create_dir(&directory).expect("made");
+    let options = Options {
+        retry_interval: Duration::from_secs(3600),
+        backlog_capacity: 10,
+        ..Options::default()
+    };
+    let recorder = Recorder::start(&directory, "run", session(), options).expect("started");
+    let written = arrivals(25, 300);
+    push_all(&recorder, &written[..100]);
+    wait_until(|| recorder.status().waiting == 0);
+    std::fs::rename(&directory, parent.path().join("away")).expect("moved");
+    recorder.rotate();
+    wait_until(|| matches!(recorder.status().disk, DiskState::Failing { .. }));
+    push_all(&recorder, &written[100..]);
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(summary.lost_arrivals, 200);
+    let active = parent.path().join("away/run_0000.mcap.active");
+    let recovered = store::recover(&active).expect("recovered");
+    assert_eq!(read(&[recovered.path]), written[..100]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_and_loses_only_what_is_counted() {
+    // `/dev/full` takes no byte: what a full disk answers.
+    let full = std::fs::OpenOptions::new()
+        .write(true)
+        .open("/dev/full")
+        .expect("Linux has it");
+    let refused = store::LogWriter::new(full, session(), Options::default(), 0);
+    let error = refused.err().expect("nothing can be written");
+    assert!(error.to_string().contains("No space left"), "{error}");
+}
+
+#[test]
+fn decoded_records_are_in_the_log_too() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder =
+        Recorder::start(directory.path(), "run", session(), Options::default()).expect("started");
+    for n in 0..200 {
+        assert!(recorder.record(Record::Estimate(estimate(START + n * 10_000_000))));
+    }
+    let summary = recorder.finish().expect("finished");
+    let reader = Reader::open(paths(&summary)).expect("a log");
+    assert_eq!(reader.estimates().count(), 200);
+    assert_eq!(
+        reader
+            .messages(Selection::topics(["/estimate/*"]))
+            .filter_map(Result::ok)
+            .count(),
+        400
+    );
+}
