@@ -10,11 +10,11 @@ use tokio::io::unix::AsyncFd;
 use tokio::sync::watch;
 use tokio::time::MissedTickBehavior;
 
-use crate::CanSpec;
 use crate::datagram::{DropCounter, is_controller_overflow, take_apart};
 use crate::port::Owner;
-use crate::supervisor::pause;
+use crate::supervisor::{pause, stopped};
 use crate::sys::{self, Datagrams};
+use crate::{CanSpec, link};
 
 /// Wait between two attempts to open an interface.
 const REOPEN_WAIT: Duration = Duration::from_millis(200);
@@ -78,6 +78,8 @@ struct Session<'a> {
     drops: DropCounter,
     /// Whether the interface is up, as told by the last notice; `None` before the first.
     up: Option<bool>,
+    /// Why the interface could not be brought up; told once.
+    link_failure: String,
 }
 
 impl<'a> Session<'a> {
@@ -94,6 +96,7 @@ impl<'a> Session<'a> {
             datagrams: Datagrams::new(),
             drops,
             up: None,
+            link_failure: String::new(),
         })
     }
 
@@ -105,9 +108,9 @@ impl<'a> Session<'a> {
         loop {
             tokio::select! {
                 biased;
-                _ = shutdown.wait_for(|stop| *stop) => break,
+                () = stopped(shutdown) => break,
                 _ = look.tick() => {
-                    self.look()?;
+                    self.look().await?;
                     // Also finds an error that came between two datagrams and woke nobody.
                     self.receive()?;
                 }
@@ -156,11 +159,34 @@ impl<'a> Session<'a> {
         Ok(count == Datagrams::CAPACITY)
     }
 
-    fn look(&mut self) -> io::Result<()> {
-        let up = sys::interface_is_up(self.socket.get_ref(), &self.spec.interface)?;
+    async fn look(&mut self) -> io::Result<()> {
+        let interface = &self.spec.interface;
+        let mut up = sys::interface_is_up(self.socket.get_ref(), interface)?;
+        if !up && self.spec.link.is_some() {
+            self.bring_up().await;
+            up = sys::interface_is_up(self.socket.get_ref(), interface)?;
+        }
         self.tell_state(up);
         self.look_at_drops();
         Ok(())
+    }
+
+    async fn bring_up(&mut self) {
+        let Some(link) = self.spec.link else {
+            return;
+        };
+        let interface = self.spec.interface.clone();
+        // Drivers of USB adapters take their time over it.
+        let task = tokio::task::spawn_blocking(move || link::bring_up(&interface, &link));
+        let failure = match task.await {
+            Ok(Ok(())) => String::new(),
+            Ok(Err(error)) => error.to_string(),
+            Err(error) => error.to_string(),
+        };
+        if !failure.is_empty() && failure != self.link_failure {
+            tracing::warn!(source = %self.owner.name, %failure);
+        }
+        self.link_failure = failure;
     }
 
     /// Reports drops that no later frame has told of.

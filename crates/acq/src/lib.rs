@@ -9,6 +9,7 @@ mod can;
 pub mod clock;
 mod datagram;
 mod dialogue;
+pub mod link;
 mod port;
 pub mod sequencer;
 mod serial;
@@ -18,6 +19,7 @@ pub mod supervisor;
 mod sys;
 
 pub use clock::{LogClock, Reading};
+pub use link::LinkSpec;
 pub use sequencer::{QueueSizes, Sequencer, SourceCounters, Streams};
 pub use spec::{
     CanFilter, CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec,

@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior};
 use tokio_serial::{DataBits, SerialPort, SerialPortBuilderExt, SerialStream, StopBits};
 
-use crate::supervisor::pause;
+use crate::supervisor::{pause, stopped};
 use crate::sys::{self, UartCounters};
 use crate::{Parity, PortSpec, Sequencer};
 
@@ -175,7 +175,7 @@ impl<'a> Session<'a> {
             let wake = self.wake.unwrap_or_else(|| Instant::now() + COUNTER_PERIOD);
             let act = tokio::select! {
                 biased;
-                _ = shutdown.wait_for(|stop| *stop) => break,
+                () = stopped(shutdown) => break,
                 read = self.port.read(&mut buffer) => match read? {
                     0 => return Err(io::Error::other("the device went away")),
                     count => talk.received(&buffer[..count]),

@@ -6,6 +6,8 @@ use std::time::Duration;
 use sample::SourceId;
 use wire::crossbow440;
 
+use crate::LinkSpec;
+
 /// One source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceSpec {
@@ -44,6 +46,9 @@ pub struct CanSpec {
     /// Size of the kernel's receive queue, bytes (the kernel doubles it). One classic frame takes
     /// about 1 KiB of it, bookkeeping included.
     pub receive_buffer_bytes: usize,
+    /// Bring the interface up like this whenever it is found down, replugged ones included; `None`
+    /// leaves that to the system.
+    pub link: Option<LinkSpec>,
 }
 
 impl CanSpec {
@@ -58,6 +63,7 @@ impl CanSpec {
             errors: true,
             hardware_stamps: true,
             receive_buffer_bytes: 8 << 20,
+            link: None,
         }
     }
 }

@@ -125,7 +125,7 @@ async fn ticks(period: Duration, sequencer: Sequencer, mut shutdown: watch::Rece
     interval.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
         tokio::select! {
-            _ = shutdown.wait_for(|stop| *stop) => return,
+            () = stopped(&mut shutdown) => return,
             _ = interval.tick() => {
                 sequencer.push(SourceId::HOST, Payload::Tick);
             }
@@ -133,10 +133,15 @@ async fn ticks(period: Duration, sequencer: Sequencer, mut shutdown: watch::Rece
     }
 }
 
+/// Waits for the shutdown, or for the end of the supervisor.
+pub(crate) async fn stopped(shutdown: &mut watch::Receiver<bool>) {
+    shutdown.wait_for(|stop| *stop).await.ok();
+}
+
 /// Waits; returns early, and `true`, at the shutdown.
 pub(crate) async fn pause(duration: Duration, shutdown: &mut watch::Receiver<bool>) -> bool {
     tokio::select! {
-        _ = shutdown.wait_for(|stop| *stop) => true,
+        () = stopped(shutdown) => true,
         () = tokio::time::sleep(duration) => false,
     }
 }

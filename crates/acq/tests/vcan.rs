@@ -1,0 +1,213 @@
+//! SocketCAN sources on the kernel's virtual CAN. Run as root, or in `unshare -rn`, on a kernel
+//! with `vcan`; elsewhere the tests say that they are skipped.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use acq::{
+    CanFilter, CanSpec, LinkSpec, LogClock, QueueSizes, Sequencer, SourceKind, SourceSpec, Streams,
+    Supervisor,
+};
+use sample::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
+use socketcan::{
+    CanFdFrame, CanFdSocket, CanInterface, EmbeddedFrame, ExtendedId, Socket, StandardId,
+};
+
+const BUS: SourceId = SourceId(0);
+/// Only ever waited for in full when something is broken.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// An interface without a bit rate.
+const VIRTUAL: LinkSpec = LinkSpec {
+    bit_rate: None,
+    data_bit_rate: None,
+    restart_ms: 0,
+    listen_only: false,
+};
+
+/// A new interface, up, that takes FD frames; `None`, loudly, where there is no vcan.
+fn interface(name: &str) -> Option<CanInterface> {
+    let link = match CanInterface::create_vcan(name, None) {
+        Ok(link) => link,
+        Err(error) => {
+            eprintln!("SKIPPED: cannot make {name}: {error}");
+            return None;
+        }
+    };
+    link.set_mtu(socketcan::nl::Mtu::Fd).expect("an MTU for FD");
+    link.bring_up().expect("the interface goes up");
+    Some(link)
+}
+
+fn start(spec: CanSpec) -> (Supervisor, Sequencer, Streams) {
+    let (sequencer, streams) = Sequencer::new(LogClock::start(), QueueSizes::default());
+    let mut supervisor = Supervisor::new(sequencer.clone());
+    supervisor.spawn(SourceSpec {
+        id: BUS,
+        name: "bus".to_owned(),
+        kind: SourceKind::Can(spec),
+    });
+    (supervisor, sequencer, streams)
+}
+
+async fn next(streams: &mut Streams) -> Arc<Arrival> {
+    tokio::time::timeout(PATIENCE, streams.recorder.recv())
+        .await
+        .expect("an arrival in time")
+        .expect("an open stream")
+}
+
+async fn until(streams: &mut Streams, wanted: impl Fn(&Notice) -> bool) {
+    loop {
+        if let Payload::Notice(notice) = &next(streams).await.payload
+            && wanted(notice)
+        {
+            return;
+        }
+    }
+}
+
+fn is_opened(notice: &Notice) -> bool {
+    matches!(notice, Notice::Opened(_))
+}
+
+fn is_closed(notice: &Notice) -> bool {
+    matches!(notice, Notice::Closed(_))
+}
+
+/// Frame number `index`: every kind in turn.
+fn frame(index: u32) -> CanFdFrame {
+    let data = index.to_be_bytes();
+    let standard = StandardId::new((index % 0x800) as u16).expect("11 bits");
+    let extended = ExtendedId::new(0x1000_0000 + index).expect("29 bits");
+    if index.is_multiple_of(2) {
+        CanFdFrame::new(standard, &data).expect("data fits")
+    } else {
+        CanFdFrame::new(extended, &data.repeat(16)).expect("data fits")
+    }
+}
+
+fn send(name: &str, count: u32) {
+    let socket = CanFdSocket::open(name).expect("a socket");
+    for index in 0..count {
+        let frame = frame(index);
+        socket
+            .write_frame_insist(&frame)
+            .expect("the bus takes frames");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_frame_arrives_in_order_with_kernel_stamps() {
+    const COUNT: u32 = 20_000;
+    let Some(link) = interface("vcanacq0") else {
+        return;
+    };
+    let (supervisor, sequencer, mut streams) = start(CanSpec {
+        receive_buffer_bytes: 64 << 20,
+        ..CanSpec::new("vcanacq0")
+    });
+    until(&mut streams, is_opened).await;
+    std::thread::spawn(|| send("vcanacq0", COUNT));
+    let mut received: Vec<CanFrame> = Vec::new();
+    while received.len() < COUNT as usize {
+        match &next(&mut streams).await.payload {
+            Payload::Can(frames) => received.extend_from_slice(frames),
+            Payload::Notice(Notice::Lost { place, count }) => panic!("{count} lost: {place:?}"),
+            _ => {}
+        }
+    }
+    let mut last_ns = 0;
+    for (index, got) in received.iter().enumerate() {
+        let index = index as u32;
+        assert_eq!(got.data[..4], index.to_be_bytes());
+        let expected = CanFlags {
+            extended: index % 2 == 1,
+            fd: true,
+            local_echo: true,
+            bit_rate_switch: got.flags.bit_rate_switch,
+            ..CanFlags::default()
+        };
+        assert_eq!(got.flags, expected);
+        let stamp = got.kernel_ns.expect("a kernel stamp");
+        assert!(stamp >= last_ns);
+        last_ns = stamp;
+    }
+    assert_eq!(sequencer.counters()[&BUS].items, u64::from(COUNT));
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    link.delete().map_err(|(_, error)| error).expect("deleted");
+}
+
+#[tokio::test]
+async fn frames_sent_are_frames_received_plus_frames_lost() {
+    const COUNT: u32 = 20_000;
+    let Some(link) = interface("vcanacq1") else {
+        return;
+    };
+    let (supervisor, sequencer, mut streams) = start(CanSpec {
+        receive_buffer_bytes: 64 << 10,
+        ..CanSpec::new("vcanacq1")
+    });
+    until(&mut streams, is_opened).await;
+    // On the only thread of this runtime: the source cannot read meanwhile.
+    send("vcanacq1", COUNT);
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    let counters = sequencer.counters()[&BUS].clone();
+    let lost = counters.lost[LossPlace::Kernel as usize];
+    assert!(lost > 0);
+    assert_eq!(counters.items + lost, u64::from(COUNT));
+    link.delete().map_err(|(_, error)| error).expect("deleted");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_interface_that_goes_down_or_away_comes_back() {
+    const NAME: &str = "vcanacq2";
+    let Some(link) = interface(NAME) else {
+        return;
+    };
+    let (supervisor, _sequencer, mut streams) = start(CanSpec::new(NAME));
+    until(&mut streams, is_opened).await;
+    link.bring_down().expect("the interface goes down");
+    until(&mut streams, is_closed).await;
+    link.bring_up().expect("the interface goes up");
+    send(NAME, 1);
+    until(&mut streams, is_opened).await;
+    assert!(matches!(next(&mut streams).await.payload, Payload::Can(_)));
+
+    link.delete().map_err(|(_, error)| error).expect("deleted");
+    until(&mut streams, is_closed).await;
+    let link = interface(NAME).expect("made again");
+    until(&mut streams, is_opened).await;
+    send(NAME, 1);
+    assert!(matches!(next(&mut streams).await.payload, Payload::Can(_)));
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    link.delete().map_err(|(_, error)| error).expect("deleted");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_source_brings_its_interface_up_and_filters() {
+    const NAME: &str = "vcanacq3";
+    let Some(link) = interface(NAME) else {
+        return;
+    };
+    link.bring_down().expect("the interface goes down");
+    let (supervisor, _sequencer, mut streams) = start(CanSpec {
+        link: Some(VIRTUAL),
+        filters: vec![CanFilter {
+            id: 4,
+            mask: 0x7FF,
+            extended: false,
+        }],
+        ..CanSpec::new(NAME)
+    });
+    until(&mut streams, is_opened).await;
+    send(NAME, 2100);
+    let mut ids = Vec::new();
+    while ids.len() < 2 {
+        if let Payload::Can(frames) = &next(&mut streams).await.payload {
+            ids.extend(frames.iter().map(|frame| frame.id));
+        }
+    }
+    assert_eq!(ids, [4, 4]);
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    link.delete().map_err(|(_, error)| error).expect("deleted");
+}
