@@ -4,16 +4,28 @@
 //! Everything geometric stands in *vehicle axes*: x forward, y left, z up, origin on the design
 //! ground plane below the whole vehicle's centre of gravity, fixed to the sprung body.
 
+pub mod curves;
+pub mod full;
 pub mod ground;
+pub mod half;
 pub mod motion;
 pub mod parity;
+pub mod quarter;
+pub mod ride;
+pub mod road;
 pub mod statics;
 pub mod strut;
 pub mod wishbone;
 
+pub use curves::JouncePoint;
+pub use full::FullCar;
 pub use ground::{GroundPlane, TyreFrame, ground_plane};
+pub use half::HalfCar;
 pub use motion::{BodyMotion, CornerMotion};
 pub use parity::{Parity, WrenchEstimate};
+pub use quarter::{QuarterCar, lever_motion_ratio, wheel_rate_n_m};
+pub use ride::{Ride, RideCorner, frequency_and_damping};
+pub use road::{RoadClass, RoadProfile};
 pub use statics::{ChannelKind, CornerStatics, MemberForces, Wrench, inboard_excess_n};
 pub use strut::StrutForce;
 pub use wishbone::{Corner, CornerPose, CornerRates, HardPoints, Twist};

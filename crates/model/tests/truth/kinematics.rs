@@ -110,3 +110,64 @@ fn design_ratios_match_the_simulator() {
         assert!((bump.abs() - steer).abs() < 0.06);
     }
 }
+
+/// Both constructions agree to the steer that the planar one leaves out.
+const ROLL_CENTRE_TOLERANCE_M: f64 = 2.0e-3;
+
+/// The roll centre from the contact point's path against the textbook's: both arms' lines, seen
+/// from the rear, meet in the instant centre; its line to the contact point cuts the middle plane.
+#[test]
+fn roll_centre_by_the_instant_centre() {
+    let Some(vehicle) = vehicle() else { return };
+    for wheel in Wheel::ALL {
+        let corner = Corner::of(&vehicle, wheel).expect("hard-points");
+        for jounce in [-0.05, 0.0, 0.05] {
+            let pose = corner.pose_at_jounce(jounce, 0.0).expect("within reach");
+            let radius = 0.305;
+            let point = corner.jounce_point(jounce, radius).expect("within reach");
+            let p = &corner.points;
+            let slope =
+                |hinge: Vector3<f64>, ball: Vector3<f64>| (ball.z - hinge.z) / (ball.y - hinge.y);
+            let upper = slope(p.upper_front, pose.upper_ball_m);
+            let lower = slope(p.lower_front, pose.lower_ball_m);
+            let y = (p.lower_front.z - p.upper_front.z + upper * p.upper_front.y
+                - lower * p.lower_front.y)
+                / (upper - lower);
+            let z = p.lower_front.z + lower * (y - p.lower_front.y);
+            let (sine, cosine) = pose.spindle.z.asin().sin_cos();
+            let contact_y = pose.wheel_centre_m.y + radius * sine;
+            let contact_z = pose.wheel_centre_m.z - radius * cosine;
+            let height = -contact_y * (z - contact_z) / (y - contact_y);
+            assert!(
+                (point.roll_centre_height_m - height).abs() < ROLL_CENTRE_TOLERANCE_M,
+                "{wheel} at {jounce}: {} {height}",
+                point.roll_centre_height_m
+            );
+            assert!((point.track_m - 2.0 * contact_y.abs()).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn jounce_curves_mirror_and_rise() {
+    let Some(vehicle) = vehicle() else { return };
+    let curve = |wheel| {
+        let corner = Corner::of(&vehicle, wheel).expect("hard-points");
+        corner
+            .jounce_curve(-0.06, 0.06, 13, 0.305)
+            .expect("within reach")
+    };
+    let (left, right) = (curve(Wheel::FrontLeft), curve(Wheel::FrontRight));
+    for (l, r) in left.iter().zip(&right) {
+        assert!((l.camber_rad - r.camber_rad).abs() < 1e-12);
+        assert!((l.toe_in_rad - r.toe_in_rad).abs() < 1e-12);
+        assert!((l.roll_centre_height_m - r.roll_centre_height_m).abs() < 1e-9);
+    }
+    for pair in left.windows(2) {
+        assert!(pair[1].strut_length_m < pair[0].strut_length_m);
+        // The motion ratio is the strut's travel over the wheel's.
+        let slope = (pair[0].strut_length_m - pair[1].strut_length_m) / 0.01;
+        let mean = 0.5 * (pair[0].motion_ratio + pair[1].motion_ratio);
+        assert!((slope - mean).abs() < 1e-3, "{slope} {mean}");
+    }
+}

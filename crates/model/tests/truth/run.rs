@@ -18,9 +18,14 @@ fn directory() -> PathBuf {
 
 /// The vehicle of the runs; `None`, said loudly, when the data is not there.
 pub fn vehicle() -> Option<Vehicle> {
+    params_text().map(|text| Vehicle::from_truth_params(&text).expect("params.json converts"))
+}
+
+/// Text of the runs' `params.json`.
+pub fn params_text() -> Option<String> {
     let path = directory().join("params.json");
     match std::fs::read_to_string(&path) {
-        Ok(text) => Some(Vehicle::from_truth_params(&text).expect("params.json converts")),
+        Ok(text) => Some(text),
         Err(error) => {
             eprintln!("SKIPPED: {} is not readable: {error}", path.display());
             None

@@ -1,0 +1,88 @@
+//! The converter from `params.json` to a vehicle file.
+
+use model::suspension::Corner;
+use model::vehicle::Vehicle;
+use sample::Wheel;
+
+use crate::run::{params_text, vehicle};
+
+#[test]
+fn vehicle_file_survives_the_round_trip() {
+    let Some(vehicle) = vehicle() else { return };
+    let text = vehicle.to_toml().expect("finite values");
+    let back = Vehicle::from_toml(&text, "vehicle.toml").expect("the converter's file is valid");
+    assert_eq!(back, vehicle);
+    assert!(vehicle.warnings().is_empty(), "{:?}", vehicle.warnings());
+}
+
+#[test]
+fn parts_add_up_to_the_whole() {
+    let Some(vehicle) = vehicle() else { return };
+    let body = &vehicle.body;
+    let sprung = body.sprung.as_ref().expect("given");
+    let corners = [
+        (body.front_axle_to_cg_m, &vehicle.front),
+        (-body.cg_to_rear_axle_m, &vehicle.rear),
+    ];
+    let unsprung = |moment: &dyn Fn(f64, f64) -> f64| -> f64 {
+        corners
+            .iter()
+            .map(|(x, axle)| moment(*x, axle.unsprung_mass_kg()))
+            .sum()
+    };
+    assert!((sprung.mass_kg + unsprung(&|_, m| m) - body.mass_kg).abs() < 1e-9);
+    // The arms' centres of gravity are millimetres off the axles' lines.
+    let moment = sprung.mass_kg * sprung.cg_m[0] + unsprung(&|x, m| x * m);
+    assert!(moment.abs() < 0.1, "{moment} kg m off the middle");
+}
+
+/// The run's tyre curves and friction must not reach the estimator through the vehicle file.
+#[test]
+fn tyre_curves_are_not_taken() {
+    let (Some(vehicle), Some(text)) = (vehicle(), params_text()) else {
+        return;
+    };
+    let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for tyre in ["tyre_front", "tyre_rear"] {
+        for curve in ["dfy0", "dfx0", "fym", "sym", "mu_0"] {
+            other[tyre][curve] = serde_json::json!([1.0, 2.0]);
+        }
+        other[tyre]["cornering_stiffness_at_static_load_N_per_rad_per_tyre"] = 1.0.into();
+    }
+    let changed = Vehicle::from_truth_params(&other.to_string()).expect("converts");
+    assert_eq!(changed, vehicle);
+}
+
+#[test]
+fn heavier_vehicle_with_another_split() {
+    let (Some(first), Some(text)) = (vehicle(), params_text()) else {
+        return;
+    };
+    let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    other["mass_total_kg"] = 844.0.into();
+    other["sprung_body"]["mass_kg"] = 737.0.into();
+    other["a_m"] = 0.95.into();
+    other["b_m"] = 0.498.into();
+    other["suspension_rear"]["spring_k_N_per_m"] = 90_000.0.into();
+    let heavy = Vehicle::from_truth_params(&other.to_string()).expect("converts");
+    assert!((heavy.body.mass_kg - 844.0).abs() < 1e-12);
+    assert!((heavy.wheelbase_m() - first.wheelbase_m()).abs() < 1e-12);
+    assert!(heavy.rear.tyre.reference_load_n > first.rear.tyre.reference_load_n + 500.0);
+    let ratio = heavy.rear.roll_stiffness_n_m_rad / first.rear.roll_stiffness_n_m_rad;
+    assert!((ratio - 90.0 / 65.0).abs() < 1e-9);
+    let corner = Corner::of(&heavy, Wheel::RearRight).expect("hard-points");
+    assert!((corner.points.wheel_centre.x + 0.498).abs() < 1e-12);
+    let text = heavy.to_toml().expect("finite values");
+    Vehicle::from_toml(&text, "vehicle.toml").expect("valid");
+}
+
+#[test]
+fn broken_files_are_errors() {
+    assert!(Vehicle::from_truth_params("{}").is_err());
+    let Some(text) = params_text() else { return };
+    let mut flat: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let points = &mut flat["suspension_front"]["hardpoints_left_in_axle_frame_m"];
+    points["LCA_U"] = points["LCA_F"].clone();
+    let error = Vehicle::from_truth_params(&flat.to_string()).expect_err("degenerate");
+    assert!(error.to_string().contains("lower arm"), "{error}");
+}
