@@ -7,14 +7,17 @@
 //! A cos(phi) + B sin(phi) = C, solved in closed form; of both roots the one of the design
 //! position is kept. The thesis (2.2.4) has the lever of one arm only, and upside down.
 
+mod circle;
+mod points;
+
 use nalgebra::{Matrix3, Vector3};
 use sample::Wheel;
 
 use super::{SuspensionError, finite};
-use crate::vehicle::{Axle, Vehicle, Wishbone};
+use crate::vehicle::{Axle, Vehicle};
 
-/// Smallest distance between hard-points that counts as one, m.
-const COINCIDENT_M: f64 = 1e-6;
+use circle::{Circle, branch};
+pub use points::HardPoints;
 
 /// The linkage of one corner in vehicle axes, left or right.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,29 +42,6 @@ pub struct Corner {
     tie_rod_branch: f64,
     design_frame: Matrix3<f64>,
     design_strut_length_m: f64,
-}
-
-/// Hard-points of one corner in the design position, vehicle axes, m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[expect(
-    missing_docs,
-    reason = "the fields are those of vehicle::Wishbone and Unsprung"
-)]
-pub struct HardPoints {
-    pub wheel_centre: Vector3<f64>,
-    pub upper_front: Vector3<f64>,
-    pub upper_rear: Vector3<f64>,
-    pub upper_ball: Vector3<f64>,
-    pub lower_front: Vector3<f64>,
-    pub lower_rear: Vector3<f64>,
-    pub lower_ball: Vector3<f64>,
-    pub strut_chassis: Vector3<f64>,
-    pub strut_arm: Vector3<f64>,
-    pub tie_rod_inner: Vector3<f64>,
-    pub tie_rod_outer: Vector3<f64>,
-    pub upright_cg: Vector3<f64>,
-    pub upper_arm_cg: Vector3<f64>,
-    pub lower_arm_cg: Vector3<f64>,
 }
 
 /// Where every point of a corner is, vehicle axes.
@@ -410,149 +390,6 @@ impl Corner {
         let sine = self.tie_rod_branch * (1.0 - cosine * cosine).sqrt();
         let e = radial / reach;
         Some(foot + (e * cosine + axis.cross(&e) * sine) * self.tie_rod_radius_m)
-    }
-}
-
-impl HardPoints {
-    fn new(axle: &Axle, w: &Wishbone, axle_x_m: f64, wheel: Wheel) -> Self {
-        let place = |p: [f64; 3]| Vector3::new(axle_x_m + p[0], wheel.side() * p[1], p[2]);
-        let centroid = |a: [f64; 3], b: [f64; 3], ball: [f64; 3]| {
-            std::array::from_fn(|i| 0.25 * (a[i] + b[i]) + 0.5 * ball[i])
-        };
-        let unsprung = axle.unsprung.as_ref();
-        let upright = unsprung.and_then(|u| u.upright_cg_m).unwrap_or_else(|| {
-            std::array::from_fn(|i| 0.5 * (w.upper_ball_m[i] + w.lower_ball_m[i]))
-        });
-        let upper = unsprung
-            .and_then(|u| u.upper_arm_cg_m)
-            .unwrap_or_else(|| centroid(w.upper_front_m, w.upper_rear_m, w.upper_ball_m));
-        let lower = unsprung
-            .and_then(|u| u.lower_arm_cg_m)
-            .unwrap_or_else(|| centroid(w.lower_front_m, w.lower_rear_m, w.lower_ball_m));
-        Self {
-            wheel_centre: place(w.wheel_centre_m),
-            upper_front: place(w.upper_front_m),
-            upper_rear: place(w.upper_rear_m),
-            upper_ball: place(w.upper_ball_m),
-            lower_front: place(w.lower_front_m),
-            lower_rear: place(w.lower_rear_m),
-            lower_ball: place(w.lower_ball_m),
-            strut_chassis: place(w.strut_chassis_m),
-            strut_arm: place(w.strut_arm_m),
-            tie_rod_inner: place(w.tie_rod_inner_m),
-            tie_rod_outer: place(w.tie_rod_outer_m),
-            upright_cg: place(upright),
-            upper_arm_cg: place(upper),
-            lower_arm_cg: place(lower),
-        }
-    }
-
-    fn check(&self) -> Result<(), SuspensionError> {
-        let area =
-            |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>| (b - a).cross(&(c - a)).norm();
-        let spans = [
-            (
-                area(self.lower_front, self.lower_rear, self.lower_ball),
-                "the lower arm's hinges and ball joint stand on one line",
-            ),
-            (
-                area(self.upper_front, self.upper_rear, self.upper_ball),
-                "the upper arm's hinges and ball joint stand on one line",
-            ),
-            (
-                area(self.lower_ball, self.upper_ball, self.tie_rod_outer),
-                "the tie rod meets the line through both ball joints",
-            ),
-            (
-                area(self.lower_front, self.lower_rear, self.strut_arm),
-                "the strut meets the lower arm on its hinge",
-            ),
-            (
-                (self.strut_arm - self.strut_chassis).norm(),
-                "both ends of the strut coincide",
-            ),
-            (
-                (self.tie_rod_outer - self.tie_rod_inner).norm(),
-                "both ends of the tie rod coincide",
-            ),
-        ];
-        for (size, what) in spans {
-            // `!(a > b)` also catches NaN.
-            if !(size > COINCIDENT_M && size.is_finite()) {
-                return Err(SuspensionError::Degenerate { what });
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The path of a point that turns about a hinge.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Circle {
-    centre: Vector3<f64>,
-    /// From the centre to the point at angle zero.
-    start: Vector3<f64>,
-    /// A quarter of a turn on.
-    quarter: Vector3<f64>,
-    branch: f64,
-}
-
-impl Circle {
-    /// The circle of `point` about the hinge; of both points at a given distance from a target
-    /// near `target`, the one on `point`'s side is kept.
-    fn new(
-        hinge: Vector3<f64>,
-        axis: Vector3<f64>,
-        point: Vector3<f64>,
-        target: Vector3<f64>,
-    ) -> Self {
-        let centre = hinge + axis * axis.dot(&(point - hinge));
-        let start = point - centre;
-        Self {
-            centre,
-            start,
-            quarter: axis.cross(&start),
-            branch: branch(centre, axis, start, target),
-        }
-    }
-
-    /// The angle at which the point is `distance` away from `target`.
-    fn angle_at(&self, target: Vector3<f64>, distance: f64) -> Option<f64> {
-        let to_target = target - self.centre;
-        let a = to_target.dot(&self.start);
-        let b = to_target.dot(&self.quarter);
-        let c = 0.5 * (to_target.norm_squared() + self.start.norm_squared() - distance * distance);
-        let cosine = c / a.hypot(b);
-        if cosine.is_nan() || cosine.abs() > 1.0 {
-            return None;
-        }
-        let angle = b.atan2(a) + self.branch * cosine.acos();
-        Some(wrap(angle))
-    }
-}
-
-/// On which side of the direction to `target` the lever points, seen along the axis.
-fn branch(
-    centre: Vector3<f64>,
-    axis: Vector3<f64>,
-    lever: Vector3<f64>,
-    target: Vector3<f64>,
-) -> f64 {
-    if axis.dot(&(target - centre).cross(&lever)) < 0.0 {
-        -1.0
-    } else {
-        1.0
-    }
-}
-
-fn wrap(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    if angle > PI {
-        angle - TAU
-    } else if angle <= -PI {
-        angle + TAU
-    } else {
-        angle
     }
 }
 

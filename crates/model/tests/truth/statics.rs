@@ -283,9 +283,11 @@ fn closure(vehicle: &Vehicle, corners: &PerWheel<Corner>, run: &Run, left_out: L
 fn all_terms_close() {
     // Worst wheel's F_x, F_y, F_z in per cent.
     for (name, limits) in [
-        ("c_sine03", [0.06, 0.06, 0.15]),
+        ("c_sine03", [0.06, 0.06, 0.06]),
         ("b_circle", [0.06, 0.08, 0.06]),
-        ("f_launch_brake", [0.1, 0.14, 0.4]),
+        ("f_launch_brake", [0.1, 0.14, 0.1]),
+        ("d_sine_mu", [0.06, 0.06, 0.06]),
+        ("h_jack", [0.1, 0.1, 0.1]),
     ] {
         let Some((vehicle, corners, run)) = set_up(name) else {
             return;
