@@ -1,7 +1,9 @@
-//! SocketCAN sources on the kernel's virtual CAN. Run as root, or in `unshare -rn`, on a kernel
-//! with `vcan`; elsewhere the tests say that they are skipped.
+//! SocketCAN sources on the kernel's virtual CAN, and on a pair of real controllers on one bus
+//! where there is one (`can0` and `can1`). Run as root, or in `unshare -rn`, on a kernel with
+//! `vcan`; elsewhere the tests say that they are skipped.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use acq::{
@@ -10,7 +12,8 @@ use acq::{
 };
 use sample::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
 use socketcan::{
-    CanFdFrame, CanFdSocket, CanInterface, EmbeddedFrame, ExtendedId, Socket, StandardId,
+    CanDataFrame, CanFdFrame, CanFdSocket, CanInterface, CanSocket, EmbeddedFrame, ExtendedId,
+    Socket, StandardId,
 };
 
 const BUS: SourceId = SourceId(0);
@@ -210,4 +213,63 @@ async fn the_source_brings_its_interface_up_and_filters() {
     assert_eq!(ids, [4, 4]);
     supervisor.stop(PATIENCE).await.expect("the source stops");
     link.delete().map_err(|(_, error)| error).expect("deleted");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn controllers_are_set_up_and_heard() {
+    const COUNT: u32 = 1000;
+    if CanInterface::open("can0").is_err() || CanInterface::open("can1").is_err() {
+        eprintln!("SKIPPED: no can0 and can1 on one bus");
+        return;
+    }
+    for name in ["can0", "can1"] {
+        let link = CanInterface::open(name).expect("the interface");
+        link.bring_down().expect("the interface goes down");
+    }
+    acq::link::bring_up("can0", &LinkSpec::new(1_000_000)).expect("can0 goes up");
+    let (supervisor, sequencer, mut streams) = start(CanSpec {
+        link: Some(LinkSpec::new(1_000_000)),
+        ..CanSpec::new("can1")
+    });
+    until(&mut streams, is_opened).await;
+    let details = CanInterface::open("can1")
+        .expect("can1")
+        .details()
+        .expect("its details");
+    assert_eq!(
+        details.can.bit_timing.expect("a bit rate").bitrate,
+        1_000_000
+    );
+    assert_eq!(details.can.restart_ms, Some(100));
+    let heard = Arc::new(AtomicU32::new(0));
+    let heard_by_sender = Arc::clone(&heard);
+    std::thread::spawn(move || {
+        let socket = CanSocket::open("can0").expect("a socket");
+        for index in 0..COUNT {
+            // An emulated bus has no bit rate: without this the controller's queue overflows.
+            while index >= heard_by_sender.load(Ordering::Acquire) + 4 {
+                std::thread::yield_now();
+            }
+            let id = StandardId::new((index % 0x800) as u16).expect("11 bits");
+            let frame = CanDataFrame::new(id, &index.to_be_bytes()).expect("data fits");
+            while socket.write_frame(&frame).is_err() {
+                // The driver's queue is full for as long as the bus needs.
+                std::thread::yield_now();
+            }
+        }
+    });
+    let mut received = 0;
+    while received < COUNT {
+        if let Payload::Can(frames) = &next(&mut streams).await.payload {
+            for frame in frames {
+                assert_eq!(frame.bytes(), received.to_be_bytes());
+                assert_eq!(frame.flags, CanFlags::default());
+                assert!(frame.kernel_ns.is_some());
+                received += 1;
+                heard.store(received, Ordering::Release);
+            }
+        }
+    }
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    assert_eq!(sequencer.counters()[&BUS].lost, [0; LossPlace::ALL.len()]);
 }

@@ -62,7 +62,7 @@ pub enum Notice {
     Lost {
         /// Where they were lost.
         place: LossPlace,
-        /// How many (frames on CAN, reads on serial ports).
+        /// How many: frames on CAN; on serial ports reads, or bytes where the UART lost them.
         count: u64,
     },
     /// A mark set by a person or a program.
