@@ -1,3 +1,4 @@
 //! Chassis models: the linear bicycle and the four-wheel model.
 
+pub mod bicycle;
 pub mod four_wheel;

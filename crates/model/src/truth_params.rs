@@ -232,6 +232,7 @@ impl Params {
             steering: Steering {
                 ratio: f64::NAN,
                 rack_m_rad: Some(self.rack.rack_m_per_handwheel_rad),
+                ackermann: 0.0,
                 lash_rad: 0.0,
                 left_map_rad: Vec::new(),
                 right_map_rad: Vec::new(),

@@ -5,10 +5,16 @@
 //! its tangent, since that is what the contact patch sees and what [relaxation](relaxed_rate)
 //! integrates; it stays finite at rest.
 
+pub mod magic;
 mod physical;
+mod rational;
+mod spring;
 mod stiffness;
 
+pub use magic::{MagicFormula52, MagicFormula89};
 pub use physical::{Law, Physical};
+pub use rational::{Curve, Offset, Rational};
+pub use spring::{RadialSpringTyre, SpringForce};
 pub use stiffness::Stiffness;
 
 use crate::Scalar;
@@ -80,6 +86,12 @@ impl<T: Scalar> Forces<T> {
 pub enum Tyre {
     /// Stiffnesses and friction: linear, Fiala, brush, exponential, Dugoff.
     Physical(Physical),
+    /// Magic Formula of 1987/89.
+    MagicFormula89(MagicFormula89),
+    /// Magic Formula 5.2.
+    MagicFormula52(MagicFormula52),
+    /// Rational parametric curves.
+    Rational(Rational),
 }
 
 impl Tyre {
@@ -98,6 +110,9 @@ impl Tyre {
         }
         match self {
             Self::Physical(physical) => physical.forces(contact),
+            Self::MagicFormula89(formula) => formula.forces(contact),
+            Self::MagicFormula52(formula) => formula.forces(contact),
+            Self::Rational(rational) => rational.forces(contact),
         }
     }
 }
@@ -138,3 +153,27 @@ pub fn steady_slip<T: Scalar>(slip_speed: T, rolling_speed: T, low_m_s: f64) -> 
     };
     slip_speed / denominator
 }
+
+/// Rolling resistance moment M_y = -c F_z R sgn(omega), N m, fading smoothly around standstill.
+#[inline]
+pub fn rolling_resistance_n_m<T: Scalar>(
+    coefficient: f64,
+    load_n: T,
+    radius_m: f64,
+    wheel_speed_rad_s: T,
+) -> T {
+    -load_n * (coefficient * radius_m) * saturated(wheel_speed_rad_s)
+}
+
+/// Spin below which brake and rolling resistance fade, rad/s.
+const STICTION_RAD_S: f64 = 0.15;
+
+/// Sign of a wheel's spin, smooth around standstill: x/sqrt(1 + x^2) with x = omega/0.15 rad/s.
+#[inline]
+pub fn saturated<T: Scalar>(wheel_speed_rad_s: T) -> T {
+    let part = wheel_speed_rad_s / STICTION_RAD_S;
+    part / (part * part + 1.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests;

@@ -260,6 +260,10 @@ pub struct Steering {
     /// Rack travel per hand-wheel angle, m/rad; with hard-points it gives exact wheel angles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rack_m_rad: Option<f64>,
+    /// Part of the way from parallel steering (0) to Ackermann's (1); used where no map or rack is
+    /// given.
+    #[serde(default)]
+    pub ackermann: f64,
     /// Free play at the hand wheel, rad, from one contact to the other.
     #[serde(default)]
     pub lash_rad: f64,

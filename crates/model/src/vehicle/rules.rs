@@ -161,6 +161,7 @@ const TYRE: &[Rule] = &[
 const STEERING: &[Rule] = &[
     must("ratio", Number(Positive(100.0))),
     may("rack_m_rad", Number(Positive(1.0))),
+    may("ackermann", Number(Within(-1.0, 2.0))),
     may("lash_rad", Number(Within(0.0, 2.0))),
     may("left_map_rad", Pairs),
     may("right_map_rad", Pairs),

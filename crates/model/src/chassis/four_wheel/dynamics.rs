@@ -6,10 +6,7 @@ use num_dual::DualSVec64;
 use super::{Inputs, Parameters, STATES, State};
 use crate::Scalar;
 use crate::integrate::rk4;
-use crate::tyre::{Contact, relaxed_rate, steady_slip};
-
-/// Spin below which brake and rolling resistance fade, rad/s.
-const STICTION_RAD_S: f64 = 0.15;
+use crate::tyre::{Contact, relaxed_rate, saturated, steady_slip};
 
 /// What the model tells besides the derivative.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -300,8 +297,7 @@ fn rate<T: Scalar>(
         let resisting = inputs.brake_n_m[i] + solution.load[i] * (axle.rolling_resistance * radius);
         let mut torque = inputs.drive_n_m[i] - solution.x[i] * radius;
         if T::NDERIV > 0 || resisting != 0.0 {
-            let part = spin / STICTION_RAD_S;
-            torque -= resisting * part / (part * part + 1.0).sqrt();
+            torque -= resisting * saturated(spin);
         }
         rate.wheel_speed_rad_s[i] = torque / axle.spin_inertia_kg_m2;
     }

@@ -255,3 +255,122 @@ fn standing_and_locked_and_spinning_wheels_are_physics() {
     }
     assert!(state.to_vector().iter().all(|value| value.is_finite()));
 }
+
+/// Step response, steady state and linearisation meet the bicycle at small angles.
+#[test]
+fn at_small_angles_it_is_the_bicycle() {
+    use crate::chassis::bicycle::Bicycle;
+    let vehicle = Vehicle::builtin("prowler-table-2.3").unwrap();
+    let mut p = Parameters::from_vehicle(&vehicle);
+    // The four-wheel model's wheels also turn with the yaw: they add to its inertia, and with
+    // their spin held, to its damping.
+    let wheels = |value: &dyn Fn(&AxleParameters) -> f64| {
+        [&p.front, &p.rear]
+            .into_iter()
+            .map(|axle| 0.5 * axle.track_m.powi(2) * value(axle))
+            .sum::<f64>()
+    };
+    let turning = wheels(&|axle| axle.spin_inertia_kg_m2 / axle.rolling_radius_m.powi(2));
+    let held = wheels(&|_| vehicle.front.tyre.slip_stiffness_n) / vehicle.body.inertia_kg_m2[2];
+    let rigid = Bicycle::from_vehicle(&vehicle);
+    let bicycle = Bicycle {
+        yaw_inertia_kg_m2: rigid.yaw_inertia_kg_m2 + turning,
+        ..rigid
+    };
+    // Roll moves the whole mass sideways; without its arm only the bicycle is left.
+    p.roll_arm_m = 0.0;
+    p.prepare();
+    for speed in [3.0, 6.0, 12.0] {
+        let steer = 1e-5;
+        let gains = bicycle.steady_gains(speed).unwrap();
+        let turn = steady_turn(&p, speed, 1e5, Drive::Free).unwrap();
+        let gain = turn.state.yaw_rate_rad_s / turn.inputs.steer_rad[0];
+        assert!(
+            (gain / gains.yaw_rate_1_s - 1.0).abs() < 1e-4,
+            "{gain} {gains:?}"
+        );
+        let space = bicycle.system(speed).unwrap();
+        let line_rates = rigid.system(speed).unwrap();
+        let mut state = State::rolling(speed, &p);
+        let mut line = nalgebra::Vector2::zeros();
+        let inputs = Inputs::steered(steer);
+        let h = 1e-3;
+        for _ in 0..300 {
+            state = step(&p, &state, &inputs, h);
+            let rate = |x: nalgebra::Vector2<f64>| space.a * x + space.b * steer;
+            let k1 = rate(line);
+            let k2 = rate(line + k1 * (h / 2.0));
+            let k3 = rate(line + k2 * (h / 2.0));
+            line += (k1 + k2 * 2.0 + k3 * 2.0 + rate(line + k3 * h)) * (h / 6.0);
+        }
+        let error = (state.yaw_rate_rad_s / line[1] - 1.0).abs();
+        assert!(error < 3e-4, "{speed}: {error}");
+        // Linearisation: rates of v and r by v and r.
+        let slope = jacobian(&p, &State::rolling(speed, &p), &Inputs::coasting());
+        let a = line_rates.a;
+        let expected = [
+            a[(0, 0)],
+            a[(0, 1)] * speed,
+            a[(1, 0)] / speed,
+            a[(1, 1)] - held / speed,
+        ];
+        for (value, expected) in [slope[(1, 1)], slope[(1, 2)], slope[(2, 1)], slope[(2, 2)]]
+            .into_iter()
+            .zip(expected)
+        {
+            assert!(
+                (value - expected).abs() < 1e-6 * expected.abs().max(1.0),
+                "{value} {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn friction_and_dampers_take_energy_and_give_none() {
+    let p = Parameters::from_vehicle(&Vehicle::builtin("prowler").unwrap());
+    let energy = |s: &State<f64>| {
+        let spin: f64 = (0..4)
+            .map(|i| p.axle(i).spin_inertia_kg_m2 * s.wheel_speed_rad_s[i].powi(2))
+            .sum();
+        0.5 * (p.mass_kg * (s.longitudinal_m_s.powi(2) + s.lateral_m_s.powi(2))
+            + p.yaw_inertia_kg_m2 * s.yaw_rate_rad_s.powi(2)
+            + spin)
+    };
+    let mut state = State::rolling(9.0, &p);
+    state.lateral_m_s = 2.0;
+    state.yaw_rate_rad_s = 1.0;
+    let mut inputs = Inputs::steered(-0.2);
+    inputs.brake_n_m = [40.0, 40.0, 0.0, 0.0];
+    let mut before = energy(&state);
+    // Over windows longer than the roll's swing, which stores and gives back.
+    for _ in 0..8 {
+        for _ in 0..500 {
+            state = step(&p, &state, &inputs, 1e-3);
+        }
+        let after = energy(&state);
+        assert!(after < before, "{after} {before}");
+        before = after;
+    }
+}
+
+#[test]
+fn the_fixed_step_converges_with_fourth_order() {
+    // From a turn into a tighter one: no slip changes its sign, where the tyre's force has a
+    // kink in its second derivative.
+    let p = noted("prowler-table-2.3");
+    let start = steady_turn(&p, 5.0, 15.24, Drive::Free).unwrap();
+    let mut inputs = start.inputs;
+    inputs.steer_rad[0] += 0.03;
+    inputs.steer_rad[1] += 0.03;
+    let run = |steps: usize| {
+        let mut state = start.state;
+        for _ in 0..steps {
+            state = step(&p, &state, &inputs, 0.4 / steps as f64);
+        }
+        state.to_vector()
+    };
+    let exact = run(6400);
+    let order: f64 = ((run(200) - exact).amax() / (run(400) - exact).amax()).log2();
+    assert!((3.7..4.6).contains(&order), "{order}");
+}
