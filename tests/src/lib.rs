@@ -1,1 +1,68 @@
 //! Helpers shared by the cross-crate tests.
+
+use std::path::{Path, PathBuf};
+
+use sample::Health;
+use store::{Reader, Record, Selection};
+
+/// The project's root.
+#[must_use]
+pub fn project() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("tests/ stands in the project")
+        .to_owned()
+}
+
+/// The binary that was built beside these tests.
+///
+/// # Panics
+/// If there is none: `cargo build --bin atvrec` makes it.
+#[must_use]
+pub fn atvrec() -> PathBuf {
+    let test = std::env::current_exe().expect("a test knows its own path");
+    let folder = test
+        .parent()
+        .and_then(Path::parent)
+        .expect("target/<profile>/deps/<test>");
+    let binary = folder.join("atvrec");
+    assert!(
+        binary.exists(),
+        "{} is missing: cargo build --bin atvrec",
+        binary.display()
+    );
+    binary
+}
+
+/// The logs in a folder, in order.
+///
+/// # Panics
+/// If there are none.
+#[must_use]
+pub fn logs_in(folder: &Path) -> Vec<PathBuf> {
+    let entries =
+        std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut logs: Vec<PathBuf> = entries
+        .map(|entry| entry.expect("readable").path())
+        .collect();
+    logs.retain(|path| path.to_string_lossy().contains(".mcap"));
+    logs.sort();
+    assert!(!logs.is_empty(), "no log in {}", folder.display());
+    logs
+}
+
+/// The last health report of a log.
+///
+/// # Panics
+/// If there is none.
+#[must_use]
+pub fn last_health(logs: &[PathBuf]) -> Health {
+    let reader = Reader::open(logs).expect("the log opens");
+    let mut last = None;
+    for message in reader.messages(Selection::topics(["/health"])) {
+        if let Some(Record::Health(health)) = message.expect("readable").record().expect("valid") {
+            last = Some(health);
+        }
+    }
+    last.expect("the log holds a health report")
+}

@@ -18,20 +18,29 @@ const FLOORS: [(&str, u8); 10] = [
 ];
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ stands in the project").into()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("tests/ stands in the project")
+        .into()
 }
 
 fn manifest(path: &Path) -> toml::Table {
-    let text = std::fs::read_to_string(path)
-        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    text.parse().unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    let text =
+        std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    text.parse()
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 fn internal_dependencies(manifest: &toml::Table, floors: &BTreeMap<&str, u8>) -> Vec<String> {
     manifest
         .get("dependencies")
         .and_then(toml::Value::as_table)
-        .map(|table| table.keys().filter(|name| floors.contains_key(name.as_str())).cloned())
+        .map(|table| {
+            table
+                .keys()
+                .filter(|name| floors.contains_key(name.as_str()))
+                .cloned()
+        })
         .into_iter()
         .flatten()
         .collect()
@@ -53,22 +62,45 @@ fn imports_go_down_only() {
             );
         }
     }
-    assert!(seen > 10, "only {seen} edges found: the manifests are not being read");
+    assert!(
+        seen > 10,
+        "only {seen} edges found: the manifests are not being read"
+    );
 }
 
 #[test]
 fn every_crate_has_a_floor() {
     for entry in std::fs::read_dir(root().join("crates")).expect("crates/ exists") {
-        let name = entry.expect("readable entry").file_name().into_string().expect("UTF-8 name");
-        assert!(FLOORS.iter().any(|(known, _)| *known == name), "{name} has no floor");
+        let name = entry
+            .expect("readable entry")
+            .file_name()
+            .into_string()
+            .expect("UTF-8 name");
+        assert!(
+            FLOORS.iter().any(|(known, _)| *known == name),
+            "{name} has no floor"
+        );
     }
 }
 
 /// Only `acq` and the binary read clocks, below floor 4.
 #[test]
 fn pure_crates_read_no_clock_and_no_environment() {
-    const FORBIDDEN: [&str; 4] = ["Instant::now", "SystemTime::now", "std::env::var", "env::args"];
-    for name in ["sample", "wire", "model", "store", "estimator", "sim", "report"] {
+    const FORBIDDEN: [&str; 4] = [
+        "Instant::now",
+        "SystemTime::now",
+        "std::env::var",
+        "env::args",
+    ];
+    for name in [
+        "sample",
+        "wire",
+        "model",
+        "store",
+        "estimator",
+        "sim",
+        "report",
+    ] {
         for file in rust_files(&root().join("crates").join(name).join("src")) {
             let text = std::fs::read_to_string(&file).expect("readable source");
             for word in FORBIDDEN {

@@ -15,7 +15,10 @@ pub struct Curve {
 #[must_use]
 pub fn extremes(x: &[f64], y: &[f64], limit: usize) -> Curve {
     if x.len() <= limit {
-        return Curve { x: x.to_vec(), y: y.to_vec() };
+        return Curve {
+            x: x.to_vec(),
+            y: y.to_vec(),
+        };
     }
     let run = x.len().div_ceil((limit / 2).max(1));
     let mut curve = Curve::default();
@@ -52,7 +55,11 @@ mod tests {
         y[2_000..4_000].fill(f64::NAN);
         let curve = extremes(&x, &y, 100);
         assert!(curve.x.len() <= 102);
-        let peak = curve.y.iter().position(|&value| value == 7.0).expect("the spike is kept");
+        let peak = curve
+            .y
+            .iter()
+            .position(|&value| value == 7.0)
+            .expect("the spike is kept");
         assert_eq!(curve.x[peak], 5_432.0);
         assert!(curve.y.iter().any(|value| value.is_nan()));
         assert!(curve.x.is_sorted());

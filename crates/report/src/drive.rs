@@ -76,7 +76,10 @@ pub struct Series<T> {
 
 impl<T> Default for Series<T> {
     fn default() -> Self {
-        Self { time_s: Vec::new(), values: Vec::new() }
+        Self {
+            time_s: Vec::new(),
+            values: Vec::new(),
+        }
     }
 }
 
@@ -117,7 +120,10 @@ impl Drive {
             missing: info.missing.iter().map(ToString::to_string).collect(),
             facts: vec![
                 ("Run".into(), session.run_id.clone()),
-                ("Recorded by".into(), format!("atvrec {} {}", session.version, session.git_hash)),
+                (
+                    "Recorded by".into(),
+                    format!("atvrec {} {}", session.version, session.git_hash),
+                ),
                 ("Host".into(), session.host.clone()),
                 ("Boot".into(), session.boot_id.clone()),
             ],
@@ -157,13 +163,25 @@ impl Drive {
         let start = self.start;
         let seconds = |time: LogTime| time.seconds_since(start);
         match record {
-            Record::Motion { time, stage: Stage::Estimate, motion } => {
+            Record::Motion {
+                time,
+                stage: Stage::Estimate,
+                motion,
+            } => {
                 self.estimate.push(seconds(time), motion);
             }
-            Record::Motion { time, stage: Stage::Truth, motion } => {
+            Record::Motion {
+                time,
+                stage: Stage::Truth,
+                motion,
+            } => {
                 self.truth.push(seconds(time), motion);
             }
-            Record::TyreForces { time, stage, forces } => {
+            Record::TyreForces {
+                time,
+                stage,
+                forces,
+            } => {
                 let series = match stage {
                     Stage::Estimate => &mut self.measured,
                     Stage::Model => &mut self.expected,
@@ -203,7 +221,10 @@ impl Drive {
             Measurement::GnssPosition(position) if position.quality != FixQuality::None => {
                 let here = [position.longitude_rad, position.latitude_rad];
                 let origin = *origins.entry(name.clone()).or_insert(here);
-                self.track_m.entry(name).or_default().push(local_m(origin, here));
+                self.track_m
+                    .entry(name)
+                    .or_default()
+                    .push(local_m(origin, here));
             }
             _ => {}
         }

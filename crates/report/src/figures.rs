@@ -15,9 +15,30 @@ pub fn all(drive: &Drive) -> Vec<Figure> {
         rates(drive),
         sideslip(drive),
         slip_angles(drive),
-        forces(drive, 1, "lateral", "Lateral force", "lateral force F<sub>y</sub> (N)", LATERAL),
-        forces(drive, 2, "vertical", "Vertical force", "vertical force F<sub>z</sub> (N)", VERTICAL),
-        forces(drive, 0, "longitudinal", "Longitudinal force", "longitudinal force F<sub>x</sub> (N)", LONGITUDINAL),
+        forces(
+            drive,
+            1,
+            "lateral",
+            "Lateral force",
+            "lateral force F<sub>y</sub> (N)",
+            LATERAL,
+        ),
+        forces(
+            drive,
+            2,
+            "vertical",
+            "Vertical force",
+            "vertical force F<sub>z</sub> (N)",
+            VERTICAL,
+        ),
+        forces(
+            drive,
+            0,
+            "longitudinal",
+            "Longitudinal force",
+            "longitudinal force F<sub>x</sub> (N)",
+            LONGITUDINAL,
+        ),
         roll_pitch(drive),
         acceleration(drive),
         track(drive),
@@ -42,7 +63,13 @@ fn speed(drive: &Drive) -> Figure {
             y: series.values.clone(),
         });
     }
-    single("speed", "Speed", "Estimated forward speed and what the receivers report.", "speed (m/s)", traces)
+    single(
+        "speed",
+        "Speed",
+        "Estimated forward speed and what the receivers report.",
+        "speed (m/s)",
+        traces,
+    )
 }
 
 fn steer(drive: &Drive) -> Figure {
@@ -52,7 +79,10 @@ fn steer(drive: &Drive) -> Figure {
         x: drive.hand_wheel_rad.time_s.clone(),
         y: drive.hand_wheel_rad.map(|angle| angle.to_degrees() / 10.0),
     }];
-    for (index, wheel) in [Wheel::FrontLeft, Wheel::FrontRight].into_iter().enumerate() {
+    for (index, wheel) in [Wheel::FrontLeft, Wheel::FrontRight]
+        .into_iter()
+        .enumerate()
+    {
         traces.push(Trace {
             name: format!("road wheel {wheel}"),
             pen: Pen::Other(index + 1),
@@ -60,12 +90,21 @@ fn steer(drive: &Drive) -> Figure {
             y: drive.estimate.map(|m| m.steer_rad[wheel].to_degrees()),
         });
     }
-    single("steer", "Steer angle", "Hand wheel, and both front wheels by the steering map or the linkage.", "angle (deg)", traces)
+    single(
+        "steer",
+        "Steer angle",
+        "Hand wheel, and both front wheels by the steering map or the linkage.",
+        "angle (deg)",
+        traces,
+    )
 }
 
 fn rates(drive: &Drive) -> Figure {
     let mut traces = Vec::new();
-    for (axis, name) in ["roll rate", "pitch rate", "yaw rate"].into_iter().enumerate() {
+    for (axis, name) in ["roll rate", "pitch rate", "yaw rate"]
+        .into_iter()
+        .enumerate()
+    {
         traces.push(Trace {
             name: name.into(),
             pen: Pen::Other(axis),
@@ -73,19 +112,35 @@ fn rates(drive: &Drive) -> Figure {
             y: drive.estimate.map(|m| m.rate_rad_s[axis].to_degrees()),
         });
     }
-    single("rates", "Angular rates", "Body axes.", "rate (deg/s)", traces)
+    single(
+        "rates",
+        "Angular rates",
+        "Body axes.",
+        "rate (deg/s)",
+        traces,
+    )
 }
 
 fn sideslip(drive: &Drive) -> Figure {
     let traces = motion(drive, "sideslip", |m| m.sideslip_rad.to_degrees());
-    single("sideslip", "Sideslip angle", "At the centre of gravity. Below walking pace the angle means little and is left out.", "sideslip (deg)", slow_left_out(drive, traces))
+    single(
+        "sideslip",
+        "Sideslip angle",
+        "At the centre of gravity. Below walking pace the angle means little and is left out.",
+        "sideslip (deg)",
+        slow_left_out(drive, traces),
+    )
 }
 
 /// Breaks the curves of angles that have no meaning at rest.
 fn slow_left_out(drive: &Drive, mut traces: Vec<Trace>) -> Vec<Trace> {
     const SLOWEST_M_S: f64 = 1.0;
     for trace in &mut traces {
-        let series = if trace.pen == Pen::Truth { &drive.truth } else { &drive.estimate };
+        let series = if trace.pen == Pen::Truth {
+            &drive.truth
+        } else {
+            &drive.estimate
+        };
         for (value, motion) in trace.y.iter_mut().zip(&series.values) {
             if motion.velocity_x_m_s.abs() < SLOWEST_M_S {
                 *value = f64::NAN;
@@ -97,7 +152,9 @@ fn slow_left_out(drive: &Drive, mut traces: Vec<Trace>) -> Vec<Trace> {
 
 fn slip_angles(drive: &Drive) -> Figure {
     let panels = wheels("slip angle (deg)", |wheel| {
-        let traces = motion(drive, "slip angle", |m| m.slip_angle_rad[wheel].to_degrees());
+        let traces = motion(drive, "slip angle", |m| {
+            m.slip_angle_rad[wheel].to_degrees()
+        });
         slow_left_out(drive, traces)
     });
     Figure {
@@ -125,7 +182,14 @@ fn forces(
             force(&drive.truth_forces, "truth", Pen::Truth, wheel, axis),
         ]
     });
-    Figure { id, title, caption, panels, x_label: TIME, equal_axes: false }
+    Figure {
+        id,
+        title,
+        caption,
+        panels,
+        x_label: TIME,
+        equal_axes: false,
+    }
 }
 
 fn force(
@@ -151,7 +215,13 @@ fn roll_pitch(drive: &Drive) -> Figure {
         }
         traces.push(trace);
     }
-    single("attitude", "Roll and pitch", "Right side down and nose down are positive.", "angle (deg)", traces)
+    single(
+        "attitude",
+        "Roll and pitch",
+        "Right side down and nose down are positive.",
+        "angle (deg)",
+        traces,
+    )
 }
 
 fn acceleration(drive: &Drive) -> Figure {
@@ -162,29 +232,41 @@ fn acceleration(drive: &Drive) -> Figure {
         }
         traces.push(trace);
     }
-    single("acceleration", "Acceleration", "Of the centre of gravity, without gravity.", "acceleration (m/s²)", traces)
+    single(
+        "acceleration",
+        "Acceleration",
+        "Of the centre of gravity, without gravity.",
+        "acceleration (m/s²)",
+        traces,
+    )
 }
 
 fn track(drive: &Drive) -> Figure {
-    let traces = drive.track_m.iter().enumerate().map(|(index, (name, points))| Trace {
-        name: name.clone(),
-        pen: Pen::Other(index),
-        x: points.iter().map(|point| point[0]).collect(),
-        y: points.iter().map(|point| point[1]).collect(),
-    });
+    let traces = drive
+        .track_m
+        .iter()
+        .enumerate()
+        .map(|(index, (name, points))| Trace {
+            name: name.clone(),
+            pen: Pen::Other(index),
+            x: points.iter().map(|point| point[0]).collect(),
+            y: points.iter().map(|point| point[1]).collect(),
+        });
     Figure {
         x_label: "east (m)",
         equal_axes: true,
-        ..single("track", "Track", "Where the antennas went, from their first position.", "north (m)", traces.collect())
+        ..single(
+            "track",
+            "Track",
+            "Where the antennas went, from their first position.",
+            "north (m)",
+            traces.collect(),
+        )
     }
 }
 
 /// The estimate of a quantity and, where there is one, its truth.
-fn motion(
-    drive: &Drive,
-    name: &str,
-    mut quantity: impl FnMut(&Motion) -> f64,
-) -> Vec<Trace> {
+fn motion(drive: &Drive, name: &str, mut quantity: impl FnMut(&Motion) -> f64) -> Vec<Trace> {
     let mut traces = vec![Trace {
         name: name.into(),
         pen: Pen::Measured,
@@ -209,8 +291,19 @@ fn single(
     y_label: &str,
     traces: Vec<Trace>,
 ) -> Figure {
-    let panels = vec![Panel { heading: String::new(), y_label: y_label.into(), traces }];
-    Figure { id, title, caption, panels, x_label: TIME, equal_axes: false }
+    let panels = vec![Panel {
+        heading: String::new(),
+        y_label: y_label.into(),
+        traces,
+    }];
+    Figure {
+        id,
+        title,
+        caption,
+        panels,
+        x_label: TIME,
+        equal_axes: false,
+    }
 }
 
 fn wheels(label: &str, mut traces: impl FnMut(Wheel) -> Vec<Trace>) -> Vec<Panel> {
@@ -224,7 +317,11 @@ fn wheels(label: &str, mut traces: impl FnMut(Wheel) -> Vec<Trace>) -> Vec<Panel
                 Wheel::RearRight => "rear right",
             }
             .into(),
-            y_label: if wheel.is_left() { label.into() } else { String::new() },
+            y_label: if wheel.is_left() {
+                label.into()
+            } else {
+                String::new()
+            },
             traces: traces(wheel),
         })
         .collect()

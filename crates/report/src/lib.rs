@@ -53,8 +53,10 @@ pub fn write_html(logs: &[PathBuf], output: &Path) -> Result<Summary, Error> {
     let drive = drive::Drive::read(&reader)?;
     let figures = figures::all(&drive);
     let html = page::render(&drive, &figures);
-    std::fs::write(output, &html)
-        .map_err(|source| Error::Write { path: output.to_owned(), source })?;
+    std::fs::write(output, &html).map_err(|source| Error::Write {
+        path: output.to_owned(),
+        source,
+    })?;
     Ok(Summary {
         duration_s: drive.duration_s,
         estimates: drive.estimate.len(),

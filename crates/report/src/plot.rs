@@ -75,9 +75,10 @@ impl Pen {
 impl Figure {
     /// Whether anything is drawn at all.
     pub fn has_data(&self) -> bool {
-        self.panels.iter().flat_map(|panel| &panel.traces).any(|trace| {
-            trace.y.iter().any(|value| value.is_finite())
-        })
+        self.panels
+            .iter()
+            .flat_map(|panel| &panel.traces)
+            .any(|trace| trace.y.iter().any(|value| value.is_finite()))
     }
 
     /// The `data` and `layout` of plotly.js.
@@ -86,7 +87,11 @@ impl Figure {
         let mut layout = self.layout();
         let mut shown = Vec::new();
         for (index, panel) in self.panels.iter().enumerate() {
-            let suffix = if index == 0 { String::new() } else { (index + 1).to_string() };
+            let suffix = if index == 0 {
+                String::new()
+            } else {
+                (index + 1).to_string()
+            };
             for trace in &panel.traces {
                 let curve = decimate::extremes(&trace.x, &trace.y, POINTS);
                 let first = !shown.contains(&trace.name);
@@ -107,7 +112,11 @@ impl Figure {
     }
 
     fn layout(&self) -> Map<String, Value> {
-        let height = if self.panels.len() > 1 || self.equal_axes { 560 } else { 340 };
+        let height = if self.panels.len() > 1 || self.equal_axes {
+            560
+        } else {
+            340
+        };
         let layout = json!({
             "height": height, "margin": {"l": 64, "r": 16, "t": 28, "b": 48},
             "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#1f2937"},
@@ -178,7 +187,13 @@ fn numbers(values: &[f64]) -> Vec<Value> {
     values
         .iter()
         .map(|&value| {
-            if value.is_finite() { format!("{value:.6e}").parse().map_or(Value::Null, |v: f64| json!(v)) } else { Value::Null }
+            if value.is_finite() {
+                format!("{value:.6e}")
+                    .parse()
+                    .map_or(Value::Null, |v: f64| json!(v))
+            } else {
+                Value::Null
+            }
         })
         .collect()
 }
