@@ -1,0 +1,301 @@
+//! Four full CAN buses, an inertial unit and two receivers into `atvrec record`, for a while:
+//! what is lost, what it costs, whether memory grows.
+//!
+//! usage: ingest PATH-OF-ATVREC [SECONDS]
+//!
+//! The buses are SLCAN adapters on pseudo-terminals, because those exist on every machine; a
+//! SocketCAN frame costs the recorder less, having no text to parse.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, ensure};
+use sample::{CanFlags, CanFrame, Payload};
+use serialport::{SerialPort, TTYPort};
+use store::Reader;
+
+const BUSES: usize = 4;
+const FRAMES_PER_SECOND: u64 = 8_000;
+/// Each write carries this much time, as a USB adapter's transfers do.
+const WRITE_INTERVAL: Duration = Duration::from_millis(2);
+
+fn main() -> anyhow::Result<()> {
+    let mut arguments = std::env::args().skip(1);
+    let atvrec = arguments
+        .next()
+        .context("usage: ingest PATH-OF-ATVREC [SECONDS]")?;
+    let seconds: u64 = arguments.next().map_or(Ok(30), |text| text.parse())?;
+    let folder = tempfile::tempdir()?;
+    let virtual_vehicle = start_virtual_vehicle(&atvrec, folder.path())?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let buses = (0..BUSES)
+        .map(|_| Bus::start(&stop))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    write_configuration(folder.path(), &buses)?;
+
+    let recorder = Command::new(&atvrec)
+        .arg("record")
+        .arg("--config")
+        .arg(folder.path().join("atvrec.toml"))
+        .args(["--quiet", "--for", &seconds.to_string()])
+        .spawn()
+        .context("the recorder does not start")?;
+    let cost = watch(recorder, seconds, &stop)?;
+    drop(virtual_vehicle);
+    let sent: Vec<u64> = buses.into_iter().map(Bus::finish).collect();
+    print_result(folder.path(), &sent, &cost)
+}
+
+/// Ends the process when it goes out of scope.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start_virtual_vehicle(atvrec: &str, folder: &Path) -> anyhow::Result<Running> {
+    let child = Command::new(atvrec)
+        .args([
+            "virtual",
+            "--manoeuvre",
+            "sine-steer",
+            "--repeat",
+            "--quiet",
+            "--directory",
+        ])
+        .arg(folder.join("ports"))
+        .stdout(Stdio::null())
+        .spawn()
+        .context("the virtual vehicle does not start")?;
+    let running = Running(child);
+    for _ in 0..100 {
+        if folder.join("ports/septentrio").exists() {
+            return Ok(running);
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    anyhow::bail!("the virtual vehicle made no ports in {}", folder.display())
+}
+
+/// One SLCAN adapter: a pseudo-terminal and the thread that speaks on it while the channel is open.
+struct Bus {
+    device: String,
+    sent: Arc<AtomicU64>,
+    thread: JoinHandle<()>,
+    _slave: TTYPort,
+}
+
+impl Bus {
+    fn start(stop: &Arc<AtomicBool>) -> anyhow::Result<Self> {
+        let (master, slave) = TTYPort::pair()?;
+        let device = slave.name().context("a pseudo-terminal has a name")?;
+        let sent = Arc::new(AtomicU64::new(0));
+        let thread = std::thread::spawn({
+            let (sent, stop) = (Arc::clone(&sent), Arc::clone(stop));
+            move || speak(master, &sent, &stop)
+        });
+        Ok(Self {
+            device,
+            sent,
+            thread,
+            _slave: slave,
+        })
+    }
+
+    fn finish(self) -> u64 {
+        let _ = self.thread.join();
+        self.sent.load(Ordering::Relaxed)
+    }
+}
+
+/// Sends frames at the bus's rate from the open command on, without waiting for anybody, as an
+/// adapter does. What does not fit into the terminal's queue is sent later: nothing is dropped
+/// here, so a recorder that is too slow shows as frames that were never sent in time.
+fn speak(mut master: TTYPort, sent: &AtomicU64, stop: &AtomicBool) {
+    let _ = master.set_timeout(Duration::from_millis(1));
+    let mut opened: Option<Instant> = None;
+    let mut command = [0; 64];
+    let mut count = 0_u64;
+    while !stop.load(Ordering::Relaxed) {
+        if let Ok(length) = master.read(&mut command) {
+            let open = command[..length].contains(&b'O') || command[..length].contains(&b'L');
+            opened = opened.or_else(|| open.then(Instant::now));
+            if command[..length].contains(&b'C') && count > 0 {
+                break;
+            }
+            let _ = master.write_all(b"\r");
+        }
+        let Some(start) = opened else { continue };
+        let due = (start.elapsed().as_secs_f64() * FRAMES_PER_SECOND as f64) as u64;
+        let mut text = String::new();
+        while count < due {
+            text.push_str(&frame_text(count));
+            count += 1;
+        }
+        if master.write_all(text.as_bytes()).is_err() {
+            break;
+        }
+        sent.store(count, Ordering::Relaxed);
+        std::thread::sleep(WRITE_INTERVAL);
+    }
+}
+
+/// Eight bytes that look like converter counts: slow, with a few noisy bits.
+fn frame_text(count: u64) -> String {
+    let noise = count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60;
+    let value = 512 + (count / 64) % 64 + noise % 4;
+    format!(
+        "t{:03X}8{value:04X}{:04X}{value:04X}{:04X}\r",
+        0x100 + count % 8,
+        value ^ 1,
+        value ^ 3
+    )
+}
+
+fn write_configuration(folder: &Path, buses: &[Bus]) -> anyhow::Result<()> {
+    let ports = folder.join("ports");
+    let mut text = format!(
+        "[storage]\ndirectory = \"{}\"\n",
+        folder.join("logs").display()
+    );
+    for (index, bus) in buses.iter().enumerate() {
+        text += &format!(
+            "[source.bus{index}]\nkind = \"slcan\"\ndevice = \"{}\"\nbitrate = 1000000\n\
+             timestamps = false\n",
+            bus.device
+        );
+    }
+    for (name, kind) in [
+        ("imu", "crossbow440"),
+        ("novatel", "gnss"),
+        ("septentrio", "gnss"),
+    ] {
+        let device = ports.join(name);
+        text += &format!(
+            "[source.{name}]\nkind = \"{kind}\"\ndevice = \"{}\"\n",
+            device.display()
+        );
+    }
+    std::fs::write(folder.join("atvrec.toml"), text).context("cannot write the configuration")
+}
+
+/// What the recorder used.
+struct Cost {
+    cpu_s: f64,
+    wall_s: f64,
+    resident_mb: Vec<f64>,
+}
+
+fn watch(mut recorder: Child, seconds: u64, stop: &AtomicBool) -> anyhow::Result<Cost> {
+    let start = Instant::now();
+    let mut cost = Cost {
+        cpu_s: 0.0,
+        wall_s: 0.0,
+        resident_mb: Vec::new(),
+    };
+    loop {
+        if let Some(status) = recorder.try_wait()? {
+            stop.store(true, Ordering::Relaxed);
+            println!("recorder ended with {status}");
+            return Ok(cost);
+        }
+        if let Some((cpu_s, resident_mb)) = usage(recorder.id()) {
+            cost.cpu_s = cpu_s;
+            cost.wall_s = start.elapsed().as_secs_f64();
+            cost.resident_mb.push(resident_mb);
+        }
+        ensure!(
+            start.elapsed() < Duration::from_secs(seconds + 60),
+            "the recorder does not end"
+        );
+        std::thread::sleep(Duration::from_millis(500));
+    }
+}
+
+/// CPU seconds and resident megabytes of a process, from /proc.
+fn usage(process: u32) -> Option<(f64, f64)> {
+    const TICKS_PER_SECOND: f64 = 100.0;
+    const PAGE_MB: f64 = 4096.0 / 1e6;
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks: f64 = fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?;
+    let pages: f64 = fields.get(21)?.parse().ok()?;
+    Some((ticks / TICKS_PER_SECOND, pages * PAGE_MB))
+}
+
+fn print_result(folder: &Path, sent: &[u64], cost: &Cost) -> anyhow::Result<()> {
+    let logs = log_paths(&folder.join("logs"))?;
+    let bytes: u64 = logs
+        .iter()
+        .filter_map(|path| Some(path.metadata().ok()?.len()))
+        .sum();
+    let reader = Reader::open(&logs)?;
+    let mut recorded = vec![0_u64; BUSES];
+    let mut disordered = 0_u64;
+    for arrival in reader.arrivals() {
+        let arrival = arrival?;
+        let name = reader.session().source_name(arrival.source);
+        let Some(bus) = name
+            .strip_prefix("bus")
+            .and_then(|n| n.parse::<usize>().ok())
+        else {
+            continue;
+        };
+        if let Payload::Can(frames) = arrival.payload {
+            for frame in frames {
+                if frame.bytes() != expected(recorded[bus]).bytes() {
+                    disordered += 1;
+                }
+                recorded[bus] += 1;
+            }
+        }
+    }
+    let total: u64 = recorded.iter().sum();
+    println!("frames sent by the adapters   {sent:?}");
+    println!("frames in the log             {recorded:?}, {disordered} out of place");
+    println!(
+        "rate                          {:.0} frames/s",
+        total as f64 / cost.wall_s
+    );
+    println!(
+        "processor                     {:.2} cores",
+        cost.cpu_s / cost.wall_s
+    );
+    let settled = &cost.resident_mb[cost.resident_mb.len() / 4..];
+    let least = settled.iter().copied().fold(f64::INFINITY, f64::min);
+    let greatest = settled.iter().copied().fold(0.0, f64::max);
+    println!(
+        "resident memory               {least:.1} to {greatest:.1} MB after the first quarter"
+    );
+    println!(
+        "on disk                       {:.2} bytes a frame, all channels",
+        bytes as f64 / total as f64
+    );
+    Ok(())
+}
+
+fn expected(count: u64) -> CanFrame {
+    let text = frame_text(count);
+    let data: Vec<u8> = (0..8)
+        .filter_map(|index| u8::from_str_radix(text.get(5 + 2 * index..7 + 2 * index)?, 16).ok())
+        .collect();
+    CanFrame::new(0x100 + (count % 8) as u32, CanFlags::default(), &data)
+        .expect("eight bytes fit into a frame")
+}
+
+fn log_paths(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        paths.push(entry?.path());
+    }
+    paths.sort();
+    Ok(paths)
+}
