@@ -107,7 +107,7 @@ pub struct GnssCalibration {
     /// Antenna from the centre of gravity, body axes, m; absent: the sensors file's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub antenna_m: Option<[f64; 3]>,
-    /// How late a value is against its time tag, s, beside what the record itself says.
+    /// Latency that the samples' valid time still holds, s; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency_s: Option<f64>,
     /// Yaw, pitch and roll that the antennas' mounting adds, rad.

@@ -28,9 +28,9 @@ pub struct Resolved {
     pub imu_m: Vector3<f64>,
     /// Velocity antenna from the centre of gravity, m.
     pub velocity_antenna_m: Vector3<f64>,
-    /// Additional latency of GNSS velocity, s.
+    /// Latency of GNSS velocity that the samples' valid time still holds, s.
     pub velocity_latency_s: f64,
-    /// Additional latency of GNSS attitude, s.
+    /// Latency of GNSS attitude that the samples' valid time still holds, s.
     pub attitude_latency_s: f64,
     /// Mounting of the attitude antennas (yaw, pitch, roll), rad.
     pub attitude_offset_rad: [f64; 3],
@@ -109,10 +109,7 @@ impl Resolved {
             )?,
             attitude_latency_s: finite(
                 "gnss_attitude.latency_s",
-                calibration
-                    .gnss_attitude
-                    .latency_s
-                    .unwrap_or(sensors.gnss_attitude.latency_s),
+calibration.gnss_attitude.latency_s.unwrap_or(0.0),
             )?,
             attitude_offset_rad: finite3(
                 "gnss_attitude.attitude_offset_rad",

@@ -1,0 +1,419 @@
+//! Motion of the body: attitude, velocity and sideslip by inertial navigation, corrected by GNSS
+//! velocity and attitude, wheel speeds and what a road vehicle cannot do.
+//!
+//! Error-state Kalman filter. Nominal state: attitude R (earth from body), velocity v of the
+//! inertial unit in earth axes, accelerometer bias b_a and gyro bias b_g. With the specific force f
+//! and rate w that the unit reads, in body axes,
+//!
+//! R' = R [w - b_g]x, v' = R (f - b_a) - (0, 0, g)
+//!
+//! The error (d theta, d v, d b_a, d b_g) is defined by R_true = exp([d theta]x) R in earth axes,
+//! so that d v' = -[R (f - b_a)]x d theta - R d b_a and d theta' = -R d b_g.
+//!
+//! A GNSS value is late: it is compared with the nominal state of its own time, out of a history
+//! of [`history::SPAN_S`], and its correction is applied to the present. What the error changes
+//! within that lag is neglected (less than 1 % of it in 50 ms). So the order in which late values
+//! arrive does not matter to first order.
+
+pub mod history;
+mod update;
+
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
+use sample::{LogTime, STANDARD_GRAVITY_M_S2};
+
+use history::{History, Pose};
+
+/// Size of the error state: attitude, velocity, accelerometer bias, gyro bias.
+pub const STATES: usize = 12;
+/// Position of the attitude error in the error state, earth axes, rad.
+pub const ATTITUDE: usize = 0;
+/// Position of the velocity error, earth axes, m/s.
+pub const VELOCITY: usize = 3;
+/// Position of the accelerometer bias's error, body axes, m/s^2.
+pub const ACCEL_BIAS: usize = 6;
+/// Position of the gyro bias's error, body axes, rad/s.
+pub const GYRO_BIAS: usize = 9;
+
+/// Longest step that the inertial equations are carried over at once, s.
+const STEP_MAX_S: f64 = 0.05;
+/// Silence of the inertial unit after which the state is carried on without it, s.
+const SILENCE_S: f64 = 0.04;
+/// Acceleration and rate that may go unseen then, m/s^2 and rad/s, per square root of Hz.
+const BLIND_ACCEL: f64 = 2.0;
+const BLIND_RATE: f64 = 0.3;
+/// Walk of the biases, (m/s^2)/sqrt(s) and (rad/s)/sqrt(s).
+const ACCEL_BIAS_WALK: f64 = 1e-3;
+const GYRO_BIAS_WALK: f64 = 3e-5;
+/// Readings beyond these are not a road vehicle's, m/s^2 and rad/s.
+const FORCE_MAX_M_S2: f64 = 200.0;
+const RATE_MAX_RAD_S: f64 = 20.0;
+/// Time constant of the derivative of the rate, s.
+const RATE_DOT_TIME_S: f64 = 0.02;
+
+/// Noise and geometry that the filter assumes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionSettings {
+    /// Interval of the inertial unit's messages, s.
+    pub interval_s: f64,
+    /// Standard deviation of specific force, m/s^2.
+    pub accel_sigma_m_s2: f64,
+    /// Standard deviation of rate, rad/s.
+    pub gyro_sigma_rad_s: f64,
+    /// Standard deviation of the biases at the start.
+    pub accel_bias_sigma_m_s2: f64,
+    /// Standard deviation of the rate biases at the start, rad/s.
+    pub gyro_bias_sigma_rad_s: f64,
+    /// Inertial unit from the centre of gravity, m.
+    pub imu_m: Vector3<f64>,
+    /// Velocity antenna from the centre of gravity, m.
+    pub antenna_m: Vector3<f64>,
+    /// Standard deviation of GNSS velocity where the record has none, m/s.
+    pub velocity_sigma_m_s: f64,
+    /// Standard deviation of GNSS heading where the record has none, rad.
+    pub heading_sigma_rad: f64,
+    /// Standard deviation of GNSS roll and pitch where the record has none, rad.
+    pub tilt_sigma_rad: f64,
+}
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub struct MotionFilter {
+    settings: MotionSettings,
+    time: Option<LogTime>,
+    earth_from_body: Rotation3<f64>,
+    velocity_m_s: Vector3<f64>,
+    accel_bias: Vector3<f64>,
+    gyro_bias: Vector3<f64>,
+    covariance: SMatrix<f64, STATES, STATES>,
+    rate: Vector3<f64>,
+    rate_dot: Vector3<f64>,
+    force: Vector3<f64>,
+    history: History,
+    imu_time: Option<LogTime>,
+    velocity_time: Option<LogTime>,
+    attitude_time: Option<LogTime>,
+    velocity_misses: u32,
+    attitude_misses: u32,
+    resets: u32,
+}
+
+/// The motion at one instant, at the centre of gravity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionState {
+    /// Rotation from body to earth axes.
+    pub earth_from_body: Rotation3<f64>,
+    /// Velocity of the centre of gravity, body axes, m/s.
+    pub velocity_m_s: Vector3<f64>,
+    /// Angular rate without bias, body axes, rad/s.
+    pub rate_rad_s: Vector3<f64>,
+    /// Angular acceleration, body axes, rad/s^2.
+    pub rate_dot_rad_s2: Vector3<f64>,
+    /// Specific force at the centre of gravity without bias, body axes, m/s^2.
+    pub specific_force_m_s2: Vector3<f64>,
+    /// Sideslip angle in the horizontal plane (ISO 8855), rad.
+    pub sideslip_rad: f64,
+    /// Its standard deviation, rad.
+    pub sideslip_sigma_rad: f64,
+    /// Whether an inertial unit stands behind rates and forces.
+    pub inertial: bool,
+}
+
+impl MotionState {
+    /// Roll, pitch and yaw, rad.
+    #[must_use]
+    pub fn euler_rad(&self) -> (f64, f64, f64) {
+        self.earth_from_body.euler_angles()
+    }
+}
+
+impl MotionFilter {
+    /// A filter that has seen nothing.
+    #[must_use]
+    pub fn new(settings: MotionSettings) -> Self {
+        let mut filter = Self {
+            settings,
+            time: None,
+            earth_from_body: Rotation3::identity(),
+            velocity_m_s: Vector3::zeros(),
+            accel_bias: Vector3::zeros(),
+            gyro_bias: Vector3::zeros(),
+            covariance: SMatrix::zeros(),
+            rate: Vector3::zeros(),
+            rate_dot: Vector3::zeros(),
+            force: Vector3::z() * STANDARD_GRAVITY_M_S2,
+            history: History::default(),
+            imu_time: None,
+            velocity_time: None,
+            attitude_time: None,
+            velocity_misses: 0,
+            attitude_misses: 0,
+            resets: 0,
+        };
+        filter.restart();
+        filter
+    }
+
+    /// How often the filter has been started anew.
+    #[must_use]
+    pub fn resets(&self) -> u32 {
+        self.resets
+    }
+
+    /// Accelerometer bias, body axes, m/s^2.
+    #[must_use]
+    pub fn accel_bias(&self) -> Vector3<f64> {
+        self.accel_bias
+    }
+
+    /// Gyro bias, body axes, rad/s.
+    #[must_use]
+    pub fn gyro_bias(&self) -> Vector3<f64> {
+        self.gyro_bias
+    }
+
+    /// Seconds since the last GNSS velocity that was used; infinite before the first.
+    #[must_use]
+    pub fn velocity_age_s(&self, now: LogTime) -> f64 {
+        self.velocity_time
+            .map_or(f64::INFINITY, |time| now.seconds_since(time))
+    }
+
+    fn restart(&mut self) {
+        let s = &self.settings;
+        let mut sigma = SVector::<f64, STATES>::zeros();
+        sigma.fixed_rows_mut::<2>(ATTITUDE).fill(0.2);
+        sigma[ATTITUDE + 2] = 3.0;
+        sigma.fixed_rows_mut::<3>(VELOCITY).fill(20.0);
+        sigma
+            .fixed_rows_mut::<3>(ACCEL_BIAS)
+            .fill(s.accel_bias_sigma_m_s2.max(1e-3));
+        sigma
+            .fixed_rows_mut::<3>(GYRO_BIAS)
+            .fill(s.gyro_bias_sigma_rad_s.max(1e-5));
+        self.covariance = SMatrix::from_diagonal(&sigma.component_mul(&sigma));
+        self.earth_from_body = Rotation3::identity();
+        self.velocity_m_s = Vector3::zeros();
+        self.accel_bias = Vector3::zeros();
+        self.gyro_bias = Vector3::zeros();
+        self.velocity_misses = 0;
+        self.attitude_misses = 0;
+        self.velocity_time = None;
+        self.attitude_time = None;
+        self.history.clear();
+    }
+
+    /// Takes a reading of the inertial unit in, body axes, calibration applied.
+    ///
+    /// A reading that is not finite, out of any road vehicle's range, or not later than the last
+    /// is left out.
+    pub fn push_imu(&mut self, time: LogTime, force: Vector3<f64>, rate: Vector3<f64>) {
+        let good = force.iter().all(|f| f.abs() <= FORCE_MAX_M_S2)
+            && rate.iter().all(|w| w.abs() <= RATE_MAX_RAD_S);
+        if !good || self.time.is_some_and(|last| time <= last) {
+            return;
+        }
+        let Some(last) = self.time else {
+            self.level(force);
+            self.begin(time, force, rate);
+            return;
+        };
+        let gap_s = time.seconds_since(last);
+        if self.imu_time.is_none() || gap_s > 1.0 {
+            self.rate = rate;
+            self.rate_dot = Vector3::zeros();
+        } else {
+            let slope = (rate - self.rate) / gap_s;
+            self.rate_dot += (slope - self.rate_dot) * (gap_s / (RATE_DOT_TIME_S + gap_s));
+        }
+        let settings = &self.settings;
+        // Readings are samples, not means: the trapezium holds between two of them.
+        let (mean_force, mean_rate) = if gap_s < 0.1 && self.imu_time.is_some() {
+            ((force + self.force) * 0.5, (rate + self.rate) * 0.5)
+        } else {
+            (force, rate)
+        };
+        let density = settings.interval_s.max(1e-4).sqrt();
+        let noise = [
+            settings.accel_sigma_m_s2 * density,
+            settings.gyro_sigma_rad_s * density,
+        ];
+        self.carry(gap_s, mean_force, mean_rate, noise);
+        self.begin(time, force, rate);
+    }
+
+    /// Carries the state on to `now` where the inertial unit has been silent.
+    pub fn bridge(&mut self, now: LogTime) {
+        let Some(last) = self.time else {
+            self.time = Some(now);
+            return;
+        };
+        let gap_s = now.seconds_since(last);
+        if gap_s < SILENCE_S {
+            return;
+        }
+        self.imu_time = None;
+        self.rate *= 0.8;
+        self.rate_dot = Vector3::zeros();
+        self.force = self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2
+            + self.accel_bias;
+        let (force, rate) = (self.force, self.rate + self.gyro_bias);
+        self.carry(gap_s, force, rate, [BLIND_ACCEL, BLIND_RATE]);
+        self.time = Some(now);
+        self.remember(now);
+    }
+
+    fn begin(&mut self, time: LogTime, force: Vector3<f64>, rate: Vector3<f64>) {
+        self.force = force;
+        self.rate = rate;
+        self.time = Some(time);
+        self.imu_time = Some(time);
+        self.remember(time);
+    }
+
+    fn remember(&mut self, time: LogTime) {
+        self.history.push(Pose {
+            time,
+            earth_from_body: self.earth_from_body,
+            velocity_m_s: self.velocity_m_s,
+            rate_rad_s: self.rate - self.gyro_bias,
+        });
+    }
+
+    /// Roll and pitch that a unit at rest would show.
+    fn level(&mut self, force: Vector3<f64>) {
+        if force.norm() < 0.5 * STANDARD_GRAVITY_M_S2 {
+            return;
+        }
+        let roll = force.y.atan2(force.z);
+        let pitch = (-force.x).atan2(force.y.hypot(force.z));
+        let (_, _, yaw) = self.earth_from_body.euler_angles();
+        self.earth_from_body = Rotation3::from_euler_angles(roll, pitch, yaw);
+    }
+
+    fn carry(&mut self, span_s: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
+        let mut left_s = span_s.min(2.0);
+        while left_s > 0.0 {
+            let step_s = left_s.min(STEP_MAX_S);
+            self.carry_step(step_s, force, rate, noise);
+            left_s -= step_s;
+        }
+    }
+
+    fn carry_step(&mut self, dt: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
+        let turn = (rate - self.gyro_bias) * dt;
+        let middle = self.earth_from_body * Rotation3::new(turn * 0.5);
+        let earth_force = middle * (force - self.accel_bias);
+        let gravity = Vector3::z() * STANDARD_GRAVITY_M_S2;
+        self.velocity_m_s += (earth_force - gravity) * dt;
+        self.earth_from_body *= Rotation3::new(turn);
+        self.earth_from_body = orthonormal(&self.earth_from_body);
+
+        let rotation = middle.into_inner();
+        let mut f = SMatrix::<f64, STATES, STATES>::identity();
+        f.fixed_view_mut::<3, 3>(ATTITUDE, GYRO_BIAS)
+            .copy_from(&(-rotation * dt));
+        f.fixed_view_mut::<3, 3>(VELOCITY, ATTITUDE)
+            .copy_from(&(-earth_force.cross_matrix() * dt));
+        f.fixed_view_mut::<3, 3>(VELOCITY, ACCEL_BIAS)
+            .copy_from(&(-rotation * dt));
+        self.covariance = f * self.covariance * f.transpose();
+        let mut add = |first: usize, variance: f64| {
+            for i in first..first + 3 {
+                self.covariance[(i, i)] += variance * dt;
+            }
+        };
+        add(ATTITUDE, noise[1] * noise[1]);
+        add(VELOCITY, noise[0] * noise[0]);
+        add(ACCEL_BIAS, ACCEL_BIAS_WALK * ACCEL_BIAS_WALK);
+        add(GYRO_BIAS, GYRO_BIAS_WALK * GYRO_BIAS_WALK);
+        self.tidy();
+    }
+
+    /// Keeps the covariance symmetric and bounded, and starts anew if a number was lost.
+    fn tidy(&mut self) {
+        self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        const BOUND: [f64; 4] = [10.0, 1e4, 4.0, 0.1];
+        for i in 0..STATES {
+            let bound = BOUND[i / 3];
+            let variance = self.covariance[(i, i)];
+            if variance > bound {
+                // Scaling row and column keeps it positive semi-definite.
+                let scale = (bound / variance).sqrt();
+                for j in 0..STATES {
+                    self.covariance[(i, j)] *= scale;
+                    self.covariance[(j, i)] *= scale;
+                }
+            }
+        }
+        let finite = self.covariance.iter().all(|p| p.is_finite())
+            && self.velocity_m_s.iter().all(|v| v.abs() < 1e3)
+            && self.earth_from_body.matrix().iter().all(|r| r.is_finite());
+        if !finite {
+            self.resets += 1;
+            self.restart();
+        }
+    }
+
+    /// The motion at `now`, carried on from the last reading by at most 50 ms.
+    #[must_use]
+    pub fn state(&self, now: LogTime) -> MotionState {
+        let ahead_s = self
+            .time
+            .map_or(0.0, |time| now.seconds_since(time).clamp(-0.02, STEP_MAX_S));
+        let inertial = self.imu_time.is_some();
+        let rate = self.rate - self.gyro_bias + self.rate_dot * ahead_s;
+        let earth_from_body =
+            self.earth_from_body * Rotation3::new((self.rate - self.gyro_bias) * ahead_s);
+        let force = self.force - self.accel_bias;
+        let acceleration = self.earth_from_body * force - Vector3::z() * STANDARD_GRAVITY_M_S2;
+        let at_imu = self.velocity_m_s + acceleration * ahead_s;
+        let arm = -self.settings.imu_m;
+        let earth = at_imu + earth_from_body * rate.cross(&arm);
+        let body = earth_from_body.inverse() * earth;
+        let (_, _, yaw) = earth_from_body.euler_angles();
+        let speed = earth.x.hypot(earth.y);
+        let course = earth.y.atan2(earth.x);
+        let mut slope = SVector::<f64, STATES>::zeros();
+        slope[ATTITUDE + 2] = -1.0;
+        slope[VELOCITY] = -course.sin() / speed.max(0.1);
+        slope[VELOCITY + 1] = course.cos() / speed.max(0.1);
+        let variance = (slope.transpose() * self.covariance * slope)[0];
+        let moving = speed > 0.3;
+        MotionState {
+            earth_from_body,
+            velocity_m_s: body,
+            rate_rad_s: rate,
+            rate_dot_rad_s2: self.rate_dot,
+            specific_force_m_s2: force
+                + self.rate_dot.cross(&arm)
+                + rate.cross(&rate.cross(&arm)),
+            sideslip_rad: if moving { wrap(course - yaw) } else { 0.0 },
+            sideslip_sigma_rad: if moving {
+                variance.max(0.0).sqrt()
+            } else {
+                f64::NAN
+            },
+            inertial,
+        }
+    }
+}
+
+/// The angle within (-pi, pi].
+pub(crate) fn wrap(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    let turned = (angle + PI).rem_euclid(TAU) - PI;
+    if turned == -PI { PI } else { turned }
+}
+
+/// The rotation next to one that rounding has worn.
+fn orthonormal(r: &Rotation3<f64>) -> Rotation3<f64> {
+    let m = r.matrix();
+    let x = m.column(0).normalize();
+    let z = x.cross(&m.column(1)).normalize();
+    Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, z.cross(&x), z]))
+}
+
+/// Cross-product matrix.
+fn cross(v: Vector3<f64>) -> Matrix3<f64> {
+    v.cross_matrix()
+}

@@ -1,0 +1,264 @@
+//! Corrections of the motion filter.
+
+use nalgebra::{Rotation3, SVector, Vector3};
+use sample::LogTime;
+
+use super::{
+    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, STATES, VELOCITY, cross, orthonormal, wrap,
+};
+
+/// Normalised innovation, standard deviations, beyond which a value is left out.
+const GATE: f64 = 5.0;
+/// Values left out in a row after which the state, not the sensor, is taken to be wrong.
+const MISSES_MAX: u32 = 20;
+/// How fast a road vehicle's body may rise or fall, m/s.
+const VERTICAL_SIGMA_M_S: f64 = 0.3;
+
+/// Outcome of one value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It was used.
+    Used,
+    /// It contradicts the state and was left out.
+    Rejected,
+    /// It could not be compared: too old, not finite, or nothing to compare with.
+    Unusable,
+}
+
+impl MotionFilter {
+    /// GNSS velocity of the antenna, earth axes, true at `valid`.
+    pub fn push_velocity(
+        &mut self,
+        valid: LogTime,
+        velocity_m_s: Vector3<f64>,
+        sigma_m_s: Option<[f64; 3]>,
+    ) -> Verdict {
+        if !velocity_m_s.iter().all(|v| v.abs() < 200.0) {
+            return Verdict::Unusable;
+        }
+        let Some(pose) = self.history.at(valid) else {
+            return Verdict::Unusable;
+        };
+        let arm = self.settings.antenna_m - self.settings.imu_m;
+        let swing = pose.earth_from_body * pose.rate_rad_s.cross(&arm);
+        let residual = velocity_m_s - pose.velocity_m_s - swing;
+        let floor = self.settings.velocity_sigma_m_s;
+        let sigma = sigma_m_s.map_or([floor; 3], |s| {
+            s.map(|s| if s.is_finite() { s.max(0.3 * floor) } else { floor })
+        });
+        if self.velocity_time.is_none() {
+            self.adopt_velocity(residual);
+        }
+        let slope = -cross(swing);
+        let mut rejected = false;
+        for axis in 0..3 {
+            let variance = self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
+            rejected |= residual[axis].powi(2) > GATE * GATE * variance;
+        }
+        if rejected && self.velocity_time.is_some() {
+            self.velocity_misses += 1;
+            if self.velocity_misses > MISSES_MAX {
+                self.resets += 1;
+                self.velocity_misses = 0;
+                self.velocity_time = None;
+            }
+            return Verdict::Rejected;
+        }
+        let mut delta = SVector::<f64, STATES>::zeros();
+        for axis in 0..3 {
+            let mut h = SVector::<f64, STATES>::zeros();
+            h[VELOCITY + axis] = 1.0;
+            for j in 0..3 {
+                h[ATTITUDE + j] = slope[(axis, j)];
+            }
+            self.scalar(&h, residual[axis], sigma[axis].powi(2), &mut delta);
+        }
+        self.inject(&delta);
+        self.velocity_misses = 0;
+        self.velocity_time = Some(valid);
+        Verdict::Used
+    }
+
+    fn adopt_velocity(&mut self, residual: Vector3<f64>) {
+        self.velocity_m_s += residual;
+        self.history.correct(Rotation3::identity(), residual);
+        for i in VELOCITY..VELOCITY + 3 {
+            for j in 0..STATES {
+                self.covariance[(i, j)] = 0.0;
+                self.covariance[(j, i)] = 0.0;
+            }
+            self.covariance[(i, i)] = 1.0;
+        }
+    }
+
+    /// GNSS attitude, true at `valid`: yaw, pitch, roll in rad, absent where the receiver has none.
+    pub fn push_attitude(
+        &mut self,
+        valid: LogTime,
+        angles: [Option<f64>; 3],
+        sigma_rad: Option<[f64; 3]>,
+    ) -> Verdict {
+        let Some(pose) = self.history.at(valid) else {
+            return Verdict::Unusable;
+        };
+        let (roll, pitch, yaw) = pose.earth_from_body.euler_angles();
+        let residual = |angle: Option<f64>, nominal: f64| {
+            angle
+                .filter(|angle| angle.abs() < 10.0)
+                .map(|angle| wrap(angle - nominal))
+        };
+        let residuals = [
+            residual(angles[0], yaw),
+            residual(angles[1], pitch),
+            residual(angles[2], roll),
+        ];
+        let s = &self.settings;
+        let floors = [s.heading_sigma_rad, s.tilt_sigma_rad, s.tilt_sigma_rad];
+        let mut sigma = floors;
+        if let Some(given) = sigma_rad {
+            for axis in 0..3 {
+                if given[axis].is_finite() {
+                    sigma[axis] = given[axis].max(0.3 * floors[axis]);
+                }
+            }
+        }
+        if self.attitude_time.is_none()
+            && let Some(turn) = residuals[0]
+        {
+            self.adopt_yaw(turn, sigma[0]);
+            self.attitude_time = Some(valid);
+            return Verdict::Used;
+        }
+        let (sine, cosine) = yaw.sin_cos();
+        let tangent = pitch.tan().clamp(-2.0, 2.0);
+        let secant = (1.0 / pitch.cos()).clamp(0.0, 2.0);
+        let slopes = [
+            [tangent * cosine, tangent * sine, 1.0],
+            [-sine, cosine, 0.0],
+            [secant * cosine, secant * sine, 0.0],
+        ];
+        let mut delta = SVector::<f64, STATES>::zeros();
+        let (mut used, mut rejected) = (false, false);
+        for axis in 0..3 {
+            let Some(value) = residuals[axis] else {
+                continue;
+            };
+            let mut h = SVector::<f64, STATES>::zeros();
+            for j in 0..3 {
+                h[ATTITUDE + j] = slopes[axis][j];
+            }
+            let innovation = value - h.dot(&delta);
+            let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
+            if innovation.powi(2) > GATE * GATE * variance {
+                rejected = true;
+                continue;
+            }
+            self.scalar(&h, value, sigma[axis].powi(2), &mut delta);
+            used = true;
+        }
+        self.inject(&delta);
+        if rejected {
+            self.attitude_misses += 1;
+            if self.attitude_misses > MISSES_MAX {
+                self.resets += 1;
+                self.attitude_misses = 0;
+                self.attitude_time = None;
+            }
+            return Verdict::Rejected;
+        }
+        if used {
+            self.attitude_misses = 0;
+            self.attitude_time = Some(valid);
+            Verdict::Used
+        } else {
+            Verdict::Unusable
+        }
+    }
+
+    fn adopt_yaw(&mut self, turn: f64, sigma: f64) {
+        let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
+        self.earth_from_body = rotation * self.earth_from_body;
+        self.history.correct(rotation, Vector3::zeros());
+        // A velocity that was known in earth axes stays; one that was known in the body's turns
+        // with it.
+        if self.velocity_time.is_none() {
+            self.velocity_m_s = rotation * self.velocity_m_s;
+        }
+        let i = ATTITUDE + 2;
+        for j in 0..STATES {
+            self.covariance[(i, j)] = 0.0;
+            self.covariance[(j, i)] = 0.0;
+        }
+        self.covariance[(i, i)] = sigma * sigma;
+    }
+
+    /// What a road vehicle does: velocity of a point `arm_m` from the centre of gravity, body
+    /// axes. `axis` 0 takes a forward speed (wheel speeds), 1 a leftward one (the tyres' slip is
+    /// small), 2 an upward one (it does not fly).
+    pub fn push_body_velocity(
+        &mut self,
+        axis: usize,
+        arm_m: Vector3<f64>,
+        value_m_s: f64,
+        sigma_m_s: f64,
+    ) -> Verdict {
+        if !value_m_s.is_finite() || self.time.is_none() {
+            return Verdict::Unusable;
+        }
+        let arm = arm_m - self.settings.imu_m;
+        let rate = self.rate - self.gyro_bias;
+        let body = self.earth_from_body.inverse() * self.velocity_m_s;
+        let residual = value_m_s - body[axis] - rate.cross(&arm)[axis];
+        let across = self.earth_from_body.matrix().transpose() * cross(self.velocity_m_s);
+        let mut h = SVector::<f64, STATES>::zeros();
+        for j in 0..3 {
+            h[VELOCITY + j] = self.earth_from_body[(j, axis)];
+            h[ATTITUDE + j] = across[(axis, j)];
+            // d(w x r) = -(d b_g) x r = r x d b_g
+            h[GYRO_BIAS + j] = cross(arm)[(axis, j)];
+        }
+        let variance = (h.transpose() * self.covariance * h)[0] + sigma_m_s * sigma_m_s;
+        if residual * residual > GATE * GATE * variance {
+            return Verdict::Rejected;
+        }
+        let mut delta = SVector::<f64, STATES>::zeros();
+        self.scalar(&h, residual, sigma_m_s * sigma_m_s, &mut delta);
+        self.inject(&delta);
+        Verdict::Used
+    }
+
+    /// The body keeps to the ground: it has no upward velocity on average.
+    pub fn push_grounded(&mut self) -> Verdict {
+        self.push_body_velocity(2, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S)
+    }
+
+    /// One scalar value; `residual` is against the nominal state, `delta` what was found so far.
+    fn scalar(
+        &mut self,
+        h: &SVector<f64, STATES>,
+        residual: f64,
+        variance: f64,
+        delta: &mut SVector<f64, STATES>,
+    ) {
+        let ph = self.covariance * h;
+        let total = h.dot(&ph) + variance;
+        if !(total > 0.0) || !residual.is_finite() {
+            return;
+        }
+        let innovation = residual - h.dot(delta);
+        *delta += ph * (innovation / total);
+        self.covariance -= ph * ph.transpose() / total;
+    }
+
+    fn inject(&mut self, delta: &SVector<f64, STATES>) {
+        let turn = Rotation3::new(delta.fixed_rows::<3>(ATTITUDE).into_owned());
+        let shift = delta.fixed_rows::<3>(VELOCITY).into_owned();
+        self.earth_from_body = turn * self.earth_from_body;
+        self.earth_from_body = orthonormal(&self.earth_from_body);
+        self.velocity_m_s += shift;
+        self.accel_bias += delta.fixed_rows::<3>(ACCEL_BIAS);
+        self.gyro_bias += delta.fixed_rows::<3>(GYRO_BIAS);
+        self.history.correct(turn, shift);
+        self.tidy();
+    }
+}
