@@ -1,15 +1,25 @@
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{Estimate, Event, LogTime, Motion, PerWheel, Sample};
+use nalgebra::Vector3;
+use sample::{
+    Estimate, Event, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime, Measurement,
+    Motion, PerWheel, Sample, Wheel,
+};
 
 use crate::calibration::Resolved;
-use crate::{Calibration, EstimatorError, Settings};
+use crate::inputs::{Readings, finite3};
+use crate::motion::{MotionFilter, MotionSettings, MotionState};
+use crate::{Calibration, EstimatorError, Input, Settings};
 
 /// Spacing of the instants that estimates are given for, ns.
 pub const GRID_NANOS: u64 = 10_000_000;
 
 /// A jump of the log clock, ns, that is not bridged: estimates start anew after it.
 const GAP_MAX_NANOS: u64 = 10_000_000_000;
+/// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
+const GNSS_SILENT_S: f64 = 0.3;
+/// How fast a road vehicle's body may rise or sink from the ground, m/s.
+const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
 /// What the estimator hands out.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,9 +41,13 @@ pub enum Output {
 /// estimates go on when sensors fall silent.
 #[derive(Clone, Debug)]
 pub struct Estimator {
+    vehicle: Vehicle,
     calibration: Resolved,
     settings: Settings,
     next_grid: Option<LogTime>,
+    readings: Readings,
+    ground_normal: Vector3<f64>,
+    motion: MotionFilter,
 }
 
 impl Estimator {
@@ -53,10 +67,15 @@ impl Estimator {
                 found: calibration.vehicle.clone(),
             });
         }
+        let calibration = Resolved::new(sensors, calibration)?;
         Ok(Self {
-            calibration: Resolved::new(sensors, calibration)?,
+            motion: MotionFilter::new(motion_settings(sensors, &calibration)),
+            vehicle: vehicle.clone(),
+            calibration,
             settings,
             next_grid: None,
+            readings: Readings::default(),
+            ground_normal: Vector3::z(),
         })
     }
 
@@ -75,17 +94,156 @@ impl Estimator {
         self.next_grid = Some(grid);
     }
 
-    /// Takes one sample in. Samples that do not concern the estimator are ignored.
+    /// Takes one sample in. Samples that do not concern the estimator are ignored, and so are
+    /// values that no vehicle can have.
     pub fn push(&mut self, sample: &Sample) {
-        let _ = (sample, &self.calibration, &self.settings);
+        let valid = sample.valid_time.min(sample.log_time);
+        match &sample.measurement {
+            Measurement::Imu(imu) if self.settings.uses(Input::Imu) => self.push_imu(valid, imu),
+            Measurement::GnssVelocity(gnss) if self.settings.uses(Input::GnssVelocity) => {
+                self.push_gnss_velocity(valid, gnss);
+            }
+            Measurement::GnssAttitude(gnss) if self.settings.uses(Input::GnssAttitude) => {
+                self.push_gnss_attitude(valid, gnss);
+            }
+            Measurement::Corner(corner) => self.readings.push_corner(
+                valid,
+                corner,
+                &self.calibration.corners[corner.wheel],
+                self.settings.uses(Input::Strain),
+                self.settings.uses(Input::Deflection),
+            ),
+            Measurement::Steer(steer) if self.settings.uses(Input::Steer) => {
+                let angle = steer.hand_wheel_rad - self.calibration.steer_offset_rad;
+                self.readings.push_hand_wheel(valid, angle);
+            }
+            Measurement::WheelSpeed(speeds) if self.settings.uses(Input::WheelSpeed) => {
+                for wheel in Wheel::ALL {
+                    if let Some(speed) = speeds.angular_speed_rad_s[wheel] {
+                        self.readings.push_wheel_speed(valid, wheel, speed);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn push_imu(&mut self, valid: LogTime, imu: &ImuSample) {
+        let (Some(force), Some(rate)) = (
+            finite3(imu.specific_force_m_s2),
+            finite3(imu.angular_rate_rad_s),
+        ) else {
+            return;
+        };
+        let c = &self.calibration;
+        self.motion.push_imu(
+            valid,
+            c.body_from_imu * (force - c.accel_bias_m_s2),
+            c.body_from_imu * (rate - c.gyro_bias_rad_s),
+        );
+    }
+
+    fn push_gnss_velocity(&mut self, valid: LogTime, gnss: &GnssVelocity) {
+        let valid = valid.offset_seconds(-self.calibration.velocity_latency_s);
+        let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
+        if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
+            let _ = self.motion.push_velocity(valid, velocity, gnss.sigma_enu_m_s);
+        }
+    }
+
+    fn push_gnss_attitude(&mut self, valid: LogTime, gnss: &GnssAttitude) {
+        if gnss.quality == FixQuality::None {
+            return;
+        }
+        let valid = valid.offset_seconds(-self.calibration.attitude_latency_s);
+        let offset = self.calibration.attitude_offset_rad;
+        let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
+        let angles =
+            std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
+        let _ = self.motion.push_attitude(valid, angles, gnss.sigma_rad);
     }
 
     fn step(&mut self, time: LogTime) -> Estimate {
+        self.motion.bridge(time);
+        self.constrain_motion(time);
+        let state = self.motion.state(time);
         Estimate {
             time,
-            motion: Motion::default(),
+            motion: motion_output(&state),
             measured: PerWheel::default(),
             expected: PerWheel::default(),
         }
+    }
+
+    /// What holds for a road vehicle whatever its sensors say, and what wheel speeds tell while
+    /// GNSS is silent.
+    fn constrain_motion(&mut self, time: LogTime) {
+        if self.motion.velocity_age_s(time) < GNSS_SILENT_S {
+            return;
+        }
+        let (mut sum, mut count) = (0.0, 0.0);
+        for wheel in Wheel::ALL {
+            let axle = if wheel.is_front() {
+                &self.vehicle.front
+            } else {
+                &self.vehicle.rear
+            };
+            let reading = self.readings.wheel_speed_rad_s[wheel];
+            if let Some(speed) = reading.and_then(|reading| reading.fresh(time)) {
+                let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
+                let radius = axle.tyre.unloaded_radius_m
+                    - load / axle.tyre.vertical_stiffness_n_m.max(1.0) / 3.0;
+                sum += speed * radius;
+                count += 1.0;
+            }
+        }
+        if count == 0.0 {
+            return;
+        }
+        let forward = sum / count;
+        let _ = self
+            .motion
+            .push_body_velocity(Vector3::x(), Vector3::zeros(), forward, 0.1 + 0.03 * forward.abs());
+        // The rear tyres' slip angle is small: its own axle is where the vehicle moves straight.
+        let rear = Vector3::new(-self.vehicle.body.cg_to_rear_axle_m, 0.0, 0.0);
+        let _ = self
+            .motion
+            .push_body_velocity(Vector3::y(), rear, 0.0, 0.1 + 0.05 * forward.abs());
+        let _ = self
+            .motion
+            .push_body_velocity(self.ground_normal, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S);
+    }
+}
+
+fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings {
+    let imu = &sensors.imu;
+    MotionSettings {
+        interval_s: 1.0 / imu.rate_hz.max(1.0),
+        accel_sigma_m_s2: imu.accel_noise_m_s2.max(0.005),
+        gyro_sigma_rad_s: imu.gyro_noise_rad_s.max(1e-4),
+        accel_bias_sigma_m_s2: imu.accel_bias_m_s2,
+        gyro_bias_sigma_rad_s: imu.gyro_bias_rad_s,
+        imu_m: calibration.imu_m,
+        antenna_m: calibration.velocity_antenna_m,
+        velocity_sigma_m_s: sensors.gnss_velocity.velocity_noise_m_s.max(0.005),
+        heading_sigma_rad: sensors.gnss_attitude.heading_noise_rad.max(1e-4),
+        tilt_sigma_rad: sensors.gnss_attitude.roll_pitch_noise_rad.max(1e-4),
+    }
+}
+
+fn motion_output(state: &MotionState) -> Motion {
+    let (roll, pitch, _) = state.euler_rad();
+    let gravity = state.earth_from_body.inverse()
+        * Vector3::new(0.0, 0.0, sample::STANDARD_GRAVITY_M_S2);
+    Motion {
+        velocity_x_m_s: state.velocity_m_s.x,
+        velocity_y_m_s: state.velocity_m_s.y,
+        sideslip_rad: state.sideslip_rad,
+        sideslip_sigma_rad: state.sideslip_sigma_rad,
+        roll_rad: roll,
+        pitch_rad: pitch,
+        rate_rad_s: state.rate_rad_s.into(),
+        acceleration_m_s2: (state.specific_force_m_s2 - gravity).into(),
+        ..Motion::default()
     }
 }

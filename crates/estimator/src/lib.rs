@@ -13,6 +13,7 @@
 pub mod calibration;
 mod error;
 mod estimator;
+pub mod inputs;
 pub mod motion;
 mod settings;
 

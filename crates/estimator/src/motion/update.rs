@@ -11,8 +11,6 @@ use super::{
 const GATE: f64 = 5.0;
 /// Values left out in a row after which the state, not the sensor, is taken to be wrong.
 const MISSES_MAX: u32 = 20;
-/// How fast a road vehicle's body may rise or fall, m/s.
-const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
 /// Outcome of one value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,7 +102,7 @@ impl MotionFilter {
         let (roll, pitch, yaw) = pose.earth_from_body.euler_angles();
         let residual = |angle: Option<f64>, nominal: f64| {
             angle
-                .filter(|angle| angle.abs() < 10.0)
+                .filter(|angle| angle.abs() < 1e6)
                 .map(|angle| wrap(angle - nominal))
         };
         let residuals = [
@@ -192,12 +190,12 @@ impl MotionFilter {
         self.covariance[(i, i)] = sigma * sigma;
     }
 
-    /// What a road vehicle does: velocity of a point `arm_m` from the centre of gravity, body
-    /// axes. `axis` 0 takes a forward speed (wheel speeds), 1 a leftward one (the tyres' slip is
-    /// small), 2 an upward one (it does not fly).
+    /// What a road vehicle does: velocity along the unit vector `direction`, body axes, of a point
+    /// `arm_m` from the centre of gravity: forwards from wheel speeds, leftwards because the
+    /// tyres' slip is small, along the ground's normal because it does not fly.
     pub fn push_body_velocity(
         &mut self,
-        axis: usize,
+        direction: Vector3<f64>,
         arm_m: Vector3<f64>,
         value_m_s: f64,
         sigma_m_s: f64,
@@ -208,15 +206,15 @@ impl MotionFilter {
         let arm = arm_m - self.settings.imu_m;
         let rate = self.rate - self.gyro_bias;
         let body = self.earth_from_body.inverse() * self.velocity_m_s;
-        let residual = value_m_s - body[axis] - rate.cross(&arm)[axis];
-        let across = self.earth_from_body.matrix().transpose() * cross(self.velocity_m_s);
+        let residual = value_m_s - direction.dot(&(body + rate.cross(&arm)));
+        let earth = self.earth_from_body * direction;
+        let across = -cross(self.velocity_m_s) * earth;
+        // d(w x r) = -(d b_g) x r = r x d b_g
+        let bias = -cross(arm) * direction;
         let mut h = SVector::<f64, STATES>::zeros();
-        for j in 0..3 {
-            h[VELOCITY + j] = self.earth_from_body[(j, axis)];
-            h[ATTITUDE + j] = across[(axis, j)];
-            // d(w x r) = -(d b_g) x r = r x d b_g
-            h[GYRO_BIAS + j] = cross(arm)[(axis, j)];
-        }
+        h.fixed_rows_mut::<3>(VELOCITY).copy_from(&earth);
+        h.fixed_rows_mut::<3>(ATTITUDE).copy_from(&across);
+        h.fixed_rows_mut::<3>(GYRO_BIAS).copy_from(&bias);
         let variance = (h.transpose() * self.covariance * h)[0] + sigma_m_s * sigma_m_s;
         if residual * residual > GATE * GATE * variance {
             return Verdict::Rejected;
@@ -225,11 +223,6 @@ impl MotionFilter {
         self.scalar(&h, residual, sigma_m_s * sigma_m_s, &mut delta);
         self.inject(&delta);
         Verdict::Used
-    }
-
-    /// The body keeps to the ground: it has no upward velocity on average.
-    pub fn push_grounded(&mut self) -> Verdict {
-        self.push_body_velocity(2, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S)
     }
 
     /// One scalar value; `residual` is against the nominal state, `delta` what was found so far.

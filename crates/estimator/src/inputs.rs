@@ -1,0 +1,109 @@
+//! The last good reading of each channel, calibration applied.
+
+use nalgebra::Vector3;
+use sample::{CornerSample, LogTime, PerWheel, StrainChannel, Wheel};
+
+use crate::calibration::CornerChannels;
+
+/// A reading older than this says nothing about the present, s.
+pub const FRESH_S: f64 = 0.1;
+
+/// A value and when it was true.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Value, SI.
+    pub value: f64,
+    /// When it was true.
+    pub time: LogTime,
+    /// Whether a filter has taken it in already.
+    pub taken: bool,
+}
+
+impl Reading {
+    /// The value, if it is at most [`FRESH_S`] old.
+    #[must_use]
+    pub fn fresh(self, now: LogTime) -> Option<f64> {
+        (now.seconds_since(self.time) <= FRESH_S).then_some(self.value)
+    }
+}
+
+/// Readings of one corner.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CornerReadings {
+    /// Strain channels: axial tension in N, bending in N m.
+    pub strain: [Option<Reading>; StrainChannel::COUNT],
+    /// Compression of the strut from its design length, m.
+    pub compression_m: Option<Reading>,
+}
+
+/// All readings that are held between samples.
+#[derive(Clone, Debug, Default)]
+pub struct Readings {
+    /// Strain and deflection.
+    pub corners: PerWheel<CornerReadings>,
+    /// Hand wheel, left positive, rad.
+    pub hand_wheel_rad: Option<Reading>,
+    /// Wheel speeds, rad/s.
+    pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
+}
+
+impl Readings {
+    /// Takes a corner's counts in; dead channels and saturated converters are left out.
+    pub fn push_corner(
+        &mut self,
+        time: LogTime,
+        corner: &CornerSample,
+        channels: &CornerChannels,
+        use_strain: bool,
+        use_deflection: bool,
+    ) {
+        let readings = &mut self.corners[corner.wheel];
+        if use_strain {
+            for (i, counts) in corner.strain_counts.iter().enumerate() {
+                let value = counts.and_then(|counts| channels.strain[i].value(counts));
+                replace(&mut readings.strain[i], time, value);
+            }
+        }
+        if use_deflection {
+            let value = corner
+                .deflection_counts
+                .and_then(|counts| channels.deflection.value(counts));
+            replace(&mut readings.compression_m, time, value);
+        }
+    }
+
+    /// Takes one wheel's speed in.
+    pub fn push_wheel_speed(&mut self, time: LogTime, wheel: Wheel, speed_rad_s: f64) {
+        let good = (speed_rad_s.abs() < 1000.0).then_some(speed_rad_s);
+        replace(&mut self.wheel_speed_rad_s[wheel], time, good);
+    }
+
+    /// Takes a hand-wheel angle in.
+    pub fn push_hand_wheel(&mut self, time: LogTime, angle_rad: f64) {
+        let good = (angle_rad.abs() < 50.0).then_some(angle_rad);
+        replace(&mut self.hand_wheel_rad, time, good);
+    }
+}
+
+/// Puts a later value in the place of an earlier one.
+fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
+    let Some(value) = value.filter(|value| value.is_finite()) else {
+        return;
+    };
+    if slot.is_none_or(|held| time > held.time) {
+        *slot = Some(Reading {
+            value,
+            time,
+            taken: false,
+        });
+    }
+}
+
+/// The three numbers, if all are finite.
+#[must_use]
+pub fn finite3(values: [f64; 3]) -> Option<Vector3<f64>> {
+    values
+        .iter()
+        .all(|value| value.is_finite())
+        .then(|| Vector3::from(values))
+}
