@@ -147,7 +147,9 @@ impl Estimator {
         let valid = valid.offset_seconds(-self.calibration.velocity_latency_s);
         let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
         if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
-            let _ = self.motion.push_velocity(valid, velocity, gnss.sigma_enu_m_s);
+            let _ = self
+                .motion
+                .push_velocity(valid, velocity, gnss.sigma_enu_m_s);
         }
     }
 
@@ -201,17 +203,23 @@ impl Estimator {
             return;
         }
         let forward = sum / count;
-        let _ = self
-            .motion
-            .push_body_velocity(Vector3::x(), Vector3::zeros(), forward, 0.1 + 0.03 * forward.abs());
+        let _ = self.motion.push_body_velocity(
+            Vector3::x(),
+            Vector3::zeros(),
+            forward,
+            0.1 + 0.03 * forward.abs(),
+        );
         // The rear tyres' slip angle is small: its own axle is where the vehicle moves straight.
         let rear = Vector3::new(-self.vehicle.body.cg_to_rear_axle_m, 0.0, 0.0);
         let _ = self
             .motion
             .push_body_velocity(Vector3::y(), rear, 0.0, 0.1 + 0.05 * forward.abs());
-        let _ = self
-            .motion
-            .push_body_velocity(self.ground_normal, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S);
+        let _ = self.motion.push_body_velocity(
+            self.ground_normal,
+            Vector3::zeros(),
+            0.0,
+            VERTICAL_SIGMA_M_S,
+        );
     }
 }
 
@@ -233,8 +241,8 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
 
 fn motion_output(state: &MotionState) -> Motion {
     let (roll, pitch, _) = state.euler_rad();
-    let gravity = state.earth_from_body.inverse()
-        * Vector3::new(0.0, 0.0, sample::STANDARD_GRAVITY_M_S2);
+    let gravity =
+        state.earth_from_body.inverse() * Vector3::new(0.0, 0.0, sample::STANDARD_GRAVITY_M_S2);
     Motion {
         velocity_x_m_s: state.velocity_m_s.x,
         velocity_y_m_s: state.velocity_m_s.y,

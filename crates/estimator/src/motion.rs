@@ -116,6 +116,8 @@ pub struct MotionState {
     pub sideslip_sigma_rad: f64,
     /// Whether an inertial unit stands behind rates and forces.
     pub inertial: bool,
+    /// Age of its last reading, s.
+    pub inertial_age_s: f64,
 }
 
 impl MotionState {
@@ -254,8 +256,8 @@ impl MotionFilter {
         self.imu_time = None;
         self.rate *= 0.8;
         self.rate_dot = Vector3::zeros();
-        self.force = self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2
-            + self.accel_bias;
+        self.force =
+            self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2 + self.accel_bias;
         let (force, rate) = (self.force, self.rate + self.gyro_bias);
         self.carry(gap_s, force, rate, [BLIND_ACCEL, BLIND_RATE]);
         self.time = Some(now);
@@ -384,9 +386,7 @@ impl MotionFilter {
             velocity_m_s: body,
             rate_rad_s: rate,
             rate_dot_rad_s2: self.rate_dot,
-            specific_force_m_s2: force
-                + self.rate_dot.cross(&arm)
-                + rate.cross(&rate.cross(&arm)),
+            specific_force_m_s2: force + self.rate_dot.cross(&arm) + rate.cross(&rate.cross(&arm)),
             sideslip_rad: if moving { wrap(course - yaw) } else { 0.0 },
             sideslip_sigma_rad: if moving {
                 variance.max(0.0).sqrt()
@@ -394,6 +394,7 @@ impl MotionFilter {
                 f64::NAN
             },
             inertial,
+            inertial_age_s: ahead_s,
         }
     }
 }

@@ -24,7 +24,12 @@ struct Result {
     events: Vec<Event>,
 }
 
-fn estimate(vehicle: &Vehicle, sensors: &Sensors, settings: Settings, samples: &[Sample]) -> Result {
+fn estimate(
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+    settings: Settings,
+    samples: &[Sample],
+) -> Result {
     let calibration = Calibration::nominal(&vehicle.name);
     let mut estimator = Estimator::new(vehicle, sensors, &calibration, settings).unwrap();
     let mut result = Result {
@@ -106,7 +111,7 @@ fn error_tables() {
         return;
     }
     let vehicle = run::vehicle();
-    let sensors = sensing::thesis_sensors();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
     for name in RUNS {
         let run = Run::load(name);
         let samples = sensing::samples(&run, &vehicle, &sensors, 1);
@@ -120,7 +125,13 @@ fn error_tables() {
             let force = force_errors(&run, &vehicle, &result);
             eprintln!(
                 "{name:15} {method:?}: sideslip {:.3} roll {:.3} pitch {:.3} deg; Fx {:.2} Fy {:.2} Fz {:.2} %; {} events",
-                motion[0], motion[1], motion[2], force[0], force[1], force[2], result.events.len()
+                motion[0],
+                motion[1],
+                motion[2],
+                force[0],
+                force[1],
+                force[2],
+                result.events.len()
             );
         }
         let settings = Settings {
@@ -128,6 +139,9 @@ fn error_tables() {
             ..Settings::default()
         };
         let result = estimate(&vehicle, &sensors, settings, &samples);
-        eprintln!("{name:15} without GNSS: {:.3?}", motion_errors(&run, &result));
+        eprintln!(
+            "{name:15} without GNSS: {:.3?}",
+            motion_errors(&run, &result)
+        );
     }
 }

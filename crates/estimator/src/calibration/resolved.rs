@@ -103,13 +103,11 @@ impl Resolved {
             )?,
             velocity_latency_s: finite(
                 "gnss_velocity.latency_s",
-                velocity
-                    .latency_s
-                    .unwrap_or(sensors.gnss_velocity.latency_s),
+                velocity.latency_s.unwrap_or(0.0),
             )?,
             attitude_latency_s: finite(
                 "gnss_attitude.latency_s",
-calibration.gnss_attitude.latency_s.unwrap_or(0.0),
+                calibration.gnss_attitude.latency_s.unwrap_or(0.0),
             )?,
             attitude_offset_rad: finite3(
                 "gnss_attitude.attitude_offset_rad",

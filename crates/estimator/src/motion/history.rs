@@ -66,8 +66,7 @@ impl History {
             let ahead_s = time.seconds_since(later.time);
             return (ahead_s <= 0.05).then(|| Pose {
                 time,
-                earth_from_body: later.earth_from_body
-                    * Rotation3::new(later.rate_rad_s * ahead_s),
+                earth_from_body: later.earth_from_body * Rotation3::new(later.rate_rad_s * ahead_s),
                 ..later
             });
         }
@@ -76,8 +75,8 @@ impl History {
             if time >= earlier.time {
                 let span_s = later.time.seconds_since(earlier.time);
                 let part = time.seconds_since(earlier.time) / span_s;
-                let turn = (earlier.earth_from_body.inverse() * later.earth_from_body)
-                    .scaled_axis();
+                let turn =
+                    (earlier.earth_from_body.inverse() * later.earth_from_body).scaled_axis();
                 return Some(Pose {
                     time,
                     earth_from_body: earlier.earth_from_body * Rotation3::new(turn * part),

@@ -39,18 +39,26 @@ impl MotionFilter {
         };
         let arm = self.settings.antenna_m - self.settings.imu_m;
         let swing = pose.earth_from_body * pose.rate_rad_s.cross(&arm);
-        let residual = velocity_m_s - pose.velocity_m_s - swing;
+        let mut residual = velocity_m_s - pose.velocity_m_s - swing;
         let floor = self.settings.velocity_sigma_m_s;
         let sigma = sigma_m_s.map_or([floor; 3], |s| {
-            s.map(|s| if s.is_finite() { s.max(0.3 * floor) } else { floor })
+            s.map(|s| {
+                if s.is_finite() {
+                    s.max(0.3 * floor)
+                } else {
+                    floor
+                }
+            })
         });
         if self.velocity_time.is_none() {
             self.adopt_velocity(residual);
+            residual = Vector3::zeros();
         }
         let slope = -cross(swing);
         let mut rejected = false;
         for axis in 0..3 {
-            let variance = self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
+            let variance =
+                self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
             rejected |= residual[axis].powi(2) > GATE * GATE * variance;
         }
         if rejected && self.velocity_time.is_some() {
@@ -235,7 +243,7 @@ impl MotionFilter {
     ) {
         let ph = self.covariance * h;
         let total = h.dot(&ph) + variance;
-        if !(total > 0.0) || !residual.is_finite() {
+        if total.is_nan() || total <= 0.0 || !residual.is_finite() {
             return;
         }
         let innovation = residual - h.dot(delta);

@@ -1,7 +1,7 @@
 //! The thesis's sensors on a truth run: lag, bias, noise, quantisation and latency, seeded.
 
-use estimator::calibration::{Channel, Resolved};
 use estimator::Calibration;
+use estimator::calibration::{Channel, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
@@ -12,56 +12,11 @@ use sample::{
     CornerSample, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime, Measurement,
     PerWheel, Sample, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
-use serde_json::json;
 
 use super::run::{RATE_HZ, Run};
 
 /// Log time of a run's first row.
 pub const START: LogTime = LogTime(1_000_000_000_000);
-
-/// The sensors of issue 5.
-pub fn thesis_sensors() -> Sensors {
-    serde_json::from_value(json!({
-        "name": "thesis, 10 bit",
-        "strain": {
-            "rate_hz": 100.0, "tube_outer_diameter_m": 0.0254, "tube_wall_m": 0.00165,
-            "youngs_modulus_pa": 190.0e9, "poisson_ratio": 0.29, "gauge_factor": 2.1,
-            "excitation_v": 5.0, "bridge": "half_axial", "gain_resistor_ohm": 100.0,
-            "lag_hz": 19.9, "adc_bits": 10, "noise_counts": 1.0, "zero_error_counts": 0.5,
-        },
-        "deflection": {
-            "rate_hz": 100.0, "span_m": 0.15, "adc_bits": 10, "noise_counts": 1.0,
-            "zero_error_counts": 0.5,
-        },
-        "imu": {
-            "rate_hz": 100.0, "position_m": [-0.1, 0.05, -0.15],
-            "misalignment_rad": [0.0, 0.0, 0.0], "accel_noise_m_s2": 0.03,
-            "gyro_noise_rad_s": 0.3_f64.to_radians(), "accel_bias_m_s2": 0.05,
-            "gyro_bias_rad_s": 0.3_f64.to_radians(),
-        },
-        "gnss_velocity": {
-            "rate_hz": 20.0, "antenna_m": [-0.6, 0.0, 1.1], "velocity_noise_m_s": 0.03,
-            "position_noise_m": 0.02, "latency_s": 0.025, "averaging_s": 0.05,
-        },
-        "gnss_attitude": {
-            "rate_hz": 10.0, "antenna_m": [-0.6, 0.0, 1.1],
-            "heading_noise_rad": 0.3_f64.to_radians(),
-            "roll_pitch_noise_rad": 0.5_f64.to_radians(), "latency_s": 0.05,
-        },
-        "wheel_speed": { "rate_hz": 100.0, "noise_fraction": 0.005 },
-        "steer": { "rate_hz": 100.0, "noise_rad": 0.5_f64.to_radians() },
-    }))
-    .unwrap()
-}
-
-/// The second sensors file: full Poisson bridges and 16 bits.
-pub fn fine_sensors() -> Sensors {
-    let mut sensors = thesis_sensors();
-    sensors.strain.bridge = model::sensors::Bridge::FullPoisson;
-    sensors.strain.adc_bits = 16;
-    sensors.deflection.adc_bits = 16;
-    sensors
-}
 
 struct Source<'a> {
     run: &'a Run,
@@ -145,7 +100,11 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
         let mut lagged: Vec<f64> = forces.iter().map(|force| force[0]).collect();
         for row in 0..run.rows {
             for (state, force) in lagged.iter_mut().zip(&forces) {
-                let mean = if row == 0 { force[0] } else { 0.5 * (force[row] + force[row - 1]) };
+                let mean = if row == 0 {
+                    force[0]
+                } else {
+                    0.5 * (force[row] + force[row - 1])
+                };
                 *state = mean + (*state - mean) * keep;
             }
             if row % 2 != 0 {
@@ -288,7 +247,9 @@ fn controls(source: &mut Source<'_>, sensors: &Sensors) {
         source.push(
             time_s + 0.000_6,
             time_s,
-            Measurement::WheelSpeed(WheelSpeedSample { angular_speed_rad_s }),
+            Measurement::WheelSpeed(WheelSpeedSample {
+                angular_speed_rad_s,
+            }),
         );
     }
 }

@@ -1,0 +1,329 @@
+//! The four linkages as they stand at this instant: where spring deflection, rack and body motion
+//! put them, and the linear map between member forces and tyre forces that follows.
+
+mod length;
+
+use model::suspension::{
+    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, SuspensionError,
+    TyreFrame, ground_plane,
+};
+use model::vehicle::{Axle, Strut, Unsprung, Vehicle};
+use nalgebra::Vector3;
+use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+
+use crate::EstimatorError;
+use crate::inputs::{Reading, Readings};
+use crate::motion::MotionState;
+
+use length::LengthFilter;
+
+/// Load under which a wheel's contact point says nothing about the ground, N.
+const CONTACT_N: f64 = 60.0;
+/// Model error of a strut's force beside what its length's error makes, N.
+const STRUT_FLOOR_N: f64 = 12.0;
+/// The length's error is alike from step to step, which a filter takes for independent.
+const STRUT_INFLATION: f64 = 2.0;
+
+/// One corner at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct CornerState {
+    /// Where the linkage stands.
+    pub pose: CornerPose,
+    /// The tyre's contact frame.
+    pub frame: TyreFrame,
+    /// The map between members and tyre.
+    pub statics: CornerStatics,
+    /// Force of spring, damper and stops, N.
+    pub strut_n: f64,
+    /// Its standard deviation, N; infinite while no deflection is measured.
+    pub strut_sigma_n: f64,
+    /// Spin of the wheel, rad/s.
+    pub spin_rad_s: f64,
+    /// Its rate, rad/s^2, as rolling gives it.
+    pub spin_dot_rad_s2: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Linkage {
+    corner: Corner,
+    strut: Strut,
+    unsprung: Unsprung,
+    radius_m: f64,
+    tyre_stiffness_n_m: f64,
+    length: LengthFilter,
+    pose: CornerPose,
+    fallback_load_n: f64,
+}
+
+/// All four corners.
+#[derive(Clone, Debug)]
+pub struct Corners {
+    linkages: [Linkage; 4],
+    states: [CornerState; 4],
+    normal: Vector3<f64>,
+    cg_height_m: f64,
+    rack_m_rad: f64,
+    rack_m: f64,
+    sixth: ChannelKind,
+}
+
+impl Corners {
+    /// The corners of a vehicle; `None` where its file has no linkages, struts or unsprung masses.
+    ///
+    /// # Errors
+    /// When the hard-points make no linkage.
+    pub fn new(
+        vehicle: &Vehicle,
+        deflection_sigma_m: f64,
+        interval_s: f64,
+    ) -> Result<Option<Self>, EstimatorError> {
+        let mut linkages = Vec::with_capacity(4);
+        for wheel in Wheel::ALL {
+            match Linkage::new(vehicle, wheel, deflection_sigma_m, interval_s) {
+                Ok(Some(linkage)) => linkages.push(linkage),
+                Ok(None) => return Ok(None),
+                Err(error) => return Err(EstimatorError::Suspension(error.to_string())),
+            }
+        }
+        let Ok(linkages) = <[Linkage; 4]>::try_from(linkages) else {
+            return Ok(None);
+        };
+        let rest = BodyMotion {
+            specific_force_m_s2: Vector3::z() * STANDARD_GRAVITY_M_S2,
+            ..BodyMotion::default()
+        };
+        let mut states = Vec::with_capacity(4);
+        for linkage in &linkages {
+            let state = linkage
+                .state(Vector3::z(), &rest, [0.0; 4], linkage.fallback_load_n)
+                .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
+            states.push(state);
+        }
+        let Ok(states) = <[CornerState; 4]>::try_from(states) else {
+            return Ok(None);
+        };
+        let rack_m_rad = vehicle.steering.rack_m_rad.unwrap_or_else(|| {
+            let pose = &linkages[0].pose;
+            let per_rack = linkages[0].corner.rates(pose).rack.rotation.z;
+            1.0 / (vehicle.steering.ratio * per_rack)
+        });
+        Ok(Some(Self {
+            linkages,
+            states,
+            normal: Vector3::z(),
+            cg_height_m: vehicle.body.cg_height_m,
+            rack_m_rad,
+            rack_m: 0.0,
+            sixth: ChannelKind::Strut,
+        }))
+    }
+
+    /// The corners as they were put by the last [`update`](Self::update).
+    #[must_use]
+    pub fn states(&self) -> &[CornerState; 4] {
+        &self.states
+    }
+
+    /// The ground's normal, body axes.
+    #[must_use]
+    pub fn normal(&self) -> Vector3<f64> {
+        self.normal
+    }
+
+    /// Puts the corners where the readings say at `now`, `dt` after the last time. `load_n` is
+    /// the last estimate of the wheels' loads.
+    pub fn update(
+        &mut self,
+        now: LogTime,
+        dt: f64,
+        readings: &mut Readings,
+        motion: &MotionState,
+        load_n: [f64; 4],
+    ) {
+        let rack = readings
+            .hand_wheel_rad
+            .map_or(self.rack_m, |reading| reading.value * self.rack_m_rad);
+        let rack_rate = ((rack - self.rack_m) / dt).clamp(-0.2, 0.2);
+        self.rack_m = rack;
+        for (linkage, corner) in self.linkages.iter_mut().zip(&mut readings.corners.0) {
+            linkage.measure(now, dt, rack, &mut corner.compression_m);
+        }
+        let load: [f64; 4] = std::array::from_fn(|i| {
+            if load_n[i].is_finite() {
+                load_n[i].clamp(0.0, 20.0 * self.linkages[i].fallback_load_n)
+            } else {
+                self.linkages[i].fallback_load_n
+            }
+        });
+        self.tilt(now, dt, motion, load);
+        let body = BodyMotion {
+            specific_force_m_s2: motion.specific_force_m_s2,
+            reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
+            rate_rad_s: motion.rate_rad_s,
+            rate_dot_rad_s2: motion.rate_dot_rad_s2,
+        };
+        let up = motion.earth_from_body.inverse() * Vector3::z();
+        let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
+        let forward = motion.specific_force_m_s2.x - STANDARD_GRAVITY_M_S2 * up.x;
+        for (i, linkage) in self.linkages.iter().enumerate() {
+            let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
+            let spin = readings.wheel_speed_rad_s.0[i]
+                .and_then(|reading| reading.fresh(now))
+                .unwrap_or(motion.velocity_m_s.x / radius);
+            let rack_rate = if i < 2 { rack_rate } else { 0.0 };
+            let rolling = [rack_rate, spin, forward / radius, gravity];
+            // A linkage whose map is singular keeps the last one.
+            if let Ok(state) = linkage.state(self.normal, &body, rolling, load[i]) {
+                self.states[i] = state;
+            }
+        }
+    }
+
+    /// The ground's normal: from the contact points where three wheels or more stand firmly, else
+    /// carried on as the body turns.
+    fn tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState, load_n: [f64; 4]) {
+        self.normal -= motion.rate_rad_s.cross(&self.normal) * dt;
+        let known = self.linkages.iter().all(|linkage| linkage.length.known(now));
+        if !known {
+            // Without deflections the ground is taken to be level.
+            self.normal = motion.earth_from_body.inverse() * Vector3::z();
+        }
+        let poses = PerWheel(std::array::from_fn(|i| self.linkages[i].pose));
+        let radius = PerWheel(std::array::from_fn(|i| self.linkages[i].radius_m));
+        let compression =
+            PerWheel(std::array::from_fn(|i| load_n[i] / self.linkages[i].tyre_stiffness_n_m));
+        let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
+        if known && let Some(plane) = ground_plane(&poses, &radius, &compression, &weight) {
+            self.normal = plane.normal;
+        }
+        if self.normal.z < 0.3 || !self.normal.iter().all(|n| n.is_finite()) {
+            self.normal = Vector3::z();
+        }
+        self.normal.normalize_mut();
+    }
+
+    /// Length and rate of the strut of wheel `i`, m and m/s.
+    #[must_use]
+    pub fn strut_length(&self, i: usize) -> [f64; 2] {
+        self.linkages[i].length.value()
+    }
+
+    /// What the sixth channel of the maps is.
+    #[must_use]
+    pub fn sixth(&self) -> ChannelKind {
+        self.sixth
+    }
+}
+
+impl Linkage {
+    fn new(
+        vehicle: &Vehicle,
+        wheel: Wheel,
+        deflection_sigma_m: f64,
+        interval_s: f64,
+    ) -> Result<Option<Self>, SuspensionError> {
+        let axle: &Axle = if wheel.is_front() {
+            &vehicle.front
+        } else {
+            &vehicle.rear
+        };
+        let (Some(strut), Some(unsprung), true) =
+            (&axle.strut, &axle.unsprung, axle.wishbone.is_some())
+        else {
+            return Ok(None);
+        };
+        let corner = Corner::of(vehicle, wheel)?;
+        let pose = corner.pose(corner.design_strut_length_m(), 0.0)?;
+        let body = &vehicle.body;
+        let wheelbase = body.front_axle_to_cg_m + body.cg_to_rear_axle_m;
+        let arm = if wheel.is_front() {
+            body.cg_to_rear_axle_m
+        } else {
+            body.front_axle_to_cg_m
+        };
+        Ok(Some(Self {
+            length: LengthFilter::new(
+                corner.design_strut_length_m(),
+                deflection_sigma_m,
+                interval_s,
+            ),
+            corner,
+            strut: strut.clone(),
+            unsprung: unsprung.clone(),
+            radius_m: axle.tyre.unloaded_radius_m,
+            tyre_stiffness_n_m: axle.tyre.vertical_stiffness_n_m.max(1.0),
+            pose,
+            fallback_load_n: 0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm / wheelbase,
+        }))
+    }
+
+    fn measure(&mut self, now: LogTime, dt: f64, rack_m: f64, reading: &mut Option<Reading>) {
+        self.length.predict(dt);
+        if let Some(reading) = reading
+            && !reading.taken
+        {
+            reading.taken = true;
+            let design = self.corner.design_strut_length_m();
+            self.length
+                .update(now, reading.time, design - reading.value);
+        }
+        let rack = if self.corner.wheel.is_front() {
+            rack_m
+        } else {
+            0.0
+        };
+        // Out of reach: the linkage stays where it was.
+        if let Ok(pose) = self.corner.pose(self.length.value()[0], rack) {
+            self.pose = pose;
+        }
+    }
+
+    /// `rolling`: rate of the rack, spin and its rate, gravity along the normal.
+    fn state(
+        &self,
+        normal: Vector3<f64>,
+        body: &BodyMotion,
+        rolling: [f64; 4],
+        load_n: f64,
+    ) -> Result<CornerState, SuspensionError> {
+        let [rack_rate, spin, spin_dot, gravity] = rolling;
+        let [length, rate] = self.length.value();
+        let pose = self.pose;
+        let frame = TyreFrame::new(
+            &pose,
+            normal,
+            self.radius_m,
+            load_n / self.tyre_stiffness_n_m,
+        );
+        let mut motion = CornerMotion::on_body(&self.corner, &pose, body, rate, rack_rate);
+        if load_n > CONTACT_N {
+            motion = motion.on_ground(&self.corner, &pose, normal, gravity);
+        }
+        motion.spin_rad_s = spin;
+        motion.spin_dot_rad_s2 = spin_dot;
+        let statics = CornerStatics::new(
+            &self.corner,
+            &pose,
+            &frame,
+            &self.unsprung,
+            &motion,
+            ChannelKind::Strut,
+        )?;
+        let stiffness = self.strut.stiffness_at(length);
+        let damping = self.strut.damping_n_s_m;
+        Ok(CornerState {
+            pose,
+            frame,
+            statics,
+            strut_n: self.strut.force(length, rate).total_n(),
+            strut_sigma_n: self
+                .length
+                .force_variance(stiffness, damping)
+                .map_or(f64::INFINITY, |variance| {
+                    (STRUT_INFLATION * variance + STRUT_FLOOR_N * STRUT_FLOOR_N).sqrt()
+                }),
+            spin_rad_s: spin,
+            spin_dot_rad_s2: spin_dot,
+        })
+    }
+}

@@ -1,0 +1,115 @@
+//! Length of a strut and its rate from a potentiometer: constant acceleration, white jerk.
+
+use nalgebra::{Matrix3, Vector3};
+use sample::LogTime;
+
+/// Jerk of a strut, (m/s^3)/sqrt(Hz).
+const JERK: f64 = 30.0;
+/// Innovation, standard deviations, beyond which a reading is left out.
+const GATE: f64 = 8.0;
+/// Readings left out in a row after which the filter, not the potentiometer, is taken to be wrong.
+const MISSES_MAX: u32 = 5;
+/// Silence after which the length is not known any more, s.
+const SILENCE_S: f64 = 0.1;
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub struct LengthFilter {
+    state: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    variance: f64,
+    design_m: f64,
+    time: Option<LogTime>,
+    silent_s: f64,
+    misses: u32,
+}
+
+impl LengthFilter {
+    /// At the design length, unknown to a decimetre.
+    pub fn new(design_m: f64, sigma_m: f64, _interval_s: f64) -> Self {
+        Self {
+            state: Vector3::new(design_m, 0.0, 0.0),
+            covariance: Matrix3::from_diagonal(&Vector3::new(0.01, 1.0, 100.0)),
+            variance: sigma_m * sigma_m,
+            design_m,
+            time: None,
+            silent_s: 0.0,
+            misses: 0,
+        }
+    }
+
+    /// Carries the length on; a silent potentiometer's is held.
+    pub fn predict(&mut self, dt: f64) {
+        self.silent_s += dt;
+        if self.silent_s > SILENCE_S {
+            if self.time.is_none() {
+                self.state = Vector3::new(self.design_m, 0.0, 0.0);
+            }
+            self.state[1] = 0.0;
+            self.state[2] = 0.0;
+            self.covariance = Matrix3::from_diagonal(&Vector3::new(0.01, 1.0, 100.0));
+            return;
+        }
+        let f = Matrix3::new(1.0, dt, 0.5 * dt * dt, 0.0, 1.0, dt, 0.0, 0.0, 1.0);
+        let q = JERK * JERK;
+        let [d2, d3, d4, d5] = [dt * dt, dt.powi(3), dt.powi(4), dt.powi(5)];
+        let noise = Matrix3::new(
+            d5 / 20.0,
+            d4 / 8.0,
+            d3 / 6.0,
+            d4 / 8.0,
+            d3 / 3.0,
+            d2 / 2.0,
+            d3 / 6.0,
+            d2 / 2.0,
+            dt,
+        );
+        self.state = f * self.state;
+        self.covariance = f * self.covariance * f.transpose() + noise * q;
+    }
+
+    /// Takes a length in that was true at `valid`.
+    pub fn update(&mut self, now: LogTime, valid: LogTime, length_m: f64) {
+        if !length_m.is_finite() || (length_m - self.design_m).abs() > 1.0 {
+            return;
+        }
+        let age = now.seconds_since(valid).clamp(-0.01, 0.05);
+        let h = Vector3::new(1.0, -age, 0.5 * age * age);
+        let ph = self.covariance * h;
+        let total = h.dot(&ph) + self.variance;
+        let innovation = length_m - h.dot(&self.state);
+        if innovation * innovation > GATE * GATE * total {
+            self.misses += 1;
+            if self.misses < MISSES_MAX {
+                return;
+            }
+            self.state = Vector3::new(length_m, 0.0, 0.0);
+            self.covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 1.0, 100.0));
+        } else {
+            self.state += ph * (innovation / total);
+            self.covariance -= ph * ph.transpose() / total;
+            self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
+        }
+        self.misses = 0;
+        self.silent_s = 0.0;
+        self.time = Some(valid);
+    }
+
+    /// Length and rate, m and m/s.
+    pub fn value(&self) -> [f64; 2] {
+        [self.state[0], self.state[1]]
+    }
+
+    /// Whether a potentiometer stands behind the length at `now`.
+    pub fn known(&self, now: LogTime) -> bool {
+        self.time
+            .is_some_and(|time| now.seconds_since(time) <= SILENCE_S)
+    }
+
+    /// Variance of -k l - c l', N^2; `None` while nothing is measured.
+    pub fn force_variance(&self, stiffness_n_m: f64, damping_n_s_m: f64) -> Option<f64> {
+        let gain = Vector3::new(stiffness_n_m, damping_n_s_m, 0.0);
+        (self.time.is_some() && self.silent_s <= SILENCE_S)
+            .then(|| (gain.transpose() * self.covariance * gain)[0])
+    }
+}

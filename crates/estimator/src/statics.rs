@@ -1,0 +1,107 @@
+//! The thesis's way to the tyre forces: each corner by itself, at each instant anew, from its
+//! strain channels and its strut through the linkage's statics (chapters 2.2 and 4).
+//!
+//! Weighted least squares over the channels that are alive and what is known beforehand of the
+//! tyre's moments. Where strain is missing the vertical force is taken from the deflection alone,
+//! with the lateral force that the vehicle model expects.
+
+use model::suspension::Parity;
+use nalgebra::Vector6;
+use sample::{ForceSource, LogTime, StrainChannel, TyreForce};
+
+use crate::calibration::CornerChannels;
+use crate::corners::CornerState;
+use crate::inputs::CornerReadings;
+
+/// Axial channels, in the order of the member forces.
+pub const AXIAL: [StrainChannel; 5] = [
+    StrainChannel::UpperFront,
+    StrainChannel::UpperRear,
+    StrainChannel::LowerFront,
+    StrainChannel::LowerRear,
+    StrainChannel::TieRod,
+];
+
+/// Standard deviations of M_x, M_y and M_z about zero (free rolling), N m.
+pub const MOMENT_SIGMA_N_M: [f64; 3] = [40.0, 6.0, 15.0];
+/// Standard deviation of the lateral and longitudinal force that the deflection alone leaves, as
+/// a part of the load.
+const BLIND_FORCE: f64 = 0.3;
+
+/// What a corner's statics need beside its state.
+#[derive(Clone, Copy, Debug)]
+pub struct CornerAssumptions {
+    /// Whether a half-shaft may carry an unknown torque.
+    pub driven: bool,
+    /// Rolling-resistance coefficient times radius, with the sign of the speed, m.
+    pub rolling_radius_m: f64,
+    /// Force that the vehicle model expects, N.
+    pub expected_n: [f64; 3],
+}
+
+/// The force on one tyre.
+#[must_use]
+pub fn tyre_force(
+    now: LogTime,
+    state: &CornerState,
+    readings: &CornerReadings,
+    channels: &CornerChannels,
+    assumed: &CornerAssumptions,
+) -> TyreForce {
+    let mut members = Vector6::zeros();
+    let mut sigma = Vector6::repeat(f64::INFINITY);
+    let mut alive = 0;
+    for (i, channel) in AXIAL.into_iter().enumerate() {
+        let reading = readings.strain[channel.index()].and_then(|reading| reading.fresh(now));
+        if let Some(value) = reading {
+            members[i] = value;
+            let c = &channels.strain[channel.index()];
+            sigma[i] = c.noise_sigma.hypot(c.offset_sigma).max(1.0);
+            alive += 1;
+        }
+    }
+    members[5] = state.strut_n;
+    sigma[5] = state.strut_sigma_n;
+    let mut moment_sigma = MOMENT_SIGMA_N_M;
+    if assumed.driven {
+        moment_sigma[1] = f64::INFINITY;
+    }
+    let parity = Parity {
+        sigma_n_m: moment_sigma,
+        rolling_radius_m: assumed.rolling_radius_m,
+    };
+    if alive >= 3
+        && let Some(found) = state.statics.wrench_with_parity(&members, &sigma, &parity)
+    {
+        let variance = found.covariance.diagonal();
+        return TyreForce {
+            force_n: found.wrench.force_n.into(),
+            sigma_n: [variance[0].sqrt(), variance[1].sqrt(), variance[2].sqrt()],
+            source: ForceSource::Statics,
+        };
+    }
+    from_deflection(state, assumed)
+}
+
+/// F_z out of the strut's row of c = A F + B M + c_0 with F_x, F_y given and no moment.
+fn from_deflection(state: &CornerState, assumed: &CornerAssumptions) -> TyreForce {
+    if !state.strut_sigma_n.is_finite() {
+        return TyreForce::default();
+    }
+    let row = state.statics.members_from_wrench.row(5);
+    let [x, y, _] = assumed
+        .expected_n
+        .map(|f| if f.is_finite() { f } else { 0.0 });
+    let rest = state.strut_n - state.statics.members_offset[5] - row[0] * x - row[1] * y;
+    let z = rest / row[2];
+    if !z.is_finite() {
+        return TyreForce::default();
+    }
+    let blind = BLIND_FORCE * z.abs() + 50.0;
+    let sigma = (state.strut_sigma_n.powi(2) + (row[1] * blind).powi(2)).sqrt() / row[2].abs();
+    TyreForce {
+        force_n: [f64::NAN, f64::NAN, z],
+        sigma_n: [f64::NAN, f64::NAN, sigma],
+        source: ForceSource::Deflection,
+    }
+}
