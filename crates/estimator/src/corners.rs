@@ -72,14 +72,10 @@ impl Corners {
     ///
     /// # Errors
     /// When the hard-points make no linkage.
-    pub fn new(
-        vehicle: &Vehicle,
-        deflection_sigma_m: f64,
-        interval_s: f64,
-    ) -> Result<Option<Self>, EstimatorError> {
+    pub fn new(vehicle: &Vehicle, deflection_sigma_m: f64) -> Result<Option<Self>, EstimatorError> {
         let mut linkages = Vec::with_capacity(4);
         for wheel in Wheel::ALL {
-            match Linkage::new(vehicle, wheel, deflection_sigma_m, interval_s) {
+            match Linkage::new(vehicle, wheel, deflection_sigma_m) {
                 Ok(Some(linkage)) => linkages.push(linkage),
                 Ok(None) => return Ok(None),
                 Err(error) => return Err(EstimatorError::Suspension(error.to_string())),
@@ -183,15 +179,19 @@ impl Corners {
     /// carried on as the body turns.
     fn tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState, load_n: [f64; 4]) {
         self.normal -= motion.rate_rad_s.cross(&self.normal) * dt;
-        let known = self.linkages.iter().all(|linkage| linkage.length.known(now));
+        let known = self
+            .linkages
+            .iter()
+            .all(|linkage| linkage.length.known(now));
         if !known {
             // Without deflections the ground is taken to be level.
             self.normal = motion.earth_from_body.inverse() * Vector3::z();
         }
         let poses = PerWheel(std::array::from_fn(|i| self.linkages[i].pose));
         let radius = PerWheel(std::array::from_fn(|i| self.linkages[i].radius_m));
-        let compression =
-            PerWheel(std::array::from_fn(|i| load_n[i] / self.linkages[i].tyre_stiffness_n_m));
+        let compression = PerWheel(std::array::from_fn(|i| {
+            load_n[i] / self.linkages[i].tyre_stiffness_n_m
+        }));
         let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
         if known && let Some(plane) = ground_plane(&poses, &radius, &compression, &weight) {
             self.normal = plane.normal;
@@ -220,7 +220,6 @@ impl Linkage {
         vehicle: &Vehicle,
         wheel: Wheel,
         deflection_sigma_m: f64,
-        interval_s: f64,
     ) -> Result<Option<Self>, SuspensionError> {
         let axle: &Axle = if wheel.is_front() {
             &vehicle.front
@@ -242,11 +241,7 @@ impl Linkage {
             body.front_axle_to_cg_m
         };
         Ok(Some(Self {
-            length: LengthFilter::new(
-                corner.design_strut_length_m(),
-                deflection_sigma_m,
-                interval_s,
-            ),
+            length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m),
             corner,
             strut: strut.clone(),
             unsprung: unsprung.clone(),

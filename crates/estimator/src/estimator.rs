@@ -2,22 +2,33 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{
-    Estimate, Event, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime, Measurement,
-    Motion, PerWheel, Sample, Wheel,
+    Estimate, Event, EventKind, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime,
+    Measurement, Motion, PerWheel, Sample, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
+use crate::corners::Corners;
+use crate::expected::ExpectedForces;
+use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::inputs::{Readings, finite3};
-use crate::motion::{MotionFilter, MotionSettings, MotionState};
-use crate::{Calibration, EstimatorError, Input, Settings};
+use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
+use crate::statics::{self, CornerAssumptions};
+use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 /// Spacing of the instants that estimates are given for, ns.
 pub const GRID_NANOS: u64 = 10_000_000;
 
+/// How long after an instant its estimate is made, ns: so that what was measured at the instant
+/// has arrived.
+const HOLD_NANOS: u64 = 5_000_000;
 /// A jump of the log clock, ns, that is not bridged: estimates start anew after it.
 const GAP_MAX_NANOS: u64 = 10_000_000_000;
 /// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
 const GNSS_SILENT_S: f64 = 0.3;
+/// Speed below which a slip angle means nothing, m/s.
+const SLIP_SPEED_MIN_M_S: f64 = 0.5;
+/// Step of the grid, s.
+const GRID_S: f64 = 0.01;
 /// How fast a road vehicle's body may rise or sink from the ground, m/s.
 const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
@@ -46,8 +57,12 @@ pub struct Estimator {
     settings: Settings,
     next_grid: Option<LogTime>,
     readings: Readings,
-    ground_normal: Vector3<f64>,
     motion: MotionFilter,
+    corners: Option<Corners>,
+    fusion: Option<Fusion>,
+    expected: ExpectedForces,
+    measured: PerWheel<TyreForce>,
+    imu_sigma: [f64; 2],
 }
 
 impl Estimator {
@@ -68,27 +83,39 @@ impl Estimator {
             });
         }
         let calibration = Resolved::new(sensors, calibration)?;
+        let pot = &calibration.corners[Wheel::FrontLeft].deflection;
+        let corners = Corners::new(vehicle, pot.noise_sigma)?;
+        let fusion = (settings.method == Method::Fusion && corners.is_some())
+            .then(|| Fusion::new(vehicle, sensors.strain.lag_hz, &calibration.corners));
         Ok(Self {
             motion: MotionFilter::new(motion_settings(sensors, &calibration)),
+            corners,
+            fusion,
+            expected: ExpectedForces::new(vehicle),
+            measured: PerWheel::default(),
+            imu_sigma: [
+                sensors.imu.gyro_noise_rad_s.max(1e-4),
+                sensors.imu.accel_noise_m_s2.max(0.005),
+            ],
             vehicle: vehicle.clone(),
             calibration,
             settings,
             next_grid: None,
             readings: Readings::default(),
-            ground_normal: Vector3::z(),
         })
     }
 
-    /// Moves time to `now` and hands out the estimate of every grid instant up to it. Instants
-    /// are multiples of [`GRID_NANOS`] on the log clock, the first at or after the first call's
-    /// time.
+    /// Moves time to `now` and hands out the estimate of every grid instant up to 5 ms before it,
+    /// so that what was measured at an instant has arrived. Instants are multiples of
+    /// [`GRID_NANOS`] on the log clock, the first at or after the first call's time.
     pub fn advance(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         let mut grid = match self.next_grid {
             Some(grid) if now.0.saturating_sub(grid.0) <= GAP_MAX_NANOS => grid,
             _ => LogTime(now.0.div_ceil(GRID_NANOS) * GRID_NANOS),
         };
-        while grid <= now {
-            out(Output::Estimate(self.step(grid)));
+        while grid.0 + HOLD_NANOS <= now.0 {
+            let estimate = self.step(grid, out);
+            out(Output::Estimate(estimate));
             grid = LogTime(grid.0 + GRID_NANOS);
         }
         self.next_grid = Some(grid);
@@ -165,16 +192,128 @@ impl Estimator {
         let _ = self.motion.push_attitude(valid, angles, gnss.sigma_rad);
     }
 
-    fn step(&mut self, time: LogTime) -> Estimate {
+    fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
         self.motion.bridge(time);
         self.constrain_motion(time);
         let state = self.motion.state(time);
+        let load = self.measured.0.map(|force| force.force_n[2]);
+        if let Some(corners) = &mut self.corners {
+            corners.update(time, GRID_S, &mut self.readings, &state, load);
+        }
+        let steer = self.steer_angles();
+        let push = motion_output(&state).acceleration_m_s2[0];
+        let expected = self
+            .expected
+            .step(GRID_S, state.velocity_m_s.x, push, steer);
+        self.measured = self.measure(time, &state, &expected, out);
+        let mut motion = motion_output(&state);
+        motion.steer_rad = PerWheel(steer);
+        motion.slip_angle_rad = self.slip_angles(&state, steer);
+        if let Some(corners) = &self.corners {
+            let (roll, pitch) = ground_angles(corners.normal());
+            motion.bank_rad = motion.roll_rad - roll;
+            motion.grade_rad = motion.pitch_rad - pitch;
+        }
         Estimate {
             time,
-            motion: motion_output(&state),
-            measured: PerWheel::default(),
-            expected: PerWheel::default(),
+            motion,
+            measured: self.measured,
+            expected,
         }
+    }
+
+    fn measure(
+        &mut self,
+        now: LogTime,
+        motion: &MotionState,
+        expected: &PerWheel<TyreForce>,
+        out: &mut impl FnMut(Output),
+    ) -> PerWheel<TyreForce> {
+        let Some(corners) = &self.corners else {
+            return PerWheel::default();
+        };
+        if let Some(fusion) = &mut self.fusion {
+            let input = StepInput {
+                now,
+                dt: GRID_S,
+                corners: corners.states(),
+                motion,
+                channels: &self.calibration.corners,
+                expected,
+                imu_sigma: self.imu_sigma,
+            };
+            let resets = fusion.resets();
+            let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
+                out(Output::Event(channel_event(now, change)));
+            });
+            if fusion.resets() > resets {
+                out(Output::Event(Event {
+                    time: now,
+                    onset: now,
+                    kind: EventKind::FilterReset,
+                    probability: None,
+                    text: "the force filter diverged and was started anew".to_owned(),
+                }));
+            }
+            return forces;
+        }
+        let drive = &self.vehicle.drivetrain;
+        PerWheel::from_fn(|wheel| {
+            let (axle, driven) = if wheel.is_front() {
+                (
+                    &self.vehicle.front,
+                    drive.drive_split_front > 0.0 || !drive.front_brake_outboard,
+                )
+            } else {
+                (
+                    &self.vehicle.rear,
+                    drive.drive_split_front < 1.0 || !drive.rear_brake_outboard,
+                )
+            };
+            let assumed = CornerAssumptions {
+                driven,
+                rolling_radius_m: axle.tyre.rolling_resistance
+                    * axle.tyre.unloaded_radius_m
+                    * motion.velocity_m_s.x.clamp(-1.0, 1.0),
+                expected_n: expected[wheel].force_n,
+            };
+            statics::tyre_force(
+                now,
+                &corners.states()[wheel.index()],
+                &self.readings.corners[wheel],
+                &self.calibration.corners[wheel],
+                &assumed,
+            )
+        })
+    }
+
+    /// Steer angle of each wheel: from the linkages, else the hand wheel over the steering ratio.
+    fn steer_angles(&self) -> [f64; 4] {
+        if let Some(corners) = &self.corners {
+            return std::array::from_fn(|i| corners.states()[i].pose.steer_rad());
+        }
+        let hand_wheel = self.readings.hand_wheel_rad.map_or(0.0, |r| r.value);
+        let front = hand_wheel / self.vehicle.steering.ratio;
+        [front, front, 0.0, 0.0]
+    }
+
+    fn slip_angles(&self, state: &MotionState, steer: [f64; 4]) -> PerWheel<f64> {
+        let body = &self.vehicle.body;
+        PerWheel::from_fn(|wheel| {
+            let (x, track) = if wheel.is_front() {
+                (body.front_axle_to_cg_m, self.vehicle.front.track_m)
+            } else {
+                (-body.cg_to_rear_axle_m, self.vehicle.rear.track_m)
+            };
+            let y = 0.5 * track * wheel.side();
+            let [u, v] = state.level_velocity();
+            let yaw_rate = state.rate_rad_s.z;
+            let (along, across) = (u - yaw_rate * y, v + yaw_rate * x);
+            if along.hypot(across) < SLIP_SPEED_MIN_M_S {
+                return 0.0;
+            }
+            wrap(across.atan2(along) - steer[wheel.index()])
+        })
     }
 
     /// What holds for a road vehicle whatever its sensors say, and what wheel speeds tell while
@@ -210,16 +349,17 @@ impl Estimator {
             0.1 + 0.03 * forward.abs(),
         );
         // The rear tyres' slip angle is small: its own axle is where the vehicle moves straight.
+        let normal = self
+            .corners
+            .as_ref()
+            .map_or_else(Vector3::z, Corners::normal);
         let rear = Vector3::new(-self.vehicle.body.cg_to_rear_axle_m, 0.0, 0.0);
         let _ = self
             .motion
             .push_body_velocity(Vector3::y(), rear, 0.0, 0.1 + 0.05 * forward.abs());
-        let _ = self.motion.push_body_velocity(
-            self.ground_normal,
-            Vector3::zeros(),
-            0.0,
-            VERTICAL_SIGMA_M_S,
-        );
+        let _ = self
+            .motion
+            .push_body_velocity(normal, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S);
     }
 }
 
@@ -253,5 +393,36 @@ fn motion_output(state: &MotionState) -> Motion {
         rate_rad_s: state.rate_rad_s.into(),
         acceleration_m_s2: (state.specific_force_m_s2 - gravity).into(),
         ..Motion::default()
+    }
+}
+
+/// Roll and pitch of the body against the ground, rad.
+fn ground_angles(normal: Vector3<f64>) -> (f64, f64) {
+    (
+        normal.y.atan2(normal.z),
+        (-normal.x).atan2(normal.y.hypot(normal.z)),
+    )
+}
+
+fn channel_event(now: LogTime, change: ChannelChange) -> Event {
+    let wheel = Wheel::ALL[change.wheel];
+    let name = format!("{wheel} {}", change.channel.name());
+    let (kind, text) = if change.faulty {
+        (
+            EventKind::SensorFault(name.clone()),
+            format!("strain channel {name} contradicts the other sensors and is left out"),
+        )
+    } else {
+        (
+            EventKind::SensorRecovered(name.clone()),
+            format!("strain channel {name} agrees with the other sensors again"),
+        )
+    };
+    Event {
+        time: now,
+        onset: now,
+        kind,
+        probability: None,
+        text,
     }
 }

@@ -11,11 +11,15 @@
 //! ```
 
 pub mod calibration;
+pub mod corners;
 mod error;
 mod estimator;
+pub mod expected;
+pub mod fusion;
 pub mod inputs;
 pub mod motion;
 mod settings;
+pub mod statics;
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;

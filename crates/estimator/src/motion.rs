@@ -121,6 +121,17 @@ pub struct MotionState {
 }
 
 impl MotionState {
+    /// Velocity along and left of the heading, in the horizontal plane, m/s.
+    #[must_use]
+    pub fn level_velocity(&self) -> [f64; 2] {
+        let earth = self.earth_from_body * self.velocity_m_s;
+        let (sine, cosine) = self.euler_rad().2.sin_cos();
+        [
+            cosine * earth.x + sine * earth.y,
+            cosine * earth.y - sine * earth.x,
+        ]
+    }
+
     /// Roll, pitch and yaw, rad.
     #[must_use]
     pub fn euler_rad(&self) -> (f64, f64, f64) {

@@ -1,5 +1,11 @@
 //! The estimator on an independent simulator's truth runs through the thesis's sensors.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test's helpers stand outside its functions"
+)]
+
 #[path = "truth/run.rs"]
 mod run;
 #[path = "truth/sensing.rs"]

@@ -26,7 +26,7 @@ pub struct LengthFilter {
 
 impl LengthFilter {
     /// At the design length, unknown to a decimetre.
-    pub fn new(design_m: f64, sigma_m: f64, _interval_s: f64) -> Self {
+    pub fn new(design_m: f64, sigma_m: f64) -> Self {
         Self {
             state: Vector3::new(design_m, 0.0, 0.0),
             covariance: Matrix3::from_diagonal(&Vector3::new(0.01, 1.0, 100.0)),

@@ -1,0 +1,106 @@
+//! Tyre forces that the four-wheel model expects from steer and motion alone (section 2.1.2 of
+//! the thesis): the model is driven with the measured steer angles and speed; sideslip, yaw rate,
+//! roll, pitch and forces are its own.
+
+use model::chassis::four_wheel::{self, Inputs, Parameters, State};
+use model::vehicle::Vehicle;
+use sample::{ForceSource, PerWheel, TyreForce};
+
+/// Speed below which the model is held at rest, m/s: slip means little there.
+const REST_M_S: f64 = 1.0;
+/// Steps of the integration in one step of the grid.
+const SUBSTEPS: usize = 2;
+
+/// The model's state.
+#[derive(Clone, Debug)]
+pub struct ExpectedForces {
+    parameters: Parameters,
+    state: State<f64>,
+    drive_split_front: f64,
+    brake_split_front: f64,
+    slip_stiffness_n: [f64; 2],
+}
+
+impl ExpectedForces {
+    /// A model at rest.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle) -> Self {
+        Self {
+            parameters: Parameters::from_vehicle(vehicle),
+            state: State::at_rest(),
+            drive_split_front: vehicle.drivetrain.drive_split_front,
+            brake_split_front: vehicle.drivetrain.brake_split_front,
+            slip_stiffness_n: [
+                vehicle.front.tyre.slip_stiffness_n.max(1.0),
+                vehicle.rear.tyre.slip_stiffness_n.max(1.0),
+            ],
+        }
+    }
+
+    /// Sideslip angle of the model, rad.
+    #[must_use]
+    pub fn sideslip_rad(&self) -> f64 {
+        self.state.sideslip_rad()
+    }
+
+    /// Lateral velocity of the model's centre of gravity, m/s.
+    #[must_use]
+    pub fn lateral_m_s(&self) -> f64 {
+        self.state.lateral_m_s
+    }
+
+    /// Carries the model on by `dt` with the measured speed, steer angles and longitudinal
+    /// acceleration (the force that drives or brakes, per unit of mass).
+    pub fn step(
+        &mut self,
+        dt: f64,
+        speed_m_s: f64,
+        acceleration_m_s2: f64,
+        steer_rad: [f64; 4],
+    ) -> PerWheel<TyreForce> {
+        let mut inputs = Inputs::coasting();
+        let known = speed_m_s.is_finite()
+            && acceleration_m_s2.is_finite()
+            && steer_rad.iter().all(|angle| angle.is_finite());
+        if !known || speed_m_s.abs() < REST_M_S {
+            self.state = State::at_rest();
+            return self.forces(&inputs);
+        }
+        inputs.steer_rad = steer_rad.map(|angle| angle.clamp(-1.0, 1.0));
+        let push = self.parameters.mass_kg * acceleration_m_s2.clamp(-15.0, 15.0);
+        let front = if push > 0.0 {
+            self.drive_split_front
+        } else {
+            self.brake_split_front
+        };
+        for _ in 0..SUBSTEPS {
+            self.state.longitudinal_m_s = speed_m_s;
+            for i in 0..4 {
+                let axle = self.parameters.axle(i);
+                let part = 0.5 * if i < 2 { front } else { 1.0 - front };
+                let force = push * part;
+                let slip = (force / self.slip_stiffness_n[i / 2]).clamp(-0.2, 0.2);
+                inputs.drive_n_m[i] = force * axle.rolling_radius_m;
+                self.state.wheel_speed_rad_s[i] =
+                    (1.0 + slip * speed_m_s.signum()) * speed_m_s / axle.rolling_radius_m;
+            }
+            let next =
+                four_wheel::step(&self.parameters, &self.state, &inputs, dt / SUBSTEPS as f64);
+            let sound = next.to_array().iter().all(|x| x.abs() < 1e4)
+                && next.lateral_m_s.abs() < 2.0 * speed_m_s.abs() + 5.0
+                && next.roll_rad.abs() < 1.0;
+            self.state = if sound { next } else { State::at_rest() };
+            self.state.longitudinal_m_s = speed_m_s;
+        }
+        self.forces(&inputs)
+    }
+
+    fn forces(&self, inputs: &Inputs<f64>) -> PerWheel<TyreForce> {
+        let forces = four_wheel::tyre_forces(&self.parameters, &self.state, inputs);
+        PerWheel(forces.map(|force_n| TyreForce {
+            force_n,
+            sigma_n: [f64::NAN; 3],
+            source: ForceSource::Model,
+        }))
+    }
+}

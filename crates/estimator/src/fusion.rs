@@ -1,0 +1,313 @@
+//! All sensors in one filter: the forces of four tyres as states, seen by every strain channel,
+//! by the struts, and by the inertial unit through the balance of forces and moments.
+//!
+//! | states | what | frame, unit |
+//! |---|---|---|
+//! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
+//! | [`layout::RATE`] | their rates | N/s |
+//! | [`layout::MOMENT`] | M_x, M_y beyond rolling resistance, M_z of each tyre | contact frame, N m |
+//! | [`layout::TORQUE`] | half-shaft torque of a wheel, front and rear (alike left and right) | N m |
+//! | [`layout::TURN`] | angular rate of the body | body axes, rad/s |
+//! | [`layout::ACCEL`] | what is left of the accelerometers' bias | body axes, m/s^2 |
+//! | [`layout::OFFSET`] | offset of each axial strain channel | N |
+//!
+//! The forces walk as integrated white noise; moments, torques and biases fade to zero with a time
+//! constant. The body turns as the moments of all tyres about the centre of gravity tell it:
+//!
+//! I w' = sum(r_i x R_i F_i + R_i M_i) - w x (I w + h) - h'
+//!
+//! with h the spin momentum of the wheels. A member's force is A F + B M + c_0 out of
+//! [`CornerStatics`](model::suspension::CornerStatics); a bridge with a first-order lag tau that
+//! was read `age` ago shows y = A (F - (age + tau) F') + B M + c_0 + offset.
+//!
+//! Every equation is linear in the states once geometry, attitude and inertia forces are taken
+//! from the motion filter, so that no iteration is needed. Measurements are scalars, taken one
+//! after another, each gated by its own innovation. The covariance is kept as a full symmetric
+//! matrix: the square root of 64 states would cost more than the step may take, and the
+//! states are scaled so that the condition number stays far from what doubles can hold.
+
+mod channel;
+mod covariance;
+pub mod layout;
+mod rows;
+
+use model::vehicle::Vehicle;
+use nalgebra::{Matrix3, Vector3};
+use sample::{ForceSource, LogTime, PerWheel, StrainChannel, TyreForce};
+
+use crate::calibration::CornerChannels;
+use crate::corners::CornerState;
+use crate::inputs::CornerReadings;
+use crate::motion::MotionState;
+
+use channel::{Change, ChannelHealth};
+use covariance::Covariance;
+use layout::{ACCEL, FORCE, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
+
+/// Noise of the force's rate, (N/s)/sqrt(s).
+const FORCE_WALK: f64 = 1.0e4;
+/// Standard deviations of M_x, M_y, M_z, N m, and how fast they fade, s.
+const MOMENT_SIGMA: [f64; 3] = [40.0, 6.0, 15.0];
+const MOMENT_TIME_S: f64 = 1.0;
+/// Standard deviation of a half-shaft's torque, N m, and its time constant, s.
+const TORQUE_SIGMA: f64 = 200.0;
+const TORQUE_TIME_S: f64 = 0.5;
+/// Moment that the rigid-body balance does not know of, N m/sqrt(Hz).
+const TURN_NOISE_N_M: [f64; 3] = [8.0, 8.0, 6.0];
+/// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
+const ACCEL_TIME_S: f64 = 30.0;
+const ACCEL_SIGMA: f64 = 0.05;
+/// Walk of a strain channel's offset, N/sqrt(s).
+const OFFSET_WALK: f64 = 0.05;
+
+/// The filter.
+#[derive(Clone, Debug)]
+pub struct Fusion {
+    state: [f64; SIZE],
+    covariance: Box<Covariance>,
+    body: Body,
+    lag_s: f64,
+    driven: [bool; 2],
+    health: [[ChannelHealth; 5]; 4],
+    started: bool,
+    resets: u32,
+}
+
+/// What of the vehicle enters the balances.
+#[derive(Clone, Debug)]
+struct Body {
+    mass_kg: f64,
+    inertia: Matrix3<f64>,
+    inverse: Matrix3<f64>,
+    cg_height_m: f64,
+    drag: f64,
+    rolling: [f64; 4],
+    spin_inertia: [f64; 4],
+    static_load: [f64; 4],
+}
+
+/// What one step is given.
+#[derive(Clone, Copy)]
+pub struct StepInput<'a> {
+    /// The instant.
+    pub now: LogTime,
+    /// Since the last one, s.
+    pub dt: f64,
+    /// The corners' geometry.
+    pub corners: &'a [CornerState; 4],
+    /// The body's motion.
+    pub motion: &'a MotionState,
+    /// Channels' calibration.
+    pub channels: &'a PerWheel<CornerChannels>,
+    /// What the vehicle model expects.
+    pub expected: &'a PerWheel<TyreForce>,
+    /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
+    pub imu_sigma: [f64; 2],
+}
+
+/// A channel that was found faulty (`true`) or good again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChannelChange {
+    /// Wheel, by index.
+    pub wheel: usize,
+    /// Which channel.
+    pub channel: StrainChannel,
+    /// Faulty from now on.
+    pub faulty: bool,
+}
+
+impl Fusion {
+    /// A filter that has seen nothing.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle, lag_hz: f64, channels: &PerWheel<CornerChannels>) -> Self {
+        let drive = vehicle.drivetrain.drive_split_front;
+        let mut fusion = Self {
+            state: [0.0; SIZE],
+            covariance: Box::default(),
+            body: Body::new(vehicle),
+            lag_s: 1.0 / (std::f64::consts::TAU * lag_hz.max(0.1)),
+            driven: [
+                drive > 0.0 || !vehicle.drivetrain.front_brake_outboard,
+                drive < 1.0 || !vehicle.drivetrain.rear_brake_outboard,
+            ],
+            health: [[ChannelHealth::default(); 5]; 4],
+            started: false,
+            resets: 0,
+        };
+        fusion.restart(channels);
+        fusion
+    }
+
+    /// How often the filter was started anew.
+    #[must_use]
+    pub fn resets(&self) -> u32 {
+        self.resets
+    }
+
+    fn restart(&mut self, channels: &PerWheel<CornerChannels>) {
+        self.state = [0.0; SIZE];
+        self.started = false;
+        let mut variance = [0.0; SIZE];
+        for wheel in 0..4 {
+            for axis in 0..3 {
+                variance[FORCE + 3 * wheel + axis] = 2000.0_f64.powi(2);
+                variance[RATE + 3 * wheel + axis] = 1e4_f64.powi(2);
+                variance[MOMENT + 3 * wheel + axis] = MOMENT_SIGMA[axis].powi(2);
+            }
+            self.state[FORCE + 3 * wheel + 2] = self.body.static_load[wheel];
+            for i in 0..5 {
+                variance[OFFSET + 5 * wheel + i] = channels.0[wheel].strain[i].offset_sigma.powi(2);
+            }
+        }
+        for axle in 0..2 {
+            if self.driven[axle] {
+                variance[TORQUE + axle] = TORQUE_SIGMA.powi(2);
+            }
+        }
+        for axis in 0..3 {
+            variance[TURN + axis] = 0.1;
+            variance[ACCEL + axis] = ACCEL_SIGMA.powi(2);
+        }
+        self.covariance.reset(&variance);
+    }
+
+    /// One step: carries the state on by `dt`, then takes in every reading that is new.
+    pub fn step(
+        &mut self,
+        input: &StepInput<'_>,
+        readings: &mut PerWheel<CornerReadings>,
+        changes: &mut impl FnMut(ChannelChange),
+    ) -> PerWheel<TyreForce> {
+        let balance = self.balance(input);
+        self.predict(input.dt, &balance);
+        if input.motion.inertial {
+            self.take_inertial(input, &balance);
+        }
+        for wheel in 0..4 {
+            self.take_corner(input, wheel, &mut readings.0[wheel], changes);
+        }
+        if !self.sound() {
+            self.resets += 1;
+            self.restart(input.channels);
+        }
+        self.started = true;
+        self.output()
+    }
+
+    /// Whether all numbers are finite and no variance negative.
+    fn sound(&self) -> bool {
+        self.state.iter().all(|x| x.abs() < 1e8) && self.covariance.sound()
+    }
+
+    fn output(&self) -> PerWheel<TyreForce> {
+        PerWheel(std::array::from_fn(|wheel| {
+            let at = |axis: usize| FORCE + 3 * wheel + axis;
+            TyreForce {
+                force_n: std::array::from_fn(|axis| self.state[at(axis)]),
+                sigma_n: std::array::from_fn(|axis| {
+                    self.covariance.variance(at(axis)).max(0.0).sqrt()
+                }),
+                source: ForceSource::Fusion,
+            }
+        }))
+    }
+
+    /// Rate of a wheel's load, N/s.
+    #[must_use]
+    pub fn load_rate_n_s(&self, wheel: usize) -> f64 {
+        self.state[RATE + 3 * wheel + 2]
+    }
+
+    fn predict(&mut self, dt: f64, balance: &rows::Balance) {
+        let c = &mut self.covariance;
+        for i in 0..3 {
+            self.state[TURN + i] += dt * balance.turn_rate(i, &self.state);
+        }
+        for i in 0..12 {
+            self.state[FORCE + i] += dt * self.state[RATE + i];
+        }
+        // The turn rows need the covariance of the forces before these move: first order in dt.
+        c.add_rows(TURN, &balance.jacobian, dt);
+        c.integrate(FORCE, RATE, 12, dt);
+        let mut fade = |first: usize, count: usize, time_s: f64| {
+            let keep = (-dt / time_s).exp();
+            for i in first..first + count {
+                self.state[i] *= keep;
+                c.scale(i, keep);
+            }
+            1.0 - keep * keep
+        };
+        let moment_gain = fade(MOMENT, 12, MOMENT_TIME_S);
+        let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
+        let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
+        let q = FORCE_WALK * FORCE_WALK;
+        for i in 0..12 {
+            c.add_noise_pair(FORCE + i, RATE + i, q, dt);
+            c.add_noise(MOMENT + i, moment_gain * MOMENT_SIGMA[i % 3].powi(2));
+        }
+        for axle in 0..2 {
+            if self.driven[axle] {
+                c.add_noise(TORQUE + axle, torque_gain * TORQUE_SIGMA.powi(2));
+            }
+        }
+        for (axis, noise) in TURN_NOISE_N_M.into_iter().enumerate() {
+            let turn = noise * self.body.inverse[(axis, axis)];
+            c.add_noise(TURN + axis, turn * turn * dt);
+            c.add_noise(ACCEL + axis, accel_gain * ACCEL_SIGMA.powi(2));
+        }
+        for i in 0..20 {
+            c.add_noise(OFFSET + i, OFFSET_WALK * OFFSET_WALK * dt);
+        }
+    }
+}
+
+impl Body {
+    fn new(vehicle: &Vehicle) -> Self {
+        let body = &vehicle.body;
+        let sprung = vehicle.sprung();
+        let to_cg = Vector3::new(
+            sprung.cg_m[0],
+            sprung.cg_m[1],
+            sprung.cg_m[2] - body.cg_height_m,
+        );
+        // Wheels and uprights neither roll nor pitch with the body, but they do yaw with it.
+        let away = sprung.mass_kg * to_cg.norm_squared();
+        let roll = sprung.inertia_kg_m2[0] + away - sprung.mass_kg * to_cg.x * to_cg.x;
+        let pitch = sprung.inertia_kg_m2[1] + away - sprung.mass_kg * to_cg.y * to_cg.y;
+        let xz = -body.inertia_xz_kg_m2;
+        let inertia = Matrix3::new(
+            roll,
+            0.0,
+            xz,
+            0.0,
+            pitch,
+            0.0,
+            xz,
+            0.0,
+            body.inertia_kg_m2[2],
+        );
+        let wheelbase = body.front_axle_to_cg_m + body.cg_to_rear_axle_m;
+        let half = 0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / wheelbase;
+        let axles = [&vehicle.front, &vehicle.front, &vehicle.rear, &vehicle.rear];
+        Self {
+            mass_kg: body.mass_kg,
+            inertia,
+            inverse: inertia.try_inverse().unwrap_or_else(Matrix3::zeros),
+            cg_height_m: body.cg_height_m,
+            drag: body.drag_n_s2_m2,
+            rolling: axles.map(|a| a.tyre.rolling_resistance * a.tyre.unloaded_radius_m),
+            spin_inertia: axles.map(|a| {
+                a.unsprung
+                    .as_ref()
+                    .map_or(0.0, |part| part.wheel_spin_inertia_kg_m2)
+            }),
+            static_load: std::array::from_fn(|i| {
+                half * if i < 2 {
+                    body.cg_to_rear_axle_m
+                } else {
+                    body.front_axle_to_cg_m
+                }
+            }),
+        }
+    }
+}
