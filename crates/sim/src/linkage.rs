@@ -8,7 +8,7 @@ use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
-use crate::{SimError, TruthState};
+use crate::{SimError, TruthState, WheelTruth};
 
 /// Pneumatic trail of an unslipping tyre, parts of its contact length.
 const TRAIL_OF_CONTACT_LENGTH: f64 = 0.17;
@@ -186,7 +186,7 @@ impl Linkage {
         if load_n > OFF_GROUND_N {
             motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
         }
-        let wrench = corner.wrench(truth.force_n, truth.angular_speed_rad_s);
+        let wrench = corner.wrench(truth);
         motion.spin_rad_s = truth.angular_speed_rad_s;
         motion.spin_dot_rad_s2 = spin_dot;
         motion.axle_torque_n_m = corner.axle_torque_n_m(&wrench, compression_m, spin_dot);
@@ -242,20 +242,28 @@ impl LinkedCorner {
         }))
     }
 
-    /// The tyre's force with the moments that go with it: rolling resistance M_y = -f R_0 F_z, and
+    /// The tyre's force with its moments as told, else those that go with the force: rolling resistance M_y = -f R_0 F_z, and
     /// the aligning moment of a trail that vanishes as the tyre begins to slide,
     /// M_z = -n F_y, n = n_0 (1 - |F_y|/(mu F_z)).
-    fn wrench(&self, force_n: [f64; 3], spin_rad_s: f64) -> Wrench {
-        let [_, lateral_n, load_n] = force_n;
+    fn wrench(&self, truth: &WheelTruth) -> Wrench {
+        let [_, lateral_n, load_n] = truth.force_n;
+        if truth.moment_n_m.iter().all(|m| m.is_finite()) {
+            return Wrench {
+                force_n: truth.force_n.into(),
+                moment_n_m: truth.moment_n_m.into(),
+            };
+        }
         let load_n = load_n.max(0.0);
         let pressed_m = load_n / self.tyre.vertical_stiffness_n_m;
         let contact_length_m = 2.0 * (2.0 * self.tyre.unloaded_radius_m * pressed_m).sqrt();
         let sliding = lateral_n.abs() / (self.tyre.friction * load_n).max(1.0);
         let trail_m = TRAIL_OF_CONTACT_LENGTH * contact_length_m * (1.0 - sliding).max(0.0);
-        let rolling =
-            self.tyre.rolling_resistance * self.tyre.unloaded_radius_m * load_n * spin_rad_s.tanh();
+        let rolling = self.tyre.rolling_resistance
+            * self.tyre.unloaded_radius_m
+            * load_n
+            * truth.angular_speed_rad_s.tanh();
         Wrench {
-            force_n: force_n.into(),
+            force_n: truth.force_n.into(),
             moment_n_m: Vector3::new(0.0, -rolling, -trail_m * lateral_n),
         }
     }

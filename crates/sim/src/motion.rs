@@ -39,6 +39,8 @@ pub struct TruthState {
 pub struct WheelTruth {
     /// Force of the ground on the tyre, contact frame, N.
     pub force_n: [f64; 3],
+    /// Moment of the ground on the tyre about the contact point, contact frame, N m.
+    pub moment_n_m: [f64; 3],
     /// Angular speed, forward positive, rad/s.
     pub angular_speed_rad_s: f64,
     /// Steer angle of the wheel, left positive, rad.
@@ -65,6 +67,7 @@ impl Default for WheelTruth {
     fn default() -> Self {
         Self {
             force_n: [f64::NAN; 3],
+            moment_n_m: [f64::NAN; 3],
             angular_speed_rad_s: f64::NAN,
             steer_rad: f64::NAN,
             slip_angle_rad: f64::NAN,
@@ -179,6 +182,7 @@ impl WheelTruth {
         let l = |x: f64, y: f64| x + (y - x) * weight;
         Self {
             force_n: mix(&a.force_n, &b.force_n, weight),
+            moment_n_m: mix(&a.moment_n_m, &b.moment_n_m, weight),
             angular_speed_rad_s: l(a.angular_speed_rad_s, b.angular_speed_rad_s),
             steer_rad: l(a.steer_rad, b.steer_rad),
             slip_angle_rad: l(a.slip_angle_rad, b.slip_angle_rad),

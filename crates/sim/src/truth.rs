@@ -45,7 +45,10 @@ const OPTIONAL: [&str; 9] = [
 ];
 
 /// Columns of each wheel that are used where they are found.
-const OPTIONAL_OF_WHEEL: [&str; 14] = [
+const OPTIONAL_OF_WHEEL: [&str; 17] = [
+    "Mx[Nm]",
+    "My[Nm]",
+    "Mz[Nm]",
     "steer[rad]",
     "alpha[rad]",
     "mu[-]",
@@ -300,6 +303,7 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
     let get = |name: &str| get(&format!("{}_{name}", wheel.abbreviation()));
     WheelTruth {
         force_n: ["Fx[N]", "Fy[N]", "Fz[N]"].map(get),
+        moment_n_m: ["Mx[Nm]", "My[Nm]", "Mz[Nm]"].map(get),
         angular_speed_rad_s: get("omega[rad/s]"),
         steer_rad: get("steer[rad]"),
         slip_angle_rad: get("alpha[rad]"),

@@ -160,9 +160,9 @@ fn bad_cells_files_and_names_are_told() {
 }
 
 /// Difference (root mean square) between link forces told by an independent simulator and computed
-/// from its tyre forces here, N. What is left is the overturning moment, which a motion does not
-/// tell: 1 N m of it is about 3 N in the arms' tubes.
-const LINK_FORCE_RMS_N: f64 = 110.0;
+/// here from its tyre forces and moments, N: its unsprung parts' accelerations are not quite those
+/// of a wheel on flat ground.
+const LINK_FORCE_RMS_N: f64 = 10.0;
 
 #[test]
 fn link_forces_follow_from_tyre_forces() {
@@ -187,6 +187,7 @@ fn link_forces_follow_from_tyre_forces() {
             }
         }
         let rms_n = (squares / 1600.0).sqrt();
+        eprintln!("{rms_n}");
         assert!(rms_n < LINK_FORCE_RMS_N, "link {link}: {rms_n} N");
     }
 }
