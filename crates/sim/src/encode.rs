@@ -1,12 +1,15 @@
-//! The sensors' messages as bytes.
+//! Solutions as the devices' messages.
 
 use wire::crossbow440::Scaled;
-use wire::geodesy::Geodetic;
+use wire::geodesy::{Geodetic, heading_deg_from_yaw};
+use wire::gps_time::{gps_minus_utc_s, unix_ns_from_gps};
+use wire::{novatel, sbf};
 
 use crate::gnss::{AttitudeSolution, Solution};
 use crate::{Origin, SeptentrioBlocks};
 
-const CRC_XMODEM_POLY: u16 = 0x1021;
+/// Satellites in a solution under open sky.
+const SATELLITES: u8 = 9;
 
 /// Crossbow S1 packet of a unit at room temperature.
 pub(crate) fn crossbow_s1(force_m_s2: [f64; 3], rate_rad_s: [f64; 3], counter: u16) -> Vec<u8> {
@@ -23,188 +26,220 @@ pub(crate) fn crossbow_s1(force_m_s2: [f64; 3], rate_rad_s: [f64; 3], counter: u
     bytes
 }
 
-fn novatel(id: u16, week: u16, ms: u32, body: &[u8]) -> Vec<u8> {
-    let mut message = vec![0xAA, 0x44, 0x12, 28];
-    message.extend(id.to_le_bytes());
-    message.extend([0, 0x20]);
-    message.extend((body.len() as u16).to_le_bytes());
-    message.extend([0, 0, 100, 180]);
-    message.extend(week.to_le_bytes());
-    message.extend(ms.to_le_bytes());
-    message.extend([0; 8]);
-    message.extend(body);
-    let crc = message.iter().fold(0_u32, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
-            (crc >> 1) ^ (0xEDB8_8320 & 0_u32.wrapping_sub(crc & 1))
+/// BESTPOS, BESTVEL, and TIME on whole seconds.
+pub(crate) fn novatel_epoch(s: &Solution) -> Vec<Vec<u8>> {
+    let mut logs = vec![(42, best_position(s)), (99, best_velocity(s))];
+    if s.time_of_week_ms.is_multiple_of(1_000) {
+        logs.push((101, time(s)));
+    }
+    logs.into_iter()
+        .filter_map(|(id, body)| novatel::Log::new(id, s.week, s.time_of_week_ms, body))
+        .map(|log| {
+            let mut bytes = Vec::with_capacity(104);
+            log.encode_binary(&mut bytes);
+            bytes
         })
-    });
-    message.extend(crc.to_le_bytes());
-    message
+        .collect()
 }
 
-/// BESTPOS (42).
-pub(crate) fn novatel_bestpos(s: &Solution) -> Vec<u8> {
-    let mut body = Vec::with_capacity(72);
-    let (status, kind) = if s.valid { (0_u32, 16_u32) } else { (1, 0) };
-    body.extend(status.to_le_bytes());
-    body.extend(kind.to_le_bytes());
-    body.extend(s.place.latitude_rad.to_degrees().to_le_bytes());
-    body.extend(s.place.longitude_rad.to_degrees().to_le_bytes());
-    body.extend((s.place.height_m - s.undulation_m).to_le_bytes());
-    body.extend((s.undulation_m as f32).to_le_bytes());
-    body.extend(61_u32.to_le_bytes());
-    for _ in 0..3 {
-        body.extend((s.position_sigma_m as f32).to_le_bytes());
-    }
-    body.extend([0; 12]);
-    body.extend([9, 9, 9, 0, 0, 0, 0, 0]);
-    novatel(42, s.week, s.time_of_week_ms, &body)
+/// Status and type: SINGLE or DOPPLER_VELOCITY, else INSUFFICIENT_OBS and NONE.
+fn status(valid: bool, kind: u32) -> novatel::Solution {
+    let (status, kind) = if valid { (0, kind) } else { (1, 0) };
+    novatel::Solution { status, kind }
 }
 
-/// BESTVEL (99).
-pub(crate) fn novatel_bestvel(s: &Solution) -> Vec<u8> {
+fn best_position(s: &Solution) -> novatel::Body {
+    novatel::Body::Position(novatel::Position {
+        solution: status(s.valid, 16),
+        latitude_deg: s.place.latitude_rad.to_degrees(),
+        longitude_deg: s.place.longitude_rad.to_degrees(),
+        height_msl_m: s.place.height_m - s.undulation_m,
+        undulation_m: s.undulation_m as f32,
+        datum: 61,
+        sigma_m: [s.position_sigma_m as f32; 3],
+        tail: novatel::Tail {
+            satellites: [SATELLITES, if s.valid { SATELLITES } else { 0 }, 0, 0],
+            ..novatel::Tail::default()
+        },
+    })
+}
+
+fn best_velocity(s: &Solution) -> novatel::Body {
     let [east, north, up] = s.velocity_enu_m_s;
-    let mut body = Vec::with_capacity(44);
-    let (status, kind) = if s.valid { (0_u32, 8_u32) } else { (1, 0) };
-    body.extend(status.to_le_bytes());
-    body.extend(kind.to_le_bytes());
-    body.extend((s.latency_s as f32).to_le_bytes());
-    body.extend(0_f32.to_le_bytes());
-    body.extend(east.hypot(north).to_le_bytes());
-    body.extend(
-        east.atan2(north)
-            .to_degrees()
-            .rem_euclid(360.0)
-            .to_le_bytes(),
-    );
-    body.extend(up.to_le_bytes());
-    body.extend(0_f32.to_le_bytes());
-    novatel(99, s.week, s.time_of_week_ms, &body)
+    novatel::Body::Velocity(novatel::Velocity {
+        solution: status(s.valid, 8),
+        latency_s: s.latency_s as f32,
+        horizontal_m_s: east.hypot(north),
+        track_deg: course_deg(s),
+        vertical_m_s: up,
+        ..novatel::Velocity::default()
+    })
 }
 
-/// TIME (101).
-pub(crate) fn novatel_time(week: u16, ms: u32) -> Vec<u8> {
-    let mut body = Vec::with_capacity(44);
-    body.extend(0_u32.to_le_bytes());
-    body.extend(0_f64.to_le_bytes());
-    body.extend(20e-9_f64.to_le_bytes());
-    body.extend((-15.0_f64).to_le_bytes());
-    body.extend(2009_u32.to_le_bytes());
-    body.extend([4, 15, 17, 0]);
-    body.extend((ms % 60_000).to_le_bytes());
-    body.extend(1_u32.to_le_bytes());
-    novatel(101, week, ms, &body)
+fn time(s: &Solution) -> novatel::Body {
+    let unix_ns = unix_ns_from_gps(s.week, f64::from(s.time_of_week_ms) / 1e3);
+    let unix_s = unix_ns.div_euclid(1_000_000_000);
+    let second_of_day = unix_s.rem_euclid(86_400);
+    let (year, month, day) = civil_date(unix_s.div_euclid(86_400));
+    novatel::Body::Time(novatel::Time {
+        clock_status: 0,
+        offset_s: 0.0,
+        offset_sigma_s: 20e-9,
+        utc_offset_s: -f64::from(gps_minus_utc_s(unix_s)),
+        year,
+        month,
+        day,
+        hour: (second_of_day / 3_600) as u8,
+        minute: (second_of_day / 60 % 60) as u8,
+        milliseconds: (second_of_day % 60 * 1_000) as u32,
+        utc_status: 1,
+    })
 }
 
-fn sbf(id: u16, week: u16, ms: u32, body: &[u8]) -> Vec<u8> {
-    let length = (14 + body.len()).next_multiple_of(4);
-    let mut checked = id.to_le_bytes().to_vec();
-    checked.extend((length as u16).to_le_bytes());
-    checked.extend(ms.to_le_bytes());
-    checked.extend(week.to_le_bytes());
-    checked.extend(body);
-    checked.resize(length - 4, 0);
-    let crc = crc16(0, &checked);
-    [b"$@", crc.to_le_bytes().as_slice(), &checked].concat()
+/// Year, month and day of a number of days since 1970-01-01, from that day on.
+fn civil_date(mut days: i64) -> (u32, u8, u8) {
+    let leap = |year: u32| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
+    let mut year = 1970;
+    while days >= 365 + i64::from(leap(year)) {
+        days -= 365 + i64::from(leap(year));
+        year += 1;
+    }
+    let february = 28 + i64::from(leap(year));
+    let lengths = [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    let mut month = 1;
+    for length in lengths {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    (year, month, (days + 1) as u8)
 }
 
-/// PVTGeodetic: 5904 of the PolaRx2e or 4007, revision 2.
-pub(crate) fn sbf_pvt_geodetic(s: &Solution, blocks: SeptentrioBlocks) -> Vec<u8> {
+/// PVTGeodetic, VelCovGeodetic, AttEuler and AttCovEuler.
+pub(crate) fn septentrio_epoch(
+    s: &Solution,
+    attitude: &AttitudeSolution,
+    blocks: SeptentrioBlocks,
+    processing_s: f64,
+) -> Vec<Vec<u8>> {
+    let pvt = match blocks {
+        SeptentrioBlocks::PolaRx2e => (5904, 0, pvt_v1(s)),
+        SeptentrioBlocks::Current => (4007, 2, pvt(s, processing_s)),
+    };
+    [
+        pvt,
+        (5908, 0, velocity_covariance(s)),
+        (5938, 0, euler(attitude)),
+        (5939, 0, euler_covariance(attitude)),
+    ]
+    .into_iter()
+    .map(|(number, revision, body)| {
+        let mut bytes = Vec::with_capacity(96);
+        sbf::Block::new(number, revision, s.week, s.time_of_week_ms, body).encode(&mut bytes);
+        bytes
+    })
+    .collect()
+}
+
+/// Mode and error: stand-alone, or none for want of satellites.
+fn mode(valid: bool) -> (u8, u8) {
+    if valid { (1, 0) } else { (0, 1) }
+}
+
+fn course_deg(s: &Solution) -> f64 {
+    let [east, north, _] = s.velocity_enu_m_s;
+    heading_deg_from_yaw(north.atan2(east))
+}
+
+/// Latitude, longitude, height; velocity north, east, up.
+fn position_and_velocity(s: &Solution) -> ([Option<f64>; 3], [Option<f32>; 3]) {
     let [east, north, up] = s.velocity_enu_m_s;
-    let course = east.atan2(north).to_degrees().rem_euclid(360.0) as f32;
-    let (mode, error) = if s.valid { (1_u8, 0_u8) } else { (0, 1) };
-    let mut body = Vec::with_capacity(82);
-    match blocks {
-        SeptentrioBlocks::PolaRx2e => body.extend([9, error, mode, 0, 0, 0]),
-        SeptentrioBlocks::Current => body.extend([mode, error]),
-    }
-    for value in [
-        s.place.latitude_rad,
-        s.place.longitude_rad,
-        s.place.height_m,
-    ] {
-        body.extend(value.to_le_bytes());
-    }
-    if blocks == SeptentrioBlocks::Current {
-        body.extend((s.undulation_m as f32).to_le_bytes());
-    }
-    for value in [north, east, up] {
-        body.extend((value as f32).to_le_bytes());
-    }
-    match blocks {
-        SeptentrioBlocks::PolaRx2e => {
-            body.extend(0_f64.to_le_bytes());
-            body.extend(0_f32.to_le_bytes());
-            body.extend((s.undulation_m as f32).to_le_bytes());
-            body.extend([0xFF; 4]);
-            body.extend(course.to_le_bytes());
-            sbf(5904, s.week, s.time_of_week_ms, &body)
-        }
-        SeptentrioBlocks::Current => {
-            body.extend(course.to_le_bytes());
-            body.extend(0_f64.to_le_bytes());
-            body.extend(0_f32.to_le_bytes());
-            body.extend([0, 0, 9, 0]);
-            body.extend([0xFF; 4]);
-            body.extend(0_u32.to_le_bytes());
-            body.extend([0, 1, 0, 0]);
-            body.extend(((s.latency_s * 1e4).round() as u16).to_le_bytes());
-            let centimetres = (s.position_sigma_m * 100.0).round() as u16;
-            body.extend(centimetres.to_le_bytes());
-            body.extend(centimetres.to_le_bytes());
-            body.push(0);
-            sbf(4007 | 2 << 13, s.week, s.time_of_week_ms, &body)
-        }
-    }
+    let place = s.place;
+    (
+        [place.latitude_rad, place.longitude_rad, place.height_m].map(|v| s.valid.then_some(v)),
+        [north, east, up].map(|v| s.valid.then_some(v as f32)),
+    )
 }
 
-/// VelCovGeodetic (5908).
-pub(crate) fn sbf_vel_cov_geodetic(s: &Solution) -> Vec<u8> {
-    let mut body = if s.valid { vec![1, 0] } else { vec![0, 1] };
-    let variance = s.velocity_sigma_m_s.powi(2);
-    for value in [
-        variance, variance, variance, variance, 0., 0., 0., 0., 0., 0.,
-    ] {
-        body.extend((value as f32).to_le_bytes());
-    }
-    sbf(5908, s.week, s.time_of_week_ms, &body)
+fn pvt_v1(s: &Solution) -> sbf::Body {
+    let (mode, error) = mode(s.valid);
+    let (position, velocity_m_s) = position_and_velocity(s);
+    sbf::Body::PvtGeodeticV1(sbf::PvtV1 {
+        satellites: Some(if s.valid { SATELLITES } else { 0 }),
+        error,
+        mode,
+        position,
+        velocity_m_s,
+        clock_bias_s: s.valid.then_some(0.0),
+        clock_drift: s.valid.then_some(0.0),
+        undulation_m: s.valid.then_some(s.undulation_m as f32),
+        course_deg: s.valid.then_some(course_deg(s) as f32),
+        ..sbf::PvtV1::default()
+    })
 }
 
-const DO_NOT_USE: f32 = -2e10;
-
-/// AttEuler (5938).
-pub(crate) fn sbf_att_euler(a: &AttitudeSolution) -> Vec<u8> {
-    let [yaw, pitch, roll] = a.yaw_pitch_roll_rad.map(f64::to_degrees);
-    let mut body = if a.valid { vec![9, 0] } else { vec![0, 1] };
-    body.extend(if a.valid { 4_u16 } else { 0 }.to_le_bytes());
-    body.extend([0, 0]);
-    for value in [(90.0 - yaw).rem_euclid(360.0), -pitch, roll] {
-        let value = if a.valid { value as f32 } else { DO_NOT_USE };
-        body.extend(value.to_le_bytes());
-    }
-    for _ in 0..3 {
-        body.extend(DO_NOT_USE.to_le_bytes());
-    }
-    sbf(5938, a.week, a.time_of_week_ms, &body)
+fn pvt(s: &Solution, processing_s: f64) -> sbf::Body {
+    let (mode, error) = mode(s.valid);
+    let (position, velocity_m_s) = position_and_velocity(s);
+    let accuracy_cm = (s.position_sigma_m * 200.0).round() as u16;
+    sbf::Body::PvtGeodetic(sbf::Pvt {
+        mode,
+        error,
+        position,
+        undulation_m: s.valid.then_some(s.undulation_m as f32),
+        velocity_m_s,
+        course_deg: s.valid.then_some(course_deg(s) as f32),
+        clock_bias_ms: s.valid.then_some(0.0),
+        clock_drift_ppm: s.valid.then_some(0.0),
+        time_system: Some(0),
+        datum: Some(0),
+        satellites: Some(if s.valid { SATELLITES } else { 0 }),
+        latency_100us: Some((processing_s * 1e4).round() as u16),
+        horizontal_accuracy_cm: s.valid.then_some(accuracy_cm),
+        vertical_accuracy_cm: s.valid.then_some(accuracy_cm),
+        ..sbf::Pvt::default()
+    })
 }
 
-/// AttCovEuler (5939).
-pub(crate) fn sbf_att_cov_euler(a: &AttitudeSolution) -> Vec<u8> {
-    let mut body = vec![0, u8::from(!a.valid)];
-    for sigma in a.sigma_rad {
-        let value = (sigma.to_degrees().powi(2)) as f32;
-        body.extend(if a.valid { value } else { DO_NOT_USE }.to_le_bytes());
-    }
-    body.extend([0; 12]);
-    sbf(5939, a.week, a.time_of_week_ms, &body)
+fn velocity_covariance(s: &Solution) -> sbf::Body {
+    let (mode, error) = mode(s.valid);
+    let variance = s.velocity_sigma_m_s.powi(2) as f32;
+    sbf::Body::VelCovGeodetic(sbf::Covariance {
+        mode,
+        error,
+        elements: std::array::from_fn(|i| {
+            s.valid.then_some(if i < 4 { variance } else { 0.0 })
+        }),
+    })
 }
 
-fn crc16(seed: u16, bytes: &[u8]) -> u16 {
-    bytes.iter().fold(seed, |crc, byte| {
-        (0..8).fold(crc ^ u16::from(*byte) << 8, |crc, _| {
-            let top = crc & 0x8000 != 0;
-            (crc << 1) ^ if top { CRC_XMODEM_POLY } else { 0 }
-        })
+fn euler(a: &AttitudeSolution) -> sbf::Body {
+    let [yaw, pitch, roll] = a.yaw_pitch_roll_rad;
+    let value = |degrees: f64| a.valid.then_some(degrees as f32);
+    sbf::Body::AttEuler(sbf::EulerAttitude {
+        satellites: Some(if a.valid { SATELLITES } else { 0 }),
+        error: u8::from(!a.valid),
+        // Fixed ambiguities, with roll.
+        mode: if a.valid { 4 } else { 0 },
+        heading_deg: value(heading_deg_from_yaw(yaw)),
+        pitch_deg: value(-pitch.to_degrees()),
+        roll_deg: value(roll.to_degrees()),
+        ..sbf::EulerAttitude::default()
+    })
+}
+
+fn euler_covariance(a: &AttitudeSolution) -> sbf::Body {
+    sbf::Body::AttCovEuler(sbf::AttitudeCovariance {
+        error: u8::from(!a.valid),
+        variances_deg2: a
+            .sigma_rad
+            .map(|sigma| a.valid.then_some(sigma.to_degrees().powi(2) as f32)),
+        covariances_deg2: [a.valid.then_some(0.0); 3],
+        ..sbf::AttitudeCovariance::default()
     })
 }
 
@@ -218,4 +253,17 @@ pub(crate) fn geodetic_from_enu(origin: &Origin, enu_m: [f64; 3]) -> Geodetic {
     let (start, step) = (place.to_ecef(), place.rotate_to_ecef(enu_m));
     // Only a point near the earth's centre has no place.
     Geodetic::from_ecef(std::array::from_fn(|i| start[i] + step[i])).unwrap_or(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates() {
+        assert_eq!(civil_date(0), (1970, 1, 1));
+        assert_eq!(civil_date(14_349), (2009, 4, 15));
+        assert_eq!(civil_date(19_782), (2024, 2, 29));
+        assert_eq!(civil_date(19_783), (2024, 3, 1));
+    }
 }

@@ -33,8 +33,6 @@ pub(crate) struct Solution {
 /// A solution of attitude.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AttitudeSolution {
-    pub(crate) week: u16,
-    pub(crate) time_of_week_ms: u32,
     pub(crate) valid: bool,
     /// Yaw from east (left positive), pitch (nose down), roll (right side down), rad.
     pub(crate) yaw_pitch_roll_rad: [f64; 3],
@@ -169,16 +167,7 @@ impl Novatel {
         };
         let valid = !self.0.options.faults.is_out(Port::Novatel, tag_s);
         let solution = self.0.solve(motion, tag_s, valid);
-        let mut messages = vec![
-            encode::novatel_bestpos(&solution),
-            encode::novatel_bestvel(&solution),
-        ];
-        if solution.time_of_week_ms.is_multiple_of(1_000) {
-            messages.push(encode::novatel_time(
-                solution.week,
-                solution.time_of_week_ms,
-            ));
-        }
+        let messages = encode::novatel_epoch(&solution);
         self.0.send(Port::Novatel, tag_s, messages)
     }
 }
@@ -235,12 +224,8 @@ impl Septentrio {
         let valid = !faults.is_out(Port::Septentrio, tag_s);
         let solution = self.receiver.solve(motion, tag_s, valid);
         let attitude = self.solve_attitude(motion, tag_s, valid);
-        let messages = vec![
-            encode::sbf_pvt_geodetic(&solution, self.blocks),
-            encode::sbf_vel_cov_geodetic(&solution),
-            encode::sbf_att_euler(&attitude),
-            encode::sbf_att_cov_euler(&attitude),
-        ];
+        let processing_s = self.receiver.processing_s;
+        let messages = encode::septentrio_epoch(&solution, &attitude, self.blocks, processing_s);
         self.receiver.send(Port::Septentrio, tag_s, messages)
     }
 
@@ -252,10 +237,7 @@ impl Septentrio {
             self.roll_pitch_noise_rad,
         ];
         let angles = [state.yaw_rad, state.pitch_rad, state.roll_rad];
-        let (week, time_of_week_ms) = self.receiver.gps_time(tag_s);
         AttitudeSolution {
-            week,
-            time_of_week_ms,
             valid,
             yaw_pitch_roll_rad: std::array::from_fn(|i| {
                 angles[i] + self.noise_attitude.normal(sigma_rad[i])

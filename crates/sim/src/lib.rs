@@ -13,12 +13,14 @@
 mod can_bus;
 mod chain;
 mod corner;
+mod driver;
 mod emission;
 mod encode;
 mod error;
 mod faults;
 mod gnss;
 mod imu;
+mod jackstand;
 mod linkage;
 mod manoeuvre;
 mod motion;

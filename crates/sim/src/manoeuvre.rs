@@ -1,5 +1,7 @@
 use model::vehicle::Vehicle;
 
+use crate::driver::{self, Intent, Plan, SurfaceLine};
+use crate::jackstand::{self, smooth};
 use crate::{Motion, SimError};
 
 /// A manoeuvre that the model drives.
@@ -75,15 +77,117 @@ impl Manoeuvre {
             })
     }
 
-    /// Lets a driver perform it with a model of `vehicle`.
+    /// Lets a driver perform it with the four-wheel model of `vehicle`; the jackstand run follows
+    /// from geometry. Link forces and strut lengths follow from the tyre forces where the vehicle
+    /// file has hard-points.
     ///
     /// # Errors
-    /// A vehicle file that lacks what the model needs.
+    /// A linkage that cannot stand as the model moves it.
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
-        Err(SimError::VehicleLacks {
-            vehicle: vehicle.name.clone(),
-            missing: "driven model",
-            needed_for: self.name(),
+        let states = match self.plan() {
+            Some(plan) => driver::drive(vehicle, &plan),
+            None => jackstand::states(vehicle),
+        };
+        let mut motion = Motion::new(self.name(), states)?;
+        motion.complete(vehicle)?;
+        Ok(motion)
+    }
+
+    /// What the driver intends; none where nobody drives.
+    fn plan(self) -> Option<Plan> {
+        let plan = |duration_s, start_speed_m_s, speed_m_s, steering| Plan {
+            duration_s,
+            start_speed_m_s,
+            speed_m_s,
+            steering,
+            surface_line: None,
+        };
+        Some(match self {
+            Self::Circle => plan(
+                52.0,
+                3.5,
+                |t| (3.5 + 0.12 * t).min(8.7),
+                Intent::Curvature(|t| smooth(t / 3.0) / CIRCLE_RADIUS_M),
+            ),
+            Self::SlowSine => plan(
+                26.0,
+                8.0,
+                |_| 8.0,
+                Intent::HandWheel(|t| 0.8 * sine(t - 1.0, 0.3, 7.0)),
+            ),
+            Self::FastSine => plan(
+                16.0,
+                8.0,
+                |_| 8.0,
+                Intent::HandWheel(|t| 0.7 * sine(t - 1.0, 0.7, 9.0)),
+            ),
+            Self::StepSteer => plan(
+                14.0,
+                8.0,
+                |_| 8.0,
+                Intent::HandWheel(|t| {
+                    let step = |at: f64| smooth((t - at) / STEP_TIME_S);
+                    0.8 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
+                }),
+            ),
+            Self::AsphaltToGravel => Plan {
+                surface_line: Some(GRAVEL),
+                ..plan(
+                    24.0,
+                    8.0,
+                    |_| 8.0,
+                    Intent::HandWheel(|t| 0.9 * sine(t - 1.0, 0.3, 6.0)),
+                )
+            },
+            Self::LaunchBrake => plan(
+                15.0,
+                0.0,
+                |t| {
+                    let launch = 15.0 * smooth((t - 1.0) / 8.0);
+                    // 15 m/s at 0.45 g.
+                    let brake = 15.0 * smooth((t - 9.5) / 3.8);
+                    launch - brake
+                },
+                Intent::HandWheel(|_| 0.0),
+            ),
+            Self::Jackstand => return None,
         })
+    }
+}
+
+/// 50 feet, as the thesis drove it.
+const CIRCLE_RADIUS_M: f64 = 15.24;
+
+/// How long a quick driver takes to turn the hand wheel.
+const STEP_TIME_S: f64 = 0.3;
+
+/// Loose gravel: half of the grip, and softer.
+const GRAVEL: SurfaceLine = SurfaceLine {
+    east_m: 95.0,
+    friction_scale: 0.5,
+    stiffness_scale: 0.7,
+};
+
+/// This many periods of a sine from time zero, zero before and after.
+fn sine(time_s: f64, frequency_hz: f64, periods: f64) -> f64 {
+    let phase = frequency_hz * time_s;
+    if (0.0..=periods).contains(&phase) {
+        (std::f64::consts::TAU * phase).sin()
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_find_their_manoeuvres() {
+        for manoeuvre in Manoeuvre::ALL {
+            assert_eq!(Manoeuvre::by_name(manoeuvre.name()).ok(), Some(manoeuvre));
+        }
+        let error = Manoeuvre::by_name("donut").expect_err("no such manoeuvre");
+        assert!(error.to_string().contains("circle, slow-sine"), "{error}");
     }
 }

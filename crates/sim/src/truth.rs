@@ -325,7 +325,7 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
 
 /// Integrates a missing position, differentiates rates where their derivative is missing, and
 /// takes gravity off the specific force where the acceleration is missing.
-fn fill_missing(states: &mut [TruthState]) {
+pub(crate) fn fill_missing(states: &mut [TruthState]) {
     for row in 0..states.len() {
         let (before, after) = (row.saturating_sub(1), (row + 1).min(states.len() - 1));
         let span_s = states[after].time_s - states[before].time_s;
