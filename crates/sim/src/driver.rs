@@ -237,7 +237,10 @@ fn body_rates(state: &State<f64>) -> [f64; 3] {
 
 /// From the hand wheel to the road wheels: by rack and hard-points, by maps, or by a ratio.
 enum SteeringGear {
-    Rack { left: Corner, right: Corner, rack_m_rad: f64 },
+    Rack {
+        corners: Box<[Corner; 2]>,
+        rack_m_rad: f64,
+    },
     File(Steering),
 }
 
@@ -250,8 +253,7 @@ impl SteeringGear {
             vehicle.steering.rack_m_rad,
         ) {
             (Some(left), Some(right), Some(rack_m_rad)) => Self::Rack {
-                left,
-                right,
+                corners: Box::new([left, right]),
                 rack_m_rad,
             },
             _ => Self::File(vehicle.steering.clone()),
@@ -262,8 +264,7 @@ impl SteeringGear {
     fn road_wheels_rad(&self, hand_wheel_rad: f64) -> [f64; 4] {
         match self {
             Self::Rack {
-                left,
-                right,
+                corners,
                 rack_m_rad,
             } => {
                 let angle = |corner: &Corner| {
@@ -271,13 +272,19 @@ impl SteeringGear {
                         .pose(corner.design_strut_length_m(), rack_m_rad * hand_wheel_rad)
                         .map_or(0.0, |pose| pose.steer_rad())
                 };
+                let [left, right] = &**corners;
                 [angle(left), angle(right), 0.0, 0.0]
             }
             Self::File(gear) => {
                 let mapped = |map: &[[f64; 2]]| {
                     between(map, hand_wheel_rad).unwrap_or(hand_wheel_rad / gear.ratio)
                 };
-                [mapped(&gear.left_map_rad), mapped(&gear.right_map_rad), 0.0, 0.0]
+                [
+                    mapped(&gear.left_map_rad),
+                    mapped(&gear.right_map_rad),
+                    0.0,
+                    0.0,
+                ]
             }
         }
     }

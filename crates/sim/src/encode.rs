@@ -211,9 +211,7 @@ fn velocity_covariance(s: &Solution) -> sbf::Body {
     sbf::Body::VelCovGeodetic(sbf::Covariance {
         mode,
         error,
-        elements: std::array::from_fn(|i| {
-            s.valid.then_some(if i < 4 { variance } else { 0.0 })
-        }),
+        elements: std::array::from_fn(|i| s.valid.then_some(if i < 4 { variance } else { 0.0 })),
     })
 }
 

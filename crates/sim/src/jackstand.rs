@@ -94,7 +94,11 @@ fn differentiate(states: &mut [TruthState]) {
         let span_s = states[after].time_s - states[before].time_s;
         let pitch_rate = central(states, row, &|s| s.pitch_rad);
         let force: [f64; 3] = std::array::from_fn(|axis| {
-            let gravity = if axis == 2 { STANDARD_GRAVITY_M_S2 } else { 0.0 };
+            let gravity = if axis == 2 {
+                STANDARD_GRAVITY_M_S2
+            } else {
+                0.0
+            };
             (earth[after][axis] - earth[before][axis]) / span_s + gravity
         });
         let to_body = states[row].earth_from_body();
