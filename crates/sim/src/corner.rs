@@ -1,10 +1,11 @@
 //! One corner's strain bridges and spring potentiometer.
 
-use model::sensors::Sensors;
+use model::sensors::{BendingBridge, Bridge, Deflection, Sensors, StrainChain};
+use model::strain::{ChannelScale, Lag};
 use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 
-use crate::chain::{Lag, Scale};
+use crate::can_bus::ABSENT;
 use crate::faults::{ChannelFaultKind, Faults};
 use crate::random::Noise;
 use crate::{Motion, Options, SimError, TruthState};
@@ -21,7 +22,7 @@ pub(crate) struct Corner {
     strut_design_length_m: Option<f64>,
     strain: [Option<Channel>; StrainChannel::COUNT],
     strain_noise_counts: f64,
-    pot: Scale,
+    pot: ChannelScale,
     pot_offset_counts: f64,
     pot_noise_counts: f64,
     noise: Noise,
@@ -33,9 +34,9 @@ pub(crate) struct Corner {
 
 /// One strain channel: bridge, amplifier, filter, converter.
 struct Channel {
-    scale: Scale,
+    scale: ChannelScale,
     /// The same channel wired as a bending bridge by mistake.
-    bending_wired: Scale,
+    bending_wired: ChannelScale,
     offset_counts: f64,
     /// Filter on the level in counts.
     lag: Lag,
@@ -67,7 +68,7 @@ impl Corner {
             strut_design_length_m: axle.strut.as_ref().map(|strut| strut.design_length_m),
             strain: [const { None }; StrainChannel::COUNT],
             strain_noise_counts: sensors.strain.noise_counts,
-            pot: Scale::deflection(&sensors.deflection)?,
+            pot: deflection_scale(&sensors.deflection)?,
             pot_offset_counts,
             pot_noise_counts: sensors.deflection.noise_counts,
             noise,
@@ -78,15 +79,17 @@ impl Corner {
         };
         let first = corner.loads(&motion.states()[0]);
         for channel in StrainChannel::ALL {
-            let scale = match (channel, &sensors.strain.bending) {
-                (StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending, None) => {
-                    continue;
-                }
-                (
-                    StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending,
-                    Some(bending),
-                ) => Scale::bending(&sensors.strain, bending)?,
-                _ => Scale::axial(&sensors.strain)?,
+            let bends = matches!(
+                channel,
+                StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
+            );
+            let scale = if bends {
+                sensors.strain.bending_scale()?
+            } else {
+                Some(sensors.strain.axial_scale()?)
+            };
+            let Some(scale) = scale else {
+                continue;
             };
             let offset_counts = corner.noise.within(sensors.strain.zero_error_counts)
                 + corner.noise.within(options.bridge_offset_counts);
@@ -96,9 +99,9 @@ impl Corner {
             }
             corner.strain[channel.index()] = Some(Channel {
                 scale,
-                bending_wired: Scale::bending_wired(&sensors.strain)?,
+                bending_wired: bending_wired_scale(&sensors.strain)?,
                 offset_counts,
-                lag: Lag::settled(sensors.strain.lag_hz, scale.counts(load) + offset_counts),
+                lag: Lag::settled(sensors.strain.lag_hz, scale.level(load) + offset_counts),
             });
         }
         Ok(corner)
@@ -135,7 +138,7 @@ impl Corner {
         if compression_m.is_nan() {
             return None;
         }
-        let level = self.pot.counts(compression_m) + self.pot_offset_counts + error;
+        let level = self.pot.level(compression_m) + self.pot_offset_counts + error;
         Some(self.convert(None, self.pot, level, state.time_s))
     }
 
@@ -143,7 +146,7 @@ impl Corner {
     fn convert(
         &mut self,
         channel: Option<StrainChannel>,
-        scale: Scale,
+        scale: ChannelScale,
         mut level: f64,
         time_s: f64,
     ) -> u16 {
@@ -153,7 +156,7 @@ impl Corner {
             match fault.kind {
                 ChannelFaultKind::Dead => level = 0.0,
                 ChannelFaultKind::Frozen => frozen = true,
-                ChannelFaultKind::Inverted => level = 2.0 * scale.mid - level,
+                ChannelFaultKind::Inverted => level = 2.0 * scale.zero_counts - level,
                 ChannelFaultKind::Drifting { counts_per_s } => {
                     level += counts_per_s * (time_s - fault.from_s);
                 }
@@ -188,9 +191,9 @@ impl Corner {
                     _ => 0.0,
                 };
                 let moment = if moment.is_nan() { 0.0 } else { moment };
-                channel.bending_wired.counts(moment)
+                channel.bending_wired.level(moment)
             } else {
-                channel.scale.counts(loads[kind.index()])
+                channel.scale.level(loads[kind.index()])
             };
             channel.lag.advance(dt_s, level + channel.offset_counts);
         }
@@ -205,6 +208,47 @@ impl Corner {
         let moment = wheel.ball_normal_n * self.gauge_distance_m / 2.0;
         [uf, ur, lf, lr, tie, moment, moment]
     }
+}
+
+/// A spring potentiometer: counts a metre of compression from the design length.
+fn deflection_scale(pot: &Deflection) -> Result<ChannelScale, SimError> {
+    let bad = |name: &str, value, expected| SimError::BadParameter {
+        name: name.to_owned(),
+        value,
+        expected,
+    };
+    if !(1..=16).contains(&pot.adc_bits) {
+        let bits = f64::from(pot.adc_bits);
+        return Err(bad("deflection.adc_bits", bits, "1 to 16"));
+    }
+    let counts = 1_u32 << pot.adc_bits;
+    if pot.span_m > 0.0 {
+        Ok(ChannelScale {
+            zero_counts: f64::from(counts) / 2.0,
+            counts_per_unit: f64::from(counts) / pot.span_m,
+            largest_count: ((counts - 1) as u16).min(ABSENT - 1),
+        })
+    } else {
+        Err(bad("deflection.span_m", pot.span_m, "above 0"))
+    }
+}
+
+/// The axial channel's gauges in adjacent arms of the bridge, the mistake of the thesis's section
+/// 5.2.1: counts a newton metre of bending.
+fn bending_wired_scale(chain: &StrainChain) -> Result<ChannelScale, SimError> {
+    let bending = Some(BendingBridge {
+        bridge: Bridge::HalfBending,
+        gain_resistor_ohm: chain.gain_resistor_ohm,
+        distance_from_ball_joint_m: BENDING_WIRED_DISTANCE_M,
+    });
+    let chain = StrainChain {
+        bending,
+        ..chain.clone()
+    };
+    Ok(match chain.bending_scale()? {
+        Some(scale) => scale,
+        None => chain.axial_scale()?,
+    })
 }
 
 /// Vector product.

@@ -5,7 +5,7 @@ use model::suspension::Corner;
 use model::vehicle::{Steering, Vehicle};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
-use crate::imu::rotate;
+use crate::imu::{rotate, transpose};
 use crate::truth::fill_missing;
 use crate::{TruthState, WheelTruth};
 
@@ -18,6 +18,8 @@ const HAND_WHEEL_RATE_RAD_S: f64 = 8.0;
 /// Speed control: acceleration for a speed error, 1/s, and for its integral, 1/s^2.
 const SPEED_GAIN: f64 = 1.5;
 const SPEED_INTEGRAL: f64 = 0.4;
+/// How fast a foot follows, s.
+const FOOT_S: f64 = 0.12;
 /// Path control: hand-wheel rate for an error of curvature, rad/s per 1/m.
 const CURVATURE_INTEGRAL: f64 = 40.0;
 /// Below this speed a driver who wants to stand holds the brake, m/s.
@@ -64,6 +66,8 @@ struct Drive<'a> {
     pose: Pose,
     hand_wheel_rad: f64,
     speed_integral_m: f64,
+    /// Acceleration that the pedals stand for now, m/s^2.
+    pedal_m_s2: f64,
 }
 
 /// Drives a plan and tells its states, 200 a second.
@@ -78,6 +82,7 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Vec<TruthState> {
         pose: Pose::default(),
         hand_wheel_rad: 0.0,
         speed_integral_m: 0.0,
+        pedal_m_s2: 0.0,
     };
     let rows = (plan.duration_s / STEP_S / STEPS_A_ROW as f64).round() as usize;
     let mut states = Vec::with_capacity(rows + 1);
@@ -142,7 +147,8 @@ impl Drive<'_> {
             + SPEED_GAIN * error_m_s
             + SPEED_INTEGRAL * self.speed_integral_m
             + self.parameters.front.rolling_resistance * STANDARD_GRAVITY_M_S2;
-        let torque_n_m = mass_kg * demand_m_s2 * self.parameters.rear.rolling_radius_m;
+        self.pedal_m_s2 += (demand_m_s2 - self.pedal_m_s2) * STEP_S / FOOT_S;
+        let torque_n_m = mass_kg * self.pedal_m_s2 * self.parameters.rear.rolling_radius_m;
         let drivetrain = &self.vehicle.drivetrain;
         let standing = wanted(time_s) == 0.0 && speed_m_s.abs() < STANDING_M_S;
         let (drive_n_m, brake_n_m) = if standing {
@@ -178,9 +184,7 @@ impl Drive<'_> {
         };
         let lateral_m_s = state.lateral_m_s - sway_m * state.roll_rate_rad_s;
         let lateral_m_s2 = told.lateral_m_s2 - sway_m * told.rate.roll_rate_rad_s;
-        let heading_from_body = level.earth_from_body();
-        let body_from_heading: [[f64; 3]; 3] =
-            std::array::from_fn(|i| std::array::from_fn(|j| heading_from_body[j][i]));
+        let body_from_heading = transpose(&level.earth_from_body());
         let turn = |x, y, z| rotate(&body_from_heading, [x, y, z]);
         TruthState {
             time_s,
@@ -191,7 +195,14 @@ impl Drive<'_> {
             ],
             yaw_rad: self.pose.yaw_rad,
             velocity_body_m_s: turn(state.longitudinal_m_s, lateral_m_s, 0.0),
-            rate_rad_s: body_rates(state),
+            rate_rad_s: body_rates(
+                [roll, pitch],
+                [
+                    state.roll_rate_rad_s,
+                    state.pitch_rate_rad_s,
+                    state.yaw_rate_rad_s,
+                ],
+            ),
             rate_derivative_rad_s2: [f64::NAN; 3],
             specific_force_m_s2: turn(told.longitudinal_m_s2, lateral_m_s2, p.gravity_m_s2),
             acceleration_m_s2: turn(told.longitudinal_m_s2, lateral_m_s2, 0.0),
@@ -223,13 +234,15 @@ impl Drive<'_> {
     }
 }
 
-/// Body rates from the rates of yaw, pitch and roll.
-fn body_rates(state: &State<f64>) -> [f64; 3] {
-    let (sin_roll, cos_roll) = state.roll_rad.sin_cos();
-    let (sin_pitch, cos_pitch) = state.pitch_rad.sin_cos();
-    let (yaw_rate, pitch_rate) = (state.yaw_rate_rad_s, state.pitch_rate_rad_s);
+/// Body rates from roll and pitch and the rates of roll, pitch and yaw.
+pub(crate) fn body_rates(
+    [roll_rad, pitch_rad]: [f64; 2],
+    [roll_rate, pitch_rate, yaw_rate]: [f64; 3],
+) -> [f64; 3] {
+    let (sin_roll, cos_roll) = roll_rad.sin_cos();
+    let (sin_pitch, cos_pitch) = pitch_rad.sin_cos();
     [
-        state.roll_rate_rad_s - yaw_rate * sin_pitch,
+        roll_rate - yaw_rate * sin_pitch,
         pitch_rate * cos_roll + yaw_rate * sin_roll * cos_pitch,
         -pitch_rate * sin_roll + yaw_rate * cos_roll * cos_pitch,
     ]

@@ -92,16 +92,9 @@ pub enum SimError {
         /// The time of the row before it.
         previous_s: f64,
     },
-    /// A sensor needs a property that the vehicle file does not have.
-    #[error("vehicle {vehicle:?} has no {missing}, which {needed_for} needs; add it to its file")]
-    VehicleLacks {
-        /// The vehicle's name.
-        vehicle: String,
-        /// The missing table or value.
-        missing: &'static str,
-        /// What needs it.
-        needed_for: &'static str,
-    },
+    /// The model refuses vehicle or sensors.
+    #[error(transparent)]
+    Model(#[from] model::Error),
     /// A number that makes no sense, such as a rate of zero.
     #[error("{name} is {value}; it must be {expected}")]
     BadParameter {

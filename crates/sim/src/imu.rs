@@ -153,6 +153,11 @@ pub(crate) fn rotate(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(vector).map(|(m, v)| m * v).sum())
 }
 
+/// The matrix of the inverse rotation.
+pub(crate) fn transpose(matrix: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[column][row]))
+}
+
 /// Sum of three vectors.
 fn add3(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + b[i] + c[i])

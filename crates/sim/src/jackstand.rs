@@ -5,16 +5,17 @@
 use model::vehicle::Vehicle;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
+use crate::imu::{rotate, transpose};
+use crate::linkage::{ATTITUDE_ROUNDS, Linkage};
 use crate::truth::fill_missing;
-use crate::{TruthState, WheelTruth};
+use crate::{SimError, TruthState, WheelTruth};
 
 const DURATION_S: f64 = 40.0;
 const STEP_S: f64 = 0.005;
 /// How high the jackstands hold the body, m.
 const LIFT_M: f64 = 0.15;
-/// When and for how long each axle is lowered, s.
-const FRONT_LOWERED_S: [f64; 2] = [6.0, 4.0];
-const REAR_LOWERED_S: [f64; 2] = [10.0, 4.0];
+/// When (s) and for how long each axle, front and rear, is lowered.
+const LOWERED_S: [[f64; 2]; 2] = [[6.0, 4.0], [10.0, 4.0]];
 /// The part of its lowering at which a wheel touches the ground.
 const TOUCH: f64 = 0.45;
 /// Side force that tyres which were lowered without rolling hold, N.
@@ -29,30 +30,55 @@ const STEERED_S: f64 = 25.0;
 const SWING_S: f64 = 5.0;
 const SWING_RAD: f64 = 2.0;
 
-/// The states of the run.
-pub(crate) fn states(vehicle: &Vehicle) -> Vec<TruthState> {
+/// The states of the run. With hard-points the body stands as its springs and linkage hold it.
+pub(crate) fn states(vehicle: &Vehicle) -> Result<Vec<TruthState>, SimError> {
     let rows = (DURATION_S / STEP_S) as usize;
     let mut states: Vec<_> = (0..=rows)
         .map(|row| state(vehicle, row as f64 * STEP_S))
         .collect();
     differentiate(&mut states);
-    fill_missing(&mut states);
-    states
+    if let Some(linkage) = Linkage::new(vehicle)? {
+        for _ in 0..ATTITUDE_ROUNDS {
+            linkage.balance(&mut states)?;
+            for state in &mut states {
+                stand(&linkage, vehicle.body.cg_height_m, state)?;
+            }
+            differentiate(&mut states);
+        }
+    }
+    Ok(states)
+}
+
+/// Puts the body where its wheels stand or hang.
+fn stand(linkage: &Linkage, cg_height_m: f64, state: &mut TruthState) -> Result<(), SimError> {
+    let time_s = state.time_s;
+    let clearance = |wheel: Wheel| Some(clearance_m(time_s, usize::from(!wheel.is_front())));
+    if let Some(plane) = linkage.ground(state, clearance)? {
+        [state.roll_rad, state.pitch_rad] = plane.body_roll_pitch_rad();
+        state.position_m[2] = (cg_height_m - plane.height_m) * plane.normal.z;
+    }
+    Ok(())
+}
+
+/// How high the wheels of an axle hang above the ground.
+fn clearance_m(time_s: f64, axle: usize) -> f64 {
+    let [start_s, length_s] = LOWERED_S[axle];
+    LIFT_M * (1.0 - ramp(time_s, [start_s, TOUCH * length_s]))
 }
 
 /// Place, attitude and forces at a time; their derivatives come later.
 fn state(vehicle: &Vehicle, time_s: f64) -> TruthState {
     let body = &vehicle.body;
     let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-    let wheelbase_m = a + b;
-    let lowered = [FRONT_LOWERED_S, REAR_LOWERED_S].map(|span| ramp(time_s, span));
-    let height_m = lowered.map(|part| LIFT_M * (1.0 - part));
+    let height_m = [0, 1].map(|axle| clearance_m(time_s, axle));
     let rolled_m = ROLLED_M * ramp(time_s, ROLLED_S);
     let weight_n = body.mass_kg * STANDARD_GRAVITY_M_S2;
-    let static_load_n = [b, a].map(|arm| 0.5 * weight_n * arm / wheelbase_m);
+    let static_load_n = [b, a].map(|arm| 0.5 * weight_n * arm / (a + b));
     let wheel = |wheel: Wheel| {
         let axle = usize::from(!wheel.is_front());
-        let pressed = smooth((lowered[axle] - TOUCH) / (1.0 - TOUCH));
+        let [start_s, length_s] = LOWERED_S[axle];
+        let touch_s = start_s + TOUCH * length_s;
+        let pressed = ramp(time_s, [touch_s, (1.0 - TOUCH) * length_s]);
         let load_n = static_load_n[axle] * pressed;
         let scrub_n = -wheel.side() * SCRUB_N * pressed * (-rolled_m / RELAXATION_M).exp();
         WheelTruth {
@@ -62,23 +88,18 @@ fn state(vehicle: &Vehicle, time_s: f64) -> TruthState {
             ..WheelTruth::default()
         }
     };
+    let height_at_cg_m = (height_m[0] * b + height_m[1] * a) / (a + b);
     TruthState {
         time_s,
-        position_m: [
-            rolled_m,
-            0.0,
-            body.cg_height_m + (height_m[0] * b + height_m[1] * a) / wheelbase_m,
-        ],
-        pitch_rad: ((height_m[1] - height_m[0]) / wheelbase_m).asin(),
+        position_m: [rolled_m, 0.0, body.cg_height_m + height_at_cg_m],
+        pitch_rad: ((height_m[1] - height_m[0]) / (a + b)).asin(),
         hand_wheel_rad: swing(time_s - STEERED_S),
-        rate_derivative_rad_s2: [f64::NAN; 3],
-        acceleration_m_s2: [f64::NAN; 3],
         wheels: PerWheel::from_fn(wheel),
         ..TruthState::default()
     }
 }
 
-/// Velocity, rate, specific force and wheel speed as difference quotients of place and attitude.
+/// Velocity, rates, accelerations and wheel speed as difference quotients of place and attitude.
 /// Only pitch turns.
 fn differentiate(states: &mut [TruthState]) {
     let central = |states: &[TruthState], row: usize, value: &dyn Fn(&TruthState) -> f64| {
@@ -92,6 +113,8 @@ fn differentiate(states: &mut [TruthState]) {
     for row in 0..states.len() {
         let (before, after) = (row.saturating_sub(1), (row + 1).min(states.len() - 1));
         let span_s = states[after].time_s - states[before].time_s;
+        states[row].rate_derivative_rad_s2 = [f64::NAN; 3];
+        states[row].acceleration_m_s2 = [f64::NAN; 3];
         let pitch_rate = central(states, row, &|s| s.pitch_rad);
         let force: [f64; 3] = std::array::from_fn(|axis| {
             let gravity = if axis == 2 {
@@ -101,10 +124,8 @@ fn differentiate(states: &mut [TruthState]) {
             };
             (earth[after][axis] - earth[before][axis]) / span_s + gravity
         });
-        let to_body = states[row].earth_from_body();
-        let turn = |v: [f64; 3]| {
-            std::array::from_fn(|i| (0..3).map(|j| to_body[j][i] * v[j]).sum::<f64>())
-        };
+        let to_body = transpose(&states[row].earth_from_body());
+        let turn = |v: [f64; 3]| rotate(&to_body, v);
         let state = &mut states[row];
         state.velocity_body_m_s = turn(earth[row]);
         state.specific_force_m_s2 = turn(force);
@@ -114,6 +135,7 @@ fn differentiate(states: &mut [TruthState]) {
             wheel.angular_speed_rad_s = earth[row][0] / 0.305;
         }
     }
+    fill_missing(states);
 }
 
 /// From 0 before a span (start, length) to 1 after it.

@@ -11,7 +11,6 @@
 //! random stream, so that a change of one sensor leaves the others' bytes as they were.
 
 mod can_bus;
-mod chain;
 mod corner;
 mod driver;
 mod emission;

@@ -1,13 +1,15 @@
 //! What the linkage carries, where a motion tells the tyre forces but not the link forces.
 
 use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces,
-    SuspensionError, TyreFrame, Wrench,
+    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
+    MemberForces, SuspensionError, TyreFrame, Wrench, ground_plane,
 };
 use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
+use crate::driver::body_rates;
+use crate::imu::{rotate, transpose};
 use crate::{SimError, TruthState, WheelTruth};
 
 /// Pneumatic trail of an unslipping tyre, parts of its contact length.
@@ -15,6 +17,9 @@ const TRAIL_OF_CONTACT_LENGTH: f64 = 0.17;
 
 /// Below this load a wheel counts as off the ground, N.
 const OFF_GROUND_N: f64 = 1.0;
+
+/// Roll and pitch change the strut lengths that they follow from, by a hundredth of themselves.
+pub(crate) const ATTITUDE_ROUNDS: usize = 2;
 
 /// The linkage of all four corners.
 pub(crate) struct Linkage {
@@ -68,10 +73,22 @@ impl Linkage {
     }
 
     /// Fills in what the states do not tell: strut lengths, link forces, ball-joint forces, steer
-    /// angles.
+    /// angles. Where strut lengths are missing at all wheels, roll and pitch become those at which
+    /// the wheels stand on the ground, since springs and linkage then carry the body.
     pub(crate) fn complete(&self, states: &mut [TruthState]) -> Result<(), SimError> {
+        let told = |state: &TruthState| {
+            let known = |wheel: &WheelTruth| !wheel.strut_length_m.is_nan();
+            state.wheels.0.iter().any(known)
+        };
+        if !states.iter().any(told) {
+            for _ in 0..ATTITUDE_ROUNDS {
+                self.balance(states)?;
+                self.settle_attitude(states)?;
+            }
+            forget_strut_lengths(states);
+        }
+        self.find_all_strut_lengths(states)?;
         for wheel in Wheel::ALL {
-            self.find_strut_lengths(states, wheel)?;
             for row in 0..states.len() {
                 self.resolve_ball_force(&mut states[row], wheel);
                 let truth = &states[row].wheels[wheel];
@@ -92,6 +109,82 @@ impl Linkage {
             }
         }
         Ok(())
+    }
+
+    /// Finds all strut lengths anew.
+    pub(crate) fn balance(&self, states: &mut [TruthState]) -> Result<(), SimError> {
+        forget_strut_lengths(states);
+        self.find_all_strut_lengths(states)
+    }
+
+    fn find_all_strut_lengths(&self, states: &mut [TruthState]) -> Result<(), SimError> {
+        Wheel::ALL
+            .into_iter()
+            .try_for_each(|wheel| self.find_strut_lengths(states, wheel))
+    }
+
+    /// Turns the body to the roll and pitch at which its wheels stand on level ground, with the
+    /// rates that follow, and carries velocity and specific force over into the new body axes.
+    fn settle_attitude(&self, states: &mut [TruthState]) -> Result<(), SimError> {
+        for state in states.iter_mut() {
+            let Some(plane) = self.ground(state, |_| None)? else {
+                continue;
+            };
+            let before = state.earth_from_body();
+            [state.roll_rad, state.pitch_rad] = plane.body_roll_pitch_rad();
+            let after = transpose(&state.earth_from_body());
+            let carry = |v: [f64; 3]| rotate(&after, rotate(&before, v));
+            state.velocity_body_m_s = carry(state.velocity_body_m_s);
+            state.specific_force_m_s2 = carry(state.specific_force_m_s2);
+            state.acceleration_m_s2 = carry(state.acceleration_m_s2);
+        }
+        for row in 0..states.len() {
+            let rates = [
+                slope(states, row, |s| s.roll_rad),
+                slope(states, row, |s| s.pitch_rad),
+                slope(states, row, |s| s.yaw_rad),
+            ];
+            let state = &mut states[row];
+            state.rate_rad_s = body_rates([state.roll_rad, state.pitch_rad], rates);
+        }
+        for row in 0..states.len() {
+            let derivative = std::array::from_fn(|axis| slope(states, row, |s| s.rate_rad_s[axis]));
+            states[row].rate_derivative_rad_s2 = derivative;
+        }
+        Ok(())
+    }
+
+    /// The ground below the wheels, seen from the body; none with fewer than three wheels whose
+    /// distance from the ground is known. A wheel without load counts where `clearance_m` tells
+    /// how high it hangs.
+    pub(crate) fn ground(
+        &self,
+        state: &TruthState,
+        clearance_m: impl Fn(Wheel) -> Option<f64>,
+    ) -> Result<Option<GroundPlane>, SimError> {
+        let mut poses = Vec::with_capacity(Wheel::ALL.len());
+        for wheel in Wheel::ALL {
+            let corner = &self.corners[wheel];
+            let rack_m = corner.rack_m_rad * state.hand_wheel_rad;
+            let length_m = state.wheels[wheel].strut_length_m;
+            let pose = corner.corner.pose(length_m, rack_m);
+            poses.push(pose.map_err(|source| linkage_error(state, wheel, source))?);
+        }
+        let tyre = |wheel: Wheel| &self.corners[wheel].tyre;
+        let pressed_m = |wheel: Wheel| {
+            let load_n = state.wheels[wheel].force_n[2];
+            if load_n > OFF_GROUND_N {
+                Some(load_n / tyre(wheel).vertical_stiffness_n_m)
+            } else {
+                clearance_m(wheel).map(|clearance_m| -clearance_m)
+            }
+        };
+        Ok(ground_plane(
+            &PerWheel::from_fn(|wheel| poses[wheel.index()]),
+            &PerWheel::from_fn(|wheel| tyre(wheel).unloaded_radius_m),
+            &PerWheel::from_fn(|wheel| pressed_m(wheel).unwrap_or(0.0)),
+            &PerWheel::from_fn(|wheel| f64::from(u8::from(pressed_m(wheel).is_some()))),
+        ))
     }
 
     /// The ball-joint force's part normal to the lower arm, where the state tells force and place.
@@ -280,6 +373,12 @@ impl LinkedCorner {
             !self.brake_on_upright
         };
         if by_shaft { torque } else { 0.0 }
+    }
+}
+
+fn forget_strut_lengths(states: &mut [TruthState]) {
+    for wheel in states.iter_mut().flat_map(|state| &mut state.wheels.0) {
+        wheel.strut_length_m = f64::NAN;
     }
 }
 

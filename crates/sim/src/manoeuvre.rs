@@ -86,7 +86,7 @@ impl Manoeuvre {
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
         let states = match self.plan() {
             Some(plan) => driver::drive(vehicle, &plan),
-            None => jackstand::states(vehicle),
+            None => jackstand::states(vehicle)?,
         };
         let mut motion = Motion::new(self.name(), states)?;
         motion.complete(vehicle)?;
@@ -106,20 +106,20 @@ impl Manoeuvre {
             Self::Circle => plan(
                 52.0,
                 3.5,
-                |t| (3.5 + 0.12 * t).min(8.7),
+                |t| (3.5 + 0.12 * t).min(8.3),
                 Intent::Curvature(|t| smooth(t / 3.0) / CIRCLE_RADIUS_M),
             ),
             Self::SlowSine => plan(
                 26.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| 0.8 * sine(t - 1.0, 0.3, 7.0)),
+                Intent::HandWheel(|t| 1.5 * sine(t - 1.0, 0.3, 7.0)),
             ),
             Self::FastSine => plan(
                 16.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| 0.7 * sine(t - 1.0, 0.7, 9.0)),
+                Intent::HandWheel(|t| 1.2 * sine(t - 1.0, 0.7, 9.0)),
             ),
             Self::StepSteer => plan(
                 14.0,
@@ -127,7 +127,7 @@ impl Manoeuvre {
                 |_| 8.0,
                 Intent::HandWheel(|t| {
                     let step = |at: f64| smooth((t - at) / STEP_TIME_S);
-                    0.8 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
+                    1.3 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
                 }),
             ),
             Self::AsphaltToGravel => Plan {
@@ -136,17 +136,18 @@ impl Manoeuvre {
                     24.0,
                     8.0,
                     |_| 8.0,
-                    Intent::HandWheel(|t| 0.9 * sine(t - 1.0, 0.3, 6.0)),
+                    Intent::HandWheel(|t| 1.6 * sine(t - 1.0, 0.3, 6.0)),
                 )
             },
             Self::LaunchBrake => plan(
                 15.0,
                 0.0,
                 |t| {
-                    let launch = 15.0 * smooth((t - 1.0) / 8.0);
-                    // 15 m/s at 0.45 g.
-                    let brake = 15.0 * smooth((t - 9.5) / 3.8);
-                    launch - brake
+                    // 3 m/s^2 to 15 m/s, then 0.5 g to walking pace (a standing tyre's stiction is
+                    // not in the model), each set in within half a second.
+                    let launch = (3.0 * gathered(t - 1.0)).min(15.0);
+                    let brake = 4.9 * gathered(t - 8.0);
+                    (launch - brake).max(launch.min(WALKING_M_S))
                 },
                 Intent::HandWheel(|_| 0.0),
             ),
@@ -158,6 +159,9 @@ impl Manoeuvre {
 /// 50 feet, as the thesis drove it.
 const CIRCLE_RADIUS_M: f64 = 15.24;
 
+/// Walking pace.
+const WALKING_M_S: f64 = 1.2;
+
 /// How long a quick driver takes to turn the hand wheel.
 const STEP_TIME_S: f64 = 0.3;
 
@@ -167,6 +171,17 @@ const GRAVEL: SurfaceLine = SurfaceLine {
     friction_scale: 0.5,
     stiffness_scale: 0.7,
 };
+
+/// Seconds that have passed since zero, as an action counts that sets in within half a second.
+fn gathered(time_s: f64) -> f64 {
+    const ONSET_S: f64 = 0.5;
+    let x = time_s.max(0.0);
+    if x < ONSET_S {
+        0.5 * x * x / ONSET_S
+    } else {
+        x - 0.5 * ONSET_S
+    }
+}
 
 /// This many periods of a sine from time zero, zero before and after.
 fn sine(time_s: f64, frequency_hz: f64, periods: f64) -> f64 {

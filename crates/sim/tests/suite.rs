@@ -2,6 +2,8 @@
 
 #[path = "suite/faults.rs"]
 mod faults;
+#[path = "suite/manoeuvres.rs"]
+mod manoeuvres;
 #[path = "suite/sensors.rs"]
 mod sensors;
 #[path = "suite/support.rs"]

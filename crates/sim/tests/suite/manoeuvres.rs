@@ -1,0 +1,142 @@
+//! What the model drives is what the manoeuvre's name says, and it obeys Newton.
+
+use sample::{STANDARD_GRAVITY_M_S2, Wheel};
+use sim::{Manoeuvre, Motion, TruthState};
+
+use crate::support::vehicle;
+
+fn drive(manoeuvre: Manoeuvre) -> Motion {
+    let motion = manoeuvre.drive(&vehicle()).expect("a motion");
+    for state in motion.states() {
+        let numbers = [state.velocity_body_m_s, state.rate_rad_s, state.position_m];
+        assert!(numbers.iter().flatten().all(|x| x.is_finite()), "{state:?}");
+        for wheel in &state.wheels.0 {
+            assert!(wheel.link_force_n.iter().all(|f| f.is_finite()));
+            assert!((0.30..0.43).contains(&wheel.strut_length_m));
+            assert!(wheel.ball_normal_n.is_finite() && wheel.force_n[2] >= 0.0);
+        }
+    }
+    motion
+}
+
+/// Greatest difference between the tyre forces' sum and mass times acceleration, level axes, N.
+/// The specific force is that of a body that has turned with its springs by then.
+const NEWTON_TOLERANCE_N: f64 = 25.0;
+
+fn check_newton(state: &TruthState) {
+    let earth_from_body = state.earth_from_body();
+    let (sin_yaw, cos_yaw) = state.yaw_rad.sin_cos();
+    let earth: Vec<f64> = earth_from_body
+        .iter()
+        .map(|row| row.iter().zip(state.acceleration_m_s2).map(|(r, a)| r * a).sum())
+        .collect();
+    let level = [
+        cos_yaw * earth[0] + sin_yaw * earth[1],
+        cos_yaw * earth[1] - sin_yaw * earth[0],
+    ];
+    let mass_kg = vehicle().body.mass_kg;
+    let (mut sum, mut load_n) = ([0.0; 2], 0.0);
+    for wheel in &state.wheels.0 {
+        let (sin, cos) = wheel.steer_rad.sin_cos();
+        let [x, y, z] = wheel.force_n;
+        sum[0] += x * cos - y * sin;
+        sum[1] += x * sin + y * cos;
+        load_n += z;
+    }
+    for axis in 0..2 {
+        let error = sum[axis] - mass_kg * level[axis];
+        assert!(error.abs() < NEWTON_TOLERANCE_N, "{} s, axis {axis}: {error} N", state.time_s);
+    }
+    assert!((load_n / (mass_kg * STANDARD_GRAVITY_M_S2) - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_circle_has_its_radius_and_rolls_to_the_right() {
+    let motion = drive(Manoeuvre::Circle);
+    for time_s in [20.0, 35.0, 50.0] {
+        let state = motion.at(time_s);
+        let [vx, vy, _] = state.velocity_body_m_s;
+        let radius_m = vx.hypot(vy) / state.rate_rad_s[2];
+        assert!((radius_m - 15.24).abs() < 0.5, "{radius_m} m at {time_s} s");
+        assert!(state.roll_rad > 0.03 && state.acceleration_m_s2[1] > 2.0);
+        let load_n = |wheel: Wheel| state.wheels[wheel].force_n[2];
+        assert!(load_n(Wheel::FrontRight) > load_n(Wheel::FrontLeft));
+        check_newton(&state);
+    }
+    assert!((motion.at(50.0).velocity_body_m_s[0] - 8.3).abs() < 0.2);
+}
+
+#[test]
+fn sines_have_their_frequencies() {
+    for (manoeuvre, frequency_hz) in [(Manoeuvre::SlowSine, 0.3), (Manoeuvre::FastSine, 0.7)] {
+        let motion = drive(manoeuvre);
+        let rising = |a: &TruthState, b: &TruthState| a.rate_rad_s[2] < 0.0 && b.rate_rad_s[2] >= 0.0;
+        let crossings: Vec<f64> = motion
+            .states()
+            .windows(2)
+            .filter(|pair| rising(&pair[0], &pair[1]))
+            .map(|pair| pair[1].time_s)
+            .filter(|time_s| (3.0..12.0).contains(time_s))
+            .collect();
+        let period_s = (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
+        assert!((period_s * frequency_hz - 1.0).abs() < 0.02, "{period_s} s");
+        motion.states().iter().skip(400).step_by(50).for_each(check_newton);
+    }
+}
+
+#[test]
+fn gravel_takes_the_grip_away_axle_by_axle() {
+    let motion = drive(Manoeuvre::AsphaltToGravel);
+    let asphalt = vehicle().front.tyre.friction;
+    let reached = |wheel: Wheel| {
+        let on_gravel = |s: &&TruthState| s.wheels[wheel].friction < 0.6 * asphalt;
+        motion.states().iter().find(on_gravel).expect("gravel").time_s
+    };
+    let (front_s, rear_s) = (reached(Wheel::FrontLeft), reached(Wheel::RearLeft));
+    // 1.45 m of wheelbase at about 8 m/s.
+    assert!((0.15..0.21).contains(&(rear_s - front_s)), "{front_s} {rear_s}");
+    let peak = |from_s: f64, to_s: f64| {
+        let inside = |s: &&TruthState| (from_s..to_s).contains(&s.time_s);
+        let states = motion.states().iter().filter(inside);
+        states.map(|s| s.acceleration_m_s2[1].abs()).fold(0.0, f64::max)
+    };
+    assert!(peak(13.5, 20.0) < 0.9 * peak(4.0, front_s));
+}
+
+#[test]
+fn launch_pitches_up_and_braking_down() {
+    let motion = drive(Manoeuvre::LaunchBrake);
+    let (launch, brake) = (motion.at(4.0), motion.at(10.0));
+    assert!(launch.pitch_rad < -0.02 && launch.acceleration_m_s2[0] > 2.5);
+    assert!(brake.pitch_rad > 0.04 && brake.acceleration_m_s2[0] < -4.0);
+    let fastest = motion.states().iter().map(|s| s.velocity_body_m_s[0]).fold(0.0, f64::max);
+    assert!((14.0..16.0).contains(&fastest), "{fastest} m/s");
+    [launch, brake].iter().for_each(check_newton);
+}
+
+#[test]
+fn a_step_settles() {
+    let motion = drive(Manoeuvre::StepSteer);
+    let (turning, straight) = (motion.at(4.8), motion.at(7.5));
+    assert!(turning.rate_rad_s[2] > 0.2 && turning.acceleration_m_s2[1] > 2.5);
+    assert!(straight.rate_rad_s[2].abs() < 0.01);
+}
+
+#[test]
+fn on_jackstands_the_wheels_hang_and_then_carry() {
+    let motion = drive(Manoeuvre::Jackstand);
+    let load_n = |time_s: f64, wheel: Wheel| motion.at(time_s).wheels[wheel].force_n[2];
+    for wheel in Wheel::ALL {
+        assert_eq!(load_n(3.0, wheel), 0.0);
+        let axle = vehicle();
+        let strut = if wheel.is_front() { axle.front.strut } else { axle.rear.strut };
+        let hanging_m = motion.at(3.0).wheels[wheel].strut_length_m;
+        assert!(hanging_m > strut.expect("a strut").droop_stop_length_m, "on the droop stop");
+    }
+    assert_eq!(load_n(11.0, Wheel::RearLeft), 0.0);
+    assert!(load_n(11.0, Wheel::FrontLeft) > 1_000.0);
+    let weight_n: f64 = Wheel::ALL.map(|wheel| load_n(39.0, wheel)).iter().sum();
+    assert!((weight_n / (vehicle().body.mass_kg * STANDARD_GRAVITY_M_S2) - 1.0).abs() < 1e-6);
+    let rest = motion.at(39.0);
+    assert!(rest.specific_force_m_s2[0].abs() < 0.1 && rest.roll_rad.abs() < 1e-3);
+}
