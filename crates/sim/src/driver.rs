@@ -21,7 +21,7 @@ const SPEED_INTEGRAL: f64 = 0.4;
 /// How fast a foot follows, s.
 const FOOT_S: f64 = 0.12;
 /// Path control: hand-wheel rate for an error of curvature, rad/s per 1/m.
-const CURVATURE_INTEGRAL: f64 = 40.0;
+const CURVATURE_INTEGRAL: f64 = 100.0;
 /// Below this speed a driver who wants to stand holds the brake, m/s.
 const STANDING_M_S: f64 = 0.05;
 

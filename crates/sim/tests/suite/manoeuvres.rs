@@ -28,7 +28,12 @@ fn check_newton(state: &TruthState) {
     let (sin_yaw, cos_yaw) = state.yaw_rad.sin_cos();
     let earth: Vec<f64> = earth_from_body
         .iter()
-        .map(|row| row.iter().zip(state.acceleration_m_s2).map(|(r, a)| r * a).sum())
+        .map(|row| {
+            row.iter()
+                .zip(state.acceleration_m_s2)
+                .map(|(r, a)| r * a)
+                .sum()
+        })
         .collect();
     let level = [
         cos_yaw * earth[0] + sin_yaw * earth[1],
@@ -45,7 +50,11 @@ fn check_newton(state: &TruthState) {
     }
     for axis in 0..2 {
         let error = sum[axis] - mass_kg * level[axis];
-        assert!(error.abs() < NEWTON_TOLERANCE_N, "{} s, axis {axis}: {error} N", state.time_s);
+        assert!(
+            error.abs() < NEWTON_TOLERANCE_N,
+            "{} s, axis {axis}: {error} N",
+            state.time_s
+        );
     }
     assert!((load_n / (mass_kg * STANDARD_GRAVITY_M_S2) - 1.0).abs() < 1e-6);
 }
@@ -70,7 +79,8 @@ fn a_circle_has_its_radius_and_rolls_to_the_right() {
 fn sines_have_their_frequencies() {
     for (manoeuvre, frequency_hz) in [(Manoeuvre::SlowSine, 0.3), (Manoeuvre::FastSine, 0.7)] {
         let motion = drive(manoeuvre);
-        let rising = |a: &TruthState, b: &TruthState| a.rate_rad_s[2] < 0.0 && b.rate_rad_s[2] >= 0.0;
+        let rising =
+            |a: &TruthState, b: &TruthState| a.rate_rad_s[2] < 0.0 && b.rate_rad_s[2] >= 0.0;
         let crossings: Vec<f64> = motion
             .states()
             .windows(2)
@@ -78,9 +88,15 @@ fn sines_have_their_frequencies() {
             .map(|pair| pair[1].time_s)
             .filter(|time_s| (3.0..12.0).contains(time_s))
             .collect();
-        let period_s = (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
+        let period_s =
+            (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
         assert!((period_s * frequency_hz - 1.0).abs() < 0.02, "{period_s} s");
-        motion.states().iter().skip(400).step_by(50).for_each(check_newton);
+        motion
+            .states()
+            .iter()
+            .skip(400)
+            .step_by(50)
+            .for_each(check_newton);
     }
 }
 
@@ -90,15 +106,25 @@ fn gravel_takes_the_grip_away_axle_by_axle() {
     let asphalt = vehicle().front.tyre.friction;
     let reached = |wheel: Wheel| {
         let on_gravel = |s: &&TruthState| s.wheels[wheel].friction < 0.6 * asphalt;
-        motion.states().iter().find(on_gravel).expect("gravel").time_s
+        motion
+            .states()
+            .iter()
+            .find(on_gravel)
+            .expect("gravel")
+            .time_s
     };
     let (front_s, rear_s) = (reached(Wheel::FrontLeft), reached(Wheel::RearLeft));
     // 1.45 m of wheelbase at about 8 m/s.
-    assert!((0.15..0.21).contains(&(rear_s - front_s)), "{front_s} {rear_s}");
+    assert!(
+        (0.15..0.21).contains(&(rear_s - front_s)),
+        "{front_s} {rear_s}"
+    );
     let peak = |from_s: f64, to_s: f64| {
         let inside = |s: &&TruthState| (from_s..to_s).contains(&s.time_s);
         let states = motion.states().iter().filter(inside);
-        states.map(|s| s.acceleration_m_s2[1].abs()).fold(0.0, f64::max)
+        states
+            .map(|s| s.acceleration_m_s2[1].abs())
+            .fold(0.0, f64::max)
     };
     assert!(peak(13.5, 20.0) < 0.9 * peak(4.0, front_s));
 }
@@ -109,7 +135,11 @@ fn launch_pitches_up_and_braking_down() {
     let (launch, brake) = (motion.at(4.0), motion.at(10.0));
     assert!(launch.pitch_rad < -0.02 && launch.acceleration_m_s2[0] > 2.5);
     assert!(brake.pitch_rad > 0.04 && brake.acceleration_m_s2[0] < -4.0);
-    let fastest = motion.states().iter().map(|s| s.velocity_body_m_s[0]).fold(0.0, f64::max);
+    let fastest = motion
+        .states()
+        .iter()
+        .map(|s| s.velocity_body_m_s[0])
+        .fold(0.0, f64::max);
     assert!((14.0..16.0).contains(&fastest), "{fastest} m/s");
     [launch, brake].iter().for_each(check_newton);
 }
@@ -129,9 +159,16 @@ fn on_jackstands_the_wheels_hang_and_then_carry() {
     for wheel in Wheel::ALL {
         assert_eq!(load_n(3.0, wheel), 0.0);
         let axle = vehicle();
-        let strut = if wheel.is_front() { axle.front.strut } else { axle.rear.strut };
+        let strut = if wheel.is_front() {
+            axle.front.strut
+        } else {
+            axle.rear.strut
+        };
         let hanging_m = motion.at(3.0).wheels[wheel].strut_length_m;
-        assert!(hanging_m > strut.expect("a strut").droop_stop_length_m, "on the droop stop");
+        assert!(
+            hanging_m > strut.expect("a strut").droop_stop_length_m,
+            "on the droop stop"
+        );
     }
     assert_eq!(load_n(11.0, Wheel::RearLeft), 0.0);
     assert!(load_n(11.0, Wheel::FrontLeft) > 1_000.0);
