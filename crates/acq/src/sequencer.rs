@@ -26,7 +26,9 @@ pub struct QueueSizes {
 }
 
 impl Default for QueueSizes {
-    /// About two seconds of four full CAN buses for the recorder, half a second for the estimator.
+    /// Half a second of four full CAN buses for the recorder when every frame comes alone, and half
+    /// a minute when the sources lag and frames come 64 at a time; a quarter of it for the
+    /// estimator. Memory is bounded by 7 KiB an arrival.
     fn default() -> Self {
         Self {
             recorder: 16_384,

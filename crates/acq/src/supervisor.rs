@@ -18,8 +18,16 @@ const PANIC_PAUSE: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct Supervisor {
     sequencer: Sequencer,
+    running: Vec<Running>,
+}
+
+#[derive(Debug)]
+struct Running {
+    name: String,
+    /// `None` for the ticks.
+    spec: Option<SourceSpec>,
     shutdown: watch::Sender<bool>,
-    tasks: Vec<(String, JoinHandle<()>)>,
+    task: JoinHandle<()>,
 }
 
 /// Tasks that did not end when they were told to.
@@ -48,24 +56,63 @@ impl Supervisor {
     pub fn new(sequencer: Sequencer) -> Self {
         Self {
             sequencer,
-            shutdown: watch::Sender::new(false),
-            tasks: Vec::new(),
+            running: Vec::new(),
         }
     }
 
     /// Starts a source. It opens its device, reopens it when it comes back after a failure, and
     /// tells of both with notices.
     pub fn spawn(&mut self, spec: SourceSpec) {
-        let name = spec.name.clone();
-        let task = supervise(spec, self.sequencer.clone(), self.shutdown.subscribe());
-        self.tasks.push((name, tokio::spawn(task)));
+        let shutdown = watch::Sender::new(false);
+        let task = supervise(spec.clone(), self.sequencer.clone(), shutdown.subscribe());
+        self.running.push(Running {
+            name: spec.name.clone(),
+            spec: Some(spec),
+            shutdown,
+            task: tokio::spawn(task),
+        });
     }
 
     /// Starts the ticks that let silence be seen: one [`Payload::Tick`] of [`SourceId::HOST`] each
     /// `period` (100 ms in a recorder).
     pub fn spawn_ticks(&mut self, period: Duration) {
-        let task = ticks(period, self.sequencer.clone(), self.shutdown.subscribe());
-        self.tasks.push(("ticks".to_owned(), tokio::spawn(task)));
+        let shutdown = watch::Sender::new(false);
+        let task = ticks(period, self.sequencer.clone(), shutdown.subscribe());
+        self.running.push(Running {
+            name: "ticks".to_owned(),
+            spec: None,
+            shutdown,
+            task: tokio::spawn(task),
+        });
+    }
+
+    /// Takes a changed set of sources over: those that are in both run on untouched, the others are
+    /// stopped, at most for `deadline`, and the new ones are started.
+    ///
+    /// # Errors
+    /// The names of the tasks that did not end in time; they are aborted, and the new sources run.
+    pub async fn apply(
+        &mut self,
+        specs: Vec<SourceSpec>,
+        deadline: Duration,
+    ) -> Result<(), StuckTasks> {
+        let (kept, ended) = std::mem::take(&mut self.running)
+            .into_iter()
+            .partition(|running| {
+                running
+                    .spec
+                    .as_ref()
+                    .is_none_or(|spec| specs.contains(spec))
+            });
+        self.running = kept;
+        let stopped = end(ended, deadline).await;
+        for spec in specs {
+            let runs = |running: &Running| running.spec.as_ref() == Some(&spec);
+            if !self.running.iter().any(runs) {
+                self.spawn(spec);
+            }
+        }
+        stopped
     }
 
     /// Stops all sources and waits for them, at most for `deadline`. Close the stream with
@@ -74,20 +121,28 @@ impl Supervisor {
     /// # Errors
     /// The names of the tasks that did not end in time; they are aborted.
     pub async fn stop(self, deadline: Duration) -> Result<(), StuckTasks> {
-        self.shutdown.send_replace(true);
-        let end = Instant::now() + deadline;
-        let mut names = Vec::new();
-        for (name, mut task) in self.tasks {
-            if tokio::time::timeout_at(end, &mut task).await.is_err() {
-                task.abort();
-                names.push(name);
-            }
+        end(self.running, deadline).await
+    }
+}
+
+/// Stops tasks, all at once, and waits for them.
+async fn end(running: Vec<Running>, deadline: Duration) -> Result<(), StuckTasks> {
+    for task in &running {
+        task.shutdown.send_replace(true);
+    }
+    let end = Instant::now() + deadline;
+    let mut names = Vec::new();
+    for mut running in running {
+        let ended = tokio::time::timeout_at(end, &mut running.task).await;
+        if ended.is_err() {
+            running.task.abort();
+            names.push(running.name);
         }
-        if names.is_empty() {
-            Ok(())
-        } else {
-            Err(StuckTasks { names, deadline })
-        }
+    }
+    if names.is_empty() {
+        Ok(())
+    } else {
+        Err(StuckTasks { names, deadline })
     }
 }
 
@@ -264,8 +319,12 @@ mod tests {
     async fn stuck_tasks_are_named() {
         let (sequencer, _streams) = Sequencer::new(LogClock::start(), QueueSizes::default());
         let mut supervisor = Supervisor::new(sequencer);
-        let stuck = tokio::spawn(std::future::pending());
-        supervisor.tasks.push(("gnss".to_owned(), stuck));
+        supervisor.running.push(Running {
+            name: "gnss".to_owned(),
+            spec: None,
+            shutdown: watch::Sender::new(false),
+            task: tokio::spawn(std::future::pending()),
+        });
         supervisor.spawn_ticks(Duration::from_millis(10));
         let error = supervisor
             .stop(Duration::from_millis(50))

@@ -243,7 +243,6 @@ async fn an_slcan_adapter_is_opened_read_and_closed() {
         .collect();
     let (mut supervisor, _sequencer, mut streams) = start(QueueSizes::default());
     let (device, path) = terminal();
-    let adapter = tokio::spawn(adapter(device, frames.clone()));
     supervisor.spawn(SourceSpec {
         id: SourceId(7),
         name: "can".to_owned(),
@@ -254,6 +253,8 @@ async fn an_slcan_adapter_is_opened_read_and_closed() {
             timestamps: true,
         }),
     });
+    opened(&mut streams, 1).await;
+    let adapter = tokio::spawn(adapter(device, frames.clone()));
     let mut received = Vec::new();
     while received.len() < frames.len() {
         match &next(&mut streams).await.payload {
@@ -274,4 +275,104 @@ async fn an_slcan_adapter_is_opened_read_and_closed() {
     let asked = |command| told.contains(&command);
     assert!(asked(Command::BitRate(500_000)) && asked(Command::Timestamps(true)));
     assert_eq!(told.last(), Some(&Command::Close));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_changed_configuration_leaves_the_other_sources_running() {
+    let (mut supervisor, sequencer, mut streams) = start(QueueSizes::default());
+    let terminals: Vec<_> = (0..3).map(|_| terminal()).collect();
+    let specs: Vec<_> = (0..3_u16)
+        .map(|index| serial(index, &terminals[usize::from(index)].1, Setup::None))
+        .collect();
+    supervisor.spawn(specs[0].clone());
+    supervisor.spawn(specs[1].clone());
+    opened(&mut streams, 2).await;
+    let wanted = vec![specs[1].clone(), specs[2].clone()];
+    supervisor
+        .apply(wanted, PATIENCE)
+        .await
+        .expect("the source stops");
+    opened(&mut streams, 1).await;
+    let counters = sequencer.counters();
+    assert!(!counters[&SourceId(0)].open);
+    // Its opening is all that the source in both has ever said.
+    assert!(counters[&SourceId(1)].open);
+    assert_eq!(counters[&SourceId(1)].arrivals, 1);
+    assert!(counters[&SourceId(2)].open);
+    supervisor.stop(PATIENCE).await.expect("the sources stop");
+}
+
+/// A packet of a Crossbow 440.
+fn packet(kind: &[u8; 2], payload: &[u8]) -> Vec<u8> {
+    let body = [&kind[..], &[payload.len() as u8], payload].concat();
+    let crc = body.iter().fold(0x1D0F_u16, |crc, byte| {
+        (0..8).fold(crc ^ u16::from(*byte) << 8, |crc, _| {
+            crc << 1 ^ if crc & 0x8000 != 0 { 0x1021 } else { 0 }
+        })
+    });
+    [&[0x55, 0x55], &body[..], &crc.to_be_bytes()].concat()
+}
+
+/// A unit that hears and answers at one line speed only; it ends once it was told to send.
+async fn unit(mut device: SerialStream, baud: u32) {
+    let mut waiting = Vec::new();
+    let mut buffer = [0; 256];
+    let mut kind = [0; 2];
+    loop {
+        let count = device.read(&mut buffer).await.expect("commands");
+        // Both ends of a pseudo-terminal have one set of settings.
+        if device.baud_rate().expect("a line speed") != baud {
+            waiting.clear();
+            continue;
+        }
+        waiting.extend_from_slice(&buffer[..count]);
+        while waiting.len() >= 7 && waiting.len() >= 7 + usize::from(waiting[4]) {
+            let command: Vec<u8> = waiting.drain(..7 + usize::from(waiting[4])).collect();
+            let field = command.get(6..8).unwrap_or_default();
+            let answer = match &command[2..4] {
+                b"PK" => packet(b"PK", &[]),
+                b"SF" if field == [0, 3] => {
+                    kind.copy_from_slice(&command[8..10]);
+                    packet(b"SF", &[1, 0, 3])
+                }
+                b"SF" => packet(b"SF", &[1, 0, 1]),
+                b"GF" => packet(b"GF", &[1, 0, 3, kind[0], kind[1]]),
+                other => panic!("unexpected command {other:?}"),
+            };
+            device.write_all(&answer).await.expect("an answer");
+            if &command[2..4] == b"SF" && field == [0, 1] && command[8..10] == [0, 1] {
+                assert_eq!(&kind, b"S1");
+                let data = packet(b"S1", &[0x5A; 24]);
+                device.write_all(&data).await.expect("a packet");
+            }
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_crossbow_is_found_at_its_line_speed_and_set_up() {
+    let (mut supervisor, _sequencer, mut streams) = start(QueueSizes::default());
+    let (device, path) = terminal();
+    let options = wire::crossbow440::SetupOptions::default();
+    supervisor.spawn(serial(0, &path, Setup::Crossbow440(options)));
+    // A terminal whose other end is not open yet cannot be read.
+    opened(&mut streams, 1).await;
+    let unit = tokio::spawn(unit(device, 38_400));
+    let sought = packet(b"S1", &[0x5A; 24]);
+    let mut received = Vec::new();
+    while !received
+        .windows(sought.len())
+        .any(|window| window == sought)
+    {
+        if let Payload::Bytes(bytes) = &next(&mut streams).await.payload {
+            received.extend_from_slice(bytes);
+        }
+    }
+    // The answers of the dialogue are part of the recording.
+    assert!(
+        received.starts_with(&packet(b"SF", &[1, 0, 1])),
+        "{received:02x?}"
+    );
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    unit.abort();
 }
