@@ -6,6 +6,7 @@
 //! mean, save for SLCAN, whose text is turned into frames, and the dialogues that set a device up.
 
 mod can;
+mod can_sender;
 pub mod clock;
 mod datagram;
 mod dialogue;
@@ -17,7 +18,9 @@ mod slcan;
 pub mod spec;
 pub mod supervisor;
 mod sys;
+mod virtual_port;
 
+pub use can_sender::CanSender;
 pub use clock::{LogClock, Reading};
 pub use link::LinkSpec;
 pub use sequencer::{QueueSizes, Sequencer, SourceCounters, Streams};
@@ -25,3 +28,4 @@ pub use spec::{
     CanFilter, CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec,
 };
 pub use supervisor::{StuckTasks, Supervisor};
+pub use virtual_port::{Heard, VirtualPort};

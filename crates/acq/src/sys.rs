@@ -243,14 +243,24 @@ pub fn interface_is_up(socket: &impl AsRawFd, interface: &str) -> io::Result<boo
     Ok(c_int::from(flags) & libc::IFF_UP != 0)
 }
 
-/// A pseudo-terminal in raw mode: the device's end, and the path of the end that a program opens.
+/// A pseudo-terminal: the device's end, and the path of the end that a program opens.
 #[cfg(test)]
 pub fn open_pseudo_terminal() -> io::Result<(File, std::path::PathBuf)> {
+    pseudo_terminal(0)
+}
+
+/// A pseudo-terminal whose device's end never blocks, and the path of the end that a program opens.
+pub fn open_pseudo_terminal_nonblocking() -> io::Result<(File, std::path::PathBuf)> {
+    pseudo_terminal(libc::O_NONBLOCK)
+}
+
+fn pseudo_terminal(flags: c_int) -> io::Result<(File, std::path::PathBuf)> {
     use std::ffi::CStr;
     use std::os::fd::FromRawFd;
 
+    let flags = flags | libc::O_RDWR | libc::O_NOCTTY | libc::O_CLOEXEC;
     // SAFETY: posix_openpt has no memory arguments.
-    let descriptor = check(unsafe { libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY) })?;
+    let descriptor = check(unsafe { libc::posix_openpt(flags) })?;
     // SAFETY: the descriptor was made above and nothing else owns it.
     let device = unsafe { File::from_raw_fd(descriptor) };
     let mut name = [0_i8; 128].map(|zero| zero as libc::c_char);

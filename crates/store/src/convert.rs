@@ -13,14 +13,19 @@ use crate::proto::{atvrec as pb, foxglove};
 use crate::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
 
 /// A message ready for its channel.
-#[derive(Clone)]
-pub(crate) struct Encoded {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Encoded {
+    /// Topic of the channel.
     pub topic: String,
+    /// Name of its schema.
     pub schema: String,
     /// The source that the channel belongs to, where it belongs to one.
     pub source: Option<SourceId>,
+    /// Log clock when it was recorded or computed.
     pub log_time: LogTime,
+    /// Log clock when it was true.
     pub publish_time: LogTime,
+    /// Contents, by the schema.
     pub data: Vec<u8>,
 }
 

@@ -24,6 +24,7 @@ mod scan;
 mod schema;
 mod session;
 
+pub use convert::Encoded;
 pub use dynamic::{DynamicMessage, SignalSchema};
 pub use error::{Error, Result};
 pub use file::{ACTIVE_SUFFIX, Finished, Writer, part_path};

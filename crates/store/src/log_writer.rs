@@ -236,13 +236,22 @@ impl<W: Write> LogWriter<W> {
 
     /// Takes a decoded record. It is in the log after the next flush.
     pub fn record(&mut self, record: &Record) {
-        if let Record::Sample(sample) = record {
-            self.dynamic_record(sample);
-        }
-        let session = &self.session;
-        for message in convert::encode(record, &|id| session.source_name(id)) {
+        for message in self.encode(record) {
             self.keep(message);
         }
+    }
+
+    /// The messages that [`LogWriter::record`] makes of a record, without writing them: for
+    /// comparison with those of a log.
+    pub fn encode(&mut self, record: &Record) -> Vec<Encoded> {
+        let dynamic = match record {
+            Record::Sample(sample) => self.encode_dynamic(sample),
+            _ => None,
+        };
+        let session = &self.session;
+        let mut messages = convert::encode(record, &|id| session.source_name(id));
+        messages.extend(dynamic);
+        messages
     }
 
     fn keep(&mut self, message: Encoded) {
@@ -252,7 +261,7 @@ impl<W: Write> LogWriter<W> {
         self.decoded.push(message);
     }
 
-    fn dynamic_record(&mut self, sample: &Sample) {
+    fn encode_dynamic(&mut self, sample: &Sample) -> Option<Encoded> {
         let name = self.session.source_name(sample.source);
         let (topic, name, can_id, signals): (String, &str, Option<u32>, &[Signal]) =
             match &sample.measurement {
@@ -265,7 +274,7 @@ impl<W: Write> LogWriter<W> {
                 Measurement::Control(control) => {
                     (format!("/control/{name}"), &name, None, &control.values)
                 }
-                _ => return,
+                _ => return None,
             };
         let message = self
             .dynamic
@@ -288,7 +297,7 @@ impl<W: Write> LogWriter<W> {
             data: message.encode(signals),
             topic,
         };
-        self.keep(encoded);
+        Some(encoded)
     }
 
     /// Closes the group or the decoded chunk if they are older than they may be at `now`.

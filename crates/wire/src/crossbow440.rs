@@ -459,6 +459,15 @@ fn append_word(out: &mut Vec<u8>, counts: f64) {
     out.extend((counts.round() as i16).to_be_bytes());
 }
 
+/// A packet of this type around a payload of 255 bytes at most; a longer one is cut.
+#[must_use]
+pub fn encode_packet(kind: [u8; 2], payload: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(OVERHEAD + payload.len());
+    let payload = &payload[..payload.len().min(255)];
+    append_packet(kind, &mut out, |out| out.extend(payload));
+    out
+}
+
 /// Appends header, length and CRC around what `payload` appends (255 bytes at most).
 pub(crate) fn append_packet(kind: [u8; 2], out: &mut Vec<u8>, payload: impl FnOnce(&mut Vec<u8>)) {
     let start = out.len();

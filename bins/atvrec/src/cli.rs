@@ -1,0 +1,270 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+const AFTER_HELP: &str = "\
+Examples:
+  atvrec demo                              a virtual drive, recorded, replayed and reported
+  atvrec check                             look at atvrec.toml and at the devices it names
+  atvrec record                            record with ./atvrec.toml until Ctrl-C
+  atvrec replay drive.mcap --verify        make the estimate again and compare bit by bit
+  atvrec simulate --manoeuvre slow-sine -o sine.mcap
+  atvrec report drive.mcap -o drive.html
+
+Exit codes: 0 good, 1 failed, 2 wrong usage or configuration, 3 finished with data loss.";
+
+/// Records a vehicle's sensors, estimates its tyre forces while it records, and makes the same
+/// estimate again from the recording.
+#[derive(Debug, Parser)]
+#[command(name = "atvrec", version, after_help = AFTER_HELP, max_term_width = 100)]
+pub struct Cli {
+    /// Say more: -v debug, -vv every detail.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// Say only what went wrong.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Record all configured sources and estimate while recording.
+    Record(RecordArgs),
+    /// Make the estimate again from a log's raw bytes.
+    Replay(ReplayArgs),
+    /// Write a self-contained HTML report of a log.
+    Report(ReportArgs),
+    /// Show the whole chain without hardware: virtual vehicle, record, replay, report.
+    Demo(DemoArgs),
+    /// Drive a virtual vehicle whose sensors speak on pseudo-terminals and CAN, in real time.
+    Virtual(VirtualArgs),
+    /// Drive a virtual vehicle at full speed straight into a log.
+    Simulate(SimulateArgs),
+    /// Tell what a log holds.
+    Info(InfoArgs),
+    /// Look for errors in a configuration and for the devices that it names.
+    Check(CheckArgs),
+    /// Make cut-short logs whole.
+    Recover(RecoverArgs),
+    /// Make project files from others' formats.
+    #[command(subcommand)]
+    Import(ImportCommand),
+    /// Print a completion script for a shell.
+    Completions(CompletionsArgs),
+}
+
+/// `atvrec record`.
+#[derive(Debug, Args)]
+pub struct RecordArgs {
+    /// Configuration.
+    #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
+    pub config: PathBuf,
+    /// Write logs here instead of the configuration's storage.directory.
+    #[arg(short, long, value_name = "DIR")]
+    pub directory: Option<PathBuf>,
+    /// Stop after this many seconds.
+    #[arg(long = "for", value_name = "SECONDS", value_parser = positive)]
+    pub duration_s: Option<f64>,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `atvrec replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// Logs, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Write the raw bytes and the new estimate to this log.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Use this configuration instead of the one in the log.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Replay at this multiple of real time instead of at full speed.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub rate: Option<f64>,
+    /// Compare with what was decoded and estimated while recording; exit 1 unless every message
+    /// is bit-identical.
+    #[arg(long)]
+    pub verify: bool,
+    /// Print the result as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `atvrec report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Logs, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// The report; it needs no network.
+    #[arg(short, long, default_value = "report.html", value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// `atvrec demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Put everything here.
+    #[arg(short, long, default_value = "atvrec-demo", value_name = "DIR")]
+    pub directory: PathBuf,
+    /// Manoeuvre to drive.
+    #[arg(long, default_value = "slow-sine", value_name = "NAME")]
+    pub manoeuvre: String,
+    /// Seconds to drive, in real time.
+    #[arg(long = "for", default_value = "25", value_name = "SECONDS", value_parser = positive)]
+    pub duration_s: f64,
+    /// Seed of the sensors' noise.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// What a virtual vehicle drives.
+#[derive(Debug, Args)]
+pub struct DriveArgs {
+    /// Named manoeuvre; `--manoeuvre list` names them all.
+    #[arg(
+        short,
+        long,
+        alias = "maneuver",
+        value_name = "NAME",
+        required_unless_present = "truth",
+        conflicts_with = "truth"
+    )]
+    pub manoeuvre: Option<String>,
+    /// Follow a truth file (Parquet or CSV) instead.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// Vehicle file, or the name of one that ships with the program.
+    #[arg(long, default_value = "prowler", value_name = "FILE")]
+    pub vehicle: String,
+    /// Sensors file, or the name of one that ships with the program.
+    #[arg(long, default_value = "thesis-10bit", value_name = "FILE")]
+    pub sensors: String,
+    /// Seed of the sensors' noise; the same seed gives the same bytes.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Drive for this long instead of the manoeuvre's own duration.
+    #[arg(long = "for", value_name = "SECONDS", value_parser = positive)]
+    pub duration_s: Option<f64>,
+}
+
+/// `atvrec virtual`.
+#[derive(Debug, Args)]
+pub struct VirtualArgs {
+    /// What to drive.
+    #[command(flatten)]
+    pub drive: DriveArgs,
+    /// Make the ports' links and a fitting atvrec.toml here.
+    #[arg(short, long, default_value = "virtual-ports", value_name = "DIR")]
+    pub directory: PathBuf,
+    /// Send the CAN frames to this SocketCAN interface instead of SLCAN on a pseudo-terminal.
+    #[arg(long, value_name = "INTERFACE")]
+    pub can: Option<String>,
+    /// Start over when the manoeuvre ends.
+    #[arg(long)]
+    pub repeat: bool,
+}
+
+/// `atvrec simulate`.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// What to drive.
+    #[command(flatten)]
+    pub drive: DriveArgs,
+    /// Estimator and decoder settings; sources are the virtual vehicle's own.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// The log to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// `atvrec info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Logs.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `atvrec check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Configuration.
+    #[arg(default_value = "atvrec.toml", value_name = "FILE")]
+    pub config: PathBuf,
+    /// Look at the file only, not at the devices.
+    #[arg(long)]
+    pub no_devices: bool,
+    /// Listen to each device for this long.
+    #[arg(long, default_value = "2", value_name = "SECONDS", value_parser = positive)]
+    pub listen_s: f64,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `atvrec recover`.
+#[derive(Debug, Args)]
+pub struct RecoverArgs {
+    /// Logs, or directories whose unfinished logs (`*.active`) are meant.
+    #[arg(required = true, value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+}
+
+/// `atvrec import`.
+#[derive(Debug, Subcommand)]
+pub enum ImportCommand {
+    /// A vehicle file from a multi-body simulator's params.json.
+    Vehicle(ImportVehicleArgs),
+}
+
+/// `atvrec import vehicle`.
+#[derive(Debug, Args)]
+pub struct ImportVehicleArgs {
+    /// The simulator's parameters.
+    #[arg(value_name = "PARAMS.json")]
+    pub input: PathBuf,
+    /// The vehicle file to write.
+    #[arg(short, long, default_value = "vehicle.toml", value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// `atvrec completions`.
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell.
+    pub shell: clap_complete::Shell,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("{text:?} is not a number above zero")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_definition_is_sound() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,13 @@
+//! One file a verb.
+
+pub mod check;
+pub mod completions;
+pub mod demo;
+pub mod import;
+pub mod info;
+pub mod record;
+pub mod recover;
+pub mod replay;
+pub mod report;
+pub mod simulate;
+pub mod virtual_;

@@ -1,0 +1,191 @@
+//! `atvrec check`: errors of a configuration, and which of its devices answer.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
+use sample::{LossPlace, SourceId};
+use serde_json::json;
+
+use crate::cli::CheckArgs;
+use crate::config::{Config, Problems, device_name};
+use crate::engine::Engine;
+use crate::exit::Outcome;
+
+/// How long sources may take to end.
+const STOP_DEADLINE: Duration = Duration::from_secs(1);
+
+/// What a device did while it was listened to.
+struct Answer {
+    name: String,
+    device: String,
+    state: State,
+    counters: SourceCounters,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Answers,
+    Silent,
+    NotOpen,
+}
+
+impl State {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Answers => "answers",
+            Self::Silent => "silent",
+            Self::NotOpen => "not open",
+        }
+    }
+}
+
+/// Checks.
+pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
+    let config = match Config::load(&args.config) {
+        Ok(config) => config,
+        Err(error) if args.json => {
+            println!("{:#}", problems_as_json(&error));
+            return Err(error);
+        }
+        Err(error) => return Err(error),
+    };
+    // What only the engine finds wrong is found here too.
+    Engine::new(&config)?;
+    let answers = if args.no_devices {
+        Vec::new()
+    } else {
+        listen(&config, Duration::from_secs_f64(args.listen_s))?
+    };
+    if args.json {
+        println!("{:#}", as_json(&answers));
+    } else {
+        println!(
+            "{}: {} sources, no errors",
+            args.config.display(),
+            config.sources.len()
+        );
+        tell(&answers);
+    }
+    let all_answer = answers.iter().all(|answer| answer.state == State::Answers);
+    Ok(if all_answer {
+        Outcome::Good
+    } else {
+        Outcome::Failed
+    })
+}
+
+fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<Answer>> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build()?;
+    let counters = runtime.block_on(async {
+        let sizes = QueueSizes {
+            estimator: 0,
+            ..QueueSizes::default()
+        };
+        let (sequencer, mut streams) = Sequencer::new(LogClock::start(), sizes);
+        let drain = tokio::spawn(async move { while streams.recorder.recv().await.is_some() {} });
+        let mut supervisor = Supervisor::new(sequencer.clone());
+        for source in &config.sources {
+            supervisor.spawn(source.spec.clone());
+        }
+        tokio::time::sleep(time).await;
+        let counters = sequencer.counters();
+        if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
+            tracing::warn!(%stuck, "sources did not end in time");
+        }
+        sequencer.finish();
+        drain.await?;
+        anyhow::Ok(counters)
+    })?;
+    Ok(answers(config, &counters))
+}
+
+fn answers(config: &Config, counters: &BTreeMap<SourceId, SourceCounters>) -> Vec<Answer> {
+    config
+        .sources
+        .iter()
+        .map(|source| {
+            let counters = counters.get(&source.spec.id).cloned().unwrap_or_default();
+            let state = match (counters.last_data, counters.open) {
+                (Some(_), _) => State::Answers,
+                (None, true) => State::Silent,
+                (None, false) => State::NotOpen,
+            };
+            Answer {
+                name: source.spec.name.clone(),
+                device: device_name(&source.spec.kind),
+                state,
+                counters,
+            }
+        })
+        .collect()
+}
+
+fn tell(answers: &[Answer]) {
+    for answer in answers {
+        let lost: u64 = answer.counters.lost.iter().sum();
+        println!(
+            "  {:<14}{:<32}{:<10}{:>8} items {:>9} bytes{}",
+            answer.name,
+            answer.device,
+            answer.state.name(),
+            answer.counters.items,
+            answer.counters.bytes,
+            if lost > 0 {
+                format!(", {lost} lost")
+            } else {
+                String::new()
+            },
+        );
+        if answer.state != State::Answers && !answer.counters.state.is_empty() {
+            println!("                {}", answer.counters.state);
+        }
+    }
+}
+
+fn as_json(answers: &[Answer]) -> serde_json::Value {
+    let devices: Vec<_> = answers
+        .iter()
+        .map(|answer| {
+            let lost: serde_json::Map<_, _> = LossPlace::ALL
+                .into_iter()
+                .zip(answer.counters.lost)
+                .map(|(place, count)| (place.name().to_owned(), count.into()))
+                .collect();
+            json!({
+                "source": answer.name,
+                "device": answer.device,
+                "state": answer.state.name(),
+                "items": answer.counters.items,
+                "bytes": answer.counters.bytes,
+                "lost": lost,
+                "said": answer.counters.state,
+            })
+        })
+        .collect();
+    json!({ "errors": [], "devices": devices })
+}
+
+fn problems_as_json(error: &anyhow::Error) -> serde_json::Value {
+    let errors = match error.downcast_ref::<Problems>() {
+        Some(problems) => problems
+            .0
+            .iter()
+            .map(|problem| {
+                json!({
+                    "file": problem.file,
+                    "line": problem.line,
+                    "column": problem.column,
+                    "field": problem.field,
+                    "message": problem.message,
+                    "help": problem.help,
+                })
+            })
+            .collect(),
+        None => vec![json!({ "message": format!("{error:#}") })],
+    };
+    json!({ "errors": errors, "devices": [] })
+}

@@ -1,0 +1,13 @@
+//! `atvrec completions`.
+
+use clap::CommandFactory;
+
+use crate::cli::{Cli, CompletionsArgs};
+use crate::exit::Outcome;
+
+/// Prints the completion script of a shell.
+pub fn run(args: &CompletionsArgs) -> anyhow::Result<Outcome> {
+    let mut command = Cli::command();
+    clap_complete::generate(args.shell, &mut command, "atvrec", &mut std::io::stdout());
+    Ok(Outcome::Good)
+}

@@ -1,0 +1,123 @@
+//! `atvrec info`.
+
+use std::fmt::Write as _;
+
+use serde_json::json;
+use store::{Info, Reader, Session};
+
+use crate::cli::InfoArgs;
+use crate::exit::Outcome;
+
+/// Tells what a log holds.
+pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
+    let reader = Reader::open(&args.logs)?;
+    let info = reader.info();
+    if args.json {
+        println!("{:#}", as_json(&info, reader.session()));
+    } else {
+        print!("{}", as_text(&info, reader.session()));
+    }
+    Ok(Outcome::Good)
+}
+
+fn seconds(info: &Info) -> f64 {
+    info.span
+        .map_or(0.0, |(first, last)| last.seconds_since(first))
+}
+
+fn as_text(info: &Info, session: &Session) -> String {
+    let mut text = String::new();
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "{label:<10}{value}");
+    };
+    for (path, bytes) in &info.files {
+        line("file", format!("{} ({})", path.display(), size(*bytes)));
+    }
+    line("run", session.run_id.clone());
+    if !session.host.is_empty() {
+        line(
+            "host",
+            format!("{}, boot {}", session.host, session.boot_id),
+        );
+    }
+    line(
+        "program",
+        format!("atvrec {} ({})", session.version, session.git_hash),
+    );
+    if let Some((first, _)) = info.span {
+        let begin = crate::session::utc_compact(first.0 / 1_000_000_000);
+        line("time", format!("{begin}, {:.1} s", seconds(info)));
+    }
+    for missing in &info.missing {
+        line("missing", missing.to_string());
+    }
+    let _ = writeln!(
+        text,
+        "\n{:<36}{:>10}{:>10}  schema",
+        "topic", "messages", "Hz"
+    );
+    for (topic, (schema, count)) in &info.channels {
+        let rate = *count as f64 / seconds(info).max(1e-9);
+        let _ = writeln!(text, "{topic:<36}{count:>10}{rate:>10.1}  {schema}");
+    }
+    if !info.attachments.is_empty() {
+        let _ = writeln!(text, "\n{:<36}{:>10}  type", "attachment", "bytes");
+        for (name, media_type, bytes) in &info.attachments {
+            let _ = writeln!(text, "{name:<36}{bytes:>10}  {media_type}");
+        }
+    }
+    if !info.counters.is_empty() {
+        let _ = writeln!(text, "\n{:<36}{:>10}", "counter", "value");
+        for (name, value) in &info.counters {
+            let _ = writeln!(text, "{name:<36}{value:>10}");
+        }
+    }
+    text
+}
+
+fn as_json(info: &Info, session: &Session) -> serde_json::Value {
+    let channels: serde_json::Map<_, _> = info
+        .channels
+        .iter()
+        .map(|(topic, (schema, count))| {
+            (
+                topic.clone(),
+                json!({ "schema": schema, "messages": count }),
+            )
+        })
+        .collect();
+    let sources: Vec<_> = session
+        .sources
+        .iter()
+        .map(|s| json!({ "id": s.id, "name": s.name, "kind": s.kind.name() }))
+        .collect();
+    json!({
+        "files": info.files.iter().map(|(path, bytes)| json!({ "path": path, "bytes": bytes })).collect::<Vec<_>>(),
+        "run_id": session.run_id,
+        "version": session.version,
+        "git_hash": session.git_hash,
+        "host": session.host,
+        "boot_id": session.boot_id,
+        "start_ns": info.span.map(|(first, _)| first.0),
+        "end_ns": info.span.map(|(_, last)| last.0),
+        "duration_s": seconds(info),
+        "sources": sources,
+        "channels": channels,
+        "chunks": info.chunks,
+        "attachments": info.attachments.iter().map(|(name, media_type, bytes)| {
+            json!({ "name": name, "media_type": media_type, "bytes": bytes })
+        }).collect::<Vec<_>>(),
+        "counters": info.counters,
+        "missing": info.missing.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+/// Bytes for people.
+fn size(bytes: u64) -> String {
+    match bytes {
+        0..1_000 => format!("{bytes} B"),
+        1_000..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
+        _ => format!("{:.2} GB", bytes as f64 / 1e9),
+    }
+}

@@ -1,0 +1,126 @@
+//! `atvrec record`.
+
+use std::time::Duration;
+
+use anyhow::Context;
+use sample::LossPlace;
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::cli::RecordArgs;
+use crate::config::Config;
+use crate::exit::Outcome;
+use crate::pipeline::{self, Summary};
+
+/// Records until a signal or the time given.
+pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
+    let mut config = Config::load(&args.config)?;
+    if let Some(directory) = &args.directory {
+        config.storage.directory.clone_from(directory);
+    }
+    let limit = args.duration_s.map(Duration::from_secs_f64);
+    let summary = block_on(&config, limit)?;
+    if args.json {
+        println!("{:#}", as_json(&summary));
+    } else {
+        print!("{}", as_text(&summary));
+    }
+    Ok(outcome(&summary))
+}
+
+/// Records with `config` until SIGINT, SIGTERM or the end of `limit`.
+pub fn block_on(config: &Config, limit: Option<Duration>) -> anyhow::Result<Summary> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .thread_name("sources")
+        .enable_all()
+        .build()
+        .context("cannot start the runtime")?;
+    runtime.block_on(async {
+        let mut interrupt = signal(SignalKind::interrupt())?;
+        let mut terminate = signal(SignalKind::terminate())?;
+        let stop = async {
+            tokio::select! {
+                _ = interrupt.recv() => tracing::info!("interrupted, stopping"),
+                _ = terminate.recv() => tracing::info!("told to end, stopping"),
+                () = after(limit) => {}
+            }
+        };
+        pipeline::record(config, stop).await
+    })
+}
+
+async fn after(limit: Option<Duration>) {
+    match limit {
+        Some(limit) => tokio::time::sleep(limit).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Whether anything was lost.
+pub fn outcome(summary: &Summary) -> Outcome {
+    if summary.lost().iter().sum::<u64>() > 0 {
+        Outcome::DataLoss
+    } else {
+        Outcome::Good
+    }
+}
+
+/// The summary for people.
+pub fn as_text(summary: &Summary) -> String {
+    use std::fmt::Write as _;
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "recorded {:.1} s, {} arrivals",
+        summary.duration_s, summary.arrivals
+    );
+    let _ = writeln!(
+        text,
+        "  {:<14}{:>12}{:>12}{:>10}{:>8}{:>8}",
+        "source", "messages", "bytes", "checksum", "gaps", "lost"
+    );
+    for source in &summary.health.sources {
+        let state = if source.silent {
+            "  silent"
+        } else if !source.open {
+            "  not open"
+        } else {
+            ""
+        };
+        let _ = writeln!(
+            text,
+            "  {:<14}{:>12}{:>12}{:>10}{:>8}{:>8}{state}",
+            source.name,
+            source.messages,
+            source.bytes,
+            source.checksum_errors,
+            source.gaps,
+            source.lost.iter().sum::<u64>(),
+        );
+    }
+    for (place, count) in LossPlace::ALL.into_iter().zip(summary.lost()) {
+        if count > 0 {
+            let _ = writeln!(text, "  lost in {}: {count}", place.name());
+        }
+    }
+    for file in &summary.files {
+        let _ = writeln!(text, "  {}", file.display());
+    }
+    text
+}
+
+fn as_json(summary: &Summary) -> serde_json::Value {
+    let lost: serde_json::Map<_, _> = LossPlace::ALL
+        .into_iter()
+        .zip(summary.lost())
+        .map(|(place, count)| (place.name().to_owned(), count.into()))
+        .collect();
+    serde_json::json!({
+        "duration_s": summary.duration_s,
+        "arrivals": summary.arrivals,
+        "files": summary.files,
+        "lost": lost,
+        "stuck": summary.stuck,
+        "sources": summary.health.sources,
+    })
+}

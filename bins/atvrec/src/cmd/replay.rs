@@ -1,0 +1,264 @@
+//! `atvrec replay`: the estimate again, from the raw bytes alone.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use sample::{Arrival, LogTime, Payload};
+use store::{LogWriter, Missing, Reader, Record, Session, Writer};
+
+use crate::cli::ReplayArgs;
+use crate::config::Config;
+use crate::engine::{Engine, Skipped};
+use crate::exit::{Outcome, UsageError};
+use crate::progress::Progress;
+use crate::session;
+use crate::verify::{Report, Verifier};
+
+/// What a replay did.
+#[derive(Debug, Default)]
+struct Done {
+    arrivals: u64,
+    records: u64,
+    left_out: u64,
+    span: Option<(LogTime, LogTime)>,
+    missing: Vec<Missing>,
+}
+
+/// Replays.
+pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let reader = Reader::open(&args.logs)?;
+    let config = match &args.config {
+        Some(path) => Config::load(path)?,
+        None => Config::from_attachments(&reader.attachments()?)?,
+    };
+    let original = reader.session().clone();
+    check_sources(&config, &original)?;
+    let begin = Instant::now();
+    let mut replay = Replay::new(&reader, &config, &original, args)?;
+    let progress = Progress::seconds("replay", log_seconds(&reader), quiet);
+    let mut pace = args.rate.map(Pace::new);
+    let mut done = Done::default();
+    let skipped = skipped(&reader)?;
+    let mut arrivals = reader.arrivals();
+    for arrival in arrivals.by_ref() {
+        let arrival = arrival?;
+        if let Some(pace) = &mut pace {
+            pace.wait(arrival.log_time);
+        }
+        let (first, _) = *done
+            .span
+            .get_or_insert((arrival.log_time, arrival.log_time));
+        done.span = Some((first, arrival.log_time));
+        done.arrivals += 1;
+        if done.arrivals.is_multiple_of(512) {
+            progress.set(arrival.log_time.seconds_since(first));
+        }
+        if skipped.contains(arrival.sequence) {
+            done.left_out += 1;
+        } else {
+            done.records += replay.step(&arrival)?;
+        }
+        replay.keep(arrival)?;
+    }
+    done.missing = arrivals.missing();
+    progress.finish();
+    let report = replay.finish()?;
+    tell(args, &done, report.as_ref(), begin.elapsed());
+    Ok(match report {
+        Some(report) if !report.is_identical() => Outcome::Failed,
+        _ => Outcome::Good,
+    })
+}
+
+/// The engine and what its records go to.
+struct Replay {
+    engine: Engine,
+    records: Vec<Record>,
+    writer: Option<Writer>,
+    verifier: Option<Verifier>,
+}
+
+impl Replay {
+    fn new(
+        reader: &Reader,
+        config: &Config,
+        original: &Session,
+        args: &ReplayArgs,
+    ) -> anyhow::Result<Self> {
+        let session = session::replayed(config, original);
+        let options = config.storage.options.clone();
+        let writer = match &args.output {
+            Some(path) => {
+                refuse_overwriting(path, &args.logs)?;
+                Some(Writer::create(path, session.clone(), options.clone(), 0)?)
+            }
+            None => None,
+        };
+        let verifier = match args.verify {
+            true => {
+                let encoder = LogWriter::new(std::io::sink(), session, options, 0)?;
+                Some(Verifier::new(reader, encoder))
+            }
+            false => None,
+        };
+        Ok(Self {
+            engine: Engine::new(config)?,
+            records: Vec::new(),
+            writer,
+            verifier,
+        })
+    }
+
+    /// Feeds the engine and hands its records on; says how many there were.
+    fn step(&mut self, arrival: &Arrival) -> anyhow::Result<u64> {
+        self.records.clear();
+        self.engine.push(arrival, &mut self.records);
+        if let Some(verifier) = &mut self.verifier {
+            verifier.expect(&self.records, arrival.log_time)?;
+        }
+        Ok(self.records.len() as u64)
+    }
+
+    /// Writes the arrival and what followed from it.
+    fn keep(&mut self, arrival: Arrival) -> anyhow::Result<()> {
+        if let Some(writer) = &mut self.writer {
+            writer.push(arrival)?;
+            for record in &self.records {
+                writer.record(record);
+            }
+        }
+        self.records.clear();
+        Ok(())
+    }
+
+    fn finish(self) -> anyhow::Result<Option<Report>> {
+        if let Some(writer) = self.writer {
+            writer.finish()?;
+        }
+        self.verifier.map(Verifier::finish).transpose()
+    }
+}
+
+/// Holds a replay back to a multiple of real time.
+struct Pace {
+    rate: f64,
+    start: Option<(Instant, LogTime)>,
+}
+
+impl Pace {
+    const fn new(rate: f64) -> Self {
+        Self { rate, start: None }
+    }
+
+    fn wait(&mut self, log_time: LogTime) {
+        let (start, first) = *self.start.get_or_insert((Instant::now(), log_time));
+        let due_s = log_time.seconds_since(first) / self.rate;
+        let ahead_s = due_s - start.elapsed().as_secs_f64();
+        if ahead_s > 0.0 {
+            std::thread::sleep(Duration::from_secs_f64(ahead_s));
+        }
+    }
+}
+
+/// Which arrivals the estimator left out: told after the fact, so it must be known beforehand.
+fn skipped(reader: &Reader) -> anyhow::Result<Skipped> {
+    let mut skipped = Skipped::default();
+    let topics = reader.info().channels;
+    let has_notices = topics
+        .values()
+        .any(|(schema, _)| schema == "atvrec.RawNotices");
+    if has_notices {
+        for arrival in reader.arrivals() {
+            if let Payload::Notice(notice) = arrival?.payload {
+                skipped.note(&notice);
+            }
+        }
+    }
+    Ok(skipped)
+}
+
+fn log_seconds(reader: &Reader) -> f64 {
+    reader
+        .info()
+        .span
+        .map_or(0.0, |(first, last)| last.seconds_since(first))
+}
+
+/// Source numbers of the log must mean the same in the configuration.
+fn check_sources(config: &Config, original: &Session) -> anyhow::Result<()> {
+    let known = |id, name: &str| {
+        config
+            .sources
+            .iter()
+            .any(|source| source.spec.id == id && source.spec.name == name)
+    };
+    let other: Vec<&str> = original
+        .sources
+        .iter()
+        .filter(|source| source.kind != store::SourceKind::Recorder)
+        .filter(|source| !known(source.id, &source.name))
+        .map(|source| source.name.as_str())
+        .collect();
+    if other.is_empty() {
+        return Ok(());
+    }
+    Err(UsageError(format!(
+        "the configuration does not have the log's sources {} in the same order; \
+         name all sources of the log in it",
+        other.join(", ")
+    ))
+    .into())
+}
+
+fn refuse_overwriting(output: &Path, logs: &[std::path::PathBuf]) -> anyhow::Result<()> {
+    let same = |log: &std::path::PathBuf| matches!((log.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if logs.iter().any(same) {
+        return Err(UsageError(format!(
+            "{} is replayed and cannot be written too; name another output",
+            output.display()
+        ))
+        .into());
+    }
+    Ok(())
+}
+
+fn tell(args: &ReplayArgs, done: &Done, report: Option<&Report>, took: Duration) {
+    let span_s = done
+        .span
+        .map_or(0.0, |(first, last)| last.seconds_since(first));
+    let took_s = took.as_secs_f64();
+    if args.json {
+        let value = serde_json::json!({
+            "arrivals": done.arrivals,
+            "records": done.records,
+            "left_out": done.left_out,
+            "log_s": span_s,
+            "took_s": took_s,
+            "missing": done.missing.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "verify": report.map(Report::as_json),
+        });
+        println!("{value:#}");
+        return;
+    }
+    println!(
+        "replayed {span_s:.1} s in {took_s:.2} s ({:.0} times real time): {} arrivals, {} records",
+        span_s / took_s.max(1e-9),
+        done.arrivals,
+        done.records
+    );
+    if done.left_out > 0 {
+        println!(
+            "  {} arrivals that the estimator left out while recording are left out again",
+            done.left_out
+        );
+    }
+    for missing in &done.missing {
+        println!("  {missing}");
+    }
+    if let Some(report) = report {
+        print!("{report}");
+    }
+    if let Some(output) = &args.output {
+        println!("  {}", output.display());
+    }
+}

@@ -1,0 +1,99 @@
+//! `atvrec virtual`: the virtual vehicle on ports, in real time.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::Context;
+
+use crate::cli::VirtualArgs;
+use crate::devices::{Devices, Sent};
+use crate::exit::Outcome;
+use crate::rig::{Ports, Rig};
+
+/// Drives until the manoeuvre ends or a signal comes.
+pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
+    let mut rig = Rig::new(&args.drive)?;
+    let mut devices = Devices::new(&args.directory, args.can.is_none())?;
+    let directory = args
+        .directory
+        .canonicalize()
+        .with_context(|| format!("cannot find {}", args.directory.display()))?;
+    let ports = Ports {
+        directory: &directory,
+        can: args.can.as_deref(),
+    };
+    let config = directory.join("atvrec.toml");
+    std::fs::write(&config, rig.configuration(&ports))
+        .with_context(|| format!("cannot write {}", config.display()))?;
+    tell(&rig, &devices, &config);
+
+    let mut bus = args.can.as_deref().map(open_bus).transpose()?;
+    let stop = Arc::new(AtomicBool::new(false));
+    stop_on_signals(Arc::clone(&stop))?;
+    loop {
+        devices.drive(&mut rig, &stop, &mut |frame| match &mut bus {
+            Some(bus) => Ok(bus.send(frame)?),
+            None => Ok(()),
+        })?;
+        if !args.repeat || stop.load(Ordering::Relaxed) {
+            break;
+        }
+        rig = Rig::new(&args.drive)?;
+    }
+    for Sent {
+        name,
+        messages,
+        cut,
+    } in devices.sent()
+    {
+        println!("  {name:<14}{messages:>10} messages sent, {cut} that the line could not take");
+    }
+    Ok(Outcome::Good)
+}
+
+fn open_bus(interface: &str) -> anyhow::Result<acq::CanSender> {
+    acq::CanSender::open(interface).with_context(|| {
+        format!(
+            "cannot send on {interface}; make it with `ip link add {interface} type vcan` and \
+             bring it up with `ip link set {interface} up`"
+        )
+    })
+}
+
+fn tell(rig: &Rig, devices: &Devices, config: &Path) {
+    println!("{}, {:.0} s; ports:", rig.drive, rig.duration_s());
+    for link in devices.links() {
+        println!("  {}", link.display());
+    }
+    println!("record with: atvrec record --config {}", config.display());
+}
+
+/// Sets `stop` when SIGINT or SIGTERM comes.
+fn stop_on_signals(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the runtime")?;
+    std::thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(move || {
+            let waited: std::io::Result<()> = runtime.block_on(async {
+                let mut interrupt = signal(SignalKind::interrupt())?;
+                let mut terminate = signal(SignalKind::terminate())?;
+                tokio::select! {
+                    _ = interrupt.recv() => {}
+                    _ = terminate.recv() => {}
+                }
+                Ok(())
+            });
+            if let Err(error) = waited {
+                tracing::warn!(%error, "signals are not heard");
+                return;
+            }
+            stop.store(true, Ordering::Relaxed);
+        })
+        .context("cannot start a thread")?;
+    Ok(())
+}

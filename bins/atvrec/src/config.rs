@@ -1,0 +1,115 @@
+//! `atvrec.toml`: from text to a configuration that cannot be wrong.
+//!
+//! All errors of the file and of the files that it names are gathered and told at once.
+
+mod estimator;
+mod files;
+mod reader;
+mod roles;
+mod source;
+mod storage;
+
+use std::path::Path;
+
+use anyhow::Context;
+use store::Attachment;
+use toml::de::DeTable;
+
+pub use estimator::Estimator;
+pub use files::{FileKind, Files};
+pub use reader::Problems;
+pub use roles::Role;
+pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
+pub use storage::Storage;
+
+use reader::{Gatherer, Section};
+
+/// Name of the configuration among a log's attachments.
+pub const ATTACHED_NAME: &str = "atvrec.toml";
+
+/// A resolved configuration.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// All sources, in the order of their numbers.
+    pub sources: Vec<Source>,
+    /// Where and how logs are written.
+    pub storage: Storage,
+    /// What the estimator is told; `None` switches it off.
+    pub estimator: Option<Estimator>,
+    /// The configuration itself and every file that it names, for the log.
+    pub attachments: Vec<Attachment>,
+}
+
+impl Config {
+    /// Reads a configuration file.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        let text = std::fs::read_to_string(path).with_context(|| {
+            format!(
+                "cannot read the configuration {}; `atvrec virtual` writes one to begin with, \
+                 docs/configuration.md explains every field",
+                path.display()
+            )
+        })?;
+        let directory = path.parent().map(Path::to_owned).unwrap_or_default();
+        let files = Files::on_disk(directory.clone());
+        let mut config = Self::resolve(&path.display().to_string(), &text, files)?;
+        config.storage.directory = directory.join(&config.storage.directory);
+        for source in &mut config.sources {
+            source.look_from(&directory);
+        }
+        Ok(config)
+    }
+
+    /// Reads the configuration that a log carries.
+    pub fn from_attachments(attachments: &[Attachment]) -> anyhow::Result<Self> {
+        let attached = attachments
+            .iter()
+            .find(|attachment| attachment.name == ATTACHED_NAME)
+            .context("the log carries no configuration; give one with --config")?;
+        let text = std::str::from_utf8(&attached.data)
+            .context("the log's configuration is not UTF-8; give one with --config")?;
+        let files = Files::attached(attachments);
+        Ok(Self::resolve(ATTACHED_NAME, text, files)?)
+    }
+
+    /// Reads a configuration made by the program; names in it are files of `directory` or the
+    /// program's own.
+    pub fn from_text(text: &str, directory: &Path) -> anyhow::Result<Self> {
+        let files = Files::on_disk(directory.to_owned());
+        Ok(Self::resolve(ATTACHED_NAME, text, files)?)
+    }
+
+    fn resolve(name: &str, text: &str, mut files: Files) -> Result<Self, Problems> {
+        let mut gather = Gatherer::new(name, text);
+        let (table, syntax) = DeTable::parse_recoverable(text);
+        for error in &syntax {
+            gather.add_syntax(error);
+        }
+        if !syntax.is_empty() {
+            return Err(Problems(gather.into_problems()));
+        }
+        let mut top = Section::new("", table);
+        let sources = top.section("source", &mut gather);
+        let sources = source::read_all(sources, &mut files, &mut gather);
+        let storage = Storage::read(top.section("storage", &mut gather), &mut gather);
+        let vehicle = top.section("vehicle", &mut gather);
+        let section = top.section("estimator", &mut gather);
+        let estimator = estimator::read(section, vehicle, &mut files, &mut gather);
+        top.finish(&mut gather);
+        if !gather.is_empty() {
+            return Err(Problems(gather.into_problems()));
+        }
+        let mut attachments = vec![Attachment {
+            name: ATTACHED_NAME.to_owned(),
+            media_type: "application/toml".to_owned(),
+            data: text.as_bytes().to_vec(),
+        }];
+        attachments.extend(files.into_used());
+        Ok(Self {
+            sources,
+            storage,
+            estimator,
+            attachments,
+        })
+    }
+}

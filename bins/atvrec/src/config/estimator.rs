@@ -1,0 +1,194 @@
+//! `[vehicle]` and `[estimator]`: what the estimator is told.
+
+use estimator::{Calibration, Input, Method, Settings};
+use model::FileErrors;
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+
+use super::files::{FileKind, Files};
+use super::reader::{Field, Gatherer, Problem, Section, closest};
+
+/// Methods, as they are written in the file.
+const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
+/// Inputs, as they are written in the file.
+const INPUTS: [(&str, Input); 7] = [
+    ("strain", Input::Strain),
+    ("deflection", Input::Deflection),
+    ("imu", Input::Imu),
+    ("gnss_velocity", Input::GnssVelocity),
+    ("gnss_attitude", Input::GnssAttitude),
+    ("wheel_speed", Input::WheelSpeed),
+    ("steer", Input::Steer),
+];
+
+/// What the estimator is told.
+#[derive(Clone, Debug)]
+pub struct Estimator {
+    /// The vehicle.
+    pub vehicle: Vehicle,
+    /// Its sensors.
+    pub sensors: Sensors,
+    /// What a workshop found of them.
+    pub calibration: Calibration,
+    /// Method and inputs.
+    pub settings: Settings,
+}
+
+/// Reads both tables; `None` if the estimator is switched off, or no vehicle is named, or
+/// something is wrong.
+pub fn read(
+    mut section: Section<'_>,
+    mut vehicle: Section<'_>,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+) -> Option<Estimator> {
+    let enabled = section.optional::<bool>("enabled", gather);
+    let method = section.optional::<String>("method", gather);
+    let ignore = section.optional::<Vec<String>>("ignore", gather);
+    section.finish(gather);
+    let file = vehicle.optional::<String>("file", gather);
+    let sensors = vehicle.optional::<String>("sensors", gather);
+    let calibration = vehicle.optional::<String>("calibration", gather);
+    let vehicle_span = vehicle.span();
+    vehicle.finish(gather);
+
+    let settings = Settings {
+        method: method.map_or(Method::default(), |field| {
+            pick(&field, &field.value, &METHODS, gather).unwrap_or_default()
+        }),
+        ignore: ignore.map_or_else(Vec::new, |field| {
+            field
+                .value
+                .iter()
+                .filter_map(|name| pick(&field, name, &INPUTS, gather))
+                .collect()
+        }),
+    };
+    if enabled.as_ref().is_some_and(|field| !field.value) {
+        return None;
+    }
+    let Some(file) = file else {
+        if let Some(field) = enabled {
+            gather.add(
+                &vehicle_span,
+                "vehicle.file",
+                format!("missing, but {} = true", field.name),
+                "name the vehicle file, or one of the program's own: file = \"prowler\"",
+            );
+        }
+        return None;
+    };
+    let vehicle = text_of(&file, FileKind::Vehicle, files, gather)
+        .and_then(|text| told(Vehicle::from_toml(&text, &file.value), gather));
+    let sensors = sensors.unwrap_or_else(|| Field {
+        value: Sensors::builtin_names()
+            .next()
+            .unwrap_or_default()
+            .to_owned(),
+        span: file.span.clone(),
+        name: "vehicle.sensors".to_owned(),
+    });
+    let sensors = text_of(&sensors, FileKind::Sensors, files, gather)
+        .and_then(|text| told(Sensors::from_toml(&text, &sensors.value), gather));
+    let vehicle = vehicle?;
+    let calibration = match calibration {
+        Some(field) => read_calibration(&field, &vehicle, files, gather)?,
+        None => Calibration::nominal(&vehicle.name),
+    };
+    Some(Estimator {
+        vehicle,
+        sensors: sensors?,
+        calibration,
+        settings,
+    })
+}
+
+fn pick<T: Copy>(
+    field: &Field<impl Sized>,
+    name: &str,
+    known: &[(&str, T)],
+    gather: &mut Gatherer<'_>,
+) -> Option<T> {
+    let found = known.iter().find(|(known, _)| *known == name);
+    if found.is_none() {
+        let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+        let help = match closest(name, &names) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None => format!("there are: {}", names.join(", ")),
+        };
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{name}\" is not known"),
+            help,
+        );
+    }
+    found.map(|(_, value)| *value)
+}
+
+fn text_of(
+    field: &Field<String>,
+    kind: FileKind,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+) -> Option<String> {
+    match files.read_text(&field.value, kind) {
+        Ok(text) => Some(text),
+        Err(problem) => {
+            gather.add(&field.span, &field.name, problem.message, problem.help);
+            None
+        }
+    }
+}
+
+/// The value of a file that was read, or its problems among the others.
+fn told<T>(read: Result<T, FileErrors>, gather: &mut Gatherer<'_>) -> Option<T> {
+    match read {
+        Ok(value) => Some(value),
+        Err(errors) => {
+            gather.add_foreign(errors.problems.iter().map(|problem| Problem {
+                file: errors.path.display().to_string(),
+                line: problem.line.unwrap_or(0),
+                column: 0,
+                field: problem.field.clone(),
+                message: if problem.value.is_empty() {
+                    problem.message.clone()
+                } else {
+                    format!("{} {}", problem.value, problem.message)
+                },
+                help: problem.remedy.clone(),
+            }));
+            None
+        }
+    }
+}
+
+fn read_calibration(
+    field: &Field<String>,
+    vehicle: &Vehicle,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+) -> Option<Calibration> {
+    let text = text_of(field, FileKind::Calibration, files, gather)?;
+    let calibration = match Calibration::from_toml(&text) {
+        Ok(calibration) => calibration,
+        Err(error) => {
+            let help = "calibrate again, or correct the file";
+            gather.add(&field.span, &field.name, error.to_string(), help);
+            return None;
+        }
+    };
+    if calibration.vehicle != vehicle.name {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!(
+                "{} is a calibration of \"{}\", the vehicle is \"{}\"",
+                field.value, calibration.vehicle, vehicle.name
+            ),
+            "calibrate this vehicle, or name the right files",
+        );
+        return None;
+    }
+    Some(calibration)
+}

@@ -1,0 +1,175 @@
+//! The files that a configuration names: on disk, attached to a log, or part of the program.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use store::Attachment;
+
+/// Name of the project's own DBC file.
+pub const PROJECT_DBC: &str = "prowler.dbc";
+
+/// The project's own DBC file.
+const PROJECT_DBC_TEXT: &str = include_str!("../../assets/prowler.dbc");
+
+/// What kind of file is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// A DBC file.
+    Dbc,
+    /// A vehicle file.
+    Vehicle,
+    /// A sensors file.
+    Sensors,
+    /// A calibration file.
+    Calibration,
+}
+
+impl FileKind {
+    const fn media_type(self) -> &'static str {
+        match self {
+            Self::Dbc => "text/plain",
+            Self::Vehicle | Self::Sensors | Self::Calibration => "application/toml",
+        }
+    }
+
+    /// The text of the program's own file with this name.
+    fn builtin(self, name: &str) -> Option<&'static str> {
+        match self {
+            Self::Dbc => (name == PROJECT_DBC).then_some(PROJECT_DBC_TEXT),
+            Self::Vehicle => Vehicle::builtin_text(name),
+            Self::Sensors => Sensors::builtin_text(name),
+            Self::Calibration => None,
+        }
+    }
+
+    fn builtin_names(self) -> Vec<&'static str> {
+        match self {
+            Self::Dbc => vec![PROJECT_DBC],
+            Self::Vehicle => Vehicle::builtin_names().collect(),
+            Self::Sensors => Sensors::builtin_names().collect(),
+            Self::Calibration => Vec::new(),
+        }
+    }
+}
+
+/// Where the named files are.
+#[derive(Debug)]
+enum Place {
+    /// In and below this directory.
+    Disk(PathBuf),
+    /// In a log.
+    Attached(BTreeMap<String, Vec<u8>>),
+}
+
+/// Reads named files once and keeps what was read, so that it can be attached to a log.
+#[derive(Debug)]
+pub struct Files {
+    place: Place,
+    used: Vec<Attachment>,
+}
+
+/// A file that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileProblem {
+    /// What is wrong.
+    pub message: String,
+    /// What to do about it.
+    pub help: String,
+}
+
+impl Files {
+    /// Files relative to `directory`.
+    pub fn on_disk(directory: PathBuf) -> Self {
+        Self {
+            place: Place::Disk(directory),
+            used: Vec::new(),
+        }
+    }
+
+    /// Files attached to a log.
+    pub fn attached(attachments: &[Attachment]) -> Self {
+        let files = attachments
+            .iter()
+            .map(|attachment| (attachment.name.clone(), attachment.data.clone()))
+            .collect();
+        Self {
+            place: Place::Attached(files),
+            used: Vec::new(),
+        }
+    }
+
+    /// The text of the file `name`. A file of the user goes before one of the program's own with
+    /// the same name.
+    pub fn read_text(&mut self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
+        if let Some(known) = self.used.iter().find(|file| file.name == name) {
+            return Ok(String::from_utf8_lossy(&known.data).into_owned());
+        }
+        let text = self.load(name, kind)?;
+        self.used.push(Attachment {
+            name: name.to_owned(),
+            media_type: kind.media_type().to_owned(),
+            data: text.clone().into_bytes(),
+        });
+        Ok(text)
+    }
+
+    fn load(&self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
+        let builtin = || kind.builtin(name).map(str::to_owned);
+        let bytes = match &self.place {
+            Place::Attached(files) => match files.get(name) {
+                Some(bytes) => bytes.clone(),
+                None => return builtin().ok_or_else(|| not_attached(name)),
+            },
+            Place::Disk(directory) => {
+                let path = directory.join(name);
+                match std::fs::read(&path) {
+                    Ok(bytes) => bytes,
+                    Err(error) => {
+                        return builtin().ok_or_else(|| FileProblem {
+                            message: format!("cannot read {}: {error}", path.display()),
+                            help: unreadable_help(kind),
+                        });
+                    }
+                }
+            }
+        };
+        String::from_utf8(bytes).or_else(|error| match kind {
+            // DBC files are often in Latin-1, whose bytes are the code points.
+            FileKind::Dbc => Ok(error
+                .as_bytes()
+                .iter()
+                .map(|byte| char::from(*byte))
+                .collect()),
+            _ => Err(FileProblem {
+                message: format!("{name} is not UTF-8 text"),
+                help: "save the file as UTF-8".to_owned(),
+            }),
+        })
+    }
+
+    /// All files that were read.
+    pub fn into_used(self) -> Vec<Attachment> {
+        self.used
+    }
+}
+
+fn not_attached(name: &str) -> FileProblem {
+    FileProblem {
+        message: format!("{name} is not attached to the log"),
+        help: "give a configuration with --config".to_owned(),
+    }
+}
+
+fn unreadable_help(kind: FileKind) -> String {
+    let names = kind.builtin_names();
+    if names.is_empty() {
+        "paths are relative to the configuration file".to_owned()
+    } else {
+        format!(
+            "paths are relative to the configuration file; the program's own are: {}",
+            names.join(", ")
+        )
+    }
+}

@@ -1,0 +1,500 @@
+//! Reads a TOML table field by field and gathers every problem instead of stopping at the first.
+
+use std::fmt;
+use std::ops::Range;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// One thing wrong with a configuration file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// The file, as the user named it.
+    pub file: String,
+    /// Line, from 1; 0 where the file as a whole is meant.
+    pub line: usize,
+    /// Column, from 1; 0 where only the line is known.
+    pub column: usize,
+    /// Dotted name of the field, such as `source.imu.baud`; empty for the file as a whole.
+    pub field: String,
+    /// What is wrong, with the value.
+    pub message: String,
+    /// What to do about it.
+    pub help: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.file)?;
+        if self.line > 0 {
+            write!(f, ":{}", self.line)?;
+        }
+        if self.column > 0 {
+            write!(f, ":{}", self.column)?;
+        }
+        f.write_str(": ")?;
+        if !self.field.is_empty() {
+            write!(f, "{}: ", self.field)?;
+        }
+        f.write_str(&self.message)?;
+        if !self.help.is_empty() {
+            write!(f, "\n    help: {}", self.help)?;
+        }
+        Ok(())
+    }
+}
+
+/// All that is wrong with a configuration.
+#[derive(Debug, thiserror::Error)]
+pub struct Problems(pub Vec<Problem>);
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for problem in &self.0 {
+            writeln!(f, "{problem}")?;
+        }
+        match self.0.len() {
+            1 => write!(f, "1 error in the configuration"),
+            count => write!(f, "{count} errors in the configuration"),
+        }
+    }
+}
+
+/// Gathers the problems of one file.
+pub struct Gatherer<'t> {
+    file: &'t str,
+    text: &'t str,
+    problems: Vec<Problem>,
+}
+
+impl<'t> Gatherer<'t> {
+    /// A gatherer for the file called `file` whose text is `text`.
+    pub fn new(file: &'t str, text: &'t str) -> Self {
+        Self {
+            file,
+            text,
+            problems: Vec::new(),
+        }
+    }
+
+    /// Adds a problem with the part of the text at `span`.
+    pub fn add(
+        &mut self,
+        span: &Range<usize>,
+        field: &str,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        let (line, column) = line_and_column(self.text, span.start);
+        self.problems.push(Problem {
+            file: self.file.to_owned(),
+            line,
+            column,
+            field: field.to_owned(),
+            message: message.into(),
+            help: help.into(),
+        });
+    }
+
+    /// Adds a problem that the TOML parser found.
+    pub fn add_syntax(&mut self, error: &toml::de::Error) {
+        let span = error.span().unwrap_or(0..0);
+        self.add(&span, "", error.message(), "correct the TOML syntax here");
+    }
+
+    /// Adds problems of another file.
+    pub fn add_foreign(&mut self, problems: impl IntoIterator<Item = Problem>) {
+        self.problems.extend(problems);
+    }
+
+    /// Whether nothing is wrong so far.
+    pub fn is_empty(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// The problems, in the order of the text.
+    pub fn into_problems(mut self) -> Vec<Problem> {
+        let own = self.file;
+        self.problems.sort_by(|a, b| {
+            let place = |p: &Problem| (p.file != own, p.file.clone(), p.line, p.column);
+            place(a).cmp(&place(b))
+        });
+        self.problems
+    }
+}
+
+/// Line and column, both from 1, of a byte position.
+pub fn line_and_column(text: &str, position: usize) -> (usize, usize) {
+    let before = text.get(..position.min(text.len())).unwrap_or(text);
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+    (line, column)
+}
+
+/// A value that a field can hold.
+pub trait FromValue: Sized {
+    /// What is expected, for messages: `a string`.
+    const EXPECTED: &'static str;
+
+    /// The value, if it is of this type.
+    fn from_value(value: &DeValue<'_>) -> Option<Self>;
+}
+
+impl FromValue for String {
+    const EXPECTED: &'static str = "a string";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        value.as_str().map(str::to_owned)
+    }
+}
+
+impl FromValue for bool {
+    const EXPECTED: &'static str = "true or false";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        match value {
+            DeValue::Boolean(value) => Some(*value),
+            _ => None,
+        }
+    }
+}
+
+impl FromValue for f64 {
+    const EXPECTED: &'static str = "a number";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        let number = match value {
+            DeValue::Float(value) => value.as_str().parse().ok(),
+            DeValue::Integer(value) if value.radix() == 10 => value.as_str().parse().ok(),
+            _ => None,
+        };
+        number.filter(|number: &f64| number.is_finite())
+    }
+}
+
+impl FromValue for u64 {
+    const EXPECTED: &'static str = "a whole number, not negative";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        match value {
+            DeValue::Integer(value) => Self::from_str_radix(value.as_str(), value.radix()).ok(),
+            _ => None,
+        }
+    }
+}
+
+impl FromValue for u32 {
+    const EXPECTED: &'static str = "a whole number, not negative";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        u64::from_value(value).and_then(|value| Self::try_from(value).ok())
+    }
+}
+
+impl<T: FromValue> FromValue for Vec<T> {
+    const EXPECTED: &'static str = "a list";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        match value {
+            DeValue::Array(items) => items
+                .iter()
+                .map(|item| T::from_value(item.get_ref()))
+                .collect(),
+            _ => None,
+        }
+    }
+}
+
+/// A field's value with its place.
+#[derive(Clone, Debug)]
+pub struct Field<T> {
+    /// The value.
+    pub value: T,
+    /// Where it stands in the text.
+    pub span: Range<usize>,
+    /// Dotted name.
+    pub name: String,
+}
+
+/// A table whose fields are taken one after another; what is left over is unknown.
+pub struct Section<'t> {
+    name: String,
+    span: Range<usize>,
+    entries: Vec<(String, Range<usize>, Spanned<DeValue<'t>>)>,
+    known: Vec<&'static str>,
+}
+
+impl<'t> Section<'t> {
+    /// The section `name` (empty at the top) made of `table`.
+    pub fn new(name: &str, table: Spanned<DeTable<'t>>) -> Self {
+        let span = table.span();
+        let mut entries: Vec<_> = table
+            .into_inner()
+            .into_iter()
+            .map(|(key, value)| {
+                let span = key.span();
+                (key.into_inner().into_owned(), span, value)
+            })
+            .collect();
+        entries.sort_by_key(|(_, span, _)| span.start);
+        Self {
+            name: name.to_owned(),
+            span,
+            entries,
+            known: Vec::new(),
+        }
+    }
+
+    /// Dotted name of the field `key` of this section.
+    pub fn field_name(&self, key: &str) -> String {
+        if self.name.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{}.{key}", self.name)
+        }
+    }
+
+    /// Where the section stands.
+    pub fn span(&self) -> Range<usize> {
+        self.span.clone()
+    }
+
+    fn take(&mut self, key: &'static str) -> Option<Spanned<DeValue<'t>>> {
+        self.known.push(key);
+        let at = self.entries.iter().position(|(name, _, _)| name == key)?;
+        Some(self.entries.remove(at).2)
+    }
+
+    /// The field `key`, if it is there and of the right type.
+    pub fn optional<T: FromValue>(
+        &mut self,
+        key: &'static str,
+        gather: &mut Gatherer<'_>,
+    ) -> Option<Field<T>> {
+        let value = self.take(key)?;
+        let span = value.span();
+        let name = self.field_name(key);
+        match T::from_value(value.get_ref()) {
+            Some(value) => Some(Field { value, span, name }),
+            None => {
+                gather.add(
+                    &span,
+                    &name,
+                    format!(
+                        "{} found where {} is expected",
+                        describe(value.get_ref()),
+                        T::EXPECTED
+                    ),
+                    format!("write {} = {}", key, example_of(T::EXPECTED)),
+                );
+                None
+            }
+        }
+    }
+
+    /// The value of the field `key`, or `default` if it is absent or wrong.
+    pub fn or<T: FromValue>(
+        &mut self,
+        key: &'static str,
+        default: T,
+        gather: &mut Gatherer<'_>,
+    ) -> T {
+        self.optional(key, gather)
+            .map_or(default, |field| field.value)
+    }
+
+    /// A number within `range`, or `default`.
+    pub fn number_in(
+        &mut self,
+        key: &'static str,
+        range: std::ops::RangeInclusive<f64>,
+        default: f64,
+        gather: &mut Gatherer<'_>,
+    ) -> f64 {
+        let Some(field) = self.optional::<f64>(key, gather) else {
+            return default;
+        };
+        if range.contains(&field.value) {
+            return field.value;
+        }
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("{} is out of range", field.value),
+            format!("give a number from {} to {}", range.start(), range.end()),
+        );
+        default
+    }
+
+    /// The field `key`, whose absence is an error; `help` says what belongs there.
+    pub fn required<T: FromValue>(
+        &mut self,
+        key: &'static str,
+        help: &str,
+        gather: &mut Gatherer<'_>,
+    ) -> Option<Field<T>> {
+        let missing = !self.entries.iter().any(|(name, _, _)| name == key);
+        if missing {
+            self.known.push(key);
+            gather.add(&self.span, &self.field_name(key), "missing", help);
+            return None;
+        }
+        self.optional(key, gather)
+    }
+
+    /// The sub-table `key`; an empty one if it is absent.
+    pub fn section(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Section<'t> {
+        let name = self.field_name(key);
+        match self.take(key) {
+            Some(value) => self.as_section(&name, value, gather),
+            None => Section {
+                name,
+                span: self.span.clone(),
+                entries: Vec::new(),
+                known: Vec::new(),
+            },
+        }
+    }
+
+    /// All sub-tables that are left, with their names; consumes the section.
+    pub fn into_sections(mut self, gather: &mut Gatherer<'_>) -> Vec<(Field<String>, Self)> {
+        let entries = std::mem::take(&mut self.entries);
+        entries
+            .into_iter()
+            .map(|(key, span, value)| {
+                let name = self.field_name(&key);
+                let section = self.as_section(&name, value, gather);
+                let field = Field {
+                    value: key,
+                    span,
+                    name,
+                };
+                (field, section)
+            })
+            .collect()
+    }
+
+    fn as_section(
+        &self,
+        name: &str,
+        value: Spanned<DeValue<'t>>,
+        gather: &mut Gatherer<'_>,
+    ) -> Section<'t> {
+        let span = value.span();
+        match value.into_inner() {
+            DeValue::Table(table) => Section::new(name, Spanned::new(span, table)),
+            other => {
+                gather.add(
+                    &span,
+                    name,
+                    format!("{} found where a table is expected", describe(&other)),
+                    format!("write a table [{name}]"),
+                );
+                Section {
+                    name: name.to_owned(),
+                    span,
+                    entries: Vec::new(),
+                    known: Vec::new(),
+                }
+            }
+        }
+    }
+
+    /// Reports what was not asked for as unknown.
+    pub fn finish(self, gather: &mut Gatherer<'_>) {
+        for (key, span, _) in &self.entries {
+            let help = match closest(key, &self.known) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("known here: {}", self.known.join(", ")),
+            };
+            gather.add(span, &self.field_name(key), "unknown field", help);
+        }
+    }
+}
+
+/// A value as words for messages.
+fn describe(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(text) => format!("the string \"{text}\""),
+        DeValue::Integer(number) => format!("the number {number}"),
+        DeValue::Float(number) => format!("the number {number}"),
+        DeValue::Boolean(value) => format!("`{value}`"),
+        DeValue::Datetime(date) => format!("the date {date}"),
+        DeValue::Array(_) => "a list".to_owned(),
+        DeValue::Table(_) => "a table".to_owned(),
+    }
+}
+
+fn example_of(expected: &str) -> &'static str {
+    match expected {
+        "a string" => "\"...\"",
+        "true or false" => "true",
+        "a list" => "[...]",
+        _ => "10",
+    }
+}
+
+/// The known name nearest to `word`, if one is near enough to be meant.
+pub fn closest<'k>(word: &str, known: &[&'k str]) -> Option<&'k str> {
+    known
+        .iter()
+        .map(|name| (edit_distance(word, name), *name))
+        .filter(|(distance, name)| *distance <= 1 + name.len() / 4)
+        .min()
+        .map(|(_, name)| name)
+}
+
+/// Levenshtein distance in characters.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn top(text: &str) -> (Section<'_>, Gatherer<'_>) {
+        let gather = Gatherer::new("a.toml", text);
+        let table = DeTable::parse(text).expect("the test's TOML parses");
+        (Section::new("", table), gather)
+    }
+
+    #[test]
+    fn every_problem_is_gathered_with_its_place() {
+        let (mut section, mut gather) = top("baud = \"fast\"\nspeeed = 1\n");
+        assert!(section.optional::<u32>("baud", &mut gather).is_none());
+        assert!(section.optional::<f64>("speed", &mut gather).is_none());
+        assert!(
+            section
+                .required::<String>("device", "give a device", &mut gather)
+                .is_none()
+        );
+        section.finish(&mut gather);
+        let problems = gather.into_problems();
+        assert_eq!(problems.len(), 3);
+        let unknown = problems
+            .iter()
+            .find(|p| p.message == "unknown field")
+            .expect("the misspelt field is reported");
+        assert_eq!((unknown.line, unknown.column), (2, 1));
+        assert_eq!(unknown.help, "did you mean `speed`?");
+    }
+
+    #[test]
+    fn distance_counts_edits() {
+        assert_eq!(edit_distance("device", "devcie"), 2);
+        assert_eq!(closest("bitrat", &["baud", "bitrate"]), Some("bitrate"));
+        assert_eq!(closest("zzzz", &["baud", "bitrate"]), None);
+    }
+}

@@ -1,0 +1,463 @@
+//! `[source.<name>]`: one device or bus.
+
+use std::path::Path;
+use std::time::Duration;
+
+use acq::{CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec};
+use sample::SourceId;
+use wire::crossbow440::{PacketRate, SetupOptions};
+use wire::dbc::Database;
+use wire::line;
+
+use super::files::{FileKind, Files, PROJECT_DBC};
+use super::reader::{Field, Gatherer, Problem, Section, closest};
+use super::roles::{self, RoleOf};
+
+/// Kinds of source, as they are written in the file.
+const KINDS: [&str; 5] = ["can", "slcan", "crossbow440", "gnss", "line"];
+/// Bit rates that SLCAN adapters know.
+const SLCAN_BIT_RATES: [u32; 9] = [
+    10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
+];
+
+/// One source: how to open it and what its bytes mean.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// How `acq` opens it.
+    pub spec: SourceSpec,
+    /// What its bytes mean.
+    pub meaning: Meaning,
+    /// Silence for longer than this is reported.
+    pub silent_after: Option<Duration>,
+    /// From the instant that a message is about to its arrival, of the fastest message, s.
+    pub transport_delay_s: f64,
+}
+
+/// What a source's bytes mean.
+#[derive(Clone, Debug)]
+pub enum Meaning {
+    /// Frames, decoded through DBC files.
+    Can(CanMeaning),
+    /// Crossbow 440 packets at this rate.
+    Crossbow440(PacketRate),
+    /// Messages of a GNSS receiver.
+    Gnss(GnssMeaning),
+    /// Lines of text.
+    Line(line::Format),
+}
+
+/// How frames are decoded.
+#[derive(Clone, Debug)]
+pub struct CanMeaning {
+    /// DBC files; the first that knows a frame decodes it.
+    pub databases: Vec<Database>,
+    /// Which signals are measurements.
+    pub roles: Vec<RoleOf>,
+}
+
+/// How a GNSS receiver's bytes are decoded.
+#[derive(Clone, Debug)]
+pub struct GnssMeaning {
+    /// Latency of velocities whose record has no field for it, s; `None` takes half the interval
+    /// between two records.
+    pub velocity_latency_s: Option<f64>,
+    /// Latency of attitudes, s.
+    pub attitude_latency_s: f64,
+}
+
+impl Source {
+    /// Makes the path of its port relative to `directory`.
+    pub fn look_from(&mut self, directory: &Path) {
+        match &mut self.spec.kind {
+            SourceKind::Slcan(slcan) => slcan.port.path = directory.join(&slcan.port.path),
+            SourceKind::Serial(serial) => serial.port.path = directory.join(&serial.port.path),
+            SourceKind::Can(_) => {}
+        }
+    }
+}
+
+/// Reads all `[source.*]` tables; the order of names gives the sources' numbers.
+pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Vec<Source> {
+    let mut named = section.into_sections(gather);
+    named.sort_by(|(a, _), (b, _)| a.value.cmp(&b.value));
+    let mut sources = Vec::new();
+    for (number, (name, section)) in named.into_iter().enumerate() {
+        if !is_name(&name.value) {
+            gather.add(
+                &name.span,
+                &name.name,
+                format!("\"{}\" cannot be part of a topic", name.value),
+                "use letters, digits, _ and - only",
+            );
+        }
+        let id = SourceId(u16::try_from(number).unwrap_or(u16::MAX - 1));
+        sources.extend(read(id, &name.value, section, files, gather));
+    }
+    report_shared_devices(&sources, gather);
+    sources
+}
+
+fn is_name(name: &str) -> bool {
+    !name.is_empty()
+        && name
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
+}
+
+fn read(
+    id: SourceId,
+    name: &str,
+    mut section: Section<'_>,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+) -> Option<Source> {
+    let kind = section.required::<String>(
+        "kind",
+        &format!("give one of: {}", KINDS.join(", ")),
+        gather,
+    )?;
+    let (acq_kind, meaning, silent_default_s) = match kind.value.as_str() {
+        "can" => read_can(&mut section, files, gather),
+        "slcan" => read_slcan(&mut section, files, gather),
+        "crossbow440" => read_crossbow(&mut section, gather),
+        "gnss" => read_gnss(&mut section, gather),
+        "line" => read_line(&mut section, gather),
+        other => {
+            let help = match closest(other, &KINDS) {
+                Some(near) => format!("did you mean \"{near}\"?"),
+                None => format!("give one of: {}", KINDS.join(", ")),
+            };
+            gather.add(
+                &kind.span,
+                &kind.name,
+                format!("\"{other}\" is no kind of source"),
+                help,
+            );
+            return None;
+        }
+    };
+    let silent_s = section.number_in("silent_after_s", 0.0..=3600.0, silent_default_s, gather);
+    let transport_delay_s = section.number_in("transport_delay_s", 0.0..=10.0, 0.0, gather);
+    section.finish(gather);
+    Some(Source {
+        spec: SourceSpec {
+            id,
+            name: name.to_owned(),
+            kind: acq_kind?,
+        },
+        meaning,
+        silent_after: (silent_s > 0.0).then(|| Duration::from_secs_f64(silent_s)),
+        transport_delay_s,
+    })
+}
+
+type Read = (Option<SourceKind>, Meaning, f64);
+
+fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
+    let interface = section.required::<String>(
+        "interface",
+        "name the network interface, such as interface = \"can0\"",
+        gather,
+    );
+    if let Some(field) = &interface
+        && (field.value.is_empty() || field.value.len() > 15)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" cannot be a network interface", field.value),
+            "give 1 to 15 characters, as `ip link` lists them",
+        );
+    }
+    let fd = section.or("fd", true, gather);
+    let errors = section.or("error_frames", true, gather);
+    let hardware_stamps = section.or("hardware_stamps", true, gather);
+    let buffer = section.number_in("receive_buffer_mb", 0.1..=256.0, 8.0, gather);
+    let meaning = can_meaning(section, files, gather);
+    let kind = interface.map(|interface| {
+        SourceKind::Can(CanSpec {
+            fd,
+            errors,
+            hardware_stamps,
+            receive_buffer_bytes: (buffer * f64::from(1 << 20)) as usize,
+            ..CanSpec::new(interface.value)
+        })
+    });
+    (kind, meaning, 1.0)
+}
+
+fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 115_200, gather);
+    let bit_rate = section.optional::<u32>("bitrate", gather);
+    if let Some(field) = &bit_rate
+        && !SLCAN_BIT_RATES.contains(&field.value)
+    {
+        let known = SLCAN_BIT_RATES.map(|rate| rate.to_string()).join(", ");
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("SLCAN adapters do not know {} bit/s", field.value),
+            format!("give one of: {known}"),
+        );
+    }
+    let listen_only = section.or("listen_only", false, gather);
+    let timestamps = section.or("timestamps", true, gather);
+    let meaning = can_meaning(section, files, gather);
+    let kind = port.map(|port| {
+        SourceKind::Slcan(SlcanSpec {
+            port,
+            bit_rate: bit_rate.map(|field| field.value),
+            listen_only,
+            timestamps,
+        })
+    });
+    (kind, meaning, 1.0)
+}
+
+fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Meaning {
+    let names = section.optional::<Vec<String>>("dbc", gather);
+    let (names, span, field) = match names {
+        Some(field) => (field.value, field.span, field.name),
+        None => (
+            vec![PROJECT_DBC.to_owned()],
+            section.span(),
+            section.field_name("dbc"),
+        ),
+    };
+    let mut databases = Vec::new();
+    for name in names {
+        match files.read_text(&name, FileKind::Dbc) {
+            Ok(text) => match Database::parse(text.as_bytes()) {
+                Ok(database) => databases.push(database),
+                Err(error) => gather.add_foreign(error.issues.into_iter().map(|issue| Problem {
+                    file: name.clone(),
+                    line: issue.line,
+                    column: 0,
+                    field: issue.token,
+                    message: issue.text,
+                    help: String::new(),
+                })),
+            },
+            Err(error) => gather.add(&span, &field, error.message, error.help),
+        }
+    }
+    let roles = section.section("roles", gather);
+    let roles = roles::read(roles, &databases, gather);
+    Meaning::Can(CanMeaning { databases, roles })
+}
+
+fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 57_600, gather);
+    let rate_field = section.optional::<u32>("rate_hz", gather);
+    let rate_hz = rate_field.as_ref().map_or(100, |field| field.value);
+    let rate = match rate_hz {
+        50 => PacketRate::Hz50,
+        25 => PacketRate::Hz25,
+        20 => PacketRate::Hz20,
+        10 => PacketRate::Hz10,
+        _ => PacketRate::Hz100,
+    };
+    if let Some(field) = rate_field
+        && ![100, 50, 25, 20, 10].contains(&field.value)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("the device cannot send {} packets a second", field.value),
+            "give 100, 50, 25, 20 or 10",
+        );
+    }
+    let packet = section.optional::<String>("packet", gather);
+    if let Some(field) = &packet
+        && !["S0", "S1", "S2"].contains(&field.value.as_str())
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" is no packet type that is read", field.value),
+            "give \"S1\" (scaled samples), \"S2\" (increments) or \"S0\"",
+        );
+    }
+    let configure = section.or("configure", true, gather);
+    let packet = packet.map_or_else(|| "S1".to_owned(), |field| field.value);
+    let setup = match (configure, packet.as_bytes()) {
+        (true, &[letter, digit]) => Setup::Crossbow440(SetupOptions {
+            packet: [letter, digit],
+            rate,
+            baud: None,
+        }),
+        _ => Setup::None,
+    };
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    (kind, Meaning::Crossbow440(rate), 0.5)
+}
+
+fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 115_200, gather);
+    let velocity = section.optional::<f64>("velocity_latency_s", gather);
+    if let Some(field) = &velocity
+        && !(0.0..=5.0).contains(&field.value)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("{} s is out of range", field.value),
+            "give a number from 0 to 5, or leave it out for half the interval",
+        );
+    }
+    let meaning = Meaning::Gnss(GnssMeaning {
+        velocity_latency_s: velocity.map(|field| field.value),
+        attitude_latency_s: section.number_in("attitude_latency_s", 0.0..=5.0, 0.0, gather),
+    });
+    let setup = read_commands(section, gather);
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    (kind, meaning, 1.0)
+}
+
+fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 9_600, gather);
+    let delimiter = section.optional::<String>("delimiter", gather);
+    if let Some(field) = &delimiter
+        && field.value.len() != 1
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" is not one ASCII character", field.value),
+            "give one character, such as \",\", or leave it out for blanks",
+        );
+    }
+    let steer = section.optional::<String>("steer", gather);
+    let fields = section.section("fields", gather);
+    let (span, name) = (fields.span(), fields.field_name("fields"));
+    let format = line::Format {
+        delimiter: delimiter.and_then(|field| field.value.bytes().next()),
+        prefix: section.or("prefix", String::new(), gather),
+        fields: fields
+            .into_sections(gather)
+            .into_iter()
+            .map(|(name, field)| read_line_field(name.value, field, gather))
+            .collect(),
+        role: steer.map_or(line::Role::Control, |field| line::Role::Steer(field.value)),
+        query: section.or("query", String::new(), gather).into_bytes(),
+    };
+    if let Err(error) = format.check() {
+        let help = "describe each number in a table [source.<name>.fields.<quantity>] \
+                    with index, scale and unit";
+        gather.add(&span, &name, error.to_string(), help);
+    }
+    let setup = read_commands(section, gather);
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    (kind, Meaning::Line(format), 0.0)
+}
+
+fn read_line_field(
+    name: String,
+    mut section: Section<'_>,
+    gather: &mut Gatherer<'_>,
+) -> line::Field {
+    let index = section.or::<u32>("index", 0, gather);
+    let bits = section.optional::<u32>("signed_bits", gather);
+    let field = line::Field {
+        index: index as usize,
+        name,
+        scale: section.or("scale", 1.0, gather),
+        offset: section.or("offset", 0.0, gather),
+        unit: section.or("unit", String::new(), gather),
+        signed_bits: bits.map(|field| u8::try_from(field.value).unwrap_or(u8::MAX)),
+    };
+    section.finish(gather);
+    field
+}
+
+fn read_commands(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Setup {
+    let commands = section.or("commands", Vec::<String>::new(), gather);
+    let pause_s = section.number_in("command_pause_s", 0.0..=10.0, 0.1, gather);
+    if commands.is_empty() {
+        return Setup::None;
+    }
+    Setup::Commands {
+        commands: commands
+            .into_iter()
+            .map(|command| format!("{command}\r\n").into_bytes())
+            .collect(),
+        pause: Duration::from_secs_f64(pause_s),
+    }
+}
+
+fn read_port(
+    section: &mut Section<'_>,
+    baud_default: u32,
+    gather: &mut Gatherer<'_>,
+) -> Option<PortSpec> {
+    let device = section.required::<String>(
+        "device",
+        "name the port, best a link that survives replugging: device = \"/dev/serial/by-id/...\"",
+        gather,
+    );
+    let baud = section.optional::<u32>("baud", gather);
+    if let Some(field) = &baud
+        && !(50..=4_000_000).contains(&field.value)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("{} bit/s is out of range", field.value),
+            "give the device's speed, from 50 to 4000000",
+        );
+    }
+    let parity = section.optional::<String>("parity", gather);
+    let parity = parity.map_or(Parity::None, |field| read_parity(&field, gather));
+    let two_stop_bits = section.or("two_stop_bits", false, gather);
+    let low_latency = section.or("low_latency", true, gather);
+    let device = device?;
+    Some(PortSpec {
+        parity,
+        two_stop_bits,
+        low_latency,
+        ..PortSpec::new(device.value, baud.map_or(baud_default, |field| field.value))
+    })
+}
+
+fn read_parity(field: &Field<String>, gather: &mut Gatherer<'_>) -> Parity {
+    match field.value.as_str() {
+        "none" => Parity::None,
+        "odd" => Parity::Odd,
+        "even" => Parity::Even,
+        other => {
+            gather.add(
+                &field.span,
+                &field.name,
+                format!("\"{other}\" is no parity"),
+                "give \"none\", \"odd\" or \"even\"",
+            );
+            Parity::None
+        }
+    }
+}
+
+/// What a source opens, for messages.
+pub fn device_name(kind: &SourceKind) -> String {
+    match kind {
+        SourceKind::Can(can) => can.interface.clone(),
+        SourceKind::Slcan(slcan) => slcan.port.path.display().to_string(),
+        SourceKind::Serial(serial) => serial.port.path.display().to_string(),
+    }
+}
+
+fn report_shared_devices(sources: &[Source], gather: &mut Gatherer<'_>) {
+    for (number, source) in sources.iter().enumerate() {
+        let device = device_name(&source.spec.kind);
+        let first = sources[..number]
+            .iter()
+            .find(|other| device_name(&other.spec.kind) == device);
+        if let Some(first) = first {
+            gather.add(
+                &(0..0),
+                &format!("source.{}", source.spec.name),
+                format!("{device} is already read by source.{}", first.spec.name),
+                "give each source a device of its own",
+            );
+        }
+    }
+}

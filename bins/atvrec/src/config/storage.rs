@@ -1,0 +1,56 @@
+//! `[storage]`: where and how logs are written.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::reader::{Gatherer, Section};
+
+/// Where and how logs are written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Storage {
+    /// Directory of the logs.
+    pub directory: PathBuf,
+    /// First part of their names; start time and part number follow.
+    pub name: String,
+    /// How `store` writes.
+    pub options: store::Options,
+}
+
+impl Storage {
+    /// Reads the table.
+    pub fn read(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Self {
+        let defaults = store::Options::default();
+        let directory = section.or("directory", "logs".to_owned(), gather);
+        let name = section.optional::<String>("name", gather);
+        if let Some(field) = &name
+            && (field.value.is_empty() || field.value.contains(['/', '\0']))
+        {
+            gather.add(
+                &field.span,
+                &field.name,
+                format!("\"{}\" cannot begin a file's name", field.value),
+                "give a plain name without /",
+            );
+        }
+        let rotate_s = section.number_in("rotate_after_s", 0.0..=86_400.0, 600.0, gather);
+        let rotate_mb = section.number_in("rotate_after_mb", 0.0..=1e6, 1024.0, gather);
+        let sync_s = section.number_in("sync_interval_s", 0.01..=60.0, 0.5, gather);
+        let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 0.08, gather);
+        let decoded_s = section.number_in("decoded_interval_s", 0.001..=60.0, 0.5, gather);
+        let level = section.number_in("compression_level", 0.0..=22.0, 0.0, gather);
+        section.finish(gather);
+        Self {
+            directory: PathBuf::from(directory),
+            name: name.map_or_else(|| "drive".to_owned(), |field| field.value),
+            options: store::Options {
+                raw_interval: Duration::from_secs_f64(raw_s),
+                decoded_interval: Duration::from_secs_f64(decoded_s),
+                compression_level: level as u32,
+                sync_interval: Duration::from_secs_f64(sync_s),
+                rotate_after: (rotate_s > 0.0).then(|| Duration::from_secs_f64(rotate_s)),
+                rotate_bytes: (rotate_mb > 0.0).then_some((rotate_mb * 1048576.0) as u64),
+                ..defaults
+            },
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! From arrivals to records: the deterministic machine that live recording and replay share.
+//!
+//! Nothing here reads a clock, a device or the environment. The same configuration and the same
+//! arrivals give the same records, bit for bit; the passage of time is the arrivals' log time, and
+//! the ticks among them let it pass when nothing else does.
+
+mod can;
+mod clock;
+mod source;
+
+use std::collections::BTreeSet;
+
+use estimator::{Estimator, Output};
+use sample::{
+    Arrival, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample, Severity, SourceId,
+};
+use store::{LogMessage, Record};
+
+use crate::config::{self, Config};
+use source::{Silence, SourceState};
+
+/// Time between two health reports.
+const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
+/// Time between two looks for silent sources.
+const WATCH_INTERVAL_NS: i64 = NANOS_PER_SECOND / 10;
+
+/// The machine.
+pub struct Engine {
+    sources: Vec<SourceState>,
+    estimator: Option<Estimator>,
+    samples: Vec<Sample>,
+    next_watch: Option<LogTime>,
+    next_health: Option<LogTime>,
+}
+
+impl Engine {
+    /// A machine at its start.
+    pub fn new(config: &Config) -> anyhow::Result<Self> {
+        let sources = config
+            .sources
+            .iter()
+            .map(SourceState::new)
+            .collect::<anyhow::Result<_>>()?;
+        Ok(Self {
+            sources,
+            estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
+            samples: Vec::new(),
+            next_watch: None,
+            next_health: None,
+        })
+    }
+
+    /// Takes the next arrival and appends what follows from it to `records`.
+    pub fn push(&mut self, arrival: &Arrival, records: &mut Vec<Record>) {
+        let now = arrival.log_time;
+        self.samples.clear();
+        if let Some(source) = self.sources.get_mut(usize::from(arrival.source.0)) {
+            source.push(arrival, &mut self.samples);
+        }
+        if let Payload::Notice(notice) = &arrival.payload {
+            self.announce(arrival.source, now, notice, records);
+        }
+        self.estimate(now, records);
+        records.extend(self.samples.drain(..).map(Record::Sample));
+        self.watch(now, records);
+        self.report_health(now, records);
+    }
+
+    fn estimate(&mut self, now: LogTime, records: &mut Vec<Record>) {
+        let Some(estimator) = &mut self.estimator else {
+            return;
+        };
+        estimator.advance(now, &mut |output| {
+            records.push(match output {
+                Output::Estimate(estimate) => Record::Estimate(estimate),
+                Output::Event(event) => Record::Event(event),
+            });
+        });
+        for sample in &self.samples {
+            estimator.push(sample);
+        }
+    }
+
+    fn source_name(&self, id: SourceId) -> &str {
+        self.sources
+            .get(usize::from(id.0))
+            .map_or("recorder", SourceState::name)
+    }
+
+    fn announce(
+        &self,
+        source: SourceId,
+        time: LogTime,
+        notice: &Notice,
+        records: &mut Vec<Record>,
+    ) {
+        let (severity, text) = match notice {
+            Notice::Opened(text) => (Severity::Info, format!("opened: {text}")),
+            Notice::Closed(text) => (Severity::Warning, format!("closed: {text}")),
+            Notice::Lost { place, count } => (
+                Severity::Error,
+                format!("{count} items lost ({})", place.name()),
+            ),
+            Notice::EstimatorSkipped {
+                first_sequence,
+                count,
+            } => (
+                Severity::Warning,
+                format!("the estimator left out {count} arrivals from {first_sequence} on"),
+            ),
+            Notice::Mark(text) => {
+                let text = text.clone();
+                records.push(Record::Mark { time, text });
+                return;
+            }
+        };
+        let name = self.source_name(source).to_owned();
+        records.push(log(time, severity, name, text));
+    }
+
+    fn watch(&mut self, now: LogTime, records: &mut Vec<Record>) {
+        if !is_due(&mut self.next_watch, now, WATCH_INTERVAL_NS) {
+            return;
+        }
+        for source in &mut self.sources {
+            let (severity, text) = match source.watch(now) {
+                Some(Silence::Began) => (Severity::Error, "fell silent"),
+                Some(Silence::Ended) => (Severity::Info, "speaks again"),
+                None => continue,
+            };
+            let name = source.name().to_owned();
+            records.push(log(now, severity, name, text.to_owned()));
+        }
+    }
+
+    fn report_health(&mut self, now: LogTime, records: &mut Vec<Record>) {
+        if !is_due(&mut self.next_health, now, HEALTH_INTERVAL_NS) {
+            return;
+        }
+        records.push(Record::Health(self.health(now)));
+        for source in &self.sources {
+            records.extend(source.clocks(now).map(Record::ClockFit));
+        }
+    }
+
+    /// Counters of all sources.
+    pub fn health(&self, time: LogTime) -> Health {
+        Health {
+            time,
+            sources: self.sources.iter().map(SourceState::health).collect(),
+        }
+    }
+}
+
+fn new_estimator(config: &config::Estimator) -> anyhow::Result<Estimator> {
+    let estimator = Estimator::new(
+        &config.vehicle,
+        &config.sensors,
+        &config.calibration,
+        config.settings.clone(),
+    )?;
+    Ok(estimator)
+}
+
+fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record {
+    Record::Log(LogMessage {
+        time,
+        severity,
+        name,
+        text,
+    })
+}
+
+/// Whether a regular act is due; if so, sets when it is due next. The first arrival starts the
+/// intervals.
+fn is_due(next: &mut Option<LogTime>, now: LogTime, interval_ns: i64) -> bool {
+    match *next {
+        None => {
+            *next = Some(now + interval_ns);
+            false
+        }
+        Some(due) if now >= due => {
+            let periods = (now - due) / interval_ns + 1;
+            *next = Some(due + periods * interval_ns);
+            true
+        }
+        Some(_) => false,
+    }
+}
+
+/// The arrivals that the estimator left out while recording.
+#[derive(Clone, Debug, Default)]
+pub struct Skipped(BTreeSet<(u64, u64)>);
+
+impl Skipped {
+    /// Takes a notice into account.
+    pub fn note(&mut self, notice: &Notice) {
+        if let Notice::EstimatorSkipped {
+            first_sequence,
+            count,
+        } = notice
+        {
+            let end = first_sequence.saturating_add(*count);
+            self.0.insert((*first_sequence, end));
+        }
+    }
+
+    /// Whether the arrival with this number was left out.
+    pub fn contains(&self, sequence: u64) -> bool {
+        self.0
+            .range(..=(sequence, u64::MAX))
+            .next_back()
+            .is_some_and(|(_, end)| sequence < *end)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skipped_runs_are_found_by_their_bounds() {
+        let mut skipped = Skipped::default();
+        for (first_sequence, count) in [(10, 5), (100, 1)] {
+            skipped.note(&Notice::EstimatorSkipped {
+                first_sequence,
+                count,
+            });
+        }
+        let found: Vec<u64> = (0..200).filter(|s| skipped.contains(*s)).collect();
+        assert_eq!(found, [10, 11, 12, 13, 14, 100]);
+    }
+
+    #[test]
+    fn regular_acts_keep_their_grid_over_gaps() {
+        let mut next = None;
+        let due = |next: &mut Option<LogTime>, ms: u64| {
+            is_due(next, LogTime(ms * 1_000_000), HEALTH_INTERVAL_NS)
+        };
+        assert!(!due(&mut next, 500));
+        assert!(!due(&mut next, 1_499));
+        assert!(due(&mut next, 1_500));
+        assert!(due(&mut next, 7_700));
+        assert!(!due(&mut next, 8_400));
+        assert!(due(&mut next, 8_500));
+    }
+}

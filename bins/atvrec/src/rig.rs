@@ -1,0 +1,220 @@
+//! The virtual vehicle's rig: what it drives, and the configuration that fits its ports.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use sample::{LogTime, NANOS_PER_SECOND};
+use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
+use store::{Pose, Record};
+
+use crate::cli::DriveArgs;
+use crate::config::{FileKind, Files};
+use crate::exit::UsageError;
+
+/// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
+const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
+/// Seconds of a week.
+const WEEK_S: u64 = 604_800;
+/// GPS time minus UTC when the virtual drives take place (2009), s.
+const LEAP_SECONDS: u64 = 15;
+
+/// A virtual vehicle and what it is made of.
+pub struct Rig {
+    /// The vehicle, performing its motion.
+    pub vehicle: VirtualVehicle,
+    /// What it drives, for people.
+    pub drive: String,
+    /// Name or path of the vehicle file.
+    pub vehicle_file: String,
+    /// Name or path of the sensors file.
+    pub sensors_file: String,
+    options: Options,
+    duration_s: f64,
+}
+
+impl Rig {
+    /// Builds the virtual vehicle that the command line asks for.
+    pub fn new(args: &DriveArgs) -> anyhow::Result<Self> {
+        let mut files = Files::on_disk(PathBuf::new());
+        let mut text = |name: &str, kind| {
+            files
+                .read_text(name, kind)
+                .map_err(|problem| UsageError(format!("{}; {}", problem.message, problem.help)))
+        };
+        let vehicle = text(&args.vehicle, FileKind::Vehicle)?;
+        let vehicle = Vehicle::from_toml(&vehicle, &args.vehicle)?;
+        let sensors = text(&args.sensors, FileKind::Sensors)?;
+        let sensors = Sensors::from_toml(&sensors, &args.sensors)?;
+        let (motion, drive) = motion(args, &vehicle)?;
+        let options = Options::default();
+        let own_s = motion.duration_s();
+        let duration_s = args.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
+        let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, args.seed)?;
+        Ok(Self {
+            vehicle,
+            drive,
+            vehicle_file: args.vehicle.clone(),
+            sensors_file: args.sensors.clone(),
+            options,
+            duration_s,
+        })
+    }
+
+    /// How long the drive lasts, s.
+    pub fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// The drive's start on the log clock of a simulation: the receivers' own time as UTC.
+    pub fn start(&self) -> LogTime {
+        let gps = self.options.gps_start;
+        let seconds = GPS_EPOCH_UNIX_S + u64::from(gps.week) * WEEK_S - LEAP_SECONDS;
+        LogTime(seconds * NANOS_PER_SECOND as u64 + u64::from(gps.time_of_week_ms) * 1_000_000)
+    }
+
+    /// What is true at `time_s` of the drive, as a record.
+    pub fn truth(&self, time_s: f64) -> Record {
+        let state = self.vehicle.truth_at(time_s);
+        Record::Truth {
+            time: self.start().offset_seconds(time_s),
+            motion: state.motion(),
+            forces: state.tyre_forces(),
+            pose: Some(Pose {
+                position_enu_m: state.position_m,
+                yaw_rad: state.yaw_rad,
+                pitch_rad: state.pitch_rad,
+                roll_rad: state.roll_rad,
+            }),
+        }
+    }
+
+    /// A configuration whose sources are this vehicle's ports, at `ports`.
+    pub fn configuration(&self, ports: &Ports<'_>) -> String {
+        let mut text = String::from(
+            "# Sources of the virtual vehicle. docs/configuration.md explains every field.\n\n",
+        );
+        let mut table = |name: Port, lines: &[(&str, String)]| {
+            let _ = writeln!(text, "[source.{}]", name.name());
+            for (key, value) in lines {
+                let _ = writeln!(text, "{key} = {value}");
+            }
+            text.push('\n');
+        };
+        let options = &self.options;
+        table(
+            Port::Imu,
+            &[
+                ("kind", quoted("crossbow440")),
+                ("device", quoted(&ports.serial(Port::Imu))),
+                ("baud", options.imu_baud.to_string()),
+                // The packet of 31 bytes on the line.
+                (
+                    "transport_delay_s",
+                    seconds(line_time_s(31, options.imu_baud)),
+                ),
+            ],
+        );
+        table(
+            Port::Novatel,
+            &[
+                ("kind", quoted("gnss")),
+                ("device", quoted(&ports.serial(Port::Novatel))),
+                ("baud", options.novatel_baud.to_string()),
+                (
+                    "transport_delay_s",
+                    seconds(options.novatel_processing_s + line_time_s(76, options.novatel_baud)),
+                ),
+            ],
+        );
+        table(
+            Port::Septentrio,
+            &[
+                ("kind", quoted("gnss")),
+                ("device", quoted(&ports.serial(Port::Septentrio))),
+                ("baud", options.septentrio_baud.to_string()),
+                (
+                    "transport_delay_s",
+                    seconds(
+                        options.septentrio_processing_s + line_time_s(80, options.septentrio_baud),
+                    ),
+                ),
+            ],
+        );
+        table(Port::Can0, &self.can_lines(ports));
+        let _ = write!(
+            text,
+            "[vehicle]\nfile = {}\nsensors = {}\n\n[storage]\ndirectory = \"logs\"\n",
+            quoted(&self.vehicle_file),
+            quoted(&self.sensors_file),
+        );
+        text
+    }
+
+    fn can_lines(&self, ports: &Ports<'_>) -> Vec<(&'static str, String)> {
+        match ports.can {
+            Some(interface) => vec![("kind", quoted("can")), ("interface", quoted(interface))],
+            None => vec![
+                ("kind", quoted("slcan")),
+                ("device", quoted(&ports.serial(Port::Can0))),
+                ("bitrate", self.options.can_bit_rate.to_string()),
+            ],
+        }
+    }
+}
+
+/// Where the virtual vehicle's ports are.
+pub struct Ports<'a> {
+    /// Directory of the pseudo-terminals' links.
+    pub directory: &'a Path,
+    /// SocketCAN interface, instead of SLCAN on a pseudo-terminal.
+    pub can: Option<&'a str>,
+}
+
+impl Ports<'_> {
+    fn serial(&self, port: Port) -> String {
+        self.directory.join(port.name()).display().to_string()
+    }
+}
+
+fn motion(args: &DriveArgs, vehicle: &Vehicle) -> anyhow::Result<(Motion, String)> {
+    if let Some(path) = &args.truth {
+        let motion = Motion::open(path)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        return Ok((motion, format!("truth-{name}")));
+    }
+    let name = args.manoeuvre.as_deref().unwrap_or_default();
+    let manoeuvre = Manoeuvre::by_name(name).map_err(|_| UsageError(list_of_manoeuvres(name)))?;
+    let motion = manoeuvre
+        .drive(vehicle)
+        .with_context(|| format!("cannot drive {name}"))?;
+    Ok((motion, name.to_owned()))
+}
+
+fn list_of_manoeuvres(name: &str) -> String {
+    let mut text = format!("\"{name}\" is no manoeuvre; there are:");
+    for manoeuvre in Manoeuvre::ALL {
+        let _ = write!(
+            text,
+            "\n  {:<20}{}",
+            manoeuvre.name(),
+            manoeuvre.description()
+        );
+    }
+    text
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+fn seconds(value: f64) -> String {
+    format!("{value:.6}")
+}
+
+/// Time that `bytes` take on a serial line at `baud`, 8N1, s.
+fn line_time_s(bytes: u32, baud: u32) -> f64 {
+    f64::from(bytes) * 10.0 / f64::from(baud)
+}

@@ -1,0 +1,10 @@
+//! The program from outside: exit codes, messages, files.
+
+#[path = "suite/configuration.rs"]
+mod configuration;
+#[path = "suite/record.rs"]
+mod record;
+#[path = "suite/replay.rs"]
+mod replay;
+#[path = "suite/support.rs"]
+mod support;

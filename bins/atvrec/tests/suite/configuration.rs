@@ -1,0 +1,137 @@
+use std::fs;
+
+use crate::support::{atvrec, stderr, stdout};
+
+const FAULTY: &str = r#"
+[source.imu]
+kind = "crossbow440"
+baud = "fast"
+rate_hz = 33
+
+[source."can 0"]
+kind = "canbus"
+
+[source.can1]
+kind = "can"
+interface = "can1"
+bitrat = 500000
+[source.can1.roles]
+steer = "Steering.hand_wheel"
+deflection.FL = "nonsense"
+
+[source.gps]
+kind = "gnss"
+device = "/dev/ttyS7"
+velocity_latency_s = -1
+
+[source.gps2]
+kind = "gnss"
+device = "/dev/ttyS7"
+
+[vehicle]
+file = "prowlr.toml"
+
+[estimator]
+method = "fushion"
+ignore = ["strian"]
+
+[storage]
+rotate_after_s = -1
+compresion = "zstd"
+"#;
+
+#[test]
+fn all_errors_are_told_at_once_with_place_and_next_step() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("atvrec.toml"), FAULTY).expect("written");
+    let assert = atvrec(directory.path()).arg("check").assert().code(2);
+    insta::assert_snapshot!(stderr(&assert));
+    // The recorder refuses it with the same words.
+    let recorded = atvrec(directory.path()).arg("record").assert().code(2);
+    assert_eq!(stderr(&assert), stderr(&recorded));
+}
+
+#[test]
+fn errors_are_told_as_json_too() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("atvrec.toml"), FAULTY).expect("written");
+    let assert = atvrec(directory.path())
+        .args(["check", "--json"])
+        .assert()
+        .code(2);
+    let result: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    let errors = result["errors"].as_array().expect("a list");
+    assert!(errors.len() >= 12, "{errors:#?}");
+    assert!(
+        errors
+            .iter()
+            .any(|e| e["field"] == "source.imu.baud" && e["line"] == 4)
+    );
+}
+
+#[test]
+fn syntax_errors_have_their_line() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(
+        directory.path().join("atvrec.toml"),
+        "[source.imu]\nkind = \"crossbow440\ndevice = 3\n",
+    )
+    .expect("written");
+    let assert = atvrec(directory.path()).arg("check").assert().code(2);
+    let text = stderr(&assert);
+    assert!(text.contains("atvrec.toml:2:"), "{text}");
+}
+
+#[test]
+fn a_missing_configuration_says_where_to_get_one() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let assert = atvrec(directory.path()).arg("record").assert().code(1);
+    let text = stderr(&assert);
+    assert!(
+        text.contains("cannot read the configuration atvrec.toml"),
+        "{text}"
+    );
+    assert!(text.contains("docs/configuration.md"), "{text}");
+}
+
+#[test]
+fn errors_of_the_vehicle_file_stand_beside_those_of_the_configuration() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("mine.toml"), "name = 3\nmas_kg = 4\n").expect("written");
+    fs::write(
+        directory.path().join("atvrec.toml"),
+        "[vehicle]\nfile = \"mine.toml\"\n[storage]\ndirectry = \"x\"\n",
+    )
+    .expect("written");
+    let assert = atvrec(directory.path()).arg("check").assert().code(2);
+    let text = stderr(&assert);
+    assert!(text.contains("atvrec.toml:4"), "{text}");
+    assert!(text.contains("mine.toml:"), "{text}");
+}
+
+#[test]
+fn wrong_usage_is_exit_code_2() {
+    let directory = tempfile::tempdir().expect("a directory");
+    atvrec(directory.path()).arg("recrod").assert().code(2);
+    atvrec(directory.path())
+        .args(["record", "--for", "-3"])
+        .assert()
+        .code(2);
+    let assert = atvrec(directory.path())
+        .args(["simulate", "--manoeuvre", "moonwalk", "-o", "x.mcap"])
+        .assert()
+        .code(2);
+    assert!(stderr(&assert).contains("step-steer"));
+}
+
+#[test]
+fn completions_are_printed_for_each_shell() {
+    let directory = tempfile::tempdir().expect("a directory");
+    for shell in ["bash", "zsh", "fish"] {
+        let assert = atvrec(directory.path())
+            .args(["completions", shell])
+            .assert()
+            .success();
+        assert!(stdout(&assert).contains("replay"), "{shell}");
+    }
+}

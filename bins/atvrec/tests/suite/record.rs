@@ -1,0 +1,129 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use crate::support::{atvrec, stdout};
+
+/// The virtual vehicle on its ports; ends with this.
+struct Virtual(Child);
+
+impl Virtual {
+    fn start(directory: &Path) -> Self {
+        let child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
+            .args(["virtual", "--manoeuvre", "step-steer", "--repeat"])
+            .args(["--directory", "ports"])
+            .current_dir(directory)
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("the virtual vehicle starts");
+        let ready = directory.join("ports/atvrec.toml");
+        for _ in 0..600 {
+            if ready.exists() {
+                return Self(child);
+            }
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+        panic!("the virtual vehicle made no ports");
+    }
+}
+
+impl Drop for Virtual {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn logs(directory: &Path) -> Vec<PathBuf> {
+    let mut logs: Vec<PathBuf> = fs::read_dir(directory)
+        .expect("the log directory")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|end| end == "mcap"))
+        .collect();
+    logs.sort();
+    logs
+}
+
+#[test]
+fn a_recording_of_the_virtual_vehicle_holds_every_source_and_replays_identically() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let ports = Virtual::start(directory.path());
+    let assert = atvrec(directory.path())
+        .args([
+            "record",
+            "--config",
+            "ports/atvrec.toml",
+            "--for",
+            "4",
+            "--json",
+        ])
+        .assert()
+        .success();
+    drop(ports);
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    for source in summary["sources"].as_array().expect("a list") {
+        let messages = source["messages"].as_u64().unwrap_or_default();
+        assert!(messages > 5, "{source:#}");
+    }
+    let logs = logs(&directory.path().join("ports/logs"));
+    assert_eq!(logs.len(), 1, "{logs:?}");
+    let assert = atvrec(directory.path())
+        .arg("replay")
+        .args(&logs)
+        .args(["--verify", "--json"])
+        .assert()
+        .success();
+    let result: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    assert_eq!(result["verify"]["identical"], true, "{result:#}");
+    assert_eq!(
+        result["missing"].as_array().map(Vec::len),
+        Some(0),
+        "{result:#}"
+    );
+    for topic in [
+        "/imu/imu",
+        "/gnss/novatel/velocity",
+        "/steer",
+        "/estimate/motion",
+    ] {
+        let compared = result["verify"]["compared"][topic].as_u64();
+        assert!(
+            compared.is_some_and(|count| count > 5),
+            "{topic}: {compared:?}"
+        );
+    }
+}
+
+#[test]
+fn a_missing_device_is_told_and_does_not_keep_the_others_from_recording() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let text = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n\
+                [storage]\ndirectory = \"logs\"\n";
+    fs::write(directory.path().join("atvrec.toml"), text).expect("written");
+    let assert = atvrec(directory.path())
+        .args(["record", "--for", "0.5"])
+        .assert()
+        .success();
+    assert!(stdout(&assert).contains("not open"), "{}", stdout(&assert));
+    assert_eq!(logs(&directory.path().join("logs")).len(), 1);
+    let assert = atvrec(directory.path())
+        .args(["check", "--listen-s", "0.3"])
+        .assert()
+        .code(1);
+    assert!(stdout(&assert).contains("not open"), "{}", stdout(&assert));
+}
+
+#[test]
+fn a_log_directory_that_cannot_be_made_is_named() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("file"), "").expect("written");
+    fs::write(
+        directory.path().join("atvrec.toml"),
+        "[storage]\ndirectory = \"file/logs\"\n",
+    )
+    .expect("written");
+    let assert = atvrec(directory.path()).arg("record").assert().code(1);
+    let text = crate::support::stderr(&assert);
+    assert!(text.contains("file/logs"), "{text}");
+    assert!(text.contains("storage.directory"), "{text}");
+}

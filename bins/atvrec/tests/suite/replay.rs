@@ -1,0 +1,204 @@
+use std::fs;
+use std::path::Path;
+
+use sample::{Arrival, Payload};
+use store::{Reader, Record, Selection, Stage, Writer};
+
+use crate::support::{atvrec, simulate, stderr, stdout};
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let [first, second, other] = [("a.mcap", 7), ("b.mcap", 7), ("c.mcap", 8)]
+        .map(|(name, seed)| fs::read(simulate(directory.path(), name, seed)).expect("a log"));
+    assert!(first == second, "the same seed gives other bytes");
+    assert!(first != other, "another seed gives the same bytes");
+}
+
+#[test]
+fn a_replay_is_bit_identical_and_so_is_the_replay_of_its_output() {
+    let directory = tempfile::tempdir().expect("a directory");
+    simulate(directory.path(), "drive.mcap", 1);
+    let assert = atvrec(directory.path())
+        .args(["replay", "drive.mcap", "--verify", "-o", "again.mcap"])
+        .assert()
+        .success();
+    let text = stdout(&assert);
+    assert!(text.contains("are bit-identical"), "{text}");
+    let assert = atvrec(directory.path())
+        .args(["replay", "again.mcap", "--verify", "--json"])
+        .assert()
+        .success();
+    let result: serde_json::Value =
+        serde_json::from_str(&stdout(&assert)).expect("the result is JSON");
+    assert_eq!(result["verify"]["identical"], true);
+    let compared = &result["verify"]["compared"];
+    for topic in [
+        "/estimate/motion",
+        "/estimate/tyre_forces",
+        "/model/tyre_forces",
+    ] {
+        let count = compared[topic].as_u64().unwrap_or_default();
+        assert!(
+            count >= 190,
+            "{count} messages on {topic} in two seconds at 100 Hz"
+        );
+    }
+}
+
+#[test]
+fn a_changed_raw_byte_is_found() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = simulate(directory.path(), "drive.mcap", 1);
+    rewrite(&log, &directory.path().join("same.mcap"), |_| {}, |_| {});
+    atvrec(directory.path())
+        .args(["replay", "same.mcap", "--verify"])
+        .assert()
+        .success();
+
+    // One bit of one strain count.
+    let mut changed = false;
+    let change = |arrival: &mut Arrival| {
+        if let Payload::Can(frames) = &mut arrival.payload
+            && !changed
+            && arrival.sequence > 500
+        {
+            frames[0].data[0] ^= 1;
+            changed = true;
+        }
+    };
+    rewrite(&log, &directory.path().join("changed.mcap"), change, |_| {});
+    let assert = atvrec(directory.path())
+        .args(["replay", "changed.mcap", "--verify"])
+        .assert()
+        .code(1);
+    let text = stdout(&assert);
+    assert!(text.contains("NOT IDENTICAL"), "{text}");
+    assert!(text.contains("in the log"), "{text}");
+}
+
+#[test]
+fn an_estimate_changed_by_the_last_bit_is_found() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = simulate(directory.path(), "drive.mcap", 1);
+    let mut changed = false;
+    let change = |record: &mut Record| {
+        if let Record::Motion {
+            stage: Stage::Estimate,
+            motion,
+            time,
+        } = record
+            && !changed
+            && time.0 % 1_000_000_000 > 500_000_000
+        {
+            motion.velocity_x_m_s = motion.velocity_x_m_s.next_up();
+            changed = true;
+        }
+    };
+    rewrite(&log, &directory.path().join("changed.mcap"), |_| {}, change);
+    let assert = atvrec(directory.path())
+        .args(["replay", "changed.mcap", "--verify"])
+        .assert()
+        .code(1);
+    let text = stdout(&assert);
+    assert!(text.contains("NOT IDENTICAL: 1 of"), "{text}");
+    assert!(text.contains("/estimate/motion at"), "{text}");
+}
+
+#[test]
+fn a_log_that_is_cut_replays_as_far_as_it_goes() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = simulate(directory.path(), "drive.mcap", 1);
+    let bytes = fs::read(&log).expect("a log");
+    fs::write(
+        directory.path().join("cut.mcap"),
+        &bytes[..bytes.len() * 2 / 3],
+    )
+    .expect("written");
+    let assert = atvrec(directory.path())
+        .args(["replay", "cut.mcap", "--verify"])
+        .assert()
+        .success();
+    let text = stdout(&assert);
+    assert!(text.contains("was not closed"), "{text}");
+    assert!(text.contains("are bit-identical"), "{text}");
+    let assert = atvrec(directory.path())
+        .args(["recover", "cut.mcap"])
+        .assert()
+        .success();
+    assert!(stdout(&assert).contains("messages saved"));
+    atvrec(directory.path())
+        .args(["replay", "cut.mcap", "--verify"])
+        .assert()
+        .success();
+}
+
+#[test]
+fn info_tells_topics_and_attachments() {
+    let directory = tempfile::tempdir().expect("a directory");
+    simulate(directory.path(), "drive.mcap", 1);
+    let assert = atvrec(directory.path())
+        .args(["info", "drive.mcap", "--json"])
+        .assert()
+        .success();
+    let info: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    for topic in ["/imu/imu", "/strain", "/steer", "/truth/motion", "/health"] {
+        let count = info["channels"][topic]["messages"].as_u64();
+        assert!(count.is_some_and(|count| count > 0), "{topic}: {count:?}");
+    }
+    let attachments = info["attachments"].as_array().expect("a list");
+    for name in ["atvrec.toml", "prowler", "prowler.dbc", "thesis-10bit"] {
+        assert!(
+            attachments.iter().any(|a| a["name"] == name),
+            "{name} is not attached"
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused_by_name() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("text.mcap"), "this is no log").expect("written");
+    for (arguments, part) in [
+        (["replay", "absent.mcap"], "absent.mcap"),
+        (["replay", "text.mcap"], "not an MCAP file"),
+        (["info", "text.mcap"], "not an MCAP file"),
+    ] {
+        let assert = atvrec(directory.path()).args(arguments).assert().code(1);
+        let text = stderr(&assert);
+        assert!(text.contains(part), "{text}");
+    }
+    simulate(directory.path(), "drive.mcap", 1);
+    let assert = atvrec(directory.path())
+        .args(["replay", "drive.mcap", "-o", "drive.mcap"])
+        .assert()
+        .code(2);
+    assert!(stderr(&assert).contains("name another output"));
+}
+
+/// Writes a log again with changed arrivals and records.
+fn rewrite(
+    from: &Path,
+    to: &Path,
+    mut change_arrival: impl FnMut(&mut Arrival),
+    mut change_record: impl FnMut(&mut Record),
+) {
+    let reader = Reader::open([from]).expect("the log opens");
+    let mut session = reader.session().clone();
+    session.attachments = reader.attachments().expect("attachments");
+    let options = store::Options::default();
+    let mut writer = Writer::create(to, session, options, 0).expect("a new log");
+    for arrival in reader.arrivals() {
+        let mut arrival = arrival.expect("an arrival");
+        change_arrival(&mut arrival);
+        writer.push(arrival).expect("written");
+    }
+    for message in reader.messages(Selection::default()) {
+        let message = message.expect("a message");
+        if let Some(mut record) = message.record().expect("a record") {
+            change_record(&mut record);
+            writer.record(&record);
+        }
+    }
+    writer.finish().expect("closed");
+}

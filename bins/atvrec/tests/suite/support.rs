@@ -1,0 +1,38 @@
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+
+/// The program, in `directory`.
+pub fn atvrec(directory: &Path) -> Command {
+    let mut command = Command::cargo_bin("atvrec").expect("the program is built");
+    command.current_dir(directory).env_remove("ATVREC_LOG");
+    command
+}
+
+/// A simulated drive of two seconds.
+pub fn simulate(directory: &Path, name: &str, seed: u32) -> PathBuf {
+    let path = directory.join(name);
+    atvrec(directory)
+        .args([
+            "--quiet",
+            "simulate",
+            "--manoeuvre",
+            "step-steer",
+            "--for",
+            "2",
+        ])
+        .args(["--seed", &seed.to_string(), "--output", name])
+        .assert()
+        .success();
+    path
+}
+
+/// What a run printed on standard output.
+pub fn stdout(assert: &assert_cmd::assert::Assert) -> String {
+    String::from_utf8_lossy(&assert.get_output().stdout).into_owned()
+}
+
+/// What a run printed on standard error.
+pub fn stderr(assert: &assert_cmd::assert::Assert) -> String {
+    String::from_utf8_lossy(&assert.get_output().stderr).into_owned()
+}
