@@ -4,6 +4,8 @@
 mod faults;
 #[path = "suite/manoeuvres.rs"]
 mod manoeuvres;
+#[path = "suite/receivers.rs"]
+mod receivers;
 #[path = "suite/sensors.rs"]
 mod sensors;
 #[path = "suite/support.rs"]
