@@ -25,7 +25,7 @@ pub use half::HalfCar;
 pub use hanging::Hanging;
 pub use motion::{BodyMotion, CornerMotion};
 pub use parity::{Parity, WrenchEstimate};
-pub use quarter::{QuarterCar, lever_motion_ratio, wheel_rate_n_m};
+pub use quarter::{QuarterCar, lever_motion_ratio, vertical_force_n, wheel_rate_n_m};
 pub use ride::{Ride, RideCorner, frequency_and_damping};
 pub use road::{RoadClass, RoadProfile};
 pub use statics::{ChannelKind, CornerStatics, MemberForces, Wrench, inboard_excess_n};

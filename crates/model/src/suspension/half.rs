@@ -18,27 +18,31 @@ impl HalfCar {
     ///
     /// m_s z_s'' = sum F_i, I_y theta'' = -sum x_i F_i, with F_i = k_i d_i + b_i d_i' and the
     /// compression d_i = z_i - (z_s - x_i theta). Angles are small (2.23, 2.24).
-    #[must_use]
+    ///
+    /// # Errors
+    /// When a value is not finite, a mass not positive, or a stiffness or damping negative.
     pub fn longitudinal(
         sprung_mass_kg: f64,
         pitch_inertia_kg_m2: f64,
         axle_x_m: [f64; 2],
         axles: [RideCorner; 2],
-    ) -> Self {
+    ) -> Result<Self, SuspensionError> {
         let lever = axle_x_m.map(|x| -x);
         Self::on_levers(sprung_mass_kg, pitch_inertia_kg_m2, lever, axles, 0.0)
     }
 
     /// The lateral model of one axle, left wheel first, roll right side down positive:
     /// compression d_i = z_i - (z_s + y_i phi). The anti-roll bar's stiffness is in N m/rad.
-    #[must_use]
+    ///
+    /// # Errors
+    /// When a value is not finite, a mass not positive, or a stiffness or damping negative.
     pub fn lateral(
         sprung_mass_kg: f64,
         roll_inertia_kg_m2: f64,
         track_m: f64,
         corner: RideCorner,
         anti_roll_bar_n_m_rad: f64,
-    ) -> Self {
+    ) -> Result<Self, SuspensionError> {
         let lever = [0.5 * track_m, -0.5 * track_m];
         let bar = anti_roll_bar_n_m_rad / track_m.powi(2);
         Self::on_levers(sprung_mass_kg, roll_inertia_kg_m2, lever, [corner; 2], bar)
@@ -57,7 +61,7 @@ impl HalfCar {
             tyre_stiffness_n_m: 2.0 * corner.tyre_stiffness_n_m,
             tyre_damping_n_s_m: 2.0 * corner.tyre_damping_n_s_m,
         };
-        Ok(Self::longitudinal(
+        Self::longitudinal(
             sprung.mass_kg,
             sprung.inertia_kg_m2[1],
             [
@@ -68,7 +72,7 @@ impl HalfCar {
                 both(RideCorner::of(vehicle, Wheel::FrontLeft)?),
                 both(RideCorner::of(vehicle, Wheel::RearLeft)?),
             ],
-        ))
+        )
     }
 
     /// A vehicle's lateral half car over the axle of `wheel`, with the axle's share of the sprung
@@ -80,13 +84,13 @@ impl HalfCar {
         let sprung = vehicle.sprung();
         let mass = sprung_masses_kg(vehicle)[usize::from(!wheel.is_front())];
         let axle = axle(vehicle, wheel);
-        Ok(Self::lateral(
+        Self::lateral(
             mass,
             sprung.inertia_kg_m2[0] * mass / sprung.mass_kg,
             axle.track_m,
             RideCorner::of(vehicle, wheel)?,
             axle.anti_roll_bar_n_m_rad,
-        ))
+        )
     }
 
     fn on_levers(
@@ -95,7 +99,7 @@ impl HalfCar {
         lever_m: [f64; 2],
         corners: [RideCorner; 2],
         bar_n_m: f64,
-    ) -> Self {
+    ) -> Result<Self, SuspensionError> {
         Self::assemble(&Assembly {
             body_mass: SVector::from([sprung_mass_kg, inertia_kg_m2, 0.0, 0.0]),
             lift: SMatrix::from([[1.0, 1.0], lever_m, [0.0; 2], [0.0; 2]]),

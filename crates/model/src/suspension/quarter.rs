@@ -18,8 +18,10 @@ impl QuarterCar {
     /// m_u z_u'' = -(those) + b_t (u' - z_u') + k_t (u - z_u)
     ///
     /// (equations 2.16-2.21, see [`Ride`] for what is misprinted there).
-    #[must_use]
-    pub fn new(sprung_mass_kg: f64, corner: RideCorner) -> Self {
+    ///
+    /// # Errors
+    /// When a value is not finite, a mass not positive, or a stiffness or damping negative.
+    pub fn new(sprung_mass_kg: f64, corner: RideCorner) -> Result<Self, SuspensionError> {
         Self::assemble(&Assembly {
             body_mass: SVector::from([sprung_mass_kg, 0.0]),
             lift: SMatrix::from([[1.0], [0.0]]),
@@ -35,7 +37,7 @@ impl QuarterCar {
     pub fn of(vehicle: &Vehicle, wheel: Wheel) -> Result<Self, SuspensionError> {
         let [front, rear] = sprung_masses_kg(vehicle);
         let mass = if wheel.is_front() { front } else { rear };
-        Ok(Self::new(0.5 * mass, RideCorner::of(vehicle, wheel)?))
+        Self::new(0.5 * mass, RideCorner::of(vehicle, wheel)?)
     }
 }
 
@@ -44,9 +46,13 @@ impl RideCorner {
     /// ratio of hard-points, or the strut's given one, or else from the axle's roll values.
     ///
     /// # Errors
-    /// When the axle's hard-points are degenerate.
+    /// When the axle has no unsprung masses, or degenerate hard-points.
     pub fn of(vehicle: &Vehicle, wheel: Wheel) -> Result<Self, SuspensionError> {
         let axle = axle(vehicle, wheel);
+        let unsprung = axle.unsprung.as_ref().ok_or(SuspensionError::Missing {
+            axle: if wheel.is_front() { "front" } else { "rear" },
+            table: "unsprung",
+        })?;
         let ratio = match (&axle.wishbone, &axle.strut) {
             (Some(_), Some(_)) => {
                 let corner = Corner::of(vehicle, wheel)?;
@@ -64,7 +70,7 @@ impl RideCorner {
             _ => (axle.wheel_rate_n_m(), axle.wheel_damping_n_s_m()),
         };
         Ok(Self {
-            unsprung_mass_kg: 0.5 * axle.unsprung_mass_kg(),
+            unsprung_mass_kg: unsprung.total_mass_kg(),
             stiffness_n_m,
             damping_n_s_m,
             tyre_stiffness_n_m: axle.tyre.vertical_stiffness_n_m,
@@ -88,6 +94,21 @@ pub fn lever_motion_ratio(pivot_to_strut_m: f64, strut_to_ball_m: f64) -> f64 {
 #[must_use]
 pub fn wheel_rate_n_m(strut_rate_n_m: f64, motion_ratio: f64) -> f64 {
     strut_rate_n_m * motion_ratio * motion_ratio
+}
+
+/// Vertical tyre force from the spring's compression alone: F_z = F_z0 + k r dl (equation 2.27
+/// with the lever the right way up), dl from the position in which the load is F_z0.
+///
+/// Inclined arms jack: in a turn this is off by 4 to 9 % rms of the peak load on truth runs, and by
+/// 23 % at F_y = 1155 N on 1911 N. The linkage's statics have no such error.
+#[must_use]
+pub fn vertical_force_n(
+    static_force_n: f64,
+    stiffness_n_m: f64,
+    motion_ratio: f64,
+    compression_m: f64,
+) -> f64 {
+    static_force_n + stiffness_n_m * motion_ratio * compression_m
 }
 
 pub(super) fn axle(vehicle: &Vehicle, wheel: Wheel) -> &Axle {
@@ -140,7 +161,7 @@ mod tests {
     #[test]
     fn matrix_is_the_corrected_one() {
         let (m_s, c) = (135.0, CORNER);
-        let model = QuarterCar::new(m_s, c);
+        let model = QuarterCar::new(m_s, c).expect("in range");
         let m_u = c.unsprung_mass_kg;
         let expected = SMatrix::<f64, 4, 4>::new(
             -c.damping_n_s_m / m_s,
@@ -167,7 +188,7 @@ mod tests {
 
     #[test]
     fn two_modes_and_a_response_that_follows_slow_roads() {
-        let model = QuarterCar::new(135.0, CORNER);
+        let model = QuarterCar::new(135.0, CORNER).expect("in range");
         let poles = model.poles();
         assert!(poles.iter().all(|pole| pole.re < 0.0));
         let [body, _] = frequency_and_damping(poles[0]);
@@ -198,10 +219,31 @@ mod tests {
                 ..CORNER
             };
             let at = QuarterCar::new(135.0, corner)
+                .expect("in range")
                 .response(0, hop)
                 .expect("damped");
             at[2].norm()
         };
         assert!((body(12_000.0, 600.0) / body(25_000.0, 1500.0) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn bad_values_are_named() {
+        let error = QuarterCar::new(f64::NAN, CORNER).expect_err("not a number");
+        assert!(error.to_string().contains("NaN"), "{error}");
+        let light = RideCorner {
+            unsprung_mass_kg: 0.0,
+            ..CORNER
+        };
+        let error = QuarterCar::new(135.0, light).expect_err("no wheel");
+        assert_eq!(
+            error.to_string(),
+            "unsprung mass = 0 kg is not valid; expected above 0"
+        );
+        let soft = RideCorner {
+            stiffness_n_m: -1.0,
+            ..CORNER
+        };
+        assert!(QuarterCar::new(135.0, soft).is_err());
     }
 }

@@ -8,6 +8,8 @@
 
 use nalgebra::{Complex, DMatrix, SMatrix, SVector};
 
+use super::{SuspensionError, finite};
+
 /// A linear ride model with D degrees of freedom, N = 2 D states and W wheels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ride<const D: usize, const N: usize, const W: usize> {
@@ -38,6 +40,41 @@ pub struct RideCorner {
     pub tyre_damping_n_s_m: f64,
 }
 
+impl RideCorner {
+    fn check(&self) -> Result<(), SuspensionError> {
+        positive("unsprung mass", self.unsprung_mass_kg, "kg")?;
+        for (what, value, unit) in [
+            ("wheel rate", self.stiffness_n_m, "N/m"),
+            ("damping at the wheel", self.damping_n_s_m, "N s/m"),
+            ("tyre stiffness", self.tyre_stiffness_n_m, "N/m"),
+            ("tyre damping", self.tyre_damping_n_s_m, "N s/m"),
+        ] {
+            if finite(what, value, unit)? < 0.0 {
+                return Err(SuspensionError::Invalid {
+                    what,
+                    value,
+                    unit,
+                    expected: "0 or more",
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn positive(what: &'static str, value: f64, unit: &'static str) -> Result<(), SuspensionError> {
+    if finite(what, value, unit)? > 0.0 {
+        Ok(())
+    } else {
+        Err(SuspensionError::Invalid {
+            what,
+            value,
+            unit,
+            expected: "above 0",
+        })
+    }
+}
+
 /// What a model is assembled from.
 pub(super) struct Assembly<const D: usize, const W: usize> {
     /// Masses and inertias on the diagonal; the wheels' own are added.
@@ -51,8 +88,17 @@ pub(super) struct Assembly<const D: usize, const W: usize> {
 
 impl<const D: usize, const N: usize, const W: usize> Ride<D, N, W> {
     /// The wheels' degrees of freedom are the last W.
-    pub(super) fn assemble(parts: &Assembly<D, W>) -> Self {
+    pub(super) fn assemble(parts: &Assembly<D, W>) -> Result<Self, SuspensionError> {
         debug_assert_eq!(N, 2 * D, "rates and positions");
+        for inertia in parts.body_mass.iter().take(D - W) {
+            positive("sprung mass or inertia", *inertia, "kg or kg m^2")?;
+        }
+        for lever in parts.lift.iter() {
+            finite("wheel position", *lever, "m")?;
+        }
+        for corner in &parts.corners {
+            corner.check()?;
+        }
         let mut mass = parts.body_mass;
         let mut stiffness = SMatrix::<f64, D, D>::zeros();
         let mut damping = SMatrix::<f64, D, D>::zeros();
@@ -92,7 +138,7 @@ impl<const D: usize, const N: usize, const W: usize> Ride<D, N, W> {
             model.road[(own, i)] = corner.tyre_stiffness_n_m / mass[own];
             model.road_rate[(own, i)] = corner.tyre_damping_n_s_m / mass[own];
         }
-        model
+        Ok(model)
     }
 
     /// Rate of change of the state under road heights (m) and their rates (m/s).

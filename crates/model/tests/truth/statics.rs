@@ -1,11 +1,11 @@
 //! Tyre forces from member forces and back, with every term and with one left out.
 
 use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces,
-    TyreFrame, Wrench, ground_plane, inboard_excess_n,
+    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces, Parity,
+    TyreFrame, Wrench, ground_plane, inboard_excess_n, vertical_force_n,
 };
 use model::vehicle::{Axle, Vehicle};
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use sample::{PerWheel, Wheel};
 
 use crate::run::{Run, vehicle};
@@ -455,4 +455,91 @@ fn contact_points_match() {
     }
     println!("contact point off by {worst:.2e} m at most");
     assert!(worst < CONTACT_TOLERANCE_M);
+}
+
+/// Spring deflection alone, equation 2.27 set right, per cent of F_z on three runs.
+const SPRING_ALONE_PERCENT: [f64; 3] = [3.6, 7.2, 3.6];
+
+#[test]
+fn spring_alone_misreads_turns() {
+    for (index, name) in ["c_sine03", "b_circle", "f_launch_brake"]
+        .into_iter()
+        .enumerate()
+    {
+        let Some((vehicle, corners, run)) = set_up(name) else {
+            return;
+        };
+        let mut worst = 0.0_f64;
+        for wheel in Wheel::ALL {
+            let axle = axle(&vehicle, wheel);
+            let strut = axle.strut.as_ref().expect("a strut");
+            let ratio = strut.motion_ratio.expect("from the hard-points");
+            assert!(corners[wheel].wheel == wheel);
+            let (mut sum, mut peak) = (0.0, axle.tyre.reference_load_n);
+            for row in 0..run.rows {
+                let at = |column: &str| run.get(&format!("{wheel}_{column}"), row);
+                let found = vertical_force_n(
+                    axle.tyre.reference_load_n,
+                    strut.stiffness_n_m,
+                    ratio,
+                    strut.design_length_m - at("spring_len"),
+                );
+                sum += (found - at("Fz")).powi(2);
+                peak = peak.max(at("Fz"));
+            }
+            worst = worst.max(100.0 * (sum / run.rows as f64).sqrt() / peak);
+        }
+        println!("{name}: spring alone {worst:.2} % of F_z");
+        let expected = SPRING_ALONE_PERCENT[index];
+        assert!(
+            (worst - expected).abs() < 0.35 * expected,
+            "{worst} {expected}"
+        );
+    }
+}
+
+/// Largest over smallest gain of the map, moments scaled by this length (of the order of the
+/// wheel's radius), and what 50 N of noise on each channel makes of the tyre's force.
+const MOMENT_SCALE_M: f64 = 0.3;
+
+#[test]
+fn the_geometry_is_well_conditioned() {
+    let Some((vehicle, corners, run)) = set_up("c_sine03") else {
+        return;
+    };
+    let instant = Instant::new(&vehicle, &corners, &run, 0, LeftOut::Nothing).expect("stands");
+    for wheel in Wheel::ALL {
+        let statics = instant.statics(wheel, ChannelKind::Strut, LeftOut::Nothing);
+        let mut map = statics.wrench_from_members;
+        for row in 3..6 {
+            map.row_mut(row).scale_mut(1.0 / MOMENT_SCALE_M);
+        }
+        let gains = map.singular_values();
+        assert!(gains.max() / gains.min() < 20.0, "{wheel}: {gains}");
+        let members = statics.members(&instant.truth(wheel)).to_vector();
+        let sigma = |parity: [f64; 3]| {
+            let parity = Parity {
+                sigma_n_m: parity,
+                rolling_radius_m: 0.0,
+            };
+            let found = statics
+                .wrench_with_parity(&members, &Vector6::repeat(50.0), &parity)
+                .expect("six channels");
+            Vector3::from_fn(|i, _| found.covariance[(i, i)].sqrt())
+        };
+        let raw = sigma([f64::INFINITY; 3]);
+        let with_roll = sigma([1e-3, f64::INFINITY, f64::INFINITY]);
+        let with_all = sigma([1e-3; 3]);
+        println!(
+            "{wheel}: 50 N make {raw:.1?}, M_x known {with_roll:.1?}, all known {with_all:.1?}"
+        );
+        assert!(
+            raw.y > 80.0 && with_roll.y < 0.4 * raw.y,
+            "M_x and F_y are one reading"
+        );
+        assert!(
+            raw.x > 40.0 && with_all.x < 0.4 * raw.x,
+            "M_y, M_z tell of F_x"
+        );
+    }
 }
