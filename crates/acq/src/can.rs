@@ -10,7 +10,7 @@ use tokio::io::unix::AsyncFd;
 use tokio::sync::watch;
 use tokio::time::MissedTickBehavior;
 
-use crate::datagram::{DropCounter, is_controller_overflow, take_apart};
+use crate::datagram::{DropCounter, controller_event, is_controller_overflow, take_apart};
 use crate::port::Owner;
 use crate::supervisor::{pause, stopped};
 use crate::sys::{self, Datagrams};
@@ -147,6 +147,9 @@ impl<'a> Session<'a> {
             kernel += drops.map_or(0, |now| self.drops.since(now));
             // An overflow is at least one frame; the controller does not say how many.
             device += u64::from(frame.as_ref().is_some_and(is_controller_overflow));
+            if let Some(event) = frame.as_ref().and_then(controller_event) {
+                tracing::warn!(source = %self.owner.name, event);
+            }
             frames.extend(frame);
         }
         self.owner.lost(LossPlace::Kernel, kernel);

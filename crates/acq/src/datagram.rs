@@ -21,6 +21,10 @@ const FD_ERROR_STATE: u8 = 2;
 const ERROR_CONTROLLER: u32 = 0x4;
 const CONTROLLER_RX_OVERFLOW: u8 = 0x1;
 
+/// Error classes "bus off" and "restarted" (`linux/can/error.h`).
+const ERROR_BUS_OFF: u32 = 0x40;
+const ERROR_RESTARTED: u32 = 0x100;
+
 /// Size of a control message's header: length, level, type.
 const HEADER_BYTES: usize = size_of::<usize>() + 8;
 
@@ -41,6 +45,16 @@ pub(crate) fn is_controller_overflow(frame: &CanFrame) -> bool {
     frame.flags.error
         && frame.id & ERROR_CONTROLLER != 0
         && frame.data[1] & CONTROLLER_RX_OVERFLOW != 0
+}
+
+/// What a controller says of itself that a person should hear of.
+pub(crate) fn controller_event(frame: &CanFrame) -> Option<&'static str> {
+    match frame.id {
+        _ if !frame.flags.error => None,
+        id if id & ERROR_BUS_OFF != 0 => Some("bus off: check wiring, termination and bit rate"),
+        id if id & ERROR_RESTARTED != 0 => Some("controller restarted after bus off"),
+        _ => None,
+    }
 }
 
 /// `struct can_frame` or `struct canfd_frame`, told apart by size.
@@ -253,6 +267,9 @@ mod tests {
         let error = parse_frame(&classic(0x2000_0004, &[0, 1, 0, 0, 0, 0, 0, 0])).expect("a frame");
         assert!(error.flags.error && !error.flags.extended && error.id == 4);
         assert!(is_controller_overflow(&error));
+        let bus_off = parse_frame(&classic(0x2000_0040, &[0; 8])).expect("a frame");
+        assert!(controller_event(&bus_off).is_some_and(|text| text.starts_with("bus off")));
+        assert_eq!(controller_event(&error), None);
         let data: Vec<u8> = (0..64).collect();
         let long = parse_frame(&fd(0x8000_0001, 0x07, &data)).expect("a frame");
         assert!(long.flags.fd && long.flags.bit_rate_switch && long.flags.error_state);

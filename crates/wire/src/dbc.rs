@@ -11,6 +11,7 @@ mod load;
 mod message;
 #[cfg(test)]
 mod tests;
+mod text;
 
 use std::collections::BTreeMap;
 use std::fmt;
