@@ -187,9 +187,17 @@ impl Sequencer {
     pub fn finish(&self) {
         let mut state = self.lock();
         state.report_losses(&self.clock);
-        state.report_skips(&self.clock, true);
-        state.recorder = None;
+        state.report_skips(&self.clock);
         state.estimator = None;
+        if let Some(run) = state.skipping.take() {
+            // The estimator does not get this notice either, so the notice covers itself.
+            let run = Run {
+                count: run.count + 1,
+                ..run
+            };
+            state.emit(&self.clock, SourceId::HOST, run.notice());
+        }
+        state.recorder = None;
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -206,32 +214,31 @@ impl State {
         let resume = self.sizes.estimator.div_ceil(2);
         let resumes = self.skipping.is_some() && self.estimator_room() >= resume;
         if resumes || !self.unrecorded.is_empty() {
-            self.report_skips(clock, false);
+            self.report_skips(clock);
         }
     }
 
     fn report_losses(&mut self, clock: &LogClock) {
         self.recorder_full = false;
-        for (source, count) in std::mem::take(&mut self.unreported) {
+        while self.notice_room()
+            && let Some((source, count)) = self.unreported.pop_first()
+        {
             let lost = Notice::Lost {
                 place: LossPlace::Queue,
                 count,
             };
             self.emit(clock, source, Payload::Notice(lost));
         }
+        self.recorder_full = !self.unreported.is_empty();
     }
 
-    /// Ends the run that the estimator skips, if it has room again or at the `end` of the stream,
-    /// and tells the recorder of all runs that it has room for.
-    fn report_skips(&mut self, clock: &LogClock, end: bool) {
-        let resume = self.sizes.estimator.div_ceil(2);
-        if end || self.estimator_room() >= resume {
+    /// Ends the run that the estimator skips, if it has room again, and tells the recorder of all
+    /// runs that it has room for.
+    fn report_skips(&mut self, clock: &LogClock) {
+        if self.estimator_room() >= self.sizes.estimator.div_ceil(2) {
             self.unrecorded.extend(self.skipping.take());
         }
-        while self
-            .recorder
-            .as_ref()
-            .is_some_and(|queue| queue.capacity() > 0)
+        while self.notice_room()
             && let Some(run) = self.unrecorded.pop_front()
         {
             self.emit(clock, SourceId::HOST, run.notice());
@@ -294,6 +301,13 @@ impl State {
         }
     }
 
+    /// Whether the recorder's queue takes a notice.
+    fn notice_room(&self) -> bool {
+        self.recorder
+            .as_ref()
+            .is_some_and(|queue| queue.capacity() > 0)
+    }
+
     /// Free places for data in the recorder's queue.
     fn recorder_room(&self) -> usize {
         self.recorder
@@ -353,6 +367,10 @@ const fn queue_index() -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
     use super::*;
 
     const PORT: SourceId = SourceId(3);
@@ -472,9 +490,83 @@ mod tests {
             recorded.last().expect("a notice").payload,
             Payload::Notice(Notice::EstimatorSkipped {
                 first_sequence: 1,
-                count: 2
+                count: 3
             })
         );
         assert!(streams.recorder.blocking_recv().is_none());
+    }
+
+    #[derive(Clone, Copy, Debug)]
+    enum Step {
+        Push(u8),
+        Record(u8),
+        Estimate(u8),
+    }
+
+    fn steps() -> impl Strategy<Value = Vec<Step>> {
+        let step = prop_oneof![
+            (0_u8..20).prop_map(Step::Push),
+            (0_u8..20).prop_map(Step::Record),
+            (0_u8..20).prop_map(Step::Estimate),
+        ];
+        proptest::collection::vec(step, 0..60)
+    }
+
+    proptest! {
+        /// However the consumers lag: data pushed is data recorded plus data reported lost, and
+        /// every arrival is either seen by the estimator or within exactly one run that the
+        /// recorder knows of.
+        #[test]
+        fn nothing_is_lost_in_silence(
+            steps in steps(),
+            recorder in 1_usize..30,
+            estimator in 1_usize..10,
+        ) {
+            let (sequencer, mut streams) = sequencer(recorder, estimator);
+            let mut queue = streams.estimator.take().expect("a queue");
+            let (mut recorded, mut seen, mut pushed) = (Vec::new(), BTreeSet::new(), 0_u64);
+            for step in steps {
+                match step {
+                    Step::Push(count) => {
+                        pushed += u64::from(count);
+                        for value in 0..count {
+                            sequencer.push(SourceId(u16::from(value % 3)), bytes(value));
+                        }
+                    }
+                    Step::Record(count) => {
+                        for _ in 0..count {
+                            recorded.extend(streams.recorder.try_recv());
+                        }
+                    }
+                    Step::Estimate(count) => {
+                        for _ in 0..count {
+                            seen.extend(queue.try_recv().map(|arrival| arrival.sequence));
+                        }
+                    }
+                }
+            }
+            sequencer.finish();
+            recorded.extend(drain(&mut streams.recorder));
+            seen.extend(drain(&mut queue).iter().map(|arrival| arrival.sequence));
+
+            let (mut kept, mut lost) = (0, 0);
+            let mut skipped = BTreeSet::new();
+            for arrival in &recorded {
+                match &arrival.payload {
+                    Payload::Bytes(_) => kept += 1,
+                    Payload::Notice(Notice::Lost { count, .. }) => lost += count,
+                    Payload::Notice(Notice::EstimatorSkipped { first_sequence, count }) => {
+                        for sequence in *first_sequence..first_sequence + count {
+                            prop_assert!(skipped.insert(sequence), "told twice: {}", sequence);
+                        }
+                    }
+                    _ => {}
+                }
+            }
+            prop_assert_eq!(kept + lost, pushed);
+            prop_assert!(seen.is_disjoint(&skipped));
+            let all: BTreeSet<u64> = (0..sequencer.next_sequence()).collect();
+            prop_assert_eq!(&seen | &skipped, all);
+        }
     }
 }
