@@ -1,6 +1,7 @@
 //! The linkage against runs of an independent multi-body simulator.
 
 mod hanging;
+mod instant;
 mod kinematics;
 mod params;
 mod run;

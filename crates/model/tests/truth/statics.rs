@@ -1,243 +1,12 @@
 //! Tyre forces from member forces and back, with every term and with one left out.
 
-use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces, Parity,
-    TyreFrame, Wrench, ground_plane, inboard_excess_n, vertical_force_n,
-};
-use model::vehicle::{Axle, Vehicle};
-use nalgebra::{Vector3, Vector6};
+use model::suspension::{ChannelKind, Corner, Parity, vertical_force_n};
+use model::vehicle::Vehicle;
+use nalgebra::{SMatrix, Vector3, Vector6};
 use sample::{PerWheel, Wheel};
 
-use crate::run::{Run, vehicle};
-
-const STRIDE: usize = 41;
-/// Gravity of the simulator, m/s^2.
-const GRAVITY_M_S2: f64 = 9.81;
-/// A wheel under this load does not help to find the ground, N.
-const FIRM_LOAD_N: f64 = 60.0;
-
-/// One term of the statics that a method could neglect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum LeftOut {
-    Nothing,
-    Inertia,
-    Mass,
-    ArmMass,
-    Damper,
-    Stops,
-    TieRod,
-    BodyAttitude,
-    FrozenGeometry,
-    ReadInboard,
-}
-
-fn wanted(name: &str) -> bool {
-    const BODY: &[&str] = &[
-        "fx_body", "fy_body", "fz_body", "p", "q", "r", "pdot", "qdot", "rdot", "rack",
-    ];
-    const CORNER: &[&str] = &[
-        "spring_len",
-        "shock_vel",
-        "spring_F",
-        "shock_F",
-        "stop_F",
-        "omega",
-        "Tdrive",
-        "UCA_tubeF_T",
-        "UCA_tubeB_T",
-        "LCA_tubeF_T",
-        "LCA_tubeB_T",
-        "tierod_T",
-        "Fx",
-        "Fy",
-        "Fz",
-        "Mx",
-        "My",
-        "Mz",
-        "tyre_defl",
-        "cp_x",
-        "cp_y",
-        "cp_z",
-        "LCA_ball_Fx",
-        "LCA_ball_Fy",
-        "LCA_ball_Fz",
-    ];
-    BODY.contains(&name) || (name.len() > 3 && CORNER.contains(&&name[3..]))
-}
-
-fn axle(vehicle: &Vehicle, wheel: Wheel) -> &Axle {
-    if wheel.is_front() {
-        &vehicle.front
-    } else {
-        &vehicle.rear
-    }
-}
-
-/// All corners of one row.
-struct Instant<'a> {
-    vehicle: &'a Vehicle,
-    corners: &'a PerWheel<Corner>,
-    run: &'a Run,
-    row: usize,
-    poses: PerWheel<CornerPose>,
-    normal: Vector3<f64>,
-    body: BodyMotion,
-}
-
-impl<'a> Instant<'a> {
-    fn new(
-        vehicle: &'a Vehicle,
-        corners: &'a PerWheel<Corner>,
-        run: &'a Run,
-        row: usize,
-        left_out: LeftOut,
-    ) -> Option<Self> {
-        let at = |wheel: Wheel, name: &str| run.get(&format!("{wheel}_{name}"), row);
-        let poses = PerWheel::from_fn(|wheel| {
-            let corner = &corners[wheel];
-            let rack = if wheel.is_front() {
-                run.get("rack", row)
-            } else {
-                0.0
-            };
-            let length = if left_out == LeftOut::FrozenGeometry {
-                corner.design_strut_length_m()
-            } else {
-                at(wheel, "spring_len")
-            };
-            corner.pose(length, rack).expect("within reach")
-        });
-        let normal = if left_out == LeftOut::BodyAttitude {
-            Vector3::z()
-        } else {
-            ground_plane(
-                &poses,
-                &PerWheel::from_fn(|wheel| axle(vehicle, wheel).tyre.unloaded_radius_m),
-                &PerWheel::from_fn(|wheel| at(wheel, "tyre_defl")),
-                &PerWheel::from_fn(|wheel| f64::from(u8::from(at(wheel, "Fz") > FIRM_LOAD_N))),
-            )?
-            .normal
-        };
-        Some(Self {
-            vehicle,
-            corners,
-            run,
-            row,
-            poses,
-            normal,
-            body: BodyMotion {
-                specific_force_m_s2: run.vector("f", "_body", row),
-                reference_m: Vector3::new(0.0, 0.0, vehicle.body.cg_height_m),
-                rate_rad_s: Vector3::new(run.get("p", row), run.get("q", row), run.get("r", row)),
-                rate_dot_rad_s2: Vector3::new(
-                    run.get("pdot", row),
-                    run.get("qdot", row),
-                    run.get("rdot", row),
-                ),
-            },
-        })
-    }
-
-    fn at(&self, wheel: Wheel, name: &str) -> f64 {
-        self.run.get(&format!("{wheel}_{name}"), self.row)
-    }
-
-    fn frame(&self, wheel: Wheel) -> TyreFrame {
-        TyreFrame::new(
-            &self.poses[wheel],
-            self.normal,
-            axle(self.vehicle, wheel).tyre.unloaded_radius_m,
-            self.at(wheel, "tyre_defl"),
-        )
-    }
-
-    fn motion(&self, wheel: Wheel, left_out: LeftOut) -> CornerMotion {
-        let (corner, pose) = (&self.corners[wheel], &self.poses[wheel]);
-        if left_out == LeftOut::Inertia {
-            return CornerMotion {
-                axle_torque_n_m: self.at(wheel, "Tdrive"),
-                ..CornerMotion::at_rest(self.normal * GRAVITY_M_S2)
-            };
-        }
-        let rate = self.at(wheel, "shock_vel");
-        let mut motion = CornerMotion::on_body(corner, pose, &self.body, rate, 0.0);
-        if self.at(wheel, "Fz") > FIRM_LOAD_N {
-            motion = motion.on_ground(corner, pose, self.normal, GRAVITY_M_S2);
-        }
-        let name = format!("{wheel}_omega");
-        motion.spin_rad_s = self.at(wheel, "omega");
-        motion.spin_dot_rad_s2 = self.run.slope(&name, self.row);
-        motion.axle_torque_n_m = self.at(wheel, "Tdrive");
-        motion
-    }
-
-    fn statics(&self, wheel: Wheel, sixth: ChannelKind, left_out: LeftOut) -> CornerStatics {
-        let mut unsprung = axle(self.vehicle, wheel).unsprung.clone().expect("masses");
-        if matches!(left_out, LeftOut::Mass | LeftOut::ArmMass) {
-            unsprung.upper_arm_mass_kg = 0.0;
-            unsprung.lower_arm_mass_kg = 0.0;
-        }
-        if left_out == LeftOut::Mass {
-            unsprung.wheel_mass_kg = 0.0;
-            unsprung.upright_mass_kg = 0.0;
-        }
-        CornerStatics::new(
-            &self.corners[wheel],
-            &self.poses[wheel],
-            &self.frame(wheel),
-            &unsprung,
-            &self.motion(wheel, left_out),
-            sixth,
-        )
-        .expect("a sound linkage")
-    }
-
-    fn members(&self, wheel: Wheel, left_out: LeftOut) -> MemberForces {
-        let strut = axle(self.vehicle, wheel).strut.as_ref().expect("a strut");
-        let mut force = strut.force(self.at(wheel, "spring_len"), self.at(wheel, "shock_vel"));
-        match left_out {
-            LeftOut::Damper => force.damper_n = 0.0,
-            LeftOut::Stops => force.stop_n = 0.0,
-            _ => {}
-        }
-        let excess = if left_out == LeftOut::ReadInboard {
-            inboard_excess_n(
-                &self.corners[wheel],
-                &self.poses[wheel],
-                axle(self.vehicle, wheel).unsprung.as_ref().expect("masses"),
-                &self.motion(wheel, left_out),
-                force.total_n(),
-            )
-        } else {
-            [0.0; 2]
-        };
-        MemberForces {
-            upper_front_n: self.at(wheel, "UCA_tubeF_T"),
-            upper_rear_n: self.at(wheel, "UCA_tubeB_T"),
-            lower_front_n: self.at(wheel, "LCA_tubeF_T") + excess[0],
-            lower_rear_n: self.at(wheel, "LCA_tubeB_T") + excess[1],
-            tie_rod_n: if left_out == LeftOut::TieRod {
-                0.0
-            } else {
-                self.at(wheel, "tierod_T")
-            },
-            sixth_n: force.total_n(),
-        }
-    }
-
-    fn truth(&self, wheel: Wheel) -> Wrench {
-        Wrench {
-            force_n: self.run.vector(&format!("{wheel}_F"), "", self.row),
-            moment_n_m: self.run.vector(&format!("{wheel}_M"), "", self.row),
-        }
-    }
-}
-
-fn set_up(name: &str) -> Option<(Vehicle, PerWheel<Corner>, Run)> {
-    let vehicle = vehicle()?;
-    let corners = PerWheel::from_fn(|wheel| Corner::of(&vehicle, wheel).expect("hard-points"));
-    Some((vehicle, corners, Run::open(name, STRIDE, wanted)?))
-}
+use crate::instant::{Instant, LeftOut, axle, set_up};
+use crate::run::Run;
 
 /// Root mean square of a wheel's six errors (N, N m) and, over the larger of static load and peak
 /// force, the worst wheel's in per cent of F_x, F_y, F_z.
@@ -542,4 +311,43 @@ fn the_geometry_is_well_conditioned() {
             "M_y, M_z tell of F_x"
         );
     }
+}
+
+/// The lower arm's own inertia beyond its specific force is what is left.
+const INBOARD_TOLERANCE_N: f64 = 1.0;
+
+/// Inboard of the strut's mount the legs carry the hinge's reaction, which the runs tell.
+#[test]
+fn inboard_tension_is_the_hinge_reaction() {
+    let Some((vehicle, corners, run)) = set_up("b_circle") else {
+        return;
+    };
+    let (mut sum, mut excess_sum, mut count) = (0.0, 0.0, 0.0);
+    for row in 0..run.rows {
+        let Some(instant) = Instant::new(&vehicle, &corners, &run, row, LeftOut::Nothing) else {
+            continue;
+        };
+        for wheel in Wheel::ALL {
+            let (pose, points) = (&instant.poses[wheel], &corners[wheel].points);
+            let legs = SMatrix::<f64, 3, 2>::from_columns(&[
+                (pose.lower_ball_m - points.lower_front).normalize(),
+                (pose.lower_ball_m - points.lower_rear).normalize(),
+            ]);
+            let hinge = run.vector(&format!("{wheel}_LCA_hinge_F"), "", row);
+            let inverse = legs.pseudo_inverse(1e-9).expect("two legs");
+            let truth = -(inverse * hinge);
+            let inboard = instant.members(wheel, LeftOut::ReadInboard);
+            let outboard = instant.members(wheel, LeftOut::Nothing);
+            let found = [inboard.lower_front_n, inboard.lower_rear_n];
+            for leg in 0..2 {
+                sum += (found[leg] - truth[leg]).powi(2);
+                count += 1.0;
+            }
+            excess_sum += (inboard.lower_front_n - outboard.lower_front_n).powi(2);
+        }
+    }
+    let (rms, excess) = ((sum / count).sqrt(), (2.0 * excess_sum / count).sqrt());
+    println!("inboard tension off by {rms:.2} N rms, of an excess of {excess:.0} N rms");
+    assert!(rms < INBOARD_TOLERANCE_N, "{rms}");
+    assert!((200.0..500.0).contains(&excess), "{excess}");
 }
