@@ -5,6 +5,7 @@ use std::ops::Range;
 use sample::{StrainChannel, Wheel};
 use serde::{Deserialize, Serialize};
 
+use crate::SimError;
 use crate::emission::{Emission, Output, Port};
 use crate::random::Noise;
 
@@ -158,6 +159,33 @@ fn for_ever() -> f64 {
 }
 
 impl Faults {
+    /// Refuses axes that do not exist and probabilities that are none.
+    pub(crate) fn check(&self) -> Result<(), SimError> {
+        let bad = |name: &str, value, expected| {
+            Err(SimError::BadParameter {
+                name: name.to_owned(),
+                value,
+                expected,
+            })
+        };
+        for fault in &self.imu {
+            if fault.axis > 5 {
+                return bad("imu.axis", fault.axis as f64, "0 to 5");
+            }
+        }
+        let spikes = self.imu.iter().filter_map(|fault| match fault.kind {
+            ImuFaultKind::Spikes { probability, .. } => Some(probability),
+            _ => None,
+        });
+        let chances = self.byte_noise.iter().chain(&self.dropped);
+        for probability in chances.map(|chance| chance.probability).chain(spikes) {
+            if !(0.0..=1.0).contains(&probability) {
+                return bad("probability", probability, "from 0 to 1");
+            }
+        }
+        Ok(())
+    }
+
     /// Whether `port` has no solution at `time_s`.
     pub(crate) fn is_out(&self, port: Port, time_s: f64) -> bool {
         self.outage

@@ -41,6 +41,46 @@ struct LinkedCorner {
     brake_on_upright: bool,
 }
 
+/// Strut lengths that are missing, for a vehicle without hard-points: with i metres of spring travel
+/// for one of wheel travel, the strut carries (F_z - weight of the corner's unsprung parts)/i.
+pub(crate) fn struts_alone(vehicle: &Vehicle, states: &mut [TruthState]) {
+    for wheel in Wheel::ALL {
+        let axle = if wheel.is_front() {
+            &vehicle.front
+        } else {
+            &vehicle.rear
+        };
+        let Some((strut, ratio)) = axle
+            .strut
+            .as_ref()
+            .and_then(|strut| Some((strut, strut.motion_ratio?)))
+        else {
+            continue;
+        };
+        let hanging_n = axle.unsprung_mass_kg() / 2.0 * STANDARD_GRAVITY_M_S2;
+        let mut previous: Option<(f64, f64)> = None;
+        for state in states.iter_mut() {
+            let time_s = state.time_s;
+            let truth = &mut state.wheels[wheel];
+            if truth.strut_length_m.is_nan() {
+                let force_n = (truth.force_n[2] - hanging_n) / ratio;
+                let (k, c) = (strut.stiffness_n_m, strut.damping_n_s_m);
+                // F = k (l_0 - l) - c (l - l_before)/dt.
+                let length_m = match previous {
+                    None => strut.free_length_m - force_n / k,
+                    Some((before_s, before_m)) => {
+                        let damping = c / (time_s - before_s);
+                        (k * strut.free_length_m + damping * before_m - force_n) / (k + damping)
+                    }
+                };
+                truth.strut_length_m =
+                    length_m.clamp(strut.bump_stop_length_m, strut.droop_stop_length_m);
+            }
+            previous = Some((time_s, truth.strut_length_m));
+        }
+    }
+}
+
 /// How one corner stands and moves.
 struct Stance {
     pose: CornerPose,

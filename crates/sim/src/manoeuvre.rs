@@ -113,13 +113,13 @@ impl Manoeuvre {
                 26.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| 1.5 * sine(t - 1.0, 0.3, 7.0)),
+                Intent::HandWheel(|t| 1.9 * sine(t - 1.0, 0.3, 7.0)),
             ),
             Self::FastSine => plan(
                 16.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| 1.2 * sine(t - 1.0, 0.7, 9.0)),
+                Intent::HandWheel(|t| 2.0 * sine(t - 1.0, 0.7, 9.0)),
             ),
             Self::StepSteer => plan(
                 14.0,
@@ -127,7 +127,7 @@ impl Manoeuvre {
                 |_| 8.0,
                 Intent::HandWheel(|t| {
                     let step = |at: f64| smooth((t - at) / STEP_TIME_S);
-                    1.3 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
+                    1.6 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
                 }),
             ),
             Self::AsphaltToGravel => Plan {
@@ -136,7 +136,7 @@ impl Manoeuvre {
                     24.0,
                     8.0,
                     |_| 8.0,
-                    Intent::HandWheel(|t| 1.6 * sine(t - 1.0, 0.3, 6.0)),
+                    Intent::HandWheel(|t| 1.9 * sine(t - 1.0, 0.3, 6.0)),
                 )
             },
             Self::LaunchBrake => plan(

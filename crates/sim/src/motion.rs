@@ -2,7 +2,7 @@ use model::vehicle::Vehicle;
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::SimError;
-use crate::linkage::Linkage;
+use crate::linkage::{Linkage, struts_alone};
 
 /// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -276,13 +276,15 @@ impl Motion {
 
     /// Fills in from the vehicle's linkage what the states do not tell: the ball-joint force's
     /// part that bends the lower arm, and, computed forward from the tyre forces, strut lengths,
-    /// link forces and steer angles. A vehicle without hard-points leaves them unknown.
+    /// link forces and steer angles. A vehicle without hard-points leaves link forces unknown; its
+    /// strut lengths follow from the motion ratio, where there is one.
     ///
     /// # Errors
     /// A linkage that cannot stand as the motion says.
     pub fn complete(&mut self, vehicle: &Vehicle) -> Result<(), SimError> {
-        if let Some(linkage) = Linkage::new(vehicle)? {
-            linkage.complete(&mut self.states)?;
+        match Linkage::new(vehicle)? {
+            Some(linkage) => linkage.complete(&mut self.states)?,
+            None => struts_alone(vehicle, &mut self.states),
         }
         Ok(())
     }

@@ -30,7 +30,7 @@ impl VirtualVehicle {
     /// `seed`.
     ///
     /// # Errors
-    /// Rates, resolutions or dimensions that make no sense; a linkage that cannot stand as the
+    /// Rates, resolutions, dimensions or faults that make no sense; a linkage that cannot stand as the
     /// motion says.
     pub fn new(
         mut motion: Motion,
@@ -39,6 +39,7 @@ impl VirtualVehicle {
         options: &Options,
         seed: u64,
     ) -> Result<Self, SimError> {
+        options.faults.check()?;
         motion.complete(vehicle)?;
         Ok(Self {
             imu: Imu::new(&motion, sensors, options, seed)?,

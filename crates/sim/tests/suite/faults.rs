@@ -6,7 +6,7 @@ use sim::{
     Output, Port,
 };
 
-use crate::support::{bytes_of, circle, emissions, frames_of, imu_samples};
+use crate::support::{self, bytes_of, circle, emissions, frames_of, imu_samples};
 
 fn with(faults: Faults) -> Options {
     Options {
@@ -193,4 +193,21 @@ fn a_fault_file_reads_and_refuses_what_it_does_not_know() {
     let back: Faults = toml::from_str(&toml::to_string(&faults).expect("TOML")).expect("TOML");
     assert_eq!(back, faults);
     assert!(toml::from_str::<Faults>("[[outtage]]\nport = \"novatel\"").is_err());
+}
+
+#[test]
+fn faults_that_make_no_sense_are_refused() {
+    let options = with(Faults {
+        imu: vec![ImuFault {
+            axis: 6,
+            kind: ImuFaultKind::Inverted,
+            from_s: 0.0,
+            to_s: 1.0,
+        }],
+        ..Faults::default()
+    });
+    let (vehicle, sensors) = (support::vehicle(), support::sensors());
+    let made = sim::VirtualVehicle::new(circle(5.0, 15.24, 1.0), &vehicle, &sensors, &options, 1);
+    let error = made.err().expect("there is no seventh axis");
+    assert_eq!(error.to_string(), "imu.axis is 6; it must be 0 to 5");
 }

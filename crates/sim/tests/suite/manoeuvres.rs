@@ -177,3 +177,17 @@ fn on_jackstands_the_wheels_hang_and_then_carry() {
     let rest = motion.at(39.0);
     assert!(rest.specific_force_m_s2[0].abs() < 0.1 && rest.roll_rad.abs() < 1e-3);
 }
+
+#[test]
+fn vehicles_without_hard_points_drive_too() {
+    for name in ["prowler-chang", "prowler-table-2.3"] {
+        let vehicle = model::vehicle::Vehicle::builtin(name).expect("a built-in vehicle");
+        let motion = Manoeuvre::StepSteer.drive(&vehicle).expect("a motion");
+        let turning = motion.at(4.8);
+        assert!(turning.acceleration_m_s2[1] > 2.0, "{name}");
+        // Only one of them has struts; in a left turn the right one is shorter.
+        let length_m = |wheel: Wheel| turning.wheels[wheel].strut_length_m;
+        let told = length_m(Wheel::RearLeft) > length_m(Wheel::RearRight) + 0.005;
+        assert_eq!(told, vehicle.rear.strut.is_some(), "{name}");
+    }
+}

@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use model::sensors::Sensors;
+
 use parquet::data_type::DoubleType;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
-use sim::{Motion, Options, SimError, VirtualVehicle};
+use sample::Wheel;
+use sim::{Motion, Options, SimError, VirtualVehicle, WheelTruth};
 
 use crate::support;
 
@@ -176,20 +179,87 @@ fn link_forces_follow_from_tyre_forces() {
     let mut states = told.states()[2000..2400].to_vec();
     for wheel in states.iter_mut().flat_map(|state| &mut state.wheels.0) {
         wheel.link_force_n = [f64::NAN; 5];
+        wheel.lower_ball_force_n = [f64::NAN; 3];
     }
+    let mut told = Motion::new("told", told.states()[2000..2400].to_vec()).expect("a motion");
+    told.complete(&support::vehicle()).expect("a linkage");
     let mut found = Motion::new("stripped", states).expect("a motion");
     found.complete(&support::vehicle()).expect("a linkage");
-    for link in 0..5 {
+    for link in 0..6 {
+        // The five links, then what bends the lower arm.
+        let force =
+            |wheel: &WheelTruth| *wheel.link_force_n.get(link).unwrap_or(&wheel.ball_normal_n);
         let mut squares = 0.0;
-        for (a, b) in told.states()[2000..2400].iter().zip(found.states()) {
+        for (a, b) in told.states().iter().zip(found.states()) {
             for (a, b) in a.wheels.0.iter().zip(&b.wheels.0) {
-                squares += (b.link_force_n[link] - a.link_force_n[link]).powi(2);
+                squares += (force(b) - force(a)).powi(2);
             }
         }
         let rms_n = (squares / 1600.0).sqrt();
         eprintln!("{rms_n}");
         assert!(rms_n < LINK_FORCE_RMS_N, "link {link}: {rms_n} N");
     }
+}
+
+/// Without noise, a 16-bit converter and the truth files' own tube forces, a channel's error is the
+/// filter's alone, N (root mean square).
+const PERFECT_CHAIN_RMS_N: f64 = 1.0;
+
+#[test]
+fn strain_of_a_truth_run_is_its_tube_force_through_the_lag() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
+    let path = Path::new(root).join("d_sine_mu.parquet");
+    if !path.exists() {
+        eprintln!("SKIPPED: {} is not there", path.display());
+        return;
+    }
+    let motion = Motion::open(&path).expect("a truth run");
+    let mut sensors = Sensors::builtin("full-bridge-16bit-bending").expect("built-in sensors");
+    sensors.strain.noise_counts = 0.0;
+    sensors.strain.zero_error_counts = 0.0;
+    let scale = sensors.strain.axial_scale().expect("a sound chain");
+    let bending = sensors
+        .strain
+        .bending_scale()
+        .expect("a sound chain")
+        .expect("bridges");
+    let tau_s = 1.0 / (std::f64::consts::TAU * sensors.strain.lag_hz);
+    let all: Vec<_> = VirtualVehicle::new(
+        motion,
+        &support::vehicle(),
+        &sensors,
+        &Options::default(),
+        1,
+    )
+    .expect("a virtual vehicle")
+    .collect();
+    let completed = {
+        let mut motion = Motion::open(&path).expect("a truth run");
+        motion.complete(&support::vehicle()).expect("a linkage");
+        motion
+    };
+    let frames = support::frames_of(&all, 0x150);
+    let second = support::frames_of(&all, 0x151);
+    let mut lagged: Option<f64> = None;
+    let (mut squares, mut bending_error) = (0.0, 0.0_f64);
+    for (k, (frame, other)) in frames.iter().zip(&second).enumerate() {
+        // The lag once more, by small steps of Euler's rule.
+        for step in 0..20 {
+            let truth = completed.at((k as f64 - 1.0) * 0.01 + f64::from(step + 1) * 5e-4);
+            let force_n = truth.wheels[Wheel::RearRight].link_force_n[2];
+            let before_n = *lagged.get_or_insert(force_n);
+            lagged = Some(before_n + (force_n - before_n) * 5e-4 / tau_s);
+        }
+        let read_n = scale.load(f64::from(frame[2]));
+        squares += (read_n - lagged.expect("a first value")).powi(2);
+        let truth = completed.at(k as f64 * 0.01 - tau_s);
+        let moment = truth.wheels[Wheel::RearRight].ball_normal_n * 0.10 / 2.0;
+        bending_error = bending_error.max((bending.load(f64::from(other[3])) - moment).abs());
+    }
+    let rms_n = (squares / frames.len() as f64).sqrt();
+    assert!(rms_n < PERFECT_CHAIN_RMS_N, "{rms_n} N");
+    // 1 N m is 20 N at the ball joint, of some 1500 N; the lag is taken as a delay here.
+    assert!(bending_error < 1.0, "{bending_error} N m");
 }
 
 #[test]
