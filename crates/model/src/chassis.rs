@@ -1,4 +1,5 @@
-//! Chassis models: the linear bicycle and the four-wheel model.
+//! Chassis models: the linear bicycle, the four-wheel model and the 14-degree-of-freedom model.
 
 pub mod bicycle;
 pub mod four_wheel;
+pub mod fourteen_dof;

@@ -87,11 +87,11 @@ pub enum Tyre {
     /// Stiffnesses and friction: linear, Fiala, brush, exponential, Dugoff.
     Physical(Physical),
     /// Magic Formula of 1987/89.
-    MagicFormula89(MagicFormula89),
+    MagicFormula89(Box<MagicFormula89>),
     /// Magic Formula 5.2.
-    MagicFormula52(MagicFormula52),
+    MagicFormula52(Box<MagicFormula52>),
     /// Rational parametric curves.
-    Rational(Rational),
+    Rational(Box<Rational>),
 }
 
 impl Tyre {

@@ -196,7 +196,7 @@ pub(super) mod tests {
 
     #[test]
     fn curves_pass_through_their_parameters() {
-        let tyre = Tyre::Rational(front());
+        let tyre = Tyre::Rational(Box::new(front()));
         let lateral = |load: f64, slip: f64| {
             -tyre
                 .forces(&Contact {
@@ -215,7 +215,7 @@ pub(super) mod tests {
 
     #[test]
     fn half_the_friction_gives_half_the_peak_and_the_same_slope() {
-        let tyre = Tyre::Rational(front());
+        let tyre = Tyre::Rational(Box::new(front()));
         let lateral = |slip: f64, friction_scale: f64| {
             -tyre
                 .forces(&Contact {

@@ -26,9 +26,9 @@ fn tyres() -> Vec<Tyre> {
         .into_iter()
         .map(physical)
         .collect();
-    all.push(Tyre::Rational(rational::tests::front()));
-    all.push(Tyre::MagicFormula89(MagicFormula89::default()));
-    all.push(Tyre::MagicFormula52(MagicFormula52::default()));
+    all.push(Tyre::Rational(Box::new(rational::tests::front())));
+    all.push(Tyre::MagicFormula89(Box::default()));
+    all.push(Tyre::MagicFormula52(Box::default()));
     all
 }
 

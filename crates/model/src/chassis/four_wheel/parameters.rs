@@ -42,6 +42,8 @@ pub struct Parameters {
     pub mass_kg: f64,
     /// Sprung mass m_s, kg.
     pub sprung_mass_kg: f64,
+    /// Height h of the whole vehicle's centre of gravity, m.
+    pub cg_height_m: f64,
     /// Yaw inertia I_z of the whole, kg m^2.
     pub yaw_inertia_kg_m2: f64,
     /// Roll inertia I_x of the sprung part about its centre of gravity, kg m^2.
@@ -92,6 +94,7 @@ impl Parameters {
         let mut parameters = Self {
             mass_kg: body.mass_kg,
             sprung_mass_kg: sprung.mass_kg,
+            cg_height_m: body.cg_height_m,
             yaw_inertia_kg_m2: body.inertia_kg_m2[2],
             roll_inertia_kg_m2: sprung.inertia_kg_m2[0],
             pitch_inertia_kg_m2: sprung.inertia_kg_m2[1],
@@ -128,6 +131,32 @@ impl Parameters {
             self.roll_inertia_kg_m2 + lever * self.roll_arm_m,
         );
         self.inverse = matrix.try_inverse().unwrap_or_else(Matrix3::zeros);
+    }
+
+    /// Lateral acceleration at which a rigid vehicle tips, g t/(2 h) with the track weighted by
+    /// the axles' loads, m/s^2.
+    #[must_use]
+    pub fn rigid_rollover_m_s2(&self) -> f64 {
+        let (a, b) = (self.front.ahead_m, -self.rear.ahead_m);
+        let track = (b * self.front.track_m + a * self.rear.track_m) / (a + b);
+        0.5 * self.gravity_m_s2 * track / self.cg_height_m
+    }
+
+    /// Lateral acceleration at which the inner wheel of each axle lifts in steady turning, small
+    /// roll angles, as long as the other axle's still stands, m/s^2.
+    #[must_use]
+    pub fn lift_m_s2(&self) -> [f64; 2] {
+        let stiffness = self.front.roll_stiffness_n_m_rad + self.rear.roll_stiffness_n_m_rad;
+        let lever = self.sprung_mass_kg * self.roll_arm_m;
+        let roll = lever / (stiffness - lever * self.gravity_m_s2);
+        let (a, b) = (self.front.ahead_m, -self.rear.ahead_m);
+        [(&self.front, b), (&self.rear, a)].map(|(axle, share)| {
+            let mass = self.mass_kg * share / (a + b);
+            let moment = axle.roll_stiffness_n_m_rad * roll
+                + (mass - axle.unsprung_mass_kg) * axle.roll_centre_height_m
+                + axle.unsprung_mass_kg * axle.unsprung_height_m;
+            0.5 * mass * self.gravity_m_s2 * axle.track_m / moment
+        })
     }
 
     /// The axle of a wheel, by the wheel's index.

@@ -95,6 +95,10 @@ fn roll_gain_and_rollover_threshold_meet_the_notes() {
     let stiffness = p.front.roll_stiffness_n_m_rad + p.rear.roll_stiffness_n_m_rad;
     let gain_deg_g = (weight / (stiffness - weight)).to_degrees();
     assert!((gain_deg_g - 12.174).abs() < 5.1e-4, "{gain_deg_g}");
+    let threshold = p.rigid_rollover_m_s2() / 9.81;
+    assert!((threshold - 0.9615).abs() < 5.1e-5, "{threshold}");
+    let [front, _] = p.lift_m_s2();
+    assert!((front - 7.312).abs() < 5.1e-4, "{front}");
 }
 
 fn states() -> impl Strategy<Value = State<f64>> {

@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn slopes_and_peaks_are_what_the_coefficients_say() {
         let mf = symmetric();
-        let tyre = Tyre::MagicFormula52(mf);
+        let tyre = Tyre::MagicFormula52(Box::new(mf));
         let slope = tyre.forces(&Contact::lateral(4000.0, 1e-6)).lateral_n / 1e-6;
         let expected = mf.lateral.pky1 * 4000.0 * (2.0 * (1.0_f64 / mf.lateral.pky2).atan()).sin();
         assert!((slope / expected - 1.0).abs() < 1e-6, "{slope} {expected}");
@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn each_slip_takes_from_the_other_force_and_the_trail_shrinks_with_slip() {
-        let tyre = Tyre::MagicFormula52(symmetric());
+        let tyre = Tyre::MagicFormula52(Box::new(symmetric()));
         let side = |kappa: f64| {
             -tyre
                 .forces(&Contact::combined(4000.0, 0.06, kappa))

@@ -110,14 +110,14 @@ mod tests {
 
     #[test]
     fn side_force_meets_the_check_value() {
-        let tyre = Tyre::MagicFormula89(MagicFormula89::default());
+        let tyre = Tyre::MagicFormula89(Box::default());
         let forces = tyre.forces(&Contact::lateral(4000.0, 4.0_f64.to_radians()));
         assert!((forces.lateral_n + 3096.609).abs() < 5.1e-4, "{forces:?}");
     }
 
     #[test]
     fn the_aligning_moment_turns_the_wheel_into_its_slip_and_braking_costs_side_force() {
-        let tyre = Tyre::MagicFormula89(MagicFormula89::default());
+        let tyre = Tyre::MagicFormula89(Box::default());
         let free = tyre.forces(&Contact::lateral(4000.0, 0.05));
         assert!(
             free.aligning_n_m > 0.0 && free.aligning_n_m < 200.0,

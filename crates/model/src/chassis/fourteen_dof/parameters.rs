@@ -1,0 +1,231 @@
+use sample::Wheel;
+
+use crate::suspension::Corner;
+use crate::tyre::Tyre;
+use crate::vehicle::{Axle, Sprung, Strut, Vehicle};
+use crate::{Error, Scalar};
+
+/// Spring, damper and stops of one corner.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StrutParameters {
+    /// The strut.
+    pub strut: Strut,
+    /// Strut travel for one metre of jounce in the design position.
+    pub motion_ratio: f64,
+}
+
+impl StrutParameters {
+    /// Length of the strut at a jounce, m.
+    #[inline]
+    pub fn length_m<T: Scalar>(&self, jounce_m: T) -> T {
+        -jounce_m * self.motion_ratio + self.strut.design_length_m
+    }
+
+    /// Force along the strut, N, pushing its ends apart: coil, damper and stops that push only,
+    /// as [`Strut::force`](crate::vehicle::Strut::force).
+    #[inline]
+    pub fn force_n<T: Scalar>(&self, length_m: T, rate_m_s: T) -> T {
+        let strut = &self.strut;
+        let smooth = -(length_m - strut.free_length_m) * strut.stiffness_n_m
+            - rate_m_s * strut.damping_n_s_m;
+        let droop = length_m - strut.droop_stop_length_m;
+        if droop > 0.0 {
+            let push = droop * strut.stop_stiffness_n_m + rate_m_s * strut.stop_damping_n_s_m;
+            return smooth - push.at_least(0.0);
+        }
+        let bump = -length_m + strut.bump_stop_length_m;
+        if bump > 0.0 {
+            let push = bump * strut.stop_stiffness_n_m - rate_m_s * strut.stop_damping_n_s_m;
+            return smooth + push.at_least(0.0);
+        }
+        smooth
+    }
+}
+
+/// One corner.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CornerParameters {
+    /// Wheel centre in the design position from the sprung part's centre of gravity, m.
+    pub wheel_centre_m: [f64; 3],
+    /// Path e of the contact point per metre of jounce, e_z = 1.
+    pub path: [f64; 3],
+    /// Unsprung mass, kg.
+    pub mass_kg: f64,
+    /// Spin inertia of the wheel, kg m^2.
+    pub spin_inertia_kg_m2: f64,
+    /// Strut.
+    pub strut: StrutParameters,
+    /// Force at this wheel per metre of jounce more than the other wheel's, from the anti-roll
+    /// bar, N/m.
+    pub bar_n_m: f64,
+    /// Tyre.
+    pub tyre: Tyre,
+    /// Unloaded radius, m.
+    pub unloaded_radius_m: f64,
+    /// Radius that carries spin to the ground, m.
+    pub rolling_radius_m: f64,
+    /// Vertical stiffness of the tyre, N/m.
+    pub vertical_stiffness_n_m: f64,
+    /// Vertical damping of the tyre, N s/m.
+    pub vertical_damping_n_s_m: f64,
+    /// Relaxation length, m; zero for none.
+    pub relaxation_length_m: f64,
+    /// Rolling resistance coefficient.
+    pub rolling_resistance: f64,
+}
+
+/// Parameters of the 14-degree-of-freedom model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Sprung mass, kg.
+    pub sprung_mass_kg: f64,
+    /// Moments of inertia of the sprung part about its centre of gravity, with the wheels'
+    /// diametral inertia, kg m^2.
+    pub inertia_kg_m2: [f64; 3],
+    /// Product of inertia I_xz of the sprung part, kg m^2.
+    pub inertia_xz_kg_m2: f64,
+    /// Height of the sprung part's centre of gravity in the design position, m.
+    pub design_height_m: f64,
+    /// Drag, N s^2/m^2.
+    pub drag_n_s2_m2: f64,
+    /// Gravity, m/s^2.
+    pub gravity_m_s2: f64,
+    /// Speed below which slip without relaxation is blended, m/s.
+    pub low_speed_m_s: f64,
+    /// The corners.
+    pub corners: [CornerParameters; 4],
+}
+
+impl Parameters {
+    /// The parameters of a vehicle. Wheel paths and motion ratios come from hard-points where
+    /// there are any, otherwise from the roll-centre heights and the file's motion ratio.
+    ///
+    /// # Errors
+    /// Where the file has no unsprung masses or struts, which a lifting wheel cannot do without.
+    pub fn from_vehicle(vehicle: &Vehicle) -> Result<Self, Error> {
+        let sprung = vehicle.sprung();
+        let body = &vehicle.body;
+        let mut inertia = sprung.inertia_kg_m2;
+        for axle in [&vehicle.front, &vehicle.rear] {
+            if let Some(unsprung) = &axle.unsprung {
+                inertia[0] += 2.0 * unsprung.wheel_diametral_inertia_kg_m2;
+                inertia[2] += 2.0 * unsprung.wheel_diametral_inertia_kg_m2;
+            }
+        }
+        let corner = |wheel: Wheel| {
+            let (axle, name, x, share) = if wheel.is_front() {
+                let share = body.cg_to_rear_axle_m;
+                (
+                    &vehicle.front,
+                    ["front.unsprung", "front.strut"],
+                    body.front_axle_to_cg_m,
+                    share,
+                )
+            } else {
+                let share = body.front_axle_to_cg_m;
+                (
+                    &vehicle.rear,
+                    ["rear.unsprung", "rear.strut"],
+                    -body.cg_to_rear_axle_m,
+                    share,
+                )
+            };
+            let load =
+                0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 * share / vehicle.wheelbase_m();
+            corner(vehicle, axle, name, wheel, x, load, &sprung)
+        };
+        Ok(Self {
+            sprung_mass_kg: sprung.mass_kg,
+            inertia_kg_m2: inertia,
+            inertia_xz_kg_m2: sprung.inertia_xz_kg_m2,
+            design_height_m: sprung.cg_m[2],
+            drag_n_s2_m2: body.drag_n_s2_m2,
+            gravity_m_s2: sample::STANDARD_GRAVITY_M_S2,
+            low_speed_m_s: 0.5,
+            corners: [
+                corner(Wheel::FrontLeft)?,
+                corner(Wheel::FrontRight)?,
+                corner(Wheel::RearLeft)?,
+                corner(Wheel::RearRight)?,
+            ],
+        })
+    }
+
+    /// Total mass, kg.
+    #[must_use]
+    pub fn mass_kg(&self) -> f64 {
+        self.sprung_mass_kg
+            + self
+                .corners
+                .iter()
+                .map(|corner| corner.mass_kg)
+                .sum::<f64>()
+    }
+}
+
+fn corner(
+    vehicle: &Vehicle,
+    axle: &Axle,
+    parts: [&'static str; 2],
+    wheel: Wheel,
+    ahead_m: f64,
+    static_load_n: f64,
+    sprung: &Sprung,
+) -> Result<CornerParameters, Error> {
+    let missing = |part| Error::MissingPart {
+        vehicle: vehicle.name.clone(),
+        part,
+        model: "the 14-degree-of-freedom model",
+    };
+    let unsprung = axle.unsprung.as_ref().ok_or_else(|| missing(parts[0]))?;
+    let strut = axle.strut.as_ref().ok_or_else(|| missing(parts[1]))?;
+    let tyre = &axle.tyre;
+    let squeeze = static_load_n / tyre.vertical_stiffness_n_m;
+    let side = wheel.side();
+    let mut centre = [
+        ahead_m,
+        0.5 * side * axle.track_m,
+        tyre.unloaded_radius_m - squeeze,
+    ];
+    let mut path = [
+        0.0,
+        side * 2.0 * axle.roll_centre_height_m / axle.track_m,
+        1.0,
+    ];
+    let mut ratio = strut.motion_ratio;
+    if let Ok(linkage) = Corner::of(vehicle, wheel) {
+        let pose = linkage
+            .pose(linkage.design_strut_length_m(), 0.0)
+            .map_err(|_| missing("wishbone that assembles"))?;
+        let rates = linkage.rates(&pose);
+        ratio = Some(rates.motion_ratio());
+        centre = pose.wheel_centre_m.into();
+        let mut contact = pose.wheel_centre_m;
+        contact.z = 0.0;
+        let travel = rates.strut.at(&pose, contact);
+        path = [travel.x / travel.z, travel.y / travel.z, 1.0];
+    }
+    let motion_ratio = ratio.ok_or_else(|| missing(parts[1]))?;
+    Ok(CornerParameters {
+        wheel_centre_m: [
+            centre[0] - sprung.cg_m[0],
+            centre[1] - sprung.cg_m[1],
+            centre[2] - sprung.cg_m[2],
+        ],
+        path,
+        mass_kg: unsprung.total_mass_kg(),
+        spin_inertia_kg_m2: unsprung.wheel_spin_inertia_kg_m2,
+        strut: StrutParameters {
+            strut: strut.clone(),
+            motion_ratio,
+        },
+        bar_n_m: axle.anti_roll_bar_n_m_rad / axle.track_m.powi(2),
+        tyre: Tyre::from_vehicle(tyre),
+        unloaded_radius_m: tyre.unloaded_radius_m,
+        rolling_radius_m: tyre.unloaded_radius_m - squeeze / 3.0,
+        vertical_stiffness_n_m: tyre.vertical_stiffness_n_m,
+        vertical_damping_n_s_m: tyre.vertical_damping_n_s_m,
+        relaxation_length_m: tyre.relaxation_length_m,
+        rolling_resistance: tyre.rolling_resistance,
+    })
+}

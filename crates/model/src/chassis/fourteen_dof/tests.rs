@@ -1,0 +1,300 @@
+use super::vector::{add, along, cross, dot, scale, sub};
+use super::*;
+use crate::tyre::{Law, Physical, Stiffness, Tyre};
+use crate::vehicle::Vehicle;
+use nalgebra::SVector;
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+fn prowler() -> Parameters {
+    Parameters::from_vehicle(&Vehicle::builtin("prowler").unwrap()).unwrap()
+}
+
+/// The Prowler without dampers and without any friction: nothing takes or gives energy.
+fn conservative() -> Parameters {
+    let mut p = prowler();
+    for corner in &mut p.corners {
+        corner.strut.strut.damping_n_s_m = 0.0;
+        corner.strut.strut.stop_damping_n_s_m = 0.0;
+        corner.vertical_damping_n_s_m = 0.0;
+        corner.relaxation_length_m = 0.0;
+        corner.rolling_resistance = 0.0;
+        corner.tyre = Tyre::Physical(Physical {
+            law: Law::Linear,
+            cornering: Stiffness::Constant(0.0),
+            slip: Stiffness::Constant(0.0),
+            friction: 1.0,
+            sliding_friction: 1.0,
+            camber_stiffness_n_rad: 0.0,
+            contact_length_m: 0.0,
+        });
+    }
+    p
+}
+
+/// Momentum and angular momentum about the sprung centre of gravity (body axes), and energy.
+fn mechanics(p: &Parameters, s: &State<f64>) -> ([f64; 3], [f64; 3], f64) {
+    let (v, w) = (s.velocity_m_s, s.rate_rad_s);
+    let [x, y, z] = p.inertia_kg_m2;
+    let xz = p.inertia_xz_kg_m2;
+    let mut momentum = scale(v, p.sprung_mass_kg);
+    let mut turning = [x * w[0] - xz * w[2], y * w[1], z * w[2] - xz * w[0]];
+    let mut energy = 0.5 * (p.sprung_mass_kg * dot(v, v) + dot(w, turning))
+        + p.sprung_mass_kg * p.gravity_m_s2 * s.position_m[2];
+    let (sr, cr) = s.attitude_rad[0].sin_cos();
+    let (sp, cp) = s.attitude_rad[1].sin_cos();
+    let up = [-sp, cp * sr, cp * cr];
+    for (i, corner) in p.corners.iter().enumerate() {
+        let r = add(corner.wheel_centre_m, along(corner.path, s.jounce_m[i]));
+        let own = add(
+            add(v, cross(w, r)),
+            along(corner.path, s.jounce_rate_m_s[i]),
+        );
+        momentum = add(momentum, scale(own, corner.mass_kg));
+        turning = add(turning, scale(cross(r, own), corner.mass_kg));
+        let spin = s.wheel_speed_rad_s[i] * corner.spin_inertia_kg_m2;
+        turning[1] += spin;
+        let height = s.position_m[2] + dot(up, r);
+        let upright = (1.0 - up[1] * up[1]).sqrt();
+        let press = (corner.unloaded_radius_m - height / upright).max(0.0);
+        let strut = &corner.strut.strut;
+        let length = corner.strut.length_m(s.jounce_m[i]);
+        let stop = (length - strut.droop_stop_length_m)
+            .max(strut.bump_stop_length_m - length)
+            .max(0.0);
+        energy += 0.5 * corner.mass_kg * dot(own, own)
+            + corner.mass_kg * p.gravity_m_s2 * height
+            + 0.5 * spin * s.wheel_speed_rad_s[i]
+            + 0.5 * corner.vertical_stiffness_n_m * press.powi(2)
+            + 0.5 * strut.stiffness_n_m * (length - strut.free_length_m).powi(2)
+            + 0.5 * strut.stop_stiffness_n_m * stop.powi(2);
+    }
+    (momentum, turning, energy)
+}
+
+#[test]
+fn it_stands_on_its_springs_with_the_files_weight_split() {
+    for name in ["prowler", "prowler-off-road", "prowler-chang"] {
+        let vehicle = Vehicle::builtin(name).unwrap();
+        let p = Parameters::from_vehicle(&vehicle).unwrap();
+        let state = at_rest(&p).unwrap();
+        let out = outputs(&p, &state, &Inputs::coasting());
+        let weight = p.mass_kg() * p.gravity_m_s2;
+        assert!((p.mass_kg() - vehicle.body.mass_kg).abs() < 1e-9);
+        assert!(
+            (out.load_n.iter().sum::<f64>() / weight - 1.0).abs() < 1e-9,
+            "{name}"
+        );
+        let front = (out.load_n[0] + out.load_n[1]) / weight;
+        let expected = vehicle.body.cg_to_rear_axle_m / vehicle.wheelbase_m();
+        assert!(
+            (front - expected).abs() < 0.01,
+            "{name}: {front} {expected}"
+        );
+        assert!(state.attitude_rad[1].abs() < 0.03 && state.attitude_rad[0].abs() < 1e-9);
+    }
+}
+
+#[test]
+fn without_dampers_and_friction_energy_stays_even_when_wheels_lift_and_stops_touch() {
+    let p = conservative();
+    let mut state = at_rest(&p).unwrap().rolling(5.0, &p);
+    state.rate_rad_s = [2.0, 0.6, 0.8];
+    state.velocity_m_s[2] += 0.8;
+    state.jounce_rate_m_s = [0.5, -0.3, 0.2, 0.1];
+    let inputs = Inputs::steered(0.2);
+    let (_, _, start) = mechanics(&p, &state);
+    let (mut lifted, mut stopped) = (false, false);
+    for _ in 0..20_000 {
+        state = step(&p, &state, &inputs, 5e-5);
+        let out = outputs(&p, &state, &inputs);
+        lifted |= out.load_n.contains(&0.0);
+        stopped |= (0..4).any(|i| {
+            let strut = &p.corners[i].strut.strut;
+            out.strut_length_m[i] > strut.droop_stop_length_m
+                || out.strut_length_m[i] < strut.bump_stop_length_m
+        });
+    }
+    let (_, _, end) = mechanics(&p, &state);
+    // Steered wheels' spin momentum is along their spindles, whose energy is the same.
+    assert!((end - start).abs() < 1e-4 * start, "{start} {end}");
+    assert!(lifted && stopped);
+}
+
+fn states() -> impl Strategy<Value = State<f64>> {
+    let four = |range: std::ops::Range<f64>| prop::array::uniform4(range);
+    let three = |range: std::ops::Range<f64>| prop::array::uniform3(range);
+    (
+        (
+            three(-0.3..0.3),
+            three(-1.0..1.0),
+            2.0..15.0_f64,
+            -2.0..2.0_f64,
+            0.55..0.72_f64,
+        ),
+        (
+            four(-0.06..0.06),
+            four(-0.5..0.5),
+            four(0.0..50.0),
+            four(-0.4..0.4),
+            four(-0.4..0.4),
+        ),
+    )
+        .prop_map(
+            |((attitude, rate, u, v, height), (jounce, jounce_rate, spin, tangent, ratio))| State {
+                position_m: [3.0, -2.0, height],
+                attitude_rad: attitude,
+                velocity_m_s: [u, v, 0.2],
+                rate_rad_s: rate,
+                jounce_m: jounce,
+                jounce_rate_m_s: jounce_rate,
+                wheel_speed_rad_s: spin,
+                slip_tangent: tangent,
+                slip_ratio: ratio,
+            },
+        )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 128,
+        rng_seed: RngSeed::Fixed(14),
+        ..ProptestConfig::default()
+    })]
+
+    /// The rates of momentum and angular momentum, differenced along the motion, are the outer
+    /// forces and moments that the model reports.
+    #[test]
+    fn momentum_changes_by_outer_forces_only(state in states(), drive in 0.0..300.0_f64, brake in 0.0..300.0_f64) {
+        let p = prowler();
+        let mut inputs = Inputs::coasting();
+        inputs.drive_n_m = [0.0, 0.0, drive, drive];
+        inputs.brake_n_m = [brake; 4];
+        let out = outputs(&p, &state, &inputs);
+        let h = 1e-6;
+        let moved = |by: f64| State::from_vector(&(state.to_vector() + out.rate.to_vector() * by));
+        let (before, after) = (mechanics(&p, &moved(-h)), mechanics(&p, &moved(h)));
+        let slope = |a: [f64; 3], b: [f64; 3]| scale(sub(b, a), 0.5 / h);
+        let (momentum, turning, _) = mechanics(&p, &state);
+        let w = state.rate_rad_s;
+        let force = add(slope(before.0, after.0), cross(w, momentum));
+        // About a point that moves with velocity v: H' + omega x H + v x P.
+        let moment = add(add(slope(before.1, after.1), cross(w, turning)), cross(state.velocity_m_s, momentum));
+        let (sr, cr) = state.attitude_rad[0].sin_cos();
+        let (sp, cp) = state.attitude_rad[1].sin_cos();
+        let up = [-sp, cp * sr, cp * cr];
+        let (mut outer, mut outer_moment) = (scale(up, -p.gravity_m_s2 * p.mass_kg()), [0.0; 3]);
+        let upright = (1.0 - up[1] * up[1]).sqrt();
+        let spindle = [0.0, 1.0, 0.0];
+        let ahead = scale(cross(spindle, up), 1.0 / upright);
+        let left = cross(up, ahead);
+        for (i, corner) in p.corners.iter().enumerate() {
+            let r = add(corner.wheel_centre_m, along(corner.path, state.jounce_m[i]));
+            let radius = (state.position_m[2] + dot(up, r)) / upright;
+            let contact = sub(r, scale(sub(up, scale(spindle, up[1])), radius / upright));
+            let push = add(scale(up, out.load_n[i]), add(scale(ahead, out.longitudinal_n[i]), scale(left, out.lateral_n[i])));
+            outer = add(outer, push);
+            let spin = state.wheel_speed_rad_s[i] / 0.15;
+            let rolling = -corner.rolling_resistance * corner.rolling_radius_m * out.load_n[i] * spin / (1.0 + spin * spin).sqrt();
+            outer_moment = add(outer_moment, add(cross(contact, push), scale(spindle, rolling)));
+            outer_moment = add(outer_moment, cross(r, scale(up, -corner.mass_kg * p.gravity_m_s2)));
+        }
+        for k in 0..3 {
+            prop_assert!((force[k] - outer[k]).abs() < 1e-4 * 644.0 * 9.81, "{k}: {force:?} {outer:?}");
+            prop_assert!((moment[k] - outer_moment[k]).abs() < 1e-4 * 644.0 * 9.81, "{k}: {moment:?} {outer_moment:?}");
+        }
+    }
+
+    #[test]
+    fn jacobian_meets_finite_differences(state in states(), steer in -0.5..0.5_f64) {
+        let p = prowler();
+        let inputs = Inputs::steered(steer);
+        let exact = jacobian(&p, &state, &inputs);
+        let at = |x: &SVector<f64, STATES>| derivative(&p, &State::from_vector(x), &inputs).to_vector();
+        let x = state.to_vector();
+        let here = at(&x);
+        for j in 0..STATES {
+            let h = 1e-6;
+            let (mut up, mut down) = (x, x);
+            up[j] += h;
+            down[j] -= h;
+            let (up, down) = (at(&up), at(&down));
+            for i in 0..STATES {
+                let size = 1.0 + exact.row(i).amax();
+                let kink = ((up[i] - here[i]) - (here[i] - down[i])) / h;
+                if kink.abs() < 1e-3 * size {
+                    let slope = (up[i] - down[i]) / (2.0 * h);
+                    prop_assert!((exact[(i, j)] - slope).abs() < 1e-4 * size, "d{i}/d{j}: {} {slope}", exact[(i, j)]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_inner_wheel_lifts_in_a_hard_turn_and_the_rest_carries_the_weight() {
+    let p = prowler();
+    let mut state = at_rest(&p).unwrap().rolling(12.0, &p);
+    let mut inputs = Inputs::steered(0.35);
+    inputs.friction_scale = [1.4; 4];
+    let mut lifted = false;
+    for _ in 0..2000 {
+        state = step(&p, &state, &inputs, 5e-4);
+        let out = outputs(&p, &state, &inputs);
+        assert!(out.load_n.iter().all(|load| *load >= 0.0));
+        lifted |= out.load_n[0] == 0.0 && out.deflection_m[0] < -1e-3;
+    }
+    assert!(lifted, "{state:?}");
+    assert!(
+        state.attitude_rad[0] > 0.05,
+        "it rolls out of the left turn"
+    );
+}
+
+#[test]
+fn a_gentle_turn_agrees_with_the_four_wheel_model() {
+    use crate::chassis::four_wheel;
+    let vehicle = Vehicle::builtin("prowler").unwrap();
+    let p = prowler();
+    let mut state = at_rest(&p).unwrap().rolling(5.0, &p);
+    let inputs = Inputs::steered(0.03);
+    let other = four_wheel::Parameters::from_vehicle(&vehicle);
+    let mut planar = four_wheel::State::rolling(5.0, &other);
+    for _ in 0..3000 {
+        state = step(&p, &state, &inputs, 5e-4);
+        planar = four_wheel::step(&other, &planar, &four_wheel::Inputs::steered(0.03), 5e-4);
+    }
+    let ratio = state.rate_rad_s[2] / planar.yaw_rate_rad_s;
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
+    assert!((state.attitude_rad[0] - planar.roll_rad).abs() < 0.3 * planar.roll_rad.abs());
+}
+
+#[test]
+fn the_fixed_step_converges_with_fourth_order() {
+    let p = prowler();
+    let start = at_rest(&p).unwrap().rolling(6.0, &p);
+    let inputs = Inputs::steered(0.05);
+    // Into the turn first: no slip changes sign afterwards.
+    let mut turned = start;
+    for _ in 0..2000 {
+        turned = step(&p, &turned, &inputs, 5e-4);
+    }
+    let tighter = Inputs::steered(0.06);
+    let run = |steps: usize| {
+        let mut state = turned;
+        for _ in 0..steps {
+            state = step(&p, &state, &tighter, 0.2 / steps as f64);
+        }
+        state.to_vector()
+    };
+    let exact = run(6400);
+    let order: f64 = ((run(200) - exact).amax() / (run(400) - exact).amax()).log2();
+    assert!((3.5..4.6).contains(&order), "{order}");
+}
+
+#[test]
+fn a_vehicle_without_struts_is_refused_by_name() {
+    let vehicle = Vehicle::builtin("prowler-table-2.3").unwrap();
+    let message = Parameters::from_vehicle(&vehicle).unwrap_err().to_string();
+    assert!(message.contains("front.unsprung"), "{message}");
+}
