@@ -1,5 +1,5 @@
 use model::sensors::Sensors;
-use model::vehicle::Vehicle;
+use model::vehicle::{Axle, Vehicle};
 use nalgebra::Vector3;
 use sample::{
     Estimate, Event, EventKind, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime,
@@ -11,6 +11,7 @@ use crate::corners::Corners;
 use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::inputs::{Readings, finite3};
+use crate::lift::LiftDetector;
 use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
 use crate::statics::{self, CornerAssumptions};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
@@ -27,6 +28,8 @@ const GAP_MAX_NANOS: u64 = 10_000_000_000;
 const GNSS_SILENT_S: f64 = 0.3;
 /// Speed below which a slip angle means nothing, m/s.
 const SLIP_SPEED_MIN_M_S: f64 = 0.5;
+/// Speed above which a wheel's lift is judged, m/s.
+const MOVING_M_S: f64 = 1.5;
 /// Step of the grid, s.
 const GRID_S: f64 = 0.01;
 /// How fast a road vehicle's body may rise or sink from the ground, m/s.
@@ -62,6 +65,7 @@ pub struct Estimator {
     fusion: Option<Fusion>,
     expected: ExpectedForces,
     measured: PerWheel<TyreForce>,
+    lift: LiftDetector,
     imu_sigma: [f64; 2],
 }
 
@@ -93,6 +97,7 @@ impl Estimator {
             fusion,
             expected: ExpectedForces::new(vehicle),
             measured: PerWheel::default(),
+            lift: LiftDetector::new(static_loads(vehicle)),
             imu_sigma: [
                 sensors.imu.gyro_noise_rad_s.max(1e-4),
                 sensors.imu.accel_noise_m_s2.max(0.005),
@@ -206,6 +211,11 @@ impl Estimator {
             .expected
             .step(GRID_S, state.velocity_m_s.x, push, steer);
         self.measured = self.measure(time, &state, &expected, out);
+        let moving = state.velocity_m_s.x.hypot(state.velocity_m_s.y) > MOVING_M_S;
+        self.lift
+            .step(time, GRID_S, moving, &self.measured, &mut |event| {
+                out(Output::Event(event));
+            });
         let mut motion = motion_output(&state);
         motion.steer_rad = PerWheel(steer);
         motion.slip_angle_rad = self.slip_angles(&state, steer);
@@ -257,23 +267,11 @@ impl Estimator {
             }
             return forces;
         }
-        let drive = &self.vehicle.drivetrain;
         PerWheel::from_fn(|wheel| {
-            let (axle, driven) = if wheel.is_front() {
-                (
-                    &self.vehicle.front,
-                    drive.drive_split_front > 0.0 || !drive.front_brake_outboard,
-                )
-            } else {
-                (
-                    &self.vehicle.rear,
-                    drive.drive_split_front < 1.0 || !drive.rear_brake_outboard,
-                )
-            };
+            let tyre = &self.axle(wheel).tyre;
             let assumed = CornerAssumptions {
-                driven,
-                rolling_radius_m: axle.tyre.rolling_resistance
-                    * axle.tyre.unloaded_radius_m
+                rolling_radius_m: tyre.rolling_resistance
+                    * tyre.unloaded_radius_m
                     * motion.velocity_m_s.x.clamp(-1.0, 1.0),
                 expected_n: expected[wheel].force_n,
             };
@@ -285,6 +283,14 @@ impl Estimator {
                 &assumed,
             )
         })
+    }
+
+    fn axle(&self, wheel: Wheel) -> &Axle {
+        if wheel.is_front() {
+            &self.vehicle.front
+        } else {
+            &self.vehicle.rear
+        }
     }
 
     /// Steer angle of each wheel: from the linkages, else the hand wheel over the steering ratio.
@@ -324,11 +330,7 @@ impl Estimator {
         }
         let (mut sum, mut count) = (0.0, 0.0);
         for wheel in Wheel::ALL {
-            let axle = if wheel.is_front() {
-                &self.vehicle.front
-            } else {
-                &self.vehicle.rear
-            };
+            let axle = self.axle(wheel);
             let reading = self.readings.wheel_speed_rad_s[wheel];
             if let Some(speed) = reading.and_then(|reading| reading.fresh(time)) {
                 let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
@@ -361,6 +363,14 @@ impl Estimator {
             .motion
             .push_body_velocity(normal, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S);
     }
+}
+
+/// Load of each wheel on level ground at rest, N.
+fn static_loads(vehicle: &Vehicle) -> [f64; 4] {
+    let body = &vehicle.body;
+    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+    let half = 0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / (a + b);
+    [half * b, half * b, half * a, half * a]
 }
 
 fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings {

@@ -17,6 +17,7 @@ mod estimator;
 pub mod expected;
 pub mod fusion;
 pub mod inputs;
+pub mod lift;
 pub mod motion;
 mod settings;
 pub mod statics;

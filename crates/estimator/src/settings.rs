@@ -24,9 +24,9 @@ impl Settings {
 pub enum Method {
     /// The thesis's way: each corner by itself, from strain and deflection through the linkage's
     /// statics, at each instant anew.
-    #[default]
     Thesis,
     /// One filter over all corners, with the inertial unit's balance of forces and moments.
+    #[default]
     Fusion,
 }
 

@@ -22,8 +22,9 @@ pub const AXIAL: [StrainChannel; 5] = [
     StrainChannel::TieRod,
 ];
 
-/// Standard deviations of M_x, M_y and M_z about zero (free rolling), N m.
-pub const MOMENT_SIGMA_N_M: [f64; 3] = [40.0, 6.0, 15.0];
+/// Standard deviations of M_x, M_y and M_z about zero (free rolling), N m. Any wheel's half-shaft
+/// may carry an unknown torque about y.
+pub const MOMENT_SIGMA_N_M: [f64; 3] = [40.0, f64::INFINITY, 15.0];
 /// Standard deviation of the lateral and longitudinal force that the deflection alone leaves, as
 /// a part of the load.
 const BLIND_FORCE: f64 = 0.3;
@@ -31,8 +32,6 @@ const BLIND_FORCE: f64 = 0.3;
 /// What a corner's statics need beside its state.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerAssumptions {
-    /// Whether a half-shaft may carry an unknown torque.
-    pub driven: bool,
     /// Rolling-resistance coefficient times radius, with the sign of the speed, m.
     pub rolling_radius_m: f64,
     /// Force that the vehicle model expects, N.
@@ -62,12 +61,8 @@ pub fn tyre_force(
     }
     members[5] = state.strut_n;
     sigma[5] = state.strut_sigma_n;
-    let mut moment_sigma = MOMENT_SIGMA_N_M;
-    if assumed.driven {
-        moment_sigma[1] = f64::INFINITY;
-    }
     let parity = Parity {
-        sigma_n_m: moment_sigma,
+        sigma_n_m: MOMENT_SIGMA_N_M,
         rolling_radius_m: assumed.rolling_radius_m,
     };
     if alive >= 3

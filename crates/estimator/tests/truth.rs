@@ -140,6 +140,13 @@ fn error_tables() {
                 result.events.len()
             );
         }
+        for event in &estimate(&vehicle, &sensors, Settings::default(), &samples).events {
+            eprintln!(
+                "    {:.2} s: {}",
+                event.time.seconds_since(sensing::START),
+                event.text
+            );
+        }
         let settings = Settings {
             ignore: vec![Input::GnssVelocity, Input::GnssAttitude],
             ..Settings::default()

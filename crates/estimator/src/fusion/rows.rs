@@ -12,13 +12,13 @@ use crate::inputs::CornerReadings;
 use crate::statics::AXIAL;
 
 /// Error of geometry and model on a member's force, N, and as a part of it.
-const MEMBER_FLOOR_N: f64 = 4.0;
+const MEMBER_FLOOR_N: f64 = 8.0;
 const MEMBER_FLOOR: f64 = 0.01;
 /// The same on the sum of all forces, N.
-const SUM_FLOOR_N: f64 = 20.0;
+const SUM_FLOOR_N: f64 = 40.0;
 /// Gate of rows that no channel answers for, squared.
 const GATE: f64 = 25.0;
-/// Innovations that are let through after a start, whatever their size: none is known then.
+/// How far the vehicle model's horizontal forces may be wrong, as a part of the load.
 const BLIND_FORCE: f64 = 0.4;
 
 /// The balance of moments at one instant: w' = jacobian (F, M) + constant.
@@ -185,7 +185,7 @@ impl Fusion {
         let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
         let innovation = value - row.times(&self.state);
         let square = innovation * innovation / total;
-        if !self.started {
+        if self.settling() {
             self.apply(&ph, innovation, total);
             return Change::None;
         }
@@ -200,7 +200,7 @@ impl Fusion {
         let ph = self.covariance.times(row);
         let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
         let innovation = value - row.times(&self.state);
-        if !self.started || innovation * innovation <= gate * total {
+        if self.settling() || innovation * innovation <= gate * total {
             self.apply(&ph, innovation, total);
         }
     }
