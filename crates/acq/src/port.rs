@@ -1,6 +1,7 @@
 //! The life of a serial port: open, talk, notice that it went, open again.
 
 use std::io;
+use std::path::Path;
 use std::time::Duration;
 
 use sample::{LossPlace, Notice, SourceId};
@@ -94,7 +95,7 @@ pub(crate) async fn run(
                 }
             }
             Err(error) => {
-                let text = format!("{}: {error}", spec.path.display());
+                let text = explain(&error, &spec.path);
                 if text != last_failure {
                     tracing::warn!(source = %owner.name, %text, "cannot open, trying again");
                     owner.notice(Notice::Closed(text.clone()));
@@ -106,6 +107,24 @@ pub(crate) async fn run(
             return;
         }
         wait = (wait * 2).min(REOPEN_LONGEST);
+    }
+}
+
+/// What an error at opening means and what to do about it.
+fn explain(error: &io::Error, path: &Path) -> String {
+    let path_text = path.display();
+    match error.kind() {
+        io::ErrorKind::PermissionDenied => {
+            format!("{path_text}: no permission; add the user to the group that owns the port")
+        }
+        // The library answers "not found" to a port that is locked, too.
+        io::ErrorKind::NotFound if !path.exists() => {
+            format!("{path_text}: no such device; plug it in or correct the path")
+        }
+        io::ErrorKind::NotFound | io::ErrorKind::ResourceBusy => {
+            format!("{path_text}: {error}; if another program has the port, stop it")
+        }
+        _ => format!("{path_text}: {error}"),
     }
 }
 
@@ -130,7 +149,7 @@ fn open(spec: &PortSpec) -> io::Result<SerialStream> {
     if !sys::lock_port(&port)? {
         return Err(io::Error::new(
             io::ErrorKind::ResourceBusy,
-            "another program has this port, stop it first",
+            "the port is locked",
         ));
     }
     if spec.low_latency
@@ -237,5 +256,27 @@ impl<'a> Session<'a> {
         }
         self.counters = Some(now);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_come_with_a_remedy() {
+        let here = Path::new("/dev/null");
+        let gone = Path::new("/dev/no-such-port");
+        for (kind, path, word) in [
+            (io::ErrorKind::PermissionDenied, here, "group"),
+            (io::ErrorKind::NotFound, gone, "plug it in"),
+            (io::ErrorKind::NotFound, here, "another program"),
+        ] {
+            let text = explain(&io::Error::from(kind), path);
+            assert!(text.contains(word), "{text}");
+            assert!(text.starts_with("/dev/"), "{text}");
+        }
+        let missing = open(&PortSpec::new(gone, 9600)).expect_err("no such port");
+        assert!(explain(&missing, gone).contains("plug it in"));
     }
 }

@@ -283,3 +283,35 @@ fn check(result: c_int) -> io::Result<c_int> {
         Ok(result)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uart_counters_give_what_was_lost_since() {
+        let earlier = UartCounters {
+            overrun: c_int::MAX,
+            frame: 3,
+            ..UartCounters::default()
+        };
+        let now = UartCounters {
+            overrun: c_int::MIN + 1,
+            buf_overrun: 4,
+            frame: 5,
+            parity: 1,
+            ..UartCounters::default()
+        };
+        assert_eq!(now.overruns_since(&earlier), 6);
+        assert_eq!(now.line_errors_since(&earlier), 3);
+        // A driver that was loaded again counts from zero.
+        assert_eq!(UartCounters::default().line_errors_since(&now), 0);
+    }
+
+    #[test]
+    fn pseudo_terminals_have_no_uart() {
+        let (device, _) = open_pseudo_terminal().expect("a pseudo-terminal");
+        assert!(uart_counters(&device).is_err());
+        assert!(set_low_latency(&device).is_err());
+    }
+}
