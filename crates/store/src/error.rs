@@ -103,6 +103,9 @@ pub enum MessageError {
         /// Its value.
         value: i128,
     },
+    /// The frames' data cannot be unpacked.
+    #[error("the data cannot be unpacked: {0}")]
+    Data(#[source] std::io::Error),
     /// A field that must be there is not.
     #[error("{0} is missing")]
     Absent(&'static str),

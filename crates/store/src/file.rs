@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use sample::{Arrival, LogTime};
 
+use crate::journal;
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, LogWriter, Options, Record, Result, Session, WriteCounters};
 
@@ -45,6 +46,12 @@ pub(crate) struct Unfinished {
 }
 
 impl Unfinished {
+    /// Removes a file of no worth.
+    pub(crate) fn discard(self) -> Result<()> {
+        std::fs::remove_file(&self.active).map_err(Error::file("remove", &self.active))?;
+        journal::remove(&self.path)
+    }
+
     /// Syncs the file, gives it its final name, and syncs the directory.
     pub(crate) fn finish(self) -> Result<PathBuf> {
         self.file
@@ -53,6 +60,7 @@ impl Unfinished {
         std::fs::rename(&self.active, &self.path)
             .map_err(Error::file("give its final name to", &self.active))?;
         sync_directory(&self.path)?;
+        journal::remove(&self.path)?;
         Ok(self.path)
     }
 }
@@ -227,10 +235,8 @@ impl Writer {
         Ok(self.unfinished)
     }
 
-    pub(crate) fn flush_raw(&mut self) -> Result<()> {
-        self.log
-            .flush_raw()
-            .map_err(|error| error.at(&self.unfinished.active))
+    pub(crate) fn groups(&self) -> u64 {
+        self.log.groups()
     }
 
     pub(crate) fn last_log_time(&self) -> Option<LogTime> {

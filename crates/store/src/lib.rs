@@ -14,6 +14,7 @@ mod convert;
 mod dynamic;
 mod error;
 mod file;
+mod journal;
 mod log_writer;
 mod raw;
 mod reader;

@@ -28,6 +28,7 @@ pub struct LogWriter<W: Write> {
     decoded_since: Option<LogTime>,
     latched: Latched,
     last_log_time: Option<LogTime>,
+    groups: u64,
     counters: WriteCounters,
 }
 
@@ -169,6 +170,7 @@ impl<W: Write> LogWriter<W> {
             decoded_since: None,
             latched: Latched::default(),
             last_log_time: None,
+            groups: 0,
             counters: WriteCounters::default(),
         })
     }
@@ -207,6 +209,11 @@ impl<W: Write> LogWriter<W> {
             messages: self.decoded,
         };
         (pending, self.latched)
+    }
+
+    /// Groups of raw data written so far.
+    pub(crate) fn groups(&self) -> u64 {
+        self.groups
     }
 
     pub(crate) fn last_log_time(&self) -> Option<LogTime> {
@@ -341,6 +348,7 @@ impl<W: Write> LogWriter<W> {
         self.mcap.flush()?;
         // Kept until here, so that a log which fails can hand its open group on.
         self.group.clear();
+        self.groups += 1;
         Ok(())
     }
 
@@ -393,10 +401,8 @@ impl<W: Write> LogWriter<W> {
             || schema::descriptor_set(&message.schema),
             DynamicMessage::descriptor_set,
         );
-        let mut metadata = dynamic.map(DynamicMessage::metadata).unwrap_or_default();
-        if let Some(source) = message.source {
-            metadata.insert("source".to_owned(), source.0.to_string());
-        }
+        let mut metadata = channel_metadata(message.source);
+        metadata.extend(dynamic.map(DynamicMessage::metadata).unwrap_or_default());
         let schema = self
             .mcap
             .add_schema(&message.schema, "protobuf", &descriptors)?;
@@ -434,9 +440,18 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
+/// What a channel says about itself.
+pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, String> {
+    source
+        .map(|source| ("source".to_owned(), source.0.to_string()))
+        .into_iter()
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::{Arc, Mutex};
+    use std::time::Duration;
 
     use super::*;
 
@@ -496,7 +511,11 @@ mod tests {
                 room,
             };
             let session = Session::default();
-            let mut log = LogWriter::new(disk.clone(), session.clone(), Options::default(), 0)
+            let options = Options {
+                raw_interval: Duration::from_millis(80),
+                ..Options::default()
+            };
+            let mut log = LogWriter::new(disk.clone(), session.clone(), options, 0)
                 .expect("the first bytes fit");
             let fitted = written
                 .iter()

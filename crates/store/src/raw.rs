@@ -6,7 +6,7 @@ use prost::Message as _;
 use sample::{Arrival, CanFlags, CanFrame, LogTime, LossPlace, Notice, Payload, SourceId};
 
 use crate::Session;
-use crate::column::{bit, bits, deltas, expect_len, sums};
+use crate::column::{self, bit, bits, deltas, expect_len, sums};
 use crate::convert::{Encoded, narrow};
 use crate::error::MessageError;
 use crate::proto::atvrec as pb;
@@ -120,14 +120,14 @@ fn stamps(
         first_log_time_ns,
         first_realtime_offset_ns,
         sequence_gap,
-        log_time_delta_ns: deltas(
+        log_time_delta_ns: column::encode(&deltas(
             first_log_time_ns as i64,
             arrivals.iter().map(|a| a.log_time.0 as i64),
-        ),
-        realtime_offset_delta_ns: deltas(
+        )),
+        realtime_offset_delta_ns: column::encode(&deltas(
             first_realtime_offset_ns,
             arrivals.iter().map(|a| realtime_offset(a)),
-        ),
+        )),
     }
 }
 
@@ -217,23 +217,38 @@ fn can(stamps: pb::ArrivalStamps, arrivals: &[&Arrival]) -> pb::RawCan {
     message.kind_flags = order.iter().map(|kind| kind.1).collect();
     message.kind_length = order.iter().map(|kind| kind.2).collect();
 
-    let delays = frames
+    let delays: Vec<i64> = frames
         .iter()
-        .filter_map(|(frame, realtime)| Some(realtime.wrapping_sub(frame.kernel_ns?)));
-    message.kernel_delay_delta_ns = deltas(0, delays);
-    message.kernel_none = message.kernel_delay_delta_ns.is_empty();
-    if !message.kernel_none && message.kernel_delay_delta_ns.len() < frames.len() {
+        .filter_map(|(frame, realtime)| Some(realtime.wrapping_sub(frame.kernel_ns?)))
+        .collect();
+    message.kernel_none = delays.is_empty();
+    if !message.kernel_none && delays.len() < frames.len() {
         message.kernel_present = bits(frames.iter().map(|(frame, _)| frame.kernel_ns.is_some()));
     }
-    let hardware = frames.iter().filter_map(|(frame, _)| frame.hardware_ns);
-    message.hardware_delta_ns = deltas(0, hardware);
-    if !message.hardware_delta_ns.is_empty() {
+    message.kernel_delay_ns = column::encode(&delays);
+    let hardware = deltas(0, frames.iter().filter_map(|(frame, _)| frame.hardware_ns));
+    if !hardware.is_empty() {
         message.hardware_present =
             bits(frames.iter().map(|(frame, _)| frame.hardware_ns.is_some()));
     }
-    message.data = transpose(order.len(), &message.kind, &frames);
+    message.hardware_delta_ns = column::encode(&hardware);
+    message.data_zstd = pack(&transpose(order.len(), &message.kind, &frames));
     message.stamps = Some(stamps);
     message
+}
+
+/// zstd level of the frames' data: higher ones gain nothing.
+const DATA_LEVEL: i32 = 1;
+
+fn pack(data: &[u8]) -> Vec<u8> {
+    // Compression into memory has no way to fail; an empty field would be told when read.
+    zstd::bulk::compress(data, DATA_LEVEL).unwrap_or_default()
+}
+
+fn unpack(data: &[u8], length: usize) -> Result<Vec<u8>, MessageError> {
+    let unpacked = zstd::bulk::decompress(data, length).map_err(MessageError::Data)?;
+    expect_len("data", length, unpacked.len())?;
+    Ok(unpacked)
 }
 
 fn transpose(kinds: usize, kind: &[u32], frames: &[(&CanFrame, i64)]) -> Vec<u8> {
@@ -245,10 +260,41 @@ fn transpose(kinds: usize, kind: &[u32], frames: &[(&CanFrame, i64)]) -> Vec<u8>
     for rows in &by_kind {
         let width = rows.first().map_or(0, |row| row.len());
         for column in 0..width {
-            data.extend(rows.iter().map(|row| row[column]));
+            let mut before = 0_u8;
+            for row in rows {
+                data.push(row[column].wrapping_sub(before));
+                before = row[column];
+            }
         }
     }
     data
+}
+
+/// The group that a batch belongs to.
+pub(crate) struct Group {
+    pub first_sequence: u64,
+    pub end_sequence: u64,
+    pub latched: bool,
+    /// Arrivals of this batch.
+    pub arrivals: u64,
+}
+
+/// All raw messages begin with their stamps.
+#[derive(Clone, PartialEq, prost::Message)]
+struct StampsOnly {
+    #[prost(message, optional, tag = "1")]
+    stamps: Option<pb::ArrivalStamps>,
+}
+
+/// The group of a raw message, without decoding the rest of it.
+pub(crate) fn group(data: &[u8]) -> Option<Group> {
+    let stamps = StampsOnly::decode(data).ok()?.stamps?;
+    Some(Group {
+        first_sequence: stamps.group_first_sequence,
+        end_sequence: stamps.group_end_sequence,
+        latched: stamps.latched,
+        arrivals: stamps.sequence_gap.len() as u64,
+    })
 }
 
 /// One batch, read back.
@@ -311,17 +357,18 @@ fn batch(
 ) -> Result<Batch, MessageError> {
     let count = payloads.len();
     expect_len("sequence_gap", count, stamps.sequence_gap.len())?;
-    expect_len("log_time_delta_ns", count, stamps.log_time_delta_ns.len())?;
-    expect_len(
-        "realtime_offset_delta_ns",
+    let times = column::decode(
+        "log_time_delta_ns",
+        stamps.log_time_delta_ns.as_ref(),
         count,
-        stamps.realtime_offset_delta_ns.len(),
     )?;
-    let times = sums(stamps.first_log_time_ns as i64, &stamps.log_time_delta_ns);
-    let offsets = sums(
-        stamps.first_realtime_offset_ns,
-        &stamps.realtime_offset_delta_ns,
-    );
+    let times = sums(stamps.first_log_time_ns as i64, times);
+    let offsets = column::decode(
+        "realtime_offset_delta_ns",
+        stamps.realtime_offset_delta_ns.as_ref(),
+        count,
+    )?;
+    let offsets = sums(stamps.first_realtime_offset_ns, offsets);
     let mut next = stamps.group_first_sequence;
     let sequences = stamps.sequence_gap.iter().map(move |gap| {
         let sequence = next.wrapping_add(*gap);
@@ -450,38 +497,56 @@ fn can_frames(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
         start.push(total);
         total += frames * row_width(message, kind)?;
     }
-    expect_len("data", total, message.data.len())?;
+    // zstd gains at most some 2^17 in one block: a length beyond that is a lie.
+    if total / (1 << 18) > message.data_zstd.len() {
+        return Err(MessageError::Absent("data"));
+    }
+    let packed = unpack(&message.data_zstd, total)?;
 
-    let mut kernel = sums(0, &message.kernel_delay_delta_ns);
-    let mut hardware = sums(0, &message.hardware_delta_ns);
+    let total = message.kind.len();
+    let kernel_at = |index: usize| {
+        !message.kernel_none
+            && (message.kernel_present.is_empty() || bit(&message.kernel_present, index))
+    };
+    let hardware_at = |index: usize| bit(&message.hardware_present, index);
+    let mut kernel = column::decode(
+        "kernel_delay_ns",
+        message.kernel_delay_ns.as_ref(),
+        (0..total).filter(|index| kernel_at(*index)).count(),
+    )?
+    .into_iter();
+    let hardware = column::decode(
+        "hardware_delta_ns",
+        message.hardware_delta_ns.as_ref(),
+        (0..total).filter(|index| hardware_at(*index)).count(),
+    )?;
+    let mut hardware = sums(0, hardware);
     let mut seen = vec![0_usize; kinds];
-    let mut frames = Vec::with_capacity(message.kind.len());
+    let mut before = vec![[0_u8; 64]; kinds];
+    let mut frames = Vec::with_capacity(total);
     for (index, kind) in message.kind.iter().enumerate() {
         let kind = *kind as usize;
-        let mut data = [0; 64];
+        let data = &mut before[kind];
         for (column, byte) in data.iter_mut().take(row_width(message, kind)?).enumerate() {
-            *byte = message.data[start[kind] + column * count[kind] + seen[kind]];
+            let difference = packed[start[kind] + column * count[kind] + seen[kind]];
+            *byte = byte.wrapping_add(difference);
         }
         seen[kind] += 1;
-        let has_kernel = !message.kernel_none
-            && (message.kernel_present.is_empty() || bit(&message.kernel_present, index));
-        let stamp = |present: bool, column: &'static str, from: &mut dyn Iterator<Item = i64>| {
-            if !present {
-                return Ok(None);
-            }
-            from.next().map(Some).ok_or(MessageError::Absent(column))
-        };
         frames.push(CanFrame {
             id: message.kind_id[kind],
             flags: CanFlags::from_bits(message.kind_flags[kind]),
             len: message.kind_length[kind],
-            data,
-            kernel_ns: stamp(has_kernel, "kernel_delay_delta_ns", &mut kernel)?,
-            hardware_ns: stamp(
-                bit(&message.hardware_present, index),
-                "hardware_delta_ns",
-                &mut hardware,
-            )?,
+            data: *data,
+            kernel_ns: if kernel_at(index) {
+                kernel.next()
+            } else {
+                None
+            },
+            hardware_ns: if hardware_at(index) {
+                hardware.next()
+            } else {
+                None
+            },
         });
     }
     Ok(frames)

@@ -1,5 +1,6 @@
 //! The recorder's own threads: one compresses and writes, one syncs.
 
+mod open_file;
 mod sync;
 mod worker;
 

@@ -1,17 +1,18 @@
 //! Making logs whole that were cut short.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use mcap::records::{Record, op};
+use mcap::records::{MessageHeader, Record, op};
 use mcap::write::{Metadata, NoSeek, WriteOptions};
 
+use crate::convert::Encoded;
 use crate::file::{ACTIVE_SUFFIX, lock, sync_directory};
 use crate::reader::{Index, Missing};
 use crate::scan::{self, Decompressor, Scanner, Step};
-use crate::{Error, Result};
+use crate::{Error, Result, journal, log_writer, raw, schema};
 
 /// Name of the metadata record that tells of a recovery.
 const RECOVERED_METADATA: &str = "atvrec.recovered";
@@ -27,6 +28,8 @@ pub struct Recovered {
     pub messages: u64,
     /// Those of them that were in a chunk which was cut.
     pub messages_of_cut_chunk: u64,
+    /// Arrivals that stood in the journals only.
+    pub arrivals_of_journal: u64,
     /// What could not be saved.
     pub missing: Vec<Missing>,
 }
@@ -76,18 +79,20 @@ pub fn recover(path: &Path) -> Result<Recovered> {
             std::fs::rename(path, &target).map_err(Error::file("give its final name to", path))?;
             sync_directory(&target)?;
         }
+        journal::remove(&target)?;
         return Ok(Recovered {
             path: target,
             was_whole: true,
             messages: index.counts.values().sum(),
             messages_of_cut_chunk: 0,
+            arrivals_of_journal: 0,
             missing: Vec::new(),
         });
     }
     let temporary = with_suffix(&target, ".recovering");
-    let result = rewrite(path, &temporary, &index);
-    let (messages, messages_of_cut_chunk) = match result {
-        Ok(counts) => counts,
+    let result = rewrite(path, &temporary, &index, journal::read(&target)?);
+    let saved = match result {
+        Ok(saved) => saved,
         Err(error) => {
             let _ = std::fs::remove_file(&temporary);
             return Err(error);
@@ -98,11 +103,13 @@ pub fn recover(path: &Path) -> Result<Recovered> {
         std::fs::remove_file(path).map_err(Error::file("remove", path))?;
     }
     sync_directory(&target)?;
+    journal::remove(&target)?;
     Ok(Recovered {
         path: target,
         was_whole: false,
-        messages,
-        messages_of_cut_chunk,
+        messages: saved.messages,
+        messages_of_cut_chunk: saved.messages_of_cut_chunk,
+        arrivals_of_journal: saved.arrivals_of_journal,
         missing: index.missing,
     })
 }
@@ -115,7 +122,7 @@ pub fn recover(path: &Path) -> Result<Recovered> {
 pub fn salvage<R: Read + Seek, W: Write>(mut input: R, output: W) -> Result<u64> {
     let index = Index::scan_through(&mut input)?;
     let (scanner, _) = Scanner::new(input).map_err(Error::Sink)?;
-    Ok(copy(scanner, output, &index)?.0)
+    Ok(copy(scanner, output, &index, Vec::new())?.messages)
 }
 
 fn final_path(path: &Path) -> PathBuf {
@@ -130,7 +137,12 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
-fn rewrite(path: &Path, temporary: &Path, index: &Index) -> Result<(u64, u64)> {
+fn rewrite(
+    path: &Path,
+    temporary: &Path,
+    index: &Index,
+    journal: Vec<(u64, Encoded)>,
+) -> Result<Saved> {
     let output = OpenOptions::new()
         .write(true)
         .create(true)
@@ -138,18 +150,25 @@ fn rewrite(path: &Path, temporary: &Path, index: &Index) -> Result<(u64, u64)> {
         .open(temporary)
         .map_err(Error::file("create", temporary))?;
     let scanner = Scanner::open(path)?;
-    let counts = copy(scanner, &output, index).map_err(|error| error.at(temporary))?;
+    let saved = copy(scanner, &output, index, journal).map_err(|error| error.at(temporary))?;
     output.sync_all().map_err(Error::file("sync", temporary))?;
-    Ok(counts)
+    Ok(saved)
 }
 
-/// Writes all that is intact as a finished log; counts the messages, and those of a chunk that is
-/// cut.
+#[derive(Default)]
+struct Saved {
+    messages: u64,
+    messages_of_cut_chunk: u64,
+    arrivals_of_journal: u64,
+}
+
+/// Writes all that is intact as a finished log.
 fn copy<R: Read + Seek, W: Write>(
     mut scanner: Scanner<R>,
     output: W,
     index: &Index,
-) -> Result<(u64, u64)> {
+    journal: Vec<(u64, Encoded)>,
+) -> Result<Saved> {
     let writer = WriteOptions::new()
         .profile("")
         .library("atvrec")
@@ -159,24 +178,35 @@ fn copy<R: Read + Seek, W: Write>(
     let mut copy = Copy {
         writer,
         decompressor: Decompressor::default(),
-        messages: 0,
-        messages_of_cut_chunk: 0,
+        journal,
+        next_sequence: 0,
+        in_cut_chunk: false,
+        schema_names: BTreeMap::new(),
+        raw_channels: BTreeSet::new(),
+        saved: Saved::default(),
     };
     let outcome = copy.run(&mut scanner, index);
-    let counts = (copy.messages, copy.messages_of_cut_chunk);
+    let saved = copy.saved;
     let buffer = copy.writer.into_inner().into_inner();
     outcome?;
     buffer
         .into_inner()
         .map_err(|refused| Error::Sink(refused.into_error()))?;
-    Ok(counts)
+    Ok(saved)
 }
 
 struct Copy<W: Write> {
     writer: mcap::Writer<NoSeek<BufWriter<W>>>,
     decompressor: Decompressor,
-    messages: u64,
-    messages_of_cut_chunk: u64,
+    /// Batches by the first sequence of their group.
+    journal: Vec<(u64, Encoded)>,
+    /// One past the last sequence of the whole chunks.
+    next_sequence: u64,
+    in_cut_chunk: bool,
+    schema_names: BTreeMap<u16, String>,
+    /// Channels of raw data.
+    raw_channels: BTreeSet<u16>,
+    saved: Saved,
 }
 
 impl<W: Write> Copy<W> {
@@ -186,9 +216,10 @@ impl<W: Write> Copy<W> {
                 Step::End => break,
                 Step::Cut { opcode, body, .. } => {
                     if opcode == op::CHUNK {
-                        let before = self.messages;
+                        let before = self.saved.messages;
+                        self.in_cut_chunk = true;
                         self.chunk(&body, true)?;
-                        self.messages_of_cut_chunk = self.messages - before;
+                        self.saved.messages_of_cut_chunk = self.saved.messages - before;
                     }
                     break;
                 }
@@ -200,11 +231,16 @@ impl<W: Write> Copy<W> {
                 },
             }
         }
+        self.add_journal()?;
         let mut metadata = BTreeMap::from([
-            ("messages".to_owned(), self.messages.to_string()),
+            ("messages".to_owned(), self.saved.messages.to_string()),
             (
                 "messages_of_cut_chunk".to_owned(),
-                self.messages_of_cut_chunk.to_string(),
+                self.saved.messages_of_cut_chunk.to_string(),
+            ),
+            (
+                "arrivals_of_journal".to_owned(),
+                self.saved.arrivals_of_journal.to_string(),
             ),
             ("bytes_before".to_owned(), index.length.to_string()),
         ]);
@@ -239,6 +275,7 @@ impl<W: Write> Copy<W> {
         }
         match scan::parse(opcode, body) {
             Some(Record::Schema { header, data }) if header.id != 0 => {
+                self.schema_names.insert(header.id, header.name.clone());
                 let added = self.writer.add_schema_with_id(
                     header.id,
                     &header.name,
@@ -248,6 +285,10 @@ impl<W: Write> Copy<W> {
                 ignore_conflict(added.map(drop))
             }
             Some(Record::Channel(channel)) => {
+                let schema = self.schema_names.get(&channel.schema_id);
+                if schema.is_some_and(|name| raw::SCHEMAS.contains(&name.as_str())) {
+                    self.raw_channels.insert(channel.id);
+                }
                 let added = self.writer.add_channel_with_id(
                     channel.id,
                     channel.schema_id,
@@ -278,13 +319,61 @@ impl<W: Write> Copy<W> {
         }
     }
 
+    /// Adds what stands in the journals only, one group after the other.
+    fn add_journal(&mut self) -> Result<()> {
+        let mut group_before = None;
+        for (first, batch) in std::mem::take(&mut self.journal) {
+            if first < self.next_sequence {
+                continue;
+            }
+            if group_before.is_some_and(|before| before != first) {
+                self.writer.flush()?;
+            }
+            group_before = Some(first);
+            let schema = self.writer.add_schema(
+                &batch.schema,
+                "protobuf",
+                &schema::descriptor_set(&batch.schema),
+            )?;
+            let metadata = log_writer::channel_metadata(batch.source);
+            let channel = self
+                .writer
+                .add_channel(schema, &batch.topic, "protobuf", &metadata)?;
+            let header = MessageHeader {
+                channel_id: channel,
+                sequence: 0,
+                log_time: batch.log_time.0,
+                publish_time: batch.publish_time.0,
+            };
+            self.writer.write_to_known_channel(&header, &batch.data)?;
+            self.saved.messages += 1;
+            self.saved.arrivals_of_journal += raw::group(&batch.data).map_or(0, |g| g.arrivals);
+        }
+        Ok(self.writer.flush()?)
+    }
+
     fn message(&mut self, body: &[u8]) -> Result<()> {
         let Some((header, data)) = scan::message(body) else {
             return Ok(());
         };
+        if self.raw_channels.contains(&header.channel_id)
+            && let Some(group) = raw::group(data)
+            && !group.latched
+        {
+            if !self.in_cut_chunk {
+                self.next_sequence = self.next_sequence.max(group.end_sequence);
+            } else if self
+                .journal
+                .iter()
+                .any(|(first, _)| *first == group.first_sequence)
+            {
+                // The journals hold the whole of this group, the chunk perhaps a part of it.
+                return Ok(());
+            }
+        }
         match self.writer.write_to_known_channel(&header, data) {
             Ok(()) => {
-                self.messages += 1;
+                self.saved.messages += 1;
                 Ok(())
             }
             // The chunk that introduced the channel is lost, so nobody can read the message.

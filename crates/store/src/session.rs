@@ -82,10 +82,14 @@ pub struct Attachment {
 /// How a log is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Raw data is handed to the operating system after at most this time on the log clock.
+    /// A chunk of raw data is closed after this time on the log clock. Longer means fewer indexes
+    /// and better compression.
     pub raw_interval: Duration,
-    /// Decoded records, which can be made again from the raw data, after at most this time. Longer
-    /// means fewer indexes and better compression.
+    /// Raw data goes into a journal beside the log after at most this time, so that a kill costs no
+    /// more; `None` for no journal (recorder only).
+    pub journal_interval: Option<Duration>,
+    /// Decoded records, which can be made again from the raw data, go into the log after at most
+    /// this time.
     pub decoded_interval: Duration,
     /// A chunk of decoded records ends when it is larger than this, whatever its age.
     pub decoded_chunk_bytes: usize,
@@ -109,8 +113,9 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            raw_interval: Duration::from_millis(80),
-            decoded_interval: Duration::from_millis(500),
+            raw_interval: Duration::from_secs(1),
+            journal_interval: Some(Duration::from_millis(60)),
+            decoded_interval: Duration::from_secs(1),
             decoded_chunk_bytes: 1 << 20,
             compression_level: 0,
             sync_interval: Duration::from_millis(500),

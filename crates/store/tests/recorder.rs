@@ -98,6 +98,77 @@ fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {
     recorder.finish().expect("finished");
 }
 
+/// Environment variable that makes the test below the process that is killed.
+const VICTIM: &str = "ATVREC_TEST_VICTIM";
+
+/// Twenty kills at odd moments: the run is whole up to the last moments, without a gap.
+#[test]
+fn a_killed_run_is_recovered_without_a_gap() {
+    if let Some(directory) = std::env::var_os(VICTIM) {
+        record_until_killed(directory.as_ref());
+    }
+    let mut from_journals = 0;
+    for round in 0..20_u64 {
+        let directory = tempfile::tempdir().expect("a directory");
+        let this = std::env::current_exe().expect("a test binary");
+        let mut victim = std::process::Command::new(this)
+            .args(["--exact", "a_killed_run_is_recovered_without_a_gap"])
+            .env(VICTIM, directory.path())
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .expect("started");
+        let wanted = 4_000 + 9_000 * round;
+        wait_until(|| bytes_in(directory.path()) > wanted);
+        victim.kill().expect("killed");
+        victim.wait().expect("gone");
+        let mut files = Vec::new();
+        for (_, result) in store::recover_directory(directory.path()).expect("readable") {
+            let recovered = result.expect("recovered");
+            from_journals += recovered.arrivals_of_journal;
+            files.push(recovered.path);
+        }
+        let all = std::fs::read_dir(directory.path()).expect("readable");
+        let closed = all.filter_map(|entry| Some(entry.ok()?.path()));
+        files.extend(closed);
+        files.sort();
+        files.dedup();
+        assert!(
+            files
+                .iter()
+                .all(|path| path.extension() == Some("mcap".as_ref())),
+            "journals and unfinished files are gone: {files:?}"
+        );
+        let saved = read(&files);
+        assert_eq!(saved, arrivals(99, saved.len() as u64));
+    }
+    assert!(from_journals > 0, "no kill met an open group");
+}
+
+fn bytes_in(directory: &std::path::Path) -> u64 {
+    std::fs::read_dir(directory)
+        .expect("readable")
+        .filter_map(|entry| Some(entry.ok()?.metadata().ok()?.len()))
+        .sum()
+}
+
+fn record_until_killed(directory: &std::path::Path) -> ! {
+    let options = Options {
+        rotate_bytes: Some(100_000),
+        sync_interval: Duration::from_millis(20),
+        ..Options::default()
+    };
+    let recorder = Recorder::start(directory, "run", session(), options).expect("started");
+    for arrival in arrivals(99, 1_000_000) {
+        while !recorder.push(arrival.clone()) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        if arrival.sequence % 50 == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+    unreachable!("it is killed long before");
+}
+
 fn wait_until(mut done: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !done() {

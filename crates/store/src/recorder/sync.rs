@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
@@ -13,10 +14,26 @@ use crate::{Error, Result};
 
 /// What the syncing thread is asked to do.
 pub(crate) enum Job {
-    /// From now on sync this file.
-    Watch(File),
+    /// From now on sync this log and its journals.
+    Watch(Watched),
     /// This file is closed: sync it and give it its name.
     Finish(Unfinished),
+}
+
+/// A log that is being written.
+pub(crate) struct Watched {
+    /// The log, then its journals.
+    pub files: Vec<File>,
+    pub groups: Arc<Groups>,
+}
+
+/// Groups of raw data in a log.
+#[derive(Default)]
+pub(crate) struct Groups {
+    /// Handed to the operating system.
+    pub written: AtomicU64,
+    /// Those of them that have reached the disk.
+    pub synced: AtomicU64,
 }
 
 /// The syncing thread.
@@ -49,11 +66,11 @@ impl Syncer {
 }
 
 fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBuf> {
-    let mut watched: Option<File> = None;
+    let mut watched: Option<Watched> = None;
     let mut unfinished = Vec::new();
     loop {
         match queue.recv_timeout(interval) {
-            Ok(Job::Watch(file)) => watched = Some(file),
+            Ok(Job::Watch(log)) => watched = Some(log),
             Ok(Job::Finish(file)) => {
                 let active = file.active.clone();
                 if let Err(error) = file.finish() {
@@ -65,11 +82,14 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return unfinished,
         }
-        if let Some(file) = &watched
-            && let Err(error) = file.sync_data()
-        {
-            report(shared, &format!("cannot sync the log: {error}"));
-            watched = None;
+        let Some(log) = &watched else { continue };
+        let written = log.groups.written.load(Ordering::Acquire);
+        match log.files.iter().try_for_each(File::sync_data) {
+            Ok(()) => log.groups.synced.store(written, Ordering::Release),
+            Err(error) => {
+                report(shared, &format!("cannot sync the log: {error}"));
+                watched = None;
+            }
         }
     }
 }

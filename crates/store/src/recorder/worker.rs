@@ -6,8 +6,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, PoisonError, atomic::Ordering};
 use std::time::Instant;
 
-use sample::{Arrival, LogTime};
+use sample::Arrival;
 
+use super::open_file::OpenFile;
 use super::sync::{Job, Syncer};
 use super::{Command, DiskState, RecorderSummary, Shared};
 use crate::file::{Writer, part_path};
@@ -29,10 +30,7 @@ pub(crate) struct Worker {
 }
 
 enum Sink {
-    Open {
-        writer: Box<Writer>,
-        since: Option<LogTime>,
-    },
+    Open(Box<OpenFile>),
     Failing {
         pending: Pending,
         latched: Latched,
@@ -50,8 +48,8 @@ impl Worker {
     ) -> Result<Self> {
         let syncer = Syncer::start(options.sync_interval, Arc::clone(&shared))?;
         let path = part_path(directory, stem, 0);
-        let writer = Writer::create(&path, session.clone(), options.clone(), 0)?;
-        syncer.send(Job::Watch(writer.handle()?));
+        let file = OpenFile::create(&path, &session, &options, 0)?;
+        syncer.send(file.watch()?);
         shared.set_state(DiskState::Writing(path));
         Ok(Self {
             directory: directory.to_owned(),
@@ -61,10 +59,7 @@ impl Worker {
             shared,
             syncer,
             part: 0,
-            sink: Sink::Open {
-                writer: Box::new(writer),
-                since: None,
-            },
+            sink: Sink::Open(Box::new(file)),
             summary: RecorderSummary::default(),
             bytes_before: 0,
         })
@@ -72,7 +67,8 @@ impl Worker {
 
     pub(crate) fn run(mut self, queue: &Receiver<Command>) -> RecorderSummary {
         loop {
-            match queue.recv_timeout(self.options.raw_interval) {
+            let patience = self.options.journal_interval;
+            match queue.recv_timeout(patience.unwrap_or(self.options.raw_interval)) {
                 Ok(Command::Arrival(arrival)) => {
                     self.shared.taken();
                     self.arrival(arrival);
@@ -92,10 +88,7 @@ impl Worker {
 
     fn arrival(&mut self, arrival: Arrival) {
         let failed = match &mut self.sink {
-            Sink::Open { writer, since } => {
-                since.get_or_insert(arrival.log_time);
-                writer.push(arrival).err()
-            }
+            Sink::Open(file) => file.push(arrival).err(),
             Sink::Failing { pending, .. } => {
                 if pending.arrivals.len() < self.options.backlog_capacity {
                     pending.arrivals.push(arrival);
@@ -112,7 +105,7 @@ impl Worker {
 
     fn record(&mut self, record: &Record) {
         match &mut self.sink {
-            Sink::Open { writer, .. } => writer.record(record),
+            Sink::Open(file) => file.writer.record(record),
             // A replay makes it again from the arrivals that are kept.
             Sink::Failing { .. } => {
                 self.shared.dropped_records.fetch_add(1, Ordering::Relaxed);
@@ -121,8 +114,8 @@ impl Worker {
     }
 
     fn idle(&mut self) {
-        if let Sink::Open { writer, .. } = &mut self.sink
-            && let Err(error) = writer.flush_raw()
+        if let Sink::Open(file) = &mut self.sink
+            && let Err(error) = file.idle()
         {
             self.fail(&error);
         }
@@ -136,15 +129,15 @@ impl Worker {
             .unwrap_or_else(PoisonError::into_inner)
             .take();
         if let Some(reason) = refused
-            && matches!(self.sink, Sink::Open { .. })
+            && matches!(self.sink, Sink::Open(_))
         {
             self.fail_because(reason);
         }
         match &self.sink {
-            Sink::Open { writer, since } => {
-                let bytes = self.bytes_before + writer.bytes();
+            Sink::Open(file) => {
+                let bytes = self.bytes_before + file.writer.bytes();
                 self.shared.bytes.store(bytes, Ordering::Relaxed);
-                if self.rotation_due(writer, *since) {
+                if self.rotation_due(file) {
                     self.shared.rotate.store(false, Ordering::Relaxed);
                     self.rotate();
                 }
@@ -157,32 +150,33 @@ impl Worker {
         }
     }
 
-    fn rotation_due(&self, writer: &Writer, since: Option<LogTime>) -> bool {
-        let age = since.zip(writer.last_log_time()).map(|(a, b)| b - a);
+    fn rotation_due(&self, file: &OpenFile) -> bool {
+        let writer = &file.writer;
+        let age = file.since.zip(writer.last_log_time()).map(|(a, b)| b - a);
         let old = self.options.rotate_after.zip(age);
         old.is_some_and(|(limit, age)| age >= limit.as_nanos() as i64)
             || self
                 .options
                 .rotate_bytes
                 .is_some_and(|limit| writer.bytes() >= limit)
-            || (self.shared.rotate.load(Ordering::Relaxed) && since.is_some())
+            || (self.shared.rotate.load(Ordering::Relaxed) && file.since.is_some())
     }
 
     fn rotate(&mut self) {
-        let Sink::Open { writer, .. } = &mut self.sink else {
+        let Sink::Open(file) = &mut self.sink else {
             return;
         };
-        if let Err(error) = writer.flush() {
+        if let Err(error) = file.flush() {
             return self.fail(&error);
         }
-        let latched = writer.latched().clone();
+        let latched = file.writer.latched().clone();
         // The new file is there before the old one is closed.
         let next = self.new_file(latched.clone(), Pending::default());
         match next {
             Ok(next) => {
                 let old = std::mem::replace(&mut self.sink, next);
-                if let Sink::Open { writer, .. } = old {
-                    self.close(*writer);
+                if let Sink::Open(file) = old {
+                    self.close(file.writer);
                 }
             }
             Err(failed) => {
@@ -199,8 +193,8 @@ impl Worker {
                 let reason = error.to_string();
                 self.summary.last_failure = Some(reason.clone());
                 self.shared.set_state(DiskState::Failing { reason });
-                if let Sink::Open { writer, .. } = old {
-                    self.close(*writer);
+                if let Sink::Open(file) = old {
+                    self.close(file.writer);
                 }
             }
         }
@@ -213,32 +207,22 @@ impl Worker {
     ) -> std::result::Result<Sink, Box<(Pending, Error)>> {
         self.part += 1;
         let path = part_path(&self.directory, &self.stem, self.part);
-        let session = self.session.clone();
-        let mut writer = match Writer::create(&path, session, self.options.clone(), self.part) {
-            Ok(writer) => writer,
+        let mut file = match OpenFile::create(&path, &self.session, &self.options, self.part) {
+            Ok(file) => file,
             Err(error) => {
                 self.part -= 1;
                 return Err(Box::new((pending, error)));
             }
         };
-        let since = pending.arrivals.first().map(|arrival| arrival.log_time);
-        writer.resume(pending);
-        let begun = writer
-            .continue_from(latched)
-            .and_then(|()| writer.flush())
-            .and_then(|()| writer.handle());
-        match begun {
-            Ok(handle) => {
-                self.syncer.send(Job::Watch(handle));
+        match file.begin(latched, pending).and_then(|()| file.watch()) {
+            Ok(job) => {
+                self.syncer.send(job);
                 self.shared.set_state(DiskState::Writing(path));
-                Ok(Sink::Open {
-                    writer: Box::new(writer),
-                    since,
-                })
+                Ok(Sink::Open(Box::new(file)))
             }
             Err(error) => {
-                let (pending, _, file) = writer.abandon();
-                if let Err(error) = std::fs::remove_file(&file.active) {
+                let (pending, _, unfinished) = file.writer.abandon();
+                if let Err(error) = unfinished.discard() {
                     tracing::warn!(%error, "cannot remove an empty log");
                 }
                 self.part -= 1;
@@ -298,9 +282,9 @@ impl Worker {
             latched: Latched::default(),
             retry_at: Instant::now() + self.options.retry_interval,
         };
-        if let Sink::Open { writer, .. } = std::mem::replace(&mut self.sink, failing) {
-            self.bytes_before += writer.bytes();
-            let (kept, last, file) = writer.abandon();
+        if let Sink::Open(file) = std::mem::replace(&mut self.sink, failing) {
+            self.bytes_before += file.writer.bytes();
+            let (kept, last, file) = file.writer.abandon();
             self.summary.unfinished.push(file.active);
             if let Sink::Failing {
                 pending, latched, ..
@@ -351,11 +335,11 @@ impl Worker {
             retry_at: Instant::now(),
         };
         match std::mem::replace(&mut self.sink, closing) {
-            Sink::Open { mut writer, .. } => match writer.flush() {
-                Ok(()) => self.close(*writer),
+            Sink::Open(mut file) => match file.flush() {
+                Ok(()) => self.close(file.writer),
                 Err(error) => {
                     self.summary.last_failure = Some(error.to_string());
-                    let (pending, _, file) = writer.abandon();
+                    let (pending, _, file) = file.writer.abandon();
                     self.summary.unfinished.push(file.active);
                     self.give_up(&pending);
                 }

@@ -1,0 +1,198 @@
+//! What a log would lose if the recorder were killed now.
+//!
+//! Chunks of a second compress well and need few indexes, but a kill would cost that second. So
+//! arrivals go into a journal beside the log as well, every few tens of milliseconds. There are two
+//! files that take turns with each chunk: one is emptied only when the chunk that holds its arrivals
+//! has reached the disk itself. Recovery puts what is only in the journals behind the last chunk.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use prost::Message as _;
+use sample::{Arrival, LogTime, SourceId};
+
+use crate::convert::Encoded;
+use crate::proto::atvrec as pb;
+use crate::{Error, Result, Session, raw};
+
+const SUFFIXES: [&str; 2] = [".journal-a", ".journal-b"];
+/// Stands before each entry; length and CRC-32 of the entry follow.
+const ENTRY_MAGIC: [u8; 4] = *b"ATVJ";
+const ENTRY_PREFIX: usize = 12;
+
+/// Paths of the journals of the log whose final name is `path`.
+pub(crate) fn paths(path: &Path) -> [PathBuf; 2] {
+    SUFFIXES.map(|suffix| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(suffix);
+        name.into()
+    })
+}
+
+/// Removes the journals of a log that is whole.
+pub(crate) fn remove(path: &Path) -> Result<()> {
+    for journal in paths(path) {
+        match std::fs::remove_file(&journal) {
+            Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Error::file("remove", &journal)(cause));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the arrivals of the open group.
+pub(crate) struct Journal {
+    files: [File; 2],
+    paths: [PathBuf; 2],
+    session: Session,
+    interval: Duration,
+    waiting: Vec<Arrival>,
+    /// Chunks written; the open group stands in the file of this number's parity.
+    chunks: u64,
+}
+
+impl Journal {
+    pub(crate) fn create(path: &Path, session: Session, interval: Duration) -> Result<Self> {
+        let paths = paths(path);
+        let create = |path: &PathBuf| {
+            OpenOptions::new()
+                .write(true)
+                .create(true)
+                .truncate(true)
+                .open(path)
+                .map_err(Error::file("create", path))
+        };
+        Ok(Self {
+            files: [create(&paths[0])?, create(&paths[1])?],
+            paths,
+            session,
+            interval,
+            waiting: Vec::new(),
+            chunks: 0,
+        })
+    }
+
+    /// Handles for syncing.
+    pub(crate) fn handles(&self) -> Result<[File; 2]> {
+        let again = |index: usize| {
+            self.files[index]
+                .try_clone()
+                .map_err(Error::file("open again", &self.paths[index]))
+        };
+        Ok([again(0)?, again(1)?])
+    }
+
+    /// Takes an arrival of the open group; writes what waited long enough.
+    pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
+        let since = self.waiting.first().map(|first| first.log_time);
+        let now = arrival.log_time;
+        let due = since.is_some_and(|since| now - since >= self.interval.as_nanos() as i64);
+        let flushed = if due { self.flush() } else { Ok(()) };
+        self.waiting.push(arrival);
+        flushed
+    }
+
+    /// Writes what waits.
+    pub(crate) fn flush(&mut self) -> Result<()> {
+        let Some(last) = self.waiting.last() else {
+            return Ok(());
+        };
+        let end = last.sequence.saturating_add(1);
+        let batches = raw::encode_group(&self.session, &self.waiting, end, false)
+            .into_iter()
+            .map(|batch| pb::JournalBatch {
+                topic: batch.topic,
+                schema: batch.schema,
+                source: batch.source.map(|source| source.0.into()),
+                log_time_ns: batch.log_time.0,
+                data: batch.data,
+            })
+            .collect();
+        let body = pb::JournalEntry { batches }.encode_to_vec();
+        let mut entry = Vec::with_capacity(body.len() + ENTRY_PREFIX);
+        entry.extend(ENTRY_MAGIC);
+        entry.extend((body.len() as u32).to_le_bytes());
+        entry.extend(crc32fast::hash(&body).to_le_bytes());
+        entry.extend(body);
+        let turn = (self.chunks % 2) as usize;
+        self.files[turn]
+            .write_all(&entry)
+            .map_err(Error::file("write", &self.paths[turn]))?;
+        self.waiting.clear();
+        Ok(())
+    }
+
+    /// The chunk of the open group is written, `chunks` in all, `synced` of which have reached the
+    /// disk: begins the next group.
+    pub(crate) fn turn(&mut self, chunks: u64, synced: u64) -> Result<()> {
+        self.waiting.clear();
+        self.chunks = chunks;
+        // The other file holds the group of the chunk before the last.
+        if synced + 1 >= chunks {
+            let turn = (chunks % 2) as usize;
+            let file = &mut self.files[turn];
+            file.set_len(0)
+                .and_then(|()| file.seek(SeekFrom::Start(0)))
+                .map_err(Error::file("empty", &self.paths[turn]))?;
+        }
+        Ok(())
+    }
+}
+
+/// The batches that the journals of a log hold, as far as they are intact, in the order of their
+/// groups; none if there are no journals.
+pub(crate) fn read(path: &Path) -> Result<Vec<(u64, Encoded)>> {
+    let mut batches = Vec::new();
+    for journal in paths(path) {
+        let mut bytes = Vec::new();
+        match File::open(&journal) {
+            Ok(mut file) => file
+                .read_to_end(&mut bytes)
+                .map_err(Error::file("read", &journal))?,
+            Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => continue,
+            Err(cause) => return Err(Error::file("open", &journal)(cause)),
+        };
+        read_entries(&bytes, &mut batches);
+    }
+    batches.sort_by_key(|(first, _)| *first);
+    Ok(batches)
+}
+
+fn read_entries(mut bytes: &[u8], batches: &mut Vec<(u64, Encoded)>) {
+    while let Some((entry, rest)) = split_entry(bytes) {
+        bytes = rest;
+        for batch in entry.batches {
+            let Some(group) = raw::group(&batch.data) else {
+                continue;
+            };
+            let source = batch.source.and_then(|id| u16::try_from(id).ok());
+            let time = LogTime(batch.log_time_ns);
+            let encoded = Encoded {
+                topic: batch.topic,
+                schema: batch.schema,
+                source: source.map(SourceId),
+                log_time: time,
+                publish_time: time,
+                data: batch.data,
+            };
+            batches.push((group.first_sequence, encoded));
+        }
+    }
+}
+
+/// The first entry, if it is there in full and its checksum is right.
+fn split_entry(bytes: &[u8]) -> Option<(pb::JournalEntry, &[u8])> {
+    let (prefix, rest) = bytes.split_first_chunk::<ENTRY_PREFIX>()?;
+    let (magic, numbers) = prefix.split_first_chunk::<4>()?;
+    let (length, checksum) = numbers.split_first_chunk::<4>()?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let checksum = u32::from_le_bytes(checksum.try_into().ok()?);
+    let (body, rest) = rest.split_at_checked(length)?;
+    let sound = *magic == ENTRY_MAGIC && crc32fast::hash(body) == checksum;
+    let entry = pb::JournalEntry::decode(body).ok()?;
+    sound.then_some((entry, rest))
+}

@@ -1,0 +1,99 @@
+//! The file that a run is being written to, with its journals.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use sample::{Arrival, LogTime};
+
+use super::sync::{Groups, Job, Watched};
+use crate::file::Writer;
+use crate::journal::Journal;
+use crate::log_writer::{Latched, Pending};
+use crate::{Options, Result, Session};
+
+/// The file that a run is being written to, with its journals.
+pub(crate) struct OpenFile {
+    pub writer: Writer,
+    /// Log clock of the first arrival in it.
+    pub since: Option<LogTime>,
+    journal: Option<Journal>,
+    groups: Arc<Groups>,
+}
+
+impl OpenFile {
+    pub(crate) fn create(
+        path: &Path,
+        session: &Session,
+        options: &Options,
+        part: u32,
+    ) -> Result<Self> {
+        let writer = Writer::create(path, session.clone(), options.clone(), part)?;
+        let journal = options
+            .journal_interval
+            .map(|interval| Journal::create(path, session.clone(), interval))
+            .transpose()?;
+        Ok(Self {
+            writer,
+            since: None,
+            journal,
+            groups: Arc::default(),
+        })
+    }
+
+    /// What the syncing thread has to do for it.
+    pub(crate) fn watch(&self) -> Result<Job> {
+        let mut files = vec![self.writer.handle()?];
+        if let Some(journal) = &self.journal {
+            files.extend(journal.handles()?);
+        }
+        Ok(Job::Watch(Watched {
+            files,
+            groups: Arc::clone(&self.groups),
+        }))
+    }
+
+    /// Repeats the states that last, and takes what another file did not take.
+    pub(crate) fn begin(&mut self, latched: Latched, pending: Pending) -> Result<()> {
+        self.since = pending.arrivals.first().map(|arrival| arrival.log_time);
+        self.writer.resume(pending);
+        self.writer.continue_from(latched)?;
+        self.flush()
+    }
+
+    pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
+        self.since.get_or_insert(arrival.log_time);
+        let copy = self.journal.is_some().then(|| arrival.clone());
+        self.writer.push(arrival)?;
+        self.turn_journal()?;
+        match (&mut self.journal, copy) {
+            (Some(journal), Some(copy)) => journal.push(copy),
+            _ => Ok(()),
+        }
+    }
+
+    /// Nothing came for a while: what waits for the journal goes there.
+    pub(crate) fn idle(&mut self) -> Result<()> {
+        match &mut self.journal {
+            Some(journal) => journal.flush(),
+            None => self.writer.flush(),
+        }
+    }
+
+    pub(crate) fn flush(&mut self) -> Result<()> {
+        self.writer.flush()?;
+        self.turn_journal()
+    }
+
+    fn turn_journal(&mut self) -> Result<()> {
+        let written = self.writer.groups();
+        if written == self.groups.written.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        self.groups.written.store(written, Ordering::Release);
+        let synced = self.groups.synced.load(Ordering::Acquire);
+        self.journal
+            .as_mut()
+            .map_or(Ok(()), |journal| journal.turn(written, synced))
+    }
+}
