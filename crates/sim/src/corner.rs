@@ -113,11 +113,11 @@ impl Corner {
         motion: &Motion,
         time_s: f64,
     ) -> [Option<u16>; StrainChannel::COUNT] {
-        while let Some(row) = motion.states().get(self.next_row) {
+        while let Some(row) = motion.row(self.next_row) {
             if row.time_s > time_s {
                 break;
             }
-            self.filter(row);
+            self.filter(&row);
             self.next_row += 1;
         }
         self.filter(&motion.at(time_s));

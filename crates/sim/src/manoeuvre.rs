@@ -21,11 +21,13 @@ pub enum Manoeuvre {
     LaunchBrake,
     /// On jackstands, lowered, then at rest on the ground.
     Jackstand,
+    /// A minute of ordinary driving that ends as it begins, to be [repeated](Motion::repeated).
+    MixedDriving,
 }
 
 impl Manoeuvre {
     /// All manoeuvres.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Circle,
         Self::SlowSine,
         Self::FastSine,
@@ -33,6 +35,7 @@ impl Manoeuvre {
         Self::AsphaltToGravel,
         Self::LaunchBrake,
         Self::Jackstand,
+        Self::MixedDriving,
     ];
 
     /// The name on the command line.
@@ -46,6 +49,7 @@ impl Manoeuvre {
             Self::AsphaltToGravel => "asphalt-to-gravel",
             Self::LaunchBrake => "launch-brake",
             Self::Jackstand => "jackstand",
+            Self::MixedDriving => "mixed-driving",
         }
     }
 
@@ -60,6 +64,7 @@ impl Manoeuvre {
             Self::AsphaltToGravel => "sine steer, the surface changing from asphalt to gravel",
             Self::LaunchBrake => "launch from rest, then hard braking",
             Self::Jackstand => "on jackstands, lowered to the ground, at rest",
+            Self::MixedDriving => "a minute of turns, braking and speeding up, for repetition",
         }
     }
 
@@ -87,6 +92,14 @@ impl Manoeuvre {
         let states = match self.plan() {
             Some(plan) => driver::drive(vehicle, &plan),
             None => jackstand::states(vehicle)?,
+        };
+        let states = match self {
+            // The tyres' first deflection would be a jump at the end of each lap.
+            Self::MixedDriving => states
+                .into_iter()
+                .filter(|state| state.time_s >= RUN_IN_S)
+                .collect(),
+            _ => states,
         };
         let mut motion = Motion::new(self.name(), states)?;
         motion.complete(vehicle)?;
@@ -152,6 +165,12 @@ impl Manoeuvre {
                 Intent::HandWheel(|_| 0.0),
             ),
             Self::Jackstand => return None,
+            Self::MixedDriving => plan(
+                RUN_IN_S + 60.0,
+                8.0,
+                |t| mixed_speed(t - RUN_IN_S),
+                Intent::HandWheel(|t| mixed_hand_wheel(t - RUN_IN_S)),
+            ),
         })
     }
 }
@@ -171,6 +190,37 @@ const GRAVEL: SurfaceLine = SurfaceLine {
     friction_scale: 0.5,
     stiffness_scale: 0.7,
 };
+
+/// Straight driving before the minute of mixed driving begins.
+const RUN_IN_S: f64 = 4.0;
+
+/// Speed of mixed driving: 8 m/s at both ends.
+fn mixed_speed(time_s: f64) -> f64 {
+    let change =
+        |from_s: f64, over_s: f64, by_m_s: f64| by_m_s * smooth((time_s - from_s) / over_s);
+    8.0 + change(8.0, 6.0, 3.0)
+        + change(19.0, 4.0, -6.0)
+        + change(33.0, 5.0, 3.0)
+        + change(41.0, 1.5, -1.5)
+        + change(46.0, 4.0, 1.5)
+}
+
+/// Hand wheel of mixed driving: straight at both ends.
+fn mixed_hand_wheel(time_s: f64) -> f64 {
+    let bend = |from_s: f64, over_s: f64, by_rad: f64| {
+        let into = smooth((time_s - from_s) / (0.3 * over_s));
+        let out = smooth((time_s - from_s - 0.7 * over_s) / (0.3 * over_s));
+        by_rad * (into - out)
+    };
+    // A bend at speed, a lane change, a tight turn when slow, a slalom.
+    bend(2.0, 5.0, 0.8)
+        + bend(14.0, 3.0, -0.5)
+        + bend(17.0, 3.0, 0.5)
+        + bend(25.0, 7.0, -2.2)
+        + bend(36.0, 2.5, 1.2)
+        + bend(38.5, 2.5, -1.2)
+        + bend(43.0, 8.0, 1.4)
+}
 
 /// Seconds that have passed since zero, as an action counts that sets in within half a second.
 fn gathered(time_s: f64) -> f64 {

@@ -200,11 +200,13 @@ fn mix<const N: usize>(a: &[f64; N], b: &[f64; N], weight: f64) -> [f64; N] {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * weight)
 }
 
-/// A motion: states in time order, linear in between.
+/// A motion: states in time order, linear in between, driven once or several times on end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     name: String,
     states: Vec<TruthState>,
+    /// Where each lap begins: east, north, m.
+    lap_starts_m: Vec<[f64; 2]>,
 }
 
 impl Motion {
@@ -236,10 +238,30 @@ impl Motion {
         for state in &mut states {
             state.time_s -= start_s;
         }
+        let [east_m, north_m, _] = states[0].position_m;
         Ok(Self {
             name: name.to_owned(),
             states,
+            lap_starts_m: vec![[east_m, north_m]],
         })
+    }
+
+    /// The same motion `laps` times on end (at least once), each lap beginning where and in the
+    /// direction in which the one before ended. It should end as it begins, in speed and steer:
+    /// what differs is a jump.
+    #[must_use]
+    pub fn repeated(mut self, laps: u32) -> Self {
+        let (first, last) = (&self.states[0], &self.states[self.states.len() - 1]);
+        let way = [0, 1].map(|axis| last.position_m[axis] - first.position_m[axis]);
+        let mut start = self.lap_starts_m[0];
+        self.lap_starts_m = (0..laps.max(1))
+            .map(|lap| {
+                let this = start;
+                start = ahead(this, self.lap_turn_rad() * f64::from(lap), way);
+                this
+            })
+            .collect();
+        self
     }
 
     /// The manoeuvre's or the file's name.
@@ -248,13 +270,13 @@ impl Motion {
         &self.name
     }
 
-    /// Seconds from the first to the last state.
+    /// Seconds from the first to the last state, over all laps.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
-        self.states.last().map_or(0.0, |state| state.time_s)
+        self.lap_s() * f64::from(self.laps())
     }
 
-    /// All states, the first at time zero.
+    /// The states of the first lap, the first at time zero.
     #[must_use]
     pub fn states(&self) -> &[TruthState] {
         &self.states
@@ -263,15 +285,60 @@ impl Motion {
     /// The state at a time; before the start the first one, after the end the last one.
     #[must_use]
     pub fn at(&self, time_s: f64) -> TruthState {
-        let after = self.states.partition_point(|state| state.time_s <= time_s);
-        match (after.checked_sub(1), self.states.get(after)) {
+        // The cast takes negative numbers and NaN to 0.
+        let lap = ((time_s / self.lap_s()).floor() as u32).min(self.laps() - 1);
+        let local_s = time_s - f64::from(lap) * self.lap_s();
+        let after = self.states.partition_point(|state| state.time_s <= local_s);
+        let state = match (after.checked_sub(1), self.states.get(after)) {
             (None, _) => self.states[0],
             (Some(last), None) => self.states[last],
             (Some(before), Some(b)) => {
                 let a = &self.states[before];
-                TruthState::between(a, b, (time_s - a.time_s) / (b.time_s - a.time_s))
+                TruthState::between(a, b, (local_s - a.time_s) / (b.time_s - a.time_s))
             }
+        };
+        self.on_lap(state, lap)
+    }
+
+    /// The state number `row`, counted over all laps; a lap's last state is the next one's first.
+    pub(crate) fn row(&self, row: usize) -> Option<TruthState> {
+        let steps = self.states.len() - 1;
+        let (lap, local) = (row / steps, row % steps);
+        match u32::try_from(lap) {
+            Ok(lap) if lap < self.laps() => Some(self.on_lap(self.states[local], lap)),
+            Ok(lap) if lap == self.laps() && local == 0 => {
+                Some(self.on_lap(self.states[steps], lap - 1))
+            }
+            _ => None,
         }
+    }
+
+    fn lap_s(&self) -> f64 {
+        self.states.last().map_or(0.0, |state| state.time_s)
+    }
+
+    fn laps(&self) -> u32 {
+        self.lap_starts_m.len() as u32
+    }
+
+    /// How far one lap turns, rad.
+    fn lap_turn_rad(&self) -> f64 {
+        self.states[self.states.len() - 1].yaw_rad - self.states[0].yaw_rad
+    }
+
+    /// A state of the first lap as one of a later lap.
+    fn on_lap(&self, mut state: TruthState, lap: u32) -> TruthState {
+        let turn_rad = self.lap_turn_rad() * f64::from(lap);
+        if lap > 0 {
+            let first = &self.states[0];
+            let own = [0, 1].map(|axis| state.position_m[axis] - first.position_m[axis]);
+            let [east_m, north_m] = ahead(self.lap_starts_m[lap as usize], turn_rad, own);
+            state.position_m[0] = east_m;
+            state.position_m[1] = north_m;
+        }
+        state.yaw_rad += turn_rad;
+        state.time_s += self.lap_s() * f64::from(lap);
+        state
     }
 
     /// Fills in from the vehicle's linkage what the states do not tell: the ball-joint force's
@@ -303,6 +370,15 @@ impl Motion {
     }
 }
 
+/// The point that lies `way` from `start`, once the way is turned left.
+fn ahead(start: [f64; 2], turn_rad: f64, way: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = turn_rad.sin_cos();
+    [
+        start[0] + cos * way[0] - sin * way[1],
+        start[1] + sin * way[0] + cos * way[1],
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -324,6 +400,35 @@ mod tests {
         assert!((middle.yaw_rad - std::f64::consts::PI).abs() < 1e-12);
         assert_eq!(motion.at(-1.0).yaw_rad, 3.1);
         assert_eq!(motion.at(9.0).time_s, 1.0);
+    }
+
+    #[test]
+    fn laps_go_on_from_where_the_last_one_ended() {
+        let corner = |time_s, east, north, yaw_rad| TruthState {
+            position_m: [east, north, 0.5],
+            ..at_time(time_s, yaw_rad)
+        };
+        // One side of a square: 10 m ahead, then a quarter turn to the left.
+        let side = vec![
+            corner(0.0, 1.0, 2.0, 0.0),
+            corner(1.0, 11.0, 2.0, 0.0),
+            corner(2.0, 11.0, 2.0, std::f64::consts::FRAC_PI_2),
+        ];
+        let square = Motion::new("square", side).expect("a motion").repeated(4);
+        assert_eq!(square.duration_s(), 8.0);
+        for (time_s, east, north) in [(1.0, 11.0, 2.0), (3.0, 11.0, 12.0), (4.5, 6.0, 12.0)] {
+            let found = square.at(time_s);
+            assert!((found.position_m[0] - east).abs() < 1e-12, "{found:?}");
+            assert!((found.position_m[1] - north).abs() < 1e-12, "{found:?}");
+            assert_eq!(found.time_s, time_s);
+        }
+        let end = square.at(8.0);
+        assert!((end.position_m[0] - 1.0).abs() < 1e-12 && end.time_s == 8.0);
+        let rows: Vec<f64> = (0..)
+            .map_while(|row| square.row(row))
+            .map(|s| s.time_s)
+            .collect();
+        assert_eq!(rows, (0..=8).map(f64::from).collect::<Vec<_>>());
     }
 
     #[test]

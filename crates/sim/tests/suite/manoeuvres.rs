@@ -191,3 +191,34 @@ fn vehicles_without_hard_points_drive_too() {
         assert_eq!(told, vehicle.rear.strut.is_some(), "{name}");
     }
 }
+
+#[test]
+fn mixed_driving_ends_as_it_begins() {
+    let motion = drive(Manoeuvre::MixedDriving);
+    let [first, last] = [0.0, 60.0].map(|time_s| motion.at(time_s));
+    assert!((motion.duration_s() - 60.0).abs() < 0.01);
+    assert!((first.velocity_body_m_s[0] - last.velocity_body_m_s[0]).abs() < 0.05);
+    for axis in 0..3 {
+        assert!((first.rate_rad_s[axis] - last.rate_rad_s[axis]).abs() < 1e-3);
+    }
+    for (a, b) in first.wheels.0.iter().zip(&last.wheels.0) {
+        for axis in 0..3 {
+            assert!(
+                (a.force_n[axis] - b.force_n[axis]).abs() < 15.0,
+                "{a:?} {b:?}"
+            );
+        }
+        assert!((a.strut_length_m - b.strut_length_m).abs() < 2e-4);
+    }
+    let laps = motion.repeated(3);
+    assert!((laps.duration_s() - 180.0).abs() < 0.01);
+    let (before, after) = (laps.at(119.99), laps.at(120.01));
+    let step_m = (0..2)
+        .map(|i| (after.position_m[i] - before.position_m[i]).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    assert!(
+        (step_m - 0.16).abs() < 0.01,
+        "8 m/s across the seam: {step_m} m"
+    );
+}
