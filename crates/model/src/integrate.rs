@@ -1,4 +1,14 @@
-//! Integration over time: fixed steps without allocation.
+//! Integration over time: fixed steps, adaptive steps, and steps that stop at events. Nothing here
+//! allocates.
+//!
+//! General solvers of the ecosystem integrate over heap-allocated vectors; these models have a
+//! fixed size and a rate of a microsecond, where that would cost more than the model.
+
+mod adaptive;
+mod event;
+
+pub use adaptive::{Tolerance, adaptive};
+pub use event::{Advance, step_to_event};
 
 use crate::Scalar;
 

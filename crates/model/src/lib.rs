@@ -6,6 +6,7 @@ mod file;
 pub mod integrate;
 mod scalar;
 pub mod sensors;
+pub mod simulation;
 pub mod steering;
 pub mod strain;
 pub mod suspension;

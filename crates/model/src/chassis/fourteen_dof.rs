@@ -29,7 +29,7 @@ mod state;
 mod tests;
 mod vector;
 
-pub use dynamics::{Outputs, derivative, jacobian, outputs, step};
+pub use dynamics::{Outputs, derivative, guards, jacobian, outputs, step};
 pub use parameters::{CornerParameters, Parameters, StrutParameters};
 pub use rest::at_rest;
 pub use state::{Inputs, STATES, State};

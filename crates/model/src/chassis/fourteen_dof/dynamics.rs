@@ -371,6 +371,26 @@ pub fn derivative<T: Scalar>(
     outputs(parameters, state, inputs).rate
 }
 
+/// Numbers whose signs tell contact, wheel by wheel: how far the tyres are pressed in, how far the
+/// struts are past their droop stops, and past their bump stops, m.
+#[must_use]
+pub fn guards(parameters: &Parameters, state: &State<f64>, inputs: &Inputs<f64>) -> [f64; 12] {
+    let frame = frame(parameters, state, inputs);
+    let up = frame.axes[2];
+    let mut guards = [0.0; 12];
+    for (i, corner) in parameters.corners.iter().enumerate() {
+        let centre = add(corner.wheel_centre_m, along(corner.path, state.jounce_m[i]));
+        let (sin, cos) = inputs.steer_rad[i].sin_cos();
+        let lean = up[1] * cos - up[0] * sin;
+        let height = state.position_m[2] + dot(up, centre) - inputs.road_m[i];
+        let length = corner.strut.length_m(state.jounce_m[i]);
+        guards[i] = corner.unloaded_radius_m - height / (1.0 - lean * lean).sqrt();
+        guards[4 + i] = length - corner.strut.strut.droop_stop_length_m;
+        guards[8 + i] = corner.strut.strut.bump_stop_length_m - length;
+    }
+    guards
+}
+
 /// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
 #[inline]
 pub fn step<T: Scalar>(

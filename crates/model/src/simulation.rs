@@ -1,0 +1,352 @@
+//! Simulation: trajectories, batches of them on all cores, and events of lifting wheels.
+
+use rayon::prelude::*;
+
+use sample::Wheel;
+
+use crate::Error;
+use crate::chassis::{four_wheel, fourteen_dof};
+use crate::error::require;
+use crate::integrate::step_to_event;
+
+/// A chassis model that steps.
+pub trait Model: Sync {
+    /// Its state.
+    type State: Copy + Send + Sync;
+    /// Its inputs.
+    type Inputs: Copy + Sync;
+
+    /// One step with inputs held.
+    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State;
+}
+
+impl Model for four_wheel::Parameters {
+    type State = four_wheel::State<f64>;
+    type Inputs = four_wheel::Inputs<f64>;
+
+    #[inline]
+    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
+        four_wheel::step(self, state, inputs, step_s)
+    }
+}
+
+impl Model for fourteen_dof::Parameters {
+    type State = fourteen_dof::State<f64>;
+    type Inputs = fourteen_dof::Inputs<f64>;
+
+    #[inline]
+    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
+        fourteen_dof::step(self, state, inputs, step_s)
+    }
+}
+
+/// One trajectory of a batch.
+#[derive(Clone, Copy, Debug)]
+pub struct Rollout<'a, M: Model> {
+    /// The model with its parameters.
+    pub model: &'a M,
+    /// Where it starts.
+    pub start: M::State,
+    /// Inputs, one for each step; the last is held on.
+    pub inputs: &'a [M::Inputs],
+}
+
+/// Time grid of a simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Step, s.
+    pub step_s: f64,
+    /// Number of steps.
+    pub steps: usize,
+    /// Every how many steps a state is kept; the start is kept too.
+    pub every: usize,
+}
+
+impl Grid {
+    /// States kept of one trajectory, the start included.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.steps / self.every.max(1) + 1
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        require(
+            self.step_s > 0.0,
+            "step_s",
+            self.step_s,
+            "s",
+            "greater than 0",
+        )?;
+        require(
+            self.every > 0,
+            "every",
+            self.every as f64,
+            "steps",
+            "1 or more",
+        )
+    }
+}
+
+impl<M: Model> Rollout<'_, M> {
+    /// Runs this trajectory into `kept`, which holds [`Grid::kept`] states.
+    fn run(&self, grid: &Grid, kept: &mut [M::State]) {
+        let mut state = self.start;
+        let mut places = kept.iter_mut();
+        if let Some(first) = places.next() {
+            *first = state;
+        }
+        let last = self.inputs.len() - 1;
+        for index in 0..grid.steps {
+            state = self
+                .model
+                .step(&state, &self.inputs[index.min(last)], grid.step_s);
+            if (index + 1).is_multiple_of(grid.every)
+                && let Some(place) = places.next()
+            {
+                *place = state;
+            }
+        }
+    }
+}
+
+/// Runs trajectories on all cores; the result is the same on any number of them. Row i of the
+/// answer, [`Grid::kept`] states long, is trajectory i.
+///
+/// # Errors
+/// Where the grid is not positive or a trajectory has no inputs.
+pub fn rollouts<M: Model>(batch: &[Rollout<'_, M>], grid: &Grid) -> Result<Vec<M::State>, Error> {
+    grid.check()?;
+    for rollout in batch {
+        let count = rollout.inputs.len();
+        require(count > 0, "number of inputs", count as f64, "", "1 or more")?;
+    }
+    let Some(first) = batch.first() else {
+        return Ok(Vec::new());
+    };
+    let mut kept = vec![first.start; grid.kept() * batch.len()];
+    kept.par_chunks_mut(grid.kept())
+        .zip(batch)
+        .for_each(|(row, rollout)| rollout.run(grid, row));
+    Ok(kept)
+}
+
+/// What happened to a wheel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ContactChange {
+    /// The tyre left the ground.
+    LiftOff,
+    /// The tyre met the ground again.
+    TouchDown,
+    /// The strut met its droop stop.
+    DroopStop,
+    /// The strut left its droop stop.
+    DroopFree,
+    /// The strut met its bump stop.
+    BumpStop,
+    /// The strut left its bump stop.
+    BumpFree,
+}
+
+/// A change of contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactEvent {
+    /// When, s from the start.
+    pub time_s: f64,
+    /// Which wheel.
+    pub wheel: Wheel,
+    /// What.
+    pub change: ContactChange,
+}
+
+/// Runs the 14-degree-of-freedom model for a duration with inputs of time, locating each change of
+/// contact by bisection and going on from it. `observe` sees time and state after every step.
+///
+/// # Errors
+/// Where step or duration are out of range.
+pub fn with_events(
+    parameters: &fourteen_dof::Parameters,
+    start: &fourteen_dof::State<f64>,
+    duration_s: f64,
+    step_s: f64,
+    inputs: impl Fn(f64) -> fourteen_dof::Inputs<f64>,
+    mut observe: impl FnMut(f64, &fourteen_dof::State<f64>),
+) -> Result<(fourteen_dof::State<f64>, Vec<ContactEvent>), Error> {
+    type State = fourteen_dof::State<f64>;
+    require(step_s > 0.0, "step_s", step_s, "s", "greater than 0")?;
+    require(
+        duration_s >= 0.0,
+        "duration_s",
+        duration_s,
+        "s",
+        "0 or greater",
+    )?;
+    let (mut time, mut state) = (0.0, *start);
+    let mut events = Vec::new();
+    while duration_s - time > 1e-9 {
+        let held = inputs(time);
+        let advance = step_to_event(
+            &state.to_array(),
+            step_s.min(duration_s - time),
+            |x, h| fourteen_dof::step(parameters, &State::from_array(*x), &held, h).to_array(),
+            |x| fourteen_dof::guards(parameters, &State::from_array(*x), &held),
+        );
+        time += advance.taken_s;
+        state = State::from_array(advance.state);
+        for (guard, rose) in advance.changes.into_iter().enumerate() {
+            let Some(rose) = rose else { continue };
+            events.push(ContactEvent {
+                time_s: time,
+                wheel: Wheel::ALL[guard % 4],
+                change: change(guard / 4, rose),
+            });
+        }
+        observe(time, &state);
+    }
+    Ok((state, events))
+}
+
+/// Guards of [`fourteen_dof::guards`] come in three groups of four.
+fn change(group: usize, rose: bool) -> ContactChange {
+    match (group, rose) {
+        (0, true) => ContactChange::TouchDown,
+        (0, false) => ContactChange::LiftOff,
+        (1, true) => ContactChange::DroopStop,
+        (1, false) => ContactChange::DroopFree,
+        (_, true) => ContactChange::BumpStop,
+        (_, false) => ContactChange::BumpFree,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::{Tolerance, adaptive};
+    use crate::vehicle::Vehicle;
+
+    fn prowler() -> fourteen_dof::Parameters {
+        fourteen_dof::Parameters::from_vehicle(&Vehicle::builtin("prowler").unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_batch_gives_the_bits_of_single_runs() {
+        let vehicle = Vehicle::builtin("prowler").unwrap();
+        let models: Vec<_> = (0..20)
+            .map(|k| {
+                let mut p = four_wheel::Parameters::from_vehicle(&vehicle);
+                p.mass_kg *= 1.0 + 0.01 * f64::from(k);
+                p.prepare();
+                p
+            })
+            .collect();
+        let inputs = [
+            four_wheel::Inputs::steered(0.05),
+            four_wheel::Inputs::steered(0.1),
+        ];
+        let batch: Vec<_> = models
+            .iter()
+            .map(|model| Rollout {
+                model,
+                start: four_wheel::State::rolling(6.0, model),
+                inputs: &inputs,
+            })
+            .collect();
+        let grid = Grid {
+            step_s: 1e-3,
+            steps: 50,
+            every: 10,
+        };
+        let kept = rollouts(&batch, &grid).unwrap();
+        assert_eq!(kept.len(), 20 * 6);
+        for (row, rollout) in kept.chunks(6).zip(&batch) {
+            let mut state = rollout.start;
+            for index in 0..50 {
+                state = four_wheel::step(rollout.model, &state, &inputs[index.min(1)], 1e-3);
+            }
+            assert_eq!(row[5], state);
+        }
+    }
+
+    #[test]
+    fn a_dropped_vehicle_touches_down_and_a_hard_turn_lifts_a_wheel() {
+        let p = prowler();
+        let mut start = fourteen_dof::at_rest(&p).unwrap();
+        let rest = fourteen_dof::outputs(&p, &start, &fourteen_dof::Inputs::coasting());
+        let press = rest.deflection_m[0].max(rest.deflection_m[2]);
+        start.position_m[2] += press + 0.05;
+        let still = |_| fourteen_dof::Inputs::coasting();
+        let (_, events) = with_events(&p, &start, 0.5, 1e-3, still, |_, _| {}).unwrap();
+        let landed = events
+            .iter()
+            .filter(|event| event.change == ContactChange::TouchDown)
+            .count();
+        assert!(landed >= 4, "{events:?}");
+
+        let fast = fourteen_dof::at_rest(&p).unwrap().rolling(12.0, &p);
+        let turn = |_| {
+            let mut inputs = fourteen_dof::Inputs::steered(0.35);
+            inputs.friction_scale = [1.4; 4];
+            inputs
+        };
+        let (_, events) = with_events(&p, &fast, 1.0, 1e-3, turn, |_, _| {}).unwrap();
+        let lifted = events
+            .iter()
+            .find(|event| event.change == ContactChange::LiftOff)
+            .unwrap();
+        assert!(lifted.wheel.is_left(), "{events:?}");
+        let (_, finer) = with_events(&p, &fast, 1.0, 2.5e-4, turn, |_, _| {}).unwrap();
+        let again = finer
+            .iter()
+            .find(|event| event.change == ContactChange::LiftOff)
+            .unwrap();
+        assert!(
+            (again.time_s - lifted.time_s).abs() < 1e-5,
+            "{lifted:?} {again:?}"
+        );
+    }
+
+    #[test]
+    fn adaptive_and_fixed_steps_meet() {
+        let p = prowler();
+        let start = fourteen_dof::at_rest(&p).unwrap().rolling(6.0, &p);
+        let inputs = fourteen_dof::Inputs::steered(0.05);
+        let limits = Tolerance::default();
+        let rate = |_: f64, x: &[f64; fourteen_dof::STATES]| {
+            let state = fourteen_dof::State::from_array(*x);
+            fourteen_dof::derivative(&p, &state, &inputs).to_array()
+        };
+        let free = adaptive(&start.to_array(), 0.0, 0.5, &limits, rate, |_, _| {}).unwrap();
+        let mut fixed = start;
+        for _ in 0..5000 {
+            fixed = fourteen_dof::step(&p, &fixed, &inputs, 1e-4);
+        }
+        for (a, b) in free.into_iter().zip(fixed.to_array()) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn a_grid_without_a_step_is_refused() {
+        let p = prowler();
+        let batch = [Rollout {
+            model: &p,
+            start: fourteen_dof::State::zero(),
+            inputs: &[],
+        }];
+        let grid = Grid {
+            step_s: 1e-3,
+            steps: 1,
+            every: 1,
+        };
+        assert!(rollouts(&batch, &grid).is_err());
+        assert!(
+            rollouts(
+                &batch,
+                &Grid {
+                    step_s: 0.0,
+                    ..grid
+                }
+            )
+            .is_err()
+        );
+    }
+}
