@@ -25,6 +25,9 @@ pub enum EstimatorError {
     /// The text is not a calibration file.
     #[error("the calibration does not parse: {0}")]
     Parse(String),
+    /// The sensors file's values make no sensor.
+    #[error("{0}")]
+    Sensors(String),
     /// The vehicle's linkage cannot be used.
     #[error("{0}")]
     Suspension(String),

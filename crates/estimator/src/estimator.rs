@@ -90,7 +90,7 @@ impl Estimator {
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let corners = Corners::new(vehicle, pot.noise_sigma)?;
         let fusion = (settings.method == Method::Fusion && corners.is_some())
-            .then(|| Fusion::new(vehicle, sensors.strain.lag_hz, &calibration.corners));
+            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners));
         Ok(Self {
             motion: MotionFilter::new(motion_settings(sensors, &calibration)),
             corners,

@@ -31,6 +31,7 @@ mod covariance;
 pub mod layout;
 mod rows;
 
+use model::sensors::StrainChain;
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Vector3};
 use sample::{ForceSource, LogTime, PerWheel, StrainChannel, TyreForce};
@@ -73,7 +74,8 @@ pub struct Fusion {
     covariance: Box<Covariance>,
     body: Body,
     lag_s: f64,
-    health: [[ChannelHealth; 5]; 4],
+    bending_distance_m: f64,
+    health: [[ChannelHealth; StrainChannel::COUNT]; 4],
     steps: u32,
     resets: u32,
 }
@@ -124,13 +126,21 @@ pub struct ChannelChange {
 impl Fusion {
     /// A filter that has seen nothing.
     #[must_use]
-    pub fn new(vehicle: &Vehicle, lag_hz: f64, channels: &PerWheel<CornerChannels>) -> Self {
+    pub fn new(
+        vehicle: &Vehicle,
+        strain: &StrainChain,
+        channels: &PerWheel<CornerChannels>,
+    ) -> Self {
         let mut fusion = Self {
             state: [0.0; SIZE],
             covariance: Box::default(),
             body: Body::new(vehicle),
-            lag_s: 1.0 / (std::f64::consts::TAU * lag_hz.max(0.1)),
-            health: [[ChannelHealth::default(); 5]; 4],
+            lag_s: 1.0 / (std::f64::consts::TAU * strain.lag_hz.max(0.1)),
+            bending_distance_m: strain
+                .bending
+                .as_ref()
+                .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
+            health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
             steps: 0,
             resets: 0,
         };

@@ -19,6 +19,7 @@ pub mod fusion;
 pub mod inputs;
 pub mod lift;
 pub mod motion;
+pub mod score;
 mod settings;
 pub mod statics;
 

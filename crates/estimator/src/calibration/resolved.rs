@@ -1,15 +1,11 @@
 //! A calibration with every absent value filled in from the sensors file.
 
-use model::sensors::{Bridge, Sensors, StrainChain};
+use model::sensors::Sensors;
 use nalgebra::{Matrix3, Vector3};
 use sample::{PerWheel, StrainChannel, Wheel};
 
 use super::{Calibration, ChannelCalibration};
 use crate::EstimatorError;
-
-/// Gain of the INA2126 is 5 + 80 kilo-ohm/R_G (Burr-Brown data sheet, table 1).
-const INA2126_GAIN_FLOOR: f64 = 5.0;
-const INA2126_GAIN_OHM: f64 = 80_000.0;
 
 /// Everything that turns readings into values.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,37 +114,6 @@ impl Resolved {
     }
 }
 
-/// Axial force of one count, N: V/V_ex = k G EA^-1 F, with the bridge's k (physics: GF/4 for one
-/// gauge, GF/2 for two in opposite arms, (1 + nu) GF/4 and (1 + nu) GF/2 with Poisson gauges).
-fn axial_n_per_count(chain: &StrainChain) -> f64 {
-    let outer = chain.tube_outer_diameter_m;
-    let inner = outer - 2.0 * chain.tube_wall_m;
-    let area = std::f64::consts::FRAC_PI_4 * (outer * outer - inner * inner);
-    chain.youngs_modulus_pa * area / counts_per_strain(chain, chain.bridge, chain.gain_resistor_ohm)
-}
-
-/// Bending moment of one count, N m.
-fn bending_n_m_per_count(chain: &StrainChain, bridge: Bridge, gain_resistor_ohm: f64) -> f64 {
-    let outer = chain.tube_outer_diameter_m;
-    let inner = outer - 2.0 * chain.tube_wall_m;
-    let modulus = std::f64::consts::PI / 32.0 * (outer.powi(4) - inner.powi(4)) / outer;
-    chain.youngs_modulus_pa * modulus / counts_per_strain(chain, bridge, gain_resistor_ohm)
-}
-
-fn counts_per_strain(chain: &StrainChain, bridge: Bridge, gain_resistor_ohm: f64) -> f64 {
-    let factor = chain.gauge_factor
-        * match bridge {
-            Bridge::Quarter => 0.25,
-            Bridge::HalfAxial | Bridge::HalfBending => 0.5,
-            Bridge::HalfPoisson => 0.25 * (1.0 + chain.poisson_ratio),
-            Bridge::FullPoisson => 0.5 * (1.0 + chain.poisson_ratio),
-            Bridge::FullBending => 1.0,
-        };
-    factor
-        * (INA2126_GAIN_FLOOR + INA2126_GAIN_OHM / gain_resistor_ohm)
-        * full_scale(chain.adc_bits)
-}
-
 fn full_scale(adc_bits: u8) -> f64 {
     f64::from(adc_bits.min(16)).exp2()
 }
@@ -165,17 +130,23 @@ fn corner(
 ) -> Result<CornerChannels, EstimatorError> {
     let given = calibration.corner.get(&wheel);
     let chain = &sensors.strain;
+    let scale = |error: model::Error| EstimatorError::Sensors(error.to_string());
+    // A chain wired for bending on its axial channels tells no force.
+    let axial_gain = chain
+        .axial_scale()
+        .ok()
+        .map(|scale| 1.0 / scale.counts_per_unit);
+    let bending_gain = chain
+        .bending_scale()
+        .map_err(scale)?
+        .map(|scale| 1.0 / scale.counts_per_unit);
     let mut strain = [None; StrainChannel::COUNT];
     for channel in StrainChannel::ALL {
         let bending = matches!(
             channel,
             StrainChannel::LowerFrontBending | StrainChannel::LowerRearBending
         );
-        let nominal_gain = match (&chain.bending, bending) {
-            (_, false) => Some(axial_n_per_count(chain)),
-            (Some(b), true) => Some(bending_n_m_per_count(chain, b.bridge, b.gain_resistor_ohm)),
-            (None, true) => None,
-        };
+        let nominal_gain = if bending { bending_gain } else { axial_gain };
         let name = format!("corner.{}.strain.{}", wheel_key(wheel), channel.name());
         strain[channel.index()] = Some(resolve(
             &name,

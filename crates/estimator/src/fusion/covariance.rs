@@ -34,6 +34,14 @@ impl Row {
         }
     }
 
+    /// The row times a factor.
+    pub fn scaled(mut self, factor: f64) -> Self {
+        for value in &mut self.value[..self.length] {
+            *value *= factor;
+        }
+        self
+    }
+
     /// Positions and values.
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
         let index = self.index[..self.length].iter().map(|i| usize::from(*i));

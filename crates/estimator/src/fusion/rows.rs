@@ -2,6 +2,7 @@
 
 use model::suspension::CornerStatics;
 use nalgebra::{Matrix3, Vector3};
+use sample::StrainChannel;
 
 use super::covariance::{Row, position};
 use super::{
@@ -14,6 +15,8 @@ use crate::statics::AXIAL;
 /// Error of geometry and model on a member's force, N, and as a part of it.
 const MEMBER_FLOOR_N: f64 = 8.0;
 const MEMBER_FLOOR: f64 = 0.01;
+/// The same on the ball-normal force that bending tells, N.
+const BENDING_FLOOR_N: f64 = 10.0;
 /// The same on the sum of all forces, N.
 const SUM_FLOOR_N: f64 = 40.0;
 /// Gate of rows that no channel answers for, squared.
@@ -153,8 +156,56 @@ impl Fusion {
                 });
             }
         }
+        self.take_bending(input, wheel, readings, changes);
         if alive < 4 {
             self.take_expected(input, wheel);
+        }
+    }
+
+    /// Bending bridges between strut mount and ball joint: each tube carries one half of the
+    /// ball-normal force, so that its gauges see M = F_n d/2, whatever spring and damper do.
+    fn take_bending(
+        &mut self,
+        input: &StepInput<'_>,
+        wheel: usize,
+        readings: &mut CornerReadings,
+        changes: &mut impl FnMut(ChannelChange),
+    ) {
+        let corner = &input.corners[wheel];
+        let statics = &corner.statics;
+        let arm = 0.5 * self.bending_distance_m;
+        let gain = arm * statics.ball_normal_per_strut;
+        if gain == 0.0 {
+            return;
+        }
+        let rolling = -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
+        let torque = corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle;
+        for channel in [
+            StrainChannel::LowerFrontBending,
+            StrainChannel::LowerRearBending,
+        ] {
+            let i = channel.index();
+            let Some(reading) = &mut readings.strain[i] else {
+                continue;
+            };
+            if reading.taken {
+                continue;
+            }
+            reading.taken = true;
+            let age = input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s;
+            let row = member_row(statics, wheel, 5, age, rolling, torque).scaled(gain);
+            let known = gain * statics.members_offset[5] + arm * statics.ball_normal_offset_n;
+            let c = &input.channels.0[wheel].strain[i];
+            let floor = arm * BENDING_FLOOR_N;
+            let variance = c.noise_sigma.powi(2) + c.offset_sigma.powi(2) + floor * floor;
+            let change = self.take_channel(&row, reading.value - known, variance, wheel, i);
+            if change != Change::None {
+                changes(ChannelChange {
+                    wheel,
+                    channel,
+                    faulty: change == Change::Faulty,
+                });
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 use estimator::Calibration;
 use estimator::calibration::{Channel, Resolved};
 use model::sensors::Sensors;
+use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use rand::{Rng, SeedableRng};
@@ -96,6 +97,14 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
             .iter()
             .map(|name| run.column(&format!("{w}_{name}")))
             .collect();
+        let normal_n = ball_normal(run, vehicle, wheel);
+        let bending = [5, 6].map(|i: usize| (i, source.rng.random_range(-zero..=zero)));
+        let arm = sensors
+            .strain
+            .bending
+            .as_ref()
+            .map(|bridge| 0.5 * bridge.distance_from_ball_joint_m);
+        let mut lagged_normal = normal_n[0];
         let length = run.column(&format!("{w}_spring_len"));
         let mut lagged: Vec<f64> = forces.iter().map(|force| force[0]).collect();
         for row in 0..run.rows {
@@ -107,6 +116,8 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
                 };
                 *state = mean + (*state - mean) * keep;
             }
+            let mean = normal_n[row];
+            lagged_normal = mean + (lagged_normal - mean) * keep;
             if row % 2 != 0 {
                 continue;
             }
@@ -116,6 +127,17 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
                 let bits = sensors.strain.adc_bits;
                 strain_counts[i] =
                     Some(source.counts(&channels.strain[i], bits, *offset, noise, lagged[i]));
+            }
+            if let Some(arm) = arm {
+                for (i, offset) in bending {
+                    strain_counts[i] = Some(source.counts(
+                        &channels.strain[i],
+                        sensors.strain.adc_bits,
+                        offset,
+                        sensors.strain.noise_counts,
+                        arm * lagged_normal,
+                    ));
+                }
             }
             let compression = design_m - length[row];
             let deflection_counts = Some(source.counts(
@@ -137,6 +159,23 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
             );
         }
     }
+}
+
+/// Force of the upright on the lower arm along the arm's upward normal, N.
+fn ball_normal(run: &Run, vehicle: &Vehicle, wheel: Wheel) -> Vec<f64> {
+    let points = Corner::of(vehicle, wheel).unwrap().points;
+    let w = wheel.abbreviation();
+    let vector = |name: &str, axis: &str| run.column(&format!("{w}_{name}{axis}"));
+    let ball = ["_x", "_y", "_z"].map(|axis| vector("lbj", axis));
+    let force = ["x", "y", "z"].map(|axis| vector("LCA_ball_F", axis));
+    (0..run.rows)
+        .map(|row| {
+            let ball = Vector3::from(ball.map(|column| column[row]));
+            let across = (points.lower_front - ball).cross(&(points.lower_rear - ball));
+            let up = across.normalize() * across.z.signum();
+            up.dot(&Vector3::from(force.map(|column| column[row])))
+        })
+        .collect()
 }
 
 fn imu(source: &mut Source<'_>, sensors: &Sensors) {
