@@ -1,5 +1,10 @@
 //! Whatever comes in, what goes out is finite, and a filter that was misled finds back.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test's helpers stand outside its functions"
+)]
+
 use std::f64::consts::TAU;
 
 use estimator::{Calibration, Estimator, Method, Output, Settings};
