@@ -52,6 +52,10 @@ pub enum Command {
     Check(CheckArgs),
     /// Make cut-short logs whole.
     Recover(RecoverArgs),
+    /// Set a mark in the running recording.
+    Mark(MarkArgs),
+    /// Show how the running recorder does.
+    Status(StatusArgs),
     /// Make project files from others' formats.
     #[command(subcommand)]
     Import(ImportCommand),
@@ -223,6 +227,38 @@ pub struct RecoverArgs {
     /// Logs, or directories whose unfinished logs (`*.active`) are meant.
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
+}
+
+/// Where the running recorder listens.
+#[derive(Debug, Args)]
+pub struct SocketArgs {
+    /// Configuration of the recorder.
+    #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
+    pub config: PathBuf,
+    /// Its control socket, if the configuration is not at hand.
+    #[arg(long, value_name = "PATH", conflicts_with = "config")]
+    pub socket: Option<PathBuf>,
+}
+
+/// `atvrec mark`.
+#[derive(Debug, Args)]
+pub struct MarkArgs {
+    /// Text of the mark.
+    pub text: String,
+    /// Where the recorder listens.
+    #[command(flatten)]
+    pub socket: SocketArgs,
+}
+
+/// `atvrec status`.
+#[derive(Debug, Args)]
+pub struct StatusArgs {
+    /// Where the recorder listens.
+    #[command(flatten)]
+    pub socket: SocketArgs,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `atvrec import`.

@@ -9,7 +9,7 @@ mod roles;
 mod source;
 mod storage;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use store::Attachment;
@@ -36,6 +36,8 @@ pub struct Config {
     pub storage: Storage,
     /// What the estimator is told; `None` switches it off.
     pub estimator: Option<Estimator>,
+    /// Control socket; `None` puts it into the storage directory.
+    pub control: Option<PathBuf>,
     /// The configuration itself and every file that it names, for the log.
     pub attachments: Vec<Attachment>,
 }
@@ -54,6 +56,7 @@ impl Config {
         let files = Files::on_disk(directory.clone());
         let mut config = Self::resolve(&path.display().to_string(), &text, files)?;
         config.storage.directory = directory.join(&config.storage.directory);
+        config.control = config.control.map(|socket| directory.join(socket));
         for source in &mut config.sources {
             source.look_from(&directory);
         }
@@ -95,6 +98,9 @@ impl Config {
         let vehicle = top.section("vehicle", &mut gather);
         let section = top.section("estimator", &mut gather);
         let estimator = estimator::read(section, vehicle, &mut files, &mut gather);
+        let mut control = top.section("control", &mut gather);
+        let socket = control.optional::<String>("socket", &mut gather);
+        control.finish(&mut gather);
         top.finish(&mut gather);
         if !gather.is_empty() {
             return Err(Problems(gather.into_problems()));
@@ -109,6 +115,7 @@ impl Config {
             sources,
             storage,
             estimator,
+            control: socket.map(|field| PathBuf::from(field.value)),
             attachments,
         })
     }

@@ -24,6 +24,9 @@ const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
 /// Time between two looks for silent sources.
 const WATCH_INTERVAL_NS: i64 = NANOS_PER_SECOND / 10;
 
+/// What a source says when it is closed in good order.
+const STOPPED: &str = "stopped";
+
 /// The machine.
 pub struct Engine {
     sources: Vec<SourceState>,
@@ -36,10 +39,14 @@ pub struct Engine {
 impl Engine {
     /// A machine at its start.
     pub fn new(config: &Config) -> anyhow::Result<Self> {
+        let attitude_latency_s = config
+            .estimator
+            .as_ref()
+            .map_or(0.0, |told| told.sensors.gnss_attitude.latency_s);
         let sources = config
             .sources
             .iter()
-            .map(SourceState::new)
+            .map(|source| SourceState::new(source, attitude_latency_s))
             .collect::<anyhow::Result<_>>()?;
         Ok(Self {
             sources,
@@ -96,7 +103,14 @@ impl Engine {
     ) {
         let (severity, text) = match notice {
             Notice::Opened(text) => (Severity::Info, format!("opened: {text}")),
-            Notice::Closed(text) => (Severity::Warning, format!("closed: {text}")),
+            Notice::Closed(text) => {
+                let severity = if text == STOPPED {
+                    Severity::Info
+                } else {
+                    Severity::Warning
+                };
+                (severity, format!("closed: {text}"))
+            }
             Notice::Lost { place, count } => (
                 Severity::Error,
                 format!("{count} items lost ({})", place.name()),

@@ -3,6 +3,7 @@
 mod cli;
 mod cmd;
 mod config;
+mod control;
 mod devices;
 mod engine;
 mod exit;
@@ -12,6 +13,7 @@ mod rig;
 mod session;
 mod verify;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -43,6 +45,8 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Info(args) => cmd::info::run(&args),
         Command::Check(args) => cmd::check::run(&args),
         Command::Recover(args) => cmd::recover::run(&args),
+        Command::Mark(args) => cmd::control::mark(&args),
+        Command::Status(args) => cmd::control::status(&args),
         Command::Import(ImportCommand::Vehicle(args)) => cmd::import::run(&args),
         Command::Completions(args) => cmd::completions::run(&args),
     }
@@ -61,6 +65,7 @@ fn start_messages(verbose: u8, quiet: bool) {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .compact()
         .init();

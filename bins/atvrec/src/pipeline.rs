@@ -15,11 +15,12 @@ use std::time::{Duration, Instant};
 
 use acq::{LogClock, QueueSizes, Sequencer, Supervisor};
 use anyhow::Context;
-use sample::{Arrival, Health, LogTime, LossPlace, Severity};
+use sample::{Arrival, Health, LogTime, LossPlace, Payload, Severity};
 use store::{LogMessage, Record, Recorder, RecorderSummary};
 use tokio::sync::mpsc;
 
 use crate::config::Config;
+use crate::control::{self, Listener};
 use crate::engine::Engine;
 use crate::session;
 
@@ -76,6 +77,7 @@ pub async fn record(config: &Config, stop: impl Future<Output = ()>) -> anyhow::
     let session = session::live(config, started);
     let engine = Engine::new(config)?;
     let recorder = start_recorder(config, session)?;
+    let control = Listener::open(&control::socket_path(config))?;
     let (sequencer, streams) = Sequencer::new(clock, QueueSizes::default());
     let progress = Arc::new(Progress::default());
     let raw = spawn_recorder(
@@ -95,7 +97,11 @@ pub async fn record(config: &Config, stop: impl Future<Output = ()>) -> anyhow::
     }
     notify(&[sd_notify::NotifyState::Ready]);
     tracing::info!(sources = config.sources.len(), "recording");
-    watch(&progress, stop).await;
+    tokio::select! {
+        () = watch(&progress, stop) => {}
+        () = control.serve(sequencer.clone(), Arc::downgrade(&recorder)) => {}
+    }
+    drop(control);
 
     notify(&[sd_notify::NotifyState::Stopping]);
     let stuck = match supervisor.stop(STOP_DEADLINE).await {
@@ -152,7 +158,10 @@ fn spawn_engine(
             last = arrival.log_time;
             engine.push(&arrival, &mut records);
             for record in records.drain(..) {
-                if let Record::Log(message) = &record {
+                // What happened to a source itself, the source has said on the terminal.
+                if let Record::Log(message) = &record
+                    && !matches!(arrival.payload, Payload::Notice(_))
+                {
                     say(message);
                 }
                 recorder.record(record);

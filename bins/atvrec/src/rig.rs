@@ -125,7 +125,8 @@ impl Rig {
                 ("baud", options.novatel_baud.to_string()),
                 (
                     "transport_delay_s",
-                    seconds(options.novatel_processing_s + line_time_s(76, options.novatel_baud)),
+                    // BESTPOS, the first message of an epoch.
+                    seconds(options.novatel_processing_s + line_time_s(104, options.novatel_baud)),
                 ),
             ],
         );

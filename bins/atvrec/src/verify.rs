@@ -55,7 +55,7 @@ impl Verifier {
             })
             .map(|(topic, _)| topic.clone());
         let report = Report {
-            unfinished: !info.missing.is_empty(),
+            unfinished: !info.missing.is_empty() || reader.was_recovered(),
             ..Report::default()
         };
         Self {

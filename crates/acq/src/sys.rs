@@ -254,6 +254,20 @@ pub fn open_pseudo_terminal_nonblocking() -> io::Result<(File, std::path::PathBu
     pseudo_terminal(libc::O_NONBLOCK)
 }
 
+/// No line discipline: bytes pass as they are, before a program has set the port up too.
+fn make_raw(terminal: &File) -> io::Result<()> {
+    let descriptor = terminal.as_raw_fd();
+    let mut settings = MaybeUninit::<libc::termios>::zeroed();
+    // SAFETY: the descriptor is open; tcgetattr writes one termios.
+    check(unsafe { libc::tcgetattr(descriptor, settings.as_mut_ptr()) })?;
+    // SAFETY: tcgetattr succeeded; the two calls change and read that structure only.
+    check(unsafe {
+        libc::cfmakeraw(settings.as_mut_ptr());
+        libc::tcsetattr(descriptor, libc::TCSANOW, settings.as_ptr())
+    })?;
+    Ok(())
+}
+
 fn pseudo_terminal(flags: c_int) -> io::Result<(File, std::path::PathBuf)> {
     use std::ffi::CStr;
     use std::os::fd::FromRawFd;
@@ -264,6 +278,7 @@ fn pseudo_terminal(flags: c_int) -> io::Result<(File, std::path::PathBuf)> {
     // SAFETY: the descriptor was made above and nothing else owns it.
     let device = unsafe { File::from_raw_fd(descriptor) };
     let mut name = [0_i8; 128].map(|zero| zero as libc::c_char);
+    make_raw(&device)?;
     // SAFETY: `device` is open; ptsname_r writes at most `name.len()` bytes, its end mark included.
     unsafe {
         check(libc::grantpt(descriptor))?;

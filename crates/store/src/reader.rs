@@ -13,6 +13,7 @@ use sample::{Estimate, LogTime, Motion, PerWheel, Signal, SourceId, TyreForce};
 pub use arrivals::ArrivalIter;
 pub use messages::{Message, MessageIter, Selection};
 
+use crate::recovery::RECOVERED_METADATA;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
 use crate::{Attachment, Error, Record, Result, Session, Stage};
 pub(crate) use index::Index;
@@ -238,6 +239,14 @@ impl Reader {
             info.missing.extend(index.missing.iter().cloned());
         }
         info
+    }
+
+    /// Whether one of the files was cut short and made whole by [`crate::recover`].
+    #[must_use]
+    pub fn was_recovered(&self) -> bool {
+        self.files
+            .iter()
+            .any(|file| file.index.metadata.contains_key(RECOVERED_METADATA))
     }
 
     /// Metadata records of all files by name; where files differ, the last one's.

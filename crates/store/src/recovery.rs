@@ -15,7 +15,7 @@ use crate::scan::{self, Decompressor, Scanner, Step};
 use crate::{Error, Result, journal, log_writer, raw, schema};
 
 /// Name of the metadata record that tells of a recovery.
-const RECOVERED_METADATA: &str = "atvrec.recovered";
+pub(crate) const RECOVERED_METADATA: &str = "atvrec.recovered";
 
 /// What a recovery did.
 #[derive(Clone, Debug, PartialEq, Eq)]

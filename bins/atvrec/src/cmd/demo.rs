@@ -16,7 +16,7 @@ use crate::pipeline::Summary;
 use crate::rig::{Ports, Rig};
 
 /// The recording begins before the drive and ends after it by this much.
-const MARGIN: Duration = Duration::from_millis(700);
+const MARGIN: Duration = Duration::from_millis(300);
 
 /// Drives, records, replays and reports.
 pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
@@ -50,7 +50,6 @@ pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
     step(3, "the report");
     let page = directory.join("report.html");
     super::report::write(&summary.files, &page)?;
-    println!("  {}", page.display());
 
     println!(
         "\nDone in {:.0} s. Everything is in {}:",

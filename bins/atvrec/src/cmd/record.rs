@@ -80,12 +80,10 @@ pub fn as_text(summary: &Summary) -> String {
         "source", "messages", "bytes", "checksum", "gaps", "lost"
     );
     for source in &summary.health.sources {
-        let state = if source.silent {
-            "  silent"
-        } else if !source.open {
-            "  not open"
-        } else {
-            ""
+        let state = match (source.bytes, source.silent) {
+            (0, _) => "  nothing received",
+            (_, true) => "  silent at the end",
+            _ => "",
         };
         let _ = writeln!(
             text,

@@ -60,7 +60,12 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         }
         replay.keep(arrival)?;
     }
-    done.missing = arrivals.missing();
+    done.missing = reader.info().missing;
+    for missing in arrivals.missing() {
+        if !done.missing.contains(&missing) {
+            done.missing.push(missing);
+        }
+    }
     progress.finish();
     let report = replay.finish()?;
     tell(args, &done, report.as_ref(), begin.elapsed());

@@ -430,7 +430,7 @@ fn example_of(expected: &str) -> &'static str {
         "a string" => "\"...\"",
         "true or false" => "true",
         "a list" => "[...]",
-        _ => "10",
+        _ => "<number>, without quotes",
     }
 }
 

@@ -61,8 +61,8 @@ pub struct GnssMeaning {
     /// Latency of velocities whose record has no field for it, s; `None` takes half the interval
     /// between two records.
     pub velocity_latency_s: Option<f64>,
-    /// Latency of attitudes, s.
-    pub attitude_latency_s: f64,
+    /// Latency of attitudes, s; `None` takes the sensors file's.
+    pub attitude_latency_s: Option<f64>,
 }
 
 impl Source {
@@ -91,9 +91,11 @@ pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'
             );
         }
         let id = SourceId(u16::try_from(number).unwrap_or(u16::MAX - 1));
-        sources.extend(read(id, &name.value, section, files, gather));
+        if let Some(source) = read(id, &name.value, section, files, gather) {
+            report_shared_device(&source, &sources, &name, gather);
+            sources.push(source);
+        }
     }
-    report_shared_devices(&sources, gather);
     sources
 }
 
@@ -294,24 +296,30 @@ fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
 
 fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     let port = read_port(section, 115_200, gather);
-    let velocity = section.optional::<f64>("velocity_latency_s", gather);
-    if let Some(field) = &velocity
-        && !(0.0..=5.0).contains(&field.value)
-    {
-        gather.add(
-            &field.span,
-            &field.name,
-            format!("{} s is out of range", field.value),
-            "give a number from 0 to 5, or leave it out for half the interval",
-        );
-    }
     let meaning = Meaning::Gnss(GnssMeaning {
-        velocity_latency_s: velocity.map(|field| field.value),
-        attitude_latency_s: section.number_in("attitude_latency_s", 0.0..=5.0, 0.0, gather),
+        velocity_latency_s: read_latency(section, "velocity_latency_s", gather),
+        attitude_latency_s: read_latency(section, "attitude_latency_s", gather),
     });
     let setup = read_commands(section, gather);
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
     (kind, meaning, 1.0)
+}
+
+fn read_latency(
+    section: &mut Section<'_>,
+    key: &'static str,
+    gather: &mut Gatherer<'_>,
+) -> Option<f64> {
+    let field = section.optional::<f64>(key, gather)?;
+    if !(0.0..=5.0).contains(&field.value) {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("{} s is out of range", field.value),
+            "give a number from 0 to 5, or leave it out for the default",
+        );
+    }
+    Some(field.value)
 }
 
 fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
@@ -445,19 +453,22 @@ pub fn device_name(kind: &SourceKind) -> String {
     }
 }
 
-fn report_shared_devices(sources: &[Source], gather: &mut Gatherer<'_>) {
-    for (number, source) in sources.iter().enumerate() {
-        let device = device_name(&source.spec.kind);
-        let first = sources[..number]
-            .iter()
-            .find(|other| device_name(&other.spec.kind) == device);
-        if let Some(first) = first {
-            gather.add(
-                &(0..0),
-                &format!("source.{}", source.spec.name),
-                format!("{device} is already read by source.{}", first.spec.name),
-                "give each source a device of its own",
-            );
-        }
+fn report_shared_device(
+    source: &Source,
+    others: &[Source],
+    name: &Field<String>,
+    gather: &mut Gatherer<'_>,
+) {
+    let device = device_name(&source.spec.kind);
+    let first = others
+        .iter()
+        .find(|other| device_name(&other.spec.kind) == device);
+    if let Some(first) = first {
+        gather.add(
+            &name.span,
+            &name.name,
+            format!("{device} is already read by source.{}", first.spec.name),
+            "give each source a device of its own",
+        );
     }
 }

@@ -1,8 +1,8 @@
 //! One source inside the engine: its decoder, its device's clock and its counters.
 
 use sample::{
-    Arrival, CanFrame, DeviceTime, LogTime, LossPlace, Measurement, Notice, Payload, Sample,
-    SourceHealth, SourceId,
+    Arrival, CanFrame, DeviceTime, LogTime, LossPlace, Measurement, NANOS_PER_SECOND, Notice,
+    Payload, Sample, SourceHealth, SourceId,
 };
 use store::ClockFit as ClockRecord;
 use wire::{Item, Statistics};
@@ -17,6 +17,9 @@ const GPS_EPOCH_UNIX_S: f64 = 315_964_800.0;
 const DAY_S: f64 = 86_400.0;
 /// Two velocity records further apart than this say nothing about the interval, s.
 const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
+
+/// A device that was just opened may be silent for this much longer: it is set up.
+const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
 
 /// One source inside the engine.
 pub struct SourceState {
@@ -62,7 +65,9 @@ pub enum Silence {
 
 impl SourceState {
     /// The state at the start.
-    pub fn new(source: &Source) -> anyhow::Result<Self> {
+    ///
+    /// `attitude_latency_s` is for receivers whose configuration does not say.
+    pub fn new(source: &Source, attitude_latency_s: f64) -> anyhow::Result<Self> {
         let (decoder, gnss) = match &source.meaning {
             Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can)), None),
             Meaning::Crossbow440(rate) => {
@@ -79,7 +84,7 @@ impl SourceState {
             id: source.spec.id,
             name: source.spec.name.clone(),
             decoder,
-            timing: Timing::new(source.transport_delay_s, gnss),
+            timing: Timing::new(source.transport_delay_s, gnss, attitude_latency_s),
             silent_after_ns: source
                 .silent_after
                 .map(|limit| i64::try_from(limit.as_nanos()).unwrap_or(i64::MAX)),
@@ -156,7 +161,7 @@ impl SourceState {
             Notice::Opened(_) => {
                 self.open = true;
                 self.opened += 1;
-                self.last_data = Some(log_time);
+                self.last_data = Some(log_time + OPENING_GRACE_NS);
             }
             Notice::Closed(_) => self.open = false,
             Notice::Lost { place, count } => self.lost[*place as usize] += count,
@@ -236,12 +241,14 @@ impl SourceState {
 }
 
 impl Timing {
-    fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>) -> Self {
+    fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
         Self {
             fits: [ClockFit::new(Scale::Gps), ClockFit::new(Scale::UtcDay)],
             transport_delay_s,
             velocity_latency_s: gnss.and_then(|gnss| gnss.velocity_latency_s),
-            attitude_latency_s: gnss.map_or(0.0, |gnss| gnss.attitude_latency_s),
+            attitude_latency_s: gnss
+                .and_then(|gnss| gnss.attitude_latency_s)
+                .unwrap_or(attitude_latency_s),
             last_velocity_tag_s: None,
             velocity_interval_s: 0.0,
         }

@@ -104,13 +104,15 @@ fn a_missing_device_is_told_and_does_not_keep_the_others_from_recording() {
         .args(["record", "--for", "0.5"])
         .assert()
         .success();
-    assert!(stdout(&assert).contains("not open"), "{}", stdout(&assert));
+    let text = stdout(&assert);
+    assert!(text.contains("nothing received"), "{text}");
     assert_eq!(logs(&directory.path().join("logs")).len(), 1);
     let assert = atvrec(directory.path())
         .args(["check", "--listen-s", "0.3"])
         .assert()
         .code(1);
-    assert!(stdout(&assert).contains("not open"), "{}", stdout(&assert));
+    let text = stdout(&assert);
+    assert!(text.contains("not open"), "{text}");
 }
 
 #[test]

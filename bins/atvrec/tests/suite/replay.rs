@@ -1,7 +1,7 @@
 use std::fs;
 use std::path::Path;
 
-use sample::{Arrival, Payload};
+use sample::{Arrival, Measurement, Payload};
 use store::{Reader, Record, Selection, Stage, Writer};
 
 use crate::support::{atvrec, simulate, stderr, stdout};
@@ -131,6 +131,53 @@ fn a_log_that_is_cut_replays_as_far_as_it_goes() {
         .args(["replay", "cut.mcap", "--verify"])
         .assert()
         .success();
+}
+
+#[test]
+fn measurements_stand_at_the_instant_when_they_were_true() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = simulate(directory.path(), "drive.mcap", 1);
+    let reader = Reader::open([&log]).expect("the log opens");
+    let selection = Selection::topics(["/imu/imu", "/gnss/novatel/velocity", "/truth/motion"]);
+    let (mut start, mut worst_imu_s, mut worst_velocity_s) = (None, 0.0_f64, 0.0_f64);
+    let (mut imu, mut velocities) = (0, 0);
+    for message in reader.messages(selection) {
+        let message = message.expect("a message");
+        let start = *start.get_or_insert(message.log_time);
+        let Some(Record::Sample(sample)) = message.record().expect("a record") else {
+            continue;
+        };
+        let true_s = sample.valid_time.seconds_since(start);
+        match sample.measurement {
+            Measurement::Imu(_) => {
+                imu += 1;
+                let off_grid_s = true_s - (true_s / 0.01).round() * 0.01;
+                worst_imu_s = worst_imu_s.max(off_grid_s.abs());
+            }
+            Measurement::GnssVelocity(velocity) if true_s > 1.0 => {
+                velocities += 1;
+                // Tags stand on multiples of 50 ms; the record says how late its velocity is.
+                let latency_s = velocity.latency_s.expect("BESTVEL has a latency");
+                assert!(latency_s > 0.0);
+                let tag_s = true_s + latency_s;
+                let off_grid_s = tag_s - (tag_s / 0.05).round() * 0.05;
+                worst_velocity_s = worst_velocity_s.max(off_grid_s.abs());
+            }
+            _ => {}
+        }
+    }
+    assert!(
+        imu > 150 && velocities > 10,
+        "{imu} and {velocities} samples"
+    );
+    assert!(
+        worst_imu_s < 1e-3,
+        "inertial samples are off by {worst_imu_s} s"
+    );
+    assert!(
+        worst_velocity_s < 2e-3,
+        "velocities are off by {worst_velocity_s} s"
+    );
 }
 
 #[test]
