@@ -131,13 +131,16 @@ impl Physical {
             return ([x, -y], T::from(self.contact_length_m / 3.0));
         }
         let pull = square.sqrt();
-        let part = pull / (grip * 3.0);
+        let part = pull / grip * (1.0 / 3.0);
         if part >= 1.0 {
             let scale = grip / pull;
             return ([x * scale, -y * scale], T::from(0.0));
         }
         // mu F_z (1 - H^3)/|G| with H = 1 - part is 1 - part + part^2/3: no division by slip.
-        let scale = part * part / 3.0 - part + 1.0;
+        let scale = part * (part * (1.0 / 3.0) - 1.0) + 1.0;
+        if self.contact_length_m == 0.0 {
+            return ([x * scale, -y * scale], T::from(0.0));
+        }
         let h = -part + 1.0;
         // M_z of Adams: mu F_z w (1 - H) H^3 along the slip; as a trail, w (1-H) H^3/(1-H^3).
         let trail = h * h * h / (part * part - part * 3.0 + 3.0) * self.contact_length_m;

@@ -51,8 +51,28 @@ struct Solution<T> {
     accelerations: [T; 5],
 }
 
+/// Sine and cosine of each wheel's steer angle without roll steer, the same for all stages of a
+/// step.
+type Turned<T> = [(T, T); 4];
+
 #[inline]
-fn wheels<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Wheels<T> {
+fn turned<T: Scalar>(inputs: &Inputs<T>) -> Turned<T> {
+    inputs.steer_rad.map(|steer| {
+        if T::NDERIV == 0 && steer == 0.0 {
+            (steer, T::from(1.0))
+        } else {
+            steer.sin_cos()
+        }
+    })
+}
+
+#[inline]
+fn wheels<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+    turned: &Turned<T>,
+) -> Wheels<T> {
     let zero = [T::from(0.0); 4];
     let mut wheels = Wheels {
         sin: zero,
@@ -67,12 +87,11 @@ fn wheels<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<
         let [x, y] = parameters.wheel_position_m(i);
         let along = state.longitudinal_m_s - state.yaw_rate_rad_s * y;
         let across = state.lateral_m_s + state.yaw_rate_rad_s * x;
-        let steer = if axle.roll_steer == 0.0 {
-            inputs.steer_rad[i]
+        let (sin, cos) = if axle.roll_steer == 0.0 {
+            turned[i]
         } else {
-            inputs.steer_rad[i] + state.roll_rad * axle.roll_steer
+            (inputs.steer_rad[i] + state.roll_rad * axle.roll_steer).sin_cos()
         };
-        let (sin, cos) = steer.sin_cos();
         let rolling = along * cos + across * sin;
         let sliding = across * cos - along * sin;
         wheels.sin[i] = sin;
@@ -92,39 +111,78 @@ fn wheels<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<
     wheels
 }
 
+/// What does not depend on the tyres' forces.
+#[derive(Clone, Copy)]
+struct Held<T> {
+    /// m g cos(bank) cos(grade).
+    down: T,
+    bank_pull: T,
+    grade_pull: T,
+    drag: T,
+    /// m_s g h_s sin(phi) - K_phi phi - B_phi phi'.
+    rolling: T,
+    /// m_s g h_p sin(theta) - K_theta theta - B_theta theta'.
+    pitching: T,
+    /// (K_theta theta + B_theta theta')/L.
+    pitch_transfer: T,
+    /// (K_phi phi + B_phi phi')/t of each axle.
+    roll_transfer: [T; 2],
+}
+
+#[inline]
+fn held<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Held<T> {
+    let p = parameters;
+    let g = p.gravity_m_s2;
+    let weight = p.sprung_mass_kg * g;
+    let level = T::NDERIV == 0 && inputs.bank_rad == 0.0 && inputs.grade_rad == 0.0;
+    let (down, bank_pull, grade_pull) = if level {
+        (T::from(p.mass_kg * g), T::from(0.0), T::from(0.0))
+    } else {
+        let (sb, cb) = inputs.bank_rad.sin_cos();
+        let (sg, cg) = inputs.grade_rad.sin_cos();
+        (cb * cg * (p.mass_kg * g), sb * g, sg * g)
+    };
+    let [front, rear] = [&p.front, &p.rear].map(|axle| {
+        state.roll_rad * axle.roll_stiffness_n_m_rad
+            + state.roll_rate_rad_s * axle.roll_damping_n_m_s_rad
+    });
+    let spring = state.pitch_rad * p.pitch_stiffness_n_m_rad
+        + state.pitch_rate_rad_s * p.pitch_damping_n_m_s_rad;
+    let speed = state.longitudinal_m_s;
+    Held {
+        down,
+        bank_pull,
+        grade_pull,
+        drag: speed * speed.magnitude() * p.drag_n_s2_m2,
+        rolling: state.roll_rad.sin() * (weight * p.roll_arm_m) - front - rear,
+        pitching: state.pitch_rad.sin() * (weight * p.pitch_arm_m) - spring,
+        pitch_transfer: spring * p.inverse_wheelbase,
+        roll_transfer: [front * p.inverse_track[0], rear * p.inverse_track[1]],
+    }
+}
+
 /// Loads from roll, pitch and the axles' forces.
 #[inline]
 fn loads<T: Scalar>(
     parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
+    held: &Held<T>,
     lateral_force: [T; 2],
     longitudinal_force: T,
     felt_lateral: T,
 ) -> [T; 4] {
     let p = parameters;
-    let length = p.wheelbase_m();
-    let down = if inputs.bank_rad == 0.0 && inputs.grade_rad == 0.0 && T::NDERIV == 0 {
-        T::from(p.mass_kg * p.gravity_m_s2)
-    } else {
-        inputs.bank_rad.cos() * inputs.grade_rad.cos() * (p.mass_kg * p.gravity_m_s2)
-    };
-    let pitch = (state.pitch_rad * p.pitch_stiffness_n_m_rad
-        + state.pitch_rate_rad_s * p.pitch_damping_n_m_s_rad
-        - longitudinal_force * p.pitch_centre_height_m)
-        / length;
+    let pitch =
+        held.pitch_transfer - longitudinal_force * (p.pitch_centre_height_m * p.inverse_wheelbase);
     // An axle that would pull hangs; the other carries the vehicle.
-    let front = (down * (-p.rear.ahead_m / length) + pitch).at_least(0.0);
-    let front = if front > down { down } else { front };
-    let sums = [front, down - front];
+    let front = (held.down * (-p.rear.ahead_m * p.inverse_wheelbase) + pitch).at_least(0.0);
+    let front = if front > held.down { held.down } else { front };
+    let sums = [front, held.down - front];
     let mut load = [T::from(0.0); 4];
     for (k, axle) in [&p.front, &p.rear].into_iter().enumerate() {
-        let unsprung = felt_lateral * axle.unsprung_mass_kg;
-        let transfer = (state.roll_rad * axle.roll_stiffness_n_m_rad
-            + state.roll_rate_rad_s * axle.roll_damping_n_m_s_rad
-            + (lateral_force[k] - unsprung) * axle.roll_centre_height_m
-            + unsprung * axle.unsprung_height_m)
-            / axle.track_m;
+        let height = axle.roll_centre_height_m;
+        let unsprung = axle.unsprung_mass_kg * (axle.unsprung_height_m - height);
+        let transfer = held.roll_transfer[k]
+            + (lateral_force[k] * height + felt_lateral * unsprung) * p.inverse_track[k];
         let half = sums[k] * 0.5;
         // A wheel that would pull hangs; its neighbour carries the axle.
         let transfer = if transfer > half {
@@ -140,57 +198,33 @@ fn loads<T: Scalar>(
     load
 }
 
-/// (u', v', r', phi'', theta'') and the felt accelerations from the forces' sums.
+/// (u', v', r', phi'', theta'') and the felt lateral acceleration from the forces' sums.
 #[inline]
 fn accelerations<T: Scalar>(
     parameters: &Parameters,
     state: &State<T>,
-    inputs: &Inputs<T>,
+    held: &Held<T>,
     [x, y, moment]: [T; 3],
-) -> ([T; 5], [T; 2]) {
+) -> ([T; 5], T) {
     let p = parameters;
-    let weight = p.sprung_mass_kg * p.gravity_m_s2;
-    let level = T::NDERIV == 0 && inputs.bank_rad == 0.0 && inputs.grade_rad == 0.0;
-    let (bank_pull, grade_pull) = if level {
-        (T::from(0.0), T::from(0.0))
-    } else {
-        (
-            inputs.bank_rad.sin() * p.gravity_m_s2,
-            inputs.grade_rad.sin() * p.gravity_m_s2,
-        )
-    };
-    let speed = state.longitudinal_m_s;
-    let drag = speed * speed.magnitude() * p.drag_n_s2_m2;
-    let felt_x = (x - drag) / p.mass_kg;
-    let stiffness = p.front.roll_stiffness_n_m_rad + p.rear.roll_stiffness_n_m_rad;
-    let damping = p.front.roll_damping_n_m_s_rad + p.rear.roll_damping_n_m_s_rad;
-    let right = [
-        y,
-        moment,
-        state.roll_rad.sin() * (weight * p.roll_arm_m)
-            - state.roll_rad * stiffness
-            - state.roll_rate_rad_s * damping,
-    ];
+    let felt_x = (x - held.drag) * p.inverse_mass;
+    let right = [y, moment, held.rolling];
     let row = |i: usize| {
         right[0] * p.inverse[(i, 0)] + right[1] * p.inverse[(i, 1)] + right[2] * p.inverse[(i, 2)]
     };
     // Solved for a_y + g sin(bank), which is what springs and gauges feel.
     let felt_y = row(0);
-    let inertia = p.pitch_inertia_kg_m2 + p.sprung_mass_kg * p.pitch_arm_m * p.pitch_arm_m;
-    let pitching = (felt_x * (-p.sprung_mass_kg * p.pitch_arm_m)
-        + state.pitch_rad.sin() * (weight * p.pitch_arm_m)
-        - state.pitch_rad * p.pitch_stiffness_n_m_rad
-        - state.pitch_rate_rad_s * p.pitch_damping_n_m_s_rad)
-        / inertia;
+    let pitching =
+        (felt_x * (-p.sprung_mass_kg * p.pitch_arm_m) + held.pitching) * p.inverse_pitch_inertia;
     let r = state.yaw_rate_rad_s;
     let rates = [
-        felt_x + grade_pull + state.lateral_m_s * r,
-        felt_y - bank_pull - speed * r,
+        felt_x + held.grade_pull + state.lateral_m_s * r,
+        felt_y - held.bank_pull - state.longitudinal_m_s * r,
         row(1),
         row(2),
         pitching,
     ];
-    (rates, [felt_x, felt_y])
+    (rates, felt_y)
 }
 
 #[inline]
@@ -201,23 +235,17 @@ fn solve<T: Scalar>(
     wheels: &Wheels<T>,
 ) -> Solution<T> {
     let p = parameters;
-    let length = p.wheelbase_m();
+    let held = held(p, state, inputs);
     // Exact in steady turning, where v' = r' = 0.
-    let mut felt_lateral = state.longitudinal_m_s * state.yaw_rate_rad_s;
-    if T::NDERIV > 0 || inputs.bank_rad != 0.0 {
-        felt_lateral += inputs.bank_rad.sin() * p.gravity_m_s2;
-    }
-    let mut lateral_force = [
-        felt_lateral * (-p.mass_kg * p.rear.ahead_m / length),
-        felt_lateral * (p.mass_kg * p.front.ahead_m / length),
-    ];
+    let mut felt = state.longitudinal_m_s * state.yaw_rate_rad_s + held.bank_pull;
+    let share = felt * (p.mass_kg * p.inverse_wheelbase);
+    let mut lateral_force = [share * -p.rear.ahead_m, share * p.front.ahead_m];
     let mut longitudinal_force = T::from(0.0);
     let zero = [T::from(0.0); 4];
     let (mut x, mut y, mut moment) = (zero, zero, zero);
     let mut rates = [T::from(0.0); 5];
-    let mut felt = [T::from(0.0), felt_lateral];
     for _ in 0..p.load_passes {
-        let load = loads(p, state, inputs, lateral_force, longitudinal_force, felt[1]);
+        let load = loads(p, &held, lateral_force, longitudinal_force, felt);
         let mut yawing = T::from(0.0);
         longitudinal_force = T::from(0.0);
         lateral_force = [T::from(0.0); 2];
@@ -246,9 +274,9 @@ fn solve<T: Scalar>(
             lateral_force[0] + lateral_force[1],
             yawing,
         ];
-        (rates, felt) = accelerations(p, state, inputs, sums);
+        (rates, felt) = accelerations(p, state, &held, sums);
     }
-    let load = loads(p, state, inputs, lateral_force, longitudinal_force, felt[1]);
+    let load = loads(p, &held, lateral_force, longitudinal_force, felt);
     Solution {
         load,
         x,
@@ -299,7 +327,7 @@ fn rate<T: Scalar>(
         if T::NDERIV > 0 || resisting != 0.0 {
             torque -= resisting * saturated(spin);
         }
-        rate.wheel_speed_rad_s[i] = torque / axle.spin_inertia_kg_m2;
+        rate.wheel_speed_rad_s[i] = torque * parameters.inverse_spin_inertia[i / 2];
     }
     rate
 }
@@ -311,7 +339,17 @@ pub fn derivative<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> State<T> {
-    let wheels = wheels(parameters, state, inputs);
+    derivative_turned(parameters, state, inputs, &turned(inputs))
+}
+
+#[inline]
+fn derivative_turned<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+    turned: &Turned<T>,
+) -> State<T> {
+    let wheels = wheels(parameters, state, inputs, turned);
     let solution = solve(parameters, state, inputs, &wheels);
     rate(parameters, state, inputs, &wheels, &solution)
 }
@@ -322,7 +360,7 @@ pub fn outputs<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> Outputs<T> {
-    let wheels = wheels(parameters, state, inputs);
+    let wheels = wheels(parameters, state, inputs, &turned(inputs));
     let solution = solve(parameters, state, inputs, &wheels);
     let rate = rate(parameters, state, inputs, &wheels, &solution);
     Outputs {
@@ -344,7 +382,7 @@ pub fn tyre_forces<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> [[T; 3]; 4] {
-    let wheels = wheels(parameters, state, inputs);
+    let wheels = wheels(parameters, state, inputs, &turned(inputs));
     let solution = solve(parameters, state, inputs, &wheels);
     std::array::from_fn(|i| [solution.x[i], solution.y[i], solution.load[i]])
 }
@@ -357,8 +395,9 @@ pub fn step<T: Scalar>(
     inputs: &Inputs<T>,
     step_s: f64,
 ) -> State<T> {
+    let turned = turned(inputs);
     State::from_array(rk4(&state.to_array(), step_s, |x| {
-        derivative(parameters, &State::from_array(*x), inputs).to_array()
+        derivative_turned(parameters, &State::from_array(*x), inputs, &turned).to_array()
     }))
 }
 

@@ -34,8 +34,8 @@ pub struct AxleParameters {
     pub rolling_resistance: f64,
 }
 
-/// Parameters of the four-wheel model. After changing a mass, an inertia or an arm, call
-/// [`Parameters::prepare`].
+/// Parameters of the four-wheel model. After changing a mass, an inertia, a length or an
+/// arm, call [`Parameters::prepare`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     /// Total mass m, kg.
@@ -77,6 +77,11 @@ pub struct Parameters {
     pub rear: AxleParameters,
     /// Inverse of the mass matrix of (v' + u r, r', phi'').
     pub(super) inverse: Matrix3<f64>,
+    pub(super) inverse_mass: f64,
+    pub(super) inverse_wheelbase: f64,
+    pub(super) inverse_track: [f64; 2],
+    pub(super) inverse_pitch_inertia: f64,
+    pub(super) inverse_spin_inertia: [f64; 2],
 }
 
 impl Parameters {
@@ -111,6 +116,11 @@ impl Parameters {
             front: axle(vehicle, &vehicle.front, a, static_load(b), 0),
             rear: axle(vehicle, &vehicle.rear, -b, static_load(a), 1),
             inverse: Matrix3::zeros(),
+            inverse_mass: 0.0,
+            inverse_wheelbase: 0.0,
+            inverse_track: [0.0; 2],
+            inverse_pitch_inertia: 0.0,
+            inverse_spin_inertia: [0.0; 2],
         };
         parameters.prepare();
         parameters
@@ -131,6 +141,13 @@ impl Parameters {
             self.roll_inertia_kg_m2 + lever * self.roll_arm_m,
         );
         self.inverse = matrix.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let axles = [&self.front, &self.rear];
+        self.inverse_mass = self.mass_kg.recip();
+        self.inverse_wheelbase = self.wheelbase_m().recip();
+        self.inverse_track = axles.map(|axle| axle.track_m.recip());
+        self.inverse_spin_inertia = axles.map(|axle| axle.spin_inertia_kg_m2.recip());
+        let pitch_lever = self.sprung_mass_kg * self.pitch_arm_m * self.pitch_arm_m;
+        self.inverse_pitch_inertia = (self.pitch_inertia_kg_m2 + pitch_lever).recip();
     }
 
     /// Lateral acceleration at which a rigid vehicle tips, g t/(2 h) with the track weighted by
