@@ -31,6 +31,15 @@ pub(crate) fn paths(path: &Path) -> [PathBuf; 2] {
     })
 }
 
+/// The log that a journal of this name belongs to.
+pub(crate) fn log_of(journal: &Path) -> Option<PathBuf> {
+    let name = journal.to_str()?;
+    SUFFIXES
+        .iter()
+        .find_map(|suffix| name.strip_suffix(suffix))
+        .map(PathBuf::from)
+}
+
 /// Removes the journals of a log that is whole.
 pub(crate) fn remove(path: &Path) -> Result<()> {
     for journal in paths(path) {

@@ -1,12 +1,14 @@
 //! Raw channels: arrivals in groups of columnar batches, and back.
 
+mod can;
+
 use std::collections::BTreeMap;
 
 use prost::Message as _;
-use sample::{Arrival, CanFlags, CanFrame, LogTime, LossPlace, Notice, Payload, SourceId};
+use sample::{Arrival, LogTime, LossPlace, Notice, Payload, SourceId};
 
 use crate::Session;
-use crate::column::{self, bit, bits, deltas, expect_len, sums};
+use crate::column::{self, deltas, expect_len, sums};
 use crate::convert::{Encoded, narrow};
 use crate::error::MessageError;
 use crate::proto::atvrec as pb;
@@ -77,7 +79,7 @@ pub(crate) fn encode_group(
             }
             Lane::Can(source) => {
                 let topic = format!("/can/{}/raw", session.source_name(source));
-                let frames = can(stamps, &arrivals);
+                let frames = can::encode(stamps, &arrivals);
                 (Encoded::new(topic, time, time, &frames), Some(source))
             }
             Lane::Bytes(source) => {
@@ -191,85 +193,6 @@ fn notice(arrival: &Arrival) -> Option<pb::Notice> {
     })
 }
 
-fn can(stamps: pb::ArrivalStamps, arrivals: &[&Arrival]) -> pb::RawCan {
-    let mut message = pb::RawCan::default();
-    let mut kinds: BTreeMap<(u32, u8, u8), u32> = BTreeMap::new();
-    let mut order: Vec<(u32, u8, u8)> = Vec::new();
-    let mut frames: Vec<(&CanFrame, i64)> = Vec::new();
-    for arrival in arrivals {
-        if let Payload::Can(list) = &arrival.payload {
-            message.frames.push(list.len() as u32);
-            frames.extend(list.iter().map(|frame| (frame, arrival.realtime_ns)));
-        }
-    }
-    if message.frames.iter().all(|count| *count == 1) {
-        message.frames.clear();
-    }
-    for (frame, _) in &frames {
-        let kind = (frame.id, frame.flags.to_bits(), frame.len.min(64));
-        let index = *kinds.entry(kind).or_insert_with(|| {
-            order.push(kind);
-            order.len() as u32 - 1
-        });
-        message.kind.push(index);
-    }
-    message.kind_id = order.iter().map(|kind| kind.0).collect();
-    message.kind_flags = order.iter().map(|kind| kind.1).collect();
-    message.kind_length = order.iter().map(|kind| kind.2).collect();
-
-    let delays: Vec<i64> = frames
-        .iter()
-        .filter_map(|(frame, realtime)| Some(realtime.wrapping_sub(frame.kernel_ns?)))
-        .collect();
-    message.kernel_none = delays.is_empty();
-    if !message.kernel_none && delays.len() < frames.len() {
-        message.kernel_present = bits(frames.iter().map(|(frame, _)| frame.kernel_ns.is_some()));
-    }
-    message.kernel_delay_ns = column::encode(&delays);
-    let hardware = deltas(0, frames.iter().filter_map(|(frame, _)| frame.hardware_ns));
-    if !hardware.is_empty() {
-        message.hardware_present =
-            bits(frames.iter().map(|(frame, _)| frame.hardware_ns.is_some()));
-    }
-    message.hardware_delta_ns = column::encode(&hardware);
-    message.data_zstd = pack(&transpose(order.len(), &message.kind, &frames));
-    message.stamps = Some(stamps);
-    message
-}
-
-/// zstd level of the frames' data: higher ones gain nothing.
-const DATA_LEVEL: i32 = 1;
-
-fn pack(data: &[u8]) -> Vec<u8> {
-    // Compression into memory has no way to fail; an empty field would be told when read.
-    zstd::bulk::compress(data, DATA_LEVEL).unwrap_or_default()
-}
-
-fn unpack(data: &[u8], length: usize) -> Result<Vec<u8>, MessageError> {
-    let unpacked = zstd::bulk::decompress(data, length).map_err(MessageError::Data)?;
-    expect_len("data", length, unpacked.len())?;
-    Ok(unpacked)
-}
-
-fn transpose(kinds: usize, kind: &[u32], frames: &[(&CanFrame, i64)]) -> Vec<u8> {
-    let mut by_kind: Vec<Vec<&[u8]>> = vec![Vec::new(); kinds];
-    for (kind, (frame, _)) in kind.iter().zip(frames) {
-        by_kind[*kind as usize].push(frame.bytes());
-    }
-    let mut data = Vec::new();
-    for rows in &by_kind {
-        let width = rows.first().map_or(0, |row| row.len());
-        for column in 0..width {
-            let mut before = 0_u8;
-            for row in rows {
-                data.push(row[column].wrapping_sub(before));
-                before = row[column];
-            }
-        }
-    }
-    data
-}
-
 /// The group that a batch belongs to.
 pub(crate) struct Group {
     pub first_sequence: u64,
@@ -322,7 +245,7 @@ pub(crate) fn decode(
         "atvrec.RawCan" => {
             let message = pb::RawCan::decode(data)?;
             let stamps = message.stamps.clone();
-            (stamps, can_payloads(source, &message)?)
+            (stamps, can::decode(source, &message)?)
         }
         "atvrec.RawTicks" => {
             let message = pb::RawTicks::decode(data)?;
@@ -455,111 +378,4 @@ fn notice_payload(notice: pb::Notice) -> Result<(SourceId, Payload), MessageErro
         },
     };
     Ok((source, Payload::Notice(notice)))
-}
-
-/// Frames of each arrival; kernel stamps still as delays.
-fn can_payloads(
-    source: SourceId,
-    message: &pb::RawCan,
-) -> Result<Vec<(SourceId, Payload)>, MessageError> {
-    let mut frames = can_frames(message)?.into_iter();
-    let arrivals = message.stamps.as_ref().map_or(0, |s| s.sequence_gap.len());
-    if message.frames.is_empty() {
-        expect_len("kind", arrivals, frames.len())?;
-        return Ok(frames
-            .map(|frame| (source, Payload::Can(vec![frame])))
-            .collect());
-    }
-    let total: u64 = message.frames.iter().map(|count| u64::from(*count)).sum();
-    expect_len("kind", total as usize, frames.len())?;
-    let payloads = message.frames.iter().map(|count| {
-        let frames = frames.by_ref().take(*count as usize).collect();
-        (source, Payload::Can(frames))
-    });
-    Ok(payloads.collect())
-}
-
-fn can_frames(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
-    let kinds = message.kind_id.len();
-    expect_len("kind_flags", kinds, message.kind_flags.len())?;
-    expect_len("kind_length", kinds, message.kind_length.len())?;
-    let mut count = vec![0_usize; kinds];
-    for kind in &message.kind {
-        *count.get_mut(*kind as usize).ok_or(MessageError::Range {
-            field: "kind",
-            value: (*kind).into(),
-        })? += 1;
-    }
-    // Where each kind's block begins in the data, and how wide its rows are.
-    let mut start = Vec::with_capacity(kinds);
-    let mut total = 0_usize;
-    for (kind, frames) in count.iter().enumerate() {
-        start.push(total);
-        total += frames * row_width(message, kind)?;
-    }
-    // zstd gains at most some 2^17 in one block: a length beyond that is a lie.
-    if total / (1 << 18) > message.data_zstd.len() {
-        return Err(MessageError::Absent("data"));
-    }
-    let packed = unpack(&message.data_zstd, total)?;
-
-    let total = message.kind.len();
-    let kernel_at = |index: usize| {
-        !message.kernel_none
-            && (message.kernel_present.is_empty() || bit(&message.kernel_present, index))
-    };
-    let hardware_at = |index: usize| bit(&message.hardware_present, index);
-    let mut kernel = column::decode(
-        "kernel_delay_ns",
-        message.kernel_delay_ns.as_ref(),
-        (0..total).filter(|index| kernel_at(*index)).count(),
-    )?
-    .into_iter();
-    let hardware = column::decode(
-        "hardware_delta_ns",
-        message.hardware_delta_ns.as_ref(),
-        (0..total).filter(|index| hardware_at(*index)).count(),
-    )?;
-    let mut hardware = sums(0, hardware);
-    let mut seen = vec![0_usize; kinds];
-    let mut before = vec![[0_u8; 64]; kinds];
-    let mut frames = Vec::with_capacity(total);
-    for (index, kind) in message.kind.iter().enumerate() {
-        let kind = *kind as usize;
-        let data = &mut before[kind];
-        for (column, byte) in data.iter_mut().take(row_width(message, kind)?).enumerate() {
-            let difference = packed[start[kind] + column * count[kind] + seen[kind]];
-            *byte = byte.wrapping_add(difference);
-        }
-        seen[kind] += 1;
-        frames.push(CanFrame {
-            id: message.kind_id[kind],
-            flags: CanFlags::from_bits(message.kind_flags[kind]),
-            len: message.kind_length[kind],
-            data: *data,
-            kernel_ns: if kernel_at(index) {
-                kernel.next()
-            } else {
-                None
-            },
-            hardware_ns: if hardware_at(index) {
-                hardware.next()
-            } else {
-                None
-            },
-        });
-    }
-    Ok(frames)
-}
-
-fn row_width(message: &pb::RawCan, kind: usize) -> Result<usize, MessageError> {
-    let length = message.kind_length[kind];
-    if length > 64 {
-        return Err(MessageError::Range {
-            field: "kind_length",
-            value: length.into(),
-        });
-    }
-    let remote = CanFlags::from_bits(message.kind_flags[kind]).remote;
-    Ok(if remote { 0 } else { length.into() })
 }

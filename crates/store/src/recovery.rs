@@ -9,7 +9,7 @@ use mcap::records::{MessageHeader, Record, op};
 use mcap::write::{Metadata, NoSeek, WriteOptions};
 
 use crate::convert::Encoded;
-use crate::file::{ACTIVE_SUFFIX, lock, sync_directory};
+use crate::file::{ACTIVE_SUFFIX, active_path, lock, sync_directory};
 use crate::reader::{Index, Missing};
 use crate::scan::{self, Decompressor, Scanner, Step};
 use crate::{Error, Result, journal, log_writer, raw, schema};
@@ -35,7 +35,7 @@ pub struct Recovered {
 }
 
 /// Makes every unfinished log of a directory whole; one result a log. Logs that another process is
-/// writing are left alone.
+/// writing are left alone. Journals of logs that are whole are removed.
 ///
 /// # Errors
 /// If the directory cannot be read.
@@ -44,6 +44,12 @@ pub fn recover_directory(directory: &Path) -> Result<Vec<(PathBuf, Result<Recove
     let mut unfinished = Vec::new();
     for entry in std::fs::read_dir(directory).map_err(read())? {
         let path = entry.map_err(read())?.path();
+        if let Some(log) = journal::log_of(&path)
+            && log.exists()
+            && !active_path(&log).exists()
+        {
+            journal::remove(&log)?;
+        }
         if path
             .as_os_str()
             .to_string_lossy()

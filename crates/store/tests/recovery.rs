@@ -220,6 +220,18 @@ fn a_whole_log_that_kept_its_unfinished_name_gets_its_own() {
 }
 
 #[test]
+fn journals_that_outlived_their_log_are_removed() {
+    let (_, bytes) = sample_log(20);
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = directory.path().join("log.mcap");
+    let journal = directory.path().join("log.mcap.journal-a");
+    std::fs::write(&log, &bytes).expect("written");
+    std::fs::write(&journal, b"ATVJ").expect("written");
+    recover_directory(directory.path()).expect("readable");
+    assert!(log.exists() && !journal.exists());
+}
+
+#[test]
 fn what_is_no_log_is_refused_and_kept() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = write_active(directory.path(), b"can0 100#0011\n");

@@ -1,0 +1,302 @@
+//! What the estimator and the recorder say.
+
+use sample::{
+    Event, EventKind, ForceSource, Health, LogTime, LossPlace, Motion, PerWheel, Severity,
+    SourceHealth, SourceId, TyreForce, Wheel,
+};
+
+use super::{array, narrow, timestamp, vector};
+use crate::error::MessageError;
+use crate::proto::{atvrec as pb, foxglove};
+use crate::{ClockFit, LogMessage, Transform};
+
+pub(super) fn wheels(values: PerWheel<f64>) -> pb::Wheels {
+    let [fl, fr, rl, rr] = values.0;
+    pb::Wheels { fl, fr, rl, rr }
+}
+
+pub(super) fn per_wheel(wheels: Option<pb::Wheels>) -> PerWheel<f64> {
+    let w = wheels.unwrap_or_default();
+    PerWheel([w.fl, w.fr, w.rl, w.rr])
+}
+
+pub(super) fn motion_to_proto(motion: &Motion) -> pb::Motion {
+    let [roll_rate_rad_s, pitch_rate_rad_s, yaw_rate_rad_s] = motion.rate_rad_s;
+    pb::Motion {
+        velocity_x_m_s: motion.velocity_x_m_s,
+        velocity_y_m_s: motion.velocity_y_m_s,
+        sideslip_rad: motion.sideslip_rad,
+        sideslip_sigma_rad: motion.sideslip_sigma_rad,
+        roll_rad: motion.roll_rad,
+        pitch_rad: motion.pitch_rad,
+        roll_rate_rad_s,
+        pitch_rate_rad_s,
+        yaw_rate_rad_s,
+        acceleration_m_s2: Some(vector(motion.acceleration_m_s2)),
+        steer_rad: Some(wheels(motion.steer_rad)),
+        slip_angle_rad: Some(wheels(motion.slip_angle_rad)),
+        bank_rad: motion.bank_rad,
+        grade_rad: motion.grade_rad,
+    }
+}
+
+pub(super) fn motion_from_proto(m: &pb::Motion) -> Motion {
+    Motion {
+        velocity_x_m_s: m.velocity_x_m_s,
+        velocity_y_m_s: m.velocity_y_m_s,
+        sideslip_rad: m.sideslip_rad,
+        sideslip_sigma_rad: m.sideslip_sigma_rad,
+        roll_rad: m.roll_rad,
+        pitch_rad: m.pitch_rad,
+        rate_rad_s: [m.roll_rate_rad_s, m.pitch_rate_rad_s, m.yaw_rate_rad_s],
+        acceleration_m_s2: array(m.acceleration_m_s2),
+        steer_rad: per_wheel(m.steer_rad),
+        slip_angle_rad: per_wheel(m.slip_angle_rad),
+        bank_rad: m.bank_rad,
+        grade_rad: m.grade_rad,
+    }
+}
+
+pub(super) fn forces_to_proto(forces: &PerWheel<TyreForce>) -> pb::TyreForces {
+    let [fl, fr, rl, rr] = forces.0.map(|force| Some(force_to_proto(&force)));
+    pb::TyreForces { fl, fr, rl, rr }
+}
+
+pub(super) fn force_to_proto(force: &TyreForce) -> pb::TyreForce {
+    let source = match force.source {
+        ForceSource::None => pb::ForceSource::None,
+        ForceSource::Deflection => pb::ForceSource::Deflection,
+        ForceSource::Statics => pb::ForceSource::Statics,
+        ForceSource::Fusion => pb::ForceSource::Fusion,
+        ForceSource::Model => pb::ForceSource::Model,
+    };
+    let [x_n, y_n, z_n] = force.force_n;
+    let [x_sigma_n, y_sigma_n, z_sigma_n] = force.sigma_n;
+    pb::TyreForce {
+        x_n,
+        y_n,
+        z_n,
+        x_sigma_n,
+        y_sigma_n,
+        z_sigma_n,
+        source: source.into(),
+    }
+}
+
+pub(super) fn force_from_proto(f: Option<pb::TyreForce>) -> TyreForce {
+    let Some(f) = f else {
+        return TyreForce::default();
+    };
+    TyreForce {
+        force_n: [f.x_n, f.y_n, f.z_n],
+        sigma_n: [f.x_sigma_n, f.y_sigma_n, f.z_sigma_n],
+        source: match pb::ForceSource::try_from(f.source).unwrap_or_default() {
+            pb::ForceSource::None => ForceSource::None,
+            pb::ForceSource::Deflection => ForceSource::Deflection,
+            pb::ForceSource::Statics => ForceSource::Statics,
+            pb::ForceSource::Fusion => ForceSource::Fusion,
+            pb::ForceSource::Model => ForceSource::Model,
+        },
+    }
+}
+
+pub(super) fn wheel_to_proto(wheel: Wheel) -> i32 {
+    let wheel = match wheel {
+        Wheel::FrontLeft => pb::Wheel::Fl,
+        Wheel::FrontRight => pb::Wheel::Fr,
+        Wheel::RearLeft => pb::Wheel::Rl,
+        Wheel::RearRight => pb::Wheel::Rr,
+    };
+    wheel.into()
+}
+
+pub(super) fn wheel_from_proto(wheel: i32) -> Result<Wheel, MessageError> {
+    match pb::Wheel::try_from(wheel) {
+        Ok(pb::Wheel::Fl) => Ok(Wheel::FrontLeft),
+        Ok(pb::Wheel::Fr) => Ok(Wheel::FrontRight),
+        Ok(pb::Wheel::Rl) => Ok(Wheel::RearLeft),
+        Ok(pb::Wheel::Rr) => Ok(Wheel::RearRight),
+        Ok(pb::Wheel::Unspecified) | Err(_) => Err(MessageError::Range {
+            field: "wheel",
+            value: wheel.into(),
+        }),
+    }
+}
+
+pub(super) fn event_to_proto(event: &Event) -> pb::Event {
+    use pb::event::Kind;
+    let kind = match &event.kind {
+        EventKind::LiftWarning(wheel, lead_time_s) => Kind::LiftWarning(pb::LiftWarning {
+            wheel: wheel_to_proto(*wheel),
+            lead_time_s: *lead_time_s,
+        }),
+        EventKind::Lift(wheel) => Kind::Lift(wheel_to_proto(*wheel)),
+        EventKind::Touchdown(wheel) => Kind::Touchdown(wheel_to_proto(*wheel)),
+        EventKind::TwoWheelLift(left) => Kind::TwoWheelLiftLeft(*left),
+        EventKind::SurfaceChange(ratio) => Kind::SurfaceChangeRatio(*ratio),
+        EventKind::SensorFault(name) => Kind::SensorFault(name.clone()),
+        EventKind::SensorRecovered(name) => Kind::SensorRecovered(name.clone()),
+        EventKind::FilterReset => Kind::FilterReset(pb::FilterReset {}),
+    };
+    pb::Event {
+        onset_ns: event.onset.0,
+        probability: event.probability,
+        text: event.text.clone(),
+        kind: Some(kind),
+    }
+}
+
+pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event, MessageError> {
+    use pb::event::Kind;
+    let kind = match event.kind.ok_or(MessageError::Absent("kind"))? {
+        Kind::LiftWarning(warning) => {
+            EventKind::LiftWarning(wheel_from_proto(warning.wheel)?, warning.lead_time_s)
+        }
+        Kind::Lift(wheel) => EventKind::Lift(wheel_from_proto(wheel)?),
+        Kind::Touchdown(wheel) => EventKind::Touchdown(wheel_from_proto(wheel)?),
+        Kind::TwoWheelLiftLeft(left) => EventKind::TwoWheelLift(left),
+        Kind::SurfaceChangeRatio(ratio) => EventKind::SurfaceChange(ratio),
+        Kind::SensorFault(name) => EventKind::SensorFault(name),
+        Kind::SensorRecovered(name) => EventKind::SensorRecovered(name),
+        Kind::FilterReset(_) => EventKind::FilterReset,
+    };
+    Ok(Event {
+        time,
+        onset: LogTime(event.onset_ns),
+        kind,
+        probability: event.probability,
+        text: event.text,
+    })
+}
+
+pub(super) fn health_to_proto(health: &Health) -> pb::Health {
+    let sources = health.sources.iter().map(|s| {
+        let lost =
+            |place: LossPlace| s.lost[LossPlace::ALL.iter().position(|p| *p == place).unwrap_or(0)];
+        pb::SourceHealth {
+            source: s.source.0.into(),
+            name: s.name.clone(),
+            open: s.open,
+            silent: s.silent,
+            bytes: s.bytes,
+            messages: s.messages,
+            checksum_errors: s.checksum_errors,
+            skipped_bytes: s.skipped_bytes,
+            gaps: s.gaps,
+            malformed: s.malformed,
+            reopened: s.reopened,
+            lost_in_device: lost(LossPlace::Device),
+            lost_in_kernel: lost(LossPlace::Kernel),
+            lost_in_queue: lost(LossPlace::Queue),
+            lost_on_disk: lost(LossPlace::Disk),
+        }
+    });
+    pb::Health {
+        sources: sources.collect(),
+    }
+}
+
+pub(super) fn health_from_proto(time: LogTime, health: pb::Health) -> Result<Health, MessageError> {
+    let sources = health.sources.into_iter().map(|s| {
+        let lost = LossPlace::ALL.map(|place| match place {
+            LossPlace::Device => s.lost_in_device,
+            LossPlace::Kernel => s.lost_in_kernel,
+            LossPlace::Queue => s.lost_in_queue,
+            LossPlace::Disk => s.lost_on_disk,
+        });
+        Ok(SourceHealth {
+            source: SourceId(narrow("source", s.source)?),
+            name: s.name,
+            open: s.open,
+            silent: s.silent,
+            bytes: s.bytes,
+            messages: s.messages,
+            checksum_errors: s.checksum_errors,
+            skipped_bytes: s.skipped_bytes,
+            gaps: s.gaps,
+            malformed: s.malformed,
+            reopened: s.reopened,
+            lost,
+        })
+    });
+    Ok(Health {
+        time,
+        sources: sources.collect::<Result<_, MessageError>>()?,
+    })
+}
+
+pub(super) fn clock_fit_to_proto(fit: &ClockFit) -> pb::ClockFit {
+    pb::ClockFit {
+        offset_s: fit.offset_s,
+        drift_ppm: fit.drift_ppm,
+        residual_sigma_s: fit.residual_sigma_s,
+        count: fit.count,
+        steps: fit.steps,
+    }
+}
+
+pub(super) fn log_to_proto(log: &LogMessage) -> foxglove::Log {
+    let level = match log.severity {
+        Severity::Info => foxglove::log::Level::Info,
+        Severity::Warning => foxglove::log::Level::Warning,
+        Severity::Error => foxglove::log::Level::Error,
+    };
+    foxglove::Log {
+        timestamp: Some(timestamp(log.time)),
+        level: level.into(),
+        message: log.text.clone(),
+        name: log.name.clone(),
+        file: String::new(),
+        line: 0,
+    }
+}
+
+pub(super) fn transform_to_proto(transform: &Transform) -> foxglove::FrameTransforms {
+    let [x, y, z] = transform.translation_m;
+    let translation = foxglove::Vector3 { x, y, z };
+    let [x, y, z, w] = transform.rotation_xyzw;
+    let rotation = foxglove::Quaternion { x, y, z, w };
+    foxglove::FrameTransforms {
+        transforms: vec![foxglove::FrameTransform {
+            timestamp: Some(timestamp(transform.time)),
+            parent_frame_id: transform.parent.clone(),
+            child_frame_id: transform.child.clone(),
+            translation: Some(translation),
+            rotation: Some(rotation),
+        }],
+    }
+}
+
+pub(super) fn log_from_proto(time: LogTime, log: foxglove::Log) -> LogMessage {
+    use foxglove::log::Level;
+    LogMessage {
+        time,
+        severity: match Level::try_from(log.level).unwrap_or_default() {
+            Level::Unknown | Level::Debug | Level::Info => Severity::Info,
+            Level::Warning => Severity::Warning,
+            Level::Error | Level::Fatal => Severity::Error,
+        },
+        name: log.name,
+        text: log.message,
+    }
+}
+
+pub(super) fn transform_from_proto(
+    time: LogTime,
+    message: foxglove::FrameTransforms,
+) -> Result<Transform, MessageError> {
+    let transform = message
+        .transforms
+        .into_iter()
+        .next()
+        .ok_or(MessageError::Absent("a transform"))?;
+    let t = transform.translation.unwrap_or_default();
+    let r = transform.rotation.unwrap_or_default();
+    Ok(Transform {
+        time,
+        parent: transform.parent_frame_id,
+        child: transform.child_frame_id,
+        translation_m: [t.x, t.y, t.z],
+        rotation_xyzw: [r.x, r.y, r.z, r.w],
+    })
+}

@@ -1,0 +1,415 @@
+//! Measurements.
+
+use prost::Message as _;
+use sample::{
+    Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
+    ImuSample, LogTime, Measurement, PerWheel, Sample, SteerSample, StrainChannel, Wheel,
+    WheelSpeedSample,
+};
+
+use super::{Encoded, array, enu_array, narrow, timestamp, vector};
+use crate::error::MessageError;
+use crate::proto::{atvrec as pb, foxglove};
+
+pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
+    let device_time = sample.device_time.map(device_time_to_proto);
+    let topic = |topic: String| (topic, sample.log_time, sample.valid_time);
+    macro_rules! message {
+        ($topic:expr, $message:expr) => {{
+            let (topic, log, valid) = topic($topic);
+            Encoded::new(topic, log, valid, $message)
+        }};
+    }
+    match &sample.measurement {
+        Measurement::Imu(imu) => vec![message!(
+            format!("/imu/{name}"),
+            &imu_to_proto(imu, device_time)
+        )],
+        Measurement::GnssPosition(position) => vec![
+            message!(
+                format!("/gnss/{name}/position"),
+                &position_to_proto(position, device_time)
+            ),
+            message!(
+                format!("/gnss/{name}/fix"),
+                &location_fix(position, name, sample.valid_time)
+            ),
+        ],
+        Measurement::GnssVelocity(velocity) => vec![message!(
+            format!("/gnss/{name}/velocity"),
+            &velocity_to_proto(velocity, device_time)
+        )],
+        Measurement::GnssAttitude(attitude) => vec![message!(
+            format!("/gnss/{name}/attitude"),
+            &gnss_attitude_to_proto(attitude, device_time)
+        )],
+        Measurement::Attitude(attitude) => vec![message!(
+            format!("/imu/{name}/attitude"),
+            &pb::Attitude {
+                roll_rad: attitude.roll_rad,
+                pitch_rad: attitude.pitch_rad,
+                yaw_rad: attitude.yaw_rad,
+                device_time,
+            }
+        )],
+        Measurement::Corner(corner) => {
+            let strain = corner.strain_counts.iter().any(Option::is_some);
+            let strain =
+                strain.then(|| message!("/strain".to_owned(), &strain_of(corner, device_time)));
+            let deflection = corner.deflection_counts.map(|counts| {
+                message!(
+                    "/deflection".to_owned(),
+                    &deflection_of(corner.wheel, counts, device_time)
+                )
+            });
+            strain.into_iter().chain(deflection).collect()
+        }
+        Measurement::Steer(steer) => vec![message!(
+            "/steer".to_owned(),
+            &pb::Steer {
+                hand_wheel_rad: steer.hand_wheel_rad,
+                device_time,
+            }
+        )],
+        Measurement::WheelSpeed(speed) => {
+            let [fl_rad_s, fr_rad_s, rl_rad_s, rr_rad_s] = speed.angular_speed_rad_s.0;
+            vec![message!(
+                "/wheel_speed".to_owned(),
+                &pb::WheelSpeed {
+                    fl_rad_s,
+                    fr_rad_s,
+                    rl_rad_s,
+                    rr_rad_s,
+                    device_time,
+                }
+            )]
+        }
+        Measurement::Control(_) | Measurement::Signals(_) => Vec::new(),
+    }
+}
+
+pub(super) fn device_time_to_proto(time: DeviceTime) -> pb::DeviceTime {
+    use pb::device_time::Kind;
+    let kind = match time {
+        DeviceTime::Gps {
+            week,
+            time_of_week_s,
+        } => Kind::Gps(pb::GpsTime {
+            week: week.map(u32::from),
+            time_of_week_s,
+        }),
+        DeviceTime::UtcTimeOfDay(seconds) => Kind::UtcTimeOfDayS(seconds),
+        DeviceTime::Counter { value, modulus } => Kind::Counter(pb::Counter { value, modulus }),
+        DeviceTime::AdapterNanos(nanos) => Kind::AdapterNs(nanos),
+    };
+    pb::DeviceTime { kind: Some(kind) }
+}
+
+pub(super) fn device_time_from_proto(
+    time: Option<pb::DeviceTime>,
+) -> Result<Option<DeviceTime>, MessageError> {
+    use pb::device_time::Kind;
+    let Some(kind) = time.and_then(|time| time.kind) else {
+        return Ok(None);
+    };
+    Ok(Some(match kind {
+        Kind::Gps(gps) => DeviceTime::Gps {
+            week: gps.week.map(|week| narrow("week", week)).transpose()?,
+            time_of_week_s: gps.time_of_week_s,
+        },
+        Kind::UtcTimeOfDayS(seconds) => DeviceTime::UtcTimeOfDay(seconds),
+        Kind::Counter(counter) => DeviceTime::Counter {
+            value: counter.value,
+            modulus: counter.modulus,
+        },
+        Kind::AdapterNs(nanos) => DeviceTime::AdapterNanos(nanos),
+    }))
+}
+
+pub(super) fn enu(v: [f64; 3]) -> pb::VectorEnu {
+    let [east, north, up] = v;
+    pb::VectorEnu { east, north, up }
+}
+
+pub(super) fn imu_to_proto(imu: &ImuSample, device_time: Option<pb::DeviceTime>) -> pb::Imu {
+    pb::Imu {
+        specific_force_m_s2: Some(vector(imu.specific_force_m_s2)),
+        angular_rate_rad_s: Some(vector(imu.angular_rate_rad_s)),
+        temperature_c: imu.temperature_c,
+        interval_s: imu.interval_s,
+        status: imu.status.into(),
+        valid: imu.valid,
+        device_time,
+    }
+}
+
+pub(super) fn quality_to_proto(quality: FixQuality) -> i32 {
+    let quality = match quality {
+        FixQuality::None => pb::FixQuality::None,
+        FixQuality::Single => pb::FixQuality::Single,
+        FixQuality::Differential => pb::FixQuality::Differential,
+        FixQuality::Float => pb::FixQuality::Float,
+        FixQuality::Fixed => pb::FixQuality::Fixed,
+        FixQuality::DeadReckoning => pb::FixQuality::DeadReckoning,
+    };
+    quality.into()
+}
+
+pub(super) fn quality_from_proto(quality: i32) -> FixQuality {
+    match pb::FixQuality::try_from(quality).unwrap_or_default() {
+        pb::FixQuality::None => FixQuality::None,
+        pb::FixQuality::Single => FixQuality::Single,
+        pb::FixQuality::Differential => FixQuality::Differential,
+        pb::FixQuality::Float => FixQuality::Float,
+        pb::FixQuality::Fixed => FixQuality::Fixed,
+        pb::FixQuality::DeadReckoning => FixQuality::DeadReckoning,
+    }
+}
+
+pub(super) fn position_to_proto(
+    position: &GnssPosition,
+    device_time: Option<pb::DeviceTime>,
+) -> pb::GnssPosition {
+    pb::GnssPosition {
+        quality: quality_to_proto(position.quality),
+        latitude_rad: position.latitude_rad,
+        longitude_rad: position.longitude_rad,
+        height_m: position.height_m,
+        sigma_m: position.sigma_enu_m.map(enu),
+        satellites: position.satellites.map(u32::from),
+        device_time,
+    }
+}
+
+pub(super) fn location_fix(
+    position: &GnssPosition,
+    name: &str,
+    time: LogTime,
+) -> foxglove::LocationFix {
+    use foxglove::location_fix::PositionCovarianceType as Covariance;
+    let covariance = position.sigma_enu_m.map(|[east, north, up]| {
+        let (e, n, u) = (east * east, north * north, up * up);
+        vec![e, 0.0, 0.0, 0.0, n, 0.0, 0.0, 0.0, u]
+    });
+    let kind = if covariance.is_some() {
+        Covariance::DiagonalKnown
+    } else {
+        Covariance::Unknown
+    };
+    foxglove::LocationFix {
+        timestamp: Some(timestamp(time)),
+        frame_id: name.to_owned(),
+        latitude: position.latitude_rad.to_degrees(),
+        longitude: position.longitude_rad.to_degrees(),
+        altitude: position.height_m,
+        position_covariance: covariance.unwrap_or_default(),
+        position_covariance_type: kind.into(),
+    }
+}
+
+pub(super) fn velocity_to_proto(
+    velocity: &GnssVelocity,
+    device_time: Option<pb::DeviceTime>,
+) -> pb::GnssVelocity {
+    pb::GnssVelocity {
+        quality: quality_to_proto(velocity.quality),
+        velocity_m_s: Some(enu(velocity.velocity_enu_m_s)),
+        sigma_m_s: velocity.sigma_enu_m_s.map(enu),
+        latency_s: velocity.latency_s,
+        device_time,
+    }
+}
+
+pub(super) fn gnss_attitude_to_proto(
+    attitude: &GnssAttitude,
+    device_time: Option<pb::DeviceTime>,
+) -> pb::GnssAttitude {
+    pb::GnssAttitude {
+        quality: quality_to_proto(attitude.quality),
+        yaw_rad: attitude.yaw_rad,
+        pitch_rad: attitude.pitch_rad,
+        roll_rad: attitude.roll_rad,
+        sigma_rad: attitude
+            .sigma_rad
+            .map(|[yaw, pitch, roll]| pb::Angles { yaw, pitch, roll }),
+        device_time,
+    }
+}
+
+pub(super) fn strain_of(corner: &CornerSample, device_time: Option<pb::DeviceTime>) -> pb::Strain {
+    let count = |channel: StrainChannel| corner.strain_counts[channel.index()].map(u32::from);
+    let counts = Some(pb::StrainCorner {
+        upper_front_counts: count(StrainChannel::UpperFront),
+        upper_rear_counts: count(StrainChannel::UpperRear),
+        lower_front_counts: count(StrainChannel::LowerFront),
+        lower_rear_counts: count(StrainChannel::LowerRear),
+        tie_rod_counts: count(StrainChannel::TieRod),
+        lower_front_bending_counts: count(StrainChannel::LowerFrontBending),
+        lower_rear_bending_counts: count(StrainChannel::LowerRearBending),
+    });
+    let mut strain = pb::Strain {
+        device_time,
+        ..pb::Strain::default()
+    };
+    match corner.wheel {
+        Wheel::FrontLeft => strain.fl = counts,
+        Wheel::FrontRight => strain.fr = counts,
+        Wheel::RearLeft => strain.rl = counts,
+        Wheel::RearRight => strain.rr = counts,
+    }
+    strain
+}
+
+pub(super) fn strain_from_proto(message: &pb::Strain) -> Result<CornerSample, MessageError> {
+    let corners = [message.fl, message.fr, message.rl, message.rr];
+    let (wheel, counts) = Wheel::ALL
+        .into_iter()
+        .zip(corners)
+        .find_map(|(wheel, counts)| Some((wheel, counts?)))
+        .ok_or(MessageError::Absent("a corner"))?;
+    let columns = [
+        counts.upper_front_counts,
+        counts.upper_rear_counts,
+        counts.lower_front_counts,
+        counts.lower_rear_counts,
+        counts.tie_rod_counts,
+        counts.lower_front_bending_counts,
+        counts.lower_rear_bending_counts,
+    ];
+    let mut strain_counts = [None; StrainChannel::COUNT];
+    for (to, from) in strain_counts.iter_mut().zip(columns) {
+        *to = from.map(|counts| narrow("counts", counts)).transpose()?;
+    }
+    Ok(CornerSample {
+        wheel,
+        strain_counts,
+        deflection_counts: None,
+    })
+}
+
+pub(super) fn deflection_of(
+    wheel: Wheel,
+    counts: u16,
+    device_time: Option<pb::DeviceTime>,
+) -> pb::Deflection {
+    let mut each = [None; 4];
+    each[wheel.index()] = Some(u32::from(counts));
+    let [fl_counts, fr_counts, rl_counts, rr_counts] = each;
+    pb::Deflection {
+        fl_counts,
+        fr_counts,
+        rl_counts,
+        rr_counts,
+        device_time,
+    }
+}
+
+pub(super) fn deflection_from_proto(
+    message: &pb::Deflection,
+) -> Result<CornerSample, MessageError> {
+    let each = [
+        message.fl_counts,
+        message.fr_counts,
+        message.rl_counts,
+        message.rr_counts,
+    ];
+    let (wheel, counts) = Wheel::ALL
+        .into_iter()
+        .zip(each)
+        .find_map(|(wheel, counts)| Some((wheel, counts?)))
+        .ok_or(MessageError::Absent("a wheel"))?;
+    Ok(CornerSample {
+        wheel,
+        strain_counts: [None; StrainChannel::COUNT],
+        deflection_counts: Some(narrow("counts", counts)?),
+    })
+}
+
+pub(super) type Measured = Option<(Measurement, Option<DeviceTime>)>;
+
+pub(super) fn decode_measurement(schema: &str, data: &[u8]) -> Result<Measured, MessageError> {
+    let (measurement, device_time) = match schema {
+        "atvrec.Imu" => {
+            let m = pb::Imu::decode(data)?;
+            let imu = ImuSample {
+                specific_force_m_s2: array(m.specific_force_m_s2),
+                angular_rate_rad_s: array(m.angular_rate_rad_s),
+                temperature_c: m.temperature_c,
+                interval_s: m.interval_s,
+                status: narrow("status", m.status)?,
+                valid: m.valid,
+            };
+            (Measurement::Imu(imu), m.device_time)
+        }
+        "atvrec.GnssPosition" => {
+            let m = pb::GnssPosition::decode(data)?;
+            let satellites = m.satellites.map(|n| narrow("satellites", n)).transpose()?;
+            let position = GnssPosition {
+                quality: quality_from_proto(m.quality),
+                latitude_rad: m.latitude_rad,
+                longitude_rad: m.longitude_rad,
+                height_m: m.height_m,
+                sigma_enu_m: m.sigma_m.map(enu_array),
+                satellites,
+            };
+            (Measurement::GnssPosition(position), m.device_time)
+        }
+        "atvrec.GnssVelocity" => {
+            let m = pb::GnssVelocity::decode(data)?;
+            let velocity = GnssVelocity {
+                quality: quality_from_proto(m.quality),
+                velocity_enu_m_s: enu_array(m.velocity_m_s.unwrap_or_default()),
+                sigma_enu_m_s: m.sigma_m_s.map(enu_array),
+                latency_s: m.latency_s,
+            };
+            (Measurement::GnssVelocity(velocity), m.device_time)
+        }
+        "atvrec.GnssAttitude" => {
+            let m = pb::GnssAttitude::decode(data)?;
+            let attitude = GnssAttitude {
+                quality: quality_from_proto(m.quality),
+                yaw_rad: m.yaw_rad,
+                pitch_rad: m.pitch_rad,
+                roll_rad: m.roll_rad,
+                sigma_rad: m.sigma_rad.map(|s| [s.yaw, s.pitch, s.roll]),
+            };
+            (Measurement::GnssAttitude(attitude), m.device_time)
+        }
+        "atvrec.Attitude" => {
+            let m = pb::Attitude::decode(data)?;
+            let attitude = Attitude {
+                roll_rad: m.roll_rad,
+                pitch_rad: m.pitch_rad,
+                yaw_rad: m.yaw_rad,
+            };
+            (Measurement::Attitude(attitude), m.device_time)
+        }
+        "atvrec.Strain" => {
+            let m = pb::Strain::decode(data)?;
+            (Measurement::Corner(strain_from_proto(&m)?), m.device_time)
+        }
+        "atvrec.Deflection" => {
+            let m = pb::Deflection::decode(data)?;
+            let corner = deflection_from_proto(&m)?;
+            (Measurement::Corner(corner), m.device_time)
+        }
+        "atvrec.Steer" => {
+            let m = pb::Steer::decode(data)?;
+            let hand_wheel_rad = m.hand_wheel_rad;
+            (
+                Measurement::Steer(SteerSample { hand_wheel_rad }),
+                m.device_time,
+            )
+        }
+        "atvrec.WheelSpeed" => {
+            let m = pb::WheelSpeed::decode(data)?;
+            let each = PerWheel([m.fl_rad_s, m.fr_rad_s, m.rl_rad_s, m.rr_rad_s]);
+            let speed = WheelSpeedSample {
+                angular_speed_rad_s: each,
+            };
+            (Measurement::WheelSpeed(speed), m.device_time)
+        }
+        _ => return Ok(None),
+    };
+    Ok(Some((measurement, device_time_from_proto(device_time)?)))
+}
