@@ -102,7 +102,7 @@ impl Devices {
     ) -> anyhow::Result<()> {
         let start = Instant::now();
         let duration_s = rig.duration_s();
-        while let Some(emission) = rig.vehicle.next() {
+        for emission in rig.vehicle.by_ref() {
             if emission.time_s > duration_s {
                 break;
             }

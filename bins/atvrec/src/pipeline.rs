@@ -7,7 +7,7 @@
 //! ```
 
 use std::future::Future;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
@@ -232,6 +232,31 @@ fn notify(states: &[sd_notify::NotifyState<'_>]) {
     }
 }
 
+/// Makes whole what an earlier run could not close. What cannot be made whole stays as it is.
+fn recover_unfinished(directory: &Path) {
+    let logs = match store::recover_directory(directory) {
+        Ok(logs) => logs,
+        Err(error) => {
+            tracing::warn!(%error, "unfinished logs were not looked for");
+            return;
+        }
+    };
+    for (path, result) in logs {
+        match result {
+            Ok(recovered) => tracing::warn!(
+                log = %recovered.path.display(),
+                messages = recovered.messages,
+                "an unfinished log was made whole"
+            ),
+            Err(error) => tracing::error!(
+                log = %path.display(),
+                %error,
+                "an unfinished log was not made whole"
+            ),
+        }
+    }
+}
+
 fn start_recorder(config: &Config, session: store::Session) -> anyhow::Result<Arc<Recorder>> {
     let storage = &config.storage;
     std::fs::create_dir_all(&storage.directory).with_context(|| {
@@ -240,6 +265,7 @@ fn start_recorder(config: &Config, session: store::Session) -> anyhow::Result<Ar
             storage.directory.display()
         )
     })?;
+    recover_unfinished(&storage.directory);
     let time = session::utc_compact(session.started.0 / 1_000_000_000);
     let stem = format!("{}-{time}", storage.name);
     let options = storage.options.clone();

@@ -2,6 +2,8 @@
 
 #[path = "suite/configuration.rs"]
 mod configuration;
+#[path = "suite/estimate.rs"]
+mod estimate;
 #[path = "suite/record.rs"]
 mod record;
 #[path = "suite/replay.rs"]

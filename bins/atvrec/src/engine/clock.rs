@@ -141,7 +141,7 @@ impl ClockFit {
         let elapsed_s = device_s - device_0;
         let residual_s = log_time.seconds_since(log_0) - elapsed_s;
         let late_s = residual_s - self.offset_s - self.drift * elapsed_s;
-        if late_s < -EARLY_MAX_S || late_s > LATE_MAX_S {
+        if !(-EARLY_MAX_S..=LATE_MAX_S).contains(&late_s) {
             self.contradictions += 1;
             if self.contradictions >= CONTRADICTIONS_MAX {
                 self.restarts += 1;

@@ -9,17 +9,19 @@ struct Virtual(Child);
 
 impl Virtual {
     fn start(directory: &Path) -> Self {
-        let child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
-            .args(["virtual", "--manoeuvre", "step-steer", "--repeat"])
-            .args(["--directory", "ports"])
-            .current_dir(directory)
-            .stdout(Stdio::null())
-            .spawn()
-            .expect("the virtual vehicle starts");
+        let child = Self(
+            Command::new(env!("CARGO_BIN_EXE_atvrec"))
+                .args(["virtual", "--manoeuvre", "step-steer", "--repeat"])
+                .args(["--directory", "ports"])
+                .current_dir(directory)
+                .stdout(Stdio::null())
+                .spawn()
+                .expect("the virtual vehicle starts"),
+        );
         let ready = directory.join("ports/atvrec.toml");
         for _ in 0..600 {
             if ready.exists() {
-                return Self(child);
+                return child;
             }
             std::thread::sleep(std::time::Duration::from_millis(50));
         }
@@ -113,6 +115,104 @@ fn a_missing_device_is_told_and_does_not_keep_the_others_from_recording() {
         .code(1);
     let text = stdout(&assert);
     assert!(text.contains("not open"), "{text}");
+}
+
+#[test]
+fn an_unfinished_log_is_made_whole_by_the_next_start() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let whole = crate::support::simulate(directory.path(), "drive.mcap", 1);
+    let bytes = fs::read(&whole).expect("a log");
+    fs::create_dir(directory.path().join("logs")).expect("a directory");
+    let unfinished = directory.path().join("logs/old.mcap.active");
+    fs::write(&unfinished, &bytes[..bytes.len() / 2]).expect("written");
+    fs::write(directory.path().join("atvrec.toml"), "").expect("written");
+    atvrec(directory.path())
+        .args(["record", "--for", "0.2"])
+        .assert()
+        .success();
+    assert!(!unfinished.exists());
+    atvrec(directory.path())
+        .args(["replay", "logs/old.mcap", "--verify"])
+        .assert()
+        .success();
+}
+
+#[test]
+fn marks_and_state_go_through_the_control_socket() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("atvrec.toml"), "").expect("written");
+    let assert = atvrec(directory.path())
+        .args(["mark", "nobody"])
+        .assert()
+        .code(1);
+    let text = crate::support::stderr(&assert);
+    assert!(text.contains("no recorder answers"), "{text}");
+
+    let mut recorder = Recorder::start(directory.path());
+    atvrec(directory.path())
+        .args(["mark", "gravel begins"])
+        .assert()
+        .success();
+    let assert = atvrec(directory.path())
+        .args(["status", "--json"])
+        .assert()
+        .success();
+    let status: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    assert_eq!(status["disk"]["state"], "writing");
+    recorder.terminate();
+    let logs = logs(&directory.path().join("logs"));
+    let reader = store::Reader::open(&logs).expect("the log opens");
+    let marks: Vec<String> = reader
+        .messages(store::Selection::topics(["/mark"]))
+        .filter_map(|message| message.expect("a message").record().expect("a record"))
+        .filter_map(|record| match record {
+            store::Record::Mark { text, .. } => Some(text),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(marks, ["gravel begins"]);
+    assert!(!directory.path().join("logs/control").exists());
+}
+
+/// A recorder in the background.
+struct Recorder(Child);
+
+impl Recorder {
+    fn start(directory: &Path) -> Self {
+        let recorder = Self(
+            Command::new(env!("CARGO_BIN_EXE_atvrec"))
+                .args(["--quiet", "record"])
+                .current_dir(directory)
+                .stdout(Stdio::null())
+                .spawn()
+                .expect("the recorder starts"),
+        );
+        for _ in 0..600 {
+            if std::os::unix::net::UnixStream::connect(directory.join("logs/control")).is_ok() {
+                return recorder;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+        panic!("the recorder does not listen");
+    }
+
+    /// Ends it as a service manager does.
+    fn terminate(&mut self) {
+        let status = Command::new("kill")
+            .args(["-TERM", &self.0.id().to_string()])
+            .status()
+            .expect("kill runs");
+        assert!(status.success());
+        let status = self.0.wait().expect("the recorder ends");
+        assert_eq!(status.code(), Some(0));
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 #[test]

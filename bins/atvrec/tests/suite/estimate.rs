@@ -1,0 +1,70 @@
+//! Whether the whole chain means what it says: units, signs, wheels and instants, from the model
+//! through the sensors' bytes to the estimate, against the simulation's truth.
+
+use std::collections::BTreeMap;
+
+use sample::{Estimate, Wheel};
+use store::Reader;
+
+use crate::support::{atvrec, stdout};
+
+/// The estimator may settle for this long, s.
+const SETTLING_S: f64 = 3.0;
+
+#[test]
+fn estimates_follow_the_truth_of_a_virtual_drive() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let assert = atvrec(directory.path())
+        .args(["simulate", "--manoeuvre", "slow-sine", "--for", "12"])
+        .args(["--output", "drive.mcap"])
+        .assert()
+        .success();
+    assert!(stdout(&assert).contains("12.0 s of slow-sine"));
+    let reader = Reader::open([directory.path().join("drive.mcap")]).expect("the log opens");
+    let truth: BTreeMap<u64, Estimate> = reader
+        .truth()
+        .map(|truth| truth.expect("truth"))
+        .map(|truth| (truth.time.0, truth))
+        .collect();
+    let start = truth.values().next().expect("truth").time;
+    let (mut compared, mut sums) = (0, [0.0; 4]);
+    for estimate in reader.estimates() {
+        let estimate = estimate.expect("an estimate");
+        if estimate.time.seconds_since(start) < SETTLING_S {
+            continue;
+        }
+        let Some(truth) = truth.get(&estimate.time.0) else {
+            continue;
+        };
+        compared += 1;
+        let mut add = |slot: usize, error: f64| {
+            assert!(error.is_finite(), "{slot}: {estimate:?}");
+            sums[slot] += error * error;
+        };
+        add(
+            0,
+            estimate.motion.velocity_x_m_s - truth.motion.velocity_x_m_s,
+        );
+        add(
+            1,
+            (estimate.motion.roll_rad - truth.motion.roll_rad).to_degrees(),
+        );
+        for wheel in Wheel::ALL {
+            let force = |e: &Estimate, axis: usize| e.measured[wheel].force_n[axis];
+            add(2, force(&estimate, 1) - force(truth, 1));
+            add(3, force(&estimate, 2) - force(truth, 2));
+        }
+    }
+    assert!(
+        compared > 800,
+        "only {compared} instants have an estimate and truth"
+    );
+    let count = f64::from(compared);
+    let [speed, roll] = [sums[0], sums[1]].map(|sum| (sum / count).sqrt());
+    let [lateral, vertical] = [sums[2], sums[3]].map(|sum| (sum / (4.0 * count)).sqrt());
+    assert!(speed < 0.2, "speed is off by {speed} m/s");
+    assert!(roll < 0.6, "roll is off by {roll} degrees");
+    // A tyre carries about 1 kN at rest.
+    assert!(lateral < 100.0, "lateral forces are off by {lateral} N");
+    assert!(vertical < 100.0, "vertical forces are off by {vertical} N");
+}
