@@ -19,12 +19,25 @@ pub fn rk4<T: Scalar, const N: usize>(
     step_s: f64,
     rate: impl Fn(&[T; N]) -> [T; N],
 ) -> [T; N] {
-    let ahead = |k: &[T; N], part: f64| -> [T; N] {
-        std::array::from_fn(|i| x[i] + k[i] * (part * step_s))
-    };
-    let k1 = rate(x);
-    let k2 = rate(&ahead(&k1, 0.5));
-    let k3 = rate(&ahead(&k2, 0.5));
-    let k4 = rate(&ahead(&k3, 1.0));
-    std::array::from_fn(|i| x[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * (step_s / 6.0))
+    // Loops in place: built by closures, these arrays would be copied and not vectorised.
+    let mut sum = rate(x);
+    let mut ahead = *x;
+    for i in 0..N {
+        ahead[i] += sum[i] * (0.5 * step_s);
+    }
+    let k = rate(&ahead);
+    for i in 0..N {
+        ahead[i] = x[i] + k[i] * (0.5 * step_s);
+        sum[i] += k[i] * 2.0;
+    }
+    let k = rate(&ahead);
+    for i in 0..N {
+        ahead[i] = x[i] + k[i] * step_s;
+        sum[i] += k[i] * 2.0;
+    }
+    let k = rate(&ahead);
+    for i in 0..N {
+        sum[i] = x[i] + (sum[i] + k[i]) * (step_s / 6.0);
+    }
+    sum
 }

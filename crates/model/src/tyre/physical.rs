@@ -83,8 +83,10 @@ impl Physical {
         let load = contact.load_n;
         let grip = load * contact.friction_scale * self.friction;
         // Linear force that the slip would give: along x, and along -y.
-        let x = self.slip.at(load) * contact.stiffness_scale * contact.slip_ratio;
-        let y = self.cornering.at(load) * contact.stiffness_scale * contact.slip_tangent;
+        let cornering = self.cornering.at(load);
+        let slip = self.slip.beside(load, &self.cornering, cornering);
+        let x = slip * contact.stiffness_scale * contact.slip_ratio;
+        let y = cornering * contact.stiffness_scale * contact.slip_tangent;
         let (force, trail) = match self.law {
             Law::Linear => {
                 let angle = contact.slip_tangent.atan();

@@ -24,6 +24,28 @@ pub enum Stiffness {
 }
 
 impl Stiffness {
+    /// This stiffness at a load at which another one is known: two power laws of the same load
+    /// share their power.
+    #[inline]
+    #[allow(clippy::float_cmp)]
+    pub(super) fn beside<T: Scalar>(&self, load_n: T, other: &Self, known: T) -> T {
+        match (self, other) {
+            (
+                Self::Power {
+                    at_reference: own,
+                    reference_load_n: own_load,
+                    exponent: own_exponent,
+                },
+                Self::Power {
+                    at_reference: theirs,
+                    reference_load_n: their_load,
+                    exponent: their_exponent,
+                },
+            ) if own_load == their_load && own_exponent == their_exponent => known * (own / theirs),
+            _ => self.at(load_n),
+        }
+    }
+
     /// The stiffness at a load above zero.
     #[inline]
     pub fn at<T: Scalar>(&self, load_n: T) -> T {

@@ -292,13 +292,42 @@ impl<T: Scalar> System<T> {
     }
 }
 
+/// A solved instant.
+struct Solution<T> {
+    rate: State<T>,
+    wheels: [WheelForces<T>; 4],
+    struts: [[T; 3]; 4],
+    specific_force: V3<T>,
+}
+
 /// Rate of the state with loads, forces, slips and strut lengths.
-#[inline]
 pub fn outputs<T: Scalar>(
     parameters: &Parameters,
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> Outputs<T> {
+    let Solution {
+        rate,
+        wheels,
+        struts,
+        specific_force,
+    } = solve(parameters, state, inputs);
+    Outputs {
+        rate,
+        load_n: wheels.map(|wheel| wheel.load),
+        deflection_m: wheels.map(|wheel| wheel.deflection),
+        longitudinal_n: wheels.map(|wheel| wheel.longitudinal),
+        lateral_n: wheels.map(|wheel| wheel.lateral),
+        slip_angle_rad: wheels.map(|wheel| wheel.tangent.atan()),
+        slip_ratio: wheels.map(|wheel| wheel.ratio),
+        strut_length_m: struts.map(|strut| strut[0]),
+        strut_force_n: struts.map(|strut| strut[1]),
+        specific_force_m_s2: specific_force,
+    }
+}
+
+#[inline]
+fn solve<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Solution<T> {
     let frame = frame(parameters, state, inputs);
     let mut system = System::of_body(parameters, state, &frame);
     let wheels: [WheelForces<T>; 4] =
@@ -325,17 +354,11 @@ pub fn outputs<T: Scalar>(
         rate.slip_tangent[i] = wheels[i].tangent_rate;
         rate.slip_ratio[i] = wheels[i].ratio_rate;
     }
-    Outputs {
+    Solution {
         rate,
-        load_n: wheels.map(|wheel| wheel.load),
-        deflection_m: wheels.map(|wheel| wheel.deflection),
-        longitudinal_n: wheels.map(|wheel| wheel.longitudinal),
-        lateral_n: wheels.map(|wheel| wheel.lateral),
-        slip_angle_rad: wheels.map(|wheel| wheel.tangent.atan()),
-        slip_ratio: wheels.map(|wheel| wheel.ratio),
-        strut_length_m: struts.map(|strut| strut[0]),
-        strut_force_n: struts.map(|strut| strut[1]),
-        specific_force_m_s2: sub(acceleration, frame.gravity),
+        wheels,
+        struts,
+        specific_force: sub(acceleration, frame.gravity),
     }
 }
 
@@ -368,7 +391,7 @@ pub fn derivative<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> State<T> {
-    outputs(parameters, state, inputs).rate
+    solve(parameters, state, inputs).rate
 }
 
 /// Numbers whose signs tell contact, wheel by wheel: how far the tyres are pressed in, how far the
