@@ -60,6 +60,24 @@ pub enum Error {
         #[source]
         cause: MessageError,
     },
+    /// The log has no channel of this topic.
+    #[error("the log has no topic {topic}; it has {known}")]
+    NoTopic {
+        /// Topic asked for.
+        topic: String,
+        /// Topics there are.
+        known: String,
+    },
+    /// The schema of a channel cannot be used.
+    #[error("the schema {schema} of {topic} cannot be read: {what}")]
+    Schema {
+        /// Topic of the channel.
+        topic: String,
+        /// Name of the schema.
+        schema: String,
+        /// What is wrong with it.
+        what: &'static str,
+    },
     /// Another process is writing the file.
     #[error("{} is being written by another process; stop it first", .0.display())]
     InUse(PathBuf),

@@ -24,6 +24,7 @@ mod recovery;
 mod scan;
 mod schema;
 mod session;
+mod table;
 
 pub use convert::Encoded;
 pub use dynamic::{DynamicMessage, SignalSchema};
@@ -37,6 +38,7 @@ pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
 pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
 pub use recovery::{Recovered, recover, recover_directory, salvage};
 pub use session::{Attachment, Options, Session, Source, SourceKind};
+pub use table::{Column, Table, Values};
 
 /// Types generated from the schemas in `proto/`, as they stand in the log.
 pub mod proto {

@@ -249,6 +249,13 @@ impl Reader {
             .any(|file| file.index.metadata.contains_key(RECOVERED_METADATA))
     }
 
+    /// All channels of all files, in order.
+    pub fn channels(&self) -> impl Iterator<Item = &Arc<ChannelInfo>> {
+        self.files
+            .iter()
+            .flat_map(|file| file.index.channels.values())
+    }
+
     /// Metadata records of all files by name; where files differ, the last one's.
     #[must_use]
     pub fn metadata(&self) -> BTreeMap<String, BTreeMap<String, String>> {
