@@ -9,7 +9,7 @@ use sample::{ForceSource, PerWheel, TyreForce};
 /// Speed below which the model is held at rest, m/s: slip means little there.
 const REST_M_S: f64 = 1.0;
 /// Steps of the integration in one step of the grid.
-const SUBSTEPS: usize = 1;
+const SUBSTEPS: usize = 2;
 
 /// The model's state.
 #[derive(Clone, Debug)]

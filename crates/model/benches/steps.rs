@@ -4,7 +4,6 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use model::chassis::{four_wheel, fourteen_dof};
-use model::simulation::{Grid, Rollout, rollouts};
 use model::vehicle::Vehicle;
 
 /// Steps of one measurement.
@@ -64,35 +63,5 @@ fn main() -> Result<(), model::Error> {
         }
         state = fourteen_dof::step(&parameters, black_box(&state), &inputs, 5e-4);
     });
-    batch()
-}
-
-/// 10,000 four-wheel rollouts on all cores.
-fn batch() -> Result<(), model::Error> {
-    let parameters = four_wheel::Parameters::from_vehicle(&Vehicle::builtin("prowler-table-2.3")?);
-    let inputs = [four_wheel::Inputs::steered(0.05)];
-    let rollout = Rollout {
-        model: &parameters,
-        start: four_wheel::State::rolling(7.0, &parameters),
-        inputs: &inputs,
-    };
-    let runs = vec![rollout; 10_000];
-    let grid = Grid {
-        step_s: 1e-3,
-        steps: 100,
-        every: 100,
-    };
-    let mut best = f64::INFINITY;
-    for _ in 0..10 {
-        let begin = Instant::now();
-        black_box(rollouts(&runs, &grid)?);
-        best = best.min(begin.elapsed().as_secs_f64());
-    }
-    let steps = (runs.len() * grid.steps) as f64;
-    println!(
-        "{:<44} {:>9.1} ns/step",
-        "four-wheel, RK4, 10,000 rollouts",
-        1e9 * best / steps
-    );
     Ok(())
 }

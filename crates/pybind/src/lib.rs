@@ -1,1 +1,35 @@
 //! The Python package `atvrec`: thin wrappers of the model and the log reader.
+//!
+//! This is its extension module `atvrec._atvrec`; what Python users see is in `python/atvrec`.
+
+mod arrays;
+mod batch;
+mod bicycle;
+mod errors;
+mod four_wheel;
+mod input;
+mod log;
+mod strain;
+mod suspension;
+mod tyre;
+mod vehicle;
+
+use pyo3::prelude::*;
+
+/// Extension module of the package atvrec.
+#[pymodule(gil_used = false)]
+fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    errors::register(module)?;
+    module.add_class::<log::LogReader>()?;
+    module.add_class::<vehicle::Vehicle>()?;
+    module.add_class::<tyre::Tyre>()?;
+    module.add_class::<bicycle::Bicycle>()?;
+    module.add_class::<four_wheel::FourWheel>()?;
+    module.add_class::<suspension::Ride>()?;
+    module.add_class::<suspension::Corner>()?;
+    module.add_class::<strain::StrainChannel>()?;
+    module.add_function(wrap_pyfunction!(suspension::road_height_m, module)?)?;
+    module.add_function(wrap_pyfunction!(strain::ina2126_gain, module)?)?;
+    module.add_function(wrap_pyfunction!(strain::strain_circuits, module)?)
+}

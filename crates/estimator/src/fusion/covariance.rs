@@ -162,31 +162,16 @@ impl Covariance {
         sum
     }
 
-    /// P -= sum of g g' over the vectors of `batch`.
-    ///
-    /// One half is computed, three vectors at a time so that each number is loaded and stored
-    /// once for three products, then copied to the other.
-    pub fn reduce(&mut self, batch: &[[f64; SIZE]]) {
-        const NONE: [f64; SIZE] = [0.0; SIZE];
-        for part in batch.chunks(3) {
-            let first = &part[0];
-            let second = part.get(1).unwrap_or(&NONE);
-            let third = part.get(2).unwrap_or(&NONE);
-            for (i, row) in self.0.iter_mut().enumerate() {
-                let start = i & !3;
-                let (a, b, c) = (first[i], second[i], third[i]);
-                let others = first[start..]
-                    .iter()
-                    .zip(&second[start..])
-                    .zip(&third[start..]);
-                for (p, ((x, y), z)) in row[start..].iter_mut().zip(others) {
-                    *p -= a * x + b * y + c * z;
-                }
+    /// P -= ph ph' / total.
+    pub fn reduce(&mut self, ph: &[f64; SIZE], total: f64) {
+        let inverse = 1.0 / total;
+        for (row, h) in self.0.iter_mut().zip(ph) {
+            let gain = h * inverse;
+            if gain == 0.0 {
+                continue;
             }
-        }
-        for i in 4..SIZE {
-            for j in 0..i & !3 {
-                self.0[i][j] = self.0[j][i];
+            for (p, other) in row.iter_mut().zip(ph) {
+                *p -= gain * other;
             }
         }
     }

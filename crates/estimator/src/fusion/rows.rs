@@ -89,7 +89,6 @@ impl Fusion {
         let drag = Vector3::new(self.body.drag * u * u.abs(), 0.0, 0.0);
         let sum = input.motion.specific_force_m_s2 * mass + drag;
         let variance = (mass * accel).powi(2) + SUM_FLOOR_N * SUM_FLOOR_N;
-        let mut batch = Batch::new();
         for axis in 0..3 {
             let mut row = Row::new();
             for (i, direction) in balance.directions.iter().enumerate() {
@@ -100,7 +99,7 @@ impl Fusion {
                 }
             }
             row.add(ACCEL + axis, mass);
-            batch.take(self, &row, sum[axis], variance, GATE);
+            self.take(&row, sum[axis], variance, GATE);
         }
         for axis in 0..3 {
             let mut row = Row::new();
@@ -109,9 +108,8 @@ impl Fusion {
                 row.add(position(j), -age * gain);
             }
             let value = input.motion.rate_rad_s[axis] + age * balance.constant[axis];
-            batch.take(self, &row, value, gyro * gyro, GATE);
+            self.take(&row, value, gyro * gyro, GATE);
         }
-        batch.finish(self);
     }
 
     /// Strut and strain channels of one corner.
@@ -127,12 +125,10 @@ impl Fusion {
         let torque = corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle;
         let member =
             |i: usize, age: f64| member_row(&corner.statics, wheel, i, age, rolling, torque);
-        let mut batch = Batch::new();
         if corner.strut_sigma_n.is_finite() {
             let row = member(5, 0.0);
             let value = corner.strut_n - corner.statics.members_offset[5];
-            let variance = corner.strut_sigma_n.powi(2);
-            batch.take(self, &row, value, variance, 4.0 * GATE);
+            self.take(&row, value, corner.strut_sigma_n.powi(2), 4.0 * GATE);
         }
         let mut alive = 0;
         for (i, channel) in AXIAL.into_iter().enumerate() {
@@ -151,7 +147,7 @@ impl Fusion {
             let floor = MEMBER_FLOOR_N + MEMBER_FLOOR * reading.value.abs();
             let variance = noise * noise + floor * floor;
             let value = reading.value - corner.statics.members_offset[i];
-            let change = batch.take_channel(self, &row, value, variance, [wheel, i]);
+            let change = self.take_channel(&row, value, variance, wheel, i);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -160,18 +156,16 @@ impl Fusion {
                 });
             }
         }
-        self.take_bending(&mut batch, input, wheel, readings, changes);
+        self.take_bending(input, wheel, readings, changes);
         if alive < 4 {
-            self.take_expected(&mut batch, input, wheel);
+            self.take_expected(input, wheel);
         }
-        batch.finish(self);
     }
 
     /// Bending bridges between strut mount and ball joint: each tube carries one half of the
     /// ball-normal force, so that its gauges see M = F_n d/2, whatever spring and damper do.
     fn take_bending(
         &mut self,
-        batch: &mut Batch,
         input: &StepInput<'_>,
         wheel: usize,
         readings: &mut CornerReadings,
@@ -204,8 +198,7 @@ impl Fusion {
             let c = &input.channels.0[wheel].strain[i];
             let floor = arm * BENDING_FLOOR_N;
             let variance = c.noise_sigma.powi(2) + c.offset_sigma.powi(2) + floor * floor;
-            let value = reading.value - known;
-            let change = batch.take_channel(self, &row, value, variance, [wheel, i]);
+            let change = self.take_channel(&row, reading.value - known, variance, wheel, i);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -217,7 +210,7 @@ impl Fusion {
     }
 
     /// Without strain nothing tells the forces of one axle apart: the vehicle model has to.
-    fn take_expected(&mut self, batch: &mut Batch, input: &StepInput<'_>, wheel: usize) {
+    fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
         let load = self.state[FORCE + 3 * wheel + 2].abs();
         // The same guess every step is one piece of knowledge, not many: spread over a second.
         let variance = (BLIND_FORCE * load + 50.0).powi(2) * (1.0 / input.dt).max(1.0);
@@ -226,95 +219,52 @@ impl Fusion {
             if expected.is_finite() {
                 let mut row = Row::new();
                 row.add(FORCE + 3 * wheel + axis, 1.0);
-                batch.take(self, &row, expected, variance, f64::INFINITY);
+                self.take(&row, expected, variance, f64::INFINITY);
             }
         }
-    }
-}
-
-/// Scalar measurements that are taken one after another while the covariance's own reduction
-/// waits until all of them are through: the same numbers as one by one, with one pass over the
-/// matrix instead of many.
-struct Batch {
-    vectors: [[f64; SIZE]; Self::CAPACITY],
-    length: usize,
-}
-
-impl Batch {
-    /// Strut, five axial and two bending channels, two guesses of the model.
-    const CAPACITY: usize = 10;
-
-    fn new() -> Self {
-        Self {
-            vectors: [[0.0; SIZE]; Self::CAPACITY],
-            length: 0,
-        }
-    }
-
-    /// Covariance of the state with the row's value, as it stands after the batch so far.
-    fn times(&self, filter: &Fusion, row: &Row) -> [f64; SIZE] {
-        let mut ph = filter.covariance.times(row);
-        for vector in &self.vectors[..self.length] {
-            let part = row.times(vector);
-            for (p, v) in ph.iter_mut().zip(vector) {
-                *p -= part * v;
-            }
-        }
-        ph
     }
 
     fn take_channel(
         &mut self,
-        filter: &mut Fusion,
         row: &Row,
         value: f64,
         variance: f64,
-        [wheel, channel]: [usize; 2],
+        wheel: usize,
+        i: usize,
     ) -> Change {
-        let ph = self.times(filter, row);
-        let total = row.times(&ph) + variance;
-        let innovation = value - row.times(&filter.state);
-        if filter.settling() {
-            self.apply(filter, &ph, innovation, total);
+        let ph = self.covariance.times(row);
+        let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
+        let innovation = value - row.times(&self.state);
+        let square = innovation * innovation / total;
+        if self.settling() {
+            self.apply(&ph, innovation, total);
             return Change::None;
         }
-        let square = innovation * innovation / total;
-        let (good, change) = filter.health[wheel][channel].judge(square);
+        let (good, change) = self.health[wheel][i].judge(square);
         if good {
-            self.apply(filter, &ph, innovation, total);
+            self.apply(&ph, innovation, total);
         }
         change
     }
 
-    fn take(&mut self, filter: &mut Fusion, row: &Row, value: f64, variance: f64, gate: f64) {
-        let ph = self.times(filter, row);
-        let total = row.times(&ph) + variance;
-        let innovation = value - row.times(&filter.state);
-        if filter.settling() || innovation * innovation <= gate * total {
-            self.apply(filter, &ph, innovation, total);
+    fn take(&mut self, row: &Row, value: f64, variance: f64, gate: f64) {
+        let ph = self.covariance.times(row);
+        let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
+        let innovation = value - row.times(&self.state);
+        if self.settling() || innovation * innovation <= gate * total {
+            self.apply(&ph, innovation, total);
         }
     }
 
-    fn apply(&mut self, filter: &mut Fusion, ph: &[f64; SIZE], innovation: f64, total: f64) {
+    fn apply(&mut self, ph: &[f64; SIZE], innovation: f64, total: f64) {
         if total.is_nan() || total <= 0.0 || !innovation.is_finite() {
             return;
         }
-        if self.length == Self::CAPACITY {
-            self.finish(filter);
+        let gain = innovation / total;
+        for (x, p) in self.state.iter_mut().zip(ph) {
+            *x += gain * p;
         }
-        let root = 1.0 / total.sqrt();
-        let gain = innovation * root;
-        let vector = &mut self.vectors[self.length];
-        for ((x, v), p) in filter.state.iter_mut().zip(vector).zip(ph) {
-            *v = p * root;
-            *x += gain * *v;
-        }
-        self.length += 1;
-    }
-
-    fn finish(&mut self, filter: &mut Fusion) {
-        filter.covariance.reduce(&self.vectors[..self.length]);
-        self.length = 0;
+        self.covariance.reduce(ph, total);
     }
 }
 

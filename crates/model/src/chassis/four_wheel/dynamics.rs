@@ -82,13 +82,13 @@ fn wheels<T: Scalar>(
         tangent: zero,
         ratio: zero,
     };
-    for (i, turned) in turned.iter().enumerate() {
+    for i in 0..4 {
         let axle = parameters.axle(i);
         let [x, y] = parameters.wheel_position_m(i);
         let along = state.longitudinal_m_s - state.yaw_rate_rad_s * y;
         let across = state.lateral_m_s + state.yaw_rate_rad_s * x;
         let (sin, cos) = if axle.roll_steer == 0.0 {
-            *turned
+            turned[i]
         } else {
             (inputs.steer_rad[i] + state.roll_rad * axle.roll_steer).sin_cos()
         };

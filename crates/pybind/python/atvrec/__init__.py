@@ -1,0 +1,52 @@
+"""Vehicle dynamics and logs of atvrec, the recorder that estimates tyre forces.
+
+- :func:`open` reads logs into NumPy arrays, pandas or polars frames
+- :class:`Vehicle` reads vehicle files
+- :class:`Bicycle` the linear vehicle model
+- :class:`FourWheel` the non-linear vehicle model, one run or thousands at once
+- :class:`Tyre`, :class:`Ride`, :class:`Corner`, :class:`StrainChannel` its parts
+
+Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
+left, rear right. Every name ends with its unit; angles are radians.
+"""
+
+from atvrec._atvrec import (
+    ArgumentError,
+    AtvrecError,
+    Bicycle,
+    Corner,
+    FourWheel,
+    LogError,
+    Ride,
+    SimulationError,
+    StrainChannel,
+    Tyre,
+    Vehicle,
+    VehicleError,
+    __version__,
+    ina2126_gain,
+    road_height_m,
+    strain_circuits,
+)
+from atvrec.log import Log, open
+
+__all__ = [
+    "ArgumentError",
+    "AtvrecError",
+    "Bicycle",
+    "Corner",
+    "FourWheel",
+    "Log",
+    "LogError",
+    "Ride",
+    "SimulationError",
+    "StrainChannel",
+    "Tyre",
+    "Vehicle",
+    "VehicleError",
+    "__version__",
+    "ina2126_gain",
+    "open",
+    "road_height_m",
+    "strain_circuits",
+]

@@ -1,0 +1,243 @@
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeAlias, TypedDict, final
+
+import numpy as np
+import numpy.typing as npt
+
+from atvrec.log import Info
+
+_Doubles: TypeAlias = npt.NDArray[np.float64]
+_Complexes: TypeAlias = npt.NDArray[np.complex128]
+_PerWheel: TypeAlias = float | Sequence[float] | _Doubles
+_Wheel: TypeAlias = Literal["fl", "fr", "rl", "rr"]
+
+__all__: list[str]
+__version__: str
+
+class AtvrecError(Exception): ...
+class LogError(AtvrecError): ...
+class VehicleError(AtvrecError, ValueError): ...
+class ArgumentError(AtvrecError, ValueError): ...
+class SimulationError(AtvrecError): ...
+
+@final
+class LogReader:
+    def __new__(cls, paths: Sequence[str | os.PathLike[str]]) -> LogReader: ...
+    def topics(self) -> list[str]: ...
+    def span_ns(self) -> tuple[int, int] | None: ...
+    def info(self) -> Info: ...
+    def attachments(self) -> dict[str, bytes]: ...
+    def read(
+        self, topic: str, start_ns: int, end_ns: int
+    ) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str], list[str]]: ...
+    def enums(self, topic: str) -> dict[str, dict[int, str]]: ...
+
+@final
+class Vehicle:
+    @staticmethod
+    def builtin(name: str = "prowler") -> Vehicle: ...
+    @staticmethod
+    def builtin_names() -> list[str]: ...
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Vehicle: ...
+    @staticmethod
+    def from_toml(text: str, name: str = "vehicle.toml") -> Vehicle: ...
+    def to_toml(self) -> str: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    def with_values(
+        self, values: Mapping[str, float | bool | str | Sequence[float]]
+    ) -> Vehicle: ...
+    def warnings(self) -> list[str]: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def description(self) -> str: ...
+    @property
+    def mass_kg(self) -> float: ...
+    @property
+    def wheelbase_m(self) -> float: ...
+    @property
+    def roll_axis_height_m(self) -> float: ...
+    @property
+    def roll_arm_m(self) -> float: ...
+
+class _TyreForces(TypedDict):
+    longitudinal_n: _Doubles
+    lateral_n: _Doubles
+    aligning_n_m: _Doubles
+
+@final
+class Tyre:
+    @staticmethod
+    def of(vehicle: Vehicle, axle: Literal["front", "rear"]) -> Tyre: ...
+    @staticmethod
+    def physical(
+        law: Literal["linear", "fiala", "brush", "exponential", "dugoff"],
+        *,
+        cornering_stiffness_n_rad: float,
+        slip_stiffness_n: float,
+        friction: float,
+        sliding_friction: float | None = None,
+        camber_stiffness_n_rad: float = 0.0,
+        contact_length_m: float = 0.0,
+        reference_load_n: float | None = None,
+        load_exponent: float = 0.0,
+    ) -> Tyre: ...
+    def forces(
+        self,
+        load_n: npt.ArrayLike,
+        slip_angle_rad: npt.ArrayLike | None = None,
+        slip_ratio: npt.ArrayLike | None = None,
+        camber_rad: npt.ArrayLike | None = None,
+        friction_scale: npt.ArrayLike | None = None,
+        stiffness_scale: npt.ArrayLike | None = None,
+    ) -> _TyreForces: ...
+
+class _Gains(TypedDict):
+    yaw_rate_1_s: _Doubles
+    sideslip: _Doubles
+    lateral_m_s2: _Doubles
+    curvature_1_m: _Doubles
+
+@final
+class Bicycle:
+    def __new__(cls, vehicle: Vehicle) -> Bicycle: ...
+    def system(self, speed_m_s: float) -> tuple[_Doubles, _Doubles]: ...
+    def relaxed_system(
+        self, speed_m_s: float, relaxation_m: float
+    ) -> tuple[_Doubles, _Doubles]: ...
+    def eigenvalues(self, speed_m_s: npt.ArrayLike) -> _Complexes: ...
+    def yaw_mode(self, speed_m_s: float) -> tuple[float, float] | None: ...
+    @property
+    def understeer_gradient_rad_m_s2(self) -> float: ...
+    @property
+    def characteristic_speed_m_s(self) -> float | None: ...
+    @property
+    def critical_speed_m_s(self) -> float | None: ...
+    @property
+    def static_margin(self) -> float: ...
+    def steady_gains(self, speed_m_s: npt.ArrayLike) -> _Gains: ...
+    def frequency_response(
+        self, speed_m_s: float, frequency_rad_s: npt.ArrayLike
+    ) -> _Complexes: ...
+
+class _Outputs(TypedDict):
+    load_n: _Doubles
+    longitudinal_n: _Doubles
+    lateral_n: _Doubles
+    aligning_n_m: _Doubles
+    slip_angle_rad: _Doubles
+    slip_ratio: _Doubles
+    longitudinal_m_s2: _Doubles
+    lateral_m_s2: _Doubles
+
+class _SteadyTurn(_Outputs):
+    state: _Doubles
+    inputs: _Doubles
+
+@final
+class FourWheel:
+    STATES: list[str]
+    INPUTS: list[str]
+    def __new__(cls, vehicle: Vehicle) -> FourWheel: ...
+    def rolling(self, speed_m_s: float) -> _Doubles: ...
+    @staticmethod
+    def inputs(
+        front_steer_rad: float | None = None,
+        *,
+        steer_rad: _PerWheel | None = None,
+        drive_n_m: _PerWheel | None = None,
+        brake_n_m: _PerWheel | None = None,
+        bank_rad: float = 0.0,
+        grade_rad: float = 0.0,
+        friction_scale: _PerWheel | None = None,
+        stiffness_scale: _PerWheel | None = None,
+    ) -> _Doubles: ...
+    def derivative(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
+    def step(
+        self, state: npt.ArrayLike, inputs: npt.ArrayLike, step_s: float, steps: int = 1
+    ) -> _Doubles: ...
+    def simulate(
+        self,
+        state: npt.ArrayLike,
+        inputs: npt.ArrayLike,
+        step_s: float,
+        steps: int | None = None,
+        every: int = 1,
+    ) -> _Doubles: ...
+    @staticmethod
+    def simulate_each(
+        models: Sequence[FourWheel],
+        state: npt.ArrayLike,
+        inputs: npt.ArrayLike,
+        step_s: float,
+        steps: int | None = None,
+        every: int = 1,
+    ) -> _Doubles: ...
+    def outputs(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Outputs: ...
+    def jacobian(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
+    def steady_turn(
+        self, longitudinal_m_s: float, radius_m: float, drive_front: float | None = None
+    ) -> _SteadyTurn: ...
+
+@final
+class Ride:
+    @staticmethod
+    def quarter(vehicle: Vehicle, wheel: _Wheel) -> Ride: ...
+    @staticmethod
+    def half(vehicle: Vehicle) -> Ride: ...
+    @staticmethod
+    def half_lateral(vehicle: Vehicle, wheel: _Wheel) -> Ride: ...
+    @staticmethod
+    def full(vehicle: Vehicle) -> Ride: ...
+    def system(self) -> tuple[_Doubles, _Doubles, _Doubles]: ...
+    def poles(self) -> _Complexes: ...
+    def response(self, wheel: int, frequency_hz: npt.ArrayLike) -> _Complexes: ...
+
+class _Curves(TypedDict):
+    strut_length_m: _Doubles
+    camber_rad: _Doubles
+    toe_in_rad: _Doubles
+    track_m: _Doubles
+    roll_centre_height_m: _Doubles
+    motion_ratio: _Doubles
+
+@final
+class Corner:
+    MEMBERS: list[str]
+    def __new__(cls, vehicle: Vehicle, wheel: _Wheel) -> Corner: ...
+    def curves(
+        self, jounce_m: npt.ArrayLike, loaded_radius_m: float | None = None
+    ) -> _Curves: ...
+    def members(
+        self, wrench: npt.ArrayLike, jounce_m: float = 0.0, rack_m: float = 0.0
+    ) -> _Doubles: ...
+    def wrench(
+        self, members: npt.ArrayLike, jounce_m: float = 0.0, rack_m: float = 0.0
+    ) -> _Doubles: ...
+
+@final
+class StrainChannel:
+    @staticmethod
+    def axial(sensors: str = "thesis-10bit") -> StrainChannel: ...
+    @staticmethod
+    def bending(sensors: str = "full-bridge-16bit-bending") -> StrainChannel: ...
+    @staticmethod
+    def builtin_names() -> list[str]: ...
+    @property
+    def load_per_count(self) -> float: ...
+    @property
+    def range(self) -> tuple[float, float]: ...
+    def counts(self, load: npt.ArrayLike) -> _Doubles: ...
+    def load(self, counts: npt.ArrayLike) -> _Doubles: ...
+
+def road_height_m(
+    road_class: Literal["A", "B", "C", "D", "E", "F", "G", "H"],
+    position_m: npt.ArrayLike,
+    *,
+    seed: int = 0,
+    sines: int = 400,
+) -> _Doubles: ...
+def ina2126_gain(gain_resistor_ohm: float) -> float: ...
+def strain_circuits() -> list[dict[str, Any]]: ...

@@ -1,0 +1,299 @@
+//! Many runs of a model at once, on all cores.
+
+use std::borrow::Cow;
+
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{IntoPyArray, PyArrayDyn, PyUntypedArrayMethods};
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PySlice};
+use rayon::prelude::*;
+
+use crate::errors;
+use crate::input::{self, Doubles};
+
+/// Below this number of steps a batch is not worth a second thread.
+const STEPS_FOR_THREADS: usize = 2_000;
+
+/// A model that can be stepped through time.
+pub trait Dynamics: Sync {
+    /// State.
+    type State: Copy;
+    /// Inputs.
+    type Inputs: Copy + Send + Sync;
+    /// Names of the states' numbers, with units.
+    const STATES: &'static [&'static str];
+    /// Names of the inputs' numbers, with units.
+    const INPUTS: &'static [&'static str];
+
+    /// The state from numbers in the order of [`Dynamics::STATES`].
+    fn state(values: &[f64]) -> Self::State;
+    /// The numbers of a state.
+    fn write(state: &Self::State, values: &mut [f64]);
+    /// Inputs from numbers in the order of [`Dynamics::INPUTS`].
+    fn inputs(values: &[f64]) -> Self::Inputs;
+    /// Rate of the state.
+    fn rate(&self, state: &Self::State, inputs: &Self::Inputs) -> Self::State;
+    /// The state one step later.
+    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State;
+}
+
+/// States and inputs of a batch, brought to one number of rows.
+struct Rows<'a> {
+    states: Cow<'a, [f64]>,
+    inputs: Cow<'a, [f64]>,
+    /// Number of runs.
+    count: usize,
+    /// Whether states, or inputs, are the same for all runs.
+    shared: [bool; 2],
+    /// Inputs of each run: one row for each of its steps, or a single one.
+    input_rows: usize,
+    /// Whether there is an axis of runs at all.
+    batched: bool,
+}
+
+impl<'a> Rows<'a> {
+    fn new<D: Dynamics>(
+        states: &'a Doubles<'_>,
+        inputs: &'a Doubles<'_>,
+        models: Option<usize>,
+        in_time: bool,
+    ) -> PyResult<Self> {
+        let numbers = input::rows("state", states, D::STATES)?;
+        let input_numbers = input::rows("inputs", inputs, D::INPUTS)?;
+        let own_axes = if in_time { 2 } else { 1 };
+        let (of_state, of_inputs) = (states.shape(), inputs.shape());
+        if of_state.len() > 2 || of_inputs.len() > own_axes + 1 {
+            return Err(errors::argument(format!(
+                "state has the shape {of_state:?} and inputs {of_inputs:?}: at most one axis of \
+                 runs may stand before their own"
+            )));
+        }
+        let runs = [
+            (of_state.len() == 2).then(|| of_state[0]),
+            (of_inputs.len() == own_axes + 1).then(|| of_inputs[0]),
+            models,
+        ];
+        let count = runs.iter().flatten().copied().next().unwrap_or(1);
+        if runs.iter().flatten().any(|n| *n != count) {
+            let [a, b, c] = runs.map(|n| n.map_or("one for all".to_owned(), |n| n.to_string()));
+            return Err(errors::argument(format!(
+                "the numbers of runs differ: state {a}, inputs {b}, models {c}"
+            )));
+        }
+        let input_rows = match of_inputs.len() {
+            2 | 3 if in_time => of_inputs[of_inputs.len() - 2],
+            _ => 1,
+        };
+        Ok(Self {
+            states: numbers,
+            inputs: input_numbers,
+            count,
+            shared: [runs[0].is_none(), runs[1].is_none()],
+            input_rows,
+            batched: runs.iter().any(Option::is_some),
+        })
+    }
+
+    fn state(&self, run: usize, width: usize) -> &[f64] {
+        let run = if self.shared[0] { 0 } else { run };
+        &self.states[run * width..(run + 1) * width]
+    }
+
+    /// Inputs of the run's step.
+    fn input(&self, run: usize, step: usize, width: usize) -> &[f64] {
+        let run = if self.shared[1] { 0 } else { run };
+        let step = if self.input_rows == 1 { 0 } else { step };
+        let row = run * self.input_rows + step;
+        &self.inputs[row * width..(row + 1) * width]
+    }
+
+    fn shape(&self, own: &[usize]) -> IxDyn {
+        let runs = self.batched.then_some(self.count);
+        IxDyn(
+            &runs
+                .into_iter()
+                .chain(own.iter().copied())
+                .collect::<Vec<_>>(),
+        )
+    }
+}
+
+type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// One row of results for each run, `width` numbers wide.
+pub fn map<'py, D: Dynamics>(
+    py: Python<'py>,
+    model: &D,
+    states: &Doubles<'py>,
+    inputs: &Doubles<'py>,
+    own_shape: &[usize],
+    work: impl Fn(&D, &D::State, &D::Inputs, &mut [f64]) + Sync,
+) -> PyResult<Array<'py>> {
+    let rows = Rows::new::<D>(states, inputs, None, false)?;
+    let width: usize = own_shape.iter().product();
+    let values = py.detach(|| {
+        fill(rows.count, width, 1, |run, out| {
+            let state = D::state(rows.state(run, D::STATES.len()));
+            let input = D::inputs(rows.input(run, 0, D::INPUTS.len()));
+            work(model, &state, &input, out);
+        })
+    });
+    array(py, rows.shape(own_shape), values)
+}
+
+/// The states `steps` steps later, inputs held.
+pub fn step<'py, D: Dynamics>(
+    py: Python<'py>,
+    model: &D,
+    states: &Doubles<'py>,
+    inputs: &Doubles<'py>,
+    step_s: f64,
+    steps: usize,
+) -> PyResult<Array<'py>> {
+    input::positive("step_s", step_s, "s")?;
+    let rows = Rows::new::<D>(states, inputs, None, false)?;
+    let width = D::STATES.len();
+    let values = py.detach(|| {
+        fill(rows.count, width, steps, |run, out| {
+            let mut state = D::state(rows.state(run, width));
+            let input = D::inputs(rows.input(run, 0, D::INPUTS.len()));
+            for _ in 0..steps {
+                state = model.step(&state, &input, step_s);
+            }
+            D::write(&state, out);
+        })
+    });
+    array(py, rows.shape(&[width]), values)
+}
+
+/// How a simulation runs.
+#[derive(Clone, Copy)]
+pub struct Schedule {
+    /// Length of a step, s.
+    pub step_s: f64,
+    /// Number of steps; without it, as many as there are inputs.
+    pub steps: Option<usize>,
+    /// Every how many steps the state is kept.
+    pub every: usize,
+}
+
+/// States over time, the first included: all of one model, or of one model for each run.
+pub fn simulate<'py, D: Dynamics>(
+    py: Python<'py>,
+    models: &[&D],
+    states: &Doubles<'py>,
+    inputs: &Doubles<'py>,
+    schedule: Schedule,
+) -> PyResult<Array<'py>> {
+    input::positive("step_s", schedule.step_s, "s")?;
+    let count = (models.len() != 1).then_some(models.len());
+    let rows = Rows::new::<D>(states, inputs, count, true)?;
+    let steps = schedule.steps.unwrap_or(rows.input_rows);
+    if rows.input_rows != 1 && rows.input_rows != steps {
+        return Err(errors::argument(format!(
+            "inputs has {} rows for steps = {steps}: give one for all steps, or one for each",
+            rows.input_rows
+        )));
+    }
+    let every = schedule.every.max(1);
+    let (width, kept) = (D::STATES.len(), steps / every + 1);
+    let values = py.detach(|| {
+        fill(rows.count, width * kept, steps, |run, out| {
+            let model = models[if models.len() == 1 { 0 } else { run }];
+            let mut state = D::state(rows.state(run, width));
+            let mut out = out.chunks_exact_mut(width);
+            if let Some(first) = out.next() {
+                D::write(&state, first);
+            }
+            for step in 0..steps {
+                let input = D::inputs(rows.input(run, step, D::INPUTS.len()));
+                state = model.step(&state, &input, schedule.step_s);
+                if (step + 1) % every == 0
+                    && let Some(next) = out.next()
+                {
+                    D::write(&state, next);
+                }
+            }
+        })
+    });
+    array(py, rows.shape(&[kept, width]), values)
+}
+
+/// `count` rows of `width` numbers, each made by `work`, on all cores if that pays.
+fn fill(
+    count: usize,
+    width: usize,
+    steps: usize,
+    work: impl Fn(usize, &mut [f64]) + Sync,
+) -> Vec<f64> {
+    let mut values = vec![0.0; count * width];
+    if width == 0 {
+        return values;
+    }
+    if count > 1 && count.saturating_mul(steps) >= STEPS_FOR_THREADS {
+        let rows = values.par_chunks_exact_mut(width).enumerate();
+        rows.for_each(|(run, out)| work(run, out));
+    } else {
+        let rows = values.chunks_exact_mut(width).enumerate();
+        rows.for_each(|(run, out)| work(run, out));
+    }
+    values
+}
+
+fn array(py: Python<'_>, shape: IxDyn, values: Vec<f64>) -> PyResult<Array<'_>> {
+    ArrayD::from_shape_vec(shape, values)
+        .map(|array| array.into_pyarray(py))
+        .map_err(|error| errors::argument(error.to_string()))
+}
+
+/// Rate of the state.
+pub fn rate<'py, D: Dynamics>(
+    py: Python<'py>,
+    model: &D,
+    states: &Doubles<'py>,
+    inputs: &Doubles<'py>,
+) -> PyResult<Array<'py>> {
+    let width = D::STATES.len();
+    map(
+        py,
+        model,
+        states,
+        inputs,
+        &[width],
+        |model, state, inputs, out| {
+            D::write(&model.rate(state, inputs), out);
+        },
+    )
+}
+
+/// One row of numbers.
+pub fn vector(py: Python<'_>, values: Vec<f64>) -> PyResult<Array<'_>> {
+    array(py, IxDyn(&[values.len()]), values)
+}
+
+/// Parts of the last axis by name, as views; parts of one column lose the axis.
+pub fn split<'py>(
+    py: Python<'py>,
+    all: &Array<'py>,
+    parts: &[(&str, usize)],
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let mut first = 0;
+    for (name, columns) in parts {
+        let end = first + columns;
+        let index = if *columns == 1 {
+            first.into_bound_py_any(py)?
+        } else {
+            PySlice::new(py, first.cast_signed(), end.cast_signed(), 1).into_any()
+        };
+        dict.set_item(name, all.get_item((py.Ellipsis(), index))?)?;
+        first = end;
+    }
+    Ok(dict)
+}
+
+/// Numbers in row order as an array of this shape.
+pub fn shaped<'py>(py: Python<'py>, shape: &[usize], values: Vec<f64>) -> PyResult<Array<'py>> {
+    array(py, IxDyn(shape), values)
+}

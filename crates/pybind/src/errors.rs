@@ -1,0 +1,112 @@
+//! Errors of the crates as exceptions of Python.
+
+use pyo3::exceptions::{PyException, PyOSError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyDict, PyTuple, PyType};
+
+/// The package's exceptions.
+struct Exceptions {
+    base: Py<PyType>,
+    log: Py<PyType>,
+    vehicle: Py<PyType>,
+    argument: Py<PyType>,
+    simulation: Py<PyType>,
+}
+
+static EXCEPTIONS: PyOnceLock<Exceptions> = PyOnceLock::new();
+
+fn exceptions(py: Python<'_>) -> PyResult<&Exceptions> {
+    EXCEPTIONS.get_or_try_init(py, || {
+        let make = |name: &str, doc: &str, bases: &[Bound<'_, PyType>]| {
+            let members = PyDict::new(py);
+            members.set_item("__module__", "atvrec")?;
+            members.set_item("__doc__", doc)?;
+            let made = py
+                .get_type::<PyType>()
+                .call1((name, PyTuple::new(py, bases)?, members))?;
+            PyResult::Ok(made.cast_into::<PyType>()?.unbind())
+        };
+        let base = make(
+            "AtvrecError",
+            "Base of all errors of this package.",
+            &[py.get_type::<PyException>()],
+        )?;
+        let own = base.bind(py).clone();
+        let of_value = [own.clone(), py.get_type::<PyValueError>()];
+        Ok(Exceptions {
+            log: make(
+                "LogError",
+                "A log cannot be read, or does not hold what is asked for.",
+                std::slice::from_ref(&own),
+            )?,
+            vehicle: make(
+                "VehicleError",
+                "A vehicle file has mistakes, or lacks a part that a model needs.",
+                &of_value,
+            )?,
+            argument: make(
+                "ArgumentError",
+                "An argument is not finite or out of its range.",
+                &of_value,
+            )?,
+            simulation: make(
+                "SimulationError",
+                "No equilibrium exists, or an integrator cannot meet its tolerance.",
+                std::slice::from_ref(&own),
+            )?,
+            base,
+        })
+    })
+}
+
+/// Adds the exceptions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    let all = exceptions(py)?;
+    module.add("AtvrecError", all.base.bind(py))?;
+    module.add("LogError", all.log.bind(py))?;
+    module.add("VehicleError", all.vehicle.bind(py))?;
+    module.add("ArgumentError", all.argument.bind(py))?;
+    module.add("SimulationError", all.simulation.bind(py))
+}
+
+fn raise(pick: impl Fn(&Exceptions) -> &Py<PyType>, message: String) -> PyErr {
+    Python::attach(|py| match exceptions(py) {
+        Ok(all) => PyErr::from_type(pick(all).bind(py).clone(), message),
+        Err(error) => error,
+    })
+}
+
+/// An argument that Python gave and that cannot be used.
+pub fn argument(message: impl Into<String>) -> PyErr {
+    raise(|all| &all.argument, message.into())
+}
+
+/// What the log reader says. A refusal of the operating system keeps its number, so that a missing
+/// file is a `FileNotFoundError`.
+pub fn log(error: &store::Error) -> PyErr {
+    if let store::Error::File { path, cause, .. } = error
+        && let Some(number) = cause.raw_os_error()
+    {
+        let what = error.to_string();
+        return PyOSError::new_err((number, what, path.display().to_string()));
+    }
+    raise(|all| &all.log, error.to_string())
+}
+
+/// A vehicle file that cannot be used.
+pub fn vehicle(message: String) -> PyErr {
+    raise(|all| &all.vehicle, message)
+}
+
+/// What the model says.
+pub fn model(error: &model::Error) -> PyErr {
+    use model::Error;
+    let message = error.to_string();
+    match error {
+        Error::File(_) | Error::UnknownName { .. } | Error::MissingPart { .. } => vehicle(message),
+        Error::Argument { .. } => argument(message),
+        _ => raise(|all| &all.simulation, message),
+    }
+}

@@ -1,0 +1,116 @@
+//! Reading logs.
+
+use std::path::PathBuf;
+
+use numpy::IntoPyArray;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyList};
+use sample::LogTime;
+use store::Reader;
+
+use crate::{arrays, errors};
+
+/// One or more files of a run. What Python users see is `atvrec.Log`, which wraps this.
+#[pyclass(frozen, module = "atvrec._atvrec")]
+pub struct LogReader {
+    reader: Reader,
+}
+
+#[pymethods]
+impl LogReader {
+    #[new]
+    fn new(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<Self> {
+        let reader = py
+            .detach(|| Reader::open(&paths))
+            .map_err(|e| errors::log(&e))?;
+        Ok(Self { reader })
+    }
+
+    /// Topics, sorted.
+    fn topics(&self) -> Vec<String> {
+        self.reader.info().channels.into_keys().collect()
+    }
+
+    /// Log clock of the first and last message, ns since 1970; None for an empty log.
+    fn span_ns(&self) -> Option<(u64, u64)> {
+        let span = self.reader.info().span?;
+        Some((span.0.0, span.1.0))
+    }
+
+    /// What the log holds, in numbers.
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let info = self.reader.info();
+        let dict = PyDict::new(py);
+        let files = PyList::empty(py);
+        for (path, bytes) in &info.files {
+            files.append((path, bytes))?;
+        }
+        dict.set_item("files", files)?;
+        dict.set_item("start_ns", info.span.map(|span| span.0.0))?;
+        dict.set_item("end_ns", info.span.map(|span| span.1.0))?;
+        dict.set_item("channels", info.channels)?;
+        dict.set_item("chunks", info.chunks)?;
+        dict.set_item("counters", info.counters)?;
+        dict.set_item("metadata", self.reader.metadata())?;
+        let missing: Vec<String> = info.missing.iter().map(ToString::to_string).collect();
+        dict.set_item("missing", missing)?;
+        Ok(dict)
+    }
+
+    /// Contents of the attached files by name.
+    fn attachments<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let attachments = py
+            .detach(|| self.reader.attachments())
+            .map_err(|e| errors::log(&e))?;
+        let dict = PyDict::new(py);
+        for attachment in attachments {
+            dict.set_item(attachment.name, PyBytes::new(py, &attachment.data))?;
+        }
+        Ok(dict)
+    }
+
+    /// Columns of a topic, their units, and what is missing, as a tuple of two dicts and a list.
+    /// The ends of the stretch, both included, are ns of the log clock.
+    #[allow(clippy::type_complexity)]
+    fn read<'py>(
+        &self,
+        py: Python<'py>,
+        topic: &str,
+        start_ns: u64,
+        end_ns: u64,
+    ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Vec<String>)> {
+        let table = py
+            .detach(|| self.reader.table(topic, LogTime(start_ns), LogTime(end_ns)))
+            .map_err(|e| errors::log(&e))?;
+        let columns = PyDict::new(py);
+        let units = PyDict::new(py);
+        columns.set_item("log_time_ns", table.log_time_ns.into_pyarray(py))?;
+        columns.set_item("publish_time_ns", table.publish_time_ns.into_pyarray(py))?;
+        for column in table.columns {
+            let name = column.name.clone();
+            if !column.unit.is_empty() {
+                units.set_item(&name, &column.unit)?;
+            }
+            columns.set_item(name, arrays::column(py, column)?)?;
+        }
+        let missing = table.missing.iter().map(ToString::to_string).collect();
+        Ok((columns, units, missing))
+    }
+
+    /// Names of an enumeration's values, by field, for the fields of a topic that are one.
+    fn enums<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Bound<'py, PyDict>> {
+        // An empty stretch of time gives the columns without rows.
+        let table = self.reader.table(topic, LogTime(1), LogTime(0));
+        let dict = PyDict::new(py);
+        for column in table.map_err(|e| errors::log(&e))?.columns {
+            if !column.names.is_empty() {
+                let names = PyDict::new(py);
+                for (value, name) in column.names {
+                    names.set_item(value, name)?;
+                }
+                dict.set_item(column.name, names)?;
+            }
+        }
+        Ok(dict)
+    }
+}

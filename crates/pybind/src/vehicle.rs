@@ -1,0 +1,194 @@
+//! Vehicle files.
+
+use std::path::PathBuf;
+
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::errors;
+
+/// A vehicle, as its file describes it: SI units and radians, ISO 8855 axes.
+///
+/// Made by `Vehicle.builtin`, `Vehicle.load` or `Vehicle.from_toml`; never changed.
+#[pyclass(frozen, module = "atvrec")]
+pub struct Vehicle {
+    pub inner: model::vehicle::Vehicle,
+}
+
+#[pymethods]
+impl Vehicle {
+    /// A vehicle that ships with the package; see `builtin_names`.
+    #[staticmethod]
+    #[pyo3(signature = (name="prowler"))]
+    fn builtin(name: &str) -> PyResult<Self> {
+        let inner = model::vehicle::Vehicle::builtin(name).map_err(|e| errors::model(&e))?;
+        Ok(Self { inner })
+    }
+
+    /// Names of the vehicles that ship with the package.
+    #[staticmethod]
+    fn builtin_names() -> Vec<&'static str> {
+        model::vehicle::Vehicle::builtin_names().collect()
+    }
+
+    /// A vehicle from a file. All mistakes of the file are told at once.
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<Self> {
+        let text = std::fs::read_to_string(&path)?;
+        Self::parse(&text, path)
+    }
+
+    /// A vehicle from the text of a vehicle file; `name` stands for the file in messages.
+    #[staticmethod]
+    #[pyo3(signature = (text, name="vehicle.toml"))]
+    fn from_toml(text: &str, name: &str) -> PyResult<Self> {
+        Self::parse(text, name.into())
+    }
+
+    /// The text of a vehicle file.
+    fn to_toml(&self) -> PyResult<String> {
+        let text = self.inner.to_toml();
+        text.map_err(|error| errors::vehicle(error.to_string()))
+    }
+
+    /// All values as nested dicts and lists, named as in the vehicle file.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, self.value()?)
+    }
+
+    /// A vehicle with other values by their dotted names: {"body.mass_kg": 700.0}. It is checked
+    /// like a file.
+    fn with_values(&self, values: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut root = self.value()?;
+        for (name, value) in values {
+            let name: String = name.extract()?;
+            set(&mut root, &name, to_toml(&name, &value)?)?;
+        }
+        let text = toml::to_string(&root).map_err(|error| errors::vehicle(error.to_string()))?;
+        Self::parse(
+            &text,
+            format!("{} with other values", self.inner.name).into(),
+        )
+    }
+
+    /// What is odd about the vehicle without being impossible.
+    fn warnings(&self) -> Vec<String> {
+        let warnings = self.inner.warnings();
+        warnings.iter().map(ToString::to_string).collect()
+    }
+
+    /// Name, for people.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// What is meant by this variant and where it is from.
+    #[getter]
+    fn description(&self) -> &str {
+        &self.inner.description
+    }
+
+    /// Total mass m, kg.
+    #[getter]
+    fn mass_kg(&self) -> f64 {
+        self.inner.body.mass_kg
+    }
+
+    /// Wheelbase L, m.
+    #[getter]
+    fn wheelbase_m(&self) -> f64 {
+        self.inner.wheelbase_m()
+    }
+
+    /// Height of the roll axis above ground below the centre of gravity, m.
+    #[getter]
+    fn roll_axis_height_m(&self) -> f64 {
+        self.inner.roll_axis_height_m()
+    }
+
+    /// Arm h_1 of the sprung mass over the roll axis, m.
+    #[getter]
+    fn roll_arm_m(&self) -> f64 {
+        self.inner.roll_arm_m()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<atvrec.Vehicle {:?}: {} kg, wheelbase {:.4} m>",
+            self.inner.name,
+            self.inner.body.mass_kg,
+            self.inner.wheelbase_m()
+        )
+    }
+}
+
+impl Vehicle {
+    fn parse(text: &str, path: PathBuf) -> PyResult<Self> {
+        model::vehicle::Vehicle::from_toml(text, path)
+            .map(|inner| Self { inner })
+            .map_err(|error| errors::vehicle(error.to_string()))
+    }
+
+    fn value(&self) -> PyResult<toml::Value> {
+        toml::Value::try_from(&self.inner).map_err(|error| errors::vehicle(error.to_string()))
+    }
+}
+
+fn to_python(py: Python<'_>, value: toml::Value) -> PyResult<Bound<'_, PyAny>> {
+    match value {
+        toml::Value::String(text) => text.into_bound_py_any(py),
+        toml::Value::Integer(number) => number.into_bound_py_any(py),
+        toml::Value::Float(number) => number.into_bound_py_any(py),
+        toml::Value::Boolean(flag) => flag.into_bound_py_any(py),
+        toml::Value::Datetime(time) => time.to_string().into_bound_py_any(py),
+        toml::Value::Array(items) => {
+            let list = PyList::empty(py);
+            for item in items {
+                list.append(to_python(py, item)?)?;
+            }
+            list.into_bound_py_any(py)
+        }
+        toml::Value::Table(table) => {
+            let dict = PyDict::new(py);
+            for (key, value) in table {
+                dict.set_item(key, to_python(py, value)?)?;
+            }
+            dict.into_bound_py_any(py)
+        }
+    }
+}
+
+fn to_toml(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
+    if let Ok(flag) = value.cast::<pyo3::types::PyBool>() {
+        return Ok(toml::Value::Boolean(flag.is_true()));
+    }
+    if let Ok(number) = value.extract::<f64>() {
+        return Ok(toml::Value::Float(number));
+    }
+    if let Ok(text) = value.extract::<String>() {
+        return Ok(toml::Value::String(text));
+    }
+    let items = value.try_iter().map_err(|_| {
+        errors::vehicle(format!(
+            "{name}: give a number, a text, truth or a list of numbers"
+        ))
+    })?;
+    let items: PyResult<Vec<_>> = items.map(|item| to_toml(name, &item?)).collect();
+    Ok(toml::Value::Array(items?))
+}
+
+fn set(root: &mut toml::Value, name: &str, value: toml::Value) -> PyResult<()> {
+    let mut place = root;
+    for part in name.split('.') {
+        let table = place.as_table_mut().ok_or_else(|| {
+            errors::vehicle(format!("{name}: what stands before {part} is no table"))
+        })?;
+        place = table
+            .entry(part)
+            .or_insert_with(|| toml::Value::Table(toml::Table::new()));
+    }
+    *place = value;
+    Ok(())
+}
