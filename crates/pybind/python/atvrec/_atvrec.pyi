@@ -12,7 +12,25 @@ _Complexes: TypeAlias = npt.NDArray[np.complex128]
 _PerWheel: TypeAlias = float | Sequence[float] | _Doubles
 _Wheel: TypeAlias = Literal["fl", "fr", "rl", "rr"]
 
-__all__: list[str]
+__all__ = [
+    "ArgumentError",
+    "AtvrecError",
+    "Bicycle",
+    "Corner",
+    "FourWheel",
+    "LogError",
+    "LogReader",
+    "Ride",
+    "SimulationError",
+    "StrainChannel",
+    "Tyre",
+    "Vehicle",
+    "VehicleError",
+    "__version__",
+    "ina2126_gain",
+    "road_height_m",
+    "strain_circuits",
+]
 __version__: str
 
 class AtvrecError(Exception): ...
