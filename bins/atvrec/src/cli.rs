@@ -40,6 +40,8 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Write a self-contained HTML report of a log.
     Report(ReportArgs),
+    /// Compare the estimates of a simulated log with its truth.
+    Score(ScoreArgs),
     /// Show the whole chain without hardware: virtual vehicle, record, replay, report.
     Demo(DemoArgs),
     /// Drive a virtual vehicle whose sensors speak on pseudo-terminals and CAN, in real time.
@@ -113,6 +115,20 @@ pub struct ReportArgs {
     /// The report; it needs no network.
     #[arg(short, long, default_value = "report.html", value_name = "FILE")]
     pub output: PathBuf,
+}
+
+/// `atvrec score`.
+#[derive(Debug, Args)]
+pub struct ScoreArgs {
+    /// Logs with truth, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Leave out the first seconds, while the estimator settles.
+    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = positive)]
+    pub from_s: f64,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `atvrec demo`.

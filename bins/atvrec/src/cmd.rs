@@ -10,5 +10,6 @@ pub mod record;
 pub mod recover;
 pub mod replay;
 pub mod report;
+pub mod score;
 pub mod simulate;
 pub mod virtual_;

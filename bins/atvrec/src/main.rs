@@ -39,6 +39,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Record(args) => cmd::record::run(&args),
         Command::Replay(args) => cmd::replay::run(&args, quiet),
         Command::Report(args) => cmd::report::run(&args),
+        Command::Score(args) => cmd::score::run(&args),
         Command::Demo(args) => cmd::demo::run(&args, quiet),
         Command::Virtual(args) => cmd::virtual_::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args, quiet),

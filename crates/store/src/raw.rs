@@ -23,8 +23,11 @@ pub(crate) const SCHEMAS: [&str; 4] = [
     "atvrec.RawBytes",
     "atvrec.RawCan",
     "atvrec.RawTicks",
-    "atvrec.RawNotices",
+    NOTICES_SCHEMA,
 ];
+
+/// Schema of the notices.
+pub(crate) const NOTICES_SCHEMA: &str = "atvrec.RawNotices";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Lane {

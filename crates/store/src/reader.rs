@@ -293,6 +293,12 @@ impl Reader {
         self.arrivals_between(LogTime(0), LogTime(u64::MAX))
     }
 
+    /// The notices of the ordered stream alone; the rest is not decoded.
+    #[must_use]
+    pub fn notices(&self) -> ArrivalIter {
+        ArrivalIter::notices(self.files.clone())
+    }
+
     /// The ordered stream from `start` to `end`, both included.
     #[must_use]
     pub fn arrivals_between(&self, start: LogTime, end: LogTime) -> ArrivalIter {

@@ -1,10 +1,11 @@
 //! `atvrec replay`: the estimate again, from the raw bytes alone.
 
+use std::iter::Peekable;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime, Payload};
-use store::{LogWriter, Missing, Reader, Record, Session, Writer};
+use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Writer};
 
 use crate::cli::ReplayArgs;
 use crate::config::Config;
@@ -79,7 +80,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
 struct Replay {
     engine: Engine,
     records: Vec<Record>,
-    writer: Option<Writer>,
+    writer: Option<(Writer, Truth)>,
     verifier: Option<Verifier>,
 }
 
@@ -95,7 +96,9 @@ impl Replay {
         let writer = match &args.output {
             Some(path) => {
                 refuse_overwriting(path, &args.logs)?;
-                Some(Writer::create(path, session.clone(), options.clone(), 0)?)
+                let writer = Writer::create(path, session.clone(), options.clone(), 0)?;
+                let truth = reader.messages(Selection::topics(["/truth/*"]));
+                Some((writer, truth.peekable()))
             }
             None => None,
         };
@@ -126,7 +129,8 @@ impl Replay {
 
     /// Writes the arrival and what followed from it.
     fn keep(&mut self, arrival: Arrival) -> anyhow::Result<()> {
-        if let Some(writer) = &mut self.writer {
+        if let Some((writer, truth)) = &mut self.writer {
+            copy_truth(writer, truth, arrival.log_time)?;
             writer.push(arrival)?;
             for record in &self.records {
                 writer.record(record);
@@ -137,11 +141,27 @@ impl Replay {
     }
 
     fn finish(self) -> anyhow::Result<Option<Report>> {
-        if let Some(writer) = self.writer {
+        if let Some((mut writer, mut truth)) = self.writer {
+            copy_truth(&mut writer, &mut truth, LogTime(u64::MAX))?;
             writer.finish()?;
         }
         self.verifier.map(Verifier::finish).transpose()
     }
+}
+
+/// What a simulation knows to be true, which no engine computes.
+type Truth = Peekable<MessageIter>;
+
+fn copy_truth(writer: &mut Writer, truth: &mut Truth, until: LogTime) -> anyhow::Result<()> {
+    while let Some(message) = truth.next_if(|message| match message {
+        Ok(message) => message.log_time <= until,
+        Err(_) => true,
+    }) {
+        if let Some(record) = message?.record()? {
+            writer.record(&record);
+        }
+    }
+    Ok(())
 }
 
 /// Holds a replay back to a multiple of real time.
@@ -168,15 +188,9 @@ impl Pace {
 /// Which arrivals the estimator left out: told after the fact, so it must be known beforehand.
 fn skipped(reader: &Reader) -> anyhow::Result<Skipped> {
     let mut skipped = Skipped::default();
-    let topics = reader.info().channels;
-    let has_notices = topics
-        .values()
-        .any(|(schema, _)| schema == "atvrec.RawNotices");
-    if has_notices {
-        for arrival in reader.arrivals() {
-            if let Payload::Notice(notice) = arrival?.payload {
-                skipped.note(&notice);
-            }
+    for arrival in reader.notices() {
+        if let Payload::Notice(notice) = arrival?.payload {
+            skipped.note(&notice);
         }
     }
     Ok(skipped)

@@ -47,6 +47,37 @@ fn a_replay_is_bit_identical_and_so_is_the_replay_of_its_output() {
 }
 
 #[test]
+fn a_replay_takes_the_truth_along_and_scores_the_same() {
+    let directory = tempfile::tempdir().expect("a directory");
+    atvrec(directory.path())
+        .args(["simulate", "--manoeuvre", "slow-sine", "--for", "6"])
+        .args(["--output", "drive.mcap"])
+        .assert()
+        .success();
+    atvrec(directory.path())
+        .args(["replay", "drive.mcap", "-o", "again.mcap"])
+        .assert()
+        .success();
+    let scores = ["drive.mcap", "again.mcap"].map(|log| {
+        let assert = atvrec(directory.path())
+            .args(["score", log, "--json"])
+            .assert()
+            .success();
+        stdout(&assert)
+    });
+    assert_eq!(scores[0], scores[1]);
+    let score: serde_json::Value = serde_json::from_str(&scores[0]).expect("JSON");
+    let rows = score["signals"].as_array().expect("a list");
+    let load = rows
+        .iter()
+        .find(|row| row["signal"] == "measured_force_z" && row["wheel"] == "FL")
+        .expect("the load of the front left tyre");
+    let percent = load["normalised_percent"].as_f64().expect("a number");
+    assert!((0.01..10.0).contains(&percent), "{load:#}");
+    assert_eq!(score["false_lifts"], 0);
+}
+
+#[test]
 fn a_changed_raw_byte_is_found() {
     let directory = tempfile::tempdir().expect("a directory");
     let log = simulate(directory.path(), "drive.mcap", 1);

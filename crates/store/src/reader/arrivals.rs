@@ -28,10 +28,18 @@ pub struct ArrivalIter {
 
 impl ArrivalIter {
     pub(super) fn new(files: Vec<Arc<LogFile>>, start: LogTime, end: LogTime) -> Self {
+        Self::of(files, start, end, &raw::SCHEMAS)
+    }
+
+    pub(super) fn notices(files: Vec<Arc<LogFile>>) -> Self {
+        Self::of(files, LogTime(0), LogTime(u64::MAX), &[raw::NOTICES_SCHEMA])
+    }
+
+    fn of(files: Vec<Arc<LogFile>>, start: LogTime, end: LogTime, schemas: &[&str]) -> Self {
         let topics = files
             .iter()
             .flat_map(|file| file.index.channels.values())
-            .filter(|channel| raw::SCHEMAS.contains(&channel.schema.as_str()))
+            .filter(|channel| schemas.contains(&channel.schema.as_str()))
             .map(|channel| channel.topic.clone());
         let selection = Selection::topics(topics).between(start + -LOOK_BACK_NANOS, end);
         Self {
