@@ -2,14 +2,15 @@ use model::sensors::Sensors;
 use model::vehicle::{Axle, Vehicle};
 use nalgebra::Vector3;
 use sample::{
-    Estimate, Event, EventKind, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime,
-    Measurement, Motion, PerWheel, Sample, TyreForce, Wheel,
+    Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssVelocity, ImuSample,
+    LogTime, Measurement, Motion, PerWheel, Sample, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
 use crate::corners::Corners;
 use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
+use crate::grip::{Grip, GripInput};
 use crate::inputs::{Readings, finite3};
 use crate::lift::LiftDetector;
 use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
@@ -28,6 +29,10 @@ const GAP_MAX_NANOS: u64 = 10_000_000_000;
 const GNSS_SILENT_S: f64 = 0.3;
 /// Speed below which a slip angle means nothing, m/s.
 const SLIP_SPEED_MIN_M_S: f64 = 0.5;
+/// Slip angle that an axle of unknown force may have, rad.
+const BLIND_SLIP_RAD: f64 = 0.06;
+/// The slip angle's error is alike for many steps, which the filter takes for independent.
+const SLIP_CORRELATED: f64 = 4.0;
 /// Speed above which a wheel's lift is judged, m/s.
 const MOVING_M_S: f64 = 1.5;
 /// Step of the grid, s.
@@ -66,6 +71,7 @@ pub struct Estimator {
     expected: ExpectedForces,
     measured: PerWheel<TyreForce>,
     lift: LiftDetector,
+    grip: Grip,
     imu_sigma: [f64; 2],
 }
 
@@ -97,6 +103,7 @@ impl Estimator {
             fusion,
             expected: ExpectedForces::new(vehicle),
             measured: PerWheel::default(),
+            grip: Grip::new(vehicle),
             lift: LiftDetector::new(static_loads(vehicle)),
             imu_sigma: [
                 sensors.imu.gyro_noise_rad_s.max(1e-4),
@@ -219,6 +226,19 @@ impl Estimator {
         let mut motion = motion_output(&state);
         motion.steer_rad = PerWheel(steer);
         motion.slip_angle_rad = self.slip_angles(&state, steer);
+        let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S;
+        if satellite && self.measured.0[0].source == ForceSource::Fusion {
+            let input = GripInput {
+                now: time,
+                dt: GRID_S,
+                speed_m_s: state.velocity_m_s.x,
+                slip_angle_rad: &motion.slip_angle_rad,
+                sideslip_sigma_rad: state.sideslip_sigma_rad,
+                forces: &self.measured,
+            };
+            self.grip
+                .step(&input, &mut |event| out(Output::Event(event)));
+        }
         if let Some(corners) = &self.corners {
             let (roll, pitch) = ground_angles(corners.normal());
             motion.bank_rad = motion.roll_rad - roll;
@@ -344,24 +364,40 @@ impl Estimator {
             return;
         }
         let forward = sum / count;
-        let _ = self.motion.push_body_velocity(
-            Vector3::x(),
-            Vector3::zeros(),
-            forward,
-            0.1 + 0.03 * forward.abs(),
-        );
-        // The rear tyres' slip angle is small: its own axle is where the vehicle moves straight.
         let normal = self
             .corners
             .as_ref()
             .map_or_else(Vector3::z, Corners::normal);
-        let rear = Vector3::new(-self.vehicle.body.cg_to_rear_axle_m, 0.0, 0.0);
-        let _ = self
-            .motion
-            .push_body_velocity(Vector3::y(), rear, 0.0, 0.1 + 0.05 * forward.abs());
+        let left = normal.cross(&Vector3::x()).normalize();
+        let ahead = left.cross(&normal);
+        let body = &self.vehicle.body;
+        let _ = self.motion.push_body_velocity(
+            ahead,
+            Vector3::zeros(),
+            forward,
+            0.1 + 0.03 * forward.abs(),
+        );
         let _ = self
             .motion
             .push_body_velocity(normal, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S);
+        let steer = self.steer_angles();
+        for (axle, x) in [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m]
+            .into_iter()
+            .enumerate()
+        {
+            // An axle moves along its wheels, but for the slip angle that its lateral force needs;
+            // where that is unknown the angle is small.
+            let (slip, sigma) = self
+                .grip
+                .slip_angle(axle, &self.measured)
+                .unwrap_or((0.0, BLIND_SLIP_RAD));
+            let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
+            let across = forward * (wheels + slip).tan();
+            let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
+            let _ = self
+                .motion
+                .push_body_velocity(left, Vector3::new(x, 0.0, 0.0), across, doubt);
+        }
     }
 }
 

@@ -16,6 +16,7 @@ mod error;
 mod estimator;
 pub mod expected;
 pub mod fusion;
+pub mod grip;
 pub mod inputs;
 pub mod lift;
 pub mod motion;

@@ -11,7 +11,7 @@ mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
 
-use estimator::{Calibration, Estimator, Method, Output, Settings, score};
+use estimator::{Calibration, Estimator, Input, Method, Output, Settings, score};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use run::{RATE_HZ, Run};
@@ -115,6 +115,13 @@ fn force_errors(run: &Run, vehicle: &Vehicle, result: &Result) -> [f64; 3] {
     })
 }
 
+/// When the first axle of `d_sine_mu` comes onto the slippery ground, s, and how late that may be
+/// said: only saturation tells there.
+const SURFACE_S: f64 = 24.0;
+const SURFACE_WITHIN_S: f64 = 1.0;
+/// Largest RMSE of sideslip without any GNSS, degrees.
+const BLIND_SIDESLIP_MAX_DEG: f64 = 0.8;
+
 /// Runs one sensors file over all runs and holds the fusion filter's errors (F_x, F_y, F_z, per
 /// cent, worst tyre) below `force_max` in each.
 fn judge(file: &str, force_max: [f64; 3], lift_within_s: f64) {
@@ -148,13 +155,23 @@ fn judge(file: &str, force_max: [f64; 3], lift_within_s: f64) {
             for axis in 0..3 {
                 assert!(force[axis] <= force_max[axis], "{name} {force:?}");
             }
-            judge_lift(name, &result, lift_within_s);
+            judge_events(name, &result, lift_within_s);
+            let settings = Settings {
+                ignore: vec![Input::GnssVelocity, Input::GnssAttitude],
+                ..Settings::default()
+            };
+            let result = estimate(&vehicle, &sensors, settings, &samples);
+            let motion = motion_errors(&run, &result);
+            eprintln!("{name:15} without GNSS: sideslip, roll, pitch {motion:.3?} deg");
+            assert!(motion[0] <= BLIND_SIDESLIP_MAX_DEG, "{name}: {motion:?}");
         }
     }
 }
 
-fn judge_lift(name: &str, result: &Result, within_s: f64) {
+/// Lift is declared and warned of in time, a change of surface is found, and nothing else.
+fn judge_events(name: &str, result: &Result, within_s: f64) {
     let seconds = |event: &Event| event.time.seconds_since(sensing::START);
+    let mut change = None;
     let mut lift = None;
     let mut warning = None;
     for event in &result.events {
@@ -163,10 +180,23 @@ fn judge_lift(name: &str, result: &Result, within_s: f64) {
             EventKind::LiftWarning(Wheel::FrontRight, _) => {
                 warning = warning.or(Some(seconds(event)));
             }
+            EventKind::SurfaceChange(ratio) => {
+                let time_s = seconds(event);
+                eprintln!("{name}: at {time_s:.2} s {}", event.text);
+                let expected = name == "d_sine_mu" && time_s >= SURFACE_S && ratio < 1.0;
+                assert!(expected, "{name}: false alarm {event:?}");
+                change = change.or(Some(time_s));
+            }
             _ => panic!("{name}: false alarm {event:?}"),
         }
     }
     eprintln!("{name}: warned at {warning:.2?} s, lift declared at {lift:.2?} s");
+    if name == "d_sine_mu" {
+        assert!(
+            change.unwrap() - SURFACE_S <= SURFACE_WITHIN_S,
+            "{change:?}"
+        );
+    }
     if name == "b_circle" {
         assert!((lift.unwrap() - LIFT_S).abs() <= within_s, "{lift:?}");
         assert!(warning.unwrap() <= LIFT_S - WARNING_S, "{warning:?}");

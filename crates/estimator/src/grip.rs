@@ -1,0 +1,309 @@
+//! What the tyres have to do with the road: stiffness and friction of each axle, found from the
+//! measured lateral forces and the measured slip angles, and changes of the surface.
+//!
+//! Per axle an extended Kalman filter of two states, the logarithms of the factors on the tyre
+//! file's cornering stiffness and friction. One value comes every [`BLOCK_STEPS`] steps: the mean
+//! of the axle's lateral force against the tyre model's at the same slip angles and loads. The
+//! slip angle's error stays alike for about a second, so each value counts for a part only.
+//!
+//! Friction is visible only where a good part of it is used, above about 0.4: below, the slope by
+//! it vanishes, its factor walks, and its deviation says so.
+//!
+//! A change of surface is a two-sided cumulative sum over the normalised differences while the
+//! tyres are excited, with the sign of the expected force: falling where grip is lost. At k = 0.5
+//! and h = 10.94 white differences would alarm once an hour at 100 Hz; these are slower and not
+//! white, so the reference is raised to [`CUSUM_REFERENCE`].
+
+use model::tyre::{Contact, Tyre};
+use model::vehicle::{self, Vehicle};
+use sample::{Event, EventKind, LogTime, PerWheel, TyreForce};
+
+/// Steps of one value.
+const BLOCK_STEPS: u32 = 5;
+/// How many values one error lasts.
+const CORRELATED: f64 = 6.0;
+/// Walk of ln stiffness and ln friction, 1/sqrt(s).
+const WALK: [f64; 2] = [0.01, 0.03];
+/// Deviation of both at the start and after a change.
+const START: [f64; 2] = [0.4, 0.3];
+/// Model error as a part of the axle's load.
+const MODEL_PART: f64 = 0.025;
+/// Slowest speed, m/s, and largest deviation of sideslip, rad, at which slip angles are used.
+const SPEED_MIN_M_S: f64 = 2.5;
+const SIDESLIP_SIGMA_MAX_RAD: f64 = 0.01;
+/// Axle force over load below which nothing is excited.
+const EXCITED: f64 = 0.15;
+/// Longitudinal force over load from which lateral force is not the tyres' pure one.
+const LONGITUDINAL_MAX: f64 = 0.2;
+/// Reference value and threshold of the cumulative sums.
+const CUSUM_REFERENCE: f64 = 0.75;
+const CUSUM_THRESHOLD: f64 = 10.94;
+/// Excited values before changes are declared.
+const LEARNED: u32 = 60;
+
+#[derive(Clone, Debug)]
+struct Axle {
+    tyre: Tyre,
+    stiffness_n_rad: f64,
+    reference_n: f64,
+    exponent: f64,
+    friction: f64,
+    /// ln of the stiffness factor and of the friction factor.
+    state: [f64; 2],
+    covariance: [[f64; 2]; 2],
+    sums: [f64; 2],
+    learned: u32,
+    block: Block,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Block {
+    steps: u32,
+    force_n: f64,
+    variance: f64,
+    load_n: [f64; 2],
+    slip: [f64; 2],
+    longitudinal_n: f64,
+}
+
+/// Stiffness and friction of both axles.
+#[derive(Clone, Debug)]
+pub struct Grip {
+    axles: [Axle; 2],
+}
+
+/// What one step is given.
+#[derive(Clone, Copy, Debug)]
+pub struct GripInput<'a> {
+    /// The instant.
+    pub now: LogTime,
+    /// Since the last one, s.
+    pub dt: f64,
+    /// Speed, m/s.
+    pub speed_m_s: f64,
+    /// Slip angles, rad.
+    pub slip_angle_rad: &'a PerWheel<f64>,
+    /// Deviation of the sideslip angle, rad.
+    pub sideslip_sigma_rad: f64,
+    /// Measured forces.
+    pub forces: &'a PerWheel<TyreForce>,
+}
+
+impl Grip {
+    /// The tyre file's stiffness and friction.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle) -> Self {
+        Self {
+            axles: [
+                Axle::new(&vehicle.front.tyre),
+                Axle::new(&vehicle.rear.tyre),
+            ],
+        }
+    }
+
+    /// Factor on the tyre file's cornering stiffness and its deviation, front (0) or rear (1).
+    #[must_use]
+    pub fn stiffness(&self, axle: usize) -> (f64, f64) {
+        let factor = self.axles[axle].state[0].exp();
+        (factor, factor * self.axles[axle].covariance[0][0].sqrt())
+    }
+
+    /// Factor on the tyre file's friction and its deviation, front (0) or rear (1).
+    #[must_use]
+    pub fn friction(&self, axle: usize) -> (f64, f64) {
+        let factor = self.axles[axle].state[1].exp();
+        (factor, factor * self.axles[axle].covariance[1][1].sqrt())
+    }
+
+    /// Slip angle that an axle's measured lateral force calls for, with its deviation, rad;
+    /// `None` where the force is unknown or near the friction's limit.
+    #[must_use]
+    pub fn slip_angle(&self, axle: usize, forces: &PerWheel<TyreForce>) -> Option<(f64, f64)> {
+        let a = &self.axles[axle];
+        let pair = [&forces.0[2 * axle], &forces.0[2 * axle + 1]];
+        let lateral: f64 = pair.iter().map(|f| f.force_n[1]).sum();
+        let loads = pair.map(|f| f.force_n[2].max(0.0));
+        let load: f64 = loads.iter().sum();
+        let stiffness: f64 = loads.iter().map(|n| a.stiffness_at(*n)).sum();
+        let used = lateral.abs() / (load * a.friction()).max(1.0);
+        let known = lateral.is_finite() && load > 100.0 && stiffness > 0.0 && used < 0.7;
+        known.then(|| {
+            // Fiala's curve inverted: F = mu N (1 - (1 - x)^3) with x = C |alpha|/(3 mu N).
+            let x = 1.0 - (1.0 - used).cbrt();
+            let angle = 3.0 * a.friction() * load * x / stiffness;
+            let doubt = a.covariance[0][0].sqrt() + 0.1 + 0.5 * used;
+            (-angle.atan() * lateral.signum(), 0.006 + doubt * angle)
+        })
+    }
+
+    /// Takes one instant in and hands out changes of the surface.
+    pub fn step(&mut self, input: &GripInput<'_>, out: &mut impl FnMut(Event)) {
+        let usable =
+            input.speed_m_s > SPEED_MIN_M_S && input.sideslip_sigma_rad < SIDESLIP_SIGMA_MAX_RAD;
+        for (i, axle) in self.axles.iter_mut().enumerate() {
+            let pair = [2 * i, 2 * i + 1].map(|w| (&input.forces.0[w], input.slip_angle_rad.0[w]));
+            let finite = pair.iter().all(|(force, slip)| {
+                slip.is_finite()
+                    && force.force_n.iter().all(|f| f.is_finite())
+                    && force.sigma_n.iter().all(|s| s.is_finite())
+            });
+            if !usable || !finite {
+                axle.block = Block::default();
+                continue;
+            }
+            axle.block.add(pair);
+            if axle.block.steps < BLOCK_STEPS {
+                continue;
+            }
+            let block = axle.block.mean();
+            axle.block = Block::default();
+            let span_s = input.dt * f64::from(BLOCK_STEPS);
+            if let Some(ratio) = axle.take(&block, span_s, input.sideslip_sigma_rad) {
+                let name = ["front", "rear"][i];
+                out(Event {
+                    time: input.now,
+                    onset: input.now.offset_seconds(-span_s),
+                    kind: EventKind::SurfaceChange(ratio),
+                    probability: None,
+                    text: format!(
+                        "the surface under the {name} axle changed: {:.0} % of the lateral force",
+                        100.0 * ratio
+                    ),
+                });
+            }
+        }
+    }
+}
+
+impl Block {
+    fn add(&mut self, pair: [(&TyreForce, f64); 2]) {
+        self.steps += 1;
+        for (i, (force, slip)) in pair.into_iter().enumerate() {
+            self.force_n += force.force_n[1];
+            self.variance += force.sigma_n[1].powi(2);
+            self.load_n[i] += force.force_n[2];
+            self.slip[i] += slip.tan();
+            self.longitudinal_n += force.force_n[0].abs();
+        }
+    }
+
+    fn mean(&self) -> Self {
+        let part = 1.0 / f64::from(self.steps.max(1));
+        Self {
+            steps: self.steps,
+            force_n: self.force_n * part,
+            variance: self.variance * part,
+            load_n: self.load_n.map(|n| n * part),
+            slip: self.slip.map(|s| s * part),
+            longitudinal_n: self.longitudinal_n * part,
+        }
+    }
+}
+
+impl Axle {
+    fn new(tyre: &vehicle::Tyre) -> Self {
+        Self {
+            tyre: Tyre::from_vehicle(tyre),
+            stiffness_n_rad: tyre.cornering_stiffness_n_rad,
+            reference_n: tyre.reference_load_n.max(1.0),
+            exponent: tyre.load_exponent,
+            friction: tyre.friction,
+            state: [0.0; 2],
+            covariance: [[START[0].powi(2), 0.0], [0.0, START[1].powi(2)]],
+            sums: [0.0; 2],
+            learned: 0,
+            block: Block::default(),
+        }
+    }
+
+    fn stiffness_at(&self, load_n: f64) -> f64 {
+        let grown = (load_n.max(0.0) / self.reference_n).powf(self.exponent);
+        self.stiffness_n_rad * grown * self.state[0].exp()
+    }
+
+    fn friction(&self) -> f64 {
+        self.friction * self.state[1].exp()
+    }
+
+    fn lateral_n(&self, block: &Block, state: [f64; 2]) -> f64 {
+        let wheels = block.load_n.iter().zip(block.slip);
+        wheels
+            .map(|(load, slip)| {
+                let contact = Contact {
+                    load_n: load.max(0.0),
+                    slip_tangent: slip,
+                    slip_ratio: 0.0,
+                    camber_rad: 0.0,
+                    friction_scale: state[1].exp(),
+                    stiffness_scale: state[0].exp(),
+                };
+                self.tyre.forces(&contact).lateral_n
+            })
+            .sum()
+    }
+
+    /// Takes a mean value in; the ratio of the force to the expected one where the surface is
+    /// found to have changed.
+    fn take(&mut self, block: &Block, span_s: f64, sideslip_sigma: f64) -> Option<f64> {
+        let load: f64 = block.load_n.iter().sum();
+        for (i, walk) in WALK.into_iter().enumerate() {
+            let most = START[i].powi(2);
+            let grown = self.covariance[i][i] + walk * walk * span_s;
+            self.covariance[i][i] = grown.min(most.max(self.covariance[i][i]));
+        }
+        if load < 100.0 || block.longitudinal_n > LONGITUDINAL_MAX * load {
+            return None;
+        }
+        let expected = self.lateral_n(block, self.state);
+        let step = 1e-4;
+        let slope = [0, 1].map(|i| {
+            let mut moved = self.state;
+            moved[i] += step;
+            (self.lateral_n(block, moved) - expected) / step
+        });
+        let stiffness: f64 = block.load_n.iter().map(|n| self.stiffness_at(*n)).sum();
+        let own =
+            block.variance + (stiffness * sideslip_sigma).powi(2) + (MODEL_PART * load).powi(2);
+        let [[a, b], [_, d]] = self.covariance;
+        let ph = [a * slope[0] + b * slope[1], b * slope[0] + d * slope[1]];
+        let spread = slope[0] * ph[0] + slope[1] * ph[1];
+        let innovation = block.force_n - expected;
+        let change = self.watch(block, expected, innovation, own + spread, load);
+        let total = spread + CORRELATED * own;
+        for i in 0..2 {
+            self.state[i] = (self.state[i] + ph[i] * innovation / total).clamp(-2.0, 1.5);
+        }
+        self.covariance = [
+            [a - ph[0] * ph[0] / total, b - ph[0] * ph[1] / total],
+            [b - ph[0] * ph[1] / total, d - ph[1] * ph[1] / total],
+        ];
+        change
+    }
+
+    fn watch(
+        &mut self,
+        block: &Block,
+        expected: f64,
+        innovation: f64,
+        variance: f64,
+        load: f64,
+    ) -> Option<f64> {
+        if expected.abs() < EXCITED * load {
+            return None;
+        }
+        if self.learned < LEARNED {
+            self.learned += 1;
+            return None;
+        }
+        let size = innovation * expected.signum() / variance.sqrt();
+        self.sums[0] = (self.sums[0] - size - CUSUM_REFERENCE).max(0.0);
+        self.sums[1] = (self.sums[1] + size - CUSUM_REFERENCE).max(0.0);
+        if self.sums.iter().all(|sum| *sum < CUSUM_THRESHOLD) {
+            return None;
+        }
+        self.sums = [0.0; 2];
+        self.learned = 0;
+        self.covariance = [[START[0].powi(2), 0.0], [0.0, START[1].powi(2)]];
+        Some((block.force_n / expected).clamp(0.0, 10.0))
+    }
+}
