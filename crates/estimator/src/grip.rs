@@ -270,8 +270,8 @@ impl Axle {
         let innovation = block.force_n - expected;
         let change = self.watch(block, expected, innovation, own + spread, load);
         let total = spread + CORRELATED * own;
-        for i in 0..2 {
-            self.state[i] = (self.state[i] + ph[i] * innovation / total).clamp(-2.0, 1.5);
+        for (x, p) in self.state.iter_mut().zip(ph) {
+            *x = (*x + p * innovation / total).clamp(-2.0, 1.5);
         }
         self.covariance = [
             [a - ph[0] * ph[0] / total, b - ph[0] * ph[1] / total],
