@@ -116,7 +116,7 @@ fn bytes_through_real_uarts_decode_without_an_error() {
         .args([
             "virtual",
             "--manoeuvre",
-            "sine-steer",
+            "slow-sine",
             "--repeat",
             "-q",
             "--directory",

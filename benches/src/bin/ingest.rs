@@ -66,7 +66,7 @@ fn start_virtual_vehicle(atvrec: &str, folder: &Path) -> anyhow::Result<Running>
         .args([
             "virtual",
             "--manoeuvre",
-            "sine-steer",
+            "slow-sine",
             "--repeat",
             "--quiet",
             "--directory",

@@ -1,6 +1,5 @@
 # Runs in the rig's guest: five CAN interfaces recorded by atvrec and, beside it, by candump.
 set -eu
-. /rig/env
 
 for bus in vcan0 vcan1 vcan2; do
     ip link add "$bus" type vcan
@@ -31,7 +30,7 @@ CONFIG
 
 candump -L -D -r 8000000 vcan0 vcan1 vcan2 can1 >/tmp/candump.log &
 peer=$!
-"$ATVREC" record --config /tmp/atvrec.toml --json >/rig/summary.json 2>/rig/record.log &
+/rig/atvrec record --config /tmp/atvrec.toml --json >/rig/summary.json 2>/rig/record.log &
 recorder=$!
 waited=0
 until ls /rig/logs/* >/dev/null 2>&1; do

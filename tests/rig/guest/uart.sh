@@ -1,6 +1,5 @@
 # Runs in the rig's guest: three real UARTs, at whose other ends the host's virtual vehicle speaks.
 set -eu
-. /rig/env
 
 cat >/tmp/atvrec.toml <<'CONFIG'
 [storage]
@@ -20,4 +19,4 @@ device = "/dev/ttyS3"
 baud = 115200
 CONFIG
 
-"$ATVREC" record --config /tmp/atvrec.toml --for 15 --json >/rig/summary.json 2>/rig/record.log
+/rig/atvrec record --config /tmp/atvrec.toml --for 15 --json >/rig/summary.json 2>/rig/record.log
