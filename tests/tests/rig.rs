@@ -15,11 +15,7 @@ fn boot(script: &str, options: &[&str]) -> PathBuf {
     let out = project().join("target/rig-out").join(script);
     let _ = std::fs::remove_dir_all(&out);
     std::fs::create_dir_all(&out).expect("output folder");
-    std::fs::write(
-        out.join("env"),
-        format!("ATVREC='{}'\n", atvrec().display()),
-    )
-    .expect("env");
+    std::fs::copy(atvrec(), out.join("atvrec")).expect("the guest gets a copy of the binary");
     let status = Command::new(project().join("tests/rig/rig"))
         .arg("boot")
         .arg(project().join(format!("tests/rig/guest/{script}.sh")))
