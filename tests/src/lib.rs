@@ -51,18 +51,20 @@ pub fn logs_in(folder: &Path) -> Vec<PathBuf> {
     logs
 }
 
-/// The last health report of a log.
+/// All health reports of a log, in order.
 ///
 /// # Panics
-/// If there is none.
+/// If the log cannot be read.
 #[must_use]
-pub fn last_health(logs: &[PathBuf]) -> Health {
+pub fn health_reports(logs: &[PathBuf]) -> Vec<Health> {
     let reader = Reader::open(logs).expect("the log opens");
-    let mut last = None;
-    for message in reader.messages(Selection::topics(["/health"])) {
-        if let Some(Record::Health(health)) = message.expect("readable").record().expect("valid") {
-            last = Some(health);
-        }
-    }
-    last.expect("the log holds a health report")
+    let messages = reader.messages(Selection::topics(["/health"]));
+    messages
+        .filter_map(
+            |message| match message.expect("readable").record().expect("valid") {
+                Some(Record::Health(health)) => Some(health),
+                _ => None,
+            },
+        )
+        .collect()
 }
