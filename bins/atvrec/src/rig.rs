@@ -50,6 +50,7 @@ impl Rig {
         let sensors = Sensors::from_toml(&sensors, &args.sensors)?;
         let (motion, drive) = motion(args, &vehicle)?;
         let options = Options::default();
+        let motion = repeated(motion, args.duration_s);
         let own_s = motion.duration_s();
         let duration_s = args.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
         let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, args.seed)?;
@@ -177,6 +178,16 @@ pub struct Ports<'a> {
 impl Ports<'_> {
     fn serial(&self, port: Port) -> String {
         self.directory.join(port.name()).display().to_string()
+    }
+}
+
+/// Mixed driving goes on for as long as it is asked for; every other drive ends by itself.
+fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
+    let laps = asked_s.map_or(1.0, |asked_s| (asked_s / motion.duration_s()).ceil());
+    if motion.name() == Manoeuvre::MixedDriving.name() {
+        motion.repeated(laps as u32)
+    } else {
+        motion
     }
 }
 
