@@ -4,6 +4,10 @@ use std::path::{Path, PathBuf};
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// What can go wrong between samples and the disk.
+///
+/// A message names its cause, because it also goes into status texts and log lines that know no
+/// chain of errors. So causes are fields and not [`std::error::Error::source`]s: whoever prints the
+/// chain prints each cause once.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -15,15 +19,14 @@ pub enum Error {
         /// On which file.
         path: PathBuf,
         /// The operating system's answer.
-        #[source]
         cause: std::io::Error,
     },
     /// What a log is written to, or salvaged from, failed.
     #[error("the log cannot be written or read: {0}")]
-    Sink(#[source] std::io::Error),
+    Sink(std::io::Error),
     /// The MCAP layer failed.
     #[error("the log cannot be written as MCAP: {0}")]
-    Mcap(#[source] mcap::McapError),
+    Mcap(mcap::McapError),
     /// The file is no MCAP file.
     #[error("{} is not an MCAP file: it begins with {found:02x?}", path.display())]
     NotMcap {
@@ -57,7 +60,6 @@ pub enum Error {
         /// Its log time, ns.
         log_time: u64,
         /// What is wrong with it.
-        #[source]
         cause: MessageError,
     },
     /// The log has no channel of this topic.
@@ -123,7 +125,7 @@ pub enum MessageError {
     },
     /// The frames' data cannot be unpacked.
     #[error("the data cannot be unpacked: {0}")]
-    Data(#[source] std::io::Error),
+    Data(std::io::Error),
     /// A field that must be there is not.
     #[error("{0} is missing")]
     Absent(&'static str),
@@ -152,6 +154,54 @@ impl Error {
         move |cause| Self::File {
             action,
             path,
+            cause,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+
+    use super::*;
+
+    /// `atvrec replay missing.mcap` told "No such file or directory" twice: the message held the
+    /// cause, and so did the chain behind it.
+    #[test]
+    fn a_cause_is_told_once() {
+        let missing = || std::io::Error::from(std::io::ErrorKind::NotFound);
+        let undecodable = || prost_error().into();
+        let errors = [
+            Error::file("open", Path::new("missing.mcap"))(missing()),
+            Error::Sink(missing()),
+            Error::from(mcap::McapError::Io(missing())),
+            Error::from(mcap::McapError::BadMagic),
+            bad_message(MessageError::Data(missing())),
+            bad_message(undecodable()),
+        ];
+        for error in errors {
+            let mut cause = error.source();
+            while let Some(told) = cause {
+                assert!(!error.to_string().contains(&told.to_string()), "{error}");
+                cause = told.source();
+            }
+        }
+        let error = Error::file("open", Path::new("missing.mcap"))(missing());
+        assert_eq!(
+            error.to_string(),
+            format!("cannot open missing.mcap: {}", missing())
+        );
+    }
+
+    fn prost_error() -> prost::DecodeError {
+        <crate::proto::atvrec::Mark as prost::Message>::decode([0xff_u8].as_slice())
+            .expect_err("a cut key")
+    }
+
+    fn bad_message(cause: MessageError) -> Error {
+        Error::BadMessage {
+            topic: "/mark".to_owned(),
+            log_time: 0,
             cause,
         }
     }
