@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use sample::{Arrival, LogTime};
+use sample::{Arrival, LogTime, SourceId};
 
 use crate::journal;
 use crate::log_writer::{Latched, Pending};
@@ -220,7 +220,7 @@ impl Writer {
     pub fn finish(self) -> Result<Finished> {
         let counters = self.log.counters().clone();
         let bytes = Arc::clone(&self.bytes);
-        let path = self.close(&BTreeMap::new())?.finish()?;
+        let path = self.close()?.finish()?;
         Ok(Finished {
             path,
             bytes: bytes.load(Ordering::Relaxed),
@@ -229,10 +229,15 @@ impl Writer {
     }
 
     /// Closes the log, but leaves its unfinished name.
-    pub(crate) fn close(self, extra: &BTreeMap<String, String>) -> Result<Unfinished> {
-        let finished = self.log.finish(extra);
+    pub(crate) fn close(self) -> Result<Unfinished> {
+        let finished = self.log.finish(&BTreeMap::new());
         drop(finished.map_err(|error| error.at(&self.unfinished.active))?);
         Ok(self.unfinished)
+    }
+
+    /// Adds what was lost on the way to this file to its counters.
+    pub(crate) fn lose(&mut self, items: &BTreeMap<SourceId, u64>, records: u64) {
+        self.log.lose(items, records);
     }
 
     pub(crate) fn groups(&self) -> u64 {

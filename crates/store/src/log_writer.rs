@@ -3,7 +3,7 @@ use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
+use sample::{Arrival, LogTime, LossPlace, Measurement, Notice, Payload, Sample, Signal, SourceId};
 
 use crate::convert::{self, Encoded};
 use crate::dynamic::DynamicMessage;
@@ -77,35 +77,54 @@ pub struct WriteCounters {
     pub can_frames: u64,
     /// Bytes of serial ports in them.
     pub serial_bytes: u64,
-    /// Decoded messages.
+    /// Decoded messages, among them states repeated from the file before.
     pub messages: u64,
+    /// Decoded records lost on the way to the disk.
+    pub lost_records: u64,
     /// First sequence in the log.
     pub first_sequence: Option<u64>,
     /// Last sequence in the log.
     pub last_sequence: Option<u64>,
-    /// Items lost before they became arrivals, by source and place, as the sources told.
+    /// Items lost, by source and place: before they became arrivals, as the sources told, and on the
+    /// way to the disk, as the recorder counted.
     pub lost: BTreeMap<(u16, &'static str), u64>,
 }
 
 impl WriteCounters {
-    fn count(&mut self, arrival: &Arrival) {
+    pub(crate) fn count(&mut self, arrival: &Arrival) {
+        let sequence = arrival.sequence;
         self.arrivals += 1;
-        self.first_sequence.get_or_insert(arrival.sequence);
-        self.last_sequence = Some(arrival.sequence);
+        // Recovery reads channel by channel, so that sequences do not only rise.
+        self.first_sequence = Some(self.first_sequence.map_or(sequence, |s| s.min(sequence)));
+        self.last_sequence = self.last_sequence.max(Some(sequence));
         match &arrival.payload {
             Payload::Bytes(bytes) => self.serial_bytes += bytes.len() as u64,
             Payload::Can(frames) => self.can_frames += frames.len() as u64,
             Payload::Notice(Notice::Lost { place, count }) => {
-                *self
-                    .lost
-                    .entry((arrival.source.0, place.name()))
-                    .or_default() += count;
+                self.lose(arrival.source, *place, *count);
             }
             Payload::Tick | Payload::Notice(_) => {}
         }
     }
 
-    fn to_metadata(&self, session: &Session) -> BTreeMap<String, String> {
+    /// Counts the arrivals of a raw message; copies of earlier ones, and damaged ones, are none.
+    pub(crate) fn count_batch(&mut self, schema: &str, source: SourceId, data: &[u8]) {
+        if let Ok(Some(batch)) = raw::decode(schema, source, data)
+            && !batch.latched
+        {
+            batch
+                .arrivals
+                .iter()
+                .for_each(|arrival| self.count(arrival));
+        }
+    }
+
+    pub(crate) fn lose(&mut self, source: SourceId, place: LossPlace, count: u64) {
+        let lost = self.lost.entry((source.0, place.name())).or_default();
+        *lost = lost.saturating_add(count);
+    }
+
+    pub(crate) fn to_metadata(&self, session: &Session) -> BTreeMap<String, String> {
         let mut map = BTreeMap::from([
             ("arrivals".to_owned(), self.arrivals.to_string()),
             ("can_frames".to_owned(), self.can_frames.to_string()),
@@ -115,6 +134,9 @@ impl WriteCounters {
         if let (Some(first), Some(last)) = (self.first_sequence, self.last_sequence) {
             map.insert("first_sequence".to_owned(), first.to_string());
             map.insert("last_sequence".to_owned(), last.to_string());
+        }
+        if self.lost_records > 0 {
+            map.insert("lost_records".to_owned(), self.lost_records.to_string());
         }
         for ((source, place), count) in &self.lost {
             let name = session.source_name(SourceId(*source));
@@ -185,6 +207,7 @@ impl<W: Write> LogWriter<W> {
         }
         for message in latched.messages.values() {
             self.write(message)?;
+            self.counters.messages += 1;
         }
         self.latched = latched;
         Ok(self.mcap.flush()?)
@@ -411,13 +434,22 @@ impl<W: Write> LogWriter<W> {
             .add_channel(schema, &message.topic, "protobuf", &metadata)?)
     }
 
+    /// Adds what was lost on the way to this log to its counters.
+    pub(crate) fn lose(&mut self, items: &BTreeMap<SourceId, u64>, records: u64) {
+        for (source, count) in items {
+            self.counters.lose(*source, LossPlace::Disk, *count);
+        }
+        self.counters.lost_records += records;
+    }
+
     /// What went into the log so far, the open group included.
     #[must_use]
     pub fn counters(&self) -> &WriteCounters {
         &self.counters
     }
 
-    /// Closes the log with its counters, statistics and indexes, and gives the sink back.
+    /// Closes the log with its counters, statistics and indexes, and gives the sink back. What is in
+    /// `extra` stands beside the counters, or in the place of those of the same name.
     ///
     /// # Errors
     /// If the sink refuses bytes.

@@ -135,7 +135,8 @@ pub struct Info {
     pub channels: BTreeMap<String, (String, u64)>,
     /// Chunks.
     pub chunks: u64,
-    /// Counters of the closed files, summed where they are numbers.
+    /// Counters of the closed and the recovered files, summed where they are numbers; of
+    /// `first_sequence` the least, of `last_sequence` the greatest.
     pub counters: BTreeMap<String, u64>,
     /// Names, media types and sizes of the attachments.
     pub attachments: Vec<(String, String, u64)>,
@@ -220,15 +221,8 @@ impl Reader {
                     .1 += count;
             }
             info.chunks += index.parts.len() as u64;
-            for (key, value) in index.metadata.get(COUNTERS_METADATA).into_iter().flatten() {
-                if let Ok(value) = value.parse::<u64>() {
-                    let sum = info.counters.entry(key.clone()).or_default();
-                    match key.as_str() {
-                        "first_sequence" if *sum > 0 => *sum = value.min(*sum),
-                        "last_sequence" => *sum = value.max(*sum),
-                        _ => *sum += value,
-                    }
-                }
+            if let Some(counters) = index.metadata.get(COUNTERS_METADATA) {
+                add_counters(&mut info.counters, counters);
             }
             for a in &index.attachments {
                 let entry = (a.name.clone(), a.media_type.clone(), a.data_size);
@@ -345,6 +339,21 @@ impl Message {
     /// If the message does not follow its schema.
     pub fn signals(&self) -> Result<Vec<Signal>> {
         messages::signals(self)
+    }
+}
+
+fn add_counters(sums: &mut BTreeMap<String, u64>, counters: &BTreeMap<String, String>) {
+    for (key, value) in counters {
+        let Ok(value) = value.parse::<u64>() else {
+            continue;
+        };
+        let sum = sums.entry(key.clone());
+        match key.as_str() {
+            "first_sequence" => sum.and_modify(|first| *first = value.min(*first)),
+            "last_sequence" => sum.and_modify(|last| *last = value.max(*last)),
+            _ => sum.and_modify(|sum| *sum = sum.saturating_add(value)),
+        }
+        .or_insert(value);
     }
 }
 

@@ -1,18 +1,20 @@
 //! Making logs whole that were cut short.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Record, op};
 use mcap::write::{Metadata, NoSeek, WriteOptions};
+use sample::SourceId;
 
 use crate::convert::Encoded;
 use crate::file::{ACTIVE_SUFFIX, active_path, lock, sync_directory};
 use crate::reader::{Index, Missing};
 use crate::scan::{self, Decompressor, Scanner, Step};
-use crate::{Error, Result, journal, log_writer, raw, schema};
+use crate::session::{COUNTERS_METADATA, RUN_METADATA};
+use crate::{Error, Result, Session, WriteCounters, journal, log_writer, raw, schema};
 
 /// Name of the metadata record that tells of a recovery.
 pub(crate) const RECOVERED_METADATA: &str = "atvrec.recovered";
@@ -70,7 +72,8 @@ pub fn recover_directory(directory: &Path) -> Result<Vec<(PathBuf, Result<Recove
 
 /// Makes a log whole in place: saves all intact chunks, and the intact messages of a chunk that is
 /// cut, writes summary and indexes, and takes the place of the old file in one step. Nothing is in
-/// the result that was not in the old file, except a metadata record that tells of the recovery.
+/// the result that was not in the old file or its journals, except counters of what is saved and a
+/// metadata record that tells of the recovery.
 ///
 /// # Errors
 /// If the file cannot be read, is no MCAP file, is being written, or the result cannot be written;
@@ -188,7 +191,9 @@ fn copy<R: Read + Seek, W: Write>(
         next_sequence: 0,
         in_cut_chunk: false,
         schema_names: BTreeMap::new(),
-        raw_channels: BTreeSet::new(),
+        raw_channels: BTreeMap::new(),
+        counters: WriteCounters::default(),
+        counters_before: BTreeMap::new(),
         saved: Saved::default(),
     };
     let outcome = copy.run(&mut scanner, index);
@@ -210,8 +215,12 @@ struct Copy<W: Write> {
     next_sequence: u64,
     in_cut_chunk: bool,
     schema_names: BTreeMap<u16, String>,
-    /// Channels of raw data.
-    raw_channels: BTreeSet<u16>,
+    /// Channels of raw data: their schemas and sources.
+    raw_channels: BTreeMap<u16, (String, SourceId)>,
+    /// What is saved.
+    counters: WriteCounters,
+    /// The file's own counters, if it was cut behind them.
+    counters_before: BTreeMap<String, String>,
     saved: Saved,
 }
 
@@ -238,6 +247,7 @@ impl<W: Write> Copy<W> {
             }
         }
         self.add_journal()?;
+        self.write_counters(index)?;
         let mut metadata = BTreeMap::from([
             ("messages".to_owned(), self.saved.messages.to_string()),
             (
@@ -260,6 +270,20 @@ impl<W: Write> Copy<W> {
         })?;
         self.writer.finish()?;
         Ok(())
+    }
+
+    /// Counts of what is saved. What was lost on the way to the disk cannot be counted again: that
+    /// is known only if the old counters are there.
+    fn write_counters(&mut self, index: &Index) -> Result<()> {
+        let run = index.metadata.get(RUN_METADATA);
+        let session = run.map(Session::from_metadata).unwrap_or_default();
+        let mut metadata = self.counters.to_metadata(&session);
+        let before = std::mem::take(&mut self.counters_before).into_iter();
+        metadata.extend(before.filter(|(name, _)| name.starts_with("lost")));
+        Ok(self.writer.write_metadata(&Metadata {
+            name: COUNTERS_METADATA.to_owned(),
+            metadata,
+        })?)
     }
 
     fn chunk(&mut self, body: &[u8], cut: bool) -> Result<()> {
@@ -291,9 +315,13 @@ impl<W: Write> Copy<W> {
                 ignore_conflict(added.map(drop))
             }
             Some(Record::Channel(channel)) => {
-                let schema = self.schema_names.get(&channel.schema_id);
-                if schema.is_some_and(|name| raw::SCHEMAS.contains(&name.as_str())) {
-                    self.raw_channels.insert(channel.id);
+                if let Some(schema) = self.schema_names.get(&channel.schema_id)
+                    && raw::SCHEMAS.contains(&schema.as_str())
+                {
+                    let source = channel.metadata.get("source");
+                    let source = source.and_then(|id| id.parse().ok()).unwrap_or_default();
+                    self.raw_channels
+                        .insert(channel.id, (schema.clone(), SourceId(source)));
                 }
                 let added = self.writer.add_channel_with_id(
                     channel.id,
@@ -303,6 +331,10 @@ impl<W: Write> Copy<W> {
                     &channel.metadata,
                 );
                 ignore_conflict(added.map(drop))
+            }
+            Some(Record::Metadata(metadata)) if metadata.name == COUNTERS_METADATA => {
+                self.counters_before = metadata.metadata;
+                Ok(())
             }
             Some(Record::Metadata(metadata)) => Ok(self.writer.write_metadata(&metadata)?),
             Some(Record::Attachment { header, data, crc }) => {
@@ -353,6 +385,9 @@ impl<W: Write> Copy<W> {
             };
             self.writer.write_to_known_channel(&header, &batch.data)?;
             self.saved.messages += 1;
+            let source = batch.source.unwrap_or(SourceId(0));
+            self.counters
+                .count_batch(&batch.schema, source, &batch.data);
             self.saved.arrivals_of_journal += raw::group(&batch.data).map_or(0, |g| g.arrivals);
         }
         Ok(self.writer.flush()?)
@@ -362,7 +397,7 @@ impl<W: Write> Copy<W> {
         let Some((header, data)) = scan::message(body) else {
             return Ok(());
         };
-        if self.raw_channels.contains(&header.channel_id)
+        if self.raw_channels.contains_key(&header.channel_id)
             && let Some(group) = raw::group(data)
             && !group.latched
         {
@@ -380,6 +415,10 @@ impl<W: Write> Copy<W> {
         match self.writer.write_to_known_channel(&header, data) {
             Ok(()) => {
                 self.saved.messages += 1;
+                match self.raw_channels.get(&header.channel_id) {
+                    Some((schema, source)) => self.counters.count_batch(schema, *source, data),
+                    None => self.counters.messages += 1,
+                }
                 Ok(())
             }
             // The chunk that introduced the channel is lost, so nobody can read the message.

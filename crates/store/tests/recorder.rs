@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use common::{START, arrivals, estimate, session};
-use sample::Arrival;
+use sample::{Arrival, LossPlace, Notice, Payload};
 use store::{DiskState, Options, Reader, Record, Recorder, RecorderSummary, Selection};
 
 fn paths(summary: &RecorderSummary) -> Vec<PathBuf> {
@@ -100,38 +100,55 @@ fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {
 
 /// Environment variable that makes the test below the process that is killed.
 const VICTIM: &str = "ATVREC_TEST_VICTIM";
+/// Kills, each at another size of the run.
+const ROUNDS: u64 = 8;
+/// What waits for the writer at most, so that a busy machine loses no more than a free one.
+const VICTIM_QUEUE: usize = 64;
+/// Arrivals of the test's run are less than this apart on the log clock.
+const ARRIVAL_SPACING_NANOS: i64 = 3_000_000;
 
-/// Twenty kills at odd moments: the run is whole up to the last moments, without a gap.
+/// File beside the run's directory that holds the sequence of the last arrival that was taken.
+const PUSHED: &str = "pushed";
+/// More than are written before the last kill.
+const VICTIM_ARRIVALS: u64 = 40_000;
+
+/// Kills at odd moments: the run is whole up to the last moments, without a gap. What is lost is
+/// what waited for the writer, and what the journal had not taken.
 #[test]
 fn a_killed_run_is_recovered_without_a_gap() {
     if let Some(directory) = std::env::var_os(VICTIM) {
         record_until_killed(directory.as_ref());
     }
+    let all = arrivals(99, VICTIM_ARRIVALS);
+    let journal_interval = Options::default().journal_interval.expect("a journal");
+    // Two more: one in the writer's hands, one that closed the journal's interval.
+    let lost_max_nanos =
+        journal_interval.as_nanos() as i64 + (VICTIM_QUEUE as i64 + 2) * ARRIVAL_SPACING_NANOS;
     let mut from_journals = 0;
-    for round in 0..20_u64 {
-        let directory = tempfile::tempdir().expect("a directory");
+    for round in 0..ROUNDS {
+        let place = tempfile::tempdir().expect("a directory");
+        let directory = place.path().join("logs");
+        std::fs::create_dir(&directory).expect("made");
         let this = std::env::current_exe().expect("a test binary");
         let mut victim = std::process::Command::new(this)
             .args(["--exact", "a_killed_run_is_recovered_without_a_gap"])
-            .env(VICTIM, directory.path())
+            .env(VICTIM, place.path())
             .stdout(std::process::Stdio::null())
             .spawn()
             .expect("started");
-        let wanted = 4_000 + 9_000 * round;
-        wait_until(|| bytes_in(directory.path()) > wanted);
+        let wanted = 8_000 + 17_000 * round;
+        wait_until(|| bytes_in(&directory) > wanted);
         victim.kill().expect("killed");
         victim.wait().expect("gone");
-        let mut files = Vec::new();
-        for (_, result) in store::recover_directory(directory.path()).expect("readable") {
-            let recovered = result.expect("recovered");
-            from_journals += recovered.arrivals_of_journal;
-            files.push(recovered.path);
+        let pushed = std::fs::read(place.path().join(PUSHED)).expect("it pushed");
+        let pushed = u64::from_le_bytes(pushed.try_into().expect("a number"));
+        for (_, result) in store::recover_directory(&directory).expect("readable") {
+            from_journals += result.expect("recovered").arrivals_of_journal;
         }
-        let all = std::fs::read_dir(directory.path()).expect("readable");
-        let closed = all.filter_map(|entry| Some(entry.ok()?.path()));
-        files.extend(closed);
-        files.sort();
-        files.dedup();
+        let entries = std::fs::read_dir(&directory).expect("readable");
+        let files: Vec<PathBuf> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .collect();
         assert!(
             files
                 .iter()
@@ -139,7 +156,15 @@ fn a_killed_run_is_recovered_without_a_gap() {
             "journals and unfinished files are gone: {files:?}"
         );
         let saved = read(&files);
-        assert_eq!(saved, arrivals(99, saved.len() as u64));
+        assert!(!saved.is_empty(), "round {round} saved nothing");
+        assert_eq!(saved, all[..saved.len()]);
+        let lost = all[pushed as usize].log_time - all[saved.len() - 1].log_time;
+        assert!(
+            lost <= lost_max_nanos,
+            "{lost} ns of round {round} are lost"
+        );
+        let counters = Reader::open(&files).expect("a run").info().counters;
+        assert_eq!(counters["arrivals"], saved.len() as u64);
     }
     assert!(from_journals > 0, "no kill met an open group");
 }
@@ -151,18 +176,28 @@ fn bytes_in(directory: &std::path::Path) -> u64 {
         .sum()
 }
 
-fn record_until_killed(directory: &std::path::Path) -> ! {
+fn record_until_killed(place: &std::path::Path) -> ! {
+    use std::os::unix::fs::FileExt as _;
     let options = Options {
-        rotate_bytes: Some(100_000),
+        rotate_bytes: Some(60_000),
         sync_interval: Duration::from_millis(20),
+        queue_capacity: VICTIM_QUEUE,
         ..Options::default()
     };
-    let recorder = Recorder::start(directory, "run", session(), options).expect("started");
-    for arrival in arrivals(99, 1_000_000) {
-        while !recorder.push(arrival.clone()) {
-            std::thread::sleep(Duration::from_millis(1));
+    let run = arrivals(99, VICTIM_ARRIVALS);
+    let recorder =
+        Recorder::start(&place.join("logs"), "run", session(), options).expect("started");
+    let pushed = std::fs::File::create(place.join(PUSHED)).expect("made");
+    for arrival in run {
+        while recorder.status().waiting >= VICTIM_QUEUE {
+            std::thread::sleep(Duration::from_micros(200));
         }
-        if arrival.sequence % 50 == 0 {
+        let sequence = arrival.sequence;
+        assert!(recorder.push(arrival), "there was room");
+        pushed
+            .write_all_at(&sequence.to_le_bytes(), 0)
+            .expect("written");
+        if sequence % 50 == 49 {
             std::thread::sleep(Duration::from_millis(1));
         }
     }
@@ -233,6 +268,72 @@ fn a_disk_that_stays_away_costs_what_is_counted() {
     let active = parent.path().join("away/run_0000.mcap.active");
     let recovered = store::recover(&active).expect("recovered");
     assert_eq!(read(&[recovered.path]), written[..100]);
+}
+
+/// `lost.<source>.disk` was cumulative over the run in each file, so that the sum over its files told
+/// of more than was lost; and it took the place of what the sources' own notices had told.
+#[test]
+fn each_file_tells_of_its_own_losses() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = Options {
+        queue_capacity: 1,
+        ..Options::default()
+    };
+    let recorder = Recorder::start(directory.path(), "run", session(), options).expect("started");
+    let run = arrivals(26, 60_000);
+    let mut next = run.iter();
+    let mut taken = Vec::new();
+    for part in 0..3 {
+        for _ in 0..100 {
+            wait_until(|| recorder.status().waiting == 0);
+            let arrival = next.next().expect("more");
+            assert!(recorder.push(arrival.clone()));
+            taken.push(arrival);
+        }
+        // Without the wait a queue of one overflows.
+        let lost_before = recorder.status().lost_arrivals;
+        while recorder.status().lost_arrivals < lost_before + 100 {
+            let arrival = next.next().expect("losses");
+            if recorder.push(arrival.clone()) {
+                taken.push(arrival);
+            }
+        }
+        wait_until(|| recorder.status().waiting == 0);
+        if part < 2 {
+            recorder.rotate();
+            let path = store::part_path(directory.path(), "run", part + 1);
+            wait_until(|| recorder.status().disk == DiskState::Writing(path.clone()));
+        }
+    }
+    let lost = recorder.status().lost_items;
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(summary.files.len(), 3);
+    let counters = Reader::open(paths(&summary))
+        .expect("a run")
+        .info()
+        .counters;
+    for source in session().sources {
+        let noticed = taken.iter().filter_map(|arrival| match arrival.payload {
+            Payload::Notice(Notice::Lost { place, count })
+                if arrival.source == source.id && place == LossPlace::Disk =>
+            {
+                Some(count)
+            }
+            _ => None,
+        });
+        let expected = noticed.sum::<u64>() + lost.get(&source.id).copied().unwrap_or_default();
+        let found = counters.get(&format!("lost.{}.disk", source.name));
+        assert_eq!(
+            found.copied().unwrap_or_default(),
+            expected,
+            "{}",
+            source.name
+        );
+    }
+    assert_eq!(counters["arrivals"], taken.len() as u64);
+    assert_eq!(counters["first_sequence"], 0);
+    let last = taken.last().map(|arrival| arrival.sequence);
+    assert_eq!(counters.get("last_sequence").copied(), last);
 }
 
 #[cfg(target_os = "linux")]

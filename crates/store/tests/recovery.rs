@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use common::{START, arrivals, estimate, records, session};
-use sample::Arrival;
+use sample::{Arrival, Payload};
 use store::{
     LogWriter, Missing, Options, Reader, Record, Selection, Writer, recover, recover_directory,
     salvage,
@@ -16,28 +16,28 @@ use store::{
 
 /// A log with small chunks, so that cuts meet every kind of record.
 fn sample_log(count: u64) -> (Vec<Arrival>, Vec<u8>) {
-    sample_log_with(count, &records(START))
+    let written = arrivals(11, count);
+    let bytes = log_of(&written, &records(START));
+    (written, bytes)
 }
 
-fn sample_log_with(count: u64, records: &[Record]) -> (Vec<Arrival>, Vec<u8>) {
+fn log_of(written: &[Arrival], records: &[Record]) -> Vec<u8> {
     let options = Options {
         raw_interval: Duration::from_millis(20),
         decoded_interval: Duration::from_millis(30),
         ..Options::default()
     };
-    let written = arrivals(11, count);
     let mut writer = LogWriter::new(Vec::new(), session(), options, 0).expect("a vector");
     for record in records {
         writer.record(record);
     }
-    for arrival in &written {
+    for arrival in written {
         if arrival.sequence % 16 == 15 {
             writer.record(&Record::Estimate(estimate(arrival.log_time)));
         }
         writer.push(arrival.clone()).expect("a vector");
     }
-    let bytes = writer.finish(&BTreeMap::new()).expect("a vector");
-    (written, bytes)
+    writer.finish(&BTreeMap::new()).expect("a vector")
 }
 
 fn all_messages(path: &Path) -> Vec<store::Message> {
@@ -88,8 +88,19 @@ fn a_log_cut_at_any_byte_recovers_what_is_whole() {
         time: START,
         text: "gravel".to_owned(),
     };
-    let (_, bytes) = sample_log_with(20, &[mark]);
+    // One serial port alone, since each schema takes thousands of bytes and each byte takes a cut.
+    let reads = arrivals(11, 200).into_iter();
+    let reads = reads.filter(|arrival| matches!(arrival.payload, Payload::Bytes(_)));
+    let numbered = (0..12).zip(reads);
+    let written: Vec<Arrival> = numbered
+        .map(|(sequence, arrival)| Arrival {
+            sequence,
+            ..arrival
+        })
+        .collect();
+    let bytes = log_of(&written, &[mark]);
     let whole = foreign(&bytes);
+    assert!(whole.len() >= 4, "several chunks");
     let mut saved_before = 0;
     for length in 0..=bytes.len() {
         let mut output = Vec::new();
@@ -147,6 +158,60 @@ fn messages_of_a_chunk_that_is_cut_are_saved() {
         all_messages(&recovered.path).len() as u64,
         recovered.messages
     );
+}
+
+/// Counters are made again from what is saved; what was lost on the way to the disk stands only in
+/// the file's own ones.
+#[test]
+fn a_recovered_log_has_counters_of_what_was_saved() {
+    let (written, bytes) = sample_log(400);
+    let directory = tempfile::tempdir().expect("a directory");
+    let whole = directory.path().join("whole.mcap");
+    std::fs::write(&whole, &bytes).expect("written");
+    let counters = |path: &Path| Reader::open([path]).expect("a log").info().counters;
+    // The footer alone is cut: nothing is lost.
+    let path = write_active(directory.path(), &bytes[..bytes.len() - 20]);
+    let recovered = recover(&path).expect("recovered");
+    assert!(!recovered.was_whole);
+    assert_eq!(counters(&recovered.path), counters(&whole));
+
+    let summary = mcap::Summary::read(&bytes).expect("good").expect("there");
+    let chunk = &summary.chunk_indexes[summary.chunk_indexes.len() / 2];
+    let cut = chunk.chunk_start_offset as usize + 30;
+    let path = write_active(directory.path(), &bytes[..cut]);
+    let recovered = recover(&path).expect("recovered");
+    let saved = all_arrivals(&recovered.path);
+    assert!(!saved.is_empty() && saved.len() < written.len());
+    let mut again = LogWriter::new(Vec::new(), session(), Options::default(), 0).expect("a vector");
+    for arrival in &saved {
+        again.push(arrival.clone()).expect("a vector");
+    }
+    let expected = again.counters();
+    let found = counters(&recovered.path);
+    assert_eq!(found["arrivals"], expected.arrivals);
+    assert_eq!(found["can_frames"], expected.can_frames);
+    assert_eq!(found["serial_bytes"], expected.serial_bytes);
+    assert_eq!(found["first_sequence"], 0);
+    assert_eq!(found["last_sequence"], saved.len() as u64 - 1);
+    let lost: u64 = expected.lost.values().sum();
+    let told = found.iter().filter(|(name, _)| name.starts_with("lost."));
+    assert_eq!(told.map(|(_, count)| count).sum::<u64>(), lost);
+    let is_raw = |m: &&store::Message| m.channel.schema.starts_with("atvrec.Raw");
+    let messages = all_messages(&recovered.path);
+    let raw = messages.iter().filter(is_raw).count();
+    assert_eq!(found["messages"], (messages.len() - raw) as u64);
+}
+
+#[test]
+fn losses_that_a_cut_log_told_of_are_kept() {
+    let writer = LogWriter::new(Vec::new(), session(), Options::default(), 0).expect("a vector");
+    let lost = BTreeMap::from([("lost.can0.disk".to_owned(), "7".to_owned())]);
+    let bytes = writer.finish(&lost).expect("a vector");
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = write_active(directory.path(), &bytes[..bytes.len() - 20]);
+    let recovered = recover(&path).expect("recovered");
+    let info = Reader::open([&recovered.path]).expect("a log").info();
+    assert_eq!(info.counters["lost.can0.disk"], 7);
 }
 
 /// A byte that changed is found by the chunk's checksum; the chunks around it are saved.

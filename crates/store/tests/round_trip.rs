@@ -144,7 +144,45 @@ fn parts_of_a_run_are_one_log_whatever_order_they_are_given_in() {
         paths.insert(0, path);
     }
     let reader = Reader::open(&paths).expect("one run");
+    // The first sequence of a run is 0, and that of the next file does not add to it.
+    let counters = reader.info().counters;
+    assert_eq!(counters["first_sequence"], 0);
+    assert_eq!(counters["last_sequence"], 899);
+    assert_eq!(counters["arrivals"], 900);
     assert_eq!(read_arrivals(&reader), (written, vec![]));
+}
+
+/// Fields that are not optional leave a zero out of the message, and minus zero equals it.
+#[test]
+fn minus_zero_loses_its_sign_and_nan_keeps_its_bits() {
+    let nan = f64::from_bits(0x7ff8_0000_dead_beef);
+    let mut written = estimate(START);
+    written.motion.velocity_y_m_s = -0.0;
+    written.motion.sideslip_rad = nan;
+    let signal = |value| sample::Signal {
+        name: "x".to_owned(),
+        value,
+        unit: String::new(),
+    };
+    let control = Record::Sample(sample::Sample {
+        source: sample::SourceId(1),
+        log_time: START,
+        valid_time: START,
+        device_time: None,
+        measurement: sample::Measurement::Control(sample::ControlSample {
+            values: vec![signal(-0.0)],
+        }),
+    });
+    let records = [Record::Estimate(written), control];
+    let (_directory, reader) = on_disk(&write(&[], &records, &Options::default()));
+    let read = reader.estimates().next().expect("one").expect("readable");
+    assert_eq!(read.motion.velocity_y_m_s.to_bits(), 0.0_f64.to_bits());
+    assert_eq!(read.motion.sideslip_rad.to_bits(), nan.to_bits());
+    // Optional fields, such as a signal's, are written whatever their value.
+    let mut controls = reader.messages(Selection::topics(["/control/*"]));
+    let message = controls.next().expect("one").expect("readable");
+    let signals = message.signals().expect("by its schema");
+    assert_eq!(signals[0].value.to_bits(), (-0.0_f64).to_bits());
 }
 
 #[test]

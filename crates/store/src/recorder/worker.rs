@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, PoisonError, atomic::Ordering};
 use std::time::Instant;
 
-use sample::Arrival;
+use sample::{Arrival, SourceId};
 
 use super::open_file::OpenFile;
 use super::sync::{Job, Syncer};
@@ -27,6 +27,8 @@ pub(crate) struct Worker {
     summary: RecorderSummary,
     /// Bytes of the files before this one.
     bytes_before: u64,
+    /// Losses that closed files tell of.
+    told: Losses,
 }
 
 enum Sink {
@@ -36,6 +38,26 @@ enum Sink {
         latched: Latched,
         retry_at: Instant,
     },
+}
+
+/// What was lost on the way to the disk since the start of the run.
+#[derive(Default)]
+struct Losses {
+    items: BTreeMap<SourceId, u64>,
+    records: u64,
+}
+
+impl Losses {
+    fn since(&self, before: &Self) -> Self {
+        let items = self.items.iter().filter_map(|(source, count)| {
+            let more = count - before.items.get(source).copied().unwrap_or_default();
+            (more > 0).then_some((*source, more))
+        });
+        Self {
+            items: items.collect(),
+            records: self.records - before.records,
+        }
+    }
 }
 
 impl Worker {
@@ -62,6 +84,7 @@ impl Worker {
             sink: Sink::Open(Box::new(file)),
             summary: RecorderSummary::default(),
             bytes_before: 0,
+            told: Losses::default(),
         })
     }
 
@@ -231,7 +254,11 @@ impl Worker {
         }
     }
 
-    fn close(&mut self, writer: Writer) {
+    fn close(&mut self, mut writer: Writer) {
+        // What was lost since the last file that could be closed: the sum over the files is all.
+        let losses = self.losses();
+        let own = losses.since(&self.told);
+        writer.lose(&own.items, own.records);
         self.bytes_before += writer.bytes();
         let finished = Finished {
             path: writer.path().to_owned(),
@@ -239,8 +266,9 @@ impl Worker {
             counters: writer.counters().clone(),
         };
         let active = crate::file::active_path(writer.path());
-        match writer.close(&self.loss_metadata()) {
+        match writer.close() {
             Ok(file) => {
+                self.told = losses;
                 let size = file.file.metadata().map(|m| m.len());
                 self.summary.files.push(Finished {
                     bytes: size.unwrap_or(finished.bytes),
@@ -256,17 +284,10 @@ impl Worker {
         }
     }
 
-    fn loss_metadata(&self) -> BTreeMap<String, String> {
+    fn losses(&self) -> Losses {
         let (_, items) = self.shared.lost();
         let records = self.shared.dropped_records.load(Ordering::Relaxed);
-        items
-            .iter()
-            .map(|(source, count)| {
-                let name = self.session.source_name(*source);
-                (format!("lost.{name}.disk"), count.to_string())
-            })
-            .chain((records > 0).then(|| ("lost_records".to_owned(), records.to_string())))
-            .collect()
+        Losses { items, records }
     }
 
     fn fail(&mut self, error: &Error) {
