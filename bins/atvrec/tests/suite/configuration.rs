@@ -135,3 +135,29 @@ fn completions_are_printed_for_each_shell() {
         assert!(stdout(&assert).contains("replay"), "{shell}");
     }
 }
+
+#[test]
+fn a_vehicle_file_is_made_from_a_simulators_parameters() {
+    let parameters = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/data/truth/params.json"
+    );
+    if !std::path::Path::new(parameters).exists() {
+        eprintln!("SKIPPED: {parameters} is not there");
+        return;
+    }
+    let directory = tempfile::tempdir().expect("a directory");
+    atvrec(directory.path())
+        .args(["import", "vehicle", parameters, "-o", "vehicle.toml"])
+        .assert()
+        .success();
+    fs::write(
+        directory.path().join("atvrec.toml"),
+        "[vehicle]\nfile = \"vehicle.toml\"\n",
+    )
+    .expect("written");
+    atvrec(directory.path())
+        .args(["check", "--no-devices"])
+        .assert()
+        .success();
+}

@@ -1,6 +1,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 
 use crate::support::{atvrec, stdout};
 
@@ -115,6 +118,85 @@ fn a_missing_device_is_told_and_does_not_keep_the_others_from_recording() {
         .code(1);
     let text = stdout(&assert);
     assert!(text.contains("not open"), "{text}");
+}
+
+#[test]
+fn parts_of_a_run_replay_as_one_log() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let ports = Virtual::start(directory.path());
+    let config = directory.path().join("ports/atvrec.toml");
+    let text = fs::read_to_string(&config).expect("the configuration");
+    fs::write(&config, format!("{text}rotate_after_s = 1\n")).expect("written");
+    atvrec(directory.path())
+        .args(["record", "--config", "ports/atvrec.toml", "--for", "3.5"])
+        .assert()
+        .success();
+    drop(ports);
+    let logs = logs(&directory.path().join("ports/logs"));
+    assert!(logs.len() >= 3, "{logs:?}");
+    let assert = atvrec(directory.path())
+        .arg("replay")
+        .args(&logs)
+        .args(["--verify", "--json"])
+        .assert()
+        .success();
+    let result: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    assert_eq!(result["verify"]["identical"], true, "{result:#}");
+    assert_eq!(
+        result["missing"].as_array().map(Vec::len),
+        Some(0),
+        "{result:#}"
+    );
+}
+
+/// A SLCAN adapter whose queue overran: it says so whenever it is asked.
+fn overrun_adapter(stop: Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>) {
+    let mut port = acq::VirtualPort::new().expect("a pseudo-terminal");
+    let path = port.path().to_owned();
+    let thread = std::thread::spawn(move || {
+        let mut buffer = [0; 64];
+        while !stop.load(Ordering::Relaxed) {
+            if let acq::Heard::Bytes(count) = port.read(&mut buffer).expect("read")
+                && buffer[..count].contains(&b'F')
+            {
+                port.write(b"t1102ABCD\rF01\r").expect("write");
+            }
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+    });
+    (path, thread)
+}
+
+#[test]
+fn loss_in_a_device_is_counted_by_place_and_gives_exit_code_3() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let stop = Arc::new(AtomicBool::new(false));
+    let (device, adapter) = overrun_adapter(Arc::clone(&stop));
+    let text = format!(
+        "[source.can0]\nkind = \"slcan\"\ndevice = \"{}\"\n",
+        device.display()
+    );
+    fs::write(directory.path().join("atvrec.toml"), text).expect("written");
+    let assert = atvrec(directory.path())
+        .args(["record", "--for", "2", "--json"])
+        .assert()
+        .code(3);
+    stop.store(true, Ordering::Relaxed);
+    adapter.join().expect("the adapter ends");
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    let lost = summary["lost"]["device"].as_u64().unwrap_or_default();
+    assert!(lost > 0, "{summary:#}");
+    assert_eq!(summary["lost"]["queue"], 0, "{summary:#}");
+    // The count is in the file, too.
+    let logs = logs(&directory.path().join("logs"));
+    let assert = atvrec(directory.path())
+        .arg("info")
+        .args(&logs)
+        .arg("--json")
+        .assert()
+        .success();
+    let info: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    assert_eq!(info["counters"]["lost.can0.device"], lost, "{info:#}");
 }
 
 #[test]
