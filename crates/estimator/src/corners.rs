@@ -283,6 +283,9 @@ impl Linkage {
     ) -> Result<CornerState, SuspensionError> {
         let [rack_rate, spin, spin_dot, gravity] = rolling;
         let [length, rate] = self.length.value();
+        // The force hangs on the measured spring, the pose on the hard-points: a millimetre that
+        // these are wrong by must not become 65 N.
+        let length = length + self.strut.design_length_m - self.corner.design_strut_length_m();
         let pose = self.pose;
         let frame = TyreFrame::new(
             &pose,

@@ -3,7 +3,7 @@ use model::vehicle::{Axle, Vehicle};
 use nalgebra::Vector3;
 use sample::{
     Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssVelocity, ImuSample,
-    LogTime, Measurement, Motion, PerWheel, Sample, TyreForce, Wheel,
+    LogTime, Measurement, Motion, PerWheel, Sample, StrainChannel, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -11,7 +11,7 @@ use crate::corners::Corners;
 use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
-use crate::inputs::{Readings, finite3};
+use crate::inputs::{FrozenChange, Readings, finite3};
 use crate::lift::LiftDetector;
 use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
 use crate::statics::{self, CornerAssumptions};
@@ -37,6 +37,8 @@ const SLIP_CORRELATED: f64 = 4.0;
 const MOVING_M_S: f64 = 1.5;
 /// Step of the grid, s.
 const GRID_S: f64 = 0.01;
+/// Age of GNSS attitude from which the tyres' grip takes its place, s.
+const HEADING_SILENT_S: f64 = 1.0;
 /// How fast a road vehicle's body may rise or sink from the ground, m/s.
 const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
@@ -205,6 +207,10 @@ impl Estimator {
     }
 
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
+        self.readings
+            .frozen_changes(&self.calibration.corners, &mut |change| {
+                out(Output::Event(frozen_event(time, change)));
+            });
         self.motion.bridge(time);
         self.constrain_motion(time);
         let state = self.motion.state(time);
@@ -226,7 +232,9 @@ impl Estimator {
         let mut motion = motion_output(&state);
         motion.steer_rad = PerWheel(steer);
         motion.slip_angle_rad = self.slip_angles(&state, steer);
-        let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S;
+        // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing.
+        let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S
+            && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
         if satellite && self.measured.0[0].source == ForceSource::Fusion {
             let input = GripInput {
                 now: time,
@@ -342,51 +350,43 @@ impl Estimator {
         })
     }
 
-    /// What holds for a road vehicle whatever its sensors say, and what wheel speeds tell while
-    /// GNSS is silent.
+    /// What wheel speeds and the tyres' grip tell while GNSS velocity or heading is silent.
     fn constrain_motion(&mut self, time: LogTime) {
-        if self.motion.velocity_age_s(time) < GNSS_SILENT_S {
+        let blind = self.motion.velocity_age_s(time) > GNSS_SILENT_S;
+        if !blind && self.motion.attitude_age_s(time) < HEADING_SILENT_S {
             return;
         }
-        let (mut sum, mut count) = (0.0, 0.0);
-        for wheel in Wheel::ALL {
-            let axle = self.axle(wheel);
-            let reading = self.readings.wheel_speed_rad_s[wheel];
-            if let Some(speed) = reading.and_then(|reading| reading.fresh(time)) {
-                let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
-                let radius = axle.tyre.unloaded_radius_m
-                    - load / axle.tyre.vertical_stiffness_n_m.max(1.0) / 3.0;
-                sum += speed * radius;
-                count += 1.0;
-            }
-        }
-        if count == 0.0 {
-            return;
-        }
-        let forward = sum / count;
         let normal = self
             .corners
             .as_ref()
             .map_or_else(Vector3::z, Corners::normal);
         let left = normal.cross(&Vector3::x()).normalize();
         let ahead = left.cross(&normal);
-        let body = &self.vehicle.body;
-        let _ = self.motion.push_body_velocity(
-            ahead,
-            Vector3::zeros(),
-            forward,
-            0.1 + 0.03 * forward.abs(),
-        );
-        let _ = self
-            .motion
-            .push_body_velocity(normal, Vector3::zeros(), 0.0, VERTICAL_SIGMA_M_S);
+        let mut forward = self.motion.state(time).velocity_m_s.x;
+        if blind {
+            let Some(speed) = self.rolling_speed(time) else {
+                return;
+            };
+            forward = speed;
+            let doubt = 0.1 + 0.03 * forward.abs();
+            let centre = Vector3::zeros();
+            let _ = self
+                .motion
+                .push_body_velocity(ahead, centre, forward, doubt);
+            let _ = self
+                .motion
+                .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S);
+        }
+        self.constrain_axles(forward, left);
+    }
+
+    /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
+    /// that is unknown the angle is small.
+    fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
         let steer = self.steer_angles();
-        for (axle, x) in [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m]
-            .into_iter()
-            .enumerate()
-        {
-            // An axle moves along its wheels, but for the slip angle that its lateral force needs;
-            // where that is unknown the angle is small.
+        let body = &self.vehicle.body;
+        let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
+        for (axle, x) in ahead.into_iter().enumerate() {
             let (slip, sigma) = self
                 .grip
                 .slip_angle(axle, &self.measured)
@@ -394,10 +394,25 @@ impl Estimator {
             let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
             let across = forward * (wheels + slip).tan();
             let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
-            let _ = self
-                .motion
-                .push_body_velocity(left, Vector3::new(x, 0.0, 0.0), across, doubt);
+            let place = Vector3::new(x, 0.0, 0.0);
+            let _ = self.motion.push_body_velocity(left, place, across, doubt);
         }
+    }
+
+    /// Mean forward speed that the wheels tell, rolling freely on their loaded radius, m/s.
+    fn rolling_speed(&self, time: LogTime) -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for wheel in Wheel::ALL {
+            let tyre = &self.axle(wheel).tyre;
+            let reading = self.readings.wheel_speed_rad_s[wheel];
+            if let Some(speed) = reading.and_then(|reading| reading.fresh(time)) {
+                let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
+                let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
+                sum += speed * (tyre.unloaded_radius_m - pressed / 3.0);
+                count += 1.0;
+            }
+        }
+        (count > 0.0).then(|| sum / count)
     }
 }
 
@@ -453,21 +468,32 @@ fn ground_angles(normal: Vector3<f64>) -> (f64, f64) {
 fn channel_event(now: LogTime, change: ChannelChange) -> Event {
     let wheel = Wheel::ALL[change.wheel];
     let name = format!("{wheel} {}", change.channel.name());
-    let (kind, text) = if change.faulty {
-        (
-            EventKind::SensorFault(name.clone()),
-            format!("strain channel {name} contradicts the other sensors and is left out"),
-        )
+    let why = "contradicts the other sensors";
+    sensor_event(now, change.faulty, name, why)
+}
+
+fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
+    let channel = StrainChannel::ALL
+        .get(change.channel)
+        .map_or("deflection", |channel| channel.name());
+    let name = format!("{} {channel}", change.wheel);
+    sensor_event(now, change.frozen, name, "does not move at all")
+}
+
+fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {
+    let text = if faulty {
+        format!("channel {name} {why} and is left out")
     } else {
-        (
-            EventKind::SensorRecovered(name.clone()),
-            format!("strain channel {name} agrees with the other sensors again"),
-        )
+        format!("channel {name} is used again")
     };
     Event {
         time: now,
         onset: now,
-        kind,
+        kind: if faulty {
+            EventKind::SensorFault(name)
+        } else {
+            EventKind::SensorRecovered(name)
+        },
         probability: None,
         text,
     }

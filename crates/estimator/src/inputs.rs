@@ -8,6 +8,46 @@ use crate::calibration::CornerChannels;
 /// A reading older than this says nothing about the present, s.
 pub const FRESH_S: f64 = 0.1;
 
+/// The same count so often in a row is no measurement where the converter has noise of its own.
+const FROZEN_REPEATS: u32 = 200;
+/// Position of the spring potentiometer among a corner's channels, after the strain channels.
+pub const POTENTIOMETER: usize = StrainChannel::COUNT;
+
+/// Whether a channel's counts still move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Liveness {
+    counts: u16,
+    repeats: u32,
+    told: bool,
+}
+
+impl Liveness {
+    fn frozen(self) -> bool {
+        self.repeats >= FROZEN_REPEATS
+    }
+
+    fn take(&mut self, counts: u16) -> bool {
+        self.repeats = if counts == self.counts {
+            self.repeats.saturating_add(1)
+        } else {
+            0
+        };
+        self.counts = counts;
+        !self.frozen()
+    }
+}
+
+/// A channel that froze (`true`) or moves again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrozenChange {
+    /// Which corner.
+    pub wheel: Wheel,
+    /// Position among the strain channels, or [`POTENTIOMETER`].
+    pub channel: usize,
+    /// Frozen from now on.
+    pub frozen: bool,
+}
+
 /// A value and when it was true.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
@@ -45,6 +85,7 @@ pub struct Readings {
     pub hand_wheel_rad: Option<Reading>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
+    liveness: [[Liveness; POTENTIOMETER + 1]; 4],
 }
 
 impl Readings {
@@ -58,17 +99,46 @@ impl Readings {
         use_deflection: bool,
     ) {
         let readings = &mut self.corners[corner.wheel];
+        let liveness = &mut self.liveness[corner.wheel.index()];
         if use_strain {
             for (i, counts) in corner.strain_counts.iter().enumerate() {
-                let value = counts.and_then(|counts| channels.strain[i].value(counts));
+                let value = counts
+                    .filter(|counts| liveness[i].take(*counts) || !channels.strain[i].noisy)
+                    .and_then(|counts| channels.strain[i].value(counts));
                 replace(&mut readings.strain[i], time, value);
             }
         }
         if use_deflection {
             let value = corner
                 .deflection_counts
+                .filter(|counts| {
+                    liveness[POTENTIOMETER].take(*counts) || !channels.deflection.noisy
+                })
                 .and_then(|counts| channels.deflection.value(counts));
             replace(&mut readings.compression_m, time, value);
+        }
+    }
+
+    /// Hands out the channels that froze or moved again since the last call.
+    pub fn frozen_changes(
+        &mut self,
+        channels: &PerWheel<CornerChannels>,
+        out: &mut impl FnMut(FrozenChange),
+    ) {
+        for wheel in Wheel::ALL {
+            let corner = &channels[wheel];
+            for (i, liveness) in self.liveness[wheel.index()].iter_mut().enumerate() {
+                let channel = corner.strain.get(i).unwrap_or(&corner.deflection);
+                let frozen = liveness.frozen() && channel.noisy && !channel.dead;
+                if frozen != liveness.told {
+                    liveness.told = frozen;
+                    out(FrozenChange {
+                        wheel,
+                        channel: i,
+                        frozen,
+                    });
+                }
+            }
         }
     }
 

@@ -92,6 +92,7 @@ pub struct MotionFilter {
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
+    heading_known: bool,
     velocity_misses: u32,
     attitude_misses: u32,
     resets: u32,
@@ -158,6 +159,7 @@ impl MotionFilter {
             imu_time: None,
             velocity_time: None,
             attitude_time: None,
+            heading_known: false,
             velocity_misses: 0,
             attitude_misses: 0,
             resets: 0,
@@ -191,6 +193,13 @@ impl MotionFilter {
             .map_or(f64::INFINITY, |time| now.seconds_since(time))
     }
 
+    /// Seconds since the last GNSS attitude that was used; infinite before the first.
+    #[must_use]
+    pub fn attitude_age_s(&self, now: LogTime) -> f64 {
+        self.attitude_time
+            .map_or(f64::INFINITY, |time| now.seconds_since(time))
+    }
+
     fn restart(&mut self) {
         let s = &self.settings;
         let mut sigma = SVector::<f64, STATES>::zeros();
@@ -208,6 +217,7 @@ impl MotionFilter {
         self.velocity_m_s = Vector3::zeros();
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
+        self.heading_known = false;
         self.velocity_misses = 0;
         self.attitude_misses = 0;
         self.velocity_time = None;

@@ -71,7 +71,7 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
             Measurement::Corner(CornerSample {
                 wheel,
                 strain_counts,
-                deflection_counts: Some(512),
+                deflection_counts: Some(511 + (step % 2) as u16),
             }),
         ));
     }

@@ -6,16 +6,18 @@
     reason = "a test's helpers stand outside its functions"
 )]
 
+#[path = "truth/judge.rs"]
+mod judge;
 #[path = "truth/run.rs"]
 mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
 
-use estimator::{Calibration, Estimator, Input, Method, Output, Settings, score};
+use estimator::{Calibration, Input, Method, Settings, score};
+use judge::{Result, estimate, force_errors, motion_errors, row};
 use model::sensors::Sensors;
-use model::vehicle::Vehicle;
-use run::{RATE_HZ, Run};
-use sample::{Estimate, Event, EventKind, Sample, Wheel};
+use run::Run;
+use sample::{Event, EventKind, Wheel};
 
 /// Runs on the road; the jackstand run is judged by its forces apart.
 const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
@@ -29,92 +31,6 @@ const LIFT_WITHIN_S: f64 = 0.3;
 /// How long before it a warning must come, s.
 const WARNING_S: f64 = 1.0;
 
-struct Result {
-    estimates: Vec<Estimate>,
-    events: Vec<Event>,
-}
-
-fn estimate(
-    vehicle: &Vehicle,
-    sensors: &Sensors,
-    settings: Settings,
-    samples: &[Sample],
-) -> Result {
-    let calibration = Calibration::nominal(&vehicle.name);
-    let mut estimator = Estimator::new(vehicle, sensors, &calibration, settings).unwrap();
-    let mut result = Result {
-        estimates: Vec::new(),
-        events: Vec::new(),
-    };
-    for sample in samples {
-        estimator.advance(sample.log_time, &mut |output| match output {
-            Output::Estimate(estimate) => result.estimates.push(estimate),
-            Output::Event(event) => result.events.push(event),
-        });
-        estimator.push(sample);
-    }
-    result
-}
-
-/// The truth row of an estimate.
-fn row(estimate: &Estimate) -> usize {
-    (estimate.time.seconds_since(sensing::START) * RATE_HZ).round() as usize
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for value in values {
-        sum += value * value;
-        count += 1.0;
-    }
-    f64::sqrt(sum / f64::max(count, 1.0))
-}
-
-/// RMSE of sideslip, roll and pitch in degrees, above 3 m/s and after the first 3 s.
-fn motion_errors(run: &Run, result: &Result) -> [f64; 3] {
-    let truth = ["beta", "roll", "pitch"];
-    std::array::from_fn(|i| {
-        let column = run.column(truth[i]);
-        rms(result.estimates.iter().filter_map(|estimate| {
-            let row = row(estimate);
-            let moving = run.column("vx_body").get(row)? > &3.0 || i > 0;
-            let value = [
-                estimate.motion.sideslip_rad,
-                estimate.motion.roll_rad,
-                estimate.motion.pitch_rad,
-            ][i];
-            (moving && row > 600).then(|| (value - column[row]).to_degrees())
-        }))
-    })
-}
-
-/// 100 RMS / max(peak of the run, static load), worst tyre, after the first 3 s.
-fn force_errors(run: &Run, vehicle: &Vehicle, result: &Result) -> [f64; 3] {
-    let wheelbase = vehicle.body.front_axle_to_cg_m + vehicle.body.cg_to_rear_axle_m;
-    let half_weight = 0.5 * vehicle.body.mass_kg * 9.81 / wheelbase;
-    std::array::from_fn(|axis| {
-        Wheel::ALL
-            .into_iter()
-            .map(|wheel| {
-                let name = ["Fx", "Fy", "Fz"][axis];
-                let truth = run.column(&format!("{}_{name}", wheel.abbreviation()));
-                let arm = if wheel.is_front() {
-                    vehicle.body.cg_to_rear_axle_m
-                } else {
-                    vehicle.body.front_axle_to_cg_m
-                };
-                let peak = truth.iter().fold(half_weight * arm, |m, v| m.max(v.abs()));
-                100.0 / peak
-                    * rms(result.estimates.iter().filter_map(|estimate| {
-                        let row = row(estimate);
-                        (row > 600 && row < truth.len())
-                            .then(|| estimate.measured[wheel].force_n[axis] - truth[row])
-                    }))
-            })
-            .fold(0.0, f64::max)
-    })
-}
-
 /// When the first axle of `d_sine_mu` comes onto the slippery ground, s, and how late that may be
 /// said: only saturation tells there.
 const SURFACE_S: f64 = 24.0;
@@ -124,12 +40,13 @@ const BLIND_SIDESLIP_MAX_DEG: f64 = 0.8;
 
 /// Runs one sensors file over all runs and holds the fusion filter's errors (F_x, F_y, F_z, per
 /// cent, worst tyre) below `force_max` in each.
-fn judge(file: &str, force_max: [f64; 3], lift_within_s: f64) {
+fn judge_file(file: &str, force_max: [f64; 3], lift_within_s: f64) {
     if run::directory().is_none() {
         return;
     }
     let vehicle = run::vehicle();
     let sensors = Sensors::builtin(file).unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
     for name in RUNS {
         let run = Run::load(name);
         let samples = sensing::samples(&run, &vehicle, &sensors, 1);
@@ -138,7 +55,7 @@ fn judge(file: &str, force_max: [f64; 3], lift_within_s: f64) {
                 method,
                 ..Settings::default()
             };
-            let result = estimate(&vehicle, &sensors, settings, &samples);
+            let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
             let motion = motion_errors(&run, &result);
             let force = force_errors(&run, &vehicle, &result);
             eprintln!(
@@ -160,7 +77,7 @@ fn judge(file: &str, force_max: [f64; 3], lift_within_s: f64) {
                 ignore: vec![Input::GnssVelocity, Input::GnssAttitude],
                 ..Settings::default()
             };
-            let result = estimate(&vehicle, &sensors, settings, &samples);
+            let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
             let motion = motion_errors(&run, &result);
             eprintln!("{name:15} without GNSS: sideslip, roll, pitch {motion:.3?} deg");
             assert!(motion[0] <= BLIND_SIDESLIP_MAX_DEG, "{name}: {motion:?}");
@@ -228,17 +145,17 @@ fn normalised_squares(run: &Run, result: &Result) -> [f64; 3] {
 
 #[test]
 fn ten_bit_sensors_meet_their_floors() {
-    judge("thesis-10bit", [1.6, 2.5, 1.5], LIFT_WITHIN_S);
+    judge_file("thesis-10bit", [1.6, 2.5, 1.5], LIFT_WITHIN_S);
 }
 
 #[test]
 fn sixteen_bit_full_bridges_meet_their_floors() {
-    judge("full-bridge-16bit", [0.8, 0.8, 1.2], LIFT_WITHIN_S);
+    judge_file("full-bridge-16bit", [0.8, 0.8, 1.2], LIFT_WITHIN_S);
 }
 
 #[test]
 fn bending_bridges_meet_their_floors() {
-    judge("full-bridge-16bit-bending", [0.8, 0.8, 0.5], LIFT_WITHIN_S);
+    judge_file("full-bridge-16bit-bending", [0.8, 0.8, 0.5], LIFT_WITHIN_S);
 }
 
 #[test]
@@ -248,9 +165,16 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
     }
     let vehicle = run::vehicle();
     let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
     let run = Run::load("h_jack");
     let samples = sensing::samples(&run, &vehicle, &sensors, 1);
-    let result = estimate(&vehicle, &sensors, Settings::default(), &samples);
+    let result = estimate(
+        &vehicle,
+        &sensors,
+        &calibration,
+        Settings::default(),
+        &samples,
+    );
     let force = force_errors(&run, &vehicle, &result);
     eprintln!("h_jack Fx, Fy, Fz {force:.2?} %");
     assert!(result.events.is_empty(), "{:?}", result.events);

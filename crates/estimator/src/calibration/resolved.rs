@@ -54,6 +54,8 @@ pub struct Channel {
     pub noise_sigma: f64,
     /// Largest count that the converter gives; a reading at 0 or there is saturated.
     pub counts_max: u16,
+    /// The converter's noise moves its counts even at rest, so that unmoved counts are a fault.
+    pub noisy: bool,
     /// Not fitted, or called dead.
     pub dead: bool,
 }
@@ -207,6 +209,7 @@ fn resolve(
         offset_sigma: gain.abs() * finite(&format!("{name}.offset_sigma_counts"), zero_sigma)?,
         gain,
         noise_sigma: gain.abs() * noise_counts(noise),
+        noisy: noise >= 0.5,
         counts_max: (full_scale - 1.0) as u16,
         dead,
     })

@@ -23,6 +23,8 @@ const SUM_FLOOR_N: f64 = 40.0;
 const GATE: f64 = 25.0;
 /// How far the vehicle model's horizontal forces may be wrong, as a part of the load.
 const BLIND_FORCE: f64 = 0.4;
+/// How long one such guess lasts, s.
+const BLIND_TIME_S: f64 = 0.1;
 
 /// The balance of moments at one instant: w' = jacobian (F, M) + constant.
 #[derive(Clone, Debug)]
@@ -212,8 +214,8 @@ impl Fusion {
     /// Without strain nothing tells the forces of one axle apart: the vehicle model has to.
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
         let load = self.state[FORCE + 3 * wheel + 2].abs();
-        // The same guess every step is one piece of knowledge, not many: spread over a second.
-        let variance = (BLIND_FORCE * load + 50.0).powi(2) * (1.0 / input.dt).max(1.0);
+        // The same guess every step is one piece of knowledge, not many.
+        let variance = (BLIND_FORCE * load + 50.0).powi(2) * (BLIND_TIME_S / input.dt).max(1.0);
         for axis in 0..2 {
             let expected = input.expected.0[wheel].force_n[axis];
             if expected.is_finite() {

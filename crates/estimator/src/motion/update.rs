@@ -12,6 +12,10 @@ const GATE: f64 = 5.0;
 /// Values left out in a row after which the state, not the sensor, is taken to be wrong.
 const MISSES_MAX: u32 = 20;
 
+/// Speed from which the course tells a heading where nothing else does, m/s, and how well, rad.
+const COURSE_SPEED_M_S: f64 = 2.0;
+const COURSE_SIGMA_RAD: f64 = 0.08;
+
 /// Outcome of one value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
@@ -50,6 +54,15 @@ impl MotionFilter {
                 }
             })
         });
+        let speed = velocity_m_s.x.hypot(velocity_m_s.y);
+        if !self.heading_known && speed > COURSE_SPEED_M_S {
+            // No antenna has told a heading yet: a vehicle drives forward, nearly.
+            let (_, _, yaw) = pose.earth_from_body.euler_angles();
+            let course = velocity_m_s.y.atan2(velocity_m_s.x);
+            self.adopt_yaw(wrap(course - yaw), COURSE_SIGMA_RAD);
+            self.heading_known = true;
+            return Verdict::Used;
+        }
         if self.velocity_time.is_none() {
             self.adopt_velocity(residual);
             residual = Vector3::zeros();
@@ -132,6 +145,7 @@ impl MotionFilter {
             && let Some(turn) = residuals[0]
         {
             self.adopt_yaw(turn, sigma[0]);
+            self.heading_known = true;
             self.attitude_time = Some(valid);
             return Verdict::Used;
         }

@@ -1,0 +1,253 @@
+//! Missing, faulty and imperfect: what the filter makes of less than everything, on truth runs.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test's helpers stand outside its functions"
+)]
+
+#[path = "truth/judge.rs"]
+mod judge;
+#[path = "truth/run.rs"]
+mod run;
+#[path = "truth/sensing.rs"]
+mod sensing;
+
+use estimator::{Calibration, Input, Settings};
+use judge::{estimate, force_errors, motion_errors};
+use model::sensors::Sensors;
+use model::vehicle::{Vehicle, Wishbone};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use run::Run;
+use sample::{EventKind, Measurement, Sample, StrainChannel, Wheel};
+
+const RUNS: [&str; 3] = ["b_circle", "c_sine03", "f_launch_brake"];
+
+fn setting(ignore: &[Input]) -> Settings {
+    Settings {
+        ignore: ignore.to_vec(),
+        ..Settings::default()
+    }
+}
+
+/// A vehicle file as good as a careful workshop's: hard-points within 1 mm, springs and mass
+/// within 1 %, centre of gravity within 10 mm.
+fn workshop(vehicle: &Vehicle, seed: u64) -> Vehicle {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut vehicle = vehicle.clone();
+    for axle in [&mut vehicle.front, &mut vehicle.rear] {
+        let w: &mut Wishbone = axle.wishbone.as_mut().unwrap();
+        for point in [
+            &mut w.wheel_centre_m,
+            &mut w.upper_front_m,
+            &mut w.upper_rear_m,
+            &mut w.upper_ball_m,
+            &mut w.lower_front_m,
+            &mut w.lower_rear_m,
+            &mut w.lower_ball_m,
+            &mut w.strut_chassis_m,
+            &mut w.strut_arm_m,
+            &mut w.tie_rod_inner_m,
+            &mut w.tie_rod_outer_m,
+        ] {
+            for x in point {
+                *x += rng.random_range(-0.001..0.001);
+            }
+        }
+        let strut = axle.strut.as_mut().unwrap();
+        strut.stiffness_n_m *= 1.0 + rng.random_range(-0.01..0.01);
+    }
+    let body = &mut vehicle.body;
+    body.mass_kg *= 1.0 + rng.random_range(-0.01..0.01);
+    let shift = rng.random_range(-0.01..0.01);
+    body.front_axle_to_cg_m += shift;
+    body.cg_to_rear_axle_m -= shift;
+    body.cg_height_m += rng.random_range(-0.01..0.01);
+    vehicle
+}
+
+/// Gains within 1 %.
+fn gains(calibration: &mut Calibration, sensors: &Sensors, seed: u64) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let nominal = 1.0 / sensors.strain.axial_scale().unwrap().counts_per_unit;
+    for wheel in Wheel::ALL {
+        let corner = calibration.corner.entry(wheel).or_default();
+        for channel in &StrainChannel::ALL[..5] {
+            let gain = nominal * (1.0 + rng.random_range(-0.01..0.01));
+            corner.strain.entry(*channel).or_default().gain_per_count = Some(gain);
+        }
+    }
+}
+
+/// One case: what is ignored, what is done to each sample, and the largest errors F_x, F_y, F_z in
+/// per cent and of sideslip in degrees.
+struct Case {
+    name: &'static str,
+    ignore: &'static [Input],
+    spoil: fn(f64, &mut Measurement),
+    force_max: [f64; 3],
+    sideslip_max: f64,
+}
+
+const CASES: [Case; 8] = [
+    Case {
+        name: "no heading",
+        ignore: &[Input::GnssAttitude],
+        spoil: |_, _| {},
+        force_max: [1.6, 2.5, 1.5],
+        sideslip_max: 0.6,
+    },
+    Case {
+        name: "no GNSS velocity",
+        ignore: &[Input::GnssVelocity],
+        spoil: |_, _| {},
+        force_max: [1.6, 2.5, 1.5],
+        sideslip_max: 0.6,
+    },
+    Case {
+        name: "no inertial unit",
+        ignore: &[Input::Imu],
+        spoil: |_, _| {},
+        force_max: [6.0, 8.0, 1.5],
+        sideslip_max: 3.0,
+    },
+    Case {
+        name: "no strain",
+        ignore: &[Input::Strain],
+        spoil: |_, _| {},
+        force_max: [25.0, 12.0, 5.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "no deflection",
+        ignore: &[Input::Deflection],
+        spoil: |_, _| {},
+        force_max: [5.0, 20.0, 30.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "front strain only",
+        ignore: &[],
+        spoil: |_, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && !corner.wheel.is_front()
+            {
+                corner.strain_counts = [None; StrainChannel::COUNT];
+            }
+        },
+        force_max: [9.0, 8.0, 1.6],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "shifted channel",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+                && time_s > FAULT_S
+            {
+                corner.strain_counts[2] = corner.strain_counts[2].map(|n| (n + 60).min(1022));
+            }
+        },
+        force_max: [1.8, 2.6, 1.5],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "frozen potentiometer",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+                && time_s > FAULT_S
+            {
+                corner.deflection_counts = Some(520);
+            }
+        },
+        force_max: [8.0, 25.0, 30.0],
+        sideslip_max: 0.2,
+    },
+];
+
+/// When faults begin, s.
+const FAULT_S: f64 = 8.0;
+/// How soon they must be named, s.
+const NAMED_WITHIN_S: f64 = 2.5;
+
+#[test]
+fn every_subset_gives_forces_and_faults_are_named() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    for name in RUNS {
+        let run = Run::load(name);
+        let samples = sensing::samples(&run, &vehicle, &sensors, 1);
+        for case in &CASES {
+            let mut samples: Vec<Sample> = samples.clone();
+            for sample in &mut samples {
+                let time_s = sample.log_time.seconds_since(sensing::START);
+                (case.spoil)(time_s, &mut sample.measurement);
+            }
+            let settings = setting(case.ignore);
+            let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
+            let force = force_errors(&run, &vehicle, &result);
+            let motion = motion_errors(&run, &result);
+            eprintln!("{name:15} {:20} {force:.2?} % {motion:.3?} deg", case.name);
+            for (error, most) in force.iter().zip(case.force_max) {
+                assert!(*error <= most, "{name} {}", case.name);
+            }
+            assert!(motion[0] <= case.sideslip_max, "{name} {}", case.name);
+            let named = result.events.iter().find_map(|event| match &event.kind {
+                EventKind::SensorFault(name) => {
+                    Some((event.time.seconds_since(sensing::START), name.as_str()))
+                }
+                _ => None,
+            });
+            let expected = match case.name {
+                "shifted channel" => Some("FL lower_front"),
+                "frozen potentiometer" => Some("FL deflection"),
+                _ => None,
+            };
+            assert_eq!(
+                named.map(|(_, name)| name),
+                expected,
+                "{name} {}",
+                case.name
+            );
+            if let Some((time_s, _)) = named {
+                assert!(time_s - FAULT_S <= NAMED_WITHIN_S, "{time_s}");
+            }
+        }
+    }
+}
+
+/// Largest errors F_x, F_y, F_z with a careful workshop's parameters, per cent.
+const WORKSHOP_MAX: [f64; 3] = [2.7, 3.3, 2.5];
+
+#[test]
+fn a_workshops_parameters_are_good_enough() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    for name in RUNS {
+        let run = Run::load(name);
+        let samples = sensing::samples(&run, &vehicle, &sensors, 1);
+        for seed in 1..4 {
+            let mut calibration = Calibration::nominal(&vehicle.name);
+            gains(&mut calibration, &sensors, seed);
+            let measured = workshop(&vehicle, seed);
+            let settings = Settings::default();
+            let result = estimate(&measured, &sensors, &calibration, settings, &samples);
+            let force = force_errors(&run, &vehicle, &result);
+            eprintln!("{name:15} workshop {seed}: {force:.2?} %");
+            for (error, most) in force.iter().zip(WORKSHOP_MAX) {
+                assert!(*error <= most, "{name} {force:?}");
+            }
+        }
+    }
+}
