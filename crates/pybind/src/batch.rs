@@ -297,3 +297,14 @@ pub fn split<'py>(
 pub fn shaped<'py>(py: Python<'py>, shape: &[usize], values: Vec<f64>) -> PyResult<Array<'py>> {
     array(py, IxDyn(shape), values)
 }
+
+/// A row of inputs, all finite.
+pub fn input_row<'py>(py: Python<'py>, names: &[&str], row: Vec<f64>) -> PyResult<Array<'py>> {
+    if let Some(bad) = row.iter().position(|value| !value.is_finite()) {
+        return Err(errors::argument(format!(
+            "{} = {}: must be a finite number",
+            names[bad], row[bad]
+        )));
+    }
+    vector(py, row)
+}

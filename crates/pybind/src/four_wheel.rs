@@ -209,14 +209,7 @@ impl FourWheel {
             inputs.steer_rad[0] = angle;
             inputs.steer_rad[1] = angle;
         }
-        let row = input_row(&inputs);
-        if let Some(bad) = row.iter().position(|value| !value.is_finite()) {
-            return Err(errors::argument(format!(
-                "{} = {}: must be a finite number",
-                INPUTS[bad], row[bad]
-            )));
-        }
-        batch::vector(py, row)
+        batch::input_row(py, &INPUTS, input_row(&inputs))
     }
 
     /// Rate of the state: array (19,) or (N, 19).

@@ -7,6 +7,7 @@ mod batch;
 mod bicycle;
 mod errors;
 mod four_wheel;
+mod fourteen_dof;
 mod input;
 mod log;
 mod strain;
@@ -26,6 +27,7 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<tyre::Tyre>()?;
     module.add_class::<bicycle::Bicycle>()?;
     module.add_class::<four_wheel::FourWheel>()?;
+    module.add_class::<fourteen_dof::FourteenDof>()?;
     module.add_class::<suspension::Ride>()?;
     module.add_class::<suspension::Corner>()?;
     module.add_class::<strain::StrainChannel>()?;

@@ -206,3 +206,19 @@ def test_rest_is_physics_not_an_error(vehicle: atvrec.Vehicle) -> None:
     states = model.simulate(model.rolling(0.0), model.inputs(0.1), 0.001, 500)
     assert np.isfinite(states).all()
     np.testing.assert_allclose(states[-1, :3], 0.0, atol=1e-9)
+
+
+def test_a_wheel_lifts_in_the_fourteen_degree_model(vehicle: atvrec.Vehicle) -> None:
+    model = atvrec.FourteenDof(vehicle)
+    rolling = model.rolling(7.0)
+    loads = model.outputs(rolling, model.inputs())["load_n"]
+    np.testing.assert_allclose(loads.sum(), vehicle.mass_kg * 9.80665, rtol=1e-3)
+    states = model.simulate(rolling, model.inputs(0.35), 5e-4, 3_000, every=10)
+    assert states.shape == (301, 32) and np.isfinite(states).all()
+    outputs = model.outputs(states, np.tile(model.inputs(0.35), (301, 1)))
+    assert outputs["load_n"].shape == (301, 4) and outputs["specific_force_m_s2"].shape == (301, 3)
+    lifted = outputs["deflection_m"] < 0.0
+    assert np.all(outputs["load_n"][lifted] == 0.0) and np.all(outputs["load_n"] >= 0.0)
+    alone = model.step(rolling, model.inputs(0.35), 5e-4, 3_000)
+    np.testing.assert_array_equal(alone, states[-1])
+    assert model.jacobian(rolling, model.inputs()).shape == (32, 32)

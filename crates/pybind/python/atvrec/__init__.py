@@ -4,6 +4,7 @@
 - :class:`Vehicle` reads vehicle files
 - :class:`Bicycle` the linear vehicle model
 - :class:`FourWheel` the non-linear vehicle model, one run or thousands at once
+- :class:`FourteenDof` the same with wheels that lift
 - :class:`Tyre`, :class:`Ride`, :class:`Corner`, :class:`StrainChannel` its parts
 
 Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
@@ -15,6 +16,7 @@ from atvrec._atvrec import (
     AtvrecError,
     Bicycle,
     Corner,
+    FourteenDof,
     FourWheel,
     LogError,
     Ride,
@@ -36,6 +38,7 @@ __all__ = [
     "Bicycle",
     "Corner",
     "FourWheel",
+    "FourteenDof",
     "Log",
     "LogError",
     "Ride",

@@ -18,6 +18,7 @@ __all__ = [
     "Bicycle",
     "Corner",
     "FourWheel",
+    "FourteenDof",
     "LogError",
     "LogReader",
     "Ride",
@@ -198,6 +199,52 @@ class FourWheel:
     def steady_turn(
         self, longitudinal_m_s: float, radius_m: float, drive_front: float | None = None
     ) -> _SteadyTurn: ...
+
+class _FourteenOutputs(TypedDict):
+    load_n: _Doubles
+    deflection_m: _Doubles
+    longitudinal_n: _Doubles
+    lateral_n: _Doubles
+    slip_angle_rad: _Doubles
+    slip_ratio: _Doubles
+    strut_length_m: _Doubles
+    strut_force_n: _Doubles
+    specific_force_m_s2: _Doubles
+
+@final
+class FourteenDof:
+    STATES: list[str]
+    INPUTS: list[str]
+    def __new__(cls, vehicle: Vehicle) -> FourteenDof: ...
+    def rolling(self, speed_m_s: float) -> _Doubles: ...
+    @staticmethod
+    def inputs(
+        front_steer_rad: float | None = None,
+        *,
+        steer_rad: _PerWheel | None = None,
+        drive_n_m: _PerWheel | None = None,
+        brake_n_m: _PerWheel | None = None,
+        road_m: _PerWheel | None = None,
+        road_rate_m_s: _PerWheel | None = None,
+        bank_rad: float = 0.0,
+        grade_rad: float = 0.0,
+        friction_scale: _PerWheel | None = None,
+        stiffness_scale: _PerWheel | None = None,
+    ) -> _Doubles: ...
+    def derivative(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
+    def step(
+        self, state: npt.ArrayLike, inputs: npt.ArrayLike, step_s: float, steps: int = 1
+    ) -> _Doubles: ...
+    def simulate(
+        self,
+        state: npt.ArrayLike,
+        inputs: npt.ArrayLike,
+        step_s: float,
+        steps: int | None = None,
+        every: int = 1,
+    ) -> _Doubles: ...
+    def outputs(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _FourteenOutputs: ...
+    def jacobian(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
 
 @final
 class Ride:
