@@ -229,6 +229,21 @@ mod tests {
         }
     }
 
+    /// The example of `docs/log.md`: 1 010 011, padded.
+    #[test]
+    fn the_documented_example_is_read_as_it_says() {
+        let column = Column {
+            k: 0,
+            base: 10,
+            bits: vec![0b1010_0110],
+        };
+        assert_eq!(
+            decode("column", Some(&column), 3).expect("good"),
+            [10, 9, 11]
+        );
+        assert_eq!(encode(&[10, 9, 11]), Some(column));
+    }
+
     #[test]
     fn jitter_costs_little_more_than_its_logarithm() {
         let values: Vec<i64> = (0..1_000).map(|n| 250_000 + (n * 7_919) % 4_096).collect();

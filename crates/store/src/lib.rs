@@ -11,6 +11,7 @@
 
 mod column;
 mod convert;
+mod counters;
 mod dynamic;
 mod error;
 mod file;
@@ -27,10 +28,11 @@ mod session;
 mod table;
 
 pub use convert::Encoded;
+pub use counters::WriteCounters;
 pub use dynamic::{DynamicMessage, SignalSchema};
 pub use error::{Error, Result};
 pub use file::{ACTIVE_SUFFIX, Finished, Writer, part_path};
-pub use log_writer::{LogWriter, WriteCounters};
+pub use log_writer::LogWriter;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };

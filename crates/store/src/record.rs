@@ -2,9 +2,10 @@ use sample::{
     Estimate, Event, Health, LogTime, Motion, PerWheel, Sample, Severity, SourceId, TyreForce,
 };
 
-/// One decoded datum of a log. What is read back is what was written, with two exceptions:
+/// One decoded datum of a log. What is read back is what was written, with these exceptions:
 /// [`Record::Estimate`] and [`Record::Truth`] come back as their parts, and a corner's sample as its
-/// strain and its deflection.
+/// strain and its deflection. Minus zero comes back as zero, except from a field that may be absent;
+/// NaN keeps its bits.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Record {
     /// A measurement.

@@ -97,6 +97,29 @@ fn a_log_explains_itself() {
     assert!(info.channels.contains_key("/clock"));
 }
 
+/// `docs/log.md` is the contract: what is in a log is in it.
+#[test]
+fn schemas_and_metadata_are_documented() {
+    let contract = include_str!("../../../docs/log.md");
+    let mut records = records(START);
+    records.push(Record::Estimate(estimate(START)));
+    let (_directory, reader) = on_disk(&write(&arrivals(8, 500), &records, &Options::default()));
+    let info = reader.info();
+    for (topic, (schema, _)) in &info.channels {
+        let made = schema.starts_with("atvrec.signals.");
+        let known = made || contract.contains(&format!("`{schema}`"));
+        assert!(known, "{schema} of {topic} is not documented");
+    }
+    for (name, record) in reader.metadata() {
+        assert!(contract.contains(&format!("`{name}`")), "{name}");
+        for key in record.keys() {
+            let generic = key.starts_with("source.") || key.starts_with("lost.");
+            let known = generic || contract.contains(&format!("`{key}`"));
+            assert!(known, "{key} of {name} is not documented");
+        }
+    }
+}
+
 #[test]
 fn a_stretch_of_time_is_read_through_the_indexes() {
     let written = arrivals(4, 5_000);
