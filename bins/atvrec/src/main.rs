@@ -9,6 +9,7 @@ mod engine;
 mod exit;
 mod pipeline;
 mod progress;
+mod retention;
 mod rig;
 mod session;
 mod verify;

@@ -22,7 +22,7 @@ use tokio::sync::mpsc;
 use crate::config::Config;
 use crate::control::{self, Listener};
 use crate::engine::Engine;
-use crate::session;
+use crate::{retention, session};
 
 /// Time between two ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
@@ -100,6 +100,7 @@ pub async fn record(config: &Config, stop: impl Future<Output = ()>) -> anyhow::
     tokio::select! {
         () = watch(&progress, stop) => {}
         () = control.serve(sequencer.clone(), Arc::downgrade(&recorder)) => {}
+        () = retention::keep(config.storage.directory.clone(), config.storage.limits) => {}
     }
     drop(control);
 

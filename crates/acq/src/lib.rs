@@ -28,4 +28,5 @@ pub use spec::{
     CanFilter, CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec,
 };
 pub use supervisor::{StuckTasks, Supervisor};
+pub use sys::free_bytes;
 pub use virtual_port::{Heard, VirtualPort};

@@ -254,6 +254,23 @@ pub fn open_pseudo_terminal_nonblocking() -> io::Result<(File, std::path::PathBu
     pseudo_terminal(libc::O_NONBLOCK)
 }
 
+/// Bytes that an unprivileged user may still write on the disk of `path`.
+pub fn free_bytes(path: &std::path::Path) -> io::Result<u64> {
+    use std::os::unix::ffi::OsStrExt;
+
+    let path = std::ffi::CString::new(path.as_os_str().as_bytes())?;
+    let mut status = MaybeUninit::<libc::statvfs>::zeroed();
+    // SAFETY: `path` is a string with its end mark; statvfs writes one structure.
+    check(unsafe { libc::statvfs(path.as_ptr(), status.as_mut_ptr()) })?;
+    // SAFETY: statvfs succeeded.
+    let status = unsafe { status.assume_init() };
+    #[allow(
+        clippy::unnecessary_cast,
+        reason = "the C libraries differ in these types"
+    )]
+    Ok((status.f_bavail as u64).saturating_mul(status.f_frsize as u64))
+}
+
 /// No line discipline: bytes pass as they are, before a program has set the port up too.
 fn make_raw(terminal: &File) -> io::Result<()> {
     let descriptor = terminal.as_raw_fd();

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::reader::{Gatherer, Section};
+use crate::retention::Limits;
 
 /// Where and how logs are written.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,6 +13,8 @@ pub struct Storage {
     pub directory: PathBuf,
     /// First part of their names; start time and part number follow.
     pub name: String,
+    /// What the directory may take.
+    pub limits: Limits,
     /// How `store` writes.
     pub options: store::Options,
 }
@@ -38,8 +41,15 @@ impl Storage {
         let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 0.08, gather);
         let decoded_s = section.number_in("decoded_interval_s", 0.001..=60.0, 0.5, gather);
         let level = section.number_in("compression_level", 0.0..=22.0, 0.0, gather);
+        let quota_mb = section.number_in("quota_mb", 0.0..=1e9, 0.0, gather);
+        let keep_free_mb = section.number_in("keep_free_mb", 0.0..=1e9, 0.0, gather);
         section.finish(gather);
+        let bytes = |mb: f64| (mb > 0.0).then_some((mb * 1_048_576.0) as u64);
         Self {
+            limits: Limits {
+                quota: bytes(quota_mb),
+                keep_free: bytes(keep_free_mb),
+            },
             directory: PathBuf::from(directory),
             name: name.map_or_else(|| "drive".to_owned(), |field| field.value),
             options: store::Options {
@@ -48,7 +58,7 @@ impl Storage {
                 compression_level: level as u32,
                 sync_interval: Duration::from_secs_f64(sync_s),
                 rotate_after: (rotate_s > 0.0).then(|| Duration::from_secs_f64(rotate_s)),
-                rotate_bytes: (rotate_mb > 0.0).then_some((rotate_mb * 1048576.0) as u64),
+                rotate_bytes: bytes(rotate_mb),
                 ..defaults
             },
         }
