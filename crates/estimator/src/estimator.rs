@@ -230,6 +230,9 @@ impl Estimator {
                 out(Output::Event(event));
             });
         let mut motion = motion_output(&state);
+        if let Some(fusion) = self.fusion.as_ref().filter(|_| state.inertial) {
+            motion.rate_rad_s = fusion.rate_rad_s();
+        }
         motion.steer_rad = PerWheel(steer);
         motion.slip_angle_rad = self.slip_angles(&state, steer);
         // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing.

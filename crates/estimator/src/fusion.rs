@@ -224,6 +224,12 @@ impl Fusion {
         }))
     }
 
+    /// Angular rate of the body, rad/s: gyro and balance of moments together.
+    #[must_use]
+    pub fn rate_rad_s(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| self.state[TURN + axis])
+    }
+
     /// Rate of a wheel's load, N/s.
     #[must_use]
     pub fn load_rate_n_s(&self, wheel: usize) -> f64 {

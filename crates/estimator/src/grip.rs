@@ -39,7 +39,7 @@ const LONGITUDINAL_MAX: f64 = 0.2;
 const CUSUM_REFERENCE: f64 = 0.75;
 const CUSUM_THRESHOLD: f64 = 10.94;
 /// Excited values before changes are declared.
-const LEARNED: u32 = 60;
+const LEARNED: u32 = 100;
 
 #[derive(Clone, Debug)]
 struct Axle {

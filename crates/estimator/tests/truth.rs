@@ -14,7 +14,7 @@ mod run;
 mod sensing;
 
 use estimator::{Calibration, Input, Method, Settings, score};
-use judge::{Result, estimate, force_errors, motion_errors, row};
+use judge::{Result, estimate, force_errors, motion_errors, rms, row};
 use model::sensors::Sensors;
 use run::Run;
 use sample::{Event, EventKind, Wheel};
@@ -24,6 +24,8 @@ const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 
 /// Largest RMSE of sideslip above 3 m/s, of roll and of pitch, degrees.
 const MOTION_MAX_DEG: [f64; 3] = [0.2, 0.2, 0.2];
+/// Largest RMSE of an angular rate, degrees a second: the raw gyro's noise is 0.3.
+const RATE_MAX_DEG_S: f64 = 0.3;
 /// When the front right wheel's load falls below 2 % of static in `b_circle`, s.
 const LIFT_S: f64 = 52.02;
 /// How far from it lift may be declared with a 10-bit potentiometer, s.
@@ -72,6 +74,12 @@ fn judge_file(file: &str, force_max: [f64; 3], lift_within_s: f64) {
             for axis in 0..3 {
                 assert!(force[axis] <= force_max[axis], "{name} {force:?}");
             }
+            let rate = rate_errors(&run, &result);
+            eprintln!("{file} {name:15} rates {rate:.3?} deg/s");
+            assert!(
+                rate.iter().all(|error| *error <= RATE_MAX_DEG_S),
+                "{rate:?}"
+            );
             judge_events(name, &result, lift_within_s);
             let settings = Settings {
                 ignore: vec![Input::GnssVelocity, Input::GnssAttitude],
@@ -140,6 +148,18 @@ fn normalised_squares(run: &Run, result: &Result) -> [f64; 3] {
             }
         }
         score::normalised_square(&series[0], &series[1], &series[2]).unwrap_or(f64::NAN)
+    })
+}
+
+/// RMSE of the roll, pitch and yaw rates, degrees a second.
+fn rate_errors(run: &Run, result: &Result) -> [f64; 3] {
+    std::array::from_fn(|axis| {
+        let column = run.column(["p", "q", "r"][axis]);
+        rms(result.estimates.iter().filter_map(|estimate| {
+            let row = row(estimate);
+            let value = estimate.motion.rate_rad_s[axis];
+            (row > 600 && row < column.len()).then(|| (value - column[row]).to_degrees())
+        }))
     })
 }
 

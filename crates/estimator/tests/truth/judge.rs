@@ -40,7 +40,8 @@ pub fn row(estimate: &Estimate) -> usize {
     (estimate.time.seconds_since(sensing::START) * RATE_HZ).round() as usize
 }
 
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
+/// Root mean square.
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for value in values {
         sum += value * value;
