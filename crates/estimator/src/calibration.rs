@@ -141,3 +141,76 @@ impl Calibration {
         toml::to_string(self).map_err(|error| EstimatorError::Parse(error.to_string()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::sensors::Sensors;
+    use model::vehicle::Vehicle;
+
+    use super::*;
+    use crate::{Estimator, Settings};
+
+    fn sensors() -> Sensors {
+        Sensors::builtin("thesis-10bit").unwrap()
+    }
+
+    #[test]
+    fn one_count_of_the_thesis_chain_is_27_newtons() {
+        let resolved = Resolved::new(&sensors(), &Calibration::nominal("x")).unwrap();
+        let channel = &resolved.corners[Wheel::RearLeft].strain[0];
+        assert!((channel.gain - 27.0).abs() < 0.2, "{}", channel.gain);
+        assert_eq!(channel.value(512), Some(0.0));
+        assert_eq!(channel.value(0), None, "saturated low");
+        assert_eq!(channel.value(1023), None, "saturated high");
+        assert!(
+            resolved.corners[Wheel::RearLeft].strain[5].dead,
+            "no bending bridge"
+        );
+    }
+
+    #[test]
+    fn a_file_overrides_what_it_names_and_survives_a_round_trip() {
+        let text = r#"
+            vehicle = "x"
+            [corner.front_left.strain.tie_rod]
+            dead = true
+            [corner.front_left.strain.upper_front]
+            offset_counts = 500.5
+            gain_per_count = -30.0
+            [corner.front_left.deflection]
+            offset_counts = 480.0
+        "#;
+        let calibration = Calibration::from_toml(text).unwrap();
+        let again = Calibration::from_toml(&calibration.to_toml().unwrap()).unwrap();
+        assert_eq!(calibration, again);
+        let resolved = Resolved::new(&sensors(), &calibration).unwrap();
+        let corner = &resolved.corners[Wheel::FrontLeft];
+        assert_eq!(
+            corner.strain[StrainChannel::TieRod.index()].value(600),
+            None
+        );
+        assert_eq!(corner.strain[0].value(501), Some(-15.0));
+        assert_eq!(corner.deflection.value(480), Some(0.0));
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let unknown = Calibration::from_toml("vehicle = \"x\"\ngian = 1.0").unwrap_err();
+        assert!(unknown.to_string().contains("gian"), "{unknown}");
+        let text = "vehicle = \"x\"\n[corner.rear_right.deflection]\ngain_per_count = 0.0";
+        let zero = Resolved::new(&sensors(), &Calibration::from_toml(text).unwrap()).unwrap_err();
+        assert!(
+            zero.to_string()
+                .contains("corner.rear_right.deflection.gain_per_count"),
+            "{zero}"
+        );
+        let vehicle = Vehicle::builtin("prowler").unwrap();
+        let other = Calibration::nominal("another vehicle");
+        let refused = Estimator::new(&vehicle, &sensors(), &other, Settings::default());
+        let text = refused.err().map(|error| error.to_string()).unwrap();
+        assert!(
+            text.contains("another vehicle") && text.contains(&vehicle.name),
+            "{text}"
+        );
+    }
+}

@@ -23,7 +23,8 @@ pub struct Motion {
     pub velocity_x_m_s: f64,
     /// Leftward velocity, body axes, m/s.
     pub velocity_y_m_s: f64,
-    /// Sideslip angle, atan2(v_y, v_x), rad.
+    /// Sideslip angle (ISO 8855): from the heading to the velocity, both in the horizontal plane,
+    /// rad. Where the body rolls it differs slightly from atan2(v_y, v_x) of the body axes.
     pub sideslip_rad: f64,
     /// Standard deviation of the sideslip angle, rad.
     pub sideslip_sigma_rad: f64,
