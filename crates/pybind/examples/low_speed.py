@@ -1,4 +1,4 @@
-"""Figure 2.3: the bicycle's yaw rate as the vehicle slows down to a stop while it is steered.
+"""Figure 2.3: the bicycle's yaw rate as the vehicle slows down to a crawl while it is steered.
 
 The bicycle of equation 2.5 divides by the speed: below some speed its fastest mode outruns the
 integrator's step. With relaxing tyres nothing is divided by the speed.
@@ -16,13 +16,13 @@ RELAXATION_M = 0.15
 
 bicycle = atvrec.Bicycle(atvrec.Vehicle.builtin("prowler-table-2.3"))
 time_s = np.arange(0.0, 10.0, STEP_S)
-speed_m_s = np.maximum(5.0 - 0.5 * time_s, 0.001)
+speed_m_s = np.interp(time_s, [0.0, 5.0, 6.0, 10.0], [5.0, 0.1, 0.1, 4.0])
 
 yaw_rate = np.zeros((2, time_s.size))
 plain, relaxed = np.zeros(2), np.zeros(4)
 for index, speed in enumerate(speed_m_s):
     a, b = bicycle.system(speed)
-    plain = np.clip(plain + STEP_S * (a @ plain + b * STEER_RAD), -1e3, 1e3)
+    plain = np.clip(plain + STEP_S * (a @ plain + b * STEER_RAD), -10.0, 10.0)
     # The relaxed form is stiff only in the slip angles, with the constant V/sigma: step them well.
     for _ in range(10):
         a, b = bicycle.relaxed_system(speed, RELAXATION_M)

@@ -20,8 +20,8 @@ rng = np.random.default_rng(7)
 time_s = np.arange(0.0, 40.0, STEP_S)
 phases = rng.uniform(0.0, 2.0 * np.pi, 8)
 steer_rad = sum(
-    0.012 * np.sin(2.0 * np.pi * f * time_s + phase)
-    for f, phase in zip(np.geomspace(0.1, 1.5, 8), phases, strict=True)
+    0.02 * np.sin(2.0 * np.pi * f * time_s + phase)
+    for f, phase in zip(np.geomspace(0.05, 0.6, 8), phases, strict=True)
 )
 inputs = np.tile(model.inputs(drive_n_m=[0.0, 0.0, 15.0, 15.0]), (time_s.size, 1))
 inputs[:, 0] = inputs[:, 1] = steer_rad
@@ -30,7 +30,7 @@ roll_rad, roll_rate_rad_s = states[:, 3], states[:, 4]
 lateral_m_s2 = model.outputs(states, inputs)["lateral_m_s2"]
 
 values = vehicle.to_dict()
-mass_kg = values["body"].get("sprung", values["body"])["mass_kg"]
+mass_kg = vehicle.sprung_mass_kg
 moment_n_m = mass_kg * vehicle.roll_arm_m * lateral_m_s2
 columns = np.stack([roll_rad, roll_rate_rad_s, np.ones_like(roll_rad)], axis=1)
 slope, damping, offset = np.linalg.lstsq(columns, moment_n_m, rcond=None)[0]

@@ -25,6 +25,8 @@ figure, ((models, stiffness), (load, circle)) = plt.subplots(2, 2, figsize=(11, 
 
 for law in ("linear", "fiala", "exponential", "dugoff"):
     models.plot(angle_deg, tyre(law).forces(LOAD_N, angle_rad)["lateral_n"], label=law)
+pacejka = atvrec.Tyre.magic_formula_89()
+models.plot(angle_deg, pacejka.forces(LOAD_N, angle_rad)["lateral_n"], label="Pacejka, a car's")
 models.set(title="2.2, 2.14: models, $F_z$ = 1831 N, µ = 0.87", ylim=(-2500, 2500))
 
 for value_n_rad in (3_000.0, 6_000.0, 9_000.0, 15_000.0):
@@ -33,11 +35,14 @@ for value_n_rad in (3_000.0, 6_000.0, 9_000.0, 15_000.0):
 stiffness.set(title="2.15: cornering stiffness, Fiala")
 
 for value_n, colour in zip((500.0, 1000.0, 2000.0, 3000.0), ("C0", "C1", "C2", "C3"), strict=True):
-    for law, style in (("brush", "-"), ("dugoff", "--")):
-        sensitive = tyre(law, reference_load_n=LOAD_N, load_exponent=0.75)
+    for law, style in (("pacejka", "-"), ("dugoff", "--")):
+        if law == "dugoff":
+            sensitive = tyre(law, reference_load_n=LOAD_N, load_exponent=0.75)
+        else:
+            sensitive = pacejka
         forces = sensitive.forces(value_n, angle_rad)
         load.plot(angle_deg, forces["lateral_n"], colour + style, label=f"{value_n:.0f} N, {law}")
-load.set(title="2.16: load, C growing as $F_z^{0.75}$")
+load.set(title="2.16: load (Dugoff: C growing as $F_z^{0.75}$)")
 
 slip_ratio = np.linspace(-1.0, 1.0, 401)
 for angle in (0.0, 2.0, 5.0, 10.0, 20.0):
@@ -48,9 +53,10 @@ limit_n = FRICTION * 3000.0
 circle.plot(limit_n * np.cos(around), limit_n * np.sin(around), "k--", label="µ $F_z$")
 circle.set(title="2.17: friction circle, $F_z$ = 3000 N", xlabel="$F_x$ (N)", ylabel="$-F_y$ (N)")
 circle.set_aspect("equal")
+circle.set_ylim(0.0, 4200.0)
 
 for axes in (models, stiffness, load):
     axes.set(xlabel="slip angle (°)", ylabel="$F_y$ (N)")
-for axes in figure.axes:
     axes.legend(fontsize="small")
+circle.legend(fontsize="small", ncols=3, loc="upper center")
 finish(figure)

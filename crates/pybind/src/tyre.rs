@@ -116,6 +116,14 @@ impl Tyre {
         })
     }
 
+    /// The Magic Formula of 1987/89 with the published tyre of SAE 870421, table 2 (a car's).
+    #[staticmethod]
+    fn magic_formula_89() -> Self {
+        Self {
+            inner: Model::MagicFormula89(Box::default()),
+        }
+    }
+
     /// Forces and aligning moment as a dict: `longitudinal_n`, `lateral_n`, `aligning_n_m`.
     ///
     /// Arguments are numbers or arrays, broadcast against each other as NumPy does; the results

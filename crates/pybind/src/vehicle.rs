@@ -96,6 +96,12 @@ impl Vehicle {
         self.inner.body.mass_kg
     }
 
+    /// Sprung mass m_s, kg.
+    #[getter]
+    fn sprung_mass_kg(&self) -> f64 {
+        self.inner.sprung().mass_kg
+    }
+
     /// Wheelbase L, m.
     #[getter]
     fn wheelbase_m(&self) -> f64 {

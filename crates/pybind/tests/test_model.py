@@ -134,6 +134,8 @@ def test_tyres_meet_the_check_values() -> None:
             law, cornering_stiffness_n_rad=2987.5, slip_stiffness_n=12000.0, friction=0.87
         )
         np.testing.assert_allclose(-tyre.forces(1327.0, angles)["lateral_n"], forces, atol=6e-4)
+    pacejka = atvrec.Tyre.magic_formula_89().forces(4000.0, np.radians(4.0))
+    assert -pacejka["lateral_n"] == pytest.approx(3096.609, abs=6e-4)
     grid = tyre.forces(np.array([[500.0], [1000.0], [-5.0]]), angles)["lateral_n"]
     assert grid.shape == (3, 5)
     assert np.all(grid[2] == 0.0) and np.all(grid[:2] < 0.0)
