@@ -15,6 +15,8 @@ use crate::statics::AXIAL;
 /// Error of geometry and model on a member's force, N, and as a part of it.
 const MEMBER_FLOOR_N: f64 = 8.0;
 const MEMBER_FLOOR: f64 = 0.01;
+const UNPOSED_FLOOR_N: f64 = 60.0;
+const UNPOSED_FLOOR: f64 = 0.15;
 /// The same on the ball-normal force that bending tells, N.
 const BENDING_FLOOR_N: f64 = 10.0;
 /// The same on the sum of all forces, N.
@@ -146,7 +148,7 @@ impl Fusion {
             let mut row = member(i, age);
             row.add(OFFSET + 5 * wheel + i, 1.0);
             let noise = input.channels.0[wheel].strain[channel.index()].noise_sigma;
-            let floor = MEMBER_FLOOR_N + MEMBER_FLOOR * reading.value.abs();
+            let floor = member_floor_n(corner.strut_sigma_n.is_finite(), reading.value);
             let variance = noise * noise + floor * floor;
             let value = reading.value - corner.statics.members_offset[i];
             let change = self.take_channel(&row, value, variance, wheel, i);
@@ -267,6 +269,16 @@ impl Fusion {
             *x += gain * p;
         }
         self.covariance.reduce(ph, total);
+    }
+}
+
+/// Error of the linkage's model on a member's force, N: where no deflection tells the pose, the
+/// design position stands in for it and is far off.
+fn member_floor_n(posed: bool, force_n: f64) -> f64 {
+    if posed {
+        MEMBER_FLOOR_N + MEMBER_FLOOR * force_n.abs()
+    } else {
+        UNPOSED_FLOOR_N + UNPOSED_FLOOR * force_n.abs()
     }
 }
 
