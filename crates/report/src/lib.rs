@@ -21,7 +21,7 @@ pub enum Error {
     #[error(transparent)]
     Log(#[from] store::Error),
     /// The report could not be written.
-    #[error("cannot write the report {path}: {source}; choose another place with -o")]
+    #[error("cannot write the report {path}; choose another place with -o")]
     Write {
         /// Where it should go.
         path: PathBuf,
