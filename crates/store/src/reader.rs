@@ -2,6 +2,7 @@
 
 mod arrivals;
 mod index;
+mod integrity;
 mod messages;
 
 use std::collections::BTreeMap;
@@ -70,6 +71,13 @@ pub enum Missing {
         /// What it is.
         what: &'static str,
     },
+    /// A closed file is not what was written.
+    Changed {
+        /// Which file.
+        path: PathBuf,
+        /// Which checksum is wrong.
+        text: String,
+    },
     /// A message does not follow its schema and was left out.
     BadMessage {
         /// Its topic.
@@ -100,6 +108,7 @@ impl Missing {
             Self::Damaged { offset, what, .. } => {
                 format!("the {what} at byte {offset} is damaged and left out")
             }
+            Self::Changed { text, .. } => format!("bytes were changed since it was closed: {text}"),
             Self::BadMessage {
                 topic,
                 log_time,
@@ -115,8 +124,10 @@ impl Missing {
 
 impl std::fmt::Display for Missing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if let Self::Unfinished { path } | Self::Cut { path, .. } | Self::Damaged { path, .. } =
-            self
+        if let Self::Unfinished { path }
+        | Self::Cut { path, .. }
+        | Self::Damaged { path, .. }
+        | Self::Changed { path, .. } = self
         {
             write!(f, "{}: ", path.display())?;
         }
