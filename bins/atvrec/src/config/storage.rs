@@ -38,7 +38,7 @@ impl Storage {
         let rotate_s = section.number_in("rotate_after_s", 0.0..=86_400.0, 600.0, gather);
         let rotate_mb = section.number_in("rotate_after_mb", 0.0..=1e6, 1024.0, gather);
         let sync_s = section.number_in("sync_interval_s", 0.01..=60.0, 0.5, gather);
-        let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 0.08, gather);
+        let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 1.0, gather);
         let decoded_s = section.number_in("decoded_interval_s", 0.001..=60.0, 0.5, gather);
         let level = section.number_in("compression_level", 0.0..=22.0, 0.0, gather);
         let quota_mb = section.number_in("quota_mb", 0.0..=1e9, 0.0, gather);
