@@ -9,6 +9,7 @@ mod engine;
 mod exit;
 mod pipeline;
 mod progress;
+mod read_ahead;
 mod retention;
 mod rig;
 mod session;

@@ -244,6 +244,7 @@ impl Fusion {
         for i in 0..12 {
             self.state[FORCE + i] += dt * self.state[RATE + i];
         }
+        c.mirror();
         // The turn rows need the covariance of the forces before these move: first order in dt.
         c.add_rows(TURN, &balance.jacobian, dt);
         c.integrate(FORCE, RATE, 12, dt);

@@ -12,6 +12,7 @@ use crate::config::Config;
 use crate::engine::{Engine, Skipped};
 use crate::exit::{Outcome, UsageError};
 use crate::progress::Progress;
+use crate::read_ahead::ReadAhead;
 use crate::session;
 use crate::verify::{Report, Verifier};
 
@@ -42,29 +43,30 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let mut pace = args.rate.map(Pace::new);
     let mut done = Done::default();
     let skipped = skipped(&reader)?;
-    let mut arrivals = reader.arrivals();
-    for arrival in arrivals.by_ref() {
-        let arrival = arrival?;
-        if let Some(pace) = &mut pace {
-            pace.wait(arrival.log_time);
+    let ahead = ReadAhead::start(reader.arrivals());
+    while let Some(batch) = ahead.next() {
+        for arrival in batch? {
+            if let Some(pace) = &mut pace {
+                pace.wait(arrival.log_time);
+            }
+            let (first, _) = *done
+                .span
+                .get_or_insert((arrival.log_time, arrival.log_time));
+            done.span = Some((first, arrival.log_time));
+            done.arrivals += 1;
+            if done.arrivals.is_multiple_of(512) {
+                progress.set(arrival.log_time.seconds_since(first));
+            }
+            if skipped.contains(arrival.sequence) {
+                done.left_out += 1;
+            } else {
+                done.records += replay.step(&arrival)?;
+            }
+            replay.keep(arrival)?;
         }
-        let (first, _) = *done
-            .span
-            .get_or_insert((arrival.log_time, arrival.log_time));
-        done.span = Some((first, arrival.log_time));
-        done.arrivals += 1;
-        if done.arrivals.is_multiple_of(512) {
-            progress.set(arrival.log_time.seconds_since(first));
-        }
-        if skipped.contains(arrival.sequence) {
-            done.left_out += 1;
-        } else {
-            done.records += replay.step(&arrival)?;
-        }
-        replay.keep(arrival)?;
     }
     done.missing = reader.info().missing;
-    for missing in arrivals.missing() {
+    for missing in ahead.missing() {
         if !done.missing.contains(&missing) {
             done.missing.push(missing);
         }
