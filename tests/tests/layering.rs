@@ -83,7 +83,8 @@ fn every_crate_has_a_floor() {
     }
 }
 
-/// Only `acq` and the binary read clocks, below floor 4.
+/// Below floor 4 only `acq` reads clocks, with one exception: the recorder's own threads time the
+/// disk (when to sync, when to try again). They stamp nothing.
 #[test]
 fn pure_crates_read_no_clock_and_no_environment() {
     const FORBIDDEN: [&str; 4] = [
@@ -102,6 +103,12 @@ fn pure_crates_read_no_clock_and_no_environment() {
         "report",
     ] {
         for file in rust_files(&root().join("crates").join(name).join("src")) {
+            if file
+                .parent()
+                .is_some_and(|folder| folder.ends_with("store/src/recorder"))
+            {
+                continue;
+            }
             let text = std::fs::read_to_string(&file).expect("readable source");
             for word in FORBIDDEN {
                 assert!(!text.contains(word), "{} uses {word}", file.display());

@@ -139,28 +139,30 @@ impl Covariance {
         }
     }
 
-    /// x[first + k] += dt sum_j jacobian[k][j] x[j] over forces and moments, k = 0..3.
+    /// x[first + k] += dt sum_j jacobian[k][j] x[j] over forces and moments, k = 0..3. Both halves
+    /// must be there; the columns of the states that stay follow from the rows by symmetry.
     pub fn add_rows(&mut self, first: usize, jacobian: &[[f64; 24]; 3], dt: f64) {
-        for (k, gains) in jacobian.iter().enumerate() {
-            let mut sum = [0.0; SIZE];
+        let mut added = [[0.0; SIZE]; 3];
+        for (sum, gains) in added.iter_mut().zip(jacobian) {
             for (j, gain) in gains.iter().enumerate() {
-                let source = &self.0[position(j)];
-                for (s, p) in sum.iter_mut().zip(source) {
-                    *s += gain * p;
+                for (s, p) in sum.iter_mut().zip(&self.0[position(j)]) {
+                    *s += dt * gain * p;
                 }
             }
-            for (p, s) in self.0[first + k].iter_mut().zip(&sum) {
-                *p += dt * s;
+        }
+        for (k, sum) in added.iter().enumerate() {
+            for (p, s) in self.0[first + k].iter_mut().zip(sum) {
+                *p += s;
             }
         }
-        for row in &mut self.0 {
+        for (i, row) in self.0.iter_mut().enumerate() {
             for (k, gains) in jacobian.iter().enumerate() {
-                let sum: f64 = gains
-                    .iter()
-                    .enumerate()
-                    .map(|(j, gain)| gain * row[position(j)])
-                    .sum();
-                row[first + k] += dt * sum;
+                row[first + k] += if (first..first + 3).contains(&i) {
+                    let gains = gains.iter().enumerate();
+                    dt * gains.map(|(j, gain)| gain * row[position(j)]).sum::<f64>()
+                } else {
+                    added[k][i]
+                };
             }
         }
     }
