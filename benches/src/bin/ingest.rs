@@ -1,7 +1,7 @@
 //! Four full CAN buses, an inertial unit and two receivers into `atvrec record`, for a while:
 //! what is lost, what it costs, whether memory grows.
 //!
-//! usage: ingest PATH-OF-ATVREC [SECONDS]
+//! usage: `ingest PATH-OF-ATVREC [SECONDS]`
 //!
 //! The buses are SLCAN adapters on pseudo-terminals, because those exist on every machine; a
 //! SocketCAN frame costs the recorder less, having no text to parse.

@@ -81,8 +81,9 @@ impl ExpectedForces {
                 let force = push * part;
                 let slip = (force / self.slip_stiffness_n[i / 2]).clamp(-0.2, 0.2);
                 inputs.drive_n_m[i] = force * axle.rolling_radius_m;
+                let along = self.along_m_s(i, inputs.steer_rad[i]);
                 self.state.wheel_speed_rad_s[i] =
-                    (1.0 + slip * speed_m_s.signum()) * speed_m_s / axle.rolling_radius_m;
+                    (along + slip * along.abs()) / axle.rolling_radius_m;
             }
             let next =
                 four_wheel::step(&self.parameters, &self.state, &inputs, dt / SUBSTEPS as f64);
@@ -93,6 +94,16 @@ impl ExpectedForces {
             self.state.longitudinal_m_s = speed_m_s;
         }
         self.forces(&inputs)
+    }
+
+    /// Velocity of a wheel along its heading, m/s: in a turn the outer wheels roll faster, and to
+    /// take the body's speed for all four would brake one side and drive the other.
+    fn along_m_s(&self, i: usize, steer_rad: f64) -> f64 {
+        let [x, y] = self.parameters.wheel_position_m(i);
+        let state = &self.state;
+        let (sin, cos) = steer_rad.sin_cos();
+        (state.longitudinal_m_s - state.yaw_rate_rad_s * y) * cos
+            + (state.lateral_m_s + state.yaw_rate_rad_s * x) * sin
     }
 
     fn forces(&self, inputs: &Inputs<f64>) -> PerWheel<TyreForce> {

@@ -48,7 +48,7 @@ pub fn all(drive: &Drive) -> Vec<Figure> {
 }
 
 const LATERAL: &str = "The model's expectation against what the strain gauges and the linkage's \
-     statics say, for each wheel. Left is positive, so a left turn lifts all four.";
+     statics say, for each wheel. Left is positive: in a left turn all four are positive.";
 const VERTICAL: &str = "Load of each wheel. A curve that runs towards zero is a wheel about to \
      lift.";
 const LONGITUDINAL: &str = "Drive is positive, braking negative.";

@@ -118,10 +118,10 @@ impl Figure {
             340
         };
         let layout = json!({
-            "height": height, "margin": {"l": 64, "r": 16, "t": 28, "b": 48},
+            "height": height, "margin": {"l": 64, "r": 16, "t": 40, "b": 48},
             "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#1f2937"},
             "paper_bgcolor": "white", "plot_bgcolor": "white",
-            "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 1, "xanchor": "right"},
+            "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0, "xanchor": "left"},
             "hovermode": if self.equal_axes { "closest" } else { "x unified" },
             "annotations": self.headings(),
         });
