@@ -2,7 +2,7 @@
 //! measured lateral forces and the measured slip angles, and changes of the surface.
 //!
 //! Per axle an extended Kalman filter of two states, the logarithms of the factors on the tyre
-//! file's cornering stiffness and friction. One value comes every [`BLOCK_STEPS`] steps: the mean
+//! file's cornering stiffness and friction. One value comes every `BLOCK_STEPS` steps: the mean
 //! of the axle's lateral force against the tyre model's at the same slip angles and loads. The
 //! slip angle's error stays alike for about a second, so each value counts for a part only.
 //!
@@ -12,7 +12,7 @@
 //! A change of surface is a two-sided cumulative sum over the normalised differences while the
 //! tyres are excited, with the sign of the expected force: falling where grip is lost. At k = 0.5
 //! and h = 10.94 white differences would alarm once an hour at 100 Hz; these are slower and not
-//! white, so the reference is raised to [`CUSUM_REFERENCE`].
+//! white, so the reference is raised to `CUSUM_REFERENCE`.
 
 use model::tyre::{Contact, Tyre};
 use model::vehicle::{self, Vehicle};

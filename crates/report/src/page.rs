@@ -92,13 +92,6 @@ fn head(drive: &Drive, body: &mut String) {
             "greatest lateral acceleration",
         ),
         (
-            format!(
-                "{:.1}°",
-                greatest(drive.estimate.map(|m| m.roll_rad.to_degrees().abs()))
-            ),
-            "greatest roll angle",
-        ),
-        (
             format!("{:.0} N", least_load(drive)),
             "least measured wheel load",
         ),
