@@ -162,7 +162,7 @@ fn output_row(outputs: &Outputs<f64>, row: &mut [f64]) {
 /// with tyres that push only and suspension stops, so that a wheel really lifts.
 ///
 /// States are rows of 32 numbers (`STATES`), inputs rows of 30 (`INPUTS`); both take one axis of
-/// runs before their own. Steps of 0.5 ms and below are stable with stops in touch.
+/// runs before their own.
 #[pyclass(frozen, module = "atvrec")]
 pub struct FourteenDof {
     parameters: Parameters,

@@ -7,7 +7,7 @@ use acq::{CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, S
 use sample::SourceId;
 use wire::crossbow440::{PacketRate, SetupOptions};
 use wire::dbc::Database;
-use wire::line;
+use wire::{line, slcan};
 
 use super::files::{FileKind, Files, PROJECT_DBC};
 use super::reader::{Field, Gatherer, Problem, Section, closest};
@@ -15,10 +15,6 @@ use super::roles::{self, RoleOf};
 
 /// Kinds of source, as they are written in the file.
 const KINDS: [&str; 5] = ["can", "slcan", "crossbow440", "gnss", "line"];
-/// Bit rates that SLCAN adapters know.
-const SLCAN_BIT_RATES: [u32; 9] = [
-    10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000,
-];
 
 /// One source: how to open it and what its bytes mean.
 #[derive(Clone, Debug)]
@@ -192,9 +188,9 @@ fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gathere
     let port = read_port(section, 115_200, gather);
     let bit_rate = section.optional::<u32>("bitrate", gather);
     if let Some(field) = &bit_rate
-        && !SLCAN_BIT_RATES.contains(&field.value)
+        && !slcan::BIT_RATES.contains(&field.value)
     {
-        let known = SLCAN_BIT_RATES.map(|rate| rate.to_string()).join(", ");
+        let known = slcan::BIT_RATES.map(|rate| rate.to_string()).join(", ");
         gather.add(
             &field.span,
             &field.name,
