@@ -1,6 +1,6 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
@@ -48,9 +48,14 @@ pub enum Command {
     Virtual(VirtualArgs),
     /// Drive a virtual vehicle at full speed straight into a log.
     Simulate(SimulateArgs),
+    /// Write a topic of a log as a table: CSV or Parquet.
+    Export(ExportArgs),
     /// Tell what a log holds.
     Info(InfoArgs),
     /// Look for errors in a configuration and for the devices that it names.
+    ///
+    /// Exits 0 if there is no error and every device answers, 1 if a device is missing or silent,
+    /// 2 if the configuration is wrong.
     Check(CheckArgs),
     /// Make cut-short logs whole.
     Recover(RecoverArgs),
@@ -220,12 +225,35 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
+/// `atvrec export`.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// Logs, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// The topic; `atvrec info` lists them.
+    #[arg(short, long, value_name = "TOPIC")]
+    pub topic: String,
+    /// The table, CSV or Parquet by the ending of its name; CSV on standard output without one.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Leave out what is earlier, in seconds from the log's start.
+    #[arg(long = "from", value_name = "SECONDS", value_parser = not_negative)]
+    pub from_s: Option<f64>,
+    /// Leave out what is later, in seconds from the log's start.
+    #[arg(long = "to", value_name = "SECONDS", value_parser = not_negative)]
+    pub to_s: Option<f64>,
+}
+
 /// `atvrec check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Configuration.
-    #[arg(default_value = "atvrec.toml", value_name = "FILE")]
-    pub config: PathBuf,
+    /// Configuration; `atvrec.toml` if none is named.
+    #[arg(value_name = "FILE")]
+    pub file: Option<PathBuf>,
+    /// The same as FILE, as `record` takes it.
+    #[arg(short, long, value_name = "FILE", conflicts_with = "file")]
+    pub config: Option<PathBuf>,
     /// Look at the file only, not at the devices.
     #[arg(long)]
     pub no_devices: bool,
@@ -235,6 +263,14 @@ pub struct CheckArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+impl CheckArgs {
+    /// The configuration that is meant.
+    pub fn path(&self) -> &Path {
+        let named = self.file.as_deref().or(self.config.as_deref());
+        named.unwrap_or(Path::new("atvrec.toml"))
+    }
 }
 
 /// `atvrec recover`.
@@ -306,6 +342,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
         _ => Err(format!("{text:?} is not a number above zero")),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("{text:?} is not a number, zero or above")),
     }
 }
 

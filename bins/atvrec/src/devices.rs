@@ -39,7 +39,7 @@ struct Device {
 
 /// How a device behaves.
 enum Manner {
-    /// Sends whatever it is told; swallows commands.
+    /// Sends whatever it is told; swallows commands. Also the controllers.
     Receiver,
     /// Crossbow 440.
     Inertial(Inertial),
@@ -174,7 +174,9 @@ impl Device {
         let manner = match name {
             Port::Imu => Manner::Inertial(Inertial::new()),
             Port::Can0 => Manner::Adapter(Adapter::default()),
-            Port::Novatel | Port::Septentrio => Manner::Receiver,
+            Port::Novatel | Port::Septentrio | Port::Steering | Port::Throttle | Port::Brake => {
+                Manner::Receiver
+            }
         };
         Ok(Self {
             name,

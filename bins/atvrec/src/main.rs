@@ -7,6 +7,7 @@ mod control;
 mod devices;
 mod engine;
 mod exit;
+mod missing;
 mod pipeline;
 mod progress;
 mod read_ahead;
@@ -45,6 +46,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Demo(args) => cmd::demo::run(&args, quiet),
         Command::Virtual(args) => cmd::virtual_::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args, quiet),
+        Command::Export(args) => cmd::export::run(&args),
         Command::Info(args) => cmd::info::run(&args),
         Command::Check(args) => cmd::check::run(&args),
         Command::Recover(args) => cmd::recover::run(&args),

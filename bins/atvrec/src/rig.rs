@@ -9,6 +9,7 @@ use model::vehicle::Vehicle;
 use sample::{LogTime, NANOS_PER_SECOND};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
 use store::{Pose, Record};
+use wire::line;
 
 use crate::cli::DriveArgs;
 use crate::config::{FileKind, Files};
@@ -146,12 +147,42 @@ impl Rig {
             ],
         );
         table(Port::Can0, &self.can_lines(ports));
+        for port in Port::ALL {
+            if let Some(format) = port.line_format() {
+                text.push_str(&self.controller_lines(port, &format, ports));
+            }
+        }
         let _ = write!(
             text,
             "[vehicle]\nfile = {}\nsensors = {}\n\n[storage]\ndirectory = \"logs\"\n",
             quoted(&self.vehicle_file),
             quoted(&self.sensors_file),
         );
+        text
+    }
+
+    /// A controller's source. What it sends is recorded as it is: the estimator has the hand wheel
+    /// from CAN, more often and sooner.
+    fn controller_lines(&self, port: Port, format: &line::Format, ports: &Ports<'_>) -> String {
+        let (name, baud) = (port.name(), self.options.controller_baud);
+        let mut text = format!(
+            "[source.{name}]\nkind = \"line\"\ndevice = {}\nbaud = {baud}\n\
+             transport_delay_s = {}\nsilent_after_s = 1.0\n",
+            quoted(&ports.serial(port)),
+            // A count of four figures with sign and line end.
+            seconds(line_time_s(7, baud)),
+        );
+        for field in &format.fields {
+            let _ = write!(
+                text,
+                "[source.{name}.fields.{}]\nindex = {}\nscale = {:?}\nunit = {}\n",
+                field.name,
+                field.index,
+                field.scale,
+                quoted(&field.unit),
+            );
+        }
+        text.push('\n');
         text
     }
 

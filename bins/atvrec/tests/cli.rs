@@ -4,6 +4,8 @@
 mod configuration;
 #[path = "suite/estimate.rs"]
 mod estimate;
+#[path = "suite/export.rs"]
+mod export;
 #[path = "suite/record.rs"]
 mod record;
 #[path = "suite/replay.rs"]

@@ -33,11 +33,25 @@ pub enum Port {
     Septentrio,
     /// CAN bus of the strain boxes, wheel speeds and steering, as the project's DBC has it.
     Can0,
+    /// Steering controller: the hand wheel's encoder, a line a reading.
+    Steering,
+    /// Throttle controller: its step motor's position, a line a reading.
+    Throttle,
+    /// Brake controller: its actuator's encoder, a line a reading.
+    Brake,
 }
 
 impl Port {
     /// All ports, in the order in which simultaneous emissions come.
-    pub const ALL: [Self; 4] = [Self::Imu, Self::Novatel, Self::Septentrio, Self::Can0];
+    pub const ALL: [Self; 7] = [
+        Self::Imu,
+        Self::Novatel,
+        Self::Septentrio,
+        Self::Can0,
+        Self::Steering,
+        Self::Throttle,
+        Self::Brake,
+    ];
 
     /// The name that sources have in configurations and logs.
     #[must_use]
@@ -47,6 +61,9 @@ impl Port {
             Self::Novatel => "novatel",
             Self::Septentrio => "septentrio",
             Self::Can0 => "can0",
+            Self::Steering => "steering",
+            Self::Throttle => "throttle",
+            Self::Brake => "brake",
         }
     }
 

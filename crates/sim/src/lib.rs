@@ -11,6 +11,7 @@
 //! random stream, so that a change of one sensor leaves the others' bytes as they were.
 
 mod can_bus;
+mod controllers;
 mod corner;
 mod driver;
 mod emission;

@@ -19,6 +19,10 @@ pub struct Options {
     pub novatel_baud: u32,
     /// Serial line speed of the multi-antenna receiver, bit/s.
     pub septentrio_baud: u32,
+    /// Serial line speed of the steering, throttle and brake controllers, bit/s.
+    pub controller_baud: u32,
+    /// Readings a second of each of these controllers.
+    pub controller_rate_hz: f64,
     /// Bit rate of the CAN bus, bit/s.
     pub can_bit_rate: u32,
     /// From a solution's time tag to the message's first byte, velocity receiver, s.
@@ -47,6 +51,8 @@ impl Default for Options {
             imu_baud: 57_600,
             novatel_baud: 115_200,
             septentrio_baud: 115_200,
+            controller_baud: 9_600,
+            controller_rate_hz: 50.0,
             can_bit_rate: 500_000,
             novatel_processing_s: 0.025,
             septentrio_processing_s: 0.035,

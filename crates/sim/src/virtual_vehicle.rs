@@ -4,6 +4,7 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 
 use crate::can_bus::CanBus;
+use crate::controllers::Controller;
 use crate::emission::{Emission, Port};
 use crate::faults::LineFaults;
 use crate::gnss::{Novatel, Septentrio};
@@ -18,6 +19,7 @@ pub struct VirtualVehicle {
     novatel: Novatel,
     septentrio: Septentrio,
     can: CanBus,
+    controllers: Vec<Controller>,
     /// What happens on the way, and how long a byte takes, by port.
     lines: [(LineFaults, f64); Port::ALL.len()],
     /// Emissions made but not yet handed out, by port.
@@ -46,12 +48,19 @@ impl VirtualVehicle {
             novatel: Novatel::new(&motion, sensors, options, seed)?,
             septentrio: Septentrio::new(&motion, sensors, options, seed)?,
             can: CanBus::new(&motion, vehicle, sensors, options, seed)?,
+            controllers: Port::ALL
+                .into_iter()
+                .filter_map(|port| {
+                    Controller::new(port, &motion, vehicle, options, seed).transpose()
+                })
+                .collect::<Result<_, _>>()?,
             lines: Port::ALL.map(|port| {
                 let baud = match port {
                     Port::Imu => options.imu_baud,
                     Port::Novatel => options.novatel_baud,
                     Port::Septentrio => options.septentrio_baud,
                     Port::Can0 => options.can_bit_rate,
+                    Port::Steering | Port::Throttle | Port::Brake => options.controller_baud,
                 };
                 let faults = LineFaults::new(port, &options.faults, seed);
                 (faults, SerialLine::byte_time_s(baud))
@@ -92,6 +101,13 @@ impl VirtualVehicle {
             Port::Novatel => self.novatel.produce(&self.motion),
             Port::Septentrio => self.septentrio.produce(&self.motion),
             Port::Can0 => self.can.produce(&self.motion),
+            Port::Steering | Port::Throttle | Port::Brake => self
+                .controllers
+                .iter_mut()
+                .find(|controller| controller.port() == port)
+                .and_then(|controller| controller.produce(&self.motion))
+                .into_iter()
+                .collect(),
         }
     }
 }

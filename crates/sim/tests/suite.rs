@@ -1,5 +1,7 @@
 //! The virtual vehicle from outside.
 
+#[path = "suite/controllers.rs"]
+mod controllers;
 #[path = "suite/faults.rs"]
 mod faults;
 #[path = "suite/manoeuvres.rs"]

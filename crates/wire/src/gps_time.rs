@@ -73,9 +73,40 @@ pub fn unroll_week(week: u16, near: u16) -> u16 {
         .map_or(week, |candidate| candidate as u16)
 }
 
+/// The week that a receiver means by `week` where the host's clock says `near`.
+///
+/// Receivers lose the high bits of the week in two ways: old ones pass on the ten bits that the
+/// satellites send, and ones whose firmware is past its base date are 1024 weeks behind. Hosts may
+/// be wrong too (no battery behind their clock), by any number of years. So a week below 1024,
+/// which ended in August 1999, is one of ten bits; a later one is corrected only where it is then
+/// within a year of the host's; anything else is the receiver's word against the host's, and stays.
+#[must_use]
+pub fn meant_week(week: u16, near: u16) -> u16 {
+    const YEAR_WEEKS: u16 = 52;
+    let unrolled = unroll_week(week, near);
+    if week < 1024 || unrolled.abs_diff(near) <= YEAR_WEEKS {
+        unrolled
+    } else {
+        week
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_receiver_is_corrected_only_where_its_host_bears_that_out() {
+        // Ten bits of week 2367, and the same receiver a week on either side of a rollover.
+        assert_eq!(meant_week(2367 % 1024, 2367), 2367);
+        assert_eq!(meant_week(1023, 2048), 2047);
+        assert_eq!(meant_week(0, 2047), 2048);
+        // Firmware past its base date: 2005 for 2025.
+        assert_eq!(meant_week(2367 - 1024, 2370), 2367);
+        // The host's clock stands in 2002, the receiver is right in 2014.
+        assert_eq!(meant_week(1790, 1147), 1790);
+        assert_eq!(meant_week(1790, 1790), 1790);
+    }
 
     #[test]
     fn leap_seconds_change_on_their_day() {

@@ -42,7 +42,8 @@ impl State {
 
 /// Checks.
 pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
-    let config = match Config::load(&args.config) {
+    let path = args.path();
+    let config = match Config::load(path) {
         Ok(config) => config,
         Err(error) if args.json => {
             println!("{:#}", problems_as_json(&error));
@@ -62,7 +63,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     } else {
         println!(
             "{}: {} sources, no errors",
-            args.config.display(),
+            path.display(),
             config.sources.len()
         );
         tell(&answers);

@@ -7,6 +7,7 @@ use store::{Info, Reader, Session};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
+use crate::missing;
 
 /// Tells what a log holds.
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
@@ -48,8 +49,8 @@ fn as_text(info: &Info, session: &Session) -> String {
         let begin = crate::session::utc_compact(first.0 / 1_000_000_000);
         line("time", format!("{begin}, {:.1} s", seconds(info)));
     }
-    for missing in &info.missing {
-        line("missing", missing.to_string());
+    for missing in missing::summary(&info.missing) {
+        line("missing", missing);
     }
     let _ = writeln!(
         text,

@@ -11,6 +11,7 @@ use crate::cli::ReplayArgs;
 use crate::config::Config;
 use crate::engine::{Engine, Skipped};
 use crate::exit::{Outcome, UsageError};
+use crate::missing;
 use crate::progress::Progress;
 use crate::read_ahead::ReadAhead;
 use crate::session;
@@ -66,11 +67,10 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         }
     }
     done.missing = reader.info().missing;
-    for missing in ahead.missing() {
-        if !done.missing.contains(&missing) {
-            done.missing.push(missing);
-        }
-    }
+    let known = done.missing.clone();
+    let found = ahead.missing().into_iter();
+    done.missing
+        .extend(found.filter(|missing| !known.contains(missing)));
     let changed = if args.verify {
         reader.changed()?
     } else {
@@ -282,8 +282,8 @@ fn tell(args: &ReplayArgs, done: &Done, report: Option<&Report>, took: Duration)
             done.left_out
         );
     }
-    for missing in &done.missing {
-        println!("  {missing}");
+    for line in missing::summary(&done.missing) {
+        println!("  {line}");
     }
     if done.changed && report.is_some_and(Report::is_identical) {
         println!(

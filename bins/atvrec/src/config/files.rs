@@ -44,6 +44,28 @@ impl FileKind {
         }
     }
 
+    /// The name of the file `name` in a log: what the program's own files and others without the
+    /// right ending are is not told by their names.
+    fn attached_name(self, name: &str) -> String {
+        let sort = match self {
+            Self::Dbc => return name.to_owned(),
+            Self::Vehicle => "vehicle",
+            Self::Sensors => "sensors",
+            Self::Calibration => "calibration",
+        };
+        if name.ends_with(".toml") {
+            name.to_owned()
+        } else {
+            format!("{name}.{sort}.toml")
+        }
+    }
+
+    /// The file `name` of a log. Older logs have it under that very name.
+    fn find(self, name: &str, files: &BTreeMap<String, Vec<u8>>) -> Option<Vec<u8>> {
+        let found = files.get(&self.attached_name(name));
+        found.or_else(|| files.get(name)).cloned()
+    }
+
     fn builtin_names(self) -> Vec<&'static str> {
         match self {
             Self::Dbc => vec![PROJECT_DBC],
@@ -67,7 +89,15 @@ enum Place {
 #[derive(Debug)]
 pub struct Files {
     place: Place,
-    used: Vec<Attachment>,
+    used: Vec<Used>,
+}
+
+/// A file that was read, by the name that the configuration gives it.
+#[derive(Debug)]
+struct Used {
+    name: String,
+    kind: FileKind,
+    text: String,
 }
 
 /// A file that cannot be read.
@@ -103,14 +133,18 @@ impl Files {
     /// The text of the file `name`. A file of the user goes before one of the program's own with
     /// the same name.
     pub fn read_text(&mut self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
-        if let Some(known) = self.used.iter().find(|file| file.name == name) {
-            return Ok(String::from_utf8_lossy(&known.data).into_owned());
+        let known = self
+            .used
+            .iter()
+            .find(|file| file.name == name && file.kind == kind);
+        if let Some(known) = known {
+            return Ok(known.text.clone());
         }
         let text = self.load(name, kind)?;
-        self.used.push(Attachment {
+        self.used.push(Used {
             name: name.to_owned(),
-            media_type: kind.media_type().to_owned(),
-            data: text.clone().into_bytes(),
+            kind,
+            text: text.clone(),
         });
         Ok(text)
     }
@@ -118,8 +152,8 @@ impl Files {
     fn load(&self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
         let builtin = || kind.builtin(name).map(str::to_owned);
         let bytes = match &self.place {
-            Place::Attached(files) => match files.get(name) {
-                Some(bytes) => bytes.clone(),
+            Place::Attached(files) => match kind.find(name, files) {
+                Some(bytes) => bytes,
                 None => return builtin().ok_or_else(|| not_attached(name)),
             },
             Place::Disk(directory) => {
@@ -149,9 +183,14 @@ impl Files {
         })
     }
 
-    /// All files that were read.
+    /// All files that were read, for the log.
     pub fn into_used(self) -> Vec<Attachment> {
-        self.used
+        let attach = |file: Used| Attachment {
+            name: file.kind.attached_name(&file.name),
+            media_type: file.kind.media_type().to_owned(),
+            data: file.text.into_bytes(),
+        };
+        self.used.into_iter().map(attach).collect()
     }
 }
 
@@ -171,5 +210,53 @@ fn unreadable_help(kind: FileKind) -> String {
             "paths are relative to the configuration file; the program's own are: {}",
             names.join(", ")
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attached(name: &str, text: &str) -> Attachment {
+        Attachment {
+            name: name.to_owned(),
+            media_type: "application/toml".to_owned(),
+            data: text.as_bytes().to_vec(),
+        }
+    }
+
+    #[test]
+    fn attachments_have_file_names_and_those_of_older_logs_are_found() {
+        let mut files = Files::on_disk(PathBuf::from("/nonexistent"));
+        let own = files.read_text("prowler", FileKind::Vehicle);
+        assert!(own.is_ok());
+        assert!(files.read_text("thesis-10bit", FileKind::Sensors).is_ok());
+        let written = files.into_used();
+        let names: Vec<&str> = written.iter().map(|file| file.name.as_str()).collect();
+        assert_eq!(names, ["prowler.vehicle.toml", "thesis-10bit.sensors.toml"]);
+        let mut read = Files::attached(&written);
+        assert_eq!(read.read_text("prowler", FileKind::Vehicle), own);
+
+        let old = [attached("prowler", "of an older log")];
+        let text = Files::attached(&old).read_text("prowler", FileKind::Vehicle);
+        assert_eq!(text.as_deref(), Ok("of an older log"));
+    }
+
+    #[test]
+    fn a_calibration_named_like_the_vehicle_is_not_taken_for_it() {
+        let directory = tempfile::tempdir().expect("a directory");
+        std::fs::write(directory.path().join("prowler.toml"), "calibration").expect("written");
+        let mut files = Files::on_disk(directory.path().to_owned());
+        let vehicle = files
+            .read_text("prowler", FileKind::Vehicle)
+            .expect("built in");
+        let calibration = files.read_text("prowler.toml", FileKind::Calibration);
+        assert_eq!(calibration.as_deref(), Ok("calibration"));
+        let mut read = Files::attached(&files.into_used());
+        assert_eq!(read.read_text("prowler", FileKind::Vehicle), Ok(vehicle));
+        assert_eq!(
+            read.read_text("prowler.toml", FileKind::Calibration),
+            calibration
+        );
     }
 }

@@ -344,16 +344,24 @@ impl<'t> Section<'t> {
 
     /// The sub-table `key`; an empty one if it is absent.
     pub fn section(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Section<'t> {
-        let name = self.field_name(key);
-        match self.take(key) {
-            Some(value) => self.as_section(&name, value, gather),
-            None => Section {
-                name,
+        self.optional_section(key, gather)
+            .unwrap_or_else(|| Section {
+                name: self.field_name(key),
                 span: self.span.clone(),
                 entries: Vec::new(),
                 known: Vec::new(),
-            },
-        }
+            })
+    }
+
+    /// The sub-table `key`, if it is there.
+    pub fn optional_section(
+        &mut self,
+        key: &'static str,
+        gather: &mut Gatherer<'_>,
+    ) -> Option<Section<'t>> {
+        let value = self.take(key)?;
+        let name = self.field_name(key);
+        Some(self.as_section(&name, value, gather))
     }
 
     /// All sub-tables that are left, with their names; consumes the section.

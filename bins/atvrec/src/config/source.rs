@@ -1,17 +1,19 @@
 //! `[source.<name>]`: one device or bus.
 
+mod can;
+
 use std::path::Path;
 use std::time::Duration;
 
-use acq::{CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec};
+use acq::{Parity, PortSpec, SerialSpec, Setup, SourceKind, SourceSpec};
 use sample::SourceId;
 use wire::crossbow440::{PacketRate, SetupOptions};
 use wire::dbc::Database;
-use wire::{line, slcan};
+use wire::line;
 
-use super::files::{FileKind, Files, PROJECT_DBC};
-use super::reader::{Field, Gatherer, Problem, Section, closest};
-use super::roles::{self, RoleOf};
+use super::files::Files;
+use super::reader::{Field, Gatherer, Section, closest};
+use super::roles::RoleOf;
 
 /// Kinds of source, as they are written in the file.
 const KINDS: [&str; 5] = ["can", "slcan", "crossbow440", "gnss", "line"];
@@ -115,8 +117,8 @@ fn read(
         gather,
     )?;
     let (acq_kind, meaning, silent_default_s) = match kind.value.as_str() {
-        "can" => read_can(&mut section, files, gather),
-        "slcan" => read_slcan(&mut section, files, gather),
+        "can" => can::read_can(&mut section, files, gather),
+        "slcan" => can::read_slcan(&mut section, files, gather),
         "crossbow440" => read_crossbow(&mut section, gather),
         "gnss" => read_gnss(&mut section, gather),
         "line" => read_line(&mut section, gather),
@@ -150,99 +152,6 @@ fn read(
 }
 
 type Read = (Option<SourceKind>, Meaning, f64);
-
-fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
-    let interface = section.required::<String>(
-        "interface",
-        "name the network interface, such as interface = \"can0\"",
-        gather,
-    );
-    if let Some(field) = &interface
-        && (field.value.is_empty() || field.value.len() > 15)
-    {
-        gather.add(
-            &field.span,
-            &field.name,
-            format!("\"{}\" cannot be a network interface", field.value),
-            "give 1 to 15 characters, as `ip link` lists them",
-        );
-    }
-    let fd = section.or("fd", true, gather);
-    let errors = section.or("error_frames", true, gather);
-    let hardware_stamps = section.or("hardware_stamps", true, gather);
-    let buffer = section.number_in("receive_buffer_mb", 0.1..=256.0, 8.0, gather);
-    let meaning = can_meaning(section, files, gather);
-    let kind = interface.map(|interface| {
-        SourceKind::Can(CanSpec {
-            fd,
-            errors,
-            hardware_stamps,
-            receive_buffer_bytes: (buffer * f64::from(1 << 20)) as usize,
-            ..CanSpec::new(interface.value)
-        })
-    });
-    (kind, meaning, 1.0)
-}
-
-fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
-    let port = read_port(section, 115_200, gather);
-    let bit_rate = section.optional::<u32>("bitrate", gather);
-    if let Some(field) = &bit_rate
-        && !slcan::BIT_RATES.contains(&field.value)
-    {
-        let known = slcan::BIT_RATES.map(|rate| rate.to_string()).join(", ");
-        gather.add(
-            &field.span,
-            &field.name,
-            format!("SLCAN adapters do not know {} bit/s", field.value),
-            format!("give one of: {known}"),
-        );
-    }
-    let listen_only = section.or("listen_only", false, gather);
-    let timestamps = section.or("timestamps", true, gather);
-    let meaning = can_meaning(section, files, gather);
-    let kind = port.map(|port| {
-        SourceKind::Slcan(SlcanSpec {
-            port,
-            bit_rate: bit_rate.map(|field| field.value),
-            listen_only,
-            timestamps,
-        })
-    });
-    (kind, meaning, 1.0)
-}
-
-fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Meaning {
-    let names = section.optional::<Vec<String>>("dbc", gather);
-    let (names, span, field) = match names {
-        Some(field) => (field.value, field.span, field.name),
-        None => (
-            vec![PROJECT_DBC.to_owned()],
-            section.span(),
-            section.field_name("dbc"),
-        ),
-    };
-    let mut databases = Vec::new();
-    for name in names {
-        match files.read_text(&name, FileKind::Dbc) {
-            Ok(text) => match Database::parse(text.as_bytes()) {
-                Ok(database) => databases.push(database),
-                Err(error) => gather.add_foreign(error.issues.into_iter().map(|issue| Problem {
-                    file: name.clone(),
-                    line: issue.line,
-                    column: 0,
-                    field: issue.token,
-                    message: issue.text,
-                    help: String::new(),
-                })),
-            },
-            Err(error) => gather.add(&span, &field, error.message, error.help),
-        }
-    }
-    let roles = section.section("roles", gather);
-    let roles = roles::read(roles, &databases, gather);
-    Meaning::Can(CanMeaning { databases, roles })
-}
 
 fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     let port = read_port(section, 57_600, gather);

@@ -18,6 +18,7 @@
 use std::collections::VecDeque;
 
 use sample::{DeviceTime, LogTime};
+use wire::gps_time::{gps_from_unix_ns, meant_week};
 
 /// Device time that one minimum is taken over, s.
 const WINDOW_S: f64 = 1.0;
@@ -133,7 +134,7 @@ impl ClockFit {
     /// never later than `log_time`. `None` for a device time of another scale or one that is not
     /// finite.
     pub fn push(&mut self, device: DeviceTime, log_time: LogTime) -> Option<LogTime> {
-        let device_s = self.unroll(device)?;
+        let device_s = self.unroll(device, log_time)?;
         let Some((device_0, log_0)) = self.origin else {
             self.restart(device_s, log_time);
             return Some(log_time);
@@ -240,8 +241,9 @@ impl ClockFit {
             .fold(f64::INFINITY, f64::min);
     }
 
-    /// The device time as seconds that do not roll over.
-    fn unroll(&self, device: DeviceTime) -> Option<f64> {
+    /// The device time as seconds that do not roll over. Which weeks a receiver means that has lost
+    /// the high bits of its week follows from the log clock, which starts as UTC.
+    fn unroll(&self, device: DeviceTime, log_time: LogTime) -> Option<f64> {
         let (value, period_s) = match (self.scale, device) {
             (
                 Scale::Gps,
@@ -249,7 +251,11 @@ impl ClockFit {
                     week: Some(week),
                     time_of_week_s,
                 },
-            ) => (f64::from(week) * WEEK_S + time_of_week_s, None),
+            ) => {
+                let (near, _) = gps_from_unix_ns(i64::try_from(log_time.0).unwrap_or(i64::MAX));
+                let week = meant_week(week, near);
+                (f64::from(week) * WEEK_S + time_of_week_s, None)
+            }
             (
                 Scale::Gps,
                 DeviceTime::Gps {
@@ -348,6 +354,26 @@ mod tests {
             let arrived = START.offset_seconds(f64::from(k));
             assert_eq!(fit.push(device, arrived), Some(arrived));
         }
+    }
+
+    /// A receiver that sends ten bits of the week crosses a rollover (2019-04-07, week 2048).
+    #[test]
+    fn weeks_of_ten_bits_are_those_of_the_log_clock() {
+        let mut fit = ClockFit::new(Scale::Gps);
+        // 18 leap seconds: week 2048 begins at 23:59:42 UTC.
+        let rollover = LogTime(1_554_595_182_000_000_000);
+        for k in 0..40 {
+            let after_s = f64::from(k) - 20.0;
+            let device = DeviceTime::Gps {
+                week: Some(if after_s < 0.0 { 1023 } else { 0 }),
+                time_of_week_s: after_s.rem_euclid(WEEK_S),
+            };
+            let arrived = rollover.offset_seconds(after_s + 0.03);
+            assert_eq!(fit.push(device, arrived), Some(arrived), "{after_s} s");
+        }
+        let state = fit.state().expect("messages came");
+        assert_eq!((state.restarts, state.messages), (0, 40));
+        assert_eq!(state.device_s, 2048.0 * WEEK_S + 19.0);
     }
 
     #[test]

@@ -161,3 +161,64 @@ fn a_vehicle_file_is_made_from_a_simulators_parameters() {
         .assert()
         .success();
 }
+
+#[test]
+fn who_brings_an_interface_up_is_checked() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let check = |text: &str| {
+        fs::write(directory.path().join("other.toml"), text).expect("written");
+        let mut command = atvrec(directory.path());
+        command.args(["check", "--no-devices", "-c", "other.toml"]);
+        command.assert()
+    };
+    let source = "[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n";
+    check(&format!(
+        "{source}[source.can0.link]\nbitrate = 500000\ndata_bitrate = 2000000\nrestart_ms = 0\n"
+    ))
+    .success();
+    check(&format!("{source}[source.can0.link]\n")).success();
+    for (link, told) in [
+        ("bitrate = 50\n", "5000 to 1000000"),
+        (
+            "bitrate = 500000\ndata_bitrate = 250000\n",
+            "is below bitrate = 500000",
+        ),
+        ("restart_ms = 100\n", "has no effect without bitrate"),
+        (
+            "bitrate = 500000\nrestart = 100\n",
+            "did you mean `restart_ms`?",
+        ),
+    ] {
+        let assert = check(&format!("{source}[source.can0.link]\n{link}")).code(2);
+        let text = stderr(&assert);
+        assert!(text.contains(told), "{link}: {text}");
+        assert!(text.contains("source.can0.link."), "{text}");
+    }
+    let classic = format!(
+        "{source}fd = false\n[source.can0.link]\nbitrate = 500000\ndata_bitrate = 2000000\n"
+    );
+    let assert = check(&classic).code(2);
+    assert!(stderr(&assert).contains("without CAN FD"));
+}
+
+#[test]
+fn check_takes_its_file_either_way_and_tells_silent_devices_by_its_exit_code() {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(
+        directory.path().join("mine.toml"),
+        "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n",
+    )
+    .expect("written");
+    for arguments in [["check", "mine.toml"], ["check", "--config=mine.toml"]] {
+        let assert = atvrec(directory.path())
+            .args(arguments)
+            .args(["--listen-s", "0.3"])
+            .assert()
+            .code(1);
+        assert!(stdout(&assert).contains("not open"));
+    }
+    atvrec(directory.path())
+        .args(["check", "mine.toml", "-c", "mine.toml"])
+        .assert()
+        .code(2);
+}

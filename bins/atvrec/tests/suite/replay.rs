@@ -225,7 +225,12 @@ fn info_tells_topics_and_attachments() {
         assert!(count.is_some_and(|count| count > 0), "{topic}: {count:?}");
     }
     let attachments = info["attachments"].as_array().expect("a list");
-    for name in ["atvrec.toml", "prowler", "prowler.dbc", "thesis-10bit"] {
+    for name in [
+        "atvrec.toml",
+        "prowler.vehicle.toml",
+        "prowler.dbc",
+        "thesis-10bit.sensors.toml",
+    ] {
         assert!(
             attachments.iter().any(|a| a["name"] == name),
             "{name} is not attached"

@@ -1,0 +1,75 @@
+//! Tables as comma-separated values.
+
+use std::fmt::Write as _;
+use std::io::Write;
+
+use store::{Column, Table, Values};
+
+use super::{heading, word};
+
+/// Writes a table: a line of names, then a line a row. Absent cells are empty, but numbers with a
+/// fraction `NaN`; the values of a list are separated by `;`.
+pub fn write(table: &Table, sink: impl Write) -> anyhow::Result<()> {
+    let mut lines = csv::Writer::from_writer(sink);
+    lines.write_field("log_time_ns")?;
+    lines.write_field("publish_time_ns")?;
+    for column in &table.columns {
+        lines.write_field(heading(column))?;
+    }
+    lines.write_record(None::<&[u8]>)?;
+    let mut cell = String::new();
+    for (row, times) in table
+        .log_time_ns
+        .iter()
+        .zip(&table.publish_time_ns)
+        .enumerate()
+    {
+        lines.write_field(times.0.to_string())?;
+        lines.write_field(times.1.to_string())?;
+        for column in &table.columns {
+            cell.clear();
+            write_cell(column, row, &mut cell);
+            lines.write_field(&cell)?;
+        }
+        lines.write_record(None::<&[u8]>)?;
+    }
+    lines.flush()?;
+    Ok(())
+}
+
+fn write_cell(column: &Column, row: usize, cell: &mut String) {
+    if column.present.as_ref().is_some_and(|present| !present[row]) {
+        return;
+    }
+    match &column.values {
+        Values::List { ends, values } => {
+            let begin = row.checked_sub(1).map_or(0, |before| ends[before]);
+            for at in begin..ends[row] {
+                if at > begin {
+                    cell.push(';');
+                }
+                write_value(column, values, at, cell);
+            }
+        }
+        values => write_value(column, values, row, cell),
+    }
+}
+
+/// Writing to a string cannot fail.
+fn write_value(column: &Column, values: &Values, at: usize, cell: &mut String) {
+    let _ = match values {
+        Values::F64(list) => write!(cell, "{}", list[at]),
+        Values::I32(list) if column.names.is_empty() => write!(cell, "{}", list[at]),
+        Values::I32(list) => write!(cell, "{}", word(column, list[at])),
+        Values::I64(list) => write!(cell, "{}", list[at]),
+        Values::U32(list) => write!(cell, "{}", list[at]),
+        Values::U64(list) => write!(cell, "{}", list[at]),
+        Values::Bool(list) => write!(cell, "{}", list[at]),
+        Values::Text(list) => write!(cell, "{}", list[at]),
+        Values::Bytes(list) => list[at]
+            .iter()
+            .try_for_each(|byte| write!(cell, "{byte:02x}")),
+        // The reader makes no list of lists.
+        Values::List { .. } => Ok(()),
+    };
+}
