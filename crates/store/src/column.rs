@@ -30,10 +30,34 @@ fn unzigzag(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-/// Bits of one zigzag-mapped value in the code of order `k`.
-fn cost(value: u64, k: u32) -> u32 {
-    let sum = u128::from(value) + (1 << k);
-    2 * (128 - sum.leading_zeros()) - 1 - k
+/// The order of the code that suits zigzag-mapped values best, or one near it: the code of a value
+/// of `b` bits takes k + 1 bits up to b = k, and 2 b - 1 - k beyond, and up to 2 more where the
+/// sum with 2^k carries (from b = k + 1 on, each further bit halves how often).
+fn best_order(mapped: &[u64]) -> u32 {
+    let mut of_size = [0_u64; 65];
+    for value in mapped {
+        of_size[64 - value.leading_zeros() as usize] += 1;
+    }
+    // In 16ths of a bit.
+    let cost = |bits: u32, k: u32| match bits.checked_sub(k + 1) {
+        None => 16 * u64::from(k + 1),
+        Some(above) => 16 * u64::from(2 * bits - 1 - k) + (32 >> above.min(6)),
+    };
+    let total = |k: &u32| -> u64 {
+        let counts = (0_u32..).zip(of_size);
+        counts.map(|(bits, count)| count * cost(bits, *k)).sum()
+    };
+    let middle = mapped.len() as u64 / 2;
+    let mut below = 0;
+    let size = of_size.iter().position(|count| {
+        below += count;
+        below > middle
+    });
+    // The sum of the bits falls to one minimum, which is near the size of the middle value.
+    let size = size.unwrap_or_default() as u32;
+    (size.saturating_sub(4)..=(size + 2).min(MAX_ORDER))
+        .min_by_key(total)
+        .unwrap_or_default()
 }
 
 /// Values in the exponential Golomb code that suits them best (see `Column` in the schema).
@@ -48,19 +72,10 @@ pub(crate) fn encode(values: &[i64]) -> Option<Column> {
         .iter()
         .map(|value| zigzag(value.wrapping_sub(base)))
         .collect();
-    let total = |k: &u32| -> u64 { mapped.iter().map(|v| u64::from(cost(*v, *k))).sum() };
-    // The sum of the bits falls to one minimum, which is near the size of the middle value.
-    let mut magnitudes = mapped.clone();
-    let size = 64 - magnitudes.select_nth_unstable(middle).1.leading_zeros();
-    let k = (size.saturating_sub(4)..=(size + 2).min(MAX_ORDER))
-        .min_by_key(total)
-        .unwrap_or_default();
+    let k = best_order(&mapped);
     let mut writer = BitWriter::default();
     for value in mapped {
-        let sum = u128::from(value) + (1 << k);
-        let bits = 128 - sum.leading_zeros();
-        writer.put(0, bits - 1 - k);
-        writer.put(sum, bits);
+        writer.code(value, k);
     }
     Some(Column {
         k,
@@ -101,17 +116,44 @@ pub(crate) fn decode(
     Ok(values)
 }
 
+/// Bits that go into the writer's hands at once: less than a byte may be there already.
+const WORD: u32 = 56;
+
+/// `count` bits in pieces that the writer can take.
+fn pieces(count: u32) -> impl Iterator<Item = u32> {
+    (0..count.div_ceil(WORD)).map(move |piece| (count - piece * WORD).min(WORD))
+}
+
 /// Bits into bytes, first bit highest.
 #[derive(Default)]
 struct BitWriter {
     bytes: Vec<u8>,
-    held: u128,
+    held: u64,
     count: u32,
 }
 
 impl BitWriter {
-    /// The lowest `count` bits of `value`, 65 at most.
-    fn put(&mut self, value: u128, count: u32) {
+    /// One zigzag-mapped value in the code of order `k`.
+    fn code(&mut self, value: u64, k: u32) {
+        let sum = u128::from(value) + (1 << k);
+        let bits = 128 - sum.leading_zeros();
+        let zeros = bits - 1 - k;
+        if zeros + bits <= WORD {
+            return self.put(sum as u64, zeros + bits);
+        }
+        // Zeros, then the sum from its highest bit on, as many at once as there is room for.
+        for width in pieces(zeros) {
+            self.put(0, width);
+        }
+        let mut left = bits;
+        for width in pieces(bits) {
+            left -= width;
+            self.put((sum >> left) as u64 & ((1 << width) - 1), width);
+        }
+    }
+
+    /// The lowest `count` bits of `value`, [`WORD`] at most.
+    fn put(&mut self, value: u64, count: u32) {
         self.held = self.held << count | value;
         self.count += count;
         while self.count >= 8 {

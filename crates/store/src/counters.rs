@@ -36,10 +36,22 @@ impl WriteCounters {
         match &arrival.payload {
             Payload::Bytes(bytes) => self.serial_bytes += bytes.len() as u64,
             Payload::Can(frames) => self.can_frames += frames.len() as u64,
-            Payload::Notice(Notice::Lost { place, count }) => {
+            Payload::Notice(Notice::Lost { place, count }) if *place != LossPlace::Disk => {
                 self.lose(arrival.source, *place, *count);
             }
             Payload::Tick | Payload::Notice(_) => {}
+        }
+    }
+
+    /// Counts what a notice tells of losses on the way to the disk. A recorder counts its own, and
+    /// each of its files tells of those since the file before, so that notices would tell twice.
+    pub(crate) fn count_disk_notice(&mut self, arrival: &Arrival) {
+        if let Payload::Notice(Notice::Lost {
+            place: LossPlace::Disk,
+            count,
+        }) = arrival.payload
+        {
+            self.lose(arrival.source, LossPlace::Disk, count);
         }
     }
 

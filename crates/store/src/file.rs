@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use sample::{Arrival, LogTime, SourceId};
+use sample::{Arrival, LogTime};
 
 use crate::journal;
 use crate::log_writer::{Latched, Pending};
+use crate::recorder::LostItems;
 use crate::{Error, LogWriter, Options, Record, Result, Session, WriteCounters};
 
 /// What an unfinished log's name ends in.
@@ -236,8 +237,16 @@ impl Writer {
     }
 
     /// Adds what was lost on the way to this file to its counters.
-    pub(crate) fn lose(&mut self, items: &BTreeMap<SourceId, u64>, records: u64) {
+    pub(crate) fn lose(&mut self, items: &LostItems, records: u64) {
         self.log.lose(items, records);
+    }
+
+    pub(crate) fn leave_disk_losses_to_recorder(&mut self) {
+        self.log.leave_disk_losses_to_recorder();
+    }
+
+    pub(crate) fn group(&self) -> &[Arrival] {
+        self.log.group()
     }
 
     pub(crate) fn groups(&self) -> u64 {

@@ -59,7 +59,9 @@ pub(crate) struct Journal {
     paths: [PathBuf; 2],
     session: Session,
     interval: Duration,
-    waiting: Vec<Arrival>,
+    encoder: raw::Encoder,
+    /// How many arrivals of the open group are in the journal.
+    kept: usize,
     /// Chunks written; the open group stands in the file of this number's parity.
     chunks: u64,
 }
@@ -80,7 +82,8 @@ impl Journal {
             paths,
             session,
             interval,
-            waiting: Vec::new(),
+            encoder: raw::Encoder::default(),
+            kept: 0,
             chunks: 0,
         })
     }
@@ -95,23 +98,28 @@ impl Journal {
         Ok([again(0)?, again(1)?])
     }
 
-    /// Takes an arrival of the open group; writes what waited long enough.
-    pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
-        let since = self.waiting.first().map(|first| first.log_time);
-        let now = arrival.log_time;
-        let due = since.is_some_and(|since| now - since >= self.interval.as_nanos() as i64);
-        let flushed = if due { self.flush() } else { Ok(()) };
-        self.waiting.push(arrival);
-        flushed
+    /// Writes what is new in the open group if its first arrival waited long enough.
+    pub(crate) fn keep_up(&mut self, group: &[Arrival]) -> Result<()> {
+        let waiting = group.get(self.kept..).unwrap_or_default();
+        let (Some(first), Some(last)) = (waiting.first(), waiting.last()) else {
+            return Ok(());
+        };
+        if last.log_time - first.log_time < self.interval.as_nanos() as i64 {
+            return Ok(());
+        }
+        self.flush(group)
     }
 
-    /// Writes what waits.
-    pub(crate) fn flush(&mut self) -> Result<()> {
-        let Some(last) = self.waiting.last() else {
+    /// Writes what is new in the open group.
+    pub(crate) fn flush(&mut self, group: &[Arrival]) -> Result<()> {
+        let waiting = group.get(self.kept..).unwrap_or_default();
+        let Some(last) = waiting.last() else {
             return Ok(());
         };
         let end = last.sequence.saturating_add(1);
-        let batches = raw::encode_group(&self.session, &self.waiting, end, false)
+        let batches = self
+            .encoder
+            .encode_group(&self.session, waiting, end, false)
             .into_iter()
             .map(|batch| pb::JournalBatch {
                 topic: batch.topic,
@@ -131,14 +139,14 @@ impl Journal {
         self.files[turn]
             .write_all(&entry)
             .map_err(Error::file("write", &self.paths[turn]))?;
-        self.waiting.clear();
+        self.kept = group.len();
         Ok(())
     }
 
     /// The chunk of the open group is written, `chunks` in all, `synced` of which have reached the
     /// disk: begins the next group.
     pub(crate) fn turn(&mut self, chunks: u64, synced: u64) -> Result<()> {
-        self.waiting.clear();
+        self.kept = 0;
         self.chunks = chunks;
         // The other file holds the group of the chunk before the last.
         if synced + 1 >= chunks {
@@ -155,7 +163,7 @@ impl Journal {
 /// The batches that the journals of a log hold, as far as they are intact, in the order of their
 /// groups; none if there are no journals.
 pub(crate) fn read(path: &Path) -> Result<Vec<(u64, Encoded)>> {
-    let mut batches = Vec::new();
+    let mut journals = Vec::new();
     for journal in paths(path) {
         let mut bytes = Vec::new();
         match File::open(&journal) {
@@ -165,10 +173,19 @@ pub(crate) fn read(path: &Path) -> Result<Vec<(u64, Encoded)>> {
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => continue,
             Err(cause) => return Err(Error::file("open", &journal)(cause)),
         };
-        read_entries(&bytes, &mut batches);
+        journals.push(bytes);
+    }
+    Ok(parse(journals.iter().map(Vec::as_slice)))
+}
+
+/// What [`read`] gives, of journals that are in memory.
+pub(crate) fn parse<'a>(journals: impl Iterator<Item = &'a [u8]>) -> Vec<(u64, Encoded)> {
+    let mut batches = Vec::new();
+    for bytes in journals {
+        read_entries(bytes, &mut batches);
     }
     batches.sort_by_key(|(first, _)| *first);
-    Ok(batches)
+    batches
 }
 
 fn read_entries(mut bytes: &[u8], batches: &mut Vec<(u64, Encoded)>) {

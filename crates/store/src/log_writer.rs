@@ -3,11 +3,12 @@ use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, LossPlace, Measurement, Notice, Payload, Sample, Signal, SourceId};
+use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
 
 use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
+use crate::recorder::LostItems;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
 use crate::{Options, Record, Result, Session, raw, schema};
 
@@ -23,6 +24,7 @@ pub struct LogWriter<W: Write> {
     options: Options,
     channels: HashMap<ChannelKey, Channel>,
     dynamic: BTreeMap<String, DynamicMessage>,
+    encoder: raw::Encoder,
     group: Vec<Arrival>,
     decoded: Vec<Encoded>,
     decoded_bytes: usize,
@@ -31,6 +33,7 @@ pub struct LogWriter<W: Write> {
     last_log_time: Option<LogTime>,
     groups: u64,
     counters: WriteCounters,
+    counts_disk_notices: bool,
 }
 
 /// The last word on states that last, repeated at the start of each file of a run.
@@ -109,6 +112,7 @@ impl<W: Write> LogWriter<W> {
             options,
             channels: HashMap::new(),
             dynamic,
+            encoder: raw::Encoder::default(),
             group: Vec::new(),
             decoded: Vec::new(),
             decoded_bytes: 0,
@@ -117,6 +121,7 @@ impl<W: Write> LogWriter<W> {
             last_log_time: None,
             groups: 0,
             counters: WriteCounters::default(),
+            counts_disk_notices: true,
         })
     }
 
@@ -125,7 +130,10 @@ impl<W: Write> LogWriter<W> {
         let mut notices: Vec<Arrival> = latched.notices.values().cloned().collect();
         notices.sort_by_key(|arrival| arrival.sequence);
         let end = notices.last().map_or(0, |last| last.sequence + 1);
-        for message in raw::encode_group(&self.session, &notices, end, true) {
+        let messages = self
+            .encoder
+            .encode_group(&self.session, &notices, end, true);
+        for message in messages {
             self.write(&message)?;
         }
         for message in latched.messages.values() {
@@ -157,6 +165,11 @@ impl<W: Write> LogWriter<W> {
         (pending, self.latched)
     }
 
+    /// The arrivals that are not in the log yet.
+    pub(crate) fn group(&self) -> &[Arrival] {
+        &self.group
+    }
+
     /// Groups of raw data written so far.
     pub(crate) fn groups(&self) -> u64 {
         self.groups
@@ -182,6 +195,9 @@ impl<W: Write> LogWriter<W> {
 
     fn take(&mut self, arrival: Arrival) {
         self.counters.count(&arrival);
+        if self.counts_disk_notices {
+            self.counters.count_disk_notice(&arrival);
+        }
         self.latched.see_arrival(&arrival);
         self.last_log_time = Some(arrival.log_time);
         self.group.push(arrival);
@@ -287,7 +303,9 @@ impl<W: Write> LogWriter<W> {
             return Ok(());
         };
         let end = last.sequence.saturating_add(1);
-        let messages = raw::encode_group(&self.session, &self.group, end, false);
+        let messages = self
+            .encoder
+            .encode_group(&self.session, &self.group, end, false);
         for message in &messages {
             self.write(message)?;
         }
@@ -358,11 +376,17 @@ impl<W: Write> LogWriter<W> {
     }
 
     /// Adds what was lost on the way to this log to its counters.
-    pub(crate) fn lose(&mut self, items: &BTreeMap<SourceId, u64>, records: u64) {
-        for (source, count) in items {
-            self.counters.lose(*source, LossPlace::Disk, *count);
+    pub(crate) fn lose(&mut self, items: &LostItems, records: u64) {
+        for ((source, place), count) in items {
+            self.counters.lose(*source, *place, *count);
         }
         self.counters.lost_records += records;
+    }
+
+    /// From now on notices of losses on the way to the disk are not counted: who caused them counts
+    /// them itself.
+    pub(crate) fn leave_disk_losses_to_recorder(&mut self) {
+        self.counts_disk_notices = false;
     }
 
     /// What went into the log so far, the open group included.

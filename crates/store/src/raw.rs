@@ -48,27 +48,48 @@ impl Lane {
     }
 }
 
-/// The messages of one group: `arrivals` in rising order of their sequences, the last of which is
-/// below `end_sequence`.
-pub(crate) fn encode_group(
-    session: &Session,
-    arrivals: &[Arrival],
-    end_sequence: u64,
-    latched: bool,
-) -> Vec<Encoded> {
-    let Some(first) = arrivals.first() else {
-        return Vec::new();
-    };
-    let mut lanes: BTreeMap<Lane, Vec<&Arrival>> = BTreeMap::new();
-    for arrival in arrivals {
-        lanes.entry(Lane::of(arrival)).or_default().push(arrival);
+/// Encodes groups; keeps what costs time to make.
+#[derive(Default)]
+pub(crate) struct Encoder {
+    packer: can::Packer,
+}
+
+impl Encoder {
+    /// The messages of one group: `arrivals` in rising order of their sequences, the last of which
+    /// is below `end_sequence`.
+    pub(crate) fn encode_group(
+        &mut self,
+        session: &Session,
+        arrivals: &[Arrival],
+        end_sequence: u64,
+        latched: bool,
+    ) -> Vec<Encoded> {
+        let Some(first) = arrivals.first() else {
+            return Vec::new();
+        };
+        let mut lanes: BTreeMap<Lane, Vec<&Arrival>> = BTreeMap::new();
+        for arrival in arrivals {
+            lanes.entry(Lane::of(arrival)).or_default().push(arrival);
+        }
+        let mut messages = Vec::with_capacity(lanes.len());
+        for (lane, arrivals) in lanes {
+            let stamps = stamps(&arrivals, first.sequence, end_sequence, latched);
+            messages.push(self.encode(session, lane, stamps, &arrivals));
+        }
+        messages
     }
-    let encode = |(lane, arrivals): (Lane, Vec<&Arrival>)| {
-        let stamps = stamps(&arrivals, first.sequence, end_sequence, latched);
+
+    fn encode(
+        &mut self,
+        session: &Session,
+        lane: Lane,
+        stamps: pb::ArrivalStamps,
+        arrivals: &[&Arrival],
+    ) -> Encoded {
         let time = LogTime(stamps.first_log_time_ns);
         let (mut message, source) = match lane {
             Lane::Clock => {
-                let ticks = ticks(stamps, &arrivals);
+                let ticks = ticks(stamps, arrivals);
                 let topic = CLOCK_TOPIC.to_owned();
                 (Encoded::new(topic, time, time, &ticks), None)
             }
@@ -82,19 +103,18 @@ pub(crate) fn encode_group(
             }
             Lane::Can(source) => {
                 let topic = format!("/can/{}/raw", session.source_name(source));
-                let frames = can::encode(stamps, &arrivals);
+                let frames = self.packer.encode(stamps, arrivals);
                 (Encoded::new(topic, time, time, &frames), Some(source))
             }
             Lane::Bytes(source) => {
                 let topic = format!("/raw/{}", session.source_name(source));
-                let reads = bytes(stamps, &arrivals);
+                let reads = bytes(stamps, arrivals);
                 (Encoded::new(topic, time, time, &reads), Some(source))
             }
         };
         message.source = source;
         message
-    };
-    lanes.into_iter().map(encode).collect()
+    }
 }
 
 fn realtime_offset(arrival: &Arrival) -> i64 {

@@ -11,7 +11,7 @@ use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use sample::{Arrival, Payload, SourceId};
+use sample::{Arrival, LossPlace, Notice, Payload, SourceId};
 
 use crate::{Error, Finished, Options, Record, Result, Session};
 use worker::Worker;
@@ -28,7 +28,7 @@ pub struct Recorder {
 }
 
 pub(crate) enum Command {
-    Arrival(Arrival),
+    Arrivals(Vec<Arrival>),
     Record(Box<Record>),
     Rotate,
     Finish,
@@ -49,7 +49,20 @@ pub(crate) struct Shared {
 #[derive(Default)]
 struct Lost {
     arrivals: u64,
-    items: BTreeMap<SourceId, u64>,
+    items: LostItems,
+}
+
+/// Items lost, by source and place.
+pub(crate) type LostItems = BTreeMap<(SourceId, LossPlace), u64>;
+
+/// Those that were lost on the way to the disk.
+fn on_disk(items: &LostItems) -> BTreeMap<SourceId, u64> {
+    let on_disk = items
+        .iter()
+        .filter(|((_, place), _)| *place == LossPlace::Disk);
+    on_disk
+        .map(|((source, _), count)| (*source, *count))
+        .collect()
 }
 
 /// How the disk does.
@@ -92,6 +105,8 @@ pub struct RecorderSummary {
     pub unfinished: Vec<PathBuf>,
     /// Raw arrivals lost on the way to the disk.
     pub lost_arrivals: u64,
+    /// Items in them, by source: frames on CAN, reads on serial ports.
+    pub lost_items: BTreeMap<SourceId, u64>,
     /// Decoded records lost on the way to the disk.
     pub lost_records: u64,
     /// The disk's last refusal, if there was one.
@@ -130,19 +145,31 @@ impl Recorder {
     /// Takes the next arrival of the ordered stream. If the queue is full the arrival is lost and
     /// counted; `false` then.
     pub fn push(&self, arrival: Arrival) -> bool {
-        self.shared.waiting.fetch_add(1, Ordering::Relaxed);
-        match self.commands.try_send(Command::Arrival(arrival)) {
-            Ok(()) => true,
-            Err(
-                TrySendError::Full(Command::Arrival(arrival))
-                | TrySendError::Disconnected(Command::Arrival(arrival)),
-            ) => {
-                self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
-                self.shared.lose(&arrival);
-                false
-            }
-            Err(_) => false,
+        self.push_all(vec![arrival]) == 0
+    }
+
+    /// Takes the next arrivals of the ordered stream, at the price of one. What the queue has no
+    /// room for is lost, from the end, and counted; says how many arrivals that were.
+    pub fn push_all(&self, mut arrivals: Vec<Arrival>) -> usize {
+        let waiting = self
+            .shared
+            .waiting
+            .fetch_add(arrivals.len(), Ordering::Relaxed);
+        let room = self.shared.capacity.saturating_sub(waiting);
+        let mut lost = arrivals.split_off(room.min(arrivals.len()));
+        if !arrivals.is_empty()
+            && let Err(
+                TrySendError::Full(Command::Arrivals(refused))
+                | TrySendError::Disconnected(Command::Arrivals(refused)),
+            ) = self.commands.try_send(Command::Arrivals(arrivals))
+        {
+            lost.extend(refused);
         }
+        self.shared.waiting.fetch_sub(lost.len(), Ordering::Relaxed);
+        for arrival in &lost {
+            self.shared.lose(arrival);
+        }
+        lost.len()
     }
 
     /// Takes a decoded record. Records make way for arrivals: they are lost, and counted, when the
@@ -169,6 +196,12 @@ impl Recorder {
         let _ = self.commands.try_send(Command::Rotate);
     }
 
+    /// Arrivals and records that wait for the writer.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.shared.waiting.load(Ordering::Relaxed)
+    }
+
     /// How it does.
     #[must_use]
     pub fn status(&self) -> RecorderStatus {
@@ -182,7 +215,7 @@ impl Recorder {
             bytes: self.shared.bytes.load(Ordering::Relaxed),
             waiting: self.shared.waiting.load(Ordering::Relaxed),
             lost_arrivals: lost.arrivals,
-            lost_items: lost.items.clone(),
+            lost_items: on_disk(&lost.items),
             lost_records: self.shared.dropped_records.load(Ordering::Relaxed),
         }
     }
@@ -213,16 +246,24 @@ impl Drop for Recorder {
 
 impl Shared {
     pub(crate) fn lose(&self, arrival: &Arrival) {
-        let items = match &arrival.payload {
-            Payload::Can(frames) => frames.len() as u64,
-            Payload::Bytes(_) | Payload::Tick | Payload::Notice(_) => 1,
+        let (place, items) = match &arrival.payload {
+            Payload::Can(frames) => (LossPlace::Disk, frames.len() as u64),
+            Payload::Bytes(_) => (LossPlace::Disk, 1),
+            // What it told of is not forgotten with it. Losses on the way to the disk are counted
+            // here anyhow.
+            Payload::Notice(Notice::Lost { place, count }) if *place != LossPlace::Disk => {
+                (*place, *count)
+            }
+            Payload::Tick | Payload::Notice(_) => (LossPlace::Disk, 0),
         };
         let mut lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
         lost.arrivals += 1;
-        *lost.items.entry(arrival.source).or_default() += items;
+        if items > 0 {
+            *lost.items.entry((arrival.source, place)).or_default() += items;
+        }
     }
 
-    pub(crate) fn lost(&self) -> (u64, BTreeMap<SourceId, u64>) {
+    pub(crate) fn lost(&self) -> (u64, LostItems) {
         let lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
         (lost.arrivals, lost.items.clone())
     }

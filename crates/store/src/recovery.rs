@@ -123,15 +123,20 @@ pub fn recover(path: &Path) -> Result<Recovered> {
     })
 }
 
-/// Writes all that is intact in `input` as a finished log to `output`: what [`recover`] does, without
-/// files. Gives the number of messages.
+/// Writes all that is intact in `input` and in the `journals` beside it as a finished log to
+/// `output`: what [`recover`] does, without files. Gives the number of messages.
 ///
 /// # Errors
 /// If `input` does not begin like MCAP, or one of them fails.
-pub fn salvage<R: Read + Seek, W: Write>(mut input: R, output: W) -> Result<u64> {
+pub fn salvage<R: Read + Seek, W: Write>(
+    mut input: R,
+    journals: &[&[u8]],
+    output: W,
+) -> Result<u64> {
     let index = Index::scan_through(&mut input)?;
     let (scanner, _) = Scanner::new(input).map_err(Error::Sink)?;
-    Ok(copy(scanner, output, &index, Vec::new())?.messages)
+    let journal = journal::parse(journals.iter().copied());
+    Ok(copy(scanner, output, &index, journal)?.messages)
 }
 
 fn final_path(path: &Path) -> PathBuf {

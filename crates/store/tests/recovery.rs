@@ -105,7 +105,7 @@ fn a_log_cut_at_any_byte_recovers_what_is_whole() {
     for length in 0..=bytes.len() {
         let mut output = Vec::new();
         let count =
-            salvage(Cursor::new(&bytes[..length]), &mut output).expect("recovery never fails");
+            salvage(Cursor::new(&bytes[..length]), &[], &mut output).expect("recovery never fails");
         let messages = foreign(&output);
         assert_eq!(messages.len() as u64, count);
         assert_eq!(messages, whole[..messages.len()], "cut at {length}");
@@ -193,7 +193,12 @@ fn a_recovered_log_has_counters_of_what_was_saved() {
     assert_eq!(found["serial_bytes"], expected.serial_bytes);
     assert_eq!(found["first_sequence"], 0);
     assert_eq!(found["last_sequence"], saved.len() as u64 - 1);
-    let lost: u64 = expected.lost.values().sum();
+    // Of losses on the way to the disk, only a file that was closed can tell.
+    let before_disk = expected
+        .lost
+        .iter()
+        .filter(|((_, place), _)| *place != "disk");
+    let lost: u64 = before_disk.map(|(_, count)| count).sum();
     let told = found.iter().filter(|(name, _)| name.starts_with("lost."));
     assert_eq!(told.map(|(_, count)| count).sum::<u64>(), lost);
     let is_raw = |m: &&store::Message| m.channel.schema.starts_with("atvrec.Raw");
@@ -247,7 +252,7 @@ fn zeros_that_a_power_cut_left_behind_are_not_data() {
         let mut zeros = bytes[..cut].to_vec();
         zeros.resize(cut + 5_000, 0);
         let mut output = Vec::new();
-        salvage(Cursor::new(zeros), &mut output).expect("recovered");
+        salvage(Cursor::new(zeros), &[], &mut output).expect("recovered");
         let messages = foreign(&output);
         assert!(!messages.is_empty());
         assert_eq!(messages, expected[..messages.len()]);

@@ -8,33 +8,90 @@ use crate::column::{self, bit, bits, deltas, expect_len, sums};
 use crate::error::MessageError;
 use crate::proto::atvrec as pb;
 
-/// The batch of a bus.
-pub(super) fn encode(stamps: pb::ArrivalStamps, arrivals: &[&Arrival]) -> pb::RawCan {
-    let mut message = pb::RawCan::default();
-    let mut kinds: BTreeMap<(u32, u8, u8), u32> = BTreeMap::new();
-    let mut order: Vec<(u32, u8, u8)> = Vec::new();
-    let mut frames: Vec<(&CanFrame, i64)> = Vec::new();
-    for arrival in arrivals {
-        if let Payload::Can(list) = &arrival.payload {
-            message.frames.push(list.len() as u32);
-            frames.extend(list.iter().map(|frame| (frame, arrival.realtime_ns)));
-        }
-    }
-    if message.frames.iter().all(|count| *count == 1) {
-        message.frames.clear();
-    }
-    for (frame, _) in &frames {
-        let kind = (frame.id, frame.flags.to_bits(), frame.len.min(64));
-        let index = *kinds.entry(kind).or_insert_with(|| {
-            order.push(kind);
-            order.len() as u32 - 1
-        });
-        message.kind.push(index);
-    }
-    message.kind_id = order.iter().map(|kind| kind.0).collect();
-    message.kind_flags = order.iter().map(|kind| kind.1).collect();
-    message.kind_length = order.iter().map(|kind| kind.2).collect();
+/// Writes the batches of buses; keeps its compressor between them.
+#[derive(Default)]
+pub(super) struct Packer {
+    zstd: Option<zstd::bulk::Compressor<'static>>,
+}
 
+/// What frames of one kind share: identifier, flags, length.
+type Kind = (u32, u8, u8);
+
+/// The kinds of a batch, in the order in which they came.
+#[derive(Default)]
+struct Kinds {
+    order: Vec<Kind>,
+    index: BTreeMap<Kind, u32>,
+    last: usize,
+}
+
+impl Kinds {
+    /// Number of a frame's kind. Boxes send in turns, so that the kind behind the last one is tried
+    /// first.
+    fn of(&mut self, frame: &CanFrame) -> u32 {
+        let kind = (frame.id, frame.flags.to_bits(), frame.len.min(64));
+        let guess = if self.last + 1 < self.order.len() {
+            self.last + 1
+        } else {
+            0
+        };
+        if self.order.get(guess) == Some(&kind) {
+            self.last = guess;
+            return guess as u32;
+        }
+        let index = *self.index.entry(kind).or_insert_with(|| {
+            self.order.push(kind);
+            self.order.len() as u32 - 1
+        });
+        self.last = index as usize;
+        index
+    }
+}
+
+/// zstd level of the frames' data: higher ones gain nothing.
+const DATA_LEVEL: i32 = 1;
+
+impl Packer {
+    /// The batch of a bus.
+    pub(super) fn encode(
+        &mut self,
+        stamps: pb::ArrivalStamps,
+        arrivals: &[&Arrival],
+    ) -> pb::RawCan {
+        let mut message = pb::RawCan::default();
+        let mut frames: Vec<(&CanFrame, i64)> = Vec::with_capacity(arrivals.len());
+        for arrival in arrivals {
+            if let Payload::Can(list) = &arrival.payload {
+                message.frames.push(list.len() as u32);
+                frames.extend(list.iter().map(|frame| (frame, arrival.realtime_ns)));
+            }
+        }
+        if message.frames.iter().all(|count| *count == 1) {
+            message.frames.clear();
+        }
+        let mut kinds = Kinds::default();
+        message.kind = frames.iter().map(|(frame, _)| kinds.of(frame)).collect();
+        message.kind_id = kinds.order.iter().map(|kind| kind.0).collect();
+        message.kind_flags = kinds.order.iter().map(|kind| kind.1).collect();
+        message.kind_length = kinds.order.iter().map(|kind| kind.2).collect();
+        add_stamps(&mut message, &frames);
+        message.data_zstd = self.pack(&transpose(kinds.order.len(), &message.kind, &frames));
+        message.stamps = Some(stamps);
+        message
+    }
+
+    fn pack(&mut self, data: &[u8]) -> Vec<u8> {
+        if self.zstd.is_none() {
+            self.zstd = zstd::bulk::Compressor::new(DATA_LEVEL).ok();
+        }
+        // Compression into memory has no way to fail; an empty field would be told when read.
+        let packed = self.zstd.as_mut().map(|zstd| zstd.compress(data));
+        packed.and_then(Result::ok).unwrap_or_default()
+    }
+}
+
+/// Adds the kernel's and the adapter's stamps.
+fn add_stamps(message: &mut pb::RawCan, frames: &[(&CanFrame, i64)]) {
     let delays: Vec<i64> = frames
         .iter()
         .filter_map(|(frame, realtime)| Some(realtime.wrapping_sub(frame.kernel_ns?)))
@@ -50,17 +107,6 @@ pub(super) fn encode(stamps: pb::ArrivalStamps, arrivals: &[&Arrival]) -> pb::Ra
             bits(frames.iter().map(|(frame, _)| frame.hardware_ns.is_some()));
     }
     message.hardware_delta_ns = column::encode(&hardware);
-    message.data_zstd = pack(&transpose(order.len(), &message.kind, &frames));
-    message.stamps = Some(stamps);
-    message
-}
-
-/// zstd level of the frames' data: higher ones gain nothing.
-const DATA_LEVEL: i32 = 1;
-
-fn pack(data: &[u8]) -> Vec<u8> {
-    // Compression into memory has no way to fail; an empty field would be told when read.
-    zstd::bulk::compress(data, DATA_LEVEL).unwrap_or_default()
 }
 
 fn unpack(data: &[u8], length: usize) -> Result<Vec<u8>, MessageError> {

@@ -28,7 +28,8 @@ impl OpenFile {
         options: &Options,
         part: u32,
     ) -> Result<Self> {
-        let writer = Writer::create(path, session.clone(), options.clone(), part)?;
+        let mut writer = Writer::create(path, session.clone(), options.clone(), part)?;
+        writer.leave_disk_losses_to_recorder();
         let journal = options
             .journal_interval
             .map(|interval| Journal::create(path, session.clone(), interval))
@@ -63,19 +64,18 @@ impl OpenFile {
 
     pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
         self.since.get_or_insert(arrival.log_time);
-        let copy = self.journal.is_some().then(|| arrival.clone());
         self.writer.push(arrival)?;
         self.turn_journal()?;
-        match (&mut self.journal, copy) {
-            (Some(journal), Some(copy)) => journal.push(copy),
-            _ => Ok(()),
+        match &mut self.journal {
+            Some(journal) => journal.keep_up(self.writer.group()),
+            None => Ok(()),
         }
     }
 
     /// Nothing came for a while: what waits for the journal goes there.
     pub(crate) fn idle(&mut self) -> Result<()> {
         match &mut self.journal {
-            Some(journal) => journal.flush(),
+            Some(journal) => journal.flush(self.writer.group()),
             None => self.writer.flush(),
         }
     }

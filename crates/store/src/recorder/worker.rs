@@ -1,16 +1,15 @@
 //! The thread that compresses and writes.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, PoisonError, atomic::Ordering};
 use std::time::Instant;
 
-use sample::{Arrival, SourceId};
+use sample::Arrival;
 
 use super::open_file::OpenFile;
 use super::sync::{Job, Syncer};
-use super::{Command, DiskState, RecorderSummary, Shared};
+use super::{Command, DiskState, LostItems, RecorderSummary, Shared, on_disk};
 use crate::file::{Writer, part_path};
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, Finished, Options, Record, Result, Session};
@@ -43,15 +42,15 @@ enum Sink {
 /// What was lost on the way to the disk since the start of the run.
 #[derive(Default)]
 struct Losses {
-    items: BTreeMap<SourceId, u64>,
+    items: LostItems,
     records: u64,
 }
 
 impl Losses {
     fn since(&self, before: &Self) -> Self {
-        let items = self.items.iter().filter_map(|(source, count)| {
-            let more = count - before.items.get(source).copied().unwrap_or_default();
-            (more > 0).then_some((*source, more))
+        let items = self.items.iter().filter_map(|(of, count)| {
+            let more = count - before.items.get(of).copied().unwrap_or_default();
+            (more > 0).then_some((*of, more))
         });
         Self {
             items: items.collect(),
@@ -92,9 +91,11 @@ impl Worker {
         loop {
             let patience = self.options.journal_interval;
             match queue.recv_timeout(patience.unwrap_or(self.options.raw_interval)) {
-                Ok(Command::Arrival(arrival)) => {
-                    self.shared.taken();
-                    self.arrival(arrival);
+                Ok(Command::Arrivals(arrivals)) => {
+                    for arrival in arrivals {
+                        self.shared.taken();
+                        self.arrival(arrival);
+                    }
                 }
                 Ok(Command::Record(record)) => {
                     self.shared.taken();
@@ -368,9 +369,10 @@ impl Worker {
             Sink::Failing { pending, .. } => self.give_up(&pending),
         }
         self.shared.set_state(DiskState::Closed);
-        let (lost_arrivals, _) = self.shared.lost();
+        let (lost_arrivals, lost_items) = self.shared.lost();
         let mut summary = self.summary;
         summary.lost_arrivals = lost_arrivals;
+        summary.lost_items = on_disk(&lost_items);
         summary.lost_records = self.shared.dropped_records.load(Ordering::Relaxed);
         let unnamed = self.syncer.finish();
         summary
