@@ -47,6 +47,13 @@ const GYRO_BIAS_WALK: f64 = 3e-5;
 /// Readings beyond these are not a road vehicle's, m/s^2 and rad/s.
 const FORCE_MAX_M_S2: f64 = 200.0;
 const RATE_MAX_RAD_S: f64 = 20.0;
+/// While nothing has told a direction, the heading is the one that is taken: 0, and known.
+const HEADING_OF_NOTHING_RAD: f64 = 1e-3;
+/// A heading against which only a velocity is known, rad.
+const HEADING_UNKNOWN_RAD: f64 = 3.0;
+/// Specific force this near to gravity, as a part of it, shows how the body stands: what else may
+/// be in it tilts by no more than the attitude's deviation at the start.
+const AT_REST: f64 = 0.02;
 /// Time constant of the derivative of the rate, s.
 const RATE_DOT_TIME_S: f64 = 0.02;
 
@@ -93,6 +100,7 @@ pub struct MotionFilter {
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
+    levelled: bool,
     velocity_misses: u32,
     attitude_misses: u32,
     resets: u32,
@@ -160,6 +168,7 @@ impl MotionFilter {
             velocity_time: None,
             attitude_time: None,
             heading_known: false,
+            levelled: false,
             velocity_misses: 0,
             attitude_misses: 0,
             resets: 0,
@@ -204,7 +213,7 @@ impl MotionFilter {
         let s = &self.settings;
         let mut sigma = SVector::<f64, STATES>::zeros();
         sigma.fixed_rows_mut::<2>(ATTITUDE).fill(0.2);
-        sigma[ATTITUDE + 2] = 3.0;
+        sigma[ATTITUDE + 2] = HEADING_OF_NOTHING_RAD;
         sigma.fixed_rows_mut::<3>(VELOCITY).fill(20.0);
         sigma
             .fixed_rows_mut::<3>(ACCEL_BIAS)
@@ -218,6 +227,7 @@ impl MotionFilter {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         self.heading_known = false;
+        self.levelled = false;
         self.velocity_misses = 0;
         self.attitude_misses = 0;
         self.velocity_time = None;
@@ -235,8 +245,10 @@ impl MotionFilter {
         if !good || self.time.is_some_and(|last| time <= last) {
             return;
         }
-        let Some(last) = self.time else {
+        if !self.levelled {
             self.level(force);
+        }
+        let Some(last) = self.time else {
             self.begin(time, force, rate);
             return;
         };
@@ -302,9 +314,10 @@ impl MotionFilter {
         });
     }
 
-    /// Roll and pitch that a unit at rest would show.
+    /// Roll and pitch that a unit at rest would show, if it may be at rest.
     fn level(&mut self, force: Vector3<f64>) {
-        if force.norm() < 0.5 * STANDARD_GRAVITY_M_S2 {
+        self.levelled = true;
+        if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > AT_REST {
             return;
         }
         let roll = force.y.atan2(force.z);

@@ -1,10 +1,11 @@
 //! Corrections of the motion filter.
 
-use nalgebra::{Rotation3, SVector, Vector3};
+use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
 use sample::LogTime;
 
 use super::{
-    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, STATES, VELOCITY, cross, orthonormal, wrap,
+    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, VELOCITY, cross,
+    orthonormal, wrap,
 };
 
 /// Normalised innovation, standard deviations, beyond which a value is left out.
@@ -66,6 +67,9 @@ impl MotionFilter {
         if self.velocity_time.is_none() {
             self.adopt_velocity(residual);
             residual = Vector3::zeros();
+            if !self.heading_known {
+                self.forget_yaw(HEADING_UNKNOWN_RAD);
+            }
         }
         let slope = -cross(swing);
         let mut rejected = false;
@@ -120,13 +124,13 @@ impl MotionFilter {
         let Some(pose) = self.history.at(valid) else {
             return Verdict::Unusable;
         };
-        let (roll, pitch, yaw) = pose.earth_from_body.euler_angles();
+        let (roll, pitch, mut yaw) = pose.earth_from_body.euler_angles();
         let residual = |angle: Option<f64>, nominal: f64| {
             angle
                 .filter(|angle| angle.abs() < 1e6)
                 .map(|angle| wrap(angle - nominal))
         };
-        let residuals = [
+        let mut residuals = [
             residual(angles[0], yaw),
             residual(angles[1], pitch),
             residual(angles[2], roll),
@@ -141,13 +145,14 @@ impl MotionFilter {
                 }
             }
         }
+        let (mut used, mut rejected) = (false, false);
         if self.attitude_time.is_none()
-            && let Some(turn) = residuals[0]
+            && let Some(turn) = residuals[0].take()
         {
             self.adopt_yaw(turn, sigma[0]);
             self.heading_known = true;
-            self.attitude_time = Some(valid);
-            return Verdict::Used;
+            yaw += turn;
+            used = true;
         }
         let (sine, cosine) = yaw.sin_cos();
         let tangent = pitch.tan().clamp(-2.0, 2.0);
@@ -158,7 +163,6 @@ impl MotionFilter {
             [secant * cosine, secant * sine, 0.0],
         ];
         let mut delta = SVector::<f64, STATES>::zeros();
-        let (mut used, mut rejected) = (false, false);
         for axis in 0..3 {
             let Some(value) = residuals[axis] else {
                 continue;
@@ -199,11 +203,38 @@ impl MotionFilter {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
         self.earth_from_body = rotation * self.earth_from_body;
         self.history.correct(rotation, Vector3::zeros());
+        self.turn_covariance(&rotation);
+        self.forget_yaw(sigma);
         // A velocity that was known in earth axes stays; one that was known in the body's turns
-        // with it.
+        // with it, and is as uncertain across as the heading: d v = d psi z x v.
         if self.velocity_time.is_none() {
             self.velocity_m_s = rotation * self.velocity_m_s;
+            let mut along = SVector::<f64, STATES>::zeros();
+            along[VELOCITY] = -self.velocity_m_s.y;
+            along[VELOCITY + 1] = self.velocity_m_s.x;
+            let spread = along * (sigma * sigma);
+            self.covariance += spread * along.transpose();
+            for j in 0..STATES {
+                self.covariance[(ATTITUDE + 2, j)] += spread[j];
+                self.covariance[(j, ATTITUDE + 2)] += spread[j];
+            }
         }
+    }
+
+    /// Errors in earth axes turn with the body: they were found in its axes.
+    fn turn_covariance(&mut self, rotation: &Rotation3<f64>) {
+        let mut turn = SMatrix::<f64, STATES, STATES>::identity();
+        for block in [ATTITUDE, VELOCITY] {
+            let mut part = turn.fixed_view_mut::<3, 3>(block, block);
+            if block == ATTITUDE || self.velocity_time.is_none() {
+                part.copy_from(rotation.matrix());
+            }
+        }
+        self.covariance = turn * self.covariance * turn.transpose();
+    }
+
+    /// Leaves nothing known of the heading but its deviation.
+    fn forget_yaw(&mut self, sigma: f64) {
         let i = ATTITUDE + 2;
         for j in 0..STATES {
             self.covariance[(i, j)] = 0.0;
