@@ -43,6 +43,12 @@ python: venv ## Reference readers on our logs, and the Python package's tests
 rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 	@scripts/test-rig
 
+rig-full: deb ## The whole rig: the Debian package, twenty power cuts, sources under stress
+	@scripts/test-rig full
+
+deb: setup ## The Debian package, target/debian/atvrec_*.deb
+	@scripts/deb
+
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench
 

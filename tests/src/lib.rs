@@ -1,5 +1,7 @@
 //! Helpers shared by the cross-crate tests.
 
+pub mod rig;
+
 use std::path::{Path, PathBuf};
 
 use sample::Health;

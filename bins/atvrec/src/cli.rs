@@ -63,6 +63,14 @@ pub enum Command {
     Mark(MarkArgs),
     /// Show how the running recorder does.
     Status(StatusArgs),
+    /// Begin to write, until `stop`.
+    Start(OrderArgs),
+    /// End writing; sources and estimator go on.
+    Stop(OrderArgs),
+    /// Let the running recorder read its configuration again, without losing a frame.
+    Reload(OrderArgs),
+    /// Bring the configuration's CAN interfaces up; needs CAP_NET_ADMIN.
+    Link(LinkArgs),
     /// Make project files from others' formats.
     #[command(subcommand)]
     Import(ImportCommand),
@@ -284,9 +292,9 @@ pub struct RecoverArgs {
 /// Where the running recorder listens.
 #[derive(Debug, Args)]
 pub struct SocketArgs {
-    /// Configuration of the recorder.
-    #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
-    pub config: PathBuf,
+    /// Configuration of the recorder [default: atvrec.toml, else /etc/atvrec/atvrec.toml].
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
     /// Its control socket, if the configuration is not at hand.
     #[arg(long, value_name = "PATH", conflicts_with = "config")]
     pub socket: Option<PathBuf>,
@@ -302,6 +310,14 @@ pub struct MarkArgs {
     pub socket: SocketArgs,
 }
 
+/// `atvrec start`, `atvrec stop` and `atvrec reload`.
+#[derive(Debug, Args)]
+pub struct OrderArgs {
+    /// Where the recorder listens.
+    #[command(flatten)]
+    pub socket: SocketArgs,
+}
+
 /// `atvrec status`.
 #[derive(Debug, Args)]
 pub struct StatusArgs {
@@ -311,6 +327,17 @@ pub struct StatusArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `atvrec link`.
+#[derive(Debug, Args)]
+pub struct LinkArgs {
+    /// Only these; one that no source reads is left alone.
+    #[arg(value_name = "INTERFACE")]
+    pub interfaces: Vec<String>,
+    /// Configuration.
+    #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
+    pub config: PathBuf,
 }
 
 /// `atvrec import`.

@@ -7,6 +7,7 @@ pub mod demo;
 pub mod export;
 pub mod import;
 pub mod info;
+pub mod link;
 pub mod record;
 pub mod recover;
 pub mod replay;

@@ -8,6 +8,7 @@ mod reader;
 mod roles;
 mod source;
 mod storage;
+mod trigger;
 
 use std::path::{Path, PathBuf};
 
@@ -21,6 +22,7 @@ pub use reader::Problems;
 pub use roles::Role;
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::Storage;
+pub use trigger::Trigger;
 
 use reader::{Gatherer, Section};
 
@@ -94,7 +96,7 @@ impl Config {
         let mut top = Section::new("", table);
         let sources = top.section("source", &mut gather);
         let sources = source::read_all(sources, &mut files, &mut gather);
-        let storage = Storage::read(top.section("storage", &mut gather), &mut gather);
+        let storage = Storage::read(top.section("storage", &mut gather), &sources, &mut gather);
         let vehicle = top.section("vehicle", &mut gather);
         let section = top.section("estimator", &mut gather);
         let estimator = estimator::read(section, vehicle, &mut files, &mut gather);

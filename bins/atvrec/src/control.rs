@@ -5,16 +5,18 @@
 use std::io;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
 use acq::Sequencer;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use store::{DiskState, Recorder};
+use store::DiskState;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{UnixListener, UnixStream};
+use tokio::sync::{mpsc, oneshot};
 
+pub use crate::board::{Board, Writing};
 use crate::config::Config;
 
 /// Longest request, bytes.
@@ -35,6 +37,37 @@ pub enum Request {
     },
     /// Tell how things are.
     Status,
+    /// Begin to write, until told otherwise.
+    Start,
+    /// End writing; sources and estimator go on.
+    Stop,
+    /// Read the configuration again.
+    Reload,
+}
+
+/// What only the pipeline can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Begin to write, until told otherwise.
+    Start,
+    /// End writing; sources and estimator go on.
+    Stop,
+    /// Read the configuration again.
+    Reload,
+}
+
+/// What became of an order, in words.
+pub type Answer = anyhow::Result<String>;
+
+/// What requests are answered from.
+#[derive(Clone)]
+pub struct Desk {
+    /// The stream.
+    pub sequencer: Sequencer,
+    /// What the pipeline says of itself.
+    pub board: Arc<Board>,
+    /// Where orders go.
+    pub orders: mpsc::Sender<(Order, oneshot::Sender<Answer>)>,
 }
 
 /// Where a recorder with this configuration listens.
@@ -77,13 +110,13 @@ impl Listener {
     }
 
     /// Answers, one after the other, until it is dropped.
-    pub async fn serve(&self, sequencer: Sequencer, recorder: Weak<Recorder>) {
+    pub async fn serve(&self, desk: Desk) {
         loop {
             match self.listener.accept().await {
                 Ok((stream, _)) => {
-                    let (sequencer, recorder) = (sequencer.clone(), recorder.clone());
+                    let desk = desk.clone();
                     tokio::spawn(async move {
-                        if let Err(error) = answer(stream, &sequencer, &recorder).await {
+                        if let Err(error) = answer(stream, &desk).await {
                             tracing::debug!(%error, "a control request was not answered");
                         }
                     });
@@ -104,22 +137,32 @@ impl Drop for Listener {
     }
 }
 
-async fn answer(
-    stream: UnixStream,
-    sequencer: &Sequencer,
-    recorder: &Weak<Recorder>,
-) -> io::Result<()> {
+async fn answer(stream: UnixStream, desk: &Desk) -> io::Result<()> {
     let (read, mut write) = stream.into_split();
     let mut line = String::new();
     BufReader::new(read.take(REQUEST_MAX))
         .read_line(&mut line)
         .await?;
     let value = match serde_json::from_str(&line) {
-        Ok(Request::Mark { text }) => mark(sequencer, &text),
-        Ok(Request::Status) => status(sequencer, recorder.upgrade()),
+        Ok(Request::Mark { text }) => mark(&desk.sequencer, &text),
+        Ok(Request::Status) => status(desk),
+        Ok(Request::Start) => order(desk, Order::Start).await,
+        Ok(Request::Stop) => order(desk, Order::Stop).await,
+        Ok(Request::Reload) => order(desk, Order::Reload).await,
         Err(error) => json!({ "error": format!("not understood: {error}") }),
     };
     write.write_all(format!("{value}\n").as_bytes()).await
+}
+
+async fn order(desk: &Desk, order: Order) -> Value {
+    let (reply, answer) = oneshot::channel();
+    // Both fail only when the recorder ends.
+    let _ = desk.orders.send((order, reply)).await;
+    match answer.await {
+        Ok(Ok(said)) => json!({ "writing": said }),
+        Ok(Err(error)) => json!({ "error": format!("{error:#}") }),
+        Err(_) => json!({ "error": "the recorder is ending" }),
+    }
 }
 
 fn mark(sequencer: &Sequencer, text: &str) -> Value {
@@ -129,13 +172,15 @@ fn mark(sequencer: &Sequencer, text: &str) -> Value {
     json!({ "time_ns": sequencer.mark(text).0 })
 }
 
-fn status(sequencer: &Sequencer, recorder: Option<Arc<Recorder>>) -> Value {
-    let sources: Vec<Value> = sequencer
+fn status(desk: &Desk) -> Value {
+    let sources: Vec<Value> = desk
+        .sequencer
         .counters()
         .into_iter()
         .map(|(id, counters)| {
             json!({
                 "source": id,
+                "name": desk.board.source_name(id),
                 "open": counters.open,
                 "state": counters.state,
                 "items": counters.items,
@@ -145,26 +190,46 @@ fn status(sequencer: &Sequencer, recorder: Option<Arc<Recorder>>) -> Value {
             })
         })
         .collect();
-    let disk = recorder.map(|recorder| {
+    let now = desk.sequencer.clock().now();
+    let kept_s = desk
+        .sequencer
+        .kept_since()
+        .map(|since| now.seconds_since(since));
+    json!({
+        "now_ns": now.0,
+        "arrivals": desk.sequencer.next_sequence(),
+        "writing": desk.board.writing(),
+        "memory_s": kept_s,
+        "sources": sources,
+        "disk": disk(&desk.board),
+    })
+}
+
+fn disk(board: &Board) -> Value {
+    let estimate = board.estimate();
+    let mut disk = json!({
+        "state": "closed",
+        "detail": "",
+        "bytes": 0,
+        "waiting": 0,
+        "room_bytes": estimate.room_bytes,
+        "rate_bytes_s": estimate.rate_bytes_s,
+        "lasts_s": estimate.lasts_s(),
+        "estimate": estimate.to_string(),
+    });
+    if let Some(recorder) = board.recorder() {
         let status = recorder.status();
         let (state, detail) = match status.disk {
             DiskState::Writing(path) => ("writing", path.display().to_string()),
             DiskState::Failing { reason } => ("failing", reason),
             DiskState::Closed => ("closed", String::new()),
         };
-        json!({
-            "state": state,
-            "detail": detail,
-            "bytes": status.bytes,
-            "waiting": status.waiting,
-            "lost_arrivals": status.lost_arrivals,
-            "lost_records": status.lost_records,
-        })
-    });
-    json!({
-        "now_ns": sequencer.clock().now().0,
-        "arrivals": sequencer.next_sequence(),
-        "sources": sources,
-        "disk": disk,
-    })
+        disk["state"] = state.into();
+        disk["detail"] = detail.into();
+        disk["bytes"] = status.bytes.into();
+        disk["waiting"] = status.waiting.into();
+        disk["lost_arrivals"] = status.lost_arrivals.into();
+        disk["lost_records"] = status.lost_records.into();
+    }
+    disk
 }

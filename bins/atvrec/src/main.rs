@@ -1,5 +1,6 @@
 //! `atvrec`: a telemetry recorder and tyre-force estimator for rugged vehicle PCs.
 
+mod board;
 mod cli;
 mod cmd;
 mod config;
@@ -7,6 +8,7 @@ mod control;
 mod devices;
 mod engine;
 mod exit;
+mod messages;
 mod missing;
 mod pipeline;
 mod progress;
@@ -16,21 +18,21 @@ mod rig;
 mod session;
 mod verify;
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
 
 use cli::{Cli, Command, ImportCommand};
+use control::Request;
 use exit::Outcome;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_messages(cli.verbose, cli.quiet);
+    messages::start(cli.verbose, cli.quiet);
     match run(cli) {
         Ok(outcome) => outcome.into(),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            messages::failed(&error);
             exit::code_of(&error)
         }
     }
@@ -52,26 +54,11 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Recover(args) => cmd::recover::run(&args),
         Command::Mark(args) => cmd::control::mark(&args),
         Command::Status(args) => cmd::control::status(&args),
+        Command::Start(args) => cmd::control::order(&args, &Request::Start),
+        Command::Stop(args) => cmd::control::order(&args, &Request::Stop),
+        Command::Reload(args) => cmd::control::order(&args, &Request::Reload),
+        Command::Link(args) => cmd::link::run(&args),
         Command::Import(ImportCommand::Vehicle(args)) => cmd::import::run(&args),
         Command::Completions(args) => cmd::completions::run(&args),
     }
-}
-
-/// The program's own messages go to standard error; `ATVREC_LOG` filters them finer.
-fn start_messages(verbose: u8, quiet: bool) {
-    use tracing_subscriber::EnvFilter;
-    let level = match (quiet, verbose) {
-        (true, _) => "error",
-        (false, 0) => "info",
-        (false, 1) => "debug",
-        (false, _) => "trace",
-    };
-    let filter = EnvFilter::try_from_env("ATVREC_LOG").unwrap_or_else(|_| EnvFilter::new(level));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .compact()
-        .init();
 }

@@ -3,36 +3,55 @@
 //!
 //! ```text
 //! sources (tokio tasks) ─► Sequencer ─┬─► thread "recorder": arrivals ─────────► store::Recorder
-//!                                     └─► thread "engine": arrivals ─► records ─► store::Recorder
+//!                                     ├─► thread "engine": arrivals ─► records ─► store::Recorder
+//!                                     └─► memory before a trigger, thread "live engine", triggers
 //! ```
+//!
+//! The sources run from start to end. Runs of files come and go: at the start, with `atvrec start`
+//! and `stop`, at triggers, and with a new configuration, each between two arrivals. Every run has
+//! an engine of its own that begins with its first arrival, so that a replay of its files finds the
+//! same.
 
+mod pulse;
+mod run;
+
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::thread::{self, JoinHandle};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use acq::{LogClock, QueueSizes, Sequencer, Supervisor};
+use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
-use sample::{Arrival, Health, LogTime, LossPlace, Payload, Severity};
-use store::{LogMessage, Record, Recorder, RecorderSummary};
+use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
+use store::RecorderSummary;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
+use tokio::task::{JoinError, JoinSet};
 
-use crate::config::Config;
-use crate::control::{self, Listener};
+use crate::config::{Config, Trigger};
+use crate::control::{self, Answer, Board, Desk, Listener, Order, Writing};
 use crate::engine::Engine;
-use crate::{retention, session};
+use crate::retention;
+use pulse::{Pulses, notify};
+use run::{Fired, Live, Progress, Run, Voice, join, judge, open_files};
 
 /// Time between two ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
 /// How long sources may take to end; the whole stop takes less than 2 s.
 const STOP_DEADLINE: Duration = Duration::from_millis(1_000);
-/// The service manager hears of progress this often, at least.
-const WATCHDOG: Duration = Duration::from_millis(500);
+/// Kept in memory beyond the time before a trigger, while files are being made.
+const MEMORY_SLACK: Duration = Duration::from_secs(2);
+/// Arrivals that may wait for an engine that nobody writes down, and for the look at triggers.
+const LISTENER_QUEUE: usize = 8_192;
+/// Triggers that may wait.
+const FIRED_QUEUE: usize = 256;
+/// Orders that may wait.
+const ORDER_QUEUE: usize = 8;
 
 /// What became of a recording.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Summary {
     /// The files that were written.
     pub files: Vec<PathBuf>,
@@ -42,8 +61,10 @@ pub struct Summary {
     pub arrivals: u64,
     /// What the disk took.
     pub recorder: RecorderSummary,
-    /// Counters of each source.
+    /// Counters of each source, of the last run or of the time without one.
     pub health: Health,
+    /// Items lost before the disk, by place, over all sources and runs.
+    pub lost: [u64; LossPlace::ALL.len()],
     /// Tasks that had to be cut off.
     pub stuck: Vec<String>,
 }
@@ -51,186 +72,100 @@ pub struct Summary {
 impl Summary {
     /// Items lost, by place, over all sources.
     pub fn lost(&self) -> [u64; LossPlace::ALL.len()] {
-        let mut lost = [0; LossPlace::ALL.len()];
-        for source in &self.health.sources {
-            for (sum, count) in lost.iter_mut().zip(source.lost) {
-                *sum += count;
-            }
-        }
+        let mut lost = self.lost;
         lost[LossPlace::Disk as usize] += self.recorder.lost_arrivals;
         lost
     }
+
+    fn add(&mut self, more: RecorderSummary) {
+        self.files.extend(more.files.iter().map(|f| f.path.clone()));
+        let all = &mut self.recorder;
+        all.files.extend(more.files);
+        all.unfinished.extend(more.unfinished);
+        all.lost_arrivals += more.lost_arrivals;
+        all.lost_records += more.lost_records;
+        all.last_failure = more.last_failure.or(all.last_failure.take());
+    }
 }
 
-/// How far each consumer has come: what the watchdog looks at.
-#[derive(Debug, Default)]
-struct Progress {
-    recorder: AtomicU64,
-    engine: AtomicU64,
-}
+/// Reads the configuration again.
+pub type Reload<'a> = &'a dyn Fn() -> anyhow::Result<Config>;
 
 /// Records until `stop` is ready, then ends everything in order: sources, stream, threads, files.
-pub async fn record(config: &Config, stop: impl Future<Output = ()>) -> anyhow::Result<Summary> {
-    let clock = LogClock::start();
-    let started = clock.now();
+pub async fn record(
+    config: Config,
+    reload: Option<Reload<'_>>,
+    stop: impl Future<Output = ()>,
+) -> anyhow::Result<Summary> {
     let begin = Instant::now();
-    let session = session::live(config, started);
-    let engine = Engine::new(config)?;
-    let recorder = start_recorder(config, session)?;
-    let control = Listener::open(&control::socket_path(config))?;
-    let (sequencer, streams) = Sequencer::new(clock, QueueSizes::default());
-    let progress = Arc::new(Progress::default());
-    let raw = spawn_recorder(
-        streams.recorder,
-        Arc::clone(&recorder),
-        Arc::clone(&progress),
-    )?;
-    let estimates = streams
-        .estimator
-        .map(|queue| spawn_engine(engine, queue, Arc::clone(&recorder), Arc::clone(&progress)))
-        .transpose()?;
-
-    let mut supervisor = Supervisor::new(sequencer.clone());
-    supervisor.spawn_ticks(TICK);
-    for source in &config.sources {
-        supervisor.spawn(source.spec.clone());
-    }
+    make_directory(&config)?;
+    let listener = Listener::open(&control::socket_path(&config))?;
+    recover_unfinished(&config.storage.directory);
+    let (orders, mut waiting) = mpsc::channel(ORDER_QUEUE);
+    let (fired, mut triggers) = mpsc::channel(FIRED_QUEUE);
+    let mut conductor = Conductor::new(config, reload, fired);
+    conductor.start().await?;
     notify(&[sd_notify::NotifyState::Ready]);
-    tracing::info!(sources = config.sources.len(), "recording");
-    tokio::select! {
-        () = watch(&progress, stop) => {}
-        () = control.serve(sequencer.clone(), Arc::downgrade(&recorder)) => {}
-        () = retention::keep(config.storage.directory.clone(), config.storage.limits) => {}
-    }
-    drop(control);
 
-    notify(&[sd_notify::NotifyState::Stopping]);
-    let stuck = match supervisor.stop(STOP_DEADLINE).await {
-        Ok(()) => Vec::new(),
-        Err(stuck) => {
-            tracing::warn!(%stuck, "sources did not end in time");
-            stuck.names
-        }
+    let desk = Desk {
+        sequencer: conductor.sequencer.clone(),
+        board: Arc::clone(&conductor.board),
+        orders,
     };
-    let arrivals = sequencer.next_sequence();
-    sequencer.finish();
-    join("recorder", raw)?;
-    let health = match estimates {
-        Some(thread) => join("engine", thread)?,
-        None => Health::default(),
-    };
-    let recorder = Arc::into_inner(recorder).context("a thread still holds the recorder")?;
-    let summary = recorder.finish()?;
-    Ok(Summary {
-        files: summary.files.iter().map(|f| f.path.clone()).collect(),
-        duration_s: begin.elapsed().as_secs_f64(),
-        arrivals,
-        recorder: summary,
-        health,
-        stuck,
-    })
-}
-
-fn spawn_recorder(
-    mut queue: mpsc::Receiver<Arc<Arrival>>,
-    recorder: Arc<Recorder>,
-    progress: Arc<Progress>,
-) -> anyhow::Result<JoinHandle<()>> {
-    let run = move || {
-        while let Some(arrival) = queue.blocking_recv() {
-            let sequence = arrival.sequence;
-            recorder.push(Arc::unwrap_or_clone(arrival));
-            progress.recorder.store(sequence, Ordering::Relaxed);
-        }
-    };
-    spawn("recorder", run)
-}
-
-fn spawn_engine(
-    mut engine: Engine,
-    mut queue: mpsc::Receiver<Arc<Arrival>>,
-    recorder: Arc<Recorder>,
-    progress: Arc<Progress>,
-) -> anyhow::Result<JoinHandle<Health>> {
-    let run = move || {
-        let mut last = LogTime::default();
-        let mut records = Vec::new();
-        while let Some(arrival) = queue.blocking_recv() {
-            last = arrival.log_time;
-            engine.push(&arrival, &mut records);
-            for record in records.drain(..) {
-                // What happened to a source itself, the source has said on the terminal.
-                if let Record::Log(message) = &record
-                    && !matches!(arrival.payload, Payload::Notice(_))
-                {
-                    say(message);
-                }
-                recorder.record(record);
-            }
-            progress.engine.store(arrival.sequence, Ordering::Relaxed);
-        }
-        engine.health(last)
-    };
-    spawn("engine", run)
-}
-
-fn spawn<T: Send + 'static>(
-    name: &str,
-    run: impl FnOnce() -> T + Send + 'static,
-) -> anyhow::Result<JoinHandle<T>> {
-    thread::Builder::new()
-        .name(name.to_owned())
-        .spawn(run)
-        .with_context(|| format!("cannot start the thread {name}"))
-}
-
-fn join<T>(name: &str, thread: JoinHandle<T>) -> anyhow::Result<T> {
-    thread
-        .join()
-        .map_err(|_| anyhow::anyhow!("the thread {name} ended with a panic; see its message above"))
-}
-
-/// What the log says to people is said on the terminal too.
-fn say(message: &LogMessage) {
-    let (name, text) = (&message.name, &message.text);
-    match message.severity {
-        Severity::Info => tracing::info!(source = %name, "{text}"),
-        Severity::Warning => tracing::warn!(source = %name, "{text}"),
-        Severity::Error => tracing::error!(source = %name, "{text}"),
-    }
-}
-
-/// Waits for the end, and tells the service manager that all is well as long as both consumers
-/// take arrivals. Ticks give them some even if every device is silent.
-async fn watch(progress: &Progress, stop: impl Future<Output = ()>) {
+    let mut serving = Box::pin(listener.serve(desk));
+    let watchdog = tokio::spawn(conductor.pulses.clone().watch());
+    let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     let mut stop = std::pin::pin!(stop);
-    let mut interval = tokio::time::interval(WATCHDOG);
-    let mut last = None;
+    let mut keep = Box::pin(conductor.retention());
     loop {
+        let trigger_ends = until(conductor.left_of_trigger());
         tokio::select! {
-            () = &mut stop => return,
-            _ = interval.tick() => {
-                let now = (
-                    progress.recorder.load(Ordering::Relaxed),
-                    progress.engine.load(Ordering::Relaxed),
-                );
-                let moved = last.is_none_or(|(recorder, engine)| now.0 > recorder && now.1 > engine);
-                last = Some(now);
-                if moved {
-                    notify(&[sd_notify::NotifyState::Watchdog]);
-                } else {
-                    tracing::debug!(?now, "no progress");
-                }
+            biased;
+            () = &mut stop => break,
+            () = &mut serving => break,
+            Some((order, reply)) = waiting.recv() => {
+                let answer = conductor.obey(order).await;
+                // Who asked may have gone.
+                let _ = reply.send(answer);
+                keep = Box::pin(conductor.retention());
             }
+            _ = hangup.recv() => {
+                if let Err(error) = conductor.reload().await {
+                    tracing::error!("the configuration was not read again: {error:#}");
+                }
+                keep = Box::pin(conductor.retention());
+            }
+            Some(fired) = triggers.recv() => conductor.fire(fired).await,
+            () = trigger_ends => conductor.pause(),
+            Some(closed) = conductor.closing.join_next() => conductor.closed(closed),
+            () = &mut keep => {}
         }
+    }
+    watchdog.abort();
+    notify(&[sd_notify::NotifyState::Stopping]);
+    drop(serving);
+    drop(listener);
+    drop(triggers);
+    let mut summary = conductor.finish().await?;
+    summary.duration_s = begin.elapsed().as_secs_f64();
+    Ok(summary)
+}
+
+async fn until(left: Option<Duration>) {
+    match left {
+        Some(left) => tokio::time::sleep(left).await,
+        None => std::future::pending().await,
     }
 }
 
-/// Tells the service manager, if there is one.
-fn notify(states: &[sd_notify::NotifyState<'_>]) {
-    if let Err(error) = sd_notify::notify(states) {
-        tracing::debug!(%error, "the service manager was not told");
-    }
+fn make_directory(config: &Config) -> anyhow::Result<()> {
+    let directory = &config.storage.directory;
+    std::fs::create_dir_all(directory).with_context(|| {
+        format!(
+            "cannot make the log directory {}; name another one in storage.directory",
+            directory.display()
+        )
+    })
 }
 
 /// Makes whole what an earlier run could not close. What cannot be made whole stays as it is.
@@ -258,18 +193,352 @@ fn recover_unfinished(directory: &Path) {
     }
 }
 
-fn start_recorder(config: &Config, session: store::Session) -> anyhow::Result<Arc<Recorder>> {
-    let storage = &config.storage;
-    std::fs::create_dir_all(&storage.directory).with_context(|| {
-        format!(
-            "cannot make the log directory {}; name another one in storage.directory",
-            storage.directory.display()
-        )
-    })?;
-    recover_unfinished(&storage.directory);
-    let time = session::utc_compact(session.started.0 / 1_000_000_000);
-    let stem = format!("{}-{time}", storage.name);
-    let options = storage.options.clone();
-    let recorder = Recorder::start(&storage.directory, &stem, session, options)?;
-    Ok(Arc::new(recorder))
+/// Decides when files are written, and by which configuration.
+struct Conductor<'a> {
+    config: Arc<Config>,
+    reload: Option<Reload<'a>>,
+    sequencer: Sequencer,
+    supervisor: Supervisor,
+    pulses: Pulses,
+    board: Arc<Board>,
+    fired: mpsc::Sender<Fired>,
+    run: Option<Run>,
+    /// When a triggered run ends; `None` for one that goes on until it is told otherwise.
+    until: Option<LogTime>,
+    live: Option<JoinHandle<Health>>,
+    /// Ends the look for triggers and the engine that looks for events, when dropped.
+    armed: JoinSet<()>,
+    closing: JoinSet<Closed>,
+    summary: Summary,
+    /// The first run that did not end well.
+    failed: Option<anyhow::Error>,
+}
+
+type Closed = anyhow::Result<(RecorderSummary, Engine, Progress)>;
+
+impl<'a> Conductor<'a> {
+    fn new(config: Config, reload: Option<Reload<'a>>, fired: mpsc::Sender<Fired>) -> Self {
+        let sequencer = Sequencer::idle(LogClock::start());
+        Self {
+            board: Arc::new(Board::new(&config)),
+            config: Arc::new(config),
+            reload,
+            supervisor: Supervisor::new(sequencer.clone()),
+            sequencer,
+            pulses: Pulses::default(),
+            fired,
+            run: None,
+            until: None,
+            live: None,
+            armed: JoinSet::new(),
+            closing: JoinSet::new(),
+            summary: Summary::default(),
+            failed: None,
+        }
+    }
+
+    async fn start(&mut self) -> anyhow::Result<()> {
+        if self.config.storage.trigger.is_none() {
+            self.begin(Arc::clone(&self.config), None, None).await?;
+        }
+        self.arm()?;
+        self.supervisor.spawn_ticks(TICK);
+        for spec in specs(&self.config) {
+            self.supervisor.spawn(spec);
+        }
+        let sources = self.config.sources.len();
+        let state = self.board.writing();
+        tracing::info!(sources, "{state}; {}", self.board.estimate());
+        Ok(())
+    }
+
+    fn retention(&self) -> impl Future<Output = ()> + use<> {
+        let storage = &self.config.storage;
+        retention::keep(storage.directory.clone(), storage.limits)
+    }
+
+    async fn obey(&mut self, order: Order) -> Answer {
+        match order {
+            Order::Start => {
+                self.until = None;
+                if self.run.is_none() {
+                    let config = Arc::clone(&self.config);
+                    self.begin(config, None, None).await?;
+                }
+                self.board.set(Writing::Always);
+            }
+            Order::Stop => self.stop().await?,
+            Order::Reload => self.reload().await?,
+        }
+        Ok(self.board.writing())
+    }
+
+    /// Begins a run, in the place of the one that there may be; with `numbers`, by another
+    /// configuration.
+    async fn begin(
+        &mut self,
+        config: Arc<Config>,
+        since: Option<LogTime>,
+        numbers: Option<Numbers>,
+    ) -> anyhow::Result<()> {
+        let started = since.unwrap_or_else(|| self.sequencer.clock().now());
+        let engine = Engine::new(&config)?;
+        let voice = Voice {
+            aloud: match numbers {
+                Some(_) => config.storage.trigger.is_none(),
+                None => self.live.is_none(),
+            },
+            events: None,
+        };
+        let made = tokio::task::spawn_blocking(move || open_files(&config, started));
+        let recorder = made.await.context("making the files failed")??;
+        let numbers = numbers.unwrap_or_default();
+        let sizes = QueueSizes::default();
+        let streams = self.sequencer.begin(sizes, since, &numbers);
+        self.board.write_to(&recorder);
+        let next = Run::start(recorder, engine, streams, &self.pulses, voice)?;
+        if let Some(old) = self.run.replace(next) {
+            self.close(old);
+        }
+        self.board.set(Writing::Always);
+        Ok(())
+    }
+
+    /// Closes a run's files beside everything else.
+    fn close(&mut self, run: Run) {
+        self.closing.spawn_blocking(move || run.finish());
+    }
+
+    fn closed(&mut self, closed: Result<Closed, JoinError>) {
+        match closed.context("closing the files failed").and_then(|c| c) {
+            Ok((more, engine, progress)) => {
+                self.summary.add(more);
+                self.summary.health = engine.health(progress.time);
+            }
+            Err(error) => {
+                tracing::error!("a run did not end well: {error:#}");
+                self.failed.get_or_insert(error);
+            }
+        }
+    }
+
+    /// A trigger was met: what was kept in memory before it is written, and what follows.
+    async fn fire(&mut self, fired: Fired) {
+        let Some(trigger) = self.config.storage.trigger.clone() else {
+            return;
+        };
+        let until = fired.time + nanos(trigger.post);
+        if self.run.is_some() {
+            self.until = self.until.map(|before| before.max(until));
+            return;
+        }
+        let since = LogTime(
+            fired
+                .time
+                .0
+                .saturating_sub(nanos(trigger.memory.duration) as u64),
+        );
+        let config = Arc::clone(&self.config);
+        match self.begin(config, Some(since), None).await {
+            Ok(()) => {
+                self.until = Some(until);
+                tracing::info!(reason = %fired.reason, "triggered");
+                self.board.set(Writing::Triggered(fired.reason));
+            }
+            Err(error) => tracing::error!("the trigger was not recorded: {error:#}"),
+        }
+    }
+
+    /// Time until the end of a triggered run.
+    fn left_of_trigger(&self) -> Option<Duration> {
+        let until = self.until.filter(|_| self.run.is_some())?;
+        let left_ns = until - self.sequencer.clock().now();
+        Some(Duration::from_nanos(u64::try_from(left_ns).unwrap_or(0)))
+    }
+
+    /// Ends the run and goes on listening.
+    fn pause(&mut self) {
+        self.until = None;
+        self.sequencer.pause();
+        if let Some(run) = self.run.take() {
+            self.close(run);
+        }
+        self.board.set(self.at_rest());
+        tracing::info!("{}", self.board.writing());
+    }
+
+    fn at_rest(&self) -> Writing {
+        match &self.config.storage.trigger {
+            Some(_) => Writing::Armed,
+            None => Writing::Stopped,
+        }
+    }
+
+    /// Ends the run and waits for its files. Its engine goes on, where no other one runs.
+    async fn stop(&mut self) -> anyhow::Result<()> {
+        let Some(run) = self.run.take() else {
+            return Ok(());
+        };
+        self.until = None;
+        let queue = self.live.is_none().then(|| self.listen());
+        self.sequencer.pause();
+        self.board.set(self.at_rest());
+        let closed = tokio::task::spawn_blocking(move || run.finish());
+        let (summary, engine, progress) = closed.await.context("closing the files failed")??;
+        self.summary.add(summary);
+        if let Some(queue) = queue {
+            let live = Live {
+                next_sequence: progress.next_sequence,
+                engine,
+                queue,
+                voice: Voice {
+                    aloud: true,
+                    events: None,
+                },
+            };
+            self.live = Some(live.start(&self.pulses)?);
+        }
+        tracing::info!("{}", self.board.writing());
+        Ok(())
+    }
+
+    /// Looks out for triggers, where there are any, and lets an engine run where no run has one.
+    fn arm(&mut self) -> anyhow::Result<()> {
+        // What listened by the configuration before has heard its last.
+        self.armed = JoinSet::new();
+        self.live = None;
+        let trigger = self.config.storage.trigger.clone().map(Arc::new);
+        let memory = trigger.as_deref().map_or_else(RingLimits::default, memory);
+        self.sequencer.keep(memory);
+        if let Some(trigger) = &trigger {
+            let queue = self.sequencer.listen(LISTENER_QUEUE);
+            let judge = judge(Arc::clone(trigger), queue, self.fired.clone());
+            self.armed.spawn(judge);
+        }
+        if trigger.is_some() || self.run.is_none() {
+            let live = Live {
+                next_sequence: 0,
+                engine: Engine::new(&self.config)?,
+                queue: self.listen(),
+                voice: Voice {
+                    aloud: true,
+                    events: trigger.map(|trigger| (trigger, self.fired.clone())),
+                },
+            };
+            self.live = Some(live.start(&self.pulses)?);
+        }
+        if self.run.is_none() {
+            self.board.set(self.at_rest());
+        }
+        Ok(())
+    }
+
+    /// A queue of everything that ends when the configuration changes.
+    fn listen(&mut self) -> mpsc::Receiver<Arc<Arrival>> {
+        let mut from = self.sequencer.listen(LISTENER_QUEUE);
+        let (to, queue) = mpsc::channel(1);
+        self.armed.spawn(async move {
+            while let Some(arrival) = from.recv().await {
+                if to.send(arrival).await.is_err() {
+                    return;
+                }
+            }
+        });
+        queue
+    }
+
+    /// Takes the configuration as it is now over: a new run begins with it between two arrivals,
+    /// and the sources that are the same run on.
+    async fn reload(&mut self) -> anyhow::Result<()> {
+        let Some(reload) = self.reload else {
+            anyhow::bail!("this recording has no configuration file");
+        };
+        let config = Arc::new(reload()?);
+        // What only the engine finds wrong is to be found before anything changes.
+        Engine::new(&config)?;
+        make_directory(&config)?;
+        if control::socket_path(&config) != control::socket_path(&self.config) {
+            tracing::warn!("control.socket stays as it is until the next start");
+        }
+        let specs = specs(&config);
+        let numbers = self.supervisor.numbers(&specs);
+        let stopped = self.run.is_none() && self.config.storage.trigger.is_none();
+        if self.run.is_some() || (config.storage.trigger.is_none() && !stopped) {
+            let writing = self.board.state();
+            self.begin(Arc::clone(&config), None, Some(numbers)).await?;
+            self.until = self.until.filter(|_| config.storage.trigger.is_some());
+            if self.until.is_some() {
+                self.board.set(writing);
+            }
+        } else {
+            self.sequencer.renumber(&numbers);
+        }
+        self.config = config;
+        self.board.reload(&self.config);
+        self.arm()?;
+        if let Err(stuck) = self.supervisor.apply(specs, STOP_DEADLINE).await {
+            tracing::warn!(%stuck, "sources did not end in time");
+            self.summary.stuck.extend(stuck.names);
+        }
+        let sources = self.config.sources.len();
+        tracing::info!(sources, "the configuration was read again");
+        Ok(())
+    }
+
+    /// Ends everything in order.
+    async fn finish(mut self) -> anyhow::Result<Summary> {
+        let nobody = Supervisor::new(self.sequencer.clone());
+        let supervisor = std::mem::replace(&mut self.supervisor, nobody);
+        if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
+            tracing::warn!(%stuck, "sources did not end in time");
+            self.summary.stuck.extend(stuck.names);
+        }
+        self.summary.arrivals = self.sequencer.next_sequence();
+        for counters in self.sequencer.counters().values() {
+            for (sum, count) in self.summary.lost.iter_mut().zip(counters.lost) {
+                *sum += count;
+            }
+        }
+        self.sequencer.finish();
+        if let Some(live) = self.live.take() {
+            let ended = tokio::task::spawn_blocking(move || join("live engine", live));
+            self.summary.health = ended.await.context("the live engine failed")??;
+        }
+        if let Some(run) = self.run.take() {
+            self.close(run);
+        }
+        while let Some(closed) = self.closing.join_next().await {
+            self.closed(closed);
+        }
+        match self.failed {
+            Some(error) => Err(error),
+            None => {
+                self.summary.files.sort();
+                Ok(self.summary)
+            }
+        }
+    }
+}
+
+/// New numbers of the sources that run, by the numbers they were started with.
+type Numbers = BTreeMap<SourceId, Option<SourceId>>;
+
+/// What is kept in memory: somewhat more than the time before a trigger.
+fn memory(trigger: &Trigger) -> RingLimits {
+    RingLimits {
+        duration: trigger.memory.duration + MEMORY_SLACK,
+        ..trigger.memory
+    }
+}
+
+fn nanos(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+}
+
+fn specs(config: &Config) -> Vec<SourceSpec> {
+    config
+        .sources
+        .iter()
+        .map(|source| source.spec.clone())
+        .collect()
 }

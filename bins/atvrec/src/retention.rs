@@ -71,6 +71,41 @@ pub fn enforce(directory: &Path, limits: Limits) -> io::Result<Vec<PathBuf>> {
     Ok(removed)
 }
 
+/// `stem`, or with a number behind it if logs of that stem are there: a computer without a clock
+/// that lasts begins each of its days at the same second.
+pub fn free_stem(directory: &Path, stem: &str) -> io::Result<String> {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(directory)? {
+        names.push(entry?.file_name().to_string_lossy().into_owned());
+    }
+    // Names keep the order of the runs.
+    let numbered = (2..).map(|number| format!("{stem}x{number:02}"));
+    let is_free = |stem: &String| {
+        let start = format!("{stem}_");
+        !names.iter().any(|name| name.starts_with(&start))
+    };
+    let mut stems = std::iter::once(stem.to_owned()).chain(numbered);
+    Ok(stems.find(is_free).unwrap_or_else(|| stem.to_owned()))
+}
+
+/// Bytes that logs may still take before the disk is full or the oldest ones go.
+pub fn room(directory: &Path, limits: Limits) -> io::Result<u64> {
+    let free = acq::free_bytes(directory)?.saturating_sub(limits.keep_free.unwrap_or(0));
+    match limits.quota {
+        Some(quota) => Ok(free.min(quota.saturating_sub(list(directory)?.1))),
+        None => Ok(free),
+    }
+}
+
+/// Bytes a second of the newest whole log.
+pub fn last_rate(directory: &Path) -> Option<f64> {
+    let (logs, _) = list(directory).ok()?;
+    let newest = logs.iter().max_by_key(|log| (log.modified, &log.path))?;
+    let (first, last) = Reader::open([&newest.path]).ok()?.info().span?;
+    let seconds = last.seconds_since(first);
+    (seconds > 0.0).then(|| newest.bytes as f64 / seconds)
+}
+
 /// Whole logs, and the bytes that all logs take, unfinished ones included.
 fn list(directory: &Path) -> io::Result<(Vec<Log>, u64)> {
     let mut logs = Vec::new();
@@ -160,6 +195,41 @@ mod tests {
         let removed = enforce(path, within(0)).expect("enforced");
         assert_eq!(removed, [path.join("d.mcap"), path.join("a.mcap")]);
         assert!(path.join("e.mcap.active").exists() && path.join("notes.txt").exists());
+    }
+
+    #[test]
+    fn a_run_never_takes_the_names_of_another() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let free = || free_stem(directory.path(), "drive-20020101T000005Z").expect("listed");
+        assert_eq!(free(), "drive-20020101T000005Z");
+        log(
+            directory.path(),
+            "drive-20020101T000005Z_0000.mcap",
+            1,
+            false,
+        );
+        assert_eq!(free(), "drive-20020101T000005Zx02");
+        let active = directory
+            .path()
+            .join("drive-20020101T000005Zx02_0000.mcap.active");
+        fs::write(active, "").expect("written");
+        assert_eq!(free(), "drive-20020101T000005Zx03");
+    }
+
+    #[test]
+    fn the_room_is_what_the_limits_leave() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let bytes = log(directory.path(), "a.mcap", 1, false);
+        let limits = Limits {
+            quota: Some(bytes + 1000),
+            keep_free: None,
+        };
+        assert_eq!(room(directory.path(), limits).expect("listed"), 1000);
+        let limits = Limits {
+            quota: None,
+            keep_free: Some(u64::MAX),
+        };
+        assert_eq!(room(directory.path(), limits).expect("listed"), 0);
     }
 
     #[test]

@@ -21,6 +21,10 @@ const REOPEN_WAIT: Duration = Duration::from_millis(200);
 /// How often the interface and the drop counter are looked at, whether frames come or not.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
 
+/// So many attempts in a row to bring an interface up fail before it is told: where the recorder may
+/// not do so itself, the system needs a moment.
+const LINK_FAILURES_TOLD: u32 = 8;
+
 /// Flag bit of 29-bit identifiers in filters (`linux/can.h`).
 const EXTENDED_FLAG: u32 = 0x8000_0000;
 
@@ -78,8 +82,8 @@ struct Session<'a> {
     drops: DropCounter,
     /// Whether the interface is up, as told by the last notice; `None` before the first.
     up: Option<bool>,
-    /// Why the interface could not be brought up; told once.
-    link_failure: String,
+    /// Attempts in a row to bring the interface up that failed.
+    link_failures: u32,
 }
 
 impl<'a> Session<'a> {
@@ -96,7 +100,7 @@ impl<'a> Session<'a> {
             datagrams: Datagrams::new(),
             drops,
             up: None,
-            link_failure: String::new(),
+            link_failures: 0,
         })
     }
 
@@ -182,14 +186,17 @@ impl<'a> Session<'a> {
         // Drivers of USB adapters take their time over it.
         let task = tokio::task::spawn_blocking(move || link::bring_up(&interface, &link));
         let failure = match task.await {
-            Ok(Ok(())) => String::new(),
+            Ok(Ok(())) => {
+                self.link_failures = 0;
+                return;
+            }
             Ok(Err(error)) => error.to_string(),
             Err(error) => error.to_string(),
         };
-        if !failure.is_empty() && failure != self.link_failure {
+        self.link_failures = self.link_failures.saturating_add(1);
+        if self.link_failures == LINK_FAILURES_TOLD {
             tracing::warn!(source = %self.owner.name, %failure);
         }
-        self.link_failure = failure;
     }
 
     /// Reports drops that no later frame has told of.

@@ -12,6 +12,7 @@ mod datagram;
 mod dialogue;
 pub mod link;
 mod port;
+mod ring;
 pub mod sequencer;
 mod serial;
 mod slcan;
@@ -23,7 +24,7 @@ mod virtual_port;
 pub use can_sender::CanSender;
 pub use clock::{LogClock, Reading};
 pub use link::LinkSpec;
-pub use sequencer::{QueueSizes, Sequencer, SourceCounters, Streams};
+pub use sequencer::{QueueSizes, RingLimits, Sequencer, SourceCounters, Streams};
 pub use spec::{
     CanFilter, CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec,
 };

@@ -3,8 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use crate::ring::Ring;
+pub use crate::ring::RingLimits;
+
 use sample::{Arrival, LogTime, LossPlace, Notice, Payload, SourceId};
-use tokio::sync::mpsc;
+use tokio::sync::mpsc::{self, error::TrySendError};
 
 use crate::LogClock;
 
@@ -38,9 +41,11 @@ impl Default for QueueSizes {
 }
 
 /// The consumers' ends of the queues. `recv` is for tasks, `blocking_recv` for threads; both end
-/// with `None` after [`Sequencer::finish`].
+/// with `None` after [`Sequencer::finish`], [`Sequencer::pause`] or the next [`Sequencer::begin`].
 #[derive(Debug)]
 pub struct Streams {
+    /// What both take before their queues: the states that last, then what was kept in memory.
+    pub backlog: Vec<Arc<Arrival>>,
     /// For the recorder.
     pub recorder: mpsc::Receiver<Arc<Arrival>>,
     /// For the estimator; `None` if its queue has size 0.
@@ -75,6 +80,10 @@ pub struct SourceCounters {
 ///   again; the gap in `sequence` says where.
 /// - Estimator: once full it is left alone until half of its queue is free, then
 ///   [`Notice::EstimatorSkipped`] tells both consumers which arrivals it did not see.
+///
+/// The stream outlives its consumers: [`Sequencer::begin`] hands it over to new ones between two
+/// arrivals, and after [`Sequencer::pause`] it goes on without any. [`Sequencer::listen`] gives
+/// what comes in any case, and [`Sequencer::keep`] keeps the last of it for the next beginning.
 #[derive(Clone, Debug)]
 pub struct Sequencer {
     clock: LogClock,
@@ -92,6 +101,19 @@ struct State {
     skipping: Option<Run>,
     unrecorded: VecDeque<Run>,
     counters: BTreeMap<SourceId, SourceCounters>,
+    /// Nobody records, and nothing is lost by that.
+    paused: bool,
+    ring: Ring,
+    listeners: Vec<Listener>,
+    /// Numbers of the sources that have others than those they were started with; `None` for
+    /// sources that are no longer listened to.
+    numbers: BTreeMap<SourceId, Option<SourceId>>,
+}
+
+#[derive(Debug)]
+struct Listener {
+    queue: mpsc::Sender<Arc<Arrival>>,
+    missed: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -117,6 +139,58 @@ impl Sequencer {
             recorder: sizes.recorder.max(1),
             ..sizes
         };
+        let sequencer = Self::idle(clock);
+        let streams = sequencer.begin(sizes, None, &BTreeMap::new());
+        (sequencer, streams)
+    }
+
+    /// A stream that starts at sequence 0 and has no consumers yet.
+    #[must_use]
+    pub fn idle(clock: LogClock) -> Self {
+        let state = State {
+            next_sequence: 0,
+            sizes: QueueSizes {
+                recorder: 1,
+                estimator: 0,
+            },
+            recorder: None,
+            recorder_full: false,
+            unreported: BTreeMap::new(),
+            estimator: None,
+            skipping: None,
+            unrecorded: VecDeque::new(),
+            counters: BTreeMap::new(),
+            paused: true,
+            ring: Ring::default(),
+            listeners: Vec::new(),
+            numbers: BTreeMap::new(),
+        };
+        Self {
+            clock,
+            state: Arc::new(Mutex::new(state)),
+        }
+    }
+
+    /// Hands the stream over to new consumers, between two arrivals: those of before get everything
+    /// up to here, as with [`Sequencer::finish`], the new ones everything from here on. Before that
+    /// they get, as a backlog, the states that last and what is kept in memory from `since` on.
+    ///
+    /// `numbers`, from [`crate::Supervisor::numbers`], gives sources other numbers from here on;
+    /// memory of before is then forgotten. Empty, it changes nothing.
+    #[must_use]
+    pub fn begin(
+        &self,
+        sizes: QueueSizes,
+        since: Option<LogTime>,
+        numbers: &BTreeMap<SourceId, Option<SourceId>>,
+    ) -> Streams {
+        let mut state = self.lock();
+        state.end(&self.clock);
+        state.renumber(numbers);
+        let sizes = QueueSizes {
+            recorder: sizes.recorder.max(1),
+            ..sizes
+        };
         let (recorder, recorder_end) = mpsc::channel(sizes.recorder + NOTICE_RESERVE);
         let (estimator, estimator_end) = match sizes.estimator {
             0 => (None, None),
@@ -125,26 +199,61 @@ impl Sequencer {
                 (Some(sender), Some(receiver))
             }
         };
-        let state = State {
-            next_sequence: 0,
-            sizes,
-            recorder: Some(recorder),
-            recorder_full: false,
-            unreported: BTreeMap::new(),
-            estimator,
-            skipping: None,
-            unrecorded: VecDeque::new(),
-            counters: BTreeMap::new(),
-        };
-        let sequencer = Self {
-            clock,
-            state: Arc::new(Mutex::new(state)),
-        };
-        let streams = Streams {
+        let boundary = self.clock.read();
+        let backlog = state.ring.since(since, state.next_sequence, boundary);
+        state.sizes = sizes;
+        state.recorder = Some(recorder);
+        state.estimator = estimator;
+        state.paused = false;
+        Streams {
+            backlog,
             recorder: recorder_end,
             estimator: estimator_end,
-        };
-        (sequencer, streams)
+        }
+    }
+
+    /// What was started with the number `started` has the number `number` from here on.
+    pub(crate) fn assign(&self, started: SourceId, number: SourceId) {
+        self.lock().numbers.insert(started, Some(number));
+    }
+
+    /// Ends what the consumers get, as [`Sequencer::finish`] does, and goes on without: what comes
+    /// from here on is not recorded, and not lost.
+    pub fn pause(&self) {
+        let mut state = self.lock();
+        state.end(&self.clock);
+        state.paused = true;
+    }
+
+    /// Gives sources other numbers, as [`Sequencer::begin`] does, while nobody records.
+    pub fn renumber(&self, numbers: &BTreeMap<SourceId, Option<SourceId>>) {
+        self.lock().renumber(numbers);
+    }
+
+    /// Keeps the last of the stream in memory.
+    pub fn keep(&self, limits: RingLimits) {
+        self.lock().ring.set_limits(limits);
+    }
+
+    /// The instant of the oldest arrival that is kept in memory.
+    #[must_use]
+    pub fn kept_since(&self) -> Option<LogTime> {
+        self.lock().ring.first_time()
+    }
+
+    /// Everything from here on, whether somebody records or not. What does not fit into the queue
+    /// is left out for this listener alone; [`Sequencer::missed`] counts it.
+    #[must_use]
+    pub fn listen(&self, capacity: usize) -> mpsc::Receiver<Arc<Arrival>> {
+        let (queue, end) = mpsc::channel(capacity.max(1));
+        self.lock().listeners.push(Listener { queue, missed: 0 });
+        end
+    }
+
+    /// Arrivals that listeners had no room for.
+    #[must_use]
+    pub fn missed(&self) -> u64 {
+        self.lock().listeners.iter().map(|l| l.missed).sum()
     }
 
     /// Takes what `source` delivered into the stream and returns its stamp.
@@ -186,18 +295,8 @@ impl Sequencer {
     /// Call it after [`crate::Supervisor::stop`]. What is pushed later is counted as lost.
     pub fn finish(&self) {
         let mut state = self.lock();
-        state.report_losses(&self.clock);
-        state.report_skips(&self.clock);
-        state.estimator = None;
-        if let Some(run) = state.skipping.take() {
-            // The estimator does not get this notice either, so the notice covers itself.
-            let run = Run {
-                count: run.count + 1,
-                ..run
-            };
-            state.emit(&self.clock, SourceId::HOST, run.notice());
-        }
-        state.recorder = None;
+        state.end(&self.clock);
+        state.listeners.clear();
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -206,6 +305,47 @@ impl Sequencer {
 }
 
 impl State {
+    /// Writes the notices that waited for room and closes the consumers' queues.
+    fn end(&mut self, clock: &LogClock) {
+        self.report_losses(clock);
+        self.report_skips(clock);
+        self.estimator = None;
+        if let Some(run) = self.skipping.take() {
+            // The estimator does not get this notice either, so the notice covers itself.
+            let run = Run {
+                count: run.count + 1,
+                ..run
+            };
+            self.emit(clock, SourceId::HOST, run.notice());
+        }
+        self.recorder = None;
+        self.recorder_full = false;
+        self.unreported.clear();
+        self.unrecorded.clear();
+    }
+
+    fn renumber(&mut self, numbers: &BTreeMap<SourceId, Option<SourceId>>) {
+        if numbers.is_empty() {
+            return;
+        }
+        let before = std::mem::take(&mut self.numbers);
+        let mut states = BTreeMap::new();
+        let mut counters = BTreeMap::new();
+        for (started, number) in numbers {
+            let old = before.get(started).copied().unwrap_or(Some(*started));
+            let Some((old, new)) = old.zip(*number) else {
+                continue;
+            };
+            states.insert(old, new);
+            counters.extend(self.counters.remove(&old).map(|counters| (new, counters)));
+        }
+        let host = self.counters.remove(&SourceId::HOST);
+        counters.extend(host.map(|counters| (SourceId::HOST, counters)));
+        self.counters = counters;
+        self.ring.renumber(&states);
+        self.numbers = numbers.clone();
+    }
+
     /// Reports what was left out, where there is room to.
     fn settle(&mut self, clock: &LogClock) {
         if self.recorder_full && self.recorder_room() >= self.sizes.recorder.div_ceil(4) {
@@ -254,6 +394,9 @@ impl State {
 
     fn emit(&mut self, clock: &LogClock, source: SourceId, payload: Payload) -> LogTime {
         let reading = clock.read();
+        let Some(source) = self.numbers.get(&source).copied().unwrap_or(Some(source)) else {
+            return reading.log_time;
+        };
         let sequence = self.next_sequence;
         self.next_sequence += 1;
         let items = self.count(source, &payload, reading.log_time);
@@ -265,9 +408,26 @@ impl State {
             realtime_ns: reading.realtime_ns,
             payload,
         });
+        self.ring.push(&arrival);
+        self.tell_listeners(&arrival);
         self.offer_estimator(&arrival);
-        self.offer_recorder(arrival, items, is_notice);
+        if !self.paused {
+            self.offer_recorder(arrival, items, is_notice);
+        }
         reading.log_time
+    }
+
+    fn tell_listeners(&mut self, arrival: &Arc<Arrival>) {
+        self.listeners.retain_mut(
+            |listener| match listener.queue.try_send(Arc::clone(arrival)) {
+                Ok(()) => true,
+                Err(TrySendError::Full(_)) => {
+                    listener.missed += 1;
+                    true
+                }
+                Err(TrySendError::Closed(_)) => false,
+            },
+        );
     }
 
     fn offer_recorder(&mut self, arrival: Arc<Arrival>, items: u64, is_notice: bool) {
@@ -494,6 +654,108 @@ mod tests {
             })
         );
         assert!(streams.recorder.blocking_recv().is_none());
+    }
+
+    /// While sources push without a pause, the stream changes hands again and again: every arrival
+    /// is in exactly one run, and both consumers of a run get the same.
+    #[test]
+    fn the_stream_changes_hands_between_two_arrivals() {
+        let sizes = QueueSizes {
+            recorder: 100_000,
+            estimator: 100_000,
+        };
+        let (sequencer, first) = sequencer(sizes.recorder, sizes.estimator);
+        let mut runs = vec![first];
+        let threads: Vec<_> = (0..4)
+            .map(|source| {
+                let sequencer = sequencer.clone();
+                std::thread::spawn(move || {
+                    for value in 0..5_000 {
+                        sequencer.push(SourceId(source), bytes(value as u8));
+                    }
+                })
+            })
+            .collect();
+        while threads.iter().any(|thread| !thread.is_finished()) {
+            runs.push(sequencer.begin(sizes, None, &BTreeMap::new()));
+        }
+        for thread in threads {
+            thread.join().expect("pushing does not panic");
+        }
+        sequencer.finish();
+        let mut next = 0;
+        for mut run in runs {
+            assert_eq!(run.backlog, []);
+            let recorded = drain(&mut run.recorder);
+            assert_eq!(recorded, drain(run.estimator.as_mut().expect("a queue")));
+            for arrival in recorded {
+                assert_eq!(arrival.sequence, next);
+                next += 1;
+            }
+        }
+        assert_eq!(next, 20_000);
+    }
+
+    #[test]
+    fn nothing_lies_between_what_was_kept_and_what_comes() {
+        let sequencer = Sequencer::idle(LogClock::start());
+        sequencer.keep(RingLimits {
+            duration: std::time::Duration::from_secs(60),
+            bytes: 1 << 20,
+        });
+        sequencer.notice(PORT, Notice::Opened("port".to_owned()));
+        for value in 0..10 {
+            sequencer.push(PORT, bytes(value));
+        }
+        let since = sequencer.kept_since().expect("something is kept");
+        let sizes = QueueSizes::default();
+        let mut run = sequencer.begin(sizes, Some(since), &BTreeMap::new());
+        sequencer.push(PORT, bytes(10));
+        sequencer.pause();
+        sequencer.push(PORT, bytes(11));
+        let mut all = run.backlog.clone();
+        all.extend(drain(&mut run.recorder));
+        let numbers: Vec<u64> = all.iter().map(|arrival| arrival.sequence).collect();
+        assert_eq!(numbers, (0..12).collect::<Vec<_>>());
+        // What came while nobody recorded is in the next run's memory, and is not lost.
+        assert_eq!(sequencer.counters()[&PORT].lost, [0; 4]);
+        let next = sequencer.begin(sizes, Some(since), &BTreeMap::new());
+        assert_eq!(next.backlog.last().expect("kept").payload, bytes(11));
+    }
+
+    #[test]
+    fn a_listener_that_lags_or_goes_disturbs_nobody() {
+        let (sequencer, mut streams) = sequencer(100, 0);
+        let mut small = sequencer.listen(2);
+        drop(sequencer.listen(2));
+        for value in 0..5 {
+            sequencer.push(PORT, bytes(value));
+        }
+        assert_eq!(drain(&mut small).len(), 2);
+        assert_eq!(sequencer.missed(), 3);
+        assert_eq!(drain(&mut streams.recorder).len(), 5);
+    }
+
+    #[test]
+    fn sources_get_their_new_numbers_at_the_boundary_and_their_counters_go_along() {
+        let (sequencer, mut old) = sequencer(100, 0);
+        sequencer.notice(PORT, Notice::Opened("port".to_owned()));
+        sequencer.push(SourceId(1), bytes(1));
+        let numbers = BTreeMap::from([(PORT, Some(SourceId(1))), (SourceId(1), None)]);
+        let mut new = sequencer.begin(QueueSizes::default(), None, &numbers);
+        sequencer.push(PORT, bytes(2));
+        sequencer.push(SourceId(1), bytes(3));
+        let opened = &new.backlog[0];
+        assert_eq!(opened.source, SourceId(1));
+        let after = drain(&mut new.recorder);
+        assert_eq!(after.len(), 1);
+        assert_eq!(
+            (after[0].source, &after[0].payload),
+            (SourceId(1), &bytes(2))
+        );
+        assert_eq!(sequencer.counters()[&SourceId(1)].arrivals, 2);
+        assert!(sequencer.counters()[&SourceId(1)].open);
+        assert_eq!(drain(&mut old.recorder).len(), 2);
     }
 
     #[derive(Clone, Copy, Debug)]

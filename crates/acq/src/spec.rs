@@ -19,6 +19,13 @@ pub struct SourceSpec {
     pub kind: SourceKind,
 }
 
+impl SourceSpec {
+    /// Whether both open the same device in the same way under the same name.
+    pub(crate) fn is_same_device(&self, other: &Self) -> bool {
+        self.name == other.name && self.kind == other.kind
+    }
+}
+
 /// The kinds of sources.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SourceKind {

@@ -1,5 +1,6 @@
 //! One task a source: started here, restarted when it fails, stopped together.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
@@ -24,6 +25,8 @@ pub struct Supervisor {
 #[derive(Debug)]
 struct Running {
     name: String,
+    /// Number that the task was started with.
+    started: SourceId,
     /// `None` for the ticks.
     spec: Option<SourceSpec>,
     shutdown: watch::Sender<bool>,
@@ -64,13 +67,41 @@ impl Supervisor {
     /// tells of both with notices.
     pub fn spawn(&mut self, spec: SourceSpec) {
         let shutdown = watch::Sender::new(false);
-        let task = supervise(spec.clone(), self.sequencer.clone(), shutdown.subscribe());
+        let started = self.free_number(spec.id);
+        self.sequencer.assign(started, spec.id);
+        let own = SourceSpec {
+            id: started,
+            ..spec.clone()
+        };
+        let task = supervise(own, self.sequencer.clone(), shutdown.subscribe());
         self.running.push(Running {
             name: spec.name.clone(),
+            started,
             spec: Some(spec),
             shutdown,
             task: tokio::spawn(task),
         });
+    }
+
+    /// `wanted`, or else the least number that no task was started with.
+    fn free_number(&self, wanted: SourceId) -> SourceId {
+        let is_free = |number: &SourceId| self.running.iter().all(|r| r.started != *number);
+        std::iter::once(wanted)
+            .chain((0..SourceId::HOST.0).map(SourceId))
+            .find(is_free)
+            .unwrap_or(wanted)
+    }
+
+    /// The numbers that the running sources get when `specs` take over: of those that run on, their
+    /// new ones. For [`Sequencer::begin`], before [`Supervisor::apply`].
+    #[must_use]
+    pub fn numbers(&self, specs: &[SourceSpec]) -> BTreeMap<SourceId, Option<SourceId>> {
+        let sources = self.running.iter().filter_map(|running| {
+            let spec = running.spec.as_ref()?;
+            let same = specs.iter().find(|other| other.is_same_device(spec));
+            Some((running.started, same.map(|same| same.id)))
+        });
+        sources.collect()
     }
 
     /// Starts the ticks that let silence be seen: one [`Payload::Tick`] of [`SourceId::HOST`] each
@@ -80,14 +111,15 @@ impl Supervisor {
         let task = ticks(period, self.sequencer.clone(), shutdown.subscribe());
         self.running.push(Running {
             name: "ticks".to_owned(),
+            started: SourceId::HOST,
             spec: None,
             shutdown,
             task: tokio::spawn(task),
         });
     }
 
-    /// Takes a changed set of sources over: those that are in both run on untouched, the others are
-    /// stopped, at most for `deadline`, and the new ones are started.
+    /// Takes a changed set of sources over: those that are in both, whatever their numbers, run on
+    /// untouched, the others are stopped, at most for `deadline`, and the new ones are started.
     ///
     /// # Errors
     /// The names of the tasks that did not end in time; they are aborted, and the new sources run.
@@ -96,15 +128,21 @@ impl Supervisor {
         specs: Vec<SourceSpec>,
         deadline: Duration,
     ) -> Result<(), StuckTasks> {
-        let (kept, ended) = std::mem::take(&mut self.running)
-            .into_iter()
-            .partition(|running| {
-                running
-                    .spec
-                    .as_ref()
-                    .is_none_or(|spec| specs.contains(spec))
-            });
-        self.running = kept;
+        let mut ended = Vec::new();
+        for mut running in std::mem::take(&mut self.running) {
+            let Some(spec) = &running.spec else {
+                self.running.push(running);
+                continue;
+            };
+            match specs.iter().find(|other| other.is_same_device(spec)) {
+                Some(same) => {
+                    self.sequencer.assign(running.started, same.id);
+                    running.spec = Some(same.clone());
+                    self.running.push(running);
+                }
+                None => ended.push(running),
+            }
+        }
         let stopped = end(ended, deadline).await;
         for spec in specs {
             let runs = |running: &Running| running.spec.as_ref() == Some(&spec);
@@ -321,6 +359,7 @@ mod tests {
         let mut supervisor = Supervisor::new(sequencer);
         supervisor.running.push(Running {
             name: "gnss".to_owned(),
+            started: PORT,
             spec: None,
             shutdown: watch::Sender::new(false),
             task: tokio::spawn(std::future::pending()),

@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -55,14 +55,28 @@ impl Unfinished {
 
     /// Syncs the file, gives it its final name, and syncs the directory.
     pub(crate) fn finish(self) -> Result<PathBuf> {
+        self.sync()?;
+        self.give_name()?;
+        Ok(self.path)
+    }
+
+    /// Syncs the file. Once this has failed, the system holds what did not reach the disk for
+    /// written: a second attempt says nothing.
+    pub(crate) fn sync(&self) -> Result<()> {
         self.file
             .sync_all()
-            .map_err(Error::file("sync", &self.active))?;
-        std::fs::rename(&self.active, &self.path)
-            .map_err(Error::file("give its final name to", &self.active))?;
+            .map_err(Error::file("sync", &self.active))
+    }
+
+    /// Gives the file its final name and syncs the directory; may be tried again.
+    pub(crate) fn give_name(&self) -> Result<()> {
+        match std::fs::rename(&self.active, &self.path) {
+            Err(cause) if cause.kind() == ErrorKind::NotFound && self.path.is_file() => Ok(()),
+            renamed => renamed,
+        }
+        .map_err(Error::file("give its final name to", &self.active))?;
         sync_directory(&self.path)?;
-        journal::remove(&self.path)?;
-        Ok(self.path)
+        journal::remove(&self.path)
     }
 }
 

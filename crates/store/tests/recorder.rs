@@ -69,6 +69,37 @@ fn rotation_can_be_asked_for() {
     assert_eq!(read(&paths(&summary)), written);
 }
 
+/// A file that could not be given its name used to take the file after it down: that one was
+/// abandoned though nothing was wrong with it.
+#[test]
+fn a_name_that_cannot_be_given_is_tried_again_and_the_next_file_goes_on() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = Options {
+        sync_interval: Duration::from_millis(20),
+        ..Options::default()
+    };
+    let recorder = Recorder::start(directory.path(), "run", session(), options).expect("started");
+    // A folder stands where the first file's name is to be.
+    let taken = store::part_path(directory.path(), "run", 0);
+    std::fs::create_dir_all(taken.join("full")).expect("a folder");
+    let written = arrivals(31, 300);
+    push_all(&recorder, &written[..100]);
+    recorder.rotate();
+    let second = store::part_path(directory.path(), "run", 1);
+    wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
+    push_all(&recorder, &written[100..200]);
+    wait_until(|| recorder.status().waiting == 0);
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(recorder.status().disk, DiskState::Writing(second.clone()));
+    std::fs::remove_dir_all(&taken).expect("removed");
+    wait_until(|| taken.is_file());
+    push_all(&recorder, &written[200..]);
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(paths(&summary), [taken, second]);
+    assert_eq!(summary.unfinished, Vec::<PathBuf>::new());
+    assert_eq!(read(&paths(&summary)), written);
+}
+
 /// The files that a killed process leaves are readable up to the last interval.
 #[test]
 fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {

@@ -1,34 +1,45 @@
-//! `atvrec mark` and `atvrec status`: a word with the running recorder.
+//! `atvrec mark`, `status`, `start`, `stop` and `reload`: a word with the running recorder.
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
 use serde_json::Value;
 
-use crate::cli::{MarkArgs, SocketArgs, StatusArgs};
+use crate::cli::{MarkArgs, OrderArgs, SocketArgs, StatusArgs};
 use crate::config::Config;
 use crate::control::{Request, socket_path};
 use crate::exit::Outcome;
 
 /// How long an answer is waited for.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// The same where files have to be closed.
+const PATIENCE_WITH_FILES: Duration = Duration::from_secs(60);
+/// The configuration of a recorder that runs as a service.
+const OF_THE_SERVICE: &str = "/etc/atvrec/atvrec.toml";
 
 /// Sets a mark.
 pub fn mark(args: &MarkArgs) -> anyhow::Result<Outcome> {
     let request = Request::Mark {
         text: args.text.clone(),
     };
-    let (answer, _) = ask(&args.socket, &request)?;
+    let answer = ask(&args.socket, &request)?;
     println!("marked at {} ns", answer["time_ns"]);
+    Ok(Outcome::Good)
+}
+
+/// Gives an order and tells what became of it.
+pub fn order(args: &OrderArgs, request: &Request) -> anyhow::Result<Outcome> {
+    let answer = ask(&args.socket, request)?;
+    println!("{}", answer["writing"].as_str().unwrap_or_default());
     Ok(Outcome::Good)
 }
 
 /// Shows the state.
 pub fn status(args: &StatusArgs) -> anyhow::Result<Outcome> {
-    let (mut answer, config) = ask(&args.socket, &Request::Status)?;
-    name_sources(&mut answer, config.as_ref());
+    let answer = ask(&args.socket, &Request::Status)?;
     if args.json {
         println!("{answer:#}");
     } else {
@@ -42,13 +53,10 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<Outcome> {
     })
 }
 
-fn ask(socket: &SocketArgs, request: &Request) -> anyhow::Result<(Value, Option<Config>)> {
-    let (path, config) = match &socket.socket {
-        Some(path) => (path.clone(), None),
-        None => {
-            let config = Config::load(&socket.config)?;
-            (socket_path(&config), Some(config))
-        }
+fn ask(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
+    let path = match &socket.socket {
+        Some(path) => path.clone(),
+        None => socket_path(&Config::load(&configuration(socket))?),
     };
     let mut stream = UnixStream::connect(&path).with_context(|| {
         format!(
@@ -57,7 +65,11 @@ fn ask(socket: &SocketArgs, request: &Request) -> anyhow::Result<(Value, Option<
             path.display()
         )
     })?;
-    stream.set_read_timeout(Some(PATIENCE))?;
+    let patience = match request {
+        Request::Mark { .. } | Request::Status => PATIENCE,
+        Request::Start | Request::Stop | Request::Reload => PATIENCE_WITH_FILES,
+    };
+    stream.set_read_timeout(Some(patience))?;
     writeln!(stream, "{}", serde_json::to_string(request)?)?;
     let mut line = String::new();
     BufReader::new(stream)
@@ -67,31 +79,27 @@ fn ask(socket: &SocketArgs, request: &Request) -> anyhow::Result<(Value, Option<
     if let Some(error) = answer["error"].as_str() {
         anyhow::bail!("the recorder refused: {error}");
     }
-    Ok((answer, config))
+    Ok(answer)
 }
 
-/// Puts the configuration's names beside the sources' numbers.
-fn name_sources(answer: &mut Value, config: Option<&Config>) {
-    let sources = answer["sources"].as_array_mut();
-    for source in sources.into_iter().flatten() {
-        let name = config.and_then(|config| {
-            let known = config.sources.iter();
-            let mut known = known.filter(|known| source["source"] == known.spec.id.0);
-            known.next().map(|known| known.spec.name.clone())
-        });
-        let name = match (name, source["source"].as_u64()) {
-            (Some(name), _) => name,
-            (None, Some(number)) if number == u64::from(sample::SourceId::HOST.0) => {
-                "recorder".to_owned()
-            }
-            (None, number) => format!("#{}", number.unwrap_or_default()),
-        };
-        source["name"] = name.into();
+fn configuration(socket: &SocketArgs) -> PathBuf {
+    let here = Path::new("atvrec.toml");
+    match &socket.config {
+        Some(config) => config.clone(),
+        None if !here.exists() && Path::new(OF_THE_SERVICE).exists() => OF_THE_SERVICE.into(),
+        None => here.to_owned(),
     }
 }
 
 fn tell(answer: &Value) {
-    println!("{} arrivals", answer["arrivals"]);
+    println!(
+        "{}, {} arrivals",
+        answer["writing"].as_str().unwrap_or_default(),
+        answer["arrivals"]
+    );
+    if let Some(kept_s) = answer["memory_s"].as_f64() {
+        println!("the last {kept_s:.1} s are kept in memory");
+    }
     let disk = &answer["disk"];
     println!(
         "disk: {} {}, {} bytes, {} waiting",
@@ -100,6 +108,7 @@ fn tell(answer: &Value) {
         disk["bytes"],
         disk["waiting"]
     );
+    println!("  {}", disk["estimate"].as_str().unwrap_or_default());
     for source in answer["sources"].as_array().into_iter().flatten() {
         println!(
             "  {:<14}{:<10}{:>10} items {:>12} bytes  {}",

@@ -115,7 +115,7 @@ fn drive_and_record(
             anyhow::Ok(devices.sent())
         })
         .context("cannot start the virtual vehicle's thread")?;
-    let summary = record::block_on(&config, Some(limit));
+    let summary = record::block_on(config, None, Some(limit));
     stop.store(true, Ordering::Relaxed);
     let sent = driver
         .join()

@@ -9,16 +9,19 @@ use tokio::signal::unix::{SignalKind, signal};
 use crate::cli::RecordArgs;
 use crate::config::Config;
 use crate::exit::Outcome;
-use crate::pipeline::{self, Summary};
+use crate::pipeline::{self, Reload, Summary};
 
 /// Records until a signal or the time given.
 pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
-    let mut config = Config::load(&args.config)?;
-    if let Some(directory) = &args.directory {
-        config.storage.directory.clone_from(directory);
-    }
+    let load = || {
+        let mut config = Config::load(&args.config)?;
+        if let Some(directory) = &args.directory {
+            config.storage.directory.clone_from(directory);
+        }
+        Ok(config)
+    };
     let limit = args.duration_s.map(Duration::from_secs_f64);
-    let summary = block_on(&config, limit)?;
+    let summary = block_on(load()?, Some(&load), limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));
     } else {
@@ -27,8 +30,13 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
     Ok(outcome(&summary))
 }
 
-/// Records with `config` until SIGINT, SIGTERM or the end of `limit`.
-pub fn block_on(config: &Config, limit: Option<Duration>) -> anyhow::Result<Summary> {
+/// Records with `config` until SIGINT, SIGTERM or the end of `limit`; at SIGHUP, `reload` gives
+/// another configuration.
+pub fn block_on(
+    config: Config,
+    reload: Option<Reload<'_>>,
+    limit: Option<Duration>,
+) -> anyhow::Result<Summary> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .thread_name("sources")
@@ -45,7 +53,7 @@ pub fn block_on(config: &Config, limit: Option<Duration>) -> anyhow::Result<Summ
                 () = after(limit) => {}
             }
         };
-        pipeline::record(config, stop).await
+        pipeline::record(config, reload, stop).await
     })
 }
 

@@ -364,6 +364,13 @@ impl<'t> Section<'t> {
         Some(self.as_section(&name, value, gather))
     }
 
+    /// The sub-table `key`, if it is there.
+    pub fn present(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Option<Section<'t>> {
+        let name = self.field_name(key);
+        let value = self.take(key)?;
+        Some(self.as_section(&name, value, gather))
+    }
+
     /// All sub-tables that are left, with their names; consumes the section.
     pub fn into_sections(mut self, gather: &mut Gatherer<'_>) -> Vec<(Field<String>, Self)> {
         let entries = std::mem::take(&mut self.entries);

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::reader::{Gatherer, Section};
+use super::source::Source;
+use super::trigger::Trigger;
 use crate::retention::Limits;
 
 /// Where and how logs are written.
@@ -15,13 +17,15 @@ pub struct Storage {
     pub name: String,
     /// What the directory may take.
     pub limits: Limits,
+    /// When to write; `None` writes always.
+    pub trigger: Option<Trigger>,
     /// How `store` writes.
     pub options: store::Options,
 }
 
 impl Storage {
     /// Reads the table.
-    pub fn read(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Self {
+    pub fn read(mut section: Section<'_>, sources: &[Source], gather: &mut Gatherer<'_>) -> Self {
         let defaults = store::Options::default();
         let directory = section.or("directory", "logs".to_owned(), gather);
         let name = section.optional::<String>("name", gather);
@@ -43,6 +47,8 @@ impl Storage {
         let level = section.number_in("compression_level", 0.0..=22.0, 0.0, gather);
         let quota_mb = section.number_in("quota_mb", 0.0..=1e9, 0.0, gather);
         let keep_free_mb = section.number_in("keep_free_mb", 0.0..=1e9, 0.0, gather);
+        let trigger = section.present("trigger", gather);
+        let trigger = trigger.map(|section| Trigger::read(section, sources, gather));
         section.finish(gather);
         let bytes = |mb: f64| (mb > 0.0).then_some((mb * 1_048_576.0) as u64);
         Self {
@@ -51,6 +57,7 @@ impl Storage {
                 keep_free: bytes(keep_free_mb),
             },
             directory: PathBuf::from(directory),
+            trigger,
             name: name.map_or_else(|| "drive".to_owned(), |field| field.value),
             options: store::Options {
                 raw_interval: Duration::from_secs_f64(raw_s),

@@ -256,6 +256,240 @@ fn marks_and_state_go_through_the_control_socket() {
     assert!(!directory.path().join("logs/control").exists());
 }
 
+/// Every arrival of a log, and what its parts lack.
+fn arrivals(log: &Path) -> Vec<sample::Arrival> {
+    let reader = store::Reader::open([log]).expect("the log opens");
+    assert_eq!(reader.info().missing, []);
+    reader
+        .arrivals()
+        .collect::<Result<_, _>>()
+        .expect("readable")
+}
+
+/// Every packet of an inertial unit that counts them: a byte that rises with each read.
+struct Counting {
+    device: PathBuf,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<u32>>,
+}
+
+impl Counting {
+    fn start() -> Self {
+        let mut port = acq::VirtualPort::new().expect("a pseudo-terminal");
+        let device = port.path().to_owned();
+        let stop = Arc::new(AtomicBool::new(false));
+        let ended = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || {
+            let (mut buffer, mut count) = ([0; 64], 0_u32);
+            while !ended.load(Ordering::Relaxed) {
+                let attended = !matches!(port.read(&mut buffer), Ok(acq::Heard::Nobody));
+                if attended && port.write(&count.to_be_bytes()).is_ok_and(|n| n == 4) {
+                    count += 1;
+                }
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            // What nobody has read yet goes with the terminal.
+            std::thread::sleep(std::time::Duration::from_millis(300));
+            count
+        });
+        Self {
+            device,
+            stop,
+            thread: Some(thread),
+        }
+    }
+
+    /// Ends it; gives the number of counts that were sent.
+    fn end(&mut self) -> u32 {
+        self.stop.store(true, Ordering::Relaxed);
+        let thread = self.thread.take().expect("ended once");
+        thread.join().expect("it ends")
+    }
+
+    /// The counts in the logs' bytes of the source with this name.
+    fn counts(logs: &[PathBuf], name: &str) -> Vec<u32> {
+        let mut bytes = Vec::new();
+        for log in logs {
+            let reader = store::Reader::open([log]).expect("the log opens");
+            for arrival in arrivals(log) {
+                if let sample::Payload::Bytes(read) = &arrival.payload
+                    && reader.session().source_name(arrival.source) == name
+                {
+                    bytes.extend(read);
+                }
+            }
+        }
+        let words = bytes.chunks_exact(4);
+        words
+            .map(|word| u32::from_be_bytes(word.try_into().expect("four")))
+            .collect()
+    }
+
+    fn configuration(&self, name: &str) -> String {
+        format!(
+            "[source.{name}]\nkind = \"gnss\"\ndevice = \"{}\"\n",
+            self.device.display()
+        )
+    }
+}
+
+/// A source is added, whose name changes the numbers of the others, while one goes on sending: its
+/// bytes stand in the run of before or in the run of after, each once.
+#[test]
+fn a_reload_loses_nothing_of_what_runs_on() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let (mut first, mut second) = (Counting::start(), Counting::start());
+    let config = directory.path().join("atvrec.toml");
+    fs::write(&config, first.configuration("middle")).expect("written");
+    let mut recorder = Recorder::start(directory.path());
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    fs::write(&config, "[source.middle]\nkind = \"wrong\"\n").expect("written");
+    let refused = atvrec(directory.path())
+        .arg("reload")
+        .args(["--socket", "logs/control"])
+        .assert()
+        .code(1);
+    assert!(crate::support::stderr(&refused).contains("no kind of source"));
+    let both = first.configuration("middle") + &second.configuration("added");
+    fs::write(&config, both).expect("written");
+    atvrec(directory.path()).arg("reload").assert().success();
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    // The same again by signal.
+    signal(&recorder.0, "-HUP");
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    let (sent, _) = (first.end(), second.end());
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    recorder.terminate();
+    let logs = logs(&directory.path().join("logs"));
+    assert_eq!(logs.len(), 3, "{logs:?}");
+    let counts = Counting::counts(&logs, "middle");
+    let in_order = counts.iter().copied().eq(0..sent);
+    assert!(in_order, "{} of {sent}, or in another order", counts.len());
+    assert!(!Counting::counts(&logs[1..], "added").is_empty());
+    for log in &logs {
+        atvrec(directory.path())
+            .args(["replay", "--verify"])
+            .arg(log)
+            .assert()
+            .success();
+    }
+}
+
+#[test]
+fn writing_stops_and_starts_while_the_sources_go_on() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let mut source = Counting::start();
+    let config = directory.path().join("atvrec.toml");
+    fs::write(&config, source.configuration("port")).expect("written");
+    let mut recorder = Recorder::start(directory.path());
+    let order = |verb: &str| atvrec(directory.path()).arg(verb).assert().success();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert_eq!(stdout(&order("stop")), "stopped\n");
+    // The file is whole as soon as the order is obeyed.
+    let first = logs(&directory.path().join("logs"));
+    assert_eq!(first.len(), 1, "{first:?}");
+    let items = || {
+        let status: serde_json::Value = serde_json::from_str(&stdout(
+            &atvrec(directory.path())
+                .args(["status", "--json"])
+                .assert()
+                .success(),
+        ))
+        .expect("JSON");
+        status["sources"][0]["items"].as_u64().expect("a count")
+    };
+    let before = items();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert!(items() > before, "the source goes on");
+    assert_eq!(stdout(&order("start")), "recording\n");
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    recorder.terminate();
+    source.end();
+    let all = logs(&directory.path().join("logs"));
+    assert_eq!(all.len(), 2, "{all:?}");
+    let (first, second) = (
+        Counting::counts(&all[..1], "port"),
+        Counting::counts(&all[1..], "port"),
+    );
+    assert!(first.last() < second.first(), "{first:?} {second:?}");
+    assert!(second.windows(2).all(|pair| pair[0] + 1 == pair[1]));
+    atvrec(directory.path())
+        .args(["replay", "--verify"])
+        .arg(&all[1])
+        .assert()
+        .success();
+}
+
+#[test]
+fn a_trigger_keeps_what_was_before_it_and_what_comes_after() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let mut source = Counting::start();
+    let config = directory.path().join("atvrec.toml");
+    let trigger = "[storage.trigger]\npre_s = 0.6\npost_s = 0.5\n";
+    fs::write(&config, source.configuration("port") + trigger).expect("written");
+    let mut recorder = Recorder::start(directory.path());
+    let logs_there = directory.path().join("logs");
+    std::thread::sleep(std::time::Duration::from_millis(1_500));
+    assert_eq!(logs(&logs_there).len(), 0);
+    let mark = || {
+        atvrec(directory.path())
+            .args(["mark", "here"])
+            .assert()
+            .success()
+    };
+    mark();
+    for _ in 0..100 {
+        if !logs(&logs_there).is_empty() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    mark();
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    recorder.terminate();
+    source.end();
+    let logs = logs(&logs_there);
+    assert_eq!(logs.len(), 2, "{logs:?}");
+    for log in &logs {
+        let arrivals = arrivals(log);
+        let is_mark = |a: &&sample::Arrival| {
+            matches!(a.payload, sample::Payload::Notice(sample::Notice::Mark(_)))
+        };
+        let mark = arrivals.iter().find(is_mark).expect("the mark is in it");
+        let (first, last) = (&arrivals[0], &arrivals[arrivals.len() - 1]);
+        let before_s = mark.log_time.seconds_since(first.log_time);
+        assert!((0.5..=0.6).contains(&before_s), "{before_s} s before");
+        if log == &logs[0] {
+            let after_s = last.log_time.seconds_since(mark.log_time);
+            assert!((0.4..5.0).contains(&after_s), "{after_s} s after");
+        }
+        let opened = matches!(
+            &first.payload,
+            sample::Payload::Notice(sample::Notice::Opened(_))
+        );
+        assert!(opened, "the source is known to be open: {first:?}");
+        let counts = Counting::counts(std::slice::from_ref(log), "port");
+        assert!(counts.len() > 100, "{}", counts.len());
+        assert!(
+            counts.windows(2).all(|pair| pair[0] + 1 == pair[1]),
+            "{counts:?}"
+        );
+        atvrec(directory.path())
+            .args(["replay", "--verify"])
+            .arg(log)
+            .assert()
+            .success();
+    }
+}
+
+fn signal(child: &Child, signal: &str) {
+    let status = Command::new("kill")
+        .args([signal, &child.id().to_string()])
+        .status()
+        .expect("kill runs");
+    assert!(status.success());
+}
+
 /// A recorder in the background.
 struct Recorder(Child);
 
@@ -280,11 +514,7 @@ impl Recorder {
 
     /// Ends it as a service manager does.
     fn terminate(&mut self) {
-        let status = Command::new("kill")
-            .args(["-TERM", &self.0.id().to_string()])
-            .status()
-            .expect("kill runs");
-        assert!(status.success());
+        signal(&self.0, "-TERM");
         let status = self.0.wait().expect("the recorder ends");
         assert_eq!(status.code(), Some(0));
     }

@@ -67,20 +67,19 @@ impl Syncer {
 
 fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBuf> {
     let mut watched: Option<Watched> = None;
-    let mut unfinished = Vec::new();
+    let mut closed = Closed::default();
     loop {
         match queue.recv_timeout(interval) {
             Ok(Job::Watch(log)) => watched = Some(log),
             Ok(Job::Finish(file)) => {
-                let active = file.active.clone();
-                if let Err(error) = file.finish() {
-                    report(shared, &error.to_string());
-                    unfinished.push(active);
-                }
+                closed.take(file);
                 continue;
             }
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return unfinished,
+            Err(RecvTimeoutError::Timeout) => closed.give_names(),
+            Err(RecvTimeoutError::Disconnected) => {
+                closed.give_names();
+                return closed.unfinished();
+            }
         }
         let Some(log) = &watched else { continue };
         let written = log.groups.written.load(Ordering::Acquire);
@@ -91,6 +90,50 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
                 watched = None;
             }
         }
+    }
+}
+
+/// Closed files that do not bear their names yet. The file that is being written goes on whatever
+/// becomes of them.
+#[derive(Default)]
+struct Closed {
+    /// On the disk; the name is tried again and again.
+    nameless: Vec<Unfinished>,
+    /// Not known to be on the disk; left to the next recovery.
+    unsynced: Vec<PathBuf>,
+    last_failure: String,
+}
+
+impl Closed {
+    fn take(&mut self, file: Unfinished) {
+        match file.sync() {
+            Ok(()) => self.nameless.push(file),
+            Err(error) => {
+                tracing::error!(%error, "a closed log did not reach the disk");
+                self.unsynced.push(file.active);
+            }
+        }
+        self.give_names();
+    }
+
+    fn give_names(&mut self) {
+        let last_failure = &mut self.last_failure;
+        self.nameless.retain(|file| match file.give_name() {
+            Ok(()) => false,
+            Err(error) => {
+                let reason = error.to_string();
+                if reason != *last_failure {
+                    tracing::error!(reason, "a closed log does not have its name yet");
+                }
+                *last_failure = reason;
+                true
+            }
+        });
+    }
+
+    fn unfinished(self) -> Vec<PathBuf> {
+        let nameless = self.nameless.into_iter().map(|file| file.active);
+        self.unsynced.into_iter().chain(nameless).collect()
     }
 }
 

@@ -1,0 +1,306 @@
+//! `[storage.trigger]`: what begins a recording, and how much of before and after belongs to it.
+
+use std::time::Duration;
+
+use acq::RingLimits;
+use sample::{Arrival, CanFrame, Event, EventKind, Notice, Payload, SourceId};
+
+use super::reader::{Field, Gatherer, Section, closest};
+use super::source::{Meaning, Source};
+
+/// When to write.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trigger {
+    /// What is kept in memory; its duration is the time before a trigger.
+    pub memory: RingLimits,
+    /// Time after the last trigger.
+    pub post: Duration,
+    /// Whether a mark is a trigger.
+    pub marks: bool,
+    /// Frames that are triggers.
+    pub can: Vec<CanRule>,
+    /// Events of the estimator that are triggers.
+    pub events: Vec<EventName>,
+}
+
+/// Frames that are a trigger.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CanRule {
+    /// Name of the rule, for messages.
+    pub name: String,
+    /// The bus.
+    pub source: SourceId,
+    /// Identifier, without flag bits.
+    pub id: u32,
+    /// 29-bit identifier.
+    pub extended: bool,
+    /// Bits of the first bytes that count, and what they must be.
+    pub data: Vec<(u8, u8)>,
+}
+
+impl CanRule {
+    /// Whether a frame is meant.
+    pub fn fits(&self, frame: &CanFrame) -> bool {
+        let bytes = frame.bytes();
+        frame.id == self.id
+            && frame.flags.extended == self.extended
+            && !frame.flags.error
+            && bytes.len() >= self.data.len()
+            && bytes
+                .iter()
+                .zip(&self.data)
+                .all(|(byte, (mask, value))| byte & mask == value & mask)
+    }
+}
+
+/// Kinds of events of the estimator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EventName {
+    /// A wheel is about to lift.
+    LiftWarning,
+    /// A wheel left the ground.
+    Lift,
+    /// A wheel touched the ground again.
+    Touchdown,
+    /// Both wheels of a side left the ground.
+    TwoWheelLift,
+    /// The surface changed.
+    SurfaceChange,
+    /// A sensor was found faulty.
+    SensorFault,
+    /// A sensor is used again.
+    SensorRecovered,
+    /// The filter was started anew.
+    FilterReset,
+}
+
+impl EventName {
+    const ALL: [(&'static str, Self); 8] = [
+        ("lift_warning", Self::LiftWarning),
+        ("lift", Self::Lift),
+        ("touchdown", Self::Touchdown),
+        ("two_wheel_lift", Self::TwoWheelLift),
+        ("surface_change", Self::SurfaceChange),
+        ("sensor_fault", Self::SensorFault),
+        ("sensor_recovered", Self::SensorRecovered),
+        ("filter_reset", Self::FilterReset),
+    ];
+
+    /// The name of an event's kind.
+    pub const fn of(kind: &EventKind) -> Self {
+        match kind {
+            EventKind::LiftWarning(..) => Self::LiftWarning,
+            EventKind::Lift(_) => Self::Lift,
+            EventKind::Touchdown(_) => Self::Touchdown,
+            EventKind::TwoWheelLift(_) => Self::TwoWheelLift,
+            EventKind::SurfaceChange(_) => Self::SurfaceChange,
+            EventKind::SensorFault(_) => Self::SensorFault,
+            EventKind::SensorRecovered(_) => Self::SensorRecovered,
+            EventKind::FilterReset => Self::FilterReset,
+        }
+    }
+}
+
+impl Trigger {
+    /// What an arrival triggers by itself, in words.
+    pub fn fires(&self, arrival: &Arrival) -> Option<String> {
+        match &arrival.payload {
+            Payload::Notice(Notice::Mark(text)) if self.marks => Some(format!("mark \"{text}\"")),
+            Payload::Can(frames) => {
+                let mut rules = self.can.iter();
+                let met = rules.find(|rule| {
+                    rule.source == arrival.source && frames.iter().any(|frame| rule.fits(frame))
+                });
+                met.map(|rule| format!("frame of trigger.can.{}", rule.name))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether an event of the estimator is a trigger.
+    pub fn fires_on(&self, event: &Event) -> bool {
+        self.events.contains(&EventName::of(&event.kind))
+    }
+
+    /// Reads the table.
+    pub fn read(mut section: Section<'_>, sources: &[Source], gather: &mut Gatherer<'_>) -> Self {
+        let pre_s = section.number_in("pre_s", 0.0..=3_600.0, 10.0, gather);
+        let post_s = section.number_in("post_s", 0.1..=86_400.0, 20.0, gather);
+        let memory_mb = section.number_in("memory_mb", 1.0..=65_536.0, 64.0, gather);
+        let marks = section.or("mark", true, gather);
+        let events = section.optional::<Vec<String>>("events", gather);
+        let events = events.map_or_else(Vec::new, |field| read_events(&field, gather));
+        let can = section.section("can", gather);
+        let can = can.into_sections(gather).into_iter();
+        let can = can
+            .filter_map(|(name, rule)| read_rule(name.value, rule, sources, gather))
+            .collect();
+        section.finish(gather);
+        Self {
+            memory: RingLimits {
+                duration: Duration::from_secs_f64(pre_s),
+                bytes: (memory_mb * 1_048_576.0) as usize,
+            },
+            post: Duration::from_secs_f64(post_s),
+            marks,
+            can,
+            events,
+        }
+    }
+}
+
+fn read_events(field: &Field<Vec<String>>, gather: &mut Gatherer<'_>) -> Vec<EventName> {
+    let mut events = Vec::new();
+    for name in &field.value {
+        match EventName::ALL.iter().find(|(known, _)| known == name) {
+            Some((_, event)) => events.push(*event),
+            None => {
+                let known = EventName::ALL.map(|(name, _)| name);
+                let help = match closest(name, &known) {
+                    Some(near) => format!("did you mean \"{near}\"?"),
+                    None => format!("give some of: {}", known.join(", ")),
+                };
+                let message = format!("\"{name}\" is no event of the estimator");
+                gather.add(&field.span, &field.name, message, help);
+            }
+        }
+    }
+    events
+}
+
+fn read_rule(
+    name: String,
+    mut section: Section<'_>,
+    sources: &[Source],
+    gather: &mut Gatherer<'_>,
+) -> Option<CanRule> {
+    let source = section.required::<String>("source", "name a source of kind can", gather);
+    let source = source.and_then(|field| {
+        let is_bus = |source: &&Source| {
+            source.spec.name == field.value && matches!(source.meaning, Meaning::Can(_))
+        };
+        let found = sources.iter().find(is_bus).map(|source| source.spec.id);
+        if found.is_none() {
+            gather.add(
+                &field.span,
+                &field.name,
+                format!("there is no CAN bus source.{}", field.value),
+                "name a source of kind can or slcan",
+            );
+        }
+        found
+    });
+    let id = section.required::<u32>("id", "give the identifier, such as id = 0x123", gather);
+    let extended = section.optional::<bool>("extended", gather);
+    let extended = match (&extended, &id) {
+        (Some(field), _) => field.value,
+        (None, Some(id)) => id.value > 0x7FF,
+        (None, None) => false,
+    };
+    if let Some(field) = &id {
+        let largest = if extended { 0x1FFF_FFFF } else { 0x7FF };
+        if field.value > largest {
+            gather.add(
+                &field.span,
+                &field.name,
+                format!("{:#x} is no identifier of this length", field.value),
+                format!("give at most {largest:#x}"),
+            );
+        }
+    }
+    let data = read_bytes(&mut section, "data", gather).unwrap_or_default();
+    let mask = read_bytes(&mut section, "data_mask", gather);
+    let mask = mask.unwrap_or_else(|| vec![0xFF; data.len()]);
+    if mask.len() != data.len() {
+        gather.add(
+            &section.span(),
+            &section.field_name("data_mask"),
+            format!("{} bytes beside {} of data", mask.len(), data.len()),
+            "give data and data_mask the same number of bytes",
+        );
+    }
+    section.finish(gather);
+    Some(CanRule {
+        name,
+        source: source?,
+        id: id?.value,
+        extended,
+        data: mask.into_iter().zip(data).collect(),
+    })
+}
+
+/// Bytes as hexadecimal digits, `"01 FF"`.
+fn read_bytes(
+    section: &mut Section<'_>,
+    key: &'static str,
+    gather: &mut Gatherer<'_>,
+) -> Option<Vec<u8>> {
+    let field = section.optional::<String>(key, gather)?;
+    let words = field.value.split_whitespace();
+    let bytes: Option<Vec<u8>> = words
+        .map(|word| u8::from_str_radix(word, 16).ok())
+        .collect();
+    if bytes.is_none() {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" are no bytes", field.value),
+            "write them as hexadecimal pairs with blanks between: \"01 FF\"",
+        );
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use sample::CanFlags;
+
+    use super::*;
+    use crate::config::{Config, Problems};
+
+    const BUS: &str = "[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n";
+
+    fn read(text: &str) -> Result<Trigger, usize> {
+        let config = Config::from_text(&format!("{BUS}{text}"), Path::new("."));
+        match config {
+            Ok(config) => Ok(config.storage.trigger.expect("a trigger")),
+            Err(error) => Err(error.downcast::<Problems>().expect("problems").0.len()),
+        }
+    }
+
+    fn frame(id: u32, extended: bool, data: &[u8]) -> CanFrame {
+        let flags = CanFlags {
+            extended,
+            ..CanFlags::default()
+        };
+        CanFrame::new(id, flags, data).expect("eight bytes at most")
+    }
+
+    #[test]
+    fn a_frame_fits_by_bus_identifier_and_masked_data() {
+        let trigger = read(
+            "[storage.trigger]\npre_s = 5\nevents = [\"lift\"]\n[storage.trigger.can.brake]\n\
+             source = \"can0\"\nid = 0x123\ndata = \"00 10\"\ndata_mask = \"00 F0\"\n",
+        )
+        .expect("no problem");
+        assert_eq!(trigger.memory.duration, Duration::from_secs(5));
+        assert_eq!(trigger.events, [EventName::Lift]);
+        let rule = &trigger.can[0];
+        assert!(rule.fits(&frame(0x123, false, &[9, 0x1F])));
+        assert!(!rule.fits(&frame(0x123, false, &[9, 0x2F])));
+        assert!(!rule.fits(&frame(0x123, false, &[9])));
+        assert!(!rule.fits(&frame(0x124, false, &[9, 0x1F])));
+        assert!(!rule.fits(&frame(0x123, true, &[9, 0x1F])));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_at_once() {
+        let problems = read(
+            "[storage.trigger]\nevents = [\"lfit\"]\n[storage.trigger.can.brake]\n\
+             source = \"can9\"\nid = 0x20000000\ndata = \"zz\"\n",
+        );
+        assert_eq!(problems, Err(4));
+    }
+}

@@ -1,0 +1,106 @@
+//! The program's own messages, on standard error: for people at a terminal with times, for the
+//! journal with priorities and without times, which the journal has itself.
+
+use std::fmt;
+use std::io::IsTerminal;
+use std::os::fd::AsFd;
+use std::os::unix::fs::MetadataExt;
+
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::{Compact, Format, Writer};
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
+
+/// Begins to tell; `ATVREC_LOG` filters finer than `verbose` and `quiet`.
+pub fn start(verbose: u8, quiet: bool) {
+    let level = match (quiet, verbose) {
+        (true, _) => "error",
+        (false, 0) => "info",
+        (false, 1) => "debug",
+        (false, _) => "trace",
+    };
+    let filter = EnvFilter::try_from_env("ATVREC_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    let builder = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr);
+    if goes_to_journal() {
+        builder.with_ansi(false).event_format(Journal::new()).init();
+    } else {
+        builder
+            .with_ansi(std::io::stderr().is_terminal())
+            .with_target(false)
+            .compact()
+            .init();
+    }
+}
+
+/// Says why the program ends.
+pub fn failed(error: &anyhow::Error) {
+    let text = format!("error: {error:#}");
+    if goes_to_journal() {
+        // Each line is an entry of its own.
+        for line in text.lines() {
+            eprintln!("<{}>{line}", priority(Level::ERROR));
+        }
+    } else {
+        eprintln!("{text}");
+    }
+}
+
+/// Whether standard error is the journal's, as systemd tells by device and inode.
+fn goes_to_journal() -> bool {
+    let Ok(told) = std::env::var("JOURNAL_STREAM") else {
+        return false;
+    };
+    let Ok(stream) = std::io::stderr().as_fd().try_clone_to_owned() else {
+        return false;
+    };
+    let Ok(metadata) = std::fs::File::from(stream).metadata() else {
+        return false;
+    };
+    told == format!("{}:{}", metadata.dev(), metadata.ino())
+}
+
+/// Priority of a level, as in syslog.
+const fn priority(level: Level) -> u8 {
+    match level {
+        Level::ERROR => 3,
+        Level::WARN => 4,
+        Level::INFO => 6,
+        Level::DEBUG | Level::TRACE => 7,
+    }
+}
+
+/// `<priority>text fields`, as the journal reads it from a service's standard error.
+struct Journal(Format<Compact, ()>);
+
+impl Journal {
+    fn new() -> Self {
+        Self(
+            tracing_subscriber::fmt::format()
+                .compact()
+                .without_time()
+                .with_level(false)
+                .with_target(false)
+                .with_ansi(false),
+        )
+    }
+}
+
+impl<S, N> FormatEvent<S, N> for Journal
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &Event<'_>,
+    ) -> fmt::Result {
+        let priority = priority(*event.metadata().level());
+        write!(writer, "<{priority}>")?;
+        self.0.format_event(context, writer, event)
+    }
+}

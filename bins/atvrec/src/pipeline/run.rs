@@ -1,0 +1,289 @@
+//! One run: its files, and the two threads that write into them.
+
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use acq::Streams;
+use anyhow::Context;
+use sample::{Arrival, Health, LogTime, Payload, Severity};
+use store::{LogMessage, Record, Recorder, RecorderSummary};
+use tokio::sync::mpsc;
+
+use super::pulse::{Pulse, Pulses};
+use crate::config::{Config, Trigger};
+use crate::engine::Engine;
+use crate::{retention, session};
+
+/// Arrivals and records that may wait for the writer while a backlog is taken in.
+const BACKLOG_WAITING_MAX: usize = 8_192;
+/// Pause while more wait.
+const BACKLOG_PAUSE: Duration = Duration::from_millis(2);
+
+/// A run of files that is being written.
+pub struct Run {
+    /// Writes them.
+    pub recorder: Arc<Recorder>,
+    raw: JoinHandle<()>,
+    engine: JoinHandle<(Engine, Progress)>,
+    pulses: [Arc<Pulse>; 2],
+}
+
+/// How far an engine has come.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Progress {
+    /// Log clock of its last arrival.
+    pub time: LogTime,
+    /// Number of its next arrival.
+    pub next_sequence: u64,
+}
+
+/// The files of a run; made beforehand, so that the run begins between two arrivals.
+pub fn open_files(config: &Config, started: LogTime) -> anyhow::Result<Arc<Recorder>> {
+    let storage = &config.storage;
+    let session = session::live(config, started);
+    let time = session::utc_compact(started.0 / 1_000_000_000);
+    let stem = format!("{}-{time}", storage.name);
+    let stem = retention::free_stem(&storage.directory, &stem)?;
+    let options = storage.options.clone();
+    let recorder = Recorder::start(&storage.directory, &stem, session, options)?;
+    Ok(Arc::new(recorder))
+}
+
+impl Run {
+    /// Begins to write `streams` and what `engine` makes of them.
+    pub fn start(
+        recorder: Arc<Recorder>,
+        engine: Engine,
+        streams: Streams,
+        pulses: &Pulses,
+        voice: Voice,
+    ) -> anyhow::Result<Self> {
+        let pulse = [pulses.add("recorder"), pulses.add("engine")];
+        let estimates = streams.estimator.context("a stream without estimator")?;
+        let raw = Raw {
+            recorder: Arc::clone(&recorder),
+            backlog: streams.backlog.clone(),
+            queue: streams.recorder,
+            pulse: Arc::clone(&pulse[0]),
+        };
+        let worker = Estimates {
+            engine,
+            recorder: Arc::clone(&recorder),
+            backlog: streams.backlog,
+            queue: estimates,
+            pulse: Arc::clone(&pulse[1]),
+            voice,
+        };
+        Ok(Self {
+            recorder,
+            raw: spawn("recorder", move || raw.run())?,
+            engine: spawn("engine", move || worker.run())?,
+            pulses: pulse,
+        })
+    }
+
+    /// Waits until the stream, which has ended, is worked off, and closes the files. Gives the
+    /// engine back.
+    pub fn finish(self) -> anyhow::Result<(RecorderSummary, Engine, Progress)> {
+        drop(self.pulses);
+        let engine = join("engine", self.engine);
+        join("recorder", self.raw)?;
+        let recorder =
+            Arc::into_inner(self.recorder).context("a thread still holds the recorder")?;
+        let summary = recorder.finish()?;
+        let (engine, progress) = engine?;
+        Ok((summary, engine, progress))
+    }
+}
+
+/// The thread that hands arrivals to the recorder.
+struct Raw {
+    recorder: Arc<Recorder>,
+    backlog: Vec<Arc<Arrival>>,
+    queue: mpsc::Receiver<Arc<Arrival>>,
+    pulse: Arc<Pulse>,
+}
+
+impl Raw {
+    fn run(mut self) {
+        for arrival in std::mem::take(&mut self.backlog) {
+            wait_for_room(&self.recorder);
+            self.take(arrival);
+        }
+        while let Some(arrival) = self.queue.blocking_recv() {
+            self.take(arrival);
+        }
+    }
+
+    fn take(&self, arrival: Arc<Arrival>) {
+        self.recorder.push(Arc::unwrap_or_clone(arrival));
+        self.pulse.beat();
+    }
+}
+
+/// The thread that estimates for the files.
+struct Estimates {
+    engine: Engine,
+    recorder: Arc<Recorder>,
+    backlog: Vec<Arc<Arrival>>,
+    queue: mpsc::Receiver<Arc<Arrival>>,
+    pulse: Arc<Pulse>,
+    voice: Voice,
+}
+
+impl Estimates {
+    fn run(mut self) -> (Engine, Progress) {
+        let mut progress = Progress::default();
+        let mut records = Vec::new();
+        for arrival in std::mem::take(&mut self.backlog) {
+            wait_for_room(&self.recorder);
+            self.step(&arrival, &mut records, &mut progress);
+        }
+        while let Some(arrival) = self.queue.blocking_recv() {
+            self.step(&arrival, &mut records, &mut progress);
+        }
+        (self.engine, progress)
+    }
+
+    fn step(&mut self, arrival: &Arrival, records: &mut Vec<Record>, progress: &mut Progress) {
+        self.engine.push(arrival, records);
+        for record in records.drain(..) {
+            self.voice.hear(&record, arrival);
+            self.recorder.record(record);
+        }
+        *progress = Progress {
+            time: arrival.log_time,
+            next_sequence: arrival.sequence + 1,
+        };
+        self.pulse.beat();
+    }
+}
+
+fn wait_for_room(recorder: &Recorder) {
+    while recorder.waiting() > BACKLOG_WAITING_MAX {
+        thread::sleep(BACKLOG_PAUSE);
+    }
+}
+
+/// An engine that nobody writes down: it says what is the matter and looks out for events.
+pub struct Live {
+    /// Number of the first arrival that it has not seen.
+    pub next_sequence: u64,
+    /// The machine.
+    pub engine: Engine,
+    /// What it gets.
+    pub queue: mpsc::Receiver<Arc<Arrival>>,
+    /// What it does with what it finds.
+    pub voice: Voice,
+}
+
+impl Live {
+    /// Lets it run until its queue ends.
+    pub fn start(mut self, pulses: &Pulses) -> anyhow::Result<JoinHandle<Health>> {
+        let pulse = pulses.add("live engine");
+        let run = move || {
+            let mut records = Vec::new();
+            let mut last = LogTime::default();
+            while let Some(arrival) = self.queue.blocking_recv() {
+                pulse.beat();
+                if arrival.sequence < self.next_sequence {
+                    continue;
+                }
+                last = arrival.log_time;
+                self.engine.push(&arrival, &mut records);
+                for record in records.drain(..) {
+                    self.voice.hear(&record, &arrival);
+                }
+            }
+            self.engine.health(last)
+        };
+        spawn("live engine", run)
+    }
+}
+
+/// A trigger that was met.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fired {
+    /// When.
+    pub time: LogTime,
+    /// What it was, for people.
+    pub reason: String,
+}
+
+/// What is done with an engine's records beside writing them.
+#[derive(Clone, Default)]
+pub struct Voice {
+    /// What the log says to people is said on the terminal too.
+    pub aloud: bool,
+    /// Events that are triggers, and where to tell of them.
+    pub events: Option<(Arc<Trigger>, mpsc::Sender<Fired>)>,
+}
+
+impl Voice {
+    fn hear(&self, record: &Record, arrival: &Arrival) {
+        match record {
+            // What happened to a source itself, the source has said on the terminal.
+            Record::Log(message)
+                if self.aloud && !matches!(arrival.payload, Payload::Notice(_)) =>
+            {
+                say(message);
+            }
+            Record::Event(event) => {
+                let Some((trigger, fired)) = &self.events else {
+                    return;
+                };
+                if trigger.fires_on(event) {
+                    // At the end nobody listens any more.
+                    let _ = fired.blocking_send(Fired {
+                        time: event.time,
+                        reason: event.text.clone(),
+                    });
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn say(message: &LogMessage) {
+    let (name, text) = (&message.name, &message.text);
+    match message.severity {
+        Severity::Info => tracing::info!(source = %name, "{text}"),
+        Severity::Warning => tracing::warn!(source = %name, "{text}"),
+        Severity::Error => tracing::error!(source = %name, "{text}"),
+    }
+}
+
+/// Looks for marks and frames that are triggers, until the queue ends.
+pub async fn judge(
+    trigger: Arc<Trigger>,
+    mut queue: mpsc::Receiver<Arc<Arrival>>,
+    fired: mpsc::Sender<Fired>,
+) {
+    while let Some(arrival) = queue.recv().await {
+        if let Some(reason) = trigger.fires(&arrival) {
+            let time = arrival.log_time;
+            if fired.send(Fired { time, reason }).await.is_err() {
+                return;
+            }
+        }
+    }
+}
+
+fn spawn<T: Send + 'static>(
+    name: &str,
+    run: impl FnOnce() -> T + Send + 'static,
+) -> anyhow::Result<JoinHandle<T>> {
+    thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(run)
+        .with_context(|| format!("cannot start the thread {name}"))
+}
+
+/// Waits for a thread.
+pub fn join<T>(name: &str, thread: JoinHandle<T>) -> anyhow::Result<T> {
+    thread
+        .join()
+        .map_err(|_| anyhow::anyhow!("the thread {name} ended with a panic; see its message above"))
+}
