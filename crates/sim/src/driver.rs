@@ -1,13 +1,16 @@
-//! A driver and the four-wheel model: from a plan of speed and steering to a motion.
+//! A driver and a car: from a plan of speed and steering to a motion.
 
-use model::chassis::four_wheel::{Inputs, Outputs, Parameters, Pose, State, outputs, step};
+mod car;
+mod four_wheel;
+mod fourteen_dof;
+
 use model::suspension::Corner;
 use model::vehicle::{Steering, Vehicle};
-use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
-use crate::imu::{rotate, transpose};
 use crate::truth::fill_missing;
-use crate::{TruthState, WheelTruth};
+use crate::{SimError, TruthState};
+use car::{Car, Commands};
 
 /// Step of the integration, s; every fifth state is kept.
 const STEP_S: f64 = 0.001;
@@ -60,10 +63,8 @@ pub(crate) struct SurfaceLine {
 struct Drive<'a> {
     plan: &'a Plan,
     vehicle: &'a Vehicle,
-    parameters: Parameters,
+    car: Car,
     gear: SteeringGear,
-    state: State<f64>,
-    pose: Pose,
     hand_wheel_rad: f64,
     speed_integral_m: f64,
     /// Acceleration that the pedals stand for now, m/s^2.
@@ -71,15 +72,15 @@ struct Drive<'a> {
 }
 
 /// Drives a plan and tells its states, 200 a second.
-pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Vec<TruthState> {
-    let parameters = Parameters::from_vehicle(vehicle);
+///
+/// # Errors
+/// Springs that cannot carry the vehicle.
+pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<Vec<TruthState>, SimError> {
     let mut drive = Drive {
         plan,
         vehicle,
-        state: State::rolling(plan.start_speed_m_s, &parameters),
-        parameters,
+        car: Car::new(vehicle, plan.start_speed_m_s)?,
         gear: SteeringGear::new(vehicle),
-        pose: Pose::default(),
         hand_wheel_rad: 0.0,
         speed_integral_m: 0.0,
         pedal_m_s2: 0.0,
@@ -88,32 +89,35 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Vec<TruthState> {
     let mut states = Vec::with_capacity(rows + 1);
     for count in 0..=rows * STEPS_A_ROW {
         let time_s = count as f64 * STEP_S;
-        let inputs = drive.inputs(time_s);
+        let commands = drive.commands(time_s);
         if count.is_multiple_of(STEPS_A_ROW) {
-            states.push(drive.truth(time_s, &inputs));
+            states.push(TruthState {
+                time_s,
+                hand_wheel_rad: drive.hand_wheel_rad,
+                ..drive.car.truth(&commands)
+            });
         }
-        let next = step(&drive.parameters, &drive.state, &inputs, STEP_S);
-        drive.pose = drive.pose.advanced(&drive.state, &next, STEP_S);
-        drive.state = next;
+        drive.car.advance(&commands, STEP_S);
     }
     fill_missing(&mut states);
-    states
+    Ok(states)
 }
 
 impl Drive<'_> {
     /// What the driver does now.
-    fn inputs(&mut self, time_s: f64) -> Inputs<f64> {
-        let mut inputs = Inputs::coasting();
+    fn commands(&mut self, time_s: f64) -> Commands {
+        let mut commands = Commands::coasting();
         self.steer(time_s);
-        inputs.steer_rad = self.gear.road_wheels_rad(self.hand_wheel_rad);
-        self.pedals(time_s, &mut inputs);
-        for wheel in 0..4 {
+        let struts = self.car.strut_lengths_m();
+        commands.steer_rad = self.gear.road_wheels_rad(self.hand_wheel_rad, struts);
+        self.pedals(time_s, &mut commands);
+        for wheel in Wheel::ALL {
             if let Some(line) = self.beyond_the_line(wheel) {
-                inputs.friction_scale[wheel] = line.friction_scale;
-                inputs.stiffness_scale[wheel] = line.stiffness_scale;
+                commands.friction_scale[wheel.index()] = line.friction_scale;
+                commands.stiffness_scale[wheel.index()] = line.stiffness_scale;
             }
         }
-        inputs
+        commands
     }
 
     fn steer(&mut self, time_s: f64) {
@@ -122,8 +126,8 @@ impl Drive<'_> {
             Intent::Curvature(path) => {
                 // Steady-state geometry first, the rest by watching the path.
                 let wanted = path(time_s);
-                let speed_m_s = self.state.longitudinal_m_s.max(1.0);
-                let driven = self.state.yaw_rate_rad_s / speed_m_s;
+                let speed_m_s = self.car.speed_m_s().max(1.0);
+                let driven = self.car.yaw_rate_rad_s() / speed_m_s;
                 self.hand_wheel_rad + CURVATURE_INTEGRAL * (wanted - driven) * STEP_S
             }
         };
@@ -133,104 +137,49 @@ impl Drive<'_> {
             (self.hand_wheel_rad + turn).clamp(-HAND_WHEEL_MAX_RAD, HAND_WHEEL_MAX_RAD);
     }
 
-    fn pedals(&mut self, time_s: f64, inputs: &mut Inputs<f64>) {
+    fn pedals(&mut self, time_s: f64, commands: &mut Commands) {
         let wanted = self.plan.speed_m_s;
-        let speed_m_s = self.state.longitudinal_m_s;
+        let speed_m_s = self.car.speed_m_s();
         let error_m_s = wanted(time_s) - speed_m_s;
         let planned_m_s2 = (wanted(time_s + STEP_S) - wanted(time_s)) / STEP_S;
         // The integral learns resistance while cruising, not the lag of a launch.
         if planned_m_s2.abs() < 1.0 {
             self.speed_integral_m += error_m_s * STEP_S;
         }
-        let mass_kg = self.parameters.mass_kg;
+        let mass_kg = self.vehicle.body.mass_kg;
+        let radius_m = self.car.rolling_radius_m();
         let demand_m_s2 = planned_m_s2
             + SPEED_GAIN * error_m_s
             + SPEED_INTEGRAL * self.speed_integral_m
-            + self.parameters.front.rolling_resistance * STANDARD_GRAVITY_M_S2;
+            + self.vehicle.front.tyre.rolling_resistance * STANDARD_GRAVITY_M_S2;
         self.pedal_m_s2 += (demand_m_s2 - self.pedal_m_s2) * STEP_S / FOOT_S;
-        let torque_n_m = mass_kg * self.pedal_m_s2 * self.parameters.rear.rolling_radius_m;
+        let torque_n_m = mass_kg * self.pedal_m_s2 * radius_m;
         let drivetrain = &self.vehicle.drivetrain;
         let standing = wanted(time_s) == 0.0 && speed_m_s.abs() < STANDING_M_S;
         let (drive_n_m, brake_n_m) = if standing {
-            (0.0, 0.5 * mass_kg * self.parameters.rear.rolling_radius_m)
+            (0.0, 0.5 * mass_kg * radius_m)
         } else {
             (torque_n_m.max(0.0), (-torque_n_m).max(0.0))
         };
         for wheel in 0..4 {
             let part = |front: f64| 0.5 * if wheel < 2 { front } else { 1.0 - front };
-            inputs.drive_n_m[wheel] = drive_n_m * part(drivetrain.drive_split_front);
-            inputs.brake_n_m[wheel] = brake_n_m * part(drivetrain.brake_split_front);
+            commands.drive_n_m[wheel] = drive_n_m * part(drivetrain.drive_split_front);
+            commands.brake_n_m[wheel] = brake_n_m * part(drivetrain.brake_split_front);
         }
     }
 
-    fn beyond_the_line(&self, wheel: usize) -> Option<SurfaceLine> {
+    fn beyond_the_line(&self, wheel: Wheel) -> Option<SurfaceLine> {
         let line = self.plan.surface_line?;
-        let [x, y] = self.parameters.wheel_position_m(wheel);
-        let (sin, cos) = self.pose.yaw_rad.sin_cos();
-        (self.pose.east_m + x * cos - y * sin > line.east_m).then_some(line)
-    }
-
-    /// What is true now. The model's velocity is that of a point on the roll axis; the centre of
-    /// gravity sways against it.
-    fn truth(&self, time_s: f64, inputs: &Inputs<f64>) -> TruthState {
-        let (state, p) = (&self.state, &self.parameters);
-        let told = outputs(p, state, inputs);
-        let sway_m = p.sprung_mass_kg / p.mass_kg * p.roll_arm_m;
-        let (roll, pitch) = (state.roll_rad, state.pitch_rad);
-        let level = TruthState {
-            roll_rad: roll,
-            pitch_rad: pitch,
-            ..TruthState::default()
-        };
-        let lateral_m_s = state.lateral_m_s - sway_m * state.roll_rate_rad_s;
-        let lateral_m_s2 = told.lateral_m_s2 - sway_m * told.rate.roll_rate_rad_s;
-        let body_from_heading = transpose(&level.earth_from_body());
-        let turn = |x, y, z| rotate(&body_from_heading, [x, y, z]);
-        TruthState {
-            time_s,
-            position_m: [
-                self.pose.east_m,
-                self.pose.north_m,
-                self.vehicle.body.cg_height_m,
-            ],
-            yaw_rad: self.pose.yaw_rad,
-            velocity_body_m_s: turn(state.longitudinal_m_s, lateral_m_s, 0.0),
-            rate_rad_s: body_rates(
-                [roll, pitch],
-                [
-                    state.roll_rate_rad_s,
-                    state.pitch_rate_rad_s,
-                    state.yaw_rate_rad_s,
-                ],
-            ),
-            rate_derivative_rad_s2: [f64::NAN; 3],
-            specific_force_m_s2: turn(told.longitudinal_m_s2, lateral_m_s2, p.gravity_m_s2),
-            acceleration_m_s2: turn(told.longitudinal_m_s2, lateral_m_s2, 0.0),
-            hand_wheel_rad: self.hand_wheel_rad,
-            wheels: PerWheel::from_fn(|wheel| self.wheel_truth(wheel, inputs, &told)),
-            ..level
-        }
-    }
-
-    fn wheel_truth(&self, wheel: Wheel, inputs: &Inputs<f64>, told: &Outputs<f64>) -> WheelTruth {
-        let i = wheel.index();
-        let axle = self.parameters.axle(i);
-        let spin = self.state.wheel_speed_rad_s[i];
-        let file = if wheel.is_front() {
-            &self.vehicle.front.tyre
+        let body = &self.vehicle.body;
+        let (x, track_m) = if wheel.is_front() {
+            (body.front_axle_to_cg_m, self.vehicle.front.track_m)
         } else {
-            &self.vehicle.rear.tyre
+            (-body.cg_to_rear_axle_m, self.vehicle.rear.track_m)
         };
-        let rolling = axle.rolling_resistance * axle.rolling_radius_m * told.load_n[i];
-        WheelTruth {
-            force_n: [told.longitudinal_n[i], told.lateral_n[i], told.load_n[i]],
-            moment_n_m: [0.0, -rolling * spin.tanh(), told.aligning_n_m[i]],
-            angular_speed_rad_s: spin,
-            steer_rad: inputs.steer_rad[i] + axle.roll_steer * self.state.roll_rad,
-            slip_angle_rad: told.slip_angle_rad[i],
-            friction: file.friction * inputs.friction_scale[i],
-            ..WheelTruth::default()
-        }
+        let y = 0.5 * wheel.side() * track_m;
+        let place = self.car.place();
+        let (sin, cos) = place.yaw_rad.sin_cos();
+        (place.east_m + x * cos - y * sin > line.east_m).then_some(line)
     }
 }
 
@@ -251,7 +200,7 @@ pub(crate) fn body_rates(
 /// From the hand wheel to the road wheels: by rack and hard-points, by maps, or by a ratio.
 enum SteeringGear {
     Rack {
-        corners: Box<[Corner; 2]>,
+        corners: Box<[Corner; 4]>,
         rack_m_rad: f64,
     },
     File(Steering),
@@ -259,35 +208,39 @@ enum SteeringGear {
 
 impl SteeringGear {
     fn new(vehicle: &Vehicle) -> Self {
-        let corner = |wheel| Corner::of(vehicle, wheel).ok();
-        match (
-            corner(Wheel::FrontLeft),
-            corner(Wheel::FrontRight),
-            vehicle.steering.rack_m_rad,
-        ) {
-            (Some(left), Some(right), Some(rack_m_rad)) => Self::Rack {
-                corners: Box::new([left, right]),
+        let corners: Vec<Corner> = Wheel::ALL
+            .into_iter()
+            .filter_map(|wheel| Corner::of(vehicle, wheel).ok())
+            .collect();
+        match (corners.try_into(), vehicle.steering.rack_m_rad) {
+            (Ok(corners), Some(rack_m_rad)) => Self::Rack {
+                corners: Box::new(corners),
                 rack_m_rad,
             },
             _ => Self::File(vehicle.steering.clone()),
         }
     }
 
-    /// Steer angle of each road wheel, in the design position of the suspension.
-    fn road_wheels_rad(&self, hand_wheel_rad: f64) -> [f64; 4] {
+    /// Steer angle of each road wheel, with what springing in adds where strut lengths are known;
+    /// else, or where a strut is out of the linkage's reach, in the design position.
+    fn road_wheels_rad(&self, hand_wheel_rad: f64, strut_lengths_m: Option<[f64; 4]>) -> [f64; 4] {
         match self {
             Self::Rack {
                 corners,
                 rack_m_rad,
-            } => {
-                let angle = |corner: &Corner| {
-                    corner
-                        .pose(corner.design_strut_length_m(), rack_m_rad * hand_wheel_rad)
-                        .map_or(0.0, |pose| pose.steer_rad())
+            } => Wheel::ALL.map(|wheel| {
+                let corner = &corners[wheel.index()];
+                let rack_m = if wheel.is_front() {
+                    rack_m_rad * hand_wheel_rad
+                } else {
+                    0.0
                 };
-                let [left, right] = &**corners;
-                [angle(left), angle(right), 0.0, 0.0]
-            }
+                let design_m = corner.design_strut_length_m();
+                strut_lengths_m
+                    .and_then(|lengths_m| corner.pose(lengths_m[wheel.index()], rack_m).ok())
+                    .or_else(|| corner.pose(design_m, rack_m).ok())
+                    .map_or(0.0, |pose| pose.steer_rad())
+            }),
             Self::File(gear) => {
                 let mapped = |map: &[[f64; 2]]| {
                     between(map, hand_wheel_rad).unwrap_or(hand_wheel_rad / gear.ratio)

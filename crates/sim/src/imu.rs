@@ -159,7 +159,7 @@ pub(crate) fn transpose(matrix: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 }
 
 /// Sum of three vectors.
-fn add3(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> [f64; 3] {
+pub(crate) fn add3(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + b[i] + c[i])
 }
 

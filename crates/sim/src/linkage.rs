@@ -18,6 +18,10 @@ const TRAIL_OF_CONTACT_LENGTH: f64 = 0.17;
 /// Below this load a wheel counts as off the ground, N.
 const OFF_GROUND_N: f64 = 1.0;
 
+/// From this load on a wheel tells fully where the ground is, N; below, less and less, so that the
+/// plane does not jump when a wheel leaves it.
+const FULL_WEIGHT_N: f64 = 300.0;
+
 /// Roll and pitch change the strut lengths that they follow from, by a hundredth of themselves.
 pub(crate) const ATTITUDE_ROUNDS: usize = 2;
 
@@ -223,7 +227,14 @@ impl Linkage {
             &PerWheel::from_fn(|wheel| poses[wheel.index()]),
             &PerWheel::from_fn(|wheel| tyre(wheel).unloaded_radius_m),
             &PerWheel::from_fn(|wheel| pressed_m(wheel).unwrap_or(0.0)),
-            &PerWheel::from_fn(|wheel| f64::from(u8::from(pressed_m(wheel).is_some()))),
+            &PerWheel::from_fn(|wheel| {
+                let load_n = state.wheels[wheel].force_n[2];
+                match (clearance_m(wheel), pressed_m(wheel)) {
+                    (Some(_), _) => 1.0,
+                    (None, Some(_)) => (load_n / FULL_WEIGHT_N).min(1.0),
+                    (None, None) => 0.0,
+                }
+            }),
         ))
     }
 

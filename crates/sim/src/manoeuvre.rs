@@ -57,7 +57,7 @@ impl Manoeuvre {
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {
-            Self::Circle => "left turn of 15.24 m radius, speed rising slowly",
+            Self::Circle => "left turn of 15.24 m radius, speed rising until a wheel lifts",
             Self::SlowSine => "sine steer at 0.3 Hz",
             Self::FastSine => "sine steer at 0.7 Hz",
             Self::StepSteer => "a step of the hand wheel at constant speed",
@@ -82,15 +82,16 @@ impl Manoeuvre {
             })
     }
 
-    /// Lets a driver perform it with the four-wheel model of `vehicle`; the jackstand run follows
-    /// from geometry. Link forces and strut lengths follow from the tyre forces where the vehicle
+    /// Lets a driver perform it: with the model of 14 degrees of freedom where the vehicle file has
+    /// springs and unsprung masses, else with the four-wheel model; the jackstand run follows from
+    /// geometry. Link forces and strut lengths follow from the tyre forces where the vehicle
     /// file has hard-points.
     ///
     /// # Errors
     /// A linkage that cannot stand as the model moves it.
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
         let states = match self.plan() {
-            Some(plan) => driver::drive(vehicle, &plan),
+            Some(plan) => driver::drive(vehicle, &plan)?,
             None => jackstand::states(vehicle)?,
         };
         let states = match self {
@@ -116,12 +117,15 @@ impl Manoeuvre {
             surface_line: None,
         };
         Some(match self {
-            Self::Circle => plan(
-                52.0,
-                3.5,
-                |t| (3.5 + 0.12 * t).min(8.3),
-                Intent::Curvature(|t| smooth(t / 3.0) / CIRCLE_RADIUS_M),
-            ),
+            Self::Circle => Plan {
+                surface_line: Some(FRESH_ASPHALT),
+                ..plan(
+                    54.0,
+                    3.5,
+                    |t| (3.5 + 0.12 * t).min(9.5),
+                    Intent::Curvature(|t| smooth(t / 3.0) / CIRCLE_RADIUS_M),
+                )
+            },
             Self::SlowSine => plan(
                 26.0,
                 8.0,
@@ -189,6 +193,14 @@ const GRAVEL: SurfaceLine = SurfaceLine {
     east_m: 95.0,
     friction_scale: 0.5,
     stiffness_scale: 0.7,
+};
+
+/// Asphalt that grips sooner. On the surface for which the thesis gives its front tyres' stiffness
+/// they run out of steer before a wheel of this circle lifts, as it did in the thesis.
+const FRESH_ASPHALT: SurfaceLine = SurfaceLine {
+    east_m: f64::NEG_INFINITY,
+    friction_scale: 1.1,
+    stiffness_scale: 1.8,
 };
 
 /// Straight driving before the minute of mixed driving begins.

@@ -1,0 +1,141 @@
+//! A car by the model of 14 degrees of freedom: wheels that travel, and leave the ground.
+
+use model::chassis::four_wheel::Pose;
+use model::chassis::fourteen_dof::{Inputs, Parameters, State, at_rest, outputs, step};
+use model::suspension::Corner;
+use model::vehicle::Vehicle;
+use sample::{PerWheel, Wheel};
+
+use super::car::Commands;
+use crate::corner::cross;
+use crate::imu::{add3, rotate};
+use crate::{SimError, TruthState, WheelTruth};
+
+/// The car under way.
+pub(super) struct FourteenDof {
+    parameters: Parameters,
+    /// The whole vehicle's centre of gravity from that of the sprung part, body axes, m.
+    cg_m: [f64; 3],
+    /// Friction of the tyres, front and rear.
+    friction: [f64; 2],
+    /// Whether strut lengths are left to the linkage, which then also carries the body.
+    linked: bool,
+    state: State<f64>,
+}
+
+fn inputs(commands: &Commands) -> Inputs<f64> {
+    Inputs {
+        steer_rad: commands.steer_rad,
+        drive_n_m: commands.drive_n_m,
+        brake_n_m: commands.brake_n_m,
+        friction_scale: commands.friction_scale,
+        stiffness_scale: commands.stiffness_scale,
+        ..Inputs::coasting()
+    }
+}
+
+impl FourteenDof {
+    /// The car at a speed, straight ahead; `None` where the vehicle file has no unsprung masses or
+    /// struts.
+    pub(super) fn new(vehicle: &Vehicle, speed_m_s: f64) -> Result<Option<Self>, SimError> {
+        let Ok(parameters) = Parameters::from_vehicle(vehicle) else {
+            return Ok(None);
+        };
+        let [x, y, z] = vehicle.sprung().cg_m;
+        Ok(Some(Self {
+            cg_m: [-x, -y, vehicle.body.cg_height_m - z],
+            friction: [vehicle.front.tyre.friction, vehicle.rear.tyre.friction],
+            linked: Corner::of(vehicle, Wheel::FrontLeft).is_ok(),
+            state: at_rest(&parameters)?.rolling(speed_m_s, &parameters),
+            parameters,
+        }))
+    }
+
+    pub(super) fn advance(&mut self, commands: &Commands, step_s: f64) {
+        self.state = step(&self.parameters, &self.state, &inputs(commands), step_s);
+    }
+
+    pub(super) fn speed_m_s(&self) -> f64 {
+        self.state.velocity_m_s[0]
+    }
+
+    pub(super) fn yaw_rate_rad_s(&self) -> f64 {
+        self.state.rate_rad_s[2]
+    }
+
+    pub(super) fn place(&self) -> Pose {
+        let [_, _, yaw_rad] = self.state.attitude_rad;
+        let [east_m, north_m, _] = self.position_m();
+        Pose {
+            east_m,
+            north_m,
+            yaw_rad,
+        }
+    }
+
+    pub(super) fn rolling_radius_m(&self) -> f64 {
+        self.parameters.corners[Wheel::RearLeft.index()].rolling_radius_m
+    }
+
+    pub(super) fn strut_lengths_m(&self) -> [f64; 4] {
+        let corners = &self.parameters.corners;
+        std::array::from_fn(|i| corners[i].strut.length_m(self.state.jounce_m[i]))
+    }
+
+    /// Roll, pitch and yaw as a state's.
+    fn attitude(&self) -> TruthState {
+        let [roll_rad, pitch_rad, yaw_rad] = self.state.attitude_rad;
+        TruthState {
+            roll_rad,
+            pitch_rad,
+            yaw_rad,
+            ..TruthState::default()
+        }
+    }
+
+    fn position_m(&self) -> [f64; 3] {
+        let earth_from_body = self.attitude().earth_from_body();
+        add3(
+            self.state.position_m,
+            rotate(&earth_from_body, self.cg_m),
+            [0.0; 3],
+        )
+    }
+
+    /// What is true now, at the whole vehicle's centre of gravity.
+    pub(super) fn truth(&self, commands: &Commands) -> TruthState {
+        let told = outputs(&self.parameters, &self.state, &inputs(commands));
+        let (rate, turning) = (self.state.rate_rad_s, told.rate.rate_rad_s);
+        let wheel = |wheel: Wheel| {
+            let i = wheel.index();
+            WheelTruth {
+                force_n: [told.longitudinal_n[i], told.lateral_n[i], told.load_n[i]],
+                angular_speed_rad_s: self.state.wheel_speed_rad_s[i],
+                steer_rad: commands.steer_rad[i],
+                slip_angle_rad: told.slip_angle_rad[i],
+                friction: self.friction[usize::from(!wheel.is_front())]
+                    * commands.friction_scale[i],
+                strut_length_m: if self.linked {
+                    f64::NAN
+                } else {
+                    told.strut_length_m[i]
+                },
+                ..WheelTruth::default()
+            }
+        };
+        TruthState {
+            position_m: self.position_m(),
+            velocity_body_m_s: add3(self.state.velocity_m_s, cross(rate, self.cg_m), [0.0; 3]),
+            rate_rad_s: rate,
+            rate_derivative_rad_s2: turning,
+            specific_force_m_s2: add3(
+                told.specific_force_m_s2,
+                cross(turning, self.cg_m),
+                cross(rate, cross(rate, self.cg_m)),
+            ),
+            acceleration_m_s2: [f64::NAN; 3],
+            wheels: PerWheel::from_fn(wheel),
+            ..self.attitude()
+        }
+    }
+}
