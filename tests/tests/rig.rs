@@ -2,6 +2,11 @@
 //! `make rig`, which fetches what is missing.
 #![cfg(feature = "rig")]
 
+#[path = "rig/disk.rs"]
+mod disk;
+#[path = "rig/drive.rs"]
+mod drive;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -54,8 +59,7 @@ fn recorded(logs: &[PathBuf]) -> BTreeMap<String, Vec<CanFrame>> {
         last = Some(arrival.sequence);
         if let Payload::Can(batch) = arrival.payload {
             let name = reader.session().source_name(arrival.source);
-            let data = batch.into_iter().filter(|frame| !frame.flags.error);
-            frames.entry(name).or_default().extend(data);
+            frames.entry(name).or_default().extend(batch);
         }
     }
     frames
@@ -66,15 +70,25 @@ fn every_frame_that_candump_sees_is_in_the_log_with_the_kernels_stamp() {
     let out = boot("can", &[]);
     let peer = seen_by_candump(&out.join("candump.log"));
     let ours = recorded(&logs_in(&out.join("logs")));
+    // A controller that went off the bus and came back, as its driver tells it.
+    let errors = ours["virtual0"].iter().filter(|frame| frame.flags.error);
+    assert_eq!(
+        errors.map(|frame| frame.id).collect::<Vec<_>>(),
+        [0x40, 0x100]
+    );
+    let told = std::fs::read_to_string(out.join("record.log")).expect("messages");
+    for text in ["bus off: check wiring", "restarted after bus off"] {
+        assert!(told.contains(text), "{told}");
+    }
     let sent = [
         ("vcan0", 5000),
         ("vcan1", 2000),
         ("vcan2", 2000),
-        ("can1", 202),
+        ("can1", 252),
     ];
     let names = ["virtual0", "virtual1", "virtual2", "wire"];
     for ((interface, count), name) in sent.into_iter().zip(names) {
-        let (peer, ours) = (&peer[interface], &ours[name]);
+        let (peer, ours) = (&peer[interface], without_errors(&ours[name]));
         assert_eq!(peer.len(), count, "candump on {interface}");
         assert_eq!(ours.len(), count, "recorder on {interface}");
         for (index, (seen, recorded)) in peer.iter().zip(ours).enumerate() {
@@ -93,6 +107,10 @@ fn every_frame_that_candump_sees_is_in_the_log_with_the_kernels_stamp() {
             );
         }
     }
+}
+
+fn without_errors(frames: &[CanFrame]) -> Vec<&CanFrame> {
+    frames.iter().filter(|frame| !frame.flags.error).collect()
 }
 
 /// Ends the virtual vehicle when the test ends, however it ends.
