@@ -57,6 +57,9 @@ pub enum Command {
     /// Exits 0 if there is no error and every device answers, 1 if a device is missing or silent,
     /// 2 if the configuration is wrong.
     Check(CheckArgs),
+    /// Find offsets, gains and mounting from workshop logs, step by step into one file.
+    #[command(subcommand)]
+    Calibrate(CalibrateCommand),
     /// Make cut-short logs whole.
     Recover(RecoverArgs),
     /// Set a mark in the running recording.
@@ -186,6 +189,9 @@ pub struct DriveArgs {
     /// Seed of the sensors' noise; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Further settings of the virtual vehicle (TOML): hidden errors, faults, delays.
+    #[arg(long, value_name = "FILE")]
+    pub options: Option<PathBuf>,
     /// Drive for this long instead of the manoeuvre's own duration.
     #[arg(long = "for", value_name = "SECONDS", value_parser = positive)]
     pub duration_s: Option<f64>,
@@ -220,6 +226,9 @@ pub struct SimulateArgs {
     /// The log to write.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Write the calibration that a perfect workshop would find to this file.
+    #[arg(long, value_name = "FILE")]
+    pub true_calibration: Option<PathBuf>,
 }
 
 /// `atvrec info`.
@@ -279,6 +288,91 @@ impl CheckArgs {
         let named = self.file.as_deref().or(self.config.as_deref());
         named.unwrap_or(Path::new("atvrec.toml"))
     }
+}
+
+/// `atvrec calibrate`.
+#[derive(Debug, Subcommand)]
+pub enum CalibrateCommand {
+    /// Zeros of strain bridges and potentiometers, and what is wrong with a channel, from wheels
+    /// that hang free.
+    Zero(ZeroArgs),
+    /// Preload, rate and friction of the springs, from three loads or more on four scales.
+    Weight(WeightArgs),
+    /// Steering maps, play and centre, from turn plates.
+    Steer(SteerArgs),
+    /// Gains and wiring of the strain bridges, from known forces on each wheel.
+    LoadRig(CalibrateArgs),
+    /// Bias and misalignment of the inertial unit, from rest in two opposite headings and driving.
+    Imu(CalibrateArgs),
+    /// Antenna places and latencies of the receivers, from a drive with turns.
+    Gnss(CalibrateArgs),
+    /// Rolling radius of each wheel, from straight and even driving with GNSS.
+    WheelRadius(CalibrateArgs),
+}
+
+impl CalibrateCommand {
+    /// What all steps take.
+    pub fn shared(&self) -> &CalibrateArgs {
+        match self {
+            Self::Zero(args) => &args.shared,
+            Self::Weight(args) => &args.shared,
+            Self::Steer(args) => &args.shared,
+            Self::LoadRig(args) | Self::Imu(args) | Self::Gnss(args) | Self::WheelRadius(args) => {
+                args
+            }
+        }
+    }
+}
+
+/// What all steps of `atvrec calibrate` take.
+#[derive(Debug, Args)]
+pub struct CalibrateArgs {
+    /// Logs of the step, all of one vehicle.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Calibration file; what other steps wrote is kept.
+    #[arg(short, long, default_value = "calibration.toml", value_name = "FILE")]
+    pub output: PathBuf,
+    /// Write a page with figures.
+    #[arg(long, value_name = "HTML")]
+    pub report: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `atvrec calibrate zero`.
+#[derive(Debug, Args)]
+pub struct ZeroArgs {
+    /// What all steps take.
+    #[command(flatten)]
+    pub shared: CalibrateArgs,
+    /// How well the weight of the hanging parts is known: standard deviation as a part of it.
+    #[arg(long, default_value = "0.02", value_name = "PART")]
+    pub weight_sigma: f64,
+}
+
+/// `atvrec calibrate weight`.
+#[derive(Debug, Args)]
+pub struct WeightArgs {
+    /// What all steps take.
+    #[command(flatten)]
+    pub shared: CalibrateArgs,
+    /// Scales FL,FR,RL,RR in N (or "... kg"), once for each log in the logs' order; without it the
+    /// logs' marks `scales FL FR RL RR` are taken.
+    #[arg(long, value_name = "LOADS")]
+    pub scales: Vec<String>,
+}
+
+/// `atvrec calibrate steer`.
+#[derive(Debug, Args)]
+pub struct SteerArgs {
+    /// What all steps take.
+    #[command(flatten)]
+    pub shared: CalibrateArgs,
+    /// How well a plate is read, degrees.
+    #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = positive)]
+    pub plate_sigma_deg: f64,
 }
 
 /// `atvrec recover`.

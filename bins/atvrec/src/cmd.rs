@@ -1,10 +1,12 @@
 //! One file a verb.
 
+pub mod calibrate;
 pub mod check;
 pub mod completions;
 pub mod control;
 pub mod demo;
 pub mod export;
+pub mod findings;
 pub mod import;
 pub mod info;
 pub mod link;

@@ -51,6 +51,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Export(args) => cmd::export::run(&args),
         Command::Info(args) => cmd::info::run(&args),
         Command::Check(args) => cmd::check::run(&args),
+        Command::Calibrate(command) => cmd::calibrate::run(&command),
         Command::Recover(args) => cmd::recover::run(&args),
         Command::Mark(args) => cmd::control::mark(&args),
         Command::Status(args) => cmd::control::status(&args),

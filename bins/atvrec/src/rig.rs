@@ -4,9 +4,11 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use estimator::Calibration;
+use estimator::calibration::{ChannelCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{LogTime, NANOS_PER_SECOND};
+use sample::{LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
 use store::{Pose, Record};
 use wire::line;
@@ -32,6 +34,8 @@ pub struct Rig {
     pub vehicle_file: String,
     /// Name or path of the sensors file.
     pub sensors_file: String,
+    /// The calibration that a perfect workshop would find.
+    pub true_calibration: Calibration,
     options: Options,
     duration_s: f64,
 }
@@ -50,12 +54,17 @@ impl Rig {
         let sensors = text(&args.sensors, FileKind::Sensors)?;
         let sensors = Sensors::from_toml(&sensors, &args.sensors)?;
         let (motion, drive) = motion(args, &vehicle)?;
-        let options = Options::default();
+        let options = match &args.options {
+            Some(path) => read_options(path)?,
+            None => Options::default(),
+        };
         let motion = repeated(motion, args.duration_s);
         let own_s = motion.duration_s();
         let duration_s = args.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
+        let truth = vehicle.name.clone();
         let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, args.seed)?;
         Ok(Self {
+            true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
             drive,
             vehicle_file: args.vehicle.clone(),
@@ -234,6 +243,57 @@ fn motion(args: &DriveArgs, vehicle: &Vehicle) -> anyhow::Result<(Motion, String
         .drive(vehicle)
         .with_context(|| format!("cannot drive {name}"))?;
     Ok((motion, name.to_owned()))
+}
+
+fn read_options(path: &Path) -> anyhow::Result<Options> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the options {}", path.display()))?;
+    toml::from_str(&text).map_err(|error| UsageError(format!("{}: {error}", path.display())).into())
+}
+
+/// What a perfect workshop would find of this virtual vehicle.
+fn true_calibration(
+    name: &str,
+    sensors: &Sensors,
+    vehicle: &VirtualVehicle,
+) -> anyhow::Result<Calibration> {
+    let mut calibration = Calibration::nominal(name);
+    let nominal = Resolved::new(sensors, &calibration)?;
+    let hidden = vehicle.hidden();
+    let zeros = vehicle.zero_counts();
+    for wheel in Wheel::ALL {
+        let (strain, pot) = zeros[wheel];
+        let corner = calibration.corner.entry(wheel).or_default();
+        corner.deflection.offset_counts = Some(pot);
+        for channel in StrainChannel::ALL {
+            let i = channel.index();
+            let Some(zero) = strain[i] else { continue };
+            let gain = nominal.corners[wheel].strain[i].gain * hidden.bridge_gain_factor[wheel][i];
+            let found = ChannelCalibration {
+                offset_counts: Some(zero),
+                gain_per_count: Some(gain),
+                ..ChannelCalibration::default()
+            };
+            corner.strain.insert(channel, found);
+        }
+    }
+    let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
+    let (accel, gyro) = vehicle.imu_biases();
+    calibration.steer.offset_rad = hidden.steer_offset_rad;
+    calibration.imu.accel_bias_m_s2 = accel;
+    calibration.imu.gyro_bias_rad_s = gyro;
+    calibration.imu.misalignment_rad = Some(sum(
+        sensors.imu.misalignment_rad,
+        hidden.imu_misalignment_rad,
+    ));
+    calibration.gnss_velocity.antenna_m = Some(sum(
+        sensors.gnss_velocity.antenna_m,
+        hidden.velocity_antenna_m,
+    ));
+    calibration.gnss_velocity.latency_s = Some(hidden.velocity_latency_s);
+    calibration.gnss_attitude.latency_s = Some(hidden.attitude_latency_s);
+    calibration.gnss_attitude.attitude_offset_rad = hidden.attitude_offset_rad;
+    Ok(calibration)
 }
 
 fn list_of_manoeuvres(name: &str) -> String {

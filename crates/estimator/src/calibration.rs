@@ -4,10 +4,19 @@
 //! converter's nominal zero is mid-scale; strain counts rise with tension, deflection counts with
 //! compression from the design length.
 
+pub mod gnss;
+pub mod imu;
+pub mod load_rig;
 mod resolved;
+pub mod rest;
+pub mod steer;
+pub mod weight;
+pub mod wheel_radius;
+pub mod zero;
 
 use std::collections::BTreeMap;
 
+use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +61,25 @@ pub struct CornerCalibration {
     /// the design length.
     #[serde(default)]
     pub deflection: ChannelCalibration,
+    /// Speed over wheel speed, rolling freely, m; absent: from the tyre's radius and stiffness.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rolling_radius_m: Option<f64>,
+    /// Coil; absent: the vehicle file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spring: Option<SpringCalibration>,
+}
+
+/// A coil as it is mounted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpringCalibration {
+    /// Force at the design length, N.
+    pub preload_n: f64,
+    /// Rate, N/m.
+    pub rate_n_m: f64,
+    /// Friction that holds the strut back on either way, N.
+    #[serde(default)]
+    pub friction_n: f64,
 }
 
 /// One converter channel: value = gain (counts - offset).
@@ -74,12 +102,22 @@ pub struct ChannelCalibration {
 }
 
 /// Hand wheel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SteerCalibration {
     /// What the encoder reads with the wheels straight ahead, rad.
     #[serde(default)]
     pub offset_rad: f64,
+    /// Play, rad, from one contact to the other.
+    #[serde(default)]
+    pub lash_rad: f64,
+    /// Points of the hand wheel from the middle and the left front wheel's angle, rad; empty: the
+    /// vehicle file's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_map_rad: Vec<[f64; 2]>,
+    /// The same of the right front wheel.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub right_map_rad: Vec<[f64; 2]>,
 }
 
 /// Inertial unit.
@@ -125,6 +163,37 @@ impl Calibration {
         }
     }
 
+    /// The vehicle with what was found of its springs and its steering: of an axle's two coils the
+    /// mean, of the steering the maps and the play.
+    #[must_use]
+    pub fn applied(&self, vehicle: &Vehicle) -> Vehicle {
+        let mut found = vehicle.clone();
+        let axles = [
+            (&mut found.front, [Wheel::FrontLeft, Wheel::FrontRight]),
+            (&mut found.rear, [Wheel::RearLeft, Wheel::RearRight]),
+        ];
+        for (axle, wheels) in axles {
+            let springs = wheels.map(|wheel| self.corner.get(&wheel).and_then(|c| c.spring));
+            if let (Some(strut), [Some(left), Some(right)]) = (&mut axle.strut, springs) {
+                strut.stiffness_n_m = 0.5 * (left.rate_n_m + right.rate_n_m);
+                let preload_n = 0.5 * (left.preload_n + right.preload_n);
+                strut.free_length_m = strut.design_length_m + preload_n / strut.stiffness_n_m;
+            }
+        }
+        if !self.steer.left_map_rad.is_empty() && !self.steer.right_map_rad.is_empty() {
+            found
+                .steering
+                .left_map_rad
+                .clone_from(&self.steer.left_map_rad);
+            found
+                .steering
+                .right_map_rad
+                .clone_from(&self.steer.right_map_rad);
+            found.steering.lash_rad = self.steer.lash_rad;
+        }
+        found
+    }
+
     /// Reads a calibration file's text.
     ///
     /// # Errors
@@ -145,7 +214,6 @@ impl Calibration {
 #[cfg(test)]
 mod tests {
     use model::sensors::Sensors;
-    use model::vehicle::Vehicle;
 
     use super::*;
     use crate::{Estimator, Settings};

@@ -28,6 +28,9 @@ pub enum EstimatorError {
     /// The sensors file's values make no sensor.
     #[error("{0}")]
     Sensors(String),
+    /// The data do not tell what was looked for.
+    #[error(transparent)]
+    Refused(#[from] crate::finding::Refusal),
     /// The vehicle's linkage cannot be used.
     #[error("{0}")]
     Suspension(String),

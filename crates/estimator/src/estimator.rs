@@ -94,6 +94,7 @@ impl Estimator {
                 found: calibration.vehicle.clone(),
             });
         }
+        let vehicle = &calibration.applied(vehicle);
         let calibration = Resolved::new(sensors, calibration)?;
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let corners = Corners::new(vehicle, pot.noise_sigma)?;
@@ -411,7 +412,8 @@ impl Estimator {
             if let Some(speed) = reading.and_then(|reading| reading.fresh(time)) {
                 let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
                 let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
-                sum += speed * (tyre.unloaded_radius_m - pressed / 3.0);
+                let measured = self.calibration.rolling_radius_m[wheel];
+                sum += speed * measured.unwrap_or(tyre.unloaded_radius_m - pressed / 3.0);
                 count += 1.0;
             }
         }

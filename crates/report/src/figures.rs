@@ -158,11 +158,11 @@ fn slip_angles(drive: &Drive) -> Figure {
         slow_left_out(drive, traces)
     });
     Figure {
-        id: "slip-angles",
-        title: "Slip angles",
-        caption: "A positive slip angle gives a negative lateral force.",
+        id: "slip-angles".into(),
+        title: "Slip angles".into(),
+        caption: "A positive slip angle gives a negative lateral force.".into(),
         panels,
-        x_label: TIME,
+        x_label: TIME.into(),
         equal_axes: false,
     }
 }
@@ -183,11 +183,11 @@ fn forces(
         ]
     });
     Figure {
-        id,
-        title,
-        caption,
+        id: id.into(),
+        title: title.into(),
+        caption: caption.into(),
         panels,
-        x_label: TIME,
+        x_label: TIME.into(),
         equal_axes: false,
     }
 }
@@ -253,7 +253,7 @@ fn track(drive: &Drive) -> Figure {
             y: points.iter().map(|point| point[1]).collect(),
         });
     Figure {
-        x_label: "east (m)",
+        x_label: "east (m)".into(),
         equal_axes: true,
         ..single(
             "track",
@@ -297,11 +297,11 @@ fn single(
         traces,
     }];
     Figure {
-        id,
-        title,
-        caption,
+        id: id.into(),
+        title: title.into(),
+        caption: caption.into(),
         panels,
-        x_label: TIME,
+        x_label: TIME.into(),
         equal_axes: false,
     }
 }

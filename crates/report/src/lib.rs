@@ -7,12 +7,15 @@
 mod decimate;
 mod drive;
 mod figures;
+pub mod findings;
 mod page;
 mod plot;
 
 use std::path::{Path, PathBuf};
 
 use store::Reader;
+
+pub use plot::{Figure, Panel, Pen, Trace};
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -53,14 +56,18 @@ pub fn write_html(logs: &[PathBuf], output: &Path) -> Result<Summary, Error> {
     let drive = drive::Drive::read(&reader)?;
     let figures = figures::all(&drive);
     let html = page::render(&drive, &figures);
-    std::fs::write(output, &html).map_err(|source| Error::Write {
-        path: output.to_owned(),
-        source,
-    })?;
+    write(output, &html)?;
     Ok(Summary {
         duration_s: drive.duration_s,
         estimates: drive.estimate.len(),
         figures: figures.len(),
         bytes: html.len() as u64,
+    })
+}
+
+fn write(output: &Path, html: &str) -> Result<(), Error> {
+    std::fs::write(output, html).map_err(|source| Error::Write {
+        path: output.to_owned(),
+        source,
     })
 }

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use crate::drive::Drive;
 use crate::plot::Figure;
 
-const STYLE: &str = include_str!("../assets/report.css");
-const SCRIPT: &str = include_str!("../assets/report.js");
+pub(crate) const STYLE: &str = include_str!("../assets/report.css");
+pub(crate) const SCRIPT: &str = include_str!("../assets/report.js");
 
 /// The whole report.
 pub fn render(drive: &Drive, figures: &[Figure]) -> String {
@@ -47,7 +47,7 @@ pub fn render(drive: &Drive, figures: &[Figure]) -> String {
 
 /// plotly.js itself, with its licence in its head. The crate offers it together with a typesetter
 /// of formulas, which no figure here needs.
-fn plotly_script() -> String {
+pub(crate) fn plotly_script() -> String {
     const END: &str = "</script>";
     let scripts = plotly::Plot::offline_js_sources();
     let end = scripts
@@ -291,7 +291,7 @@ fn utc(time: LogTime) -> String {
     )
 }
 
-fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -299,7 +299,7 @@ fn escape(text: &str) -> String {
 }
 
 /// JSON that cannot end the script element it stands in.
-fn json_in_html(value: &Value) -> String {
+pub(crate) fn json_in_html(value: &Value) -> String {
     value.to_string().replace("</", "<\\/")
 }
 

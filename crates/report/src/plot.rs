@@ -1,5 +1,7 @@
 //! A figure as plotly.js wants it.
 
+use std::borrow::Cow;
+
 use serde_json::{Map, Value, json};
 
 use crate::decimate;
@@ -8,22 +10,24 @@ use crate::decimate;
 const POINTS: usize = 4_000;
 
 /// One picture: one panel, or a panel for each wheel.
+#[derive(Clone, Debug)]
 pub struct Figure {
     /// Anchor in the page.
-    pub id: &'static str,
+    pub id: Cow<'static, str>,
     /// Title.
-    pub title: &'static str,
+    pub title: Cow<'static, str>,
     /// What the reader should see in it.
-    pub caption: &'static str,
+    pub caption: Cow<'static, str>,
     /// The panels: one, or four in the wheels' order.
     pub panels: Vec<Panel>,
     /// Label of the abscissa.
-    pub x_label: &'static str,
+    pub x_label: Cow<'static, str>,
     /// One metre to the right is one metre up (a map).
     pub equal_axes: bool,
 }
 
 /// One pair of axes.
+#[derive(Clone, Debug)]
 pub struct Panel {
     /// Heading; empty for a figure of one panel.
     pub heading: String,
@@ -34,6 +38,7 @@ pub struct Panel {
 }
 
 /// One curve.
+#[derive(Clone, Debug)]
 pub struct Trace {
     /// In the legend.
     pub name: String,
@@ -56,18 +61,28 @@ pub enum Pen {
     Truth,
     /// A further curve, by number.
     Other(usize),
+    /// Single points without a line, by number.
+    Points(usize),
 }
+
+const OTHERS: [&str; 4] = ["#0f766e", "#b45309", "#7c3aed", "#be123c"];
 
 impl Pen {
     fn line(self) -> Value {
-        const OTHERS: [&str; 4] = ["#0f766e", "#b45309", "#7c3aed", "#be123c"];
         match self {
             Self::Measured => json!({"color": "#1d4ed8", "width": 1.4}),
             Self::Expected => json!({"color": "#ea580c", "width": 1.4}),
             Self::Truth => json!({"color": "#111827", "width": 1, "dash": "dot"}),
-            Self::Other(index) => {
+            Self::Other(index) | Self::Points(index) => {
                 json!({"color": OTHERS[index % OTHERS.len()], "width": 1.4})
             }
+        }
+    }
+
+    const fn mode(self) -> &'static str {
+        match self {
+            Self::Points(_) => "markers",
+            _ => "lines",
         }
     }
 }
@@ -99,9 +114,10 @@ impl Figure {
                     shown.push(trace.name.clone());
                 }
                 data.push(json!({
-                    "type": "scatter", "mode": "lines", "name": trace.name,
+                    "type": "scatter", "mode": trace.pen.mode(), "name": trace.name,
                     "legendgroup": trace.name, "showlegend": first,
                     "x": numbers(&curve.x), "y": numbers(&curve.y), "line": trace.pen.line(),
+                    "marker": {"size": 5, "opacity": 0.75, "color": trace.pen.line()["color"]},
                     "xaxis": format!("x{suffix}"), "yaxis": format!("y{suffix}"),
                     "hovertemplate": "%{y:.4g}",
                 }));
@@ -162,7 +178,7 @@ impl Figure {
         let bottom = self.panels.len() == 1 || index >= 2;
         let mut x = json!({
             "domain": x_domain, "anchor": format!("y{suffix}"), "gridcolor": "#e5e7eb",
-            "zeroline": false, "title": {"text": if bottom { self.x_label } else { "" }},
+            "zeroline": false, "title": {"text": if bottom { &*self.x_label } else { "" }},
             "showticklabels": true,
         });
         if index > 0 {
@@ -204,10 +220,10 @@ mod tests {
 
     fn figure(panels: usize) -> Figure {
         Figure {
-            id: "x",
-            title: "X",
-            caption: "",
-            x_label: "time (s)",
+            id: "x".into(),
+            title: "X".into(),
+            caption: "".into(),
+            x_label: "time (s)".into(),
             equal_axes: false,
             panels: (0..panels)
                 .map(|index| Panel {

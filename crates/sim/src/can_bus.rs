@@ -2,10 +2,11 @@
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{CanFlags, CanFrame, PerWheel, Wheel};
+use sample::{CanFlags, CanFrame, PerWheel, StrainChannel, Wheel};
 
 use crate::corner::Corner;
 use crate::emission::{Emission, Output, Port};
+use crate::hidden::Hidden;
 use crate::random::Noise;
 use crate::{Motion, Options, SimError};
 
@@ -25,6 +26,7 @@ pub(crate) struct CanBus {
     noise_wheel_speed: Noise,
     noise_bus: Noise,
     steer_noise_rad: f64,
+    steer_offset_rad: f64,
     wheel_noise_fraction: f64,
     bit_time_s: f64,
     boxes: Ticker,
@@ -42,9 +44,10 @@ impl CanBus {
         vehicle: &Vehicle,
         sensors: &Sensors,
         options: &Options,
+        hidden: &Hidden,
         seed: u64,
     ) -> Result<Self, SimError> {
-        let corner = |wheel| Corner::new(wheel, motion, vehicle, sensors, options, seed);
+        let corner = |wheel| Corner::new(wheel, motion, vehicle, sensors, options, hidden, seed);
         let [fl, fr, rl, rr] = Wheel::ALL;
         Ok(Self {
             corners: [corner(fl)?, corner(fr)?, corner(rl)?, corner(rr)?],
@@ -52,6 +55,7 @@ impl CanBus {
             noise_wheel_speed: Noise::new(seed, "wheel speed"),
             noise_bus: Noise::new(seed, "can0"),
             steer_noise_rad: sensors.steer.noise_rad,
+            steer_offset_rad: hidden.steer_offset_rad,
             wheel_noise_fraction: sensors.wheel_speed.noise_fraction,
             bit_time_s: period_s_of("can_bit_rate", f64::from(options.can_bit_rate))?,
             boxes: Ticker::new("strain.rate_hz", sensors.strain.rate_hz)?,
@@ -61,6 +65,11 @@ impl CanBus {
             free_at_s: 0.0,
             end_s: motion.duration_s(),
         })
+    }
+
+    /// Counts at zero of each corner's channels.
+    pub(crate) fn zeros(&self) -> [([Option<f64>; StrainChannel::COUNT], f64); 4] {
+        std::array::from_fn(|i| self.corners[i].zeros())
     }
 
     /// The frames of the next instant, in the order in which they win the bus; none at the end.
@@ -85,7 +94,9 @@ impl CanBus {
             }
         }
         if self.steer.due(time_s) {
-            let angle_rad = state.hand_wheel_rad + self.noise_steer.normal(self.steer_noise_rad);
+            let angle_rad = state.hand_wheel_rad
+                + self.steer_offset_rad
+                + self.noise_steer.normal(self.steer_noise_rad);
             frames.push(steer_frame(angle_rad));
         }
         if self.wheel_speed.due(time_s) {

@@ -7,6 +7,7 @@ use sample::{StrainChannel, Wheel};
 
 use crate::can_bus::ABSENT;
 use crate::faults::{ChannelFaultKind, Faults};
+use crate::hidden::Hidden;
 use crate::random::Noise;
 use crate::{Motion, Options, SimError, TruthState};
 
@@ -49,6 +50,7 @@ impl Corner {
         vehicle: &Vehicle,
         sensors: &Sensors,
         options: &Options,
+        hidden: &Hidden,
         seed: u64,
     ) -> Result<Self, SimError> {
         let axle = if wheel.is_front() {
@@ -57,7 +59,8 @@ impl Corner {
             &vehicle.rear
         };
         let mut noise = Noise::new(seed, &format!("corner {wheel}"));
-        let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts);
+        let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts)
+            + hidden.potentiometer_offset_counts[wheel];
         let mut corner = Self {
             wheel,
             gauge_distance_m: sensors
@@ -91,8 +94,10 @@ impl Corner {
             let Some(scale) = scale else {
                 continue;
             };
+            let factor = hidden.bridge_gain_factor[wheel][channel.index()];
+            let scale = scale.calibrated(scale.zero_counts, factor);
             let offset_counts = corner.noise.within(sensors.strain.zero_error_counts)
-                + corner.noise.within(options.bridge_offset_counts);
+                + corner.noise.within(options.hidden.bridge_offset_counts);
             let load = first[channel.index()];
             if load.is_nan() {
                 continue;
@@ -105,6 +110,16 @@ impl Corner {
             });
         }
         Ok(corner)
+    }
+
+    /// Counts at no load of each strain channel that there is, and of the potentiometer at the
+    /// design length.
+    pub(crate) fn zeros(&self) -> ([Option<f64>; StrainChannel::COUNT], f64) {
+        let zero = |channel: &Channel| channel.scale.zero_counts + channel.offset_counts;
+        (
+            std::array::from_fn(|i| self.strain[i].as_ref().map(zero)),
+            self.pot.zero_counts + self.pot_offset_counts,
+        )
     }
 
     /// What the strain converters give at `time_s`, which must not fall from call to call.

@@ -6,6 +6,7 @@ use wire::geodesy::Geodetic;
 use crate::can_bus::period_s;
 use crate::corner::cross;
 use crate::emission::{Emission, Output, Port};
+use crate::hidden::Hidden;
 use crate::imu::rotate;
 use crate::random::Noise;
 use crate::serial_line::SerialLine;
@@ -45,6 +46,8 @@ struct Receiver {
     velocity_noise_m_s: f64,
     position_noise_m: f64,
     latency_s: f64,
+    /// Latency of the velocity that the message does not tell.
+    untold_s: f64,
     averaging_s: f64,
     processing_s: f64,
     options: Options,
@@ -82,7 +85,7 @@ impl Receiver {
             *error = *error * decay + step;
         }
         let velocity_noise = self.noise.normal3(self.velocity_noise_m_s);
-        let velocity = self.mean_velocity(motion, tag_s - self.latency_s);
+        let velocity = self.mean_velocity(motion, tag_s - self.latency_s - self.untold_s);
         let position = antenna_position(&motion.at(tag_s), self.antenna_m);
         let position = std::array::from_fn(|i| position[i] + self.position_error_m[i]);
         let place = encode::geodetic_from_enu(&self.options.origin, position);
@@ -138,6 +141,7 @@ impl Novatel {
         motion: &Motion,
         sensors: &Sensors,
         options: &Options,
+        hidden: &Hidden,
         seed: u64,
     ) -> Result<Self, SimError> {
         let gnss = &sensors.gnss_velocity;
@@ -147,6 +151,7 @@ impl Novatel {
             velocity_noise_m_s: gnss.velocity_noise_m_s,
             position_noise_m: gnss.position_noise_m,
             latency_s: gnss.latency_s,
+            untold_s: hidden.velocity_latency_s,
             averaging_s: gnss.averaging_s,
             processing_s: options.novatel_processing_s,
             options: options.clone(),
@@ -177,6 +182,8 @@ pub(crate) struct Septentrio {
     receiver: Receiver,
     blocks: SeptentrioBlocks,
     noise_attitude: Noise,
+    /// What the antennas' mounting adds to yaw, pitch and roll.
+    offset_rad: [f64; 3],
     heading_noise_rad: f64,
     roll_pitch_noise_rad: f64,
 }
@@ -186,6 +193,7 @@ impl Septentrio {
         motion: &Motion,
         sensors: &Sensors,
         options: &Options,
+        hidden: &Hidden,
         seed: u64,
     ) -> Result<Self, SimError> {
         let gnss = &sensors.gnss_attitude;
@@ -197,6 +205,7 @@ impl Septentrio {
                 velocity_noise_m_s: sensors.gnss_velocity.velocity_noise_m_s,
                 position_noise_m: sensors.gnss_velocity.position_noise_m,
                 latency_s: gnss.latency_s,
+                untold_s: 0.0,
                 averaging_s: period_s,
                 processing_s: options.septentrio_processing_s,
                 options: options.clone(),
@@ -210,6 +219,7 @@ impl Septentrio {
             },
             blocks: options.septentrio_blocks,
             noise_attitude: Noise::new(seed, "septentrio attitude"),
+            offset_rad: hidden.attitude_offset_rad,
             heading_noise_rad: gnss.heading_noise_rad,
             roll_pitch_noise_rad: gnss.roll_pitch_noise_rad,
         })
@@ -240,7 +250,7 @@ impl Septentrio {
         AttitudeSolution {
             valid,
             yaw_pitch_roll_rad: std::array::from_fn(|i| {
-                angles[i] + self.noise_attitude.normal(sigma_rad[i])
+                angles[i] + self.offset_rad[i] + self.noise_attitude.normal(sigma_rad[i])
             }),
             sigma_rad,
         }

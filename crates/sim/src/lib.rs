@@ -19,6 +19,7 @@ mod encode;
 mod error;
 mod faults;
 mod gnss;
+mod hidden;
 mod imu;
 mod jackstand;
 mod linkage;
@@ -29,12 +30,14 @@ mod random;
 mod serial_line;
 mod truth;
 mod virtual_vehicle;
+mod workshop;
 
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;
 pub use faults::{
     Chance, ChannelFault, ChannelFaultKind, Faults, ImuFault, ImuFaultKind, Interruption,
 };
+pub use hidden::{Hidden, HiddenErrors};
 pub use manoeuvre::Manoeuvre;
 pub use motion::{Motion, TruthState, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};

@@ -2,7 +2,7 @@ use model::vehicle::Vehicle;
 
 use crate::driver::{self, Intent, Plan, SurfaceLine};
 use crate::jackstand::{self, smooth};
-use crate::{Motion, SimError};
+use crate::{Motion, SimError, workshop};
 
 /// A manoeuvre that the model drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +21,21 @@ pub enum Manoeuvre {
     LaunchBrake,
     /// On jackstands, lowered, then at rest on the ground.
     Jackstand,
+    /// At rest, turned by half a turn on a floor that is not level, at rest.
+    Turned,
+    /// On scales, with load put in and taken out.
+    Weighed,
+    /// On stands, one wheel after the other pushed by known forces.
+    LoadRig,
+    /// On turn plates, steered from side to side.
+    TurnPlates,
     /// A minute of ordinary driving that ends as it begins, to be [repeated](Motion::repeated).
     MixedDriving,
 }
 
 impl Manoeuvre {
     /// All manoeuvres.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 12] = [
         Self::Circle,
         Self::SlowSine,
         Self::FastSine,
@@ -35,6 +43,10 @@ impl Manoeuvre {
         Self::AsphaltToGravel,
         Self::LaunchBrake,
         Self::Jackstand,
+        Self::Turned,
+        Self::Weighed,
+        Self::LoadRig,
+        Self::TurnPlates,
         Self::MixedDriving,
     ];
 
@@ -49,6 +61,10 @@ impl Manoeuvre {
             Self::AsphaltToGravel => "asphalt-to-gravel",
             Self::LaunchBrake => "launch-brake",
             Self::Jackstand => "jackstand",
+            Self::Turned => "turned",
+            Self::Weighed => "weighed",
+            Self::LoadRig => "load-rig",
+            Self::TurnPlates => "turn-plates",
             Self::MixedDriving => "mixed-driving",
         }
     }
@@ -64,6 +80,10 @@ impl Manoeuvre {
             Self::AsphaltToGravel => "sine steer, the surface changing from asphalt to gravel",
             Self::LaunchBrake => "launch from rest, then hard braking",
             Self::Jackstand => "on jackstands, lowered to the ground, at rest",
+            Self::Turned => "at rest, turned by 180 degrees on a sloping floor, at rest",
+            Self::Weighed => "on scales, loaded and unloaded in steps, with marks",
+            Self::LoadRig => "on stands, each wheel pushed by known forces, with marks",
+            Self::TurnPlates => "on turn plates, steered from side to side, with marks",
             Self::MixedDriving => "a minute of turns, braking and speeding up, for repetition",
         }
     }
@@ -83,16 +103,20 @@ impl Manoeuvre {
     }
 
     /// Lets a driver perform it: with the model of 14 degrees of freedom where the vehicle file has
-    /// springs and unsprung masses, else with the four-wheel model; the jackstand run follows from
-    /// geometry. Link forces and strut lengths follow from the tyre forces where the vehicle
+    /// springs and unsprung masses, else with the four-wheel model; what happens in the workshop
+    /// follows from geometry. Link forces and strut lengths follow from the tyre forces where the vehicle
     /// file has hard-points.
     ///
     /// # Errors
     /// A linkage that cannot stand as the model moves it.
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
-        let states = match self.plan() {
-            Some(plan) => driver::drive(vehicle, &plan)?,
-            None => jackstand::states(vehicle)?,
+        let states = match (self, self.plan()) {
+            (_, Some(plan)) => driver::drive(vehicle, &plan)?,
+            (Self::Turned, _) => return workshop::turned(vehicle),
+            (Self::Weighed, _) => return workshop::weighed(vehicle),
+            (Self::LoadRig, _) => return workshop::rigged(vehicle),
+            (Self::TurnPlates, _) => return workshop::plated(vehicle),
+            _ => jackstand::states(vehicle)?,
         };
         let states = match self {
             // The tyres' first deflection would be a jump at the end of each lap.
@@ -168,7 +192,9 @@ impl Manoeuvre {
                 },
                 Intent::HandWheel(|_| 0.0),
             ),
-            Self::Jackstand => return None,
+            Self::Jackstand | Self::Turned | Self::Weighed | Self::LoadRig | Self::TurnPlates => {
+                return None;
+            }
             Self::MixedDriving => plan(
                 RUN_IN_S + 60.0,
                 8.0,

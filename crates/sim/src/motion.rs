@@ -207,6 +207,8 @@ pub struct Motion {
     states: Vec<TruthState>,
     /// Where each lap begins: east, north, m.
     lap_starts_m: Vec<[f64; 2]>,
+    /// What a person notes on the way: seconds from the start, text.
+    marks: Vec<(f64, String)>,
 }
 
 impl Motion {
@@ -243,7 +245,21 @@ impl Motion {
             name: name.to_owned(),
             states,
             lap_starts_m: vec![[east_m, north_m]],
+            marks: Vec::new(),
         })
+    }
+
+    /// The same motion with marks: seconds from its start, in order, and texts.
+    #[must_use]
+    pub fn with_marks(mut self, marks: Vec<(f64, String)>) -> Self {
+        self.marks = marks;
+        self
+    }
+
+    /// What a person notes on the way: seconds from the start, in order, and texts.
+    #[must_use]
+    pub fn marks(&self) -> &[(f64, String)] {
+        &self.marks
     }
 
     /// The same motion `laps` times on end (at least once), each lap beginning where and in the

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::Faults;
+use crate::{Faults, HiddenErrors};
 
 /// What the virtual vehicle is told beside vehicle and sensors: where and when it drives, and how
 /// its devices deliver.
@@ -33,11 +33,10 @@ pub struct Options {
     pub gnss_jitter_s: f64,
     /// How fast the inertial unit's clock runs, parts of a million above true.
     pub imu_clock_ppm: f64,
-    /// Largest offset of each strain bridge before any zero, counts (uniform within plus and
-    /// minus). The sensors file's `zero_error_counts` comes on top.
-    pub bridge_offset_counts: f64,
     /// Correlation time of the position error, s.
     pub position_correlation_s: f64,
+    /// Errors of sensors and mounting that no file tells.
+    pub hidden: HiddenErrors,
     /// What goes wrong on purpose.
     pub faults: Faults,
 }
@@ -58,8 +57,8 @@ impl Default for Options {
             septentrio_processing_s: 0.035,
             gnss_jitter_s: 0.002,
             imu_clock_ppm: 12.0,
-            bridge_offset_counts: 0.0,
             position_correlation_s: 60.0,
+            hidden: HiddenErrors::default(),
             faults: Faults::default(),
         }
     }

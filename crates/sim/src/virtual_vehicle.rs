@@ -2,12 +2,14 @@ use std::collections::VecDeque;
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
+use sample::{PerWheel, StrainChannel};
 
 use crate::can_bus::CanBus;
 use crate::controllers::Controller;
 use crate::emission::{Emission, Port};
 use crate::faults::LineFaults;
 use crate::gnss::{Novatel, Septentrio};
+use crate::hidden::Hidden;
 use crate::imu::Imu;
 use crate::serial_line::SerialLine;
 use crate::{Motion, Options, SimError, TruthState};
@@ -15,6 +17,7 @@ use crate::{Motion, Options, SimError, TruthState};
 /// A motion, seen through a vehicle's sensors: an iterator of [`Emission`]s in time order.
 pub struct VirtualVehicle {
     motion: Motion,
+    hidden: Hidden,
     imu: Imu,
     novatel: Novatel,
     septentrio: Septentrio,
@@ -43,11 +46,13 @@ impl VirtualVehicle {
     ) -> Result<Self, SimError> {
         options.faults.check()?;
         motion.complete(vehicle)?;
+        let hidden = Hidden::draw(&options.hidden, seed);
+        let sensors = &hidden.applied(sensors);
         Ok(Self {
             imu: Imu::new(&motion, sensors, options, seed)?,
-            novatel: Novatel::new(&motion, sensors, options, seed)?,
-            septentrio: Septentrio::new(&motion, sensors, options, seed)?,
-            can: CanBus::new(&motion, vehicle, sensors, options, seed)?,
+            novatel: Novatel::new(&motion, sensors, options, &hidden, seed)?,
+            septentrio: Septentrio::new(&motion, sensors, options, &hidden, seed)?,
+            can: CanBus::new(&motion, vehicle, sensors, options, &hidden, seed)?,
             controllers: Port::ALL
                 .into_iter()
                 .filter_map(|port| {
@@ -67,6 +72,7 @@ impl VirtualVehicle {
             }),
             waiting: [const { VecDeque::new() }; Port::ALL.len()],
             motion,
+            hidden,
         })
     }
 
@@ -93,6 +99,19 @@ impl VirtualVehicle {
     #[must_use]
     pub fn imu_biases(&self) -> ([f64; 3], [f64; 3]) {
         self.imu.biases()
+    }
+
+    /// The hidden errors of this run.
+    #[must_use]
+    pub fn hidden(&self) -> &Hidden {
+        &self.hidden
+    }
+
+    /// What each corner's converters give at zero in this run: each strain channel that there is
+    /// without load, the potentiometer at the design length.
+    #[must_use]
+    pub fn zero_counts(&self) -> PerWheel<([Option<f64>; StrainChannel::COUNT], f64)> {
+        PerWheel(self.can.zeros())
     }
 
     fn produce(&mut self, port: Port) -> Vec<Emission> {

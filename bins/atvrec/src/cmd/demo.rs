@@ -85,6 +85,7 @@ fn drive_and_record(
         vehicle: "prowler".to_owned(),
         sensors: "thesis-10bit".to_owned(),
         seed: args.seed,
+        options: None,
         duration_s: Some(args.duration_s),
     };
     let mut rig = Rig::new(&drive)?;

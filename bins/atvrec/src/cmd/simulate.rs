@@ -7,6 +7,7 @@ use sim::{Output, Port};
 use store::{Record, Writer};
 
 use crate::cli::SimulateArgs;
+use crate::cmd::findings::write_whole;
 use crate::config::Config;
 use crate::engine::Engine;
 use crate::exit::Outcome;
@@ -39,6 +40,9 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
         sequence: 0,
         records: Vec::new(),
     };
+    if let Some(path) = &args.true_calibration {
+        write_whole(path, &rig.true_calibration.to_toml()?)?;
+    }
     let progress = Progress::seconds("simulate", rig.duration_s(), quiet);
     drive(&mut rig, &config, &mut log, &progress)?;
     let finished = log.writer.finish()?;
@@ -95,7 +99,7 @@ fn drive(rig: &mut Rig, config: &Config, log: &mut Log, progress: &Progress) -> 
         let opened = Notice::Opened("virtual vehicle".to_owned());
         log.push(source.spec.id, start, Payload::Notice(opened))?;
     }
-    let (mut ticks, mut truths) = (0_u64, 0_u64);
+    let (mut ticks, mut truths, mut noted) = (0_u64, 0_u64, 0);
     let duration_s = rig.duration_s();
     while let Some(emission) = rig.vehicle.next() {
         if emission.time_s > duration_s {
@@ -111,6 +115,12 @@ fn drive(rig: &mut Rig, config: &Config, log: &mut Log, progress: &Progress) -> 
             log.push(SourceId::HOST, time, Payload::Tick)?;
             ticks += 1;
             progress.set(ticks as f64 * TICK_S);
+        }
+        let marks = rig.vehicle.motion().marks();
+        while let Some((time_s, text)) = marks.get(noted).filter(|m| m.0 <= emission.time_s) {
+            let mark = Payload::Notice(Notice::Mark(text.clone()));
+            log.push(SourceId::HOST, start.offset_seconds(*time_s), mark)?;
+            noted += 1;
         }
         let Some(source) = source_of(emission.port) else {
             continue;

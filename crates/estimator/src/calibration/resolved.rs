@@ -12,6 +12,8 @@ use crate::EstimatorError;
 pub struct Resolved {
     /// Channels of each corner.
     pub corners: PerWheel<CornerChannels>,
+    /// Speed over wheel speed, rolling freely, m, where it was measured.
+    pub rolling_radius_m: PerWheel<Option<f64>>,
     /// Hand wheel, straight ahead, rad.
     pub steer_offset_rad: f64,
     /// Specific-force bias, sensor axes, m/s^2.
@@ -85,6 +87,7 @@ impl Resolved {
         let velocity = &calibration.gnss_velocity;
         Ok(Self {
             corners: PerWheel(std::array::from_fn(|i| corners[i])),
+            rolling_radius_m: rolling_radii(calibration)?,
             steer_offset_rad: finite("steer.offset_rad", calibration.steer.offset_rad)?,
             accel_bias_m_s2: finite3("imu.accel_bias_m_s2", imu.accel_bias_m_s2)?,
             gyro_bias_rad_s: finite3("imu.gyro_bias_rad_s", imu.gyro_bias_rad_s)?,
@@ -114,6 +117,23 @@ impl Resolved {
             .into(),
         })
     }
+}
+
+fn rolling_radii(calibration: &Calibration) -> Result<PerWheel<Option<f64>>, EstimatorError> {
+    let mut radii = PerWheel::default();
+    for (wheel, corner) in &calibration.corner {
+        if let Some(radius_m) = corner.rolling_radius_m {
+            if !(0.05..3.0).contains(&radius_m) {
+                return Err(EstimatorError::Value {
+                    name: format!("corner.{}.rolling_radius_m", wheel_key(*wheel)),
+                    value: radius_m,
+                    expected: "a wheel's radius in metres",
+                });
+            }
+            radii[*wheel] = Some(radius_m);
+        }
+    }
+    Ok(radii)
 }
 
 fn full_scale(adc_bits: u8) -> f64 {

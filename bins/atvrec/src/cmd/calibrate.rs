@@ -1,0 +1,127 @@
+//! `atvrec calibrate`: what a workshop finds, one step a command, into one calibration file.
+
+mod gnss;
+mod imu;
+mod marked;
+mod recording;
+mod zero;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use estimator::Calibration;
+
+use crate::cli::{CalibrateArgs, CalibrateCommand};
+use crate::cmd::findings;
+use crate::exit::Outcome;
+
+use recording::Recording;
+
+/// The logs on the bench, and the calibration as it is known so far.
+pub struct Bench {
+    /// Logs, at least one, all of one vehicle.
+    pub recordings: Vec<Recording>,
+    /// What earlier steps found; each step adds its part.
+    pub calibration: Calibration,
+}
+
+/// Calibrates.
+pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
+    let args = command.shared();
+    let mut bench = Bench::set_up(args)?;
+    let (title, results) = match command {
+        CalibrateCommand::Zero(own) => ("zero", zero::run(own, &mut bench)),
+        CalibrateCommand::Imu(_) => ("imu", imu::run(&mut bench)),
+        CalibrateCommand::Gnss(_) => ("gnss", gnss::run(&mut bench)),
+        CalibrateCommand::Weight(own) => ("weight", marked::weigh(own, &mut bench)),
+        CalibrateCommand::LoadRig(_) => ("load-rig", marked::rig(&mut bench)),
+        CalibrateCommand::Steer(own) => ("steer", marked::plates(own, &mut bench)),
+        CalibrateCommand::WheelRadius(_) => ("wheel-radius", gnss::wheels(&mut bench)),
+    };
+    let results = results.with_context(|| format!("calibrate {title}"))?;
+    findings::write_whole(&args.output, &bench.calibration.to_toml()?)?;
+    if let Some(path) = &args.report {
+        let title = format!("Calibration: {title}");
+        findings::write_page(&title, bench.facts(), &results, path)?;
+    }
+    findings::tell(&results, args.json)?;
+    if !args.json {
+        println!("written: {}", args.output.display());
+    }
+    Ok(Outcome::Good)
+}
+
+impl Bench {
+    fn set_up(args: &CalibrateArgs) -> anyhow::Result<Self> {
+        let recordings: Vec<Recording> = args
+            .logs
+            .iter()
+            .map(|path| Recording::read(path))
+            .collect::<anyhow::Result<_>>()?;
+        let first = recordings.first().context("no log is given")?;
+        let name = first.vehicle.name.clone();
+        for other in &recordings {
+            ensure!(
+                other.vehicle.name == name && other.sensors == first.sensors,
+                "{} is of vehicle \"{}\" with sensors \"{}\", {} of \"{name}\" with \"{}\"; \
+                 calibrate one vehicle at a time",
+                other.path.display(),
+                other.vehicle.name,
+                other.sensors.name,
+                first.path.display(),
+                first.sensors.name,
+            );
+        }
+        let calibration = known(&args.output, &name)?;
+        Ok(Self {
+            recordings,
+            calibration,
+        })
+    }
+
+    fn facts(&self) -> Vec<(String, String)> {
+        let first = &self.recordings[0];
+        let logs: Vec<String> = self
+            .recordings
+            .iter()
+            .map(|r| r.path.display().to_string())
+            .collect();
+        vec![
+            ("vehicle".to_owned(), first.vehicle.name.clone()),
+            ("sensors".to_owned(), first.sensors.name.clone()),
+            ("logs".to_owned(), logs.join(", ")),
+        ]
+    }
+}
+
+/// What earlier steps wrote; nominal where there is no file yet.
+fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Ok(Calibration::nominal(vehicle));
+        }
+        Err(error) => {
+            return Err(error).with_context(|| format!("cannot read {}", path.display()));
+        }
+    };
+    let known = Calibration::from_toml(&text)
+        .with_context(|| format!("{} is kept as it is", path.display()))?;
+    ensure!(
+        known.vehicle == vehicle,
+        "{} is the calibration of \"{}\", the log is of \"{vehicle}\"; it is kept as it is: name \
+         another file with -o",
+        path.display(),
+        known.vehicle,
+    );
+    Ok(known)
+}
+
+/// The only log of a step that takes one.
+fn one_log<'a>(recordings: &'a [Recording], step: &str) -> anyhow::Result<&'a Recording> {
+    let paths: Vec<&PathBuf> = recordings.iter().map(|r| &r.path).collect();
+    match recordings {
+        [one] => Ok(one),
+        _ => anyhow::bail!("{step} takes one log, not {}: {paths:?}", recordings.len()),
+    }
+}

@@ -1,0 +1,316 @@
+//! A log as columns: what calibration reads.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use estimator::calibration::Resolved;
+use estimator::calibration::imu::{ImuSignal, lean_rad};
+use estimator::calibration::rest::{self, Signal, Stretch};
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use nalgebra::Vector3;
+use sample::{FixQuality, LogTime, Measurement, PerWheel, Sample, StrainChannel, Wheel};
+use store::{Reader, Record, Selection};
+
+use crate::config::Config;
+
+/// Topics that are read.
+const TOPICS: [&str; 7] = [
+    "/imu/*",
+    "/gnss/*",
+    "/strain",
+    "/deflection",
+    "/steer",
+    "/wheel_speed",
+    "/mark",
+];
+
+/// Values and when they were true, s since the log's start.
+#[derive(Debug, Default)]
+pub struct Column {
+    time_s: Vec<f64>,
+    value: Vec<f64>,
+}
+
+impl Column {
+    fn push(&mut self, time_s: f64, value: f64) {
+        // A stamp that was corrected backwards would break the order.
+        if self.time_s.last().is_none_or(|last| time_s > *last) {
+            self.time_s.push(time_s);
+            self.value.push(value);
+        }
+    }
+
+    /// As the estimator's functions take it.
+    pub fn signal(&self) -> Signal<'_> {
+        Signal {
+            time_s: &self.time_s,
+            value: &self.value,
+        }
+    }
+
+    /// Whether there is any value.
+    pub fn is_known(&self) -> bool {
+        self.value.iter().any(|value| value.is_finite())
+    }
+}
+
+/// Vectors and when they were true.
+#[derive(Debug, Default)]
+pub struct Vectors {
+    /// Instants, s since the log's start.
+    pub time_s: Vec<f64>,
+    /// Values; `NaN` where the device told none.
+    pub value: Vec<[f64; 3]>,
+}
+
+impl Vectors {
+    fn push(&mut self, time_s: f64, value: [f64; 3]) {
+        if self.time_s.last().is_none_or(|last| time_s > *last) {
+            self.time_s.push(time_s);
+            self.value.push(value);
+        }
+    }
+}
+
+/// Readings of an inertial unit.
+#[derive(Debug, Default)]
+pub struct ImuColumns {
+    time_s: Vec<f64>,
+    force_m_s2: Vec<[f64; 3]>,
+    rate_rad_s: Vec<[f64; 3]>,
+}
+
+impl ImuColumns {
+    /// As the estimator's functions take it.
+    pub fn signal(&self) -> ImuSignal<'_> {
+        ImuSignal {
+            time_s: &self.time_s,
+            force_m_s2: &self.force_m_s2,
+            rate_rad_s: &self.rate_rad_s,
+        }
+    }
+}
+
+/// A log.
+#[derive(Debug)]
+pub struct Recording {
+    /// Where it is.
+    pub path: PathBuf,
+    /// The vehicle that it was recorded on.
+    pub vehicle: Vehicle,
+    /// Its sensors.
+    pub sensors: Sensors,
+    /// Strain counts.
+    pub strain: PerWheel<[Column; StrainChannel::COUNT]>,
+    /// Potentiometer counts.
+    pub deflection: PerWheel<Column>,
+    /// Wheel speeds, rad/s.
+    pub wheel_speed: PerWheel<Column>,
+    /// Hand wheel as read, rad.
+    pub steer: Column,
+    /// First inertial unit.
+    pub imu: ImuColumns,
+    /// GNSS velocity of each receiver, east, north, up, m/s.
+    pub velocity: BTreeMap<String, Vectors>,
+    /// GNSS attitude of each receiver: yaw, pitch, roll, rad.
+    pub attitude: BTreeMap<String, Vectors>,
+    /// Marks, s since the log's start.
+    pub marks: Vec<(f64, String)>,
+}
+
+impl Recording {
+    /// Reads a log.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let reader = Reader::open([path])?;
+        let config = Config::from_attachments(&reader.attachments()?)
+            .with_context(|| format!("{}", path.display()))?;
+        let estimator = config.estimator.with_context(|| {
+            format!(
+                "{}: the log's configuration names no vehicle; name one in [vehicle] and record \
+                 again, or make the log anew with `atvrec replay --config`",
+                path.display()
+            )
+        })?;
+        let mut recording = Self {
+            path: path.to_owned(),
+            vehicle: estimator.vehicle,
+            sensors: estimator.sensors,
+            strain: PerWheel::default(),
+            deflection: PerWheel::default(),
+            wheel_speed: PerWheel::default(),
+            steer: Column::default(),
+            imu: ImuColumns::default(),
+            velocity: BTreeMap::new(),
+            attitude: BTreeMap::new(),
+            marks: Vec::new(),
+        };
+        let start = reader.info().span.map_or(LogTime(0), |span| span.0);
+        let mut imu = None;
+        for message in reader.messages(Selection::topics(TOPICS)) {
+            let message = message?;
+            let Some(record) = message.record()? else {
+                continue;
+            };
+            match record {
+                Record::Sample(sample) => {
+                    let topic = &message.channel.topic;
+                    if matches!(sample.measurement, Measurement::Imu(_))
+                        && imu.get_or_insert_with(|| topic.clone()) != topic
+                    {
+                        continue;
+                    }
+                    recording.push(start, topic, &sample);
+                }
+                Record::Mark { time, text } => {
+                    recording.marks.push((time.seconds_since(start), text));
+                }
+                _ => {}
+            }
+        }
+        Ok(recording)
+    }
+
+    fn push(&mut self, start: LogTime, topic: &str, sample: &Sample) {
+        let time_s = sample.valid_time.min(sample.log_time).seconds_since(start);
+        let unknown = [f64::NAN; 3];
+        match &sample.measurement {
+            Measurement::Corner(corner) => {
+                for (column, counts) in self.strain[corner.wheel]
+                    .iter_mut()
+                    .zip(corner.strain_counts)
+                {
+                    if let Some(counts) = counts {
+                        column.push(time_s, f64::from(counts));
+                    }
+                }
+                if let Some(counts) = corner.deflection_counts {
+                    self.deflection[corner.wheel].push(time_s, f64::from(counts));
+                }
+            }
+            Measurement::WheelSpeed(speeds) => {
+                for wheel in Wheel::ALL {
+                    if let Some(speed) = speeds.angular_speed_rad_s[wheel] {
+                        self.wheel_speed[wheel].push(time_s, speed);
+                    }
+                }
+            }
+            Measurement::Steer(steer) => self.steer.push(time_s, steer.hand_wheel_rad),
+            Measurement::Imu(imu)
+                if imu.valid && self.imu.time_s.last().is_none_or(|last| time_s > *last) =>
+            {
+                self.imu.time_s.push(time_s);
+                self.imu.force_m_s2.push(imu.specific_force_m_s2);
+                self.imu.rate_rad_s.push(imu.angular_rate_rad_s);
+            }
+            Measurement::GnssVelocity(gnss) => {
+                let good = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
+                let velocity = if good { gnss.velocity_enu_m_s } else { unknown };
+                let column = self.velocity.entry(receiver(topic)).or_default();
+                column.push(time_s, velocity);
+            }
+            Measurement::GnssAttitude(gnss) => {
+                let good = gnss.quality != FixQuality::None;
+                let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
+                let angles = angles.map(|a| a.filter(|_| good).unwrap_or(f64::NAN));
+                let column = self.attitude.entry(receiver(topic)).or_default();
+                column.push(time_s, angles);
+            }
+            _ => {}
+        }
+    }
+
+    /// The inertial unit's readings in its own axes.
+    pub fn imu_signal(&self) -> ImuSignal<'_> {
+        self.imu.signal()
+    }
+
+    /// The inertial unit's readings in body axes, as `calibration` says.
+    pub fn body_imu(&self, calibration: &Resolved) -> ImuColumns {
+        let turned = |values: &[[f64; 3]], bias: Vector3<f64>| {
+            let turn =
+                |value: &[f64; 3]| calibration.body_from_imu * (Vector3::from(*value) - bias);
+            values.iter().map(|value| turn(value).into()).collect()
+        };
+        ImuColumns {
+            time_s: self.imu.time_s.clone(),
+            force_m_s2: turned(&self.imu.force_m_s2, calibration.accel_bias_m_s2),
+            rate_rad_s: turned(&self.imu.rate_rad_s, calibration.gyro_bias_rad_s),
+        }
+    }
+
+    /// Mean specific force over a stretch, body axes, m/s^2.
+    pub fn specific_force(&self, calibration: &Resolved, stretch: Stretch) -> Option<[f64; 3]> {
+        let body = self.body_imu(calibration);
+        let inside = body
+            .time_s
+            .iter()
+            .zip(&body.force_m_s2)
+            .filter(|(time_s, _)| (stretch.from_s..=stretch.to_s).contains(*time_s));
+        let mut sum = Vector3::zeros();
+        let mut count = 0.0;
+        for (_, force) in inside {
+            sum += Vector3::from(*force);
+            count += 1.0;
+        }
+        (count > 0.0).then(|| (sum / count).into())
+    }
+
+    /// The stretches over which nothing moves.
+    pub fn rest(&self) -> Vec<Stretch> {
+        let rate = |axis: usize| Column {
+            time_s: self.imu.time_s.clone(),
+            value: self.imu.rate_rad_s.iter().map(|rate| rate[axis]).collect(),
+        };
+        let rates: [Column; 3] = std::array::from_fn(rate);
+        let steady = self.deflection.0.iter().chain(&rates);
+        let steady: Vec<_> = steady.map(Column::signal).collect();
+        let wheels: Vec<_> = self.wheel_speed.0.iter().map(Column::signal).collect();
+        rest::stretches(&steady, &wheels)
+    }
+
+    /// Roll and pitch by the springs, potentiometers at their nominal gain, rad; empty unless all
+    /// four are measured.
+    pub fn lean(&self) -> [Column; 2] {
+        let pot = &self.sensors.deflection;
+        let gain = pot.span_m / f64::from(pot.adc_bits).exp2();
+        let mut lean = [Column::default(), Column::default()];
+        let columns = &self.deflection.0;
+        for (k, time_s) in columns[0].time_s.iter().enumerate() {
+            let counts: Vec<f64> = columns
+                .iter()
+                .filter_map(|column| column.value.get(k).copied())
+                .collect();
+            let Ok(counts) = <[f64; 4]>::try_from(counts) else {
+                continue;
+            };
+            let compression_m = PerWheel(counts.map(|counts| gain * counts));
+            if let Some([roll, pitch]) = lean_rad(&self.vehicle, &compression_m) {
+                lean[0].push(*time_s, roll);
+                lean[1].push(*time_s, pitch);
+            }
+        }
+        lean
+    }
+
+    /// Forward speed by the mean of the wheels, m/s: good enough to tell how fast, not to measure.
+    pub fn rolling_speed(&self) -> Column {
+        let radius_m = self.vehicle.front.tyre.unloaded_radius_m;
+        let known: Vec<&Column> = self.wheel_speed.0.iter().filter(|c| c.is_known()).collect();
+        let mut speed = Column::default();
+        if let Some(first) = known.first() {
+            for (k, time_s) in first.time_s.iter().enumerate() {
+                let now = known.iter().filter_map(|column| column.value.get(k));
+                let (sum, count) = now.fold((0.0, 0.0), |(sum, n), w| (sum + w, n + 1.0));
+                speed.push(*time_s, radius_m * sum / count);
+            }
+        }
+        speed
+    }
+}
+
+/// The receiver's name in `/gnss/<name>/…`.
+fn receiver(topic: &str) -> String {
+    topic.split('/').nth(2).unwrap_or_default().to_owned()
+}

@@ -1,0 +1,119 @@
+//! `atvrec calibrate zero`.
+
+use anyhow::Context;
+use estimator::calibration::Resolved;
+use estimator::calibration::rest::{Rest, Stretch};
+use estimator::calibration::zero::{CornerRest, ZeroInput, zero};
+use estimator::finding::Findings;
+use sample::{PerWheel, STANDARD_GRAVITY_M_S2, StrainChannel};
+
+use super::recording::Recording;
+use super::{Bench, one_log};
+use crate::cli::ZeroArgs;
+
+/// Travel of a wheel that frees its tyre of scrub, in turns of the wheel (rad).
+const ROLLED_RAD: f64 = 3.0;
+
+pub fn run(args: &ZeroArgs, bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
+    let recording = one_log(&bench.recordings, "zero")?;
+    let stretches = recording.rest();
+    let hanging = hanging(recording, &stretches).with_context(|| {
+        format!(
+            "{}: at no time do all potentiometers and wheels rest for 2 s; put the vehicle on \
+             stands and leave it alone for 10 s",
+            recording.path.display()
+        )
+    })?;
+    let standing = standing(recording, &stretches, hanging);
+    let hand_wheel = |stretch: Option<Stretch>| {
+        let offset = bench.calibration.steer.offset_rad;
+        let mean = stretch.and_then(|s| recording.steer.signal().mean(s.from_s, s.to_s));
+        mean.map_or(0.0, |angle| angle - offset)
+    };
+    let hanging_said = said(recording, hanging);
+    let standing_said = standing.map(|stretch| said(recording, stretch));
+    let resolved = Resolved::new(&recording.sensors, &bench.calibration)?;
+    let level = [0.0, 0.0, STANDARD_GRAVITY_M_S2];
+    let felt = recording.specific_force(&resolved, hanging);
+    let mut found = zero(&ZeroInput {
+        specific_force_m_s2: felt.unwrap_or(level),
+        vehicle: &recording.vehicle,
+        sensors: &recording.sensors,
+        known: &bench.calibration,
+        hanging: &hanging_said,
+        standing: standing_said.as_ref(),
+        hand_wheel_rad: [hand_wheel(Some(hanging)), hand_wheel(standing)],
+        weight_sigma: args.weight_sigma,
+    })?;
+    if felt.is_none() {
+        let note = "without an inertial unit the stands are taken to be level";
+        found.findings.notes.push(note.to_owned());
+    }
+    bench.calibration = found.calibration;
+    Ok(vec![found.findings])
+}
+
+/// The longest stretch among those with the struts longest: the first one, unless the log begins
+/// on the ground.
+fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
+    let level = |stretch: &Stretch| {
+        let mut levels: Vec<f64> = recording
+            .deflection
+            .0
+            .iter()
+            .filter_map(|pot| pot.signal().mean(stretch.from_s, stretch.to_s))
+            .collect();
+        levels.sort_by(f64::total_cmp);
+        levels.get(levels.len() / 2).copied()
+    };
+    let lowest = stretches
+        .iter()
+        .filter_map(level)
+        .fold(f64::INFINITY, f64::min);
+    // Counts rise with compression: a tenth of the range is well above noise and below travel.
+    let span = 0.1 * f64::from(recording.sensors.deflection.adc_bits).exp2();
+    stretches
+        .iter()
+        .filter(|stretch| level(stretch).is_some_and(|l| l < lowest + 0.5 * span))
+        .max_by(|a, b| (a.to_s - a.from_s).total_cmp(&(b.to_s - b.from_s)))
+        .copied()
+}
+
+/// The last stretch after the wheels have rolled, if they have.
+fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> Option<Stretch> {
+    stretches
+        .iter()
+        .rev()
+        .find(|stretch| {
+            stretch.from_s > hanging.to_s
+                && recording.wheel_speed.0.iter().all(|wheel| {
+                    let (time_s, speed) = wheel.signal().within(hanging.to_s, stretch.from_s);
+                    let turned = time_s.windows(2).zip(&speed);
+                    let turned: f64 = turned.map(|(t, w)| (t[1] - t[0]) * w.abs()).sum();
+                    turned > ROLLED_RAD
+                })
+        })
+        .copied()
+}
+
+fn said(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
+    let Stretch { from_s, to_s } = stretch;
+    let range = |bits: u8| [0.0, f64::from(bits).exp2() - 1.0];
+    let strain_range = range(recording.sensors.strain.adc_bits);
+    let pot_range = range(recording.sensors.deflection.adc_bits);
+    PerWheel::from_fn(|wheel| {
+        let strain = &recording.strain[wheel];
+        CornerRest {
+            strain: StrainChannel::ALL.map(|channel| {
+                let signal = strain[channel.index()].signal();
+                Rest::of(&signal, from_s, to_s, strain_range)
+            }),
+            deflection: Rest::of(
+                &recording.deflection[wheel].signal(),
+                from_s,
+                to_s,
+                pot_range,
+            ),
+        }
+    })
+}

@@ -1,0 +1,258 @@
+//! What calibration and identification share: telling findings, drawing their page, and writing
+//! files that are whole at any time.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::Context;
+use estimator::finding::{Figure, Finding, Findings};
+use report::findings::{Page, Table};
+use report::{Panel, Pen, Trace};
+use serde_json::{Value, json};
+
+/// Prints all results: tables for people, or one JSON document.
+pub fn tell(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
+    if as_json {
+        println!("{:#}", to_json(results)?);
+        return Ok(());
+    }
+    for result in results {
+        println!("{}", result.what);
+        if !result.findings.is_empty() {
+            println!(
+                "  {:<42}{:>14}{:>12}  {:<10}{:<28}{:>9}",
+                "", "value", "sigma", "unit", "95 %", "cond."
+            );
+        }
+        for finding in &result.findings {
+            let [value, sigma, unit, interval, condition] = cells(finding);
+            println!(
+                "  {:<42}{value:>14}{sigma:>12}  {unit:<10}{interval:<28}{condition:>9}",
+                finding.name
+            );
+        }
+        for (name, value, unit) in &result.beside {
+            println!("  {name:<42}{:>14}{:>12}  {unit}", number(*value), "");
+        }
+        for note in &result.notes {
+            println!("  note: {note}");
+        }
+    }
+    Ok(())
+}
+
+/// The results as one JSON document with the keys `results` and, below, those of [`Findings`].
+pub fn to_json(results: &[Findings]) -> anyhow::Result<Value> {
+    Ok(json!({ "results": serde_json::to_value(results)? }))
+}
+
+/// Writes the page of the results.
+pub fn write_page(
+    title: &str,
+    facts: Vec<(String, String)>,
+    results: &[Findings],
+    path: &Path,
+) -> anyhow::Result<()> {
+    let mut page = Page {
+        title: title.to_owned(),
+        facts,
+        ..Page::default()
+    };
+    for (place, result) in results.iter().enumerate() {
+        page.warnings.extend(result.notes.iter().cloned());
+        if !result.findings.is_empty() {
+            page.tables.push(table(result));
+        }
+        if !result.beside.is_empty() {
+            page.tables.push(beside(result));
+        }
+        let figures = result.figures.iter().enumerate();
+        page.figures
+            .extend(figures.map(|(k, figure)| drawn(&format!("figure-{place}-{k}"), figure)));
+    }
+    report::findings::write_html(&page, path)?;
+    Ok(())
+}
+
+/// Puts `text` into the file `path` in one step: whoever reads it finds the old text or the new
+/// one, whenever the program or the machine stops.
+pub fn write_whole(path: &Path, text: &str) -> anyhow::Result<()> {
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let name = path
+        .file_name()
+        .with_context(|| format!("{} names no file", path.display()))?;
+    let temporary = directory.join(format!(
+        ".{}.{}.new",
+        name.to_string_lossy(),
+        std::process::id()
+    ));
+    let written = write_synced(&temporary, text)
+        .and_then(|()| std::fs::rename(&temporary, path))
+        .and_then(|()| File::open(directory)?.sync_all());
+    if written.is_err() {
+        let _ = std::fs::remove_file(&temporary);
+    }
+    written.with_context(|| format!("cannot write {}; it is as it was", path.display()))
+}
+
+fn write_synced(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()
+}
+
+/// Value, deviation, unit, interval and condition number of a finding as texts.
+fn cells(finding: &Finding) -> [String; 5] {
+    // Angles are read in degrees.
+    let (factor, unit) = match finding.unit.as_str() {
+        "rad" => (1.0_f64.to_degrees(), "deg"),
+        "rad/s" => (1.0_f64.to_degrees(), "deg/s"),
+        unit => (1.0, unit),
+    };
+    let interval = finding.interval.map_or_else(String::new, |[low, high]| {
+        format!("{} to {}", number(low * factor), number(high * factor))
+    });
+    [
+        number(finding.value * factor),
+        number(finding.sigma * factor),
+        unit.to_owned(),
+        interval,
+        if finding.condition.is_finite() {
+            format!("{:.1}", finding.condition)
+        } else {
+            String::new()
+        },
+    ]
+}
+
+/// Five significant digits, without an exponent where that is short.
+pub fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let size = value.abs().log10().floor();
+    if !(-4.0..=7.0).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let digits = (4.0 - size).max(0.0) as usize;
+    format!("{value:.digits$}")
+}
+
+fn table(result: &Findings) -> Table {
+    let columns = [
+        "quantity",
+        "value",
+        "sigma",
+        "unit",
+        "95 % interval",
+        "condition",
+        "excitation",
+        "Durbin-Watson",
+        "data",
+    ];
+    let row = |finding: &Finding| {
+        let mut row: Vec<String> = vec![finding.name.clone()];
+        row.extend(cells(finding));
+        row.push(
+            finding
+                .excitation
+                .as_ref()
+                .map_or_else(String::new, |e| format!("{} {}", number(e.rms), e.unit)),
+        );
+        row.push(
+            finding
+                .whiteness
+                .map_or_else(String::new, |w| format!("{:.2}", w.durbin_watson)),
+        );
+        let span = finding.span;
+        row.push(format!(
+            "{} rows, {:.1} s within {:.1} to {:.1} s",
+            span.rows, span.used_s, span.from_s, span.to_s
+        ));
+        row
+    };
+    Table {
+        heading: result.what.clone(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: result.findings.iter().map(row).collect(),
+    }
+}
+
+fn beside(result: &Findings) -> Table {
+    let row = |(name, value, unit): &(String, f64, String)| {
+        vec![name.clone(), number(*value), unit.clone()]
+    };
+    Table {
+        heading: format!("{}: beside the point", result.what),
+        columns: ["quantity", "value", "unit"].map(str::to_owned).to_vec(),
+        rows: result.beside.iter().map(row).collect(),
+    }
+}
+
+fn drawn(id: &str, figure: &Figure) -> report::Figure {
+    let traces = figure.series.iter().enumerate().map(|(k, series)| Trace {
+        name: series.name.clone(),
+        pen: if series.line {
+            Pen::Other(k)
+        } else {
+            Pen::Points(k)
+        },
+        x: series.x.clone(),
+        y: series.y.clone(),
+    });
+    report::Figure {
+        id: id.to_owned().into(),
+        title: figure.title.clone().into(),
+        caption: "".into(),
+        panels: vec![Panel {
+            heading: String::new(),
+            y_label: figure.y_label.clone(),
+            traces: traces.collect(),
+        }],
+        x_label: figure.x_label.clone().into(),
+        equal_axes: false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_five_digits() {
+        let texts = [-511.254_321, 0.012_345_67, 12_345.678, 1e-9, 0.0, f64::NAN].map(number);
+        assert_eq!(
+            texts,
+            ["-511.25", "0.012346", "12346", "1.000e-9", "0", "-"]
+        );
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_and_nothing_else_is_left() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("calibration.toml");
+        write_whole(&path, "first").unwrap();
+        write_whole(&path, "second").unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "second");
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_replaced_stays_as_it_was() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("calibration.toml");
+        // A directory of that name cannot be replaced by a file.
+        std::fs::create_dir(&path).unwrap();
+        let error = write_whole(&path, "text").unwrap_err();
+        assert!(error.to_string().contains("it is as it was"), "{error}");
+        assert!(path.is_dir());
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+}
