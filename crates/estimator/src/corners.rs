@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use crate::EstimatorError;
+use crate::fusion::StrutBelief;
 use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
 
@@ -20,9 +21,11 @@ use length::LengthFilter;
 /// Load under which a wheel's contact point says nothing about the ground, N.
 const CONTACT_N: f64 = 60.0;
 /// Model error of a strut's force beside what its length's error makes, N.
-const STRUT_FLOOR_N: f64 = 12.0;
-/// The length's error is alike from step to step, which a filter takes for independent.
-const STRUT_INFLATION: f64 = 2.0;
+const STRUT_FLOOR_N: f64 = 8.0;
+
+/// Part of the way to the length that a force calls for that is gone in one step, and the most, m.
+const FORCED_PART: f64 = 0.1;
+const FORCED_STEP_MAX_M: f64 = 0.002;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +40,10 @@ pub struct CornerState {
     pub strut_n: f64,
     /// Its standard deviation, N; infinite while no deflection is measured.
     pub strut_sigma_n: f64,
+    /// Its stiffness where it stands, N/m.
+    pub strut_stiffness_n_m: f64,
+    /// Whether its potentiometer has just jumped.
+    pub strut_jumped: bool,
     /// Spin of the wheel, rad/s.
     pub spin_rad_s: f64,
     /// Its rate, rad/s^2, as rolling gives it.
@@ -51,8 +58,48 @@ struct Linkage {
     radius_m: f64,
     tyre_stiffness_n_m: f64,
     length: LengthFilter,
+    stands_at_m: f64,
     pose: CornerPose,
     fallback_load_n: f64,
+}
+
+/// What of the hand wheel's angle a memory that fades keeps from step to step.
+const STEER_KEEP: f64 = 0.85;
+
+/// The hand wheel by least squares with a fading memory, which a steady turn does not leave
+/// behind. The encoder's noise differentiated would turn the spinning front wheels about at
+/// 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at 15 m/s.
+#[derive(Clone, Copy, Debug, Default)]
+struct HandWheel {
+    angle_rad: f64,
+    rate_rad_s: f64,
+    known: bool,
+}
+
+impl HandWheel {
+    fn follow(&mut self, reading_rad: f64, dt: f64) {
+        if !self.known {
+            (self.angle_rad, self.known) = (reading_rad, true);
+        }
+        self.angle_rad += self.rate_rad_s * dt;
+        let error = reading_rad - self.angle_rad;
+        self.angle_rad += (1.0 - STEER_KEEP * STEER_KEEP) * error;
+        self.rate_rad_s += (1.0 - STEER_KEEP).powi(2) * error / dt;
+    }
+}
+
+/// What the filters have told so far.
+#[derive(Clone, Copy, Debug)]
+pub struct Told {
+    /// Loads of the wheels, N; not finite where unknown.
+    pub load_n: [f64; 4],
+    /// The struts.
+    pub struts: [StrutBelief; 4],
+    /// Specific force of the centre of gravity, m/s^2, and angular acceleration, rad/s^2, less
+    /// noisy than the inertial unit's.
+    pub body_motion: Option<[Vector3<f64>; 2]>,
+    /// How much further left the hand wheel stands than it says, rad.
+    pub hand_wheel_rad: f64,
 }
 
 /// All four corners.
@@ -63,7 +110,7 @@ pub struct Corners {
     normal: Vector3<f64>,
     cg_height_m: f64,
     rack_m_rad: f64,
-    rack_m: f64,
+    hand_wheel: HandWheel,
     sixth: ChannelKind,
 }
 
@@ -109,7 +156,7 @@ impl Corners {
             normal: Vector3::z(),
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
-            rack_m: 0.0,
+            hand_wheel: HandWheel::default(),
             sixth: ChannelKind::Strut,
         }))
     }
@@ -126,23 +173,24 @@ impl Corners {
         self.normal
     }
 
-    /// Puts the corners where the readings say at `now`, `dt` after the last time. `load_n` is
-    /// the last estimate of the wheels' loads.
+    /// Puts the corners where the readings say at `now`, `dt` after the last time.
     pub fn update(
         &mut self,
         now: LogTime,
         dt: f64,
         readings: &mut Readings,
         motion: &MotionState,
-        load_n: [f64; 4],
+        told: &Told,
     ) {
-        let rack = readings
-            .hand_wheel_rad
-            .map_or(self.rack_m, |reading| reading.value * self.rack_m_rad);
-        let rack_rate = ((rack - self.rack_m) / dt).clamp(-0.2, 0.2);
-        self.rack_m = rack;
-        for (linkage, corner) in self.linkages.iter_mut().zip(&mut readings.corners.0) {
-            linkage.measure(now, dt, rack, &mut corner.compression_m);
+        let load_n = told.load_n;
+        if let Some(reading) = readings.hand_wheel_rad {
+            self.hand_wheel.follow(reading.value, dt);
+        }
+        let rack = (self.hand_wheel.angle_rad + told.hand_wheel_rad) * self.rack_m_rad;
+        let rack_rate = (self.hand_wheel.rate_rad_s * self.rack_m_rad).clamp(-0.2, 0.2);
+        for (i, linkage) in self.linkages.iter_mut().enumerate() {
+            let compression = &mut readings.corners.0[i].compression_m;
+            linkage.measure(now, dt, rack, compression, told.struts[i]);
         }
         let load: [f64; 4] = std::array::from_fn(|i| {
             if load_n[i].is_finite() {
@@ -152,15 +200,18 @@ impl Corners {
             }
         });
         self.tilt(now, dt, motion, load);
+        let [specific_force_m_s2, rate_dot_rad_s2] = told
+            .body_motion
+            .unwrap_or([motion.specific_force_m_s2, motion.rate_dot_rad_s2]);
         let body = BodyMotion {
-            specific_force_m_s2: motion.specific_force_m_s2,
+            specific_force_m_s2,
             reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
             rate_rad_s: motion.rate_rad_s,
-            rate_dot_rad_s2: motion.rate_dot_rad_s2,
+            rate_dot_rad_s2,
         };
         let up = motion.earth_from_body.inverse() * Vector3::z();
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
-        let forward = motion.specific_force_m_s2.x - STANDARD_GRAVITY_M_S2 * up.x;
+        let forward = specific_force_m_s2.x - STANDARD_GRAVITY_M_S2 * up.x;
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
             let spin = readings.wheel_speed_rad_s.0[i]
@@ -242,6 +293,7 @@ impl Linkage {
         };
         Ok(Some(Self {
             length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m),
+            stands_at_m: corner.design_strut_length_m(),
             corner,
             strut: strut.clone(),
             unsprung: unsprung.clone(),
@@ -252,7 +304,14 @@ impl Linkage {
         }))
     }
 
-    fn measure(&mut self, now: LogTime, dt: f64, rack_m: f64, reading: &mut Option<Reading>) {
+    fn measure(
+        &mut self,
+        now: LogTime,
+        dt: f64,
+        rack_m: f64,
+        reading: &mut Option<Reading>,
+        belief: StrutBelief,
+    ) {
         self.length.predict(dt);
         if let Some(reading) = reading
             && !reading.taken
@@ -267,10 +326,30 @@ impl Linkage {
         } else {
             0.0
         };
+        if self.length.known(now) {
+            self.stands_at_m = self.length.value()[0] + belief.longer_m;
+        } else if let Some(force) = belief.force_n.filter(|force| force.is_finite()) {
+            self.stands_at_m += self.step_to_force(force);
+        }
         // Out of reach: the linkage stays where it was.
-        if let Ok(pose) = self.corner.pose(self.length.value()[0], rack) {
+        if let Ok(pose) = self.corner.pose(self.stands_at_m, rack) {
             self.pose = pose;
         }
+    }
+
+    /// Without a potentiometer the spring stands where its force puts it: a part of the way there,
+    /// m, since the damper's share is unknown.
+    fn step_to_force(&self, force_n: f64) -> f64 {
+        let length = self.stands_at_m + self.design_shift_m();
+        let surplus = self.strut.force(length, 0.0).total_n() - force_n;
+        let step = FORCED_PART * surplus / self.strut.stiffness_at(length);
+        step.clamp(-FORCED_STEP_MAX_M, FORCED_STEP_MAX_M)
+    }
+
+    /// The force hangs on the measured spring, the pose on the hard-points: a millimetre that
+    /// these are wrong by must not become 65 N.
+    fn design_shift_m(&self) -> f64 {
+        self.strut.design_length_m - self.corner.design_strut_length_m()
     }
 
     /// `rolling`: rate of the rack, spin and its rate, gravity along the normal.
@@ -283,9 +362,7 @@ impl Linkage {
     ) -> Result<CornerState, SuspensionError> {
         let [rack_rate, spin, spin_dot, gravity] = rolling;
         let [length, rate] = self.length.value();
-        // The force hangs on the measured spring, the pose on the hard-points: a millimetre that
-        // these are wrong by must not become 65 N.
-        let length = length + self.strut.design_length_m - self.corner.design_strut_length_m();
+        let length = length + self.design_shift_m();
         let pose = self.pose;
         let frame = TyreFrame::new(
             &pose,
@@ -313,12 +390,14 @@ impl Linkage {
             pose,
             frame,
             statics,
+            strut_stiffness_n_m: stiffness,
+            strut_jumped: self.length.jumped(),
             strut_n: self.strut.force(length, rate).total_n(),
             strut_sigma_n: self
                 .length
                 .force_variance(stiffness, damping)
                 .map_or(f64::INFINITY, |variance| {
-                    (STRUT_INFLATION * variance + STRUT_FLOOR_N * STRUT_FLOOR_N).sqrt()
+                    (variance + STRUT_FLOOR_N.powi(2)).sqrt()
                 }),
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,

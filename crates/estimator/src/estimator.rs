@@ -7,7 +7,7 @@ use sample::{
 };
 
 use crate::calibration::Resolved;
-use crate::corners::Corners;
+use crate::corners::{Corners, Told};
 use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
@@ -15,6 +15,7 @@ use crate::inputs::{FrozenChange, Readings, finite3};
 use crate::lift::LiftDetector;
 use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
 use crate::statics::{self, CornerAssumptions};
+use crate::waiting::{Entry, Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 /// Spacing of the instants that estimates are given for, ns.
@@ -66,6 +67,7 @@ pub struct Estimator {
     calibration: Resolved,
     settings: Settings,
     next_grid: Option<LogTime>,
+    waiting: Waiting,
     readings: Readings,
     motion: MotionFilter,
     corners: Option<Corners>,
@@ -116,6 +118,7 @@ impl Estimator {
             calibration,
             settings,
             next_grid: None,
+            waiting: Waiting::new(),
             readings: Readings::default(),
         })
     }
@@ -139,38 +142,32 @@ impl Estimator {
     /// Takes one sample in. Samples that do not concern the estimator are ignored, and so are
     /// values that no vehicle can have.
     pub fn push(&mut self, sample: &Sample) {
-        let valid = sample.valid_time.min(sample.log_time);
+        let time = sample.valid_time.min(sample.log_time);
+        let uses = |input| self.settings.uses(input);
         match &sample.measurement {
-            Measurement::Imu(imu) if self.settings.uses(Input::Imu) => self.push_imu(valid, imu),
-            Measurement::GnssVelocity(gnss) if self.settings.uses(Input::GnssVelocity) => {
-                self.push_gnss_velocity(valid, gnss);
+            Measurement::Imu(imu) if uses(Input::Imu) => self.push_imu(time, imu),
+            Measurement::GnssVelocity(gnss) if uses(Input::GnssVelocity) => {
+                let time = time.offset_seconds(-self.calibration.velocity_latency_s);
+                self.waiting.push(time, Held::Velocity(*gnss));
             }
-            Measurement::GnssAttitude(gnss) if self.settings.uses(Input::GnssAttitude) => {
-                self.push_gnss_attitude(valid, gnss);
+            Measurement::GnssAttitude(gnss) if uses(Input::GnssAttitude) => {
+                let time = time.offset_seconds(-self.calibration.attitude_latency_s);
+                self.waiting.push(time, Held::Attitude(*gnss));
             }
-            Measurement::Corner(corner) => self.readings.push_corner(
-                valid,
-                corner,
-                &self.calibration.corners[corner.wheel],
-                self.settings.uses(Input::Strain),
-                self.settings.uses(Input::Deflection),
-            ),
-            Measurement::Steer(steer) if self.settings.uses(Input::Steer) => {
+            Measurement::Corner(corner) => self.waiting.push(time, Held::Corner(*corner)),
+            Measurement::Steer(steer) if uses(Input::Steer) => {
                 let angle = steer.hand_wheel_rad - self.calibration.steer_offset_rad;
-                self.readings.push_hand_wheel(valid, angle);
+                self.waiting.push(time, Held::HandWheel(angle));
             }
-            Measurement::WheelSpeed(speeds) if self.settings.uses(Input::WheelSpeed) => {
-                for wheel in Wheel::ALL {
-                    if let Some(speed) = speeds.angular_speed_rad_s[wheel] {
-                        self.readings.push_wheel_speed(valid, wheel, speed);
-                    }
-                }
+            Measurement::WheelSpeed(speeds) if uses(Input::WheelSpeed) => {
+                let speeds = speeds.angular_speed_rad_s;
+                self.waiting.push(time, Held::WheelSpeed(speeds));
             }
             _ => {}
         }
     }
 
-    fn push_imu(&mut self, valid: LogTime, imu: &ImuSample) {
+    fn push_imu(&mut self, time: LogTime, imu: &ImuSample) {
         let (Some(force), Some(rate)) = (
             finite3(imu.specific_force_m_s2),
             finite3(imu.angular_rate_rad_s),
@@ -178,36 +175,62 @@ impl Estimator {
             return;
         };
         let c = &self.calibration;
-        self.motion.push_imu(
-            valid,
-            c.body_from_imu * (force - c.accel_bias_m_s2),
-            c.body_from_imu * (rate - c.gyro_bias_rad_s),
-        );
+        let held = Held::Inertial {
+            force: c.body_from_imu * (force - c.accel_bias_m_s2),
+            rate: c.body_from_imu * (rate - c.gyro_bias_rad_s),
+        };
+        self.waiting.push(time, held);
     }
 
-    fn push_gnss_velocity(&mut self, valid: LogTime, gnss: &GnssVelocity) {
-        let valid = valid.offset_seconds(-self.calibration.velocity_latency_s);
+    /// Takes in all that has arrived, in the order of its own time.
+    fn take_waiting(&mut self) {
+        self.waiting.sort();
+        while let Some(Entry { time, held }) = self.waiting.take() {
+            match held {
+                Held::Inertial { force, rate } => self.motion.push_imu(time, force, rate),
+                Held::Velocity(gnss) => self.take_velocity(time, &gnss),
+                Held::Attitude(gnss) => self.take_attitude(time, &gnss),
+                Held::Corner(corner) => self.readings.push_corner(
+                    time,
+                    &corner,
+                    &self.calibration.corners[corner.wheel],
+                    self.settings.uses(Input::Strain),
+                    self.settings.uses(Input::Deflection),
+                ),
+                Held::HandWheel(angle) => self.readings.push_hand_wheel(time, angle),
+                Held::WheelSpeed(speeds) => {
+                    for wheel in Wheel::ALL {
+                        if let Some(speed) = speeds[wheel] {
+                            self.readings.push_wheel_speed(time, wheel, speed);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn take_velocity(&mut self, time: LogTime, gnss: &GnssVelocity) {
         let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
         if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
             let _ = self
                 .motion
-                .push_velocity(valid, velocity, gnss.sigma_enu_m_s);
+                .push_velocity(time, velocity, gnss.sigma_enu_m_s);
         }
     }
 
-    fn push_gnss_attitude(&mut self, valid: LogTime, gnss: &GnssAttitude) {
+    fn take_attitude(&mut self, time: LogTime, gnss: &GnssAttitude) {
         if gnss.quality == FixQuality::None {
             return;
         }
-        let valid = valid.offset_seconds(-self.calibration.attitude_latency_s);
         let offset = self.calibration.attitude_offset_rad;
         let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
         let angles =
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
-        let _ = self.motion.push_attitude(valid, angles, gnss.sigma_rad);
+        let _ = self.motion.push_attitude(time, angles, gnss.sigma_rad);
     }
 
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
+        self.take_waiting();
         self.readings
             .frozen_changes(&self.calibration.corners, &mut |change| {
                 out(Output::Event(frozen_event(time, change)));
@@ -216,10 +239,23 @@ impl Estimator {
         self.constrain_motion(time);
         let state = self.motion.state(time);
         let load = self.measured.0.map(|force| force.force_n[2]);
+        let (steer_offset, _) = self.grip.steer_offset();
+        let struts = self
+            .fusion
+            .as_ref()
+            .map_or_else(Default::default, |fusion| {
+                std::array::from_fn(|wheel| fusion.strut(wheel))
+            });
         if let Some(corners) = &mut self.corners {
-            corners.update(time, GRID_S, &mut self.readings, &state, load);
+            let told = Told {
+                load_n: load,
+                struts,
+                body_motion: self.fusion.as_ref().and_then(Fusion::body_motion),
+                hand_wheel_rad: steer_offset * self.vehicle.steering.ratio,
+            };
+            corners.update(time, GRID_S, &mut self.readings, &state, &told);
         }
-        let steer = self.steer_angles();
+        let steer = self.steer_angles(steer_offset);
         let push = motion_output(&state).acceleration_m_s2[0];
         let expected = self
             .expected
@@ -245,6 +281,7 @@ impl Estimator {
                 dt: GRID_S,
                 speed_m_s: state.velocity_m_s.x,
                 slip_angle_rad: &motion.slip_angle_rad,
+                corrected_rad: steer_offset,
                 sideslip_sigma_rad: state.sideslip_sigma_rad,
                 forces: &self.measured,
             };
@@ -282,6 +319,7 @@ impl Estimator {
                 motion,
                 channels: &self.calibration.corners,
                 expected,
+                imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
             };
             let resets = fusion.resets();
@@ -326,12 +364,12 @@ impl Estimator {
     }
 
     /// Steer angle of each wheel: from the linkages, else the hand wheel over the steering ratio.
-    fn steer_angles(&self) -> [f64; 4] {
+    fn steer_angles(&self, offset_rad: f64) -> [f64; 4] {
         if let Some(corners) = &self.corners {
             return std::array::from_fn(|i| corners.states()[i].pose.steer_rad());
         }
         let hand_wheel = self.readings.hand_wheel_rad.map_or(0.0, |r| r.value);
-        let front = hand_wheel / self.vehicle.steering.ratio;
+        let front = hand_wheel / self.vehicle.steering.ratio + offset_rad;
         [front, front, 0.0, 0.0]
     }
 
@@ -387,7 +425,7 @@ impl Estimator {
     /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
     /// that is unknown the angle is small.
     fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
-        let steer = self.steer_angles();
+        let steer = self.steer_angles(self.grip.steer_offset().0);
         let body = &self.vehicle.body;
         let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
         for (axle, x) in ahead.into_iter().enumerate() {
@@ -472,7 +510,10 @@ fn ground_angles(normal: Vector3<f64>) -> (f64, f64) {
 
 fn channel_event(now: LogTime, change: ChannelChange) -> Event {
     let wheel = Wheel::ALL[change.wheel];
-    let name = format!("{wheel} {}", change.channel.name());
+    let channel = change
+        .channel
+        .map_or("deflection", |channel| channel.name());
+    let name = format!("{wheel} {channel}");
     let why = "contradicts the other sensors";
     sensor_event(now, change.faulty, name, why)
 }

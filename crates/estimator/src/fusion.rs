@@ -5,11 +5,12 @@
 //! |---|---|---|
 //! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
 //! | [`layout::RATE`] | their rates | N/s |
-//! | [`layout::MOMENT`] | M_x, M_y beyond rolling resistance, M_z of each tyre | contact frame, N m |
+//! | [`layout::MOMENT`] | M_x, M_y, M_z of each tyre beyond what tread, rolling and trail make | contact frame, N m |
 //! | [`layout::TORQUE`] | half-shaft torque of a wheel, front and rear (alike left and right) | N m |
 //! | [`layout::TURN`] | angular rate of the body | body axes, rad/s |
 //! | [`layout::ACCEL`] | what is left of the accelerometers' bias | body axes, m/s^2 |
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
+//! | [`layout::LENGTH`] | how much longer each strut is than its potentiometer says | mm |
 //!
 //! The forces walk as integrated white noise; moments, torques and biases fade to zero with a time
 //! constant. The body turns as the moments of all tyres about the centre of gravity tell it:
@@ -26,13 +27,15 @@
 //! matrix: the square root of 64 states would cost more than the step may take, and the
 //! states are scaled so that the condition number stays far from what doubles can hold.
 
+mod agility;
 mod channel;
 mod covariance;
 pub mod layout;
+mod lengths;
 mod rows;
 
 use model::sensors::StrainChain;
-use model::vehicle::Vehicle;
+use model::vehicle::{Tyre, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 use sample::{ForceSource, LogTime, PerWheel, StrainChannel, TyreForce};
 
@@ -41,14 +44,16 @@ use crate::corners::CornerState;
 use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
 
+use agility::Agility;
 use channel::{Change, ChannelHealth};
 use covariance::Covariance;
-use layout::{ACCEL, FORCE, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
+use layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
+use lengths::LengthWatch;
 
-/// Noise of the force's rate, (N/s)/sqrt(s).
-const FORCE_WALK: f64 = 6.0e3;
-/// Standard deviations of M_x, M_y, M_z, N m, and how fast they fade, s.
-const MOMENT_SIGMA: [f64; 3] = [28.0, 6.0, 15.0];
+/// Standard deviations of M_x, M_y, M_z beside what the tread, rolling and the trail make, N m;
+/// of M_x where the tread's width is unknown; and how fast they fade, s.
+const MOMENT_SIGMA: [f64; 3] = [4.0, 3.0, 5.0];
+const UNTREADED_SIGMA: f64 = 28.0;
 const MOMENT_TIME_S: f64 = 1.0;
 /// Standard deviation of a half-shaft's torque, N m, and its time constant, s. Both axles have
 /// one, whatever the vehicle file's split: where four-wheel drive can be switched on, taking the
@@ -63,6 +68,14 @@ const ACCEL_SIGMA: f64 = 0.03;
 /// Walk of a strain channel's offset, N/sqrt(s).
 const OFFSET_WALK: f64 = 0.05;
 
+/// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
+/// The lag's inverse would make a wild rate of a jump that the force itself may not make.
+const SURPRISE_N: f64 = 150.0;
+const SURPRISE_N_S: f64 = 4.0e3;
+
+/// Speed from which a body stands on its tyres alone, m/s.
+const ALONE_M_S: f64 = 1.0;
+
 /// Steps after a start in which the corners alone find their forces, all of their readings
 /// believed: the balance of all would mislead a vehicle that stands on jacks.
 const SETTLING_STEPS: u32 = 50;
@@ -76,6 +89,10 @@ pub struct Fusion {
     lag_s: f64,
     bending_distance_m: f64,
     health: [[ChannelHealth; StrainChannel::COUNT]; 4],
+    agility: Agility,
+    lengths: [LengthWatch; 4],
+    strut_n: [f64; 4],
+    body_motion: Option<[Vector3<f64>; 2]>,
     steps: u32,
     resets: u32,
 }
@@ -89,6 +106,7 @@ struct Body {
     cg_height_m: f64,
     drag: f64,
     rolling: [f64; 4],
+    tyres: [Tyre; 4],
     spin_inertia: [f64; 4],
     static_load: [f64; 4],
 }
@@ -108,8 +126,20 @@ pub struct StepInput<'a> {
     pub channels: &'a PerWheel<CornerChannels>,
     /// What the vehicle model expects.
     pub expected: &'a PerWheel<TyreForce>,
+    /// Inertial unit from the centre of gravity, m.
+    pub imu_m: Vector3<f64>,
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
+}
+
+/// What the filter knows of a strut, for the linkage's pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StrutBelief {
+    /// How much longer the strut is than a faulty potentiometer says, m; zero while the
+    /// potentiometer is believed.
+    pub longer_m: f64,
+    /// Its force, N, once the filter has settled.
+    pub force_n: Option<f64>,
 }
 
 /// A channel that was found faulty (`true`) or good again.
@@ -117,8 +147,8 @@ pub struct StepInput<'a> {
 pub struct ChannelChange {
     /// Wheel, by index.
     pub wheel: usize,
-    /// Which channel.
-    pub channel: StrainChannel,
+    /// Which strain channel; none for the potentiometer.
+    pub channel: Option<StrainChannel>,
     /// Faulty from now on.
     pub faulty: bool,
 }
@@ -141,6 +171,10 @@ impl Fusion {
                 .as_ref()
                 .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
             health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
+            agility: Agility::default(),
+            lengths: [LengthWatch::default(); 4],
+            strut_n: [f64::NAN; 4],
+            body_motion: None,
             steps: 0,
             resets: 0,
         };
@@ -157,16 +191,27 @@ impl Fusion {
     fn restart(&mut self, channels: &PerWheel<CornerChannels>) {
         self.state = [0.0; SIZE];
         self.steps = 0;
+        self.lengths = [LengthWatch::default(); 4];
+        self.agility = Agility::default();
+        for (wheel, load) in self.body.static_load.into_iter().enumerate() {
+            self.state[FORCE + 3 * wheel + 2] = load;
+        }
+        self.forget(channels);
+    }
+
+    /// Doubts all that the state says, and takes the channels' zeros for right.
+    fn forget(&mut self, channels: &PerWheel<CornerChannels>) {
         let mut variance = [0.0; SIZE];
         for wheel in 0..4 {
+            let c = &channels.0[wheel];
             for axis in 0..3 {
                 variance[FORCE + 3 * wheel + axis] = 2000.0_f64.powi(2);
                 variance[RATE + 3 * wheel + axis] = 1e4_f64.powi(2);
-                variance[MOMENT + 3 * wheel + axis] = MOMENT_SIGMA[axis].powi(2);
+                variance[MOMENT + 3 * wheel + axis] = self.body.moment_sigma(wheel, axis).powi(2);
             }
-            self.state[FORCE + 3 * wheel + 2] = self.body.static_load[wheel];
+            variance[LENGTH + wheel] = lengths::start_variance(&c.deflection);
             for i in 0..5 {
-                variance[OFFSET + 5 * wheel + i] = channels.0[wheel].strain[i].offset_sigma.powi(2);
+                variance[OFFSET + 5 * wheel + i] = (c.strain[i].offset_sigma).powi(2);
             }
         }
         for axle in 0..2 {
@@ -176,6 +221,7 @@ impl Fusion {
             variance[TURN + axis] = 0.1;
             variance[ACCEL + axis] = ACCEL_SIGMA.powi(2);
         }
+        self.state[OFFSET..].fill(0.0);
         self.covariance.reset(&variance);
     }
 
@@ -186,20 +232,45 @@ impl Fusion {
         readings: &mut PerWheel<CornerReadings>,
         changes: &mut impl FnMut(ChannelChange),
     ) -> PerWheel<TyreForce> {
+        if self.steps == SETTLING_STEPS / 2 {
+            // What the first steps took for true while struts and poses still settled.
+            self.forget(input.channels);
+        }
         let balance = self.balance(input);
         self.predict(input.dt, &balance);
-        if input.motion.inertial && !self.settling() {
-            self.take_inertial(input, &balance);
-        }
+        let before = self.rates();
+        let inertial = input.motion.inertial && !self.settling();
+        let balanced = inertial && self.take_inertial(input, &balance);
         for wheel in 0..4 {
             self.take_corner(input, wheel, &mut readings.0[wheel], changes);
         }
+        if !self.settling() {
+            self.agility.learn(&before, &self.rates());
+            if self.agility.surprised() {
+                for i in 0..12 {
+                    self.covariance
+                        .add_noise(FORCE + i, SURPRISE_N * SURPRISE_N);
+                    self.covariance
+                        .add_noise(RATE + i, SURPRISE_N_S * SURPRISE_N_S);
+                }
+            }
+        }
+        self.watch_lengths(input.channels, changes);
         if !self.sound() {
             self.resets += 1;
             self.restart(input.channels);
         }
+        // On jackstands the forces of the tyres alone are not what moves the body.
+        let alone = !input.motion.inertial && input.motion.velocity_m_s.x.abs() > ALONE_M_S;
+        self.body_motion = (balanced || alone && !self.settling())
+            .then(|| self.body_motion_ahead(input, &balance));
         self.steps = self.steps.saturating_add(1);
         self.output()
+    }
+
+    /// Values and variances of the forces' rates.
+    fn rates(&self) -> [[f64; 2]; 12] {
+        std::array::from_fn(|i| [self.state[RATE + i], self.covariance.variance(RATE + i)])
     }
 
     fn settling(&self) -> bool {
@@ -228,6 +299,27 @@ impl Fusion {
     #[must_use]
     pub fn rate_rad_s(&self) -> [f64; 3] {
         std::array::from_fn(|axis| self.state[TURN + axis])
+    }
+
+    /// What is known of a wheel's strut beside its potentiometer.
+    #[must_use]
+    pub fn strut(&self, wheel: usize) -> StrutBelief {
+        StrutBelief {
+            longer_m: if self.lengths[wheel].faulty() {
+                1e-3 * self.state[LENGTH + wheel]
+            } else {
+                0.0
+            },
+            force_n: (!self.settling()).then_some(self.strut_n[wheel]),
+        }
+    }
+
+    /// Specific force of the centre of gravity, m/s^2, and angular acceleration, rad/s^2, in body
+    /// axes as they will be at the next step: what the forces of all tyres make of them. None while
+    /// the inertial unit is silent or contradicts them, as on jackstands.
+    #[must_use]
+    pub fn body_motion(&self) -> Option<[Vector3<f64>; 2]> {
+        self.body_motion
     }
 
     /// Rate of a wheel's load, N/s.
@@ -259,10 +351,13 @@ impl Fusion {
         let moment_gain = fade(MOMENT, 12, MOMENT_TIME_S);
         let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
         let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
-        let q = FORCE_WALK * FORCE_WALK;
         for i in 0..12 {
+            let q = self.agility.density(i % 3);
             c.add_noise_pair(FORCE + i, RATE + i, q, dt);
-            c.add_noise(MOMENT + i, moment_gain * MOMENT_SIGMA[i % 3].powi(2));
+            c.add_noise(
+                MOMENT + i,
+                moment_gain * self.body.moment_sigma(i / 3, i % 3).powi(2),
+            );
         }
         for axle in 0..2 {
             c.add_noise(TORQUE + axle, torque_gain * TORQUE_SIGMA.powi(2));
@@ -272,13 +367,24 @@ impl Fusion {
             c.add_noise(TURN + axis, turn * turn * dt);
             c.add_noise(ACCEL + axis, accel_gain * ACCEL_SIGMA.powi(2));
         }
+        for wheel in 0..4 {
+            c.add_noise(LENGTH + wheel, self.lengths[wheel].walk_mm().powi(2) * dt);
+        }
         for i in 0..20 {
-            c.add_noise(OFFSET + i, OFFSET_WALK * OFFSET_WALK * dt);
+            c.add_noise(OFFSET + i, OFFSET_WALK.powi(2) * dt);
         }
     }
 }
 
 impl Body {
+    fn moment_sigma(&self, wheel: usize, axis: usize) -> f64 {
+        if axis == 0 && self.tyres[wheel].width_m <= 0.0 {
+            UNTREADED_SIGMA
+        } else {
+            MOMENT_SIGMA[axis]
+        }
+    }
+
     fn new(vehicle: &Vehicle) -> Self {
         let body = &vehicle.body;
         let sprung = vehicle.sprung();
@@ -312,6 +418,7 @@ impl Body {
             inverse: inertia.try_inverse().unwrap_or_else(Matrix3::zeros),
             cg_height_m: body.cg_height_m,
             drag: body.drag_n_s2_m2,
+            tyres: axles.map(|a| a.tyre.clone()),
             rolling: axles.map(|a| a.tyre.rolling_resistance * a.tyre.unloaded_radius_m),
             spin_inertia: axles.map(|a| {
                 a.unsprung

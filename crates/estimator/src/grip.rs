@@ -1,8 +1,10 @@
 //! What the tyres have to do with the road: stiffness and friction of each axle, found from the
 //! measured lateral forces and the measured slip angles, and changes of the surface.
 //!
-//! Per axle an extended Kalman filter of two states, the logarithms of the factors on the tyre
-//! file's cornering stiffness and friction. One value comes every `BLOCK_STEPS` steps: the mean
+//! Per axle an extended Kalman filter of three states: the logarithms of the factors on the tyre
+//! file's cornering stiffness and friction, and a constant error of the slip angle (of the hand
+//! wheel's zero at the front axle, of the heading at both), which straight driving tells apart from
+//! stiffness. One value comes every `BLOCK_STEPS` steps: the mean
 //! of the axle's lateral force against the tyre model's at the same slip angles and loads. The
 //! slip angle's error stays alike for about a second, so each value counts for a part only.
 //!
@@ -16,21 +18,26 @@
 
 use model::tyre::{Contact, Tyre};
 use model::vehicle::{self, Vehicle};
+use nalgebra::{Matrix3, Vector3};
 use sample::{Event, EventKind, LogTime, PerWheel, TyreForce};
 
 /// Steps of one value.
 const BLOCK_STEPS: u32 = 5;
 /// How many values one error lasts.
 const CORRELATED: f64 = 6.0;
-/// Walk of ln stiffness and ln friction, 1/sqrt(s).
-const WALK: [f64; 2] = [0.01, 0.03];
-/// Deviation of both at the start and after a change.
-const START: [f64; 2] = [0.4, 0.3];
+/// Walk of ln stiffness and ln friction, 1/sqrt(s), and of the slip angle's error, rad/sqrt(s).
+const WALK: [f64; 3] = [0.01, 0.03, 1e-4];
+/// Deviation of the three at the start, and of the first two after a change.
+const START: [f64; 3] = [0.4, 0.3, 0.015];
+/// Deviation of ln friction above which the tyres have not been used enough to tell it.
+const FRICTION_SIGMA_MAX: f64 = 0.2;
 /// Model error as a part of the axle's load.
 const MODEL_PART: f64 = 0.025;
 /// Slowest speed, m/s, and largest deviation of sideslip, rad, at which slip angles are used.
 const SPEED_MIN_M_S: f64 = 2.5;
 const SIDESLIP_SIGMA_MAX_RAD: f64 = 0.01;
+/// Deviation of a wheel's lateral force above which it is the tyre model's own guess, N.
+const LATERAL_SIGMA_MAX_N: f64 = 100.0;
 /// Axle force over load below which nothing is excited.
 const EXCITED: f64 = 0.15;
 /// Longitudinal force over load from which lateral force is not the tyres' pure one.
@@ -38,6 +45,14 @@ const LONGITUDINAL_MAX: f64 = 0.2;
 /// Reference value and threshold of the cumulative sums.
 const CUSUM_REFERENCE: f64 = 0.75;
 const CUSUM_THRESHOLD: f64 = 10.94;
+/// Logarithm of the odds that no change has come, at one an hour and twenty values a second.
+const LOG_ODDS: f64 = 11.2;
+/// Least change of the lateral force that is called one.
+const CHANGE_MIN: f64 = 0.1;
+/// Where the front axle's ground has changed the rear axle's will within this time, s: so much less
+/// is asked of it.
+const FOLLOWS_S: f64 = 3.0;
+const FOLLOWS_PART: f64 = 0.35;
 /// Excited values before changes are declared.
 const LEARNED: u32 = 100;
 
@@ -48,12 +63,30 @@ struct Axle {
     reference_n: f64,
     exponent: f64,
     friction: f64,
-    /// ln of the stiffness factor and of the friction factor.
-    state: [f64; 2],
-    covariance: [[f64; 2]; 2],
-    sums: [f64; 2],
+    /// ln of the stiffness factor and of the friction factor; slip angle's error, rad.
+    state: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    /// Grip lost, grip won.
+    runs: [ChangeRun; 2],
     learned: u32,
     block: Block,
+}
+
+/// A cumulative sum and what has come together since it left zero.
+#[derive(Clone, Copy, Debug, Default)]
+struct ChangeRun {
+    sum: f64,
+    values: u32,
+    force_n: f64,
+    expected_n: f64,
+}
+
+/// A change that was found.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    ratio: f64,
+    values: u32,
+    probability: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,6 +103,7 @@ struct Block {
 #[derive(Clone, Debug)]
 pub struct Grip {
     axles: [Axle; 2],
+    front_changed: Option<LogTime>,
 }
 
 /// What one step is given.
@@ -83,6 +117,8 @@ pub struct GripInput<'a> {
     pub speed_m_s: f64,
     /// Slip angles, rad.
     pub slip_angle_rad: &'a PerWheel<f64>,
+    /// Part of the front axle's steer angle that stands for the error of the hand wheel's zero, rad.
+    pub corrected_rad: f64,
     /// Deviation of the sideslip angle, rad.
     pub sideslip_sigma_rad: f64,
     /// Measured forces.
@@ -98,6 +134,7 @@ impl Grip {
                 Axle::new(&vehicle.front.tyre),
                 Axle::new(&vehicle.rear.tyre),
             ],
+            front_changed: None,
         }
     }
 
@@ -105,14 +142,27 @@ impl Grip {
     #[must_use]
     pub fn stiffness(&self, axle: usize) -> (f64, f64) {
         let factor = self.axles[axle].state[0].exp();
-        (factor, factor * self.axles[axle].covariance[0][0].sqrt())
+        (factor, factor * self.axles[axle].covariance[(0, 0)].sqrt())
     }
 
-    /// Factor on the tyre file's friction and its deviation, front (0) or rear (1).
+    /// Factor on the tyre file's friction and its deviation, front (0) or rear (1); `None` where
+    /// too little of it has been used to tell.
     #[must_use]
-    pub fn friction(&self, axle: usize) -> (f64, f64) {
-        let factor = self.axles[axle].state[1].exp();
-        (factor, factor * self.axles[axle].covariance[1][1].sqrt())
+    pub fn friction(&self, axle: usize) -> Option<(f64, f64)> {
+        let a = &self.axles[axle];
+        let (factor, sigma) = (a.state[1].exp(), a.covariance[(1, 1)].sqrt());
+        (sigma < FRICTION_SIGMA_MAX).then_some((factor, factor * sigma))
+    }
+
+    /// How much further left the front wheels stand than the hand wheel's zero has it, and its
+    /// deviation, rad: the error of their slip angle beside the rear wheels'.
+    #[must_use]
+    pub fn steer_offset(&self) -> (f64, f64) {
+        let [front, rear] = &self.axles;
+        (
+            front.state[2] - rear.state[2],
+            (front.covariance[(2, 2)] + rear.covariance[(2, 2)]).sqrt(),
+        )
     }
 
     /// Slip angle that an axle's measured lateral force calls for, with its deviation, rad;
@@ -131,7 +181,7 @@ impl Grip {
             // Fiala's curve inverted: F = mu N (1 - (1 - x)^3) with x = C |alpha|/(3 mu N).
             let x = 1.0 - (1.0 - used).cbrt();
             let angle = 3.0 * a.friction() * load * x / stiffness;
-            let doubt = a.covariance[0][0].sqrt() + 0.1 + 0.5 * used;
+            let doubt = a.covariance[(0, 0)].sqrt() + 0.1 + 0.5 * used;
             (-angle.atan() * lateral.signum(), 0.006 + doubt * angle)
         })
     }
@@ -145,7 +195,7 @@ impl Grip {
             let finite = pair.iter().all(|(force, slip)| {
                 slip.is_finite()
                     && force.force_n.iter().all(|f| f.is_finite())
-                    && force.sigma_n.iter().all(|s| s.is_finite())
+                    && force.sigma_n[1] < LATERAL_SIGMA_MAX_N
             });
             if !usable || !finite {
                 axle.block = Block::default();
@@ -155,22 +205,38 @@ impl Grip {
             if axle.block.steps < BLOCK_STEPS {
                 continue;
             }
-            let block = axle.block.mean();
+            let mut block = axle.block.mean();
             axle.block = Block::default();
-            let span_s = input.dt * f64::from(BLOCK_STEPS);
-            if let Some(ratio) = axle.take(&block, span_s, input.sideslip_sigma_rad) {
-                let name = ["front", "rear"][i];
-                out(Event {
-                    time: input.now,
-                    onset: input.now.offset_seconds(-span_s),
-                    kind: EventKind::SurfaceChange(ratio),
-                    probability: None,
-                    text: format!(
-                        "the surface under the {name} axle changed: {:.0} % of the lateral force",
-                        100.0 * ratio
-                    ),
-                });
+            if i == 0 {
+                block.slip = block.slip.map(|slip| slip + input.corrected_rad);
             }
+            let span_s = input.dt * f64::from(BLOCK_STEPS);
+            let follows = i == 1
+                && self
+                    .front_changed
+                    .is_some_and(|time| input.now.seconds_since(time) < FOLLOWS_S);
+            let part = if follows { FOLLOWS_PART } else { 1.0 };
+            if let Some(change) = axle.take(&block, span_s, input.sideslip_sigma_rad, part) {
+                if i == 0 {
+                    self.front_changed = Some(input.now);
+                }
+                out(change.event(input.now, span_s, ["front", "rear"][i]));
+            }
+        }
+    }
+}
+
+impl Change {
+    fn event(self, now: LogTime, span_s: f64, axle: &str) -> Event {
+        Event {
+            time: now,
+            onset: now.offset_seconds(-span_s * f64::from(self.values)),
+            kind: EventKind::SurfaceChange(self.ratio),
+            probability: Some(self.probability),
+            text: format!(
+                "the surface under the {axle} axle changed: {:.0} % of the lateral force",
+                100.0 * self.ratio
+            ),
         }
     }
 }
@@ -208,9 +274,9 @@ impl Axle {
             reference_n: tyre.reference_load_n.max(1.0),
             exponent: tyre.load_exponent,
             friction: tyre.friction,
-            state: [0.0; 2],
-            covariance: [[START[0].powi(2), 0.0], [0.0, START[1].powi(2)]],
-            sums: [0.0; 2],
+            state: Vector3::zeros(),
+            covariance: Matrix3::from_diagonal(&Vector3::from(START.map(|s| s * s))),
+            runs: [ChangeRun::default(); 2],
             learned: 0,
             block: Block::default(),
         }
@@ -225,13 +291,13 @@ impl Axle {
         self.friction * self.state[1].exp()
     }
 
-    fn lateral_n(&self, block: &Block, state: [f64; 2]) -> f64 {
+    fn lateral_n(&self, block: &Block, state: &Vector3<f64>) -> f64 {
         let wheels = block.load_n.iter().zip(block.slip);
         wheels
             .map(|(load, slip)| {
                 let contact = Contact {
                     load_n: load.max(0.0),
-                    slip_tangent: slip,
+                    slip_tangent: slip - state[2],
                     slip_ratio: 0.0,
                     camber_rad: 0.0,
                     friction_scale: state[1].exp(),
@@ -242,68 +308,92 @@ impl Axle {
             .sum()
     }
 
-    /// Takes a mean value in; the ratio of the force to the expected one where the surface is
-    /// found to have changed.
-    fn take(&mut self, block: &Block, span_s: f64, sideslip_sigma: f64) -> Option<f64> {
+    /// Takes a mean value in; tells where the surface is found to have changed. `part` of the usual
+    /// evidence is asked for.
+    fn take(
+        &mut self,
+        block: &Block,
+        span_s: f64,
+        sideslip_sigma: f64,
+        part: f64,
+    ) -> Option<Change> {
         let load: f64 = block.load_n.iter().sum();
         for (i, walk) in WALK.into_iter().enumerate() {
             let most = START[i].powi(2);
-            let grown = self.covariance[i][i] + walk * walk * span_s;
-            self.covariance[i][i] = grown.min(most.max(self.covariance[i][i]));
+            let grown = self.covariance[(i, i)] + walk * walk * span_s;
+            self.covariance[(i, i)] = grown.min(most.max(self.covariance[(i, i)]));
         }
         if load < 100.0 || block.longitudinal_n > LONGITUDINAL_MAX * load {
             return None;
         }
-        let expected = self.lateral_n(block, self.state);
+        let expected = self.lateral_n(block, &self.state);
         let step = 1e-4;
-        let slope = [0, 1].map(|i| {
+        let slope = Vector3::from_fn(|i, _| {
             let mut moved = self.state;
             moved[i] += step;
-            (self.lateral_n(block, moved) - expected) / step
+            (self.lateral_n(block, &moved) - expected) / step
         });
         let stiffness: f64 = block.load_n.iter().map(|n| self.stiffness_at(*n)).sum();
         let own =
             block.variance + (stiffness * sideslip_sigma).powi(2) + (MODEL_PART * load).powi(2);
-        let [[a, b], [_, d]] = self.covariance;
-        let ph = [a * slope[0] + b * slope[1], b * slope[0] + d * slope[1]];
-        let spread = slope[0] * ph[0] + slope[1] * ph[1];
+        let ph = self.covariance * slope;
+        let spread = slope.dot(&ph);
         let innovation = block.force_n - expected;
-        let change = self.watch(block, expected, innovation, own + spread, load);
+        let excited = expected.abs() >= EXCITED * load;
+        let deviation = (own + spread).sqrt();
+        let change = excited
+            .then(|| self.watch(block.force_n, expected, deviation, part))
+            .flatten();
         let total = spread + CORRELATED * own;
-        for (x, p) in self.state.iter_mut().zip(ph) {
-            *x = (*x + p * innovation / total).clamp(-2.0, 1.5);
+        self.state += ph * (innovation / total);
+        for i in 0..2 {
+            self.state[i] = self.state[i].clamp(-2.0, 1.5);
         }
-        self.covariance = [
-            [a - ph[0] * ph[0] / total, b - ph[0] * ph[1] / total],
-            [b - ph[0] * ph[1] / total, d - ph[1] * ph[1] / total],
-        ];
+        self.covariance -= ph * ph.transpose() / total;
         change
     }
 
-    fn watch(
-        &mut self,
-        block: &Block,
-        expected: f64,
-        innovation: f64,
-        variance: f64,
-        load: f64,
-    ) -> Option<f64> {
-        if expected.abs() < EXCITED * load {
-            return None;
-        }
+    fn watch(&mut self, force_n: f64, expected_n: f64, sigma: f64, part: f64) -> Option<Change> {
         if self.learned < LEARNED {
             self.learned += 1;
             return None;
         }
-        let size = innovation * expected.signum() / variance.sqrt();
-        self.sums[0] = (self.sums[0] - size - CUSUM_REFERENCE).max(0.0);
-        self.sums[1] = (self.sums[1] + size - CUSUM_REFERENCE).max(0.0);
-        if self.sums.iter().all(|sum| *sum < CUSUM_THRESHOLD) {
+        let sign = expected_n.signum();
+        let size = (force_n - expected_n) * sign / sigma;
+        for (run, size) in self.runs.iter_mut().zip([-size, size]) {
+            run.sum += size - CUSUM_REFERENCE;
+            if run.sum <= 0.0 {
+                *run = ChangeRun::default();
+                continue;
+            }
+            run.values += 1;
+            run.force_n += force_n * sign;
+            run.expected_n += expected_n * sign;
+        }
+        let found = self.runs.iter().find_map(|run| run.change(part))?;
+        self.runs = [ChangeRun::default(); 2];
+        self.learned = 0;
+        for i in 0..2 {
+            self.covariance.row_mut(i).fill(0.0);
+            self.covariance.column_mut(i).fill(0.0);
+            self.covariance[(i, i)] = START[i] * START[i];
+        }
+        Some(found)
+    }
+}
+
+impl ChangeRun {
+    /// A sum of z - k is the likelihood ratio of a shift by 2k over none, divided by 2k.
+    fn change(&self, part: f64) -> Option<Change> {
+        let ratio = (self.force_n / self.expected_n.max(1.0)).clamp(0.0, 10.0);
+        if self.sum < part * CUSUM_THRESHOLD || (ratio - 1.0).abs() < CHANGE_MIN {
             return None;
         }
-        self.sums = [0.0; 2];
-        self.learned = 0;
-        self.covariance = [[START[0].powi(2), 0.0], [0.0, START[1].powi(2)]];
-        Some((block.force_n / expected).clamp(0.0, 10.0))
+        let odds = 2.0 * CUSUM_REFERENCE * self.sum / part - LOG_ODDS;
+        Some(Change {
+            ratio,
+            values: self.values,
+            probability: 1.0 / (1.0 + (-odds).exp()),
+        })
     }
 }

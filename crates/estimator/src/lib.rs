@@ -11,6 +11,7 @@
 //! ```
 
 pub mod calibration;
+pub mod consistency;
 pub mod corners;
 mod error;
 mod estimator;
@@ -25,6 +26,7 @@ pub mod regression;
 pub mod score;
 mod settings;
 pub mod statics;
+mod waiting;
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;

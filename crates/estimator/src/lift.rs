@@ -1,11 +1,13 @@
 //! Wheel lift: warned of ahead, declared, and taken back (section 4.2.3 of the thesis).
 //!
-//! A wheel is *up* when its load is below a fraction of the static one with high probability, and
-//! *down* again above a higher fraction. It is warned of when the load, carried on at its present
-//! smoothed rate, would vanish within the lead time while a good part of it is gone already. Each
-//! condition must hold for a run of steps, which sets the false-alarm rate: with independent
-//! errors, p^n for a chance p of one step. The filter's errors are alike over about five steps,
-//! so the runs are long against that.
+//! A wheel is *up* when its load is below a fraction of the static one, and *down* again above a
+//! higher fraction. The load is followed by a filter of fading memory for value and slope, which a
+//! steady fall does not leave behind, so that a slow lift is not declared late; a fast one is caught
+//! by the raw load, which must then stay below for a run of steps. A wheel is warned of when the
+//! load, carried on at its slope, would be gone within the lead time while most of it is gone
+//! already. Runs of steps set the false-alarm rate: with independent errors, p^n for a chance p of
+//! one step. The filter's errors are alike over about five steps, so the runs are long against
+//! that.
 
 use sample::{Event, EventKind, LogTime, PerWheel, TyreForce, Wheel};
 
@@ -13,17 +15,20 @@ use sample::{Event, EventKind, LogTime, PerWheel, TyreForce, Wheel};
 const UP: f64 = 0.02;
 const DOWN: f64 = 0.06;
 /// Part of the static load below which the vanishing of the load is warned of.
-const LIGHT: f64 = 0.45;
+const LIGHT: f64 = 0.3;
 /// Lead time of a warning, s.
 const LEAD_S: f64 = 2.5;
 /// A load that falls more slowly than this is not falling, part of static load per second.
-const FALL_MIN: f64 = 0.02;
-/// Steps that a condition must hold.
-const UP_STEPS: u32 = 6;
+const FALL_MIN: f64 = 0.01;
+/// Steps that a condition must hold: of the raw load, of the followed one, of a warning.
+const RAW_STEPS: u32 = 6;
+const FOLLOWED_STEPS: u32 = 3;
 const WARNING_STEPS: u32 = 20;
-/// Time constant of the load's smoothed value and rate, s.
-const SMOOTH_S: f64 = 0.15;
-const RATE_SMOOTH_S: f64 = 0.6;
+/// What the fading memory keeps from step to step: half a second.
+const KEEP: f64 = 0.98;
+/// What remains of a step's error in the followed value, and in what it is in a second's time.
+const FOLLOWED_SIGMA: f64 = 0.3;
+const AHEAD_SIGMA: f64 = 0.4;
 /// Time after the start in which nothing is declared, s.
 const SETTLING_S: f64 = 1.0;
 
@@ -33,7 +38,7 @@ struct WheelState {
     rate_n_s: f64,
     up: bool,
     warned: bool,
-    below: u32,
+    below: [u32; 2],
     falling: u32,
     calm: u32,
 }
@@ -73,6 +78,7 @@ impl LiftDetector {
         out: &mut impl FnMut(Event),
     ) {
         self.age_s += dt;
+        let transfer = transfer_ratio(forces);
         for wheel in Wheel::ALL {
             let i = wheel.index();
             let [_, _, load] = forces[wheel].force_n;
@@ -81,14 +87,19 @@ impl LiftDetector {
                 continue;
             }
             let state = &mut self.wheels[i];
-            let before = state.load_n;
-            state.load_n += (load - before) * dt / SMOOTH_S;
-            let slope = (state.load_n - before) / dt;
-            state.rate_n_s += (slope - state.rate_n_s) * dt / RATE_SMOOTH_S;
+            state.follow(load, dt);
             if self.age_s < SETTLING_S || !moving {
                 continue;
             }
-            state.judge(now, wheel, self.static_n[i], load, sigma, out);
+            let instant = Instant {
+                now,
+                wheel,
+                load_n: load,
+                sigma_n: sigma,
+                static_n: self.static_n[i],
+                transfer,
+            };
+            state.judge(&instant, out);
         }
         for (side, up) in self.side_up.iter_mut().enumerate() {
             let both = self.wheels[side].up && self.wheels[2 + side].up;
@@ -99,7 +110,9 @@ impl LiftDetector {
                     now,
                     EventKind::TwoWheelLift(side == 0),
                     None,
-                    format!("both {name} wheels are off the ground"),
+                    format!(
+                        "both {name} wheels are off the ground; load-transfer ratio {transfer:.2}"
+                    ),
                 ));
             }
             *up = both;
@@ -107,68 +120,106 @@ impl LiftDetector {
     }
 }
 
+/// One wheel at one instant.
+struct Instant {
+    now: LogTime,
+    wheel: Wheel,
+    load_n: f64,
+    sigma_n: f64,
+    static_n: f64,
+    /// Load-transfer ratio of the vehicle.
+    transfer: f64,
+}
+
+/// (right - left)/(right + left) of the loads: one where the left wheels are up.
+fn transfer_ratio(forces: &PerWheel<TyreForce>) -> f64 {
+    let [fl, fr, rl, rr] = forces.0.map(|force| force.force_n[2]);
+    (fr + rr - fl - rl) / (fl + fr + rl + rr).max(1.0)
+}
+
 impl WheelState {
-    fn judge(
-        &mut self,
-        now: LogTime,
-        wheel: Wheel,
-        static_n: f64,
-        load: f64,
-        sigma: f64,
-        out: &mut impl FnMut(Event),
-    ) {
-        let light = self.load_n < LIGHT * static_n && self.rate_n_s < -FALL_MIN * static_n;
+    /// Value and slope by least squares with a memory that fades by [`KEEP`] each step.
+    fn follow(&mut self, load_n: f64, dt: f64) {
+        self.load_n += self.rate_n_s * dt;
+        let error = load_n - self.load_n;
+        self.load_n += (1.0 - KEEP * KEEP) * error;
+        self.rate_n_s += (1.0 - KEEP).powi(2) * error / dt;
+    }
+
+    fn judge(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
+        self.warn(at, out);
+        let least = UP * at.static_n;
+        for (count, load) in self.below.iter_mut().zip([at.load_n, self.load_n]) {
+            *count = if load < least { *count + 1 } else { 0 };
+        }
+        let [raw, followed] = self.below;
+        let back = DOWN * at.static_n;
+        if !self.up && (raw >= RAW_STEPS || followed >= FOLLOWED_STEPS) {
+            self.up = true;
+            let steps = if raw >= RAW_STEPS {
+                RAW_STEPS
+            } else {
+                FOLLOWED_STEPS
+            };
+            let chance = probability(back - self.load_n, FOLLOWED_SIGMA * at.sigma_n);
+            out(event(
+                at.now,
+                at.now.offset_seconds(-0.01 * f64::from(steps - 1)),
+                EventKind::Lift(at.wheel),
+                Some(chance),
+                format!(
+                    "the {} wheel is off the ground; load-transfer ratio {:.2}",
+                    at.wheel, at.transfer
+                ),
+            ));
+        } else if self.up && at.load_n > back && self.load_n > back {
+            self.up = false;
+            out(event(
+                at.now,
+                at.now,
+                EventKind::Touchdown(at.wheel),
+                None,
+                format!("the {} wheel is on the ground again", at.wheel),
+            ));
+        }
+    }
+
+    fn warn(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
+        let light = self.load_n < LIGHT * at.static_n && self.rate_n_s < -FALL_MIN * at.static_n;
         let left_s = self.load_n / -self.rate_n_s;
         self.falling = if light && left_s < LEAD_S && !self.up {
             self.falling + 1
         } else {
             0
         };
-        self.calm = if self.load_n > (LIGHT + 0.1) * static_n {
+        self.calm = if self.load_n > (LIGHT + 0.1) * at.static_n {
             self.calm + 1
         } else {
             0
         };
-        if self.falling >= WARNING_STEPS && !self.warned {
-            self.warned = true;
-            let lead = left_s.max(0.0);
-            out(event(
-                now,
-                now.offset_seconds(lead),
-                EventKind::LiftWarning(wheel, lead),
-                Some(probability(LIGHT * static_n - self.load_n, sigma)),
-                format!("the {wheel} wheel's load would vanish in {lead:.1} s"),
-            ));
-        }
         if self.calm > 50 {
             self.warned = false;
         }
-        self.below = if load < UP * static_n {
-            self.below + 1
-        } else {
-            0
-        };
-        if !self.up && self.below >= UP_STEPS {
-            self.up = true;
-            let onset = now.offset_seconds(-0.01 * f64::from(UP_STEPS - 1));
-            let chance = probability(DOWN * static_n - self.load_n.min(load), sigma);
-            out(event(
-                now,
-                onset,
-                EventKind::Lift(wheel),
-                Some(chance),
-                format!("the {wheel} wheel is off the ground"),
-            ));
-        } else if self.up && load > DOWN * static_n && self.load_n > DOWN * static_n {
-            self.up = false;
-            out(event(
-                now,
-                now,
-                EventKind::Touchdown(wheel),
-                None,
-                format!("the {wheel} wheel is on the ground again"),
-            ));
+        if self.falling < WARNING_STEPS || self.warned {
+            return;
         }
+        self.warned = true;
+        let lead = left_s.max(0.0);
+        let ahead = self.load_n + self.rate_n_s * LEAD_S;
+        let chance = probability(
+            DOWN * at.static_n - ahead,
+            (FOLLOWED_SIGMA + LEAD_S * AHEAD_SIGMA) * at.sigma_n,
+        );
+        out(event(
+            at.now,
+            at.now.offset_seconds(lead),
+            EventKind::LiftWarning(at.wheel, lead),
+            Some(chance),
+            format!(
+                "the {} wheel's load would vanish in {lead:.1} s; load-transfer ratio {:.2}",
+                at.wheel, at.transfer
+            ),
+        ));
     }
 }
 

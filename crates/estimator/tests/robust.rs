@@ -11,6 +11,9 @@ use estimator::{Calibration, Estimator, Method, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use proptest::prelude::*;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
 use sample::{
     CornerSample, Estimate, FixQuality, GnssAttitude, GnssVelocity, ImuSample, LogTime,
     Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
@@ -287,4 +290,89 @@ fn silence_of_strain_widens_the_forces_and_its_return_narrows_them() {
         sigma(190),
         sigma(590)
     );
+}
+
+/// All samples of a stream whose devices are late by up to 30 ms and whose arrivals between two
+/// steps are shuffled by `order`.
+fn shuffled(steps: usize, order: u64) -> Vec<Sample> {
+    let mut rng = ChaCha8Rng::seed_from_u64(order);
+    let mut all = Vec::new();
+    for step in 0..steps {
+        let grid = START_NANOS + step as u64 * STEP_NANOS;
+        let mut group: Vec<(u64, Measurement)> = Vec::new();
+        for (kind, mut measurement) in healthy(step) {
+            let swing = 0.05 * (0.37 * step as f64 + f64::from(kind)).sin();
+            let late = match &mut measurement {
+                Measurement::GnssVelocity(gnss) => {
+                    gnss.velocity_enu_m_s = [swing, -swing, 0.3 * swing];
+                    25_000_000
+                }
+                Measurement::GnssAttitude(gnss) => {
+                    gnss.roll_rad = Some(0.2 * swing);
+                    30_000_000
+                }
+                Measurement::Imu(imu) => {
+                    imu.specific_force_m_s2[0] = 2.0 * swing;
+                    // Twice as often as the grid, so that two come between two steps.
+                    let mut second = imu.clone();
+                    second.specific_force_m_s2[1] = swing;
+                    group.push((grid.saturating_sub(4_000_000), Measurement::Imu(second)));
+                    0
+                }
+                _ => 500_000 * u64::from(kind),
+            };
+            group.push((grid - late, measurement));
+        }
+        group.shuffle(&mut rng);
+        for (i, (valid, measurement)) in group.into_iter().enumerate() {
+            let late = 100_000 + 300_000 * i as u64;
+            assert!(
+                late < 5_000_000,
+                "within the time that a step is held back for"
+            );
+            all.push(Sample {
+                source: SourceId(0),
+                log_time: LogTime(grid + late),
+                valid_time: LogTime(valid),
+                device_time: None,
+                measurement,
+            });
+        }
+    }
+    all
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 6,
+        failure_persistence: None,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(7),
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn the_order_of_arrival_within_the_hold_changes_no_bit(order in 1..u64::MAX) {
+        let bits = |order: u64| -> Vec<u64> {
+            let vehicle = Vehicle::builtin("prowler").unwrap();
+            let sensors = Sensors::builtin("thesis-10bit").unwrap();
+            let calibration = Calibration::nominal(&vehicle.name);
+            let mut estimator =
+                Estimator::new(&vehicle, &sensors, &calibration, Settings::default()).unwrap();
+            let mut bits = Vec::new();
+            for sample in shuffled(120, order) {
+                estimator.advance(sample.log_time, &mut |output| {
+                    if let Output::Estimate(e) = output {
+                        let forces = e.measured.0.into_iter().flat_map(|f| f.force_n);
+                        let motion = [e.motion.roll_rad, e.motion.velocity_x_m_s];
+                        bits.extend(forces.chain(motion).map(f64::to_bits));
+                    }
+                });
+                estimator.push(&sample);
+            }
+            bits
+        };
+        let first = bits(0);
+        prop_assert!(first.len() > 1000);
+        prop_assert_eq!(first, bits(order));
+    }
 }

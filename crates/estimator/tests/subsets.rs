@@ -90,40 +90,40 @@ struct Case {
     sideslip_max: f64,
 }
 
-const CASES: [Case; 8] = [
+const CASES: [Case; 9] = [
     Case {
         name: "no heading",
         ignore: &[Input::GnssAttitude],
         spoil: |_, _| {},
-        force_max: [1.6, 2.5, 1.5],
+        force_max: [1.4, 1.2, 1.1],
         sideslip_max: 0.6,
     },
     Case {
         name: "no GNSS velocity",
         ignore: &[Input::GnssVelocity],
         spoil: |_, _| {},
-        force_max: [1.6, 2.5, 1.5],
+        force_max: [1.4, 1.2, 1.1],
         sideslip_max: 0.6,
     },
     Case {
         name: "no inertial unit",
         ignore: &[Input::Imu],
         spoil: |_, _| {},
-        force_max: [6.0, 8.0, 1.5],
+        force_max: [2.0, 1.6, 1.8],
         sideslip_max: 3.0,
     },
     Case {
         name: "no strain",
         ignore: &[Input::Strain],
         spoil: |_, _| {},
-        force_max: [25.0, 12.0, 5.0],
+        force_max: [25.0, 12.0, 4.0],
         sideslip_max: 0.2,
     },
     Case {
         name: "no deflection",
         ignore: &[Input::Deflection],
         spoil: |_, _| {},
-        force_max: [5.0, 16.0, 12.0],
+        force_max: [2.0, 2.5, 3.0],
         sideslip_max: 0.2,
     },
     Case {
@@ -136,7 +136,7 @@ const CASES: [Case; 8] = [
                 corner.strain_counts = [None; StrainChannel::COUNT];
             }
         },
-        force_max: [9.0, 8.0, 1.6],
+        force_max: [9.0, 8.0, 1.5],
         sideslip_max: 0.2,
     },
     Case {
@@ -150,7 +150,7 @@ const CASES: [Case; 8] = [
                 corner.strain_counts[2] = corner.strain_counts[2].map(|n| (n + 60).min(1022));
             }
         },
-        force_max: [1.8, 2.6, 1.5],
+        force_max: [1.5, 1.2, 1.1],
         sideslip_max: 0.2,
     },
     Case {
@@ -164,7 +164,21 @@ const CASES: [Case; 8] = [
                 corner.deflection_counts = Some(520);
             }
         },
-        force_max: [4.0, 9.0, 9.0],
+        force_max: [1.8, 2.0, 4.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "shifted potentiometer",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+                && time_s > FAULT_S
+            {
+                corner.deflection_counts = corner.deflection_counts.map(|n| (n + 60).min(1022));
+            }
+        },
+        force_max: [1.8, 2.0, 4.0],
         sideslip_max: 0.2,
     },
 ];
@@ -212,7 +226,7 @@ fn every_subset_gives_forces_and_faults_are_named() {
             });
             let expected = match case.name {
                 "shifted channel" => Some("FL lower_front"),
-                "frozen potentiometer" => Some("FL deflection"),
+                "frozen potentiometer" | "shifted potentiometer" => Some("FL deflection"),
                 _ => None,
             };
             assert_eq!(

@@ -194,6 +194,8 @@ struct TyreSize {
     unloaded_radius_m: f64,
     #[serde(rename = "vertical_stiffness_N_per_m")]
     vertical_n_m: f64,
+    #[serde(default)]
+    width_m: f64,
 }
 
 impl Params {
@@ -286,6 +288,7 @@ impl Params {
                 unloaded_radius_m: tyre.unloaded_radius_m,
                 vertical_stiffness_n_m: tyre.vertical_n_m,
                 vertical_damping_n_s_m: TYRE_DAMPING_N_S_M,
+                width_m: tyre.width_m,
                 cornering_stiffness_n_rad: round_to(CORNERING_PER_LOAD * load_n, 100.0),
                 slip_stiffness_n: round_to(SLIP_PER_LOAD * load_n, 100.0),
                 reference_load_n: round_to(load_n, 1.0),

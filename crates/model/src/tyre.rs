@@ -10,6 +10,7 @@ mod physical;
 mod rational;
 mod spring;
 mod stiffness;
+mod tread;
 
 pub use magic::{MagicFormula52, MagicFormula89};
 pub use physical::{Law, Physical};

@@ -229,6 +229,9 @@ pub struct Tyre {
     /// Vertical damping, N s/m.
     #[serde(default)]
     pub vertical_damping_n_s_m: f64,
+    /// Width of the tread on the ground, m; 0 where it is not told.
+    #[serde(default)]
+    pub width_m: f64,
     /// Cornering stiffness of one tyre at `reference_load_n`, N/rad.
     pub cornering_stiffness_n_rad: f64,
     /// Longitudinal slip stiffness of one tyre at `reference_load_n`, N per unit slip.

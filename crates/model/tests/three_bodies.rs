@@ -60,6 +60,7 @@ fn axle() -> Axle {
             unloaded_radius_m: 0.31,
             vertical_stiffness_n_m: 120_000.0,
             vertical_damping_n_s_m: 0.0,
+            width_m: 0.0,
             cornering_stiffness_n_rad: 6000.0,
             slip_stiffness_n: 12_000.0,
             reference_load_n: 1500.0,

@@ -330,7 +330,7 @@ impl Linkage {
         if load_n > OFF_GROUND_N {
             motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
         }
-        let wrench = corner.wrench(truth);
+        let wrench = corner.wrench(truth, pose.spindle.dot(&normal).asin());
         motion.spin_rad_s = truth.angular_speed_rad_s;
         motion.spin_dot_rad_s2 = spin_dot;
         motion.axle_torque_n_m = corner.axle_torque_n_m(&wrench, compression_m, spin_dot);
@@ -386,10 +386,10 @@ impl LinkedCorner {
         }))
     }
 
-    /// The tyre's force with its moments as told, else those that go with the force: rolling resistance M_y = -f R_0 F_z, and
-    /// the aligning moment of a trail that vanishes as the tyre begins to slide,
-    /// M_z = -n F_y, n = n_0 (1 - |F_y|/(mu F_z)).
-    fn wrench(&self, truth: &WheelTruth) -> Wrench {
+    /// The tyre's force with its moments as told, else those that go with the force: the tread's
+    /// at this inclination, rolling resistance M_y = -f R_0 F_z, and the aligning moment of a trail
+    /// that vanishes as the tyre begins to slide, M_z = -n F_y, n = n_0 (1 - |F_y|/(mu F_z)).
+    fn wrench(&self, truth: &WheelTruth, inclination_rad: f64) -> Wrench {
         let [_, lateral_n, load_n] = truth.force_n;
         if truth.moment_n_m.iter().all(|m| m.is_finite()) {
             return Wrench {
@@ -406,9 +406,10 @@ impl LinkedCorner {
             * self.tyre.unloaded_radius_m
             * load_n
             * truth.angular_speed_rad_s.tanh();
+        let tipping = -self.tyre.tread_moment_n_m(load_n, inclination_rad);
         Wrench {
             force_n: truth.force_n.into(),
-            moment_n_m: Vector3::new(0.0, -rolling, -trail_m * lateral_n),
+            moment_n_m: Vector3::new(tipping, -rolling, -trail_m * lateral_n),
         }
     }
 

@@ -22,6 +22,7 @@ pub struct LengthFilter {
     time: Option<LogTime>,
     silent_s: f64,
     misses: u32,
+    jumped: bool,
 }
 
 impl LengthFilter {
@@ -35,12 +36,14 @@ impl LengthFilter {
             time: None,
             silent_s: 0.0,
             misses: 0,
+            jumped: false,
         }
     }
 
     /// Carries the length on; a silent potentiometer's is held.
     pub fn predict(&mut self, dt: f64) {
         self.silent_s += dt;
+        self.jumped = false;
         if self.silent_s > SILENCE_S {
             if self.time.is_none() {
                 self.state = Vector3::new(self.design_m, 0.0, 0.0);
@@ -51,7 +54,7 @@ impl LengthFilter {
             return;
         }
         let f = Matrix3::new(1.0, dt, 0.5 * dt * dt, 0.0, 1.0, dt, 0.0, 0.0, 1.0);
-        let q = JERK * JERK;
+        let q = JERK.powi(2);
         let [d2, d3, d4, d5] = [dt * dt, dt.powi(3), dt.powi(4), dt.powi(5)];
         let noise = Matrix3::new(
             d5 / 20.0,
@@ -83,6 +86,7 @@ impl LengthFilter {
             if self.misses < MISSES_MAX {
                 return;
             }
+            self.jumped = self.time.is_some();
             self.state = Vector3::new(length_m, 0.0, 0.0);
             self.covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 1.0, 100.0));
         } else {
@@ -98,6 +102,11 @@ impl LengthFilter {
     /// Length and rate, m and m/s.
     pub fn value(&self) -> [f64; 2] {
         [self.state[0], self.state[1]]
+    }
+
+    /// Whether the last reading was taken for a jump that no strut makes.
+    pub fn jumped(&self) -> bool {
+        self.jumped
     }
 
     /// Whether a potentiometer stands behind the length at `now`.

@@ -6,6 +6,10 @@ const SUSPECT: f64 = 0.5;
 const TRUSTED: f64 = 0.05;
 /// Weight of one innovation in the memory: about half a second at 100 Hz to be excluded.
 const LEARN: f64 = 1.0 / 50.0;
+/// Weight of one innovation in their mean, about a second, and how many times the mean counts as
+/// error of the model: what keeps to one side is no noise.
+const MEAN_LEARN: f64 = 0.01;
+const MEAN_FACTOR: f64 = 2.0;
 /// Square of the normalised innovation that counts as one too many.
 const GATE: f64 = 25.0;
 
@@ -24,12 +28,24 @@ pub enum Change {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ChannelHealth {
     outside: f64,
+    mean: f64,
     faulty: bool,
 }
 
 impl ChannelHealth {
-    /// Judges an innovation by its normalised square: whether to use it, and what changed.
-    pub fn judge(&mut self, square: f64) -> (bool, Change) {
+    /// Variance that the innovations' mean calls for.
+    pub fn model_variance(&self) -> f64 {
+        (MEAN_FACTOR * self.mean).powi(2)
+    }
+
+    /// Takes an innovation of a reading that is used into the mean.
+    pub fn learn(&mut self, innovation: f64) {
+        self.mean += MEAN_LEARN * (innovation - self.mean);
+    }
+
+    /// Judges an innovation by its normalised square: whether to use it, and what changed. Where
+    /// the gate is `open` only a faulty channel's is left out.
+    pub fn judge(&mut self, square: f64, open: bool) -> (bool, Change) {
         let outside = square.is_nan() || square > GATE;
         self.outside += LEARN * (f64::from(outside) - self.outside);
         let change = if !self.faulty && self.outside > SUSPECT {
@@ -41,6 +57,6 @@ impl ChannelHealth {
         } else {
             Change::None
         };
-        (!outside && !self.faulty, change)
+        ((!outside || open) && !self.faulty, change)
     }
 }

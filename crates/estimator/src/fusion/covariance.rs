@@ -97,6 +97,15 @@ impl Covariance {
         (0..SIZE).all(|i| self.0[i][i] >= -1e-6 && self.0[i][i] <= 1e3 * VARIANCE_MAX)
     }
 
+    /// Makes a state independent of all others, with this variance.
+    pub fn forget(&mut self, i: usize, variance: f64) {
+        self.0[i] = [0.0; SIZE];
+        for row in &mut self.0 {
+            row[i] = 0.0;
+        }
+        self.0[i][i] = variance;
+    }
+
     /// Adds variance to a state, up to a bound.
     pub fn add_noise(&mut self, i: usize, variance: f64) {
         if self.0[i][i] < VARIANCE_MAX {

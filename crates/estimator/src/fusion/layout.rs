@@ -1,7 +1,7 @@
 //! Where each state stands. Wheels in the order of [`sample::Wheel::ALL`].
 
 /// Number of states.
-pub const SIZE: usize = 64;
+pub const SIZE: usize = 68;
 /// Force of wheel w along axis a at `FORCE + 3 w + a`; contact frame, N.
 pub const FORCE: usize = 0;
 /// Rate of the force, N/s.
@@ -16,3 +16,5 @@ pub const TURN: usize = 38;
 pub const ACCEL: usize = 41;
 /// Offset of axial channel i of wheel w at `OFFSET + 5 w + i`, N.
 pub const OFFSET: usize = 44;
+/// How much longer the strut of wheel w is than its potentiometer says at `LENGTH + w`, mm.
+pub const LENGTH: usize = 64;

@@ -148,6 +148,7 @@ const TYRE: &[Rule] = &[
     must("unloaded_radius_m", Number(Positive(3.0))),
     must("vertical_stiffness_n_m", Number(Positive(STIFFNESS))),
     may("vertical_damping_n_s_m", Number(NonNegative(1e6))),
+    may("width_m", Number(NonNegative(3.0))),
     must("cornering_stiffness_n_rad", Number(Positive(1e7))),
     must("slip_stiffness_n", Number(Positive(1e7))),
     must("reference_load_n", Number(Positive(1e6))),

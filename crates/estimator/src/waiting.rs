@@ -1,0 +1,116 @@
+//! Samples wait here for the step that takes them in.
+//!
+//! Devices are late by different amounts, so that the order of arrivals says little. All that
+//! arrived before a step is taken in by the order of its own time, and what is alike in time by kind
+//! and content: within the time that the step is held back for, the order of arrival changes no bit.
+
+use nalgebra::Vector3;
+use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel};
+
+/// Samples that can wait; a step of 10 ms has about thirty.
+const CAPACITY: usize = 2048;
+
+/// What waits.
+#[derive(Clone, Copy, Debug)]
+pub enum Held {
+    /// Specific force and rate, body axes, calibration applied.
+    Inertial {
+        /// Specific force, m/s^2.
+        force: Vector3<f64>,
+        /// Angular rate, rad/s.
+        rate: Vector3<f64>,
+    },
+    /// Velocity of the antenna.
+    Velocity(GnssVelocity),
+    /// Attitude of the antennas.
+    Attitude(GnssAttitude),
+    /// Counts of a corner.
+    Corner(CornerSample),
+    /// Hand wheel, rad.
+    HandWheel(f64),
+    /// Wheel speeds, rad/s.
+    WheelSpeed(PerWheel<Option<f64>>),
+}
+
+/// A sample and when it was true.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// When it was true.
+    pub time: LogTime,
+    /// What it is.
+    pub held: Held,
+}
+
+impl Entry {
+    /// By time, then by kind and content.
+    fn key(&self) -> (LogTime, u8, u64) {
+        let (rank, content) = match &self.held {
+            Held::Inertial { force, rate } => (0, digest(force.iter().chain(rate.iter()).copied())),
+            Held::Velocity(gnss) => (1, digest(gnss.velocity_enu_m_s)),
+            Held::Attitude(gnss) => {
+                let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
+                (2, digest(angles.map(|angle| angle.unwrap_or(f64::NAN))))
+            }
+            Held::Corner(corner) => {
+                let counts = corner
+                    .strain_counts
+                    .iter()
+                    .chain([&corner.deflection_counts]);
+                let numbers = counts.map(|count| count.map_or(-1.0, f64::from));
+                (3 + corner.wheel.index() as u8, digest(numbers))
+            }
+            Held::HandWheel(angle) => (7, angle.to_bits()),
+            Held::WheelSpeed(speeds) => {
+                (8, digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))))
+            }
+        };
+        (self.time, rank, content)
+    }
+}
+
+/// FNV-1a over the bits of numbers.
+fn digest(numbers: impl IntoIterator<Item = f64>) -> u64 {
+    numbers.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, x| {
+        (hash ^ x.to_bits()).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+/// The room.
+#[derive(Clone, Debug)]
+pub struct Waiting {
+    entries: Vec<Entry>,
+    taken: usize,
+}
+
+impl Waiting {
+    /// An empty one, with room for all that may come.
+    pub fn new() -> Self {
+        Self {
+            entries: Vec::with_capacity(CAPACITY),
+            taken: 0,
+        }
+    }
+
+    /// Lets a sample wait. A flood beyond the room, tens of times what any rig sends, is cut off.
+    pub fn push(&mut self, time: LogTime, held: Held) {
+        if self.entries.len() < CAPACITY {
+            self.entries.push(Entry { time, held });
+        }
+    }
+
+    /// Brings all that waits into order, the first to be taken next.
+    pub fn sort(&mut self) {
+        self.taken = 0;
+        self.entries.sort_unstable_by_key(Entry::key);
+    }
+
+    /// The next one in order; after the last, none waits any more.
+    pub fn take(&mut self) -> Option<Entry> {
+        let entry = self.entries.get(self.taken).copied();
+        self.taken += 1;
+        if entry.is_none() {
+            self.entries.clear();
+        }
+        entry
+    }
+}
