@@ -314,7 +314,7 @@ fn shuffled(steps: usize, order: u64) -> Vec<Sample> {
                 Measurement::Imu(imu) => {
                     imu.specific_force_m_s2[0] = 2.0 * swing;
                     // Twice as often as the grid, so that two come between two steps.
-                    let mut second = imu.clone();
+                    let mut second = *imu;
                     second.specific_force_m_s2[1] = swing;
                     group.push((grid.saturating_sub(4_000_000), Measurement::Imu(second)));
                     0

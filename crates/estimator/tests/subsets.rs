@@ -123,7 +123,7 @@ const CASES: [Case; 9] = [
         name: "no deflection",
         ignore: &[Input::Deflection],
         spoil: |_, _| {},
-        force_max: [2.0, 2.5, 3.0],
+        force_max: [5.0, 7.0, 9.0],
         sideslip_max: 0.2,
     },
     Case {
@@ -164,7 +164,7 @@ const CASES: [Case; 9] = [
                 corner.deflection_counts = Some(520);
             }
         },
-        force_max: [1.8, 2.0, 4.0],
+        force_max: [4.0, 5.0, 9.0],
         sideslip_max: 0.2,
     },
     Case {
@@ -178,7 +178,7 @@ const CASES: [Case; 9] = [
                 corner.deflection_counts = corner.deflection_counts.map(|n| (n + 60).min(1022));
             }
         },
-        force_max: [1.8, 2.0, 4.0],
+        force_max: [4.0, 5.0, 9.0],
         sideslip_max: 0.2,
     },
 ];

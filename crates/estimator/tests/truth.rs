@@ -6,6 +6,8 @@
     reason = "a test's helpers stand outside its functions"
 )]
 
+#[path = "truth/deviations.rs"]
+mod deviations;
 #[path = "truth/judge.rs"]
 mod judge;
 #[path = "truth/run.rs"]
@@ -13,7 +15,8 @@ mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
 
-use estimator::{Calibration, Input, Method, Settings, score};
+use deviations::deviations;
+use estimator::{Calibration, Input, Method, Settings};
 use judge::{Result, estimate, force_errors, motion_errors, rms, row};
 use model::sensors::Sensors;
 use run::Run;
@@ -60,10 +63,13 @@ fn judge_file(file: &str, force_max: [f64; 3], lift_within_s: f64) {
             let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
             let motion = motion_errors(&run, &result);
             let force = force_errors(&run, &vehicle, &result);
+            let found = deviations(&run, &result);
             eprintln!(
                 "{file} {name:15} {method:?}: sideslip, roll, pitch {motion:.3?} deg; \
-                 Fx, Fy, Fz {force:.2?} %; NEES {:.2?}",
-                normalised_squares(&run, &result)
+                 Fx, Fy, Fz {force:.2?} %; NEES {:.2?}, surprise {:.2?}; {:.0} % of windows inside",
+                found.axes,
+                found.surprise,
+                100.0 * found.all.inside
             );
             if method == Method::Thesis {
                 continue;
@@ -130,27 +136,6 @@ fn judge_events(name: &str, result: &Result, within_s: f64) {
     }
 }
 
-/// Mean of ((estimate - truth)/sigma)^2 over all tyres, F_x, F_y, F_z.
-fn normalised_squares(run: &Run, result: &Result) -> [f64; 3] {
-    std::array::from_fn(|axis| {
-        let mut series = [Vec::new(), Vec::new(), Vec::new()];
-        for wheel in Wheel::ALL {
-            let name = ["Fx", "Fy", "Fz"][axis];
-            let truth = run.column(&format!("{}_{name}", wheel.abbreviation()));
-            for estimate in &result.estimates {
-                let row = row(estimate);
-                if row > 600 && row < truth.len() {
-                    let force = &estimate.measured[wheel];
-                    series[0].push(force.force_n[axis]);
-                    series[1].push(truth[row]);
-                    series[2].push(force.sigma_n[axis]);
-                }
-            }
-        }
-        score::normalised_square(&series[0], &series[1], &series[2]).unwrap_or(f64::NAN)
-    })
-}
-
 /// RMSE of the roll, pitch and yaw rates, degrees a second.
 fn rate_errors(run: &Run, result: &Result) -> [f64; 3] {
     std::array::from_fn(|axis| {
@@ -165,17 +150,17 @@ fn rate_errors(run: &Run, result: &Result) -> [f64; 3] {
 
 #[test]
 fn ten_bit_sensors_meet_their_floors() {
-    judge_file("thesis-10bit", [1.6, 2.5, 1.5], LIFT_WITHIN_S);
+    judge_file("thesis-10bit", [1.3, 1.1, 1.0], LIFT_WITHIN_S);
 }
 
 #[test]
 fn sixteen_bit_full_bridges_meet_their_floors() {
-    judge_file("full-bridge-16bit", [0.8, 0.8, 1.2], LIFT_WITHIN_S);
+    judge_file("full-bridge-16bit", [0.7, 0.4, 0.7], LIFT_WITHIN_S);
 }
 
 #[test]
 fn bending_bridges_meet_their_floors() {
-    judge_file("full-bridge-16bit-bending", [0.8, 0.8, 0.5], LIFT_WITHIN_S);
+    judge_file("full-bridge-16bit-bending", [0.7, 0.4, 0.2], 0.1);
 }
 
 #[test]
@@ -198,5 +183,5 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
     let force = force_errors(&run, &vehicle, &result);
     eprintln!("h_jack Fx, Fy, Fz {force:.2?} %");
     assert!(result.events.is_empty(), "{:?}", result.events);
-    assert!(force[2] <= 1.5, "{force:?}");
+    assert!(force[1] <= 2.5 && force[2] <= 1.5, "{force:?}");
 }

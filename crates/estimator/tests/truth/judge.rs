@@ -1,7 +1,6 @@
 //! The estimator over a run's samples, and its errors against the truth.
 
-use estimator::consistency::Consistency;
-use estimator::{Calibration, Estimator, Output, Settings, consistency};
+use estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{Estimate, Event, Sample, Wheel};
@@ -94,50 +93,4 @@ pub fn force_errors(run: &Run, vehicle: &Vehicle, result: &Result) -> [f64; 3] {
             })
             .fold(0.0, f64::max)
     })
-}
-
-/// Steps of a window in which consistency is judged: one second.
-const WINDOW_STEPS: usize = 100;
-
-/// Whether the deviations of all forces hold, after the first 3 s.
-pub struct Squares {
-    /// Mean squares of the normalised errors of F_x, F_y, F_z.
-    pub axes: [f64; 3],
-    /// All twelve forces, window by window.
-    pub all: Consistency,
-    /// Mean of z^2/2 + ln sigma of F_x, F_y, F_z: the less, the better.
-    pub surprise: [f64; 3],
-}
-
-pub fn consistency_of(run: &Run, result: &Result) -> Squares {
-    let mut signals = Vec::new();
-    let mut axes = [0.0; 3];
-    let mut surprise = [0.0; 3];
-    for axis in 0..3 {
-        for wheel in Wheel::ALL {
-            let name = ["Fx", "Fy", "Fz"][axis];
-            let truth = run.column(&format!("{}_{name}", wheel.abbreviation()));
-            let mut series = Vec::new();
-            let mut logs = 0.0;
-            for estimate in &result.estimates {
-                let row = row(estimate);
-                if row > 600 && row < truth.len() {
-                    let force = &estimate.measured[wheel];
-                    let sigma = force.sigma_n[axis];
-                    series.push((force.force_n[axis] - truth[row]) / sigma);
-                    logs += sigma.ln();
-                }
-            }
-            let count = series.len() as f64;
-            let square = series.iter().map(|z| z * z).sum::<f64>() / count;
-            axes[axis] += square / 4.0;
-            surprise[axis] += (0.5 * square + logs / count) / 4.0;
-            signals.push(series);
-        }
-    }
-    Squares {
-        axes,
-        all: consistency::consistency(&signals, WINDOW_STEPS).unwrap(),
-        surprise,
-    }
 }
