@@ -25,6 +25,8 @@ if [ -e /rig/last ]; then
     exit 0
 fi
 
+# What a cut leaves of the socket's name says nothing.
+rm -f /data/logs/control
 /rig/atvrec record --config /tmp/atvrec.toml 2>/rig/record.log &
 until [ -S /data/logs/control ]; do sleep 0.1; done
 cangen vcan0 -g 2 -I 100 -L 8 -D i &
