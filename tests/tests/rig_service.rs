@@ -96,7 +96,8 @@ fn the_service_records_reloads_survives_and_stops() {
     }
     let (_vehicle, imu) = inertial_unit(&out);
     let imu = imu.display().to_string();
-    boot("service", &["--init", "systemd", "--uart", &imu]);
+    let options = ["--init", "systemd", "--timeout", "900", "--uart", &imu];
+    boot("service", &options);
 
     for unit in ["atvrec.service", "atvrec-can@can1.service"] {
         let text = std::fs::read_to_string(out.join(format!("security.{unit}"))).expect("told");
