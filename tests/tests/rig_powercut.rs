@@ -93,8 +93,7 @@ fn reference_reader_takes(logs: &[PathBuf]) {
             with open(path, 'rb') as file:\n        \
                 reader = make_reader(file, validate_crcs=True)\n        \
                 assert reader.get_summary() is not None, path\n        \
-                count = sum(1 for _ in reader.iter_messages())\n        \
-                assert count > 0, path\n";
+                sum(1 for _ in reader.iter_messages())\n";
     let status = Command::new(python)
         .args(["-c", program])
         .args(logs)

@@ -99,12 +99,15 @@ pub async fn record(
 ) -> anyhow::Result<Summary> {
     let begin = Instant::now();
     make_directory(&config)?;
-    let listener = Listener::open(&control::socket_path(&config))?;
+    let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     recover_unfinished(&config.storage.directory);
+    let socket = control::socket_path(&config);
     let (orders, mut waiting) = mpsc::channel(ORDER_QUEUE);
     let (fired, mut triggers) = mpsc::channel(FIRED_QUEUE);
     let mut conductor = Conductor::new(config, reload, fired);
     conductor.start().await?;
+    // Whoever finds the socket finds a recorder that records.
+    let listener = Listener::open(&socket)?;
     notify(&[sd_notify::NotifyState::Ready]);
 
     let desk = Desk {
@@ -114,7 +117,6 @@ pub async fn record(
     };
     let mut serving = Box::pin(listener.serve(desk));
     let watchdog = tokio::spawn(conductor.pulses.clone().watch());
-    let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     let mut stop = std::pin::pin!(stop);
     let mut keep = Box::pin(conductor.retention());
     loop {

@@ -14,6 +14,7 @@ use prost::Message as _;
 use sample::{Arrival, LogTime, SourceId};
 
 use crate::convert::Encoded;
+use crate::file::sync_directory;
 use crate::proto::atvrec as pb;
 use crate::{Error, Result, Session, raw};
 
@@ -77,8 +78,10 @@ impl Journal {
                 .open(path)
                 .map_err(Error::file("create", path))
         };
+        let files = [create(&paths[0])?, create(&paths[1])?];
+        sync_directory(path)?;
         Ok(Self {
-            files: [create(&paths[0])?, create(&paths[1])?],
+            files,
             paths,
             session,
             interval,
