@@ -1,8 +1,15 @@
 //! The command line.
 
+mod identify;
+
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
+
+pub use identify::{
+    IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, ResponseArgs, RollCentreArgs,
+    TellArgs, TyreArgs,
+};
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -62,6 +69,9 @@ pub enum Command {
     Calibrate(CalibrateCommand),
     /// Make cut-short logs whole.
     Recover(RecoverArgs),
+    /// Find parameters of the vehicle in logs of drives.
+    #[command(subcommand)]
+    Identify(IdentifyCommand),
     /// Set a mark in the running recording.
     Mark(MarkArgs),
     /// Show how the running recorder does.

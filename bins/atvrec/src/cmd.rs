@@ -7,6 +7,7 @@ pub mod control;
 pub mod demo;
 pub mod export;
 pub mod findings;
+pub mod identify;
 pub mod import;
 pub mod info;
 pub mod link;

@@ -4,6 +4,7 @@
 
 mod estimator;
 mod files;
+mod overrides;
 mod reader;
 mod roles;
 mod source;

@@ -55,6 +55,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Check(args) => cmd::check::run(&args),
         Command::Calibrate(command) => cmd::calibrate::run(&command),
         Command::Recover(args) => cmd::recover::run(&args),
+        Command::Identify(command) => cmd::identify::run(&command),
         Command::Mark(args) => cmd::control::mark(&args),
         Command::Status(args) => cmd::control::status(&args),
         Command::Start(args) => cmd::control::order(&args, &Request::Start),

@@ -6,6 +6,8 @@ mod configuration;
 mod estimate;
 #[path = "suite/export.rs"]
 mod export;
+#[path = "suite/identify.rs"]
+mod identify;
 #[path = "suite/record.rs"]
 mod record;
 #[path = "suite/replay.rs"]

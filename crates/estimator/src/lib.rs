@@ -19,6 +19,7 @@ pub mod expected;
 pub mod finding;
 pub mod fusion;
 pub mod grip;
+pub mod identification;
 pub mod inputs;
 pub mod lift;
 pub mod motion;

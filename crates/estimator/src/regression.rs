@@ -1,6 +1,7 @@
 //! Least squares that say how sure they are: ordinary, weighted, total and nonlinear.
 //!
-//! All solve estimating equations sum_i psi_i(theta) = 0, and all take the covariance from the
+//! All solve estimating equations sum_i psi_i(theta) = 0. Where only the response has errors, the
+//! covariance is that of residuals that wander ([`wandering`]); total least squares takes it from the
 //! sandwich B^-1 S B^-1 with the bread B = -d(sum psi)/d(theta) and S the long-run covariance of
 //! the scores psi ([`long_run`]), so that it holds for residuals that are correlated in time or uneven
 //! in size. Rows are instants in order of time.
@@ -8,11 +9,13 @@
 mod bootstrap;
 mod long_run;
 mod nonlinear;
+mod wandering;
 mod whiteness;
 
-pub use bootstrap::{Bootstrap, block_length};
+pub use bootstrap::{Bootstrap, block_length, intervals_by_influence};
 pub use long_run::long_run;
 pub use nonlinear::{Nonlinear, nonlinear};
+pub use wandering::wandering;
 pub use whiteness::whiteness;
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
@@ -34,9 +37,10 @@ pub struct Fit {
     /// Response less fit, weights not applied.
     pub residuals: Vec<f64>,
     /// How far each row moves each coefficient: rows in their order, a column a coefficient.
-    /// Fits of the same rows are joined by putting their influences side by side, see
-    /// [`covariance_of`].
     pub influence: DMatrix<f64>,
+    /// How far a unit of each row's residual moves each coefficient; fits of the same rows are
+    /// joined by [`wandering`].
+    pub leverage: DMatrix<f64>,
     /// Condition number of the design, its columns brought to equal size.
     pub condition: f64,
     /// Root mean square of the part of each column that the others do not explain.
@@ -50,6 +54,23 @@ impl Fit {
     #[must_use]
     pub fn sigma(&self, index: usize) -> f64 {
         self.covariance[(index, index)].max(0.0).sqrt()
+    }
+
+    /// Bootstrap intervals (95 %) of functions of the coefficients, see
+    /// [`intervals_by_influence`].
+    #[must_use]
+    pub fn intervals(
+        &self,
+        seed: u64,
+        parameters: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Option<Vec<[f64; 2]>> {
+        intervals_by_influence(
+            &self.influence,
+            &self.coefficients,
+            &self.covariance,
+            seed,
+            parameters,
+        )
     }
 
     /// Root mean square of the residuals.
@@ -148,6 +169,14 @@ fn solve(
     });
     let free = (rows - columns) as f64;
     let influence = scores * bread_inverse.transpose();
+    let exact = errors.iter().all(|value| *value == 0.0);
+    // Rows of weight one are of one size.
+    let mut leverage = design * bread_inverse.transpose();
+    let mut even = residual.clone();
+    for (i, weight) in weights.into_iter().flatten().enumerate() {
+        leverage.row_mut(i).scale_mut(weight.sqrt());
+        even[i] *= weight.sqrt();
+    }
     let square: f64 = (0..rows)
         .map(|i| weight(i) * residual[i].powi(2))
         .sum::<f64>()
@@ -155,11 +184,16 @@ fn solve(
     let residuals: Vec<f64> = residual.iter().copied().collect();
     Ok(Fit {
         coefficients: theta.iter().copied().collect(),
-        covariance: covariance_of(&influence, columns),
+        covariance: if exact {
+            symmetric(&wandering(&[(&leverage, even.as_slice())]))
+        } else {
+            covariance_of(&influence, columns)
+        },
         covariance_white: symmetric(&(&bread_inverse * square)),
         whiteness: whiteness(&residuals),
         residuals,
         influence,
+        leverage,
         condition,
         excitation,
     })

@@ -6,6 +6,7 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 
 use super::files::{FileKind, Files};
+use super::overrides;
 use super::reader::{Field, Gatherer, Problem, Section, closest};
 
 /// Methods, as they are written in the file.
@@ -49,6 +50,7 @@ pub fn read(
     let file = vehicle.optional::<String>("file", gather);
     let sensors = vehicle.optional::<String>("sensors", gather);
     let calibration = vehicle.optional::<String>("calibration", gather);
+    let overrides = vehicle.optional::<Vec<String>>("overrides", gather);
     let vehicle_span = vehicle.span();
     vehicle.finish(gather);
 
@@ -79,6 +81,7 @@ pub fn read(
         return None;
     };
     let vehicle = text_of(&file, FileKind::Vehicle, files, gather)
+        .and_then(|text| overridden(text, overrides.as_ref(), files, gather))
         .and_then(|text| told(Vehicle::from_toml(&text, &file.value), gather));
     let sensors = sensors.unwrap_or_else(|| Field {
         value: Sensors::builtin_names()
@@ -139,6 +142,38 @@ fn text_of(
             None
         }
     }
+}
+
+/// The vehicle file's text with the fields that identification found in their places.
+fn overridden(
+    text: String,
+    overrides: Option<&Field<Vec<String>>>,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+) -> Option<String> {
+    let Some(field) = overrides else {
+        return Some(text);
+    };
+    // A vehicle file that does not parse is told of by its own reader.
+    let Ok(mut vehicle) = text.parse::<toml::Table>() else {
+        return Some(text);
+    };
+    for name in &field.value {
+        let replaced = files
+            .read_text(name, FileKind::Overrides)
+            .map_err(|problem| (problem.message, problem.help))
+            .and_then(|found| {
+                overrides::apply(&mut vehicle, &found).map_err(|message| {
+                    let help = "make it with `atvrec identify ... -o`".to_owned();
+                    (format!("{name}: {message}"), help)
+                })
+            });
+        if let Err((message, help)) = replaced {
+            gather.add(&field.span, &field.name, message, help);
+            return None;
+        }
+    }
+    toml::to_string(&vehicle).ok()
 }
 
 /// The value of a file that was read, or its problems among the others.

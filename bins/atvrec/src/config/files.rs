@@ -24,13 +24,17 @@ pub enum FileKind {
     Sensors,
     /// A calibration file.
     Calibration,
+    /// What identification found, in the place of fields of the vehicle file.
+    Overrides,
 }
 
 impl FileKind {
     const fn media_type(self) -> &'static str {
         match self {
             Self::Dbc => "text/plain",
-            Self::Vehicle | Self::Sensors | Self::Calibration => "application/toml",
+            Self::Vehicle | Self::Sensors | Self::Calibration | Self::Overrides => {
+                "application/toml"
+            }
         }
     }
 
@@ -40,7 +44,7 @@ impl FileKind {
             Self::Dbc => (name == PROJECT_DBC).then_some(PROJECT_DBC_TEXT),
             Self::Vehicle => Vehicle::builtin_text(name),
             Self::Sensors => Sensors::builtin_text(name),
-            Self::Calibration => None,
+            Self::Calibration | Self::Overrides => None,
         }
     }
 
@@ -52,6 +56,7 @@ impl FileKind {
             Self::Vehicle => "vehicle",
             Self::Sensors => "sensors",
             Self::Calibration => "calibration",
+            Self::Overrides => "overrides",
         };
         if name.ends_with(".toml") {
             name.to_owned()
@@ -71,7 +76,7 @@ impl FileKind {
             Self::Dbc => vec![PROJECT_DBC],
             Self::Vehicle => Vehicle::builtin_names().collect(),
             Self::Sensors => Sensors::builtin_names().collect(),
-            Self::Calibration => Vec::new(),
+            Self::Calibration | Self::Overrides => Vec::new(),
         }
     }
 }

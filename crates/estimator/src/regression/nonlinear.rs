@@ -2,11 +2,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{CONDITION_MAX, Fit, Gram, check, covariance_of, singular, symmetric, whiteness};
+use super::{CONDITION_MAX, Fit, Gram, check, singular, symmetric, wandering, whiteness};
 use crate::finding::Refusal;
 
-/// Relative step of the coefficients at which a fit is at rest.
+/// Step of the coefficients, parts of their size, at which a fit is at rest.
 const AT_REST: f64 = 1e-9;
+/// Part by which the sum of squares falls at least while a fit is not at rest.
+const FALL_MIN: f64 = 1e-12;
 
 /// What a nonlinear fit is told.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,8 +69,10 @@ pub fn nonlinear(
             .iter()
             .zip(&problem.scale)
             .all(|(step, scale)| step.abs() < AT_REST * scale);
+        let fall = residual.norm_squared() - next_residual.norm_squared();
+        let flat = fall <= FALL_MIN * residual.norm_squared();
         (theta, residual) = (next, next_residual);
-        if small {
+        if small || flat {
             at_rest = true;
             break;
         }
@@ -121,14 +125,16 @@ fn finish(
     let scores = DMatrix::from_fn(rows, columns, |i, j| design[(i, j)] * residual[i]);
     let free = (rows - columns) as f64;
     let influence = scores * &inverse;
+    let leverage = design * &inverse;
     let residuals: Vec<f64> = residual.iter().copied().collect();
     Ok(Fit {
         coefficients,
-        covariance: covariance_of(&influence, columns),
+        covariance: symmetric(&wandering(&[(&leverage, residual.as_slice())])),
         covariance_white: symmetric(&(&inverse * (residual.norm_squared() / free))),
         whiteness: whiteness(&residuals),
         residuals,
         influence,
+        leverage,
         condition,
         excitation: (0..columns)
             .map(|j| (inverse[(j, j)] * rows as f64).sqrt().recip())

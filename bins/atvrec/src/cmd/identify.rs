@@ -1,0 +1,404 @@
+//! `atvrec identify`: parameters of the vehicle from logs of drives.
+
+mod overrides;
+mod ride;
+
+use anyhow::Context;
+use estimator::finding::{Findings, Refusal};
+use estimator::identification::{
+    cornering, friction, inertia, response, roll_centre, roll_pitch, tyre, understeer,
+};
+use model::suspension::Corner;
+use model::vehicle::Vehicle;
+use sample::Wheel;
+
+use crate::cli::{
+    IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, ResponseArgs, RollCentreArgs,
+    TellArgs, TyreArgs,
+};
+use crate::cmd::findings;
+use crate::exit::{Outcome, UsageError};
+
+use overrides::Overrides;
+use ride::Ride;
+
+/// Names of the axles, front first.
+const AXLES: [&str; 2] = ["front", "rear"];
+
+/// What a command found.
+struct Found {
+    title: &'static str,
+    vehicle: String,
+    logs: Vec<String>,
+    results: Vec<Findings>,
+    overrides: Overrides,
+}
+
+/// Identifies.
+pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
+    let (found, tell) = match command {
+        IdentifyCommand::Cornering(args) => (cornering(args)?, &args.tell),
+        IdentifyCommand::Tyre(args) => (tyre(args)?, &args.shared.tell),
+        IdentifyCommand::RollPitch(args) => (roll_pitch(args)?, &args.tell),
+        IdentifyCommand::Inertia(args) => (inertia(args)?, &args.shared.tell),
+        IdentifyCommand::RollCentre(args) => (roll_centre(args)?, &args.tell),
+        IdentifyCommand::Understeer(args) => (understeer(args)?, &args.tell),
+        IdentifyCommand::Response(args) => (response(args)?, &args.shared.tell),
+        IdentifyCommand::Friction(args) => (friction(args)?, &args.tell),
+    };
+    told(&found, tell)?;
+    Ok(Outcome::Good)
+}
+
+fn told(found: &Found, tell: &TellArgs) -> anyhow::Result<()> {
+    if let Some(path) = &tell.output {
+        let text =
+            found
+                .overrides
+                .file(found.title, &found.vehicle, &found.logs, &found.results)?;
+        findings::write_whole(path, &text)?;
+    }
+    if let Some(path) = &tell.report {
+        let facts = vec![
+            ("vehicle".to_owned(), found.vehicle.clone()),
+            ("logs".to_owned(), found.logs.join(", ")),
+        ];
+        let title = format!("Identification: {}", found.title);
+        findings::write_page(&title, facts, &found.results, path)?;
+    }
+    findings::tell(&found.results, tell.json)
+}
+
+impl Found {
+    fn new(title: &'static str, ride: &Ride) -> Self {
+        Self {
+            title,
+            vehicle: ride.vehicle.name.clone(),
+            logs: ride.logs.clone(),
+            results: Vec::new(),
+            overrides: Overrides::default(),
+        }
+    }
+}
+
+fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
+    let ride = Ride::read(args)?;
+    let mut found = Found::new("cornering", &ride);
+    let options = cornering::Options {
+        seed: args.seed,
+        ..cornering::Options::default()
+    };
+    let vehicle = &ride.vehicle;
+    let mut result = cornering::identify(&ride.drive, &cornering::Body::of(vehicle), &options)?;
+    let offset_rad = result.value("steer_offset")[0];
+    if let Ok(gear) = model::steering::SteeringGear::from_vehicle(vehicle) {
+        let hand_rad = gear.hand_wheel_rad(offset_rad) - gear.hand_wheel_rad(0.0);
+        let hand = (
+            "steer_offset_at_hand_wheel".to_owned(),
+            hand_rad,
+            "rad".to_owned(),
+        );
+        result.beside.push(hand);
+    }
+    let body = &vehicle.body;
+    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+    let weight_n = body.mass_kg * sample::STANDARD_GRAVITY_M_S2;
+    let axles = [(&vehicle.front, b), (&vehicle.rear, a)];
+    for (name, (axle, arm)) in AXLES.into_iter().zip(axles) {
+        // The file's stiffness is one tyre's, at its reference load.
+        let load_n = 0.5 * weight_n * arm / (a + b);
+        let at_load = (load_n / axle.tyre.reference_load_n).powf(axle.tyre.load_exponent);
+        let of_axle = result.value(&format!("cornering_stiffness_{name}"))[0];
+        let key = format!("{name}.tyre.cornering_stiffness_n_rad");
+        found.overrides.set(&key, 0.5 * of_axle / at_load);
+    }
+    found.results.push(result);
+    Ok(found)
+}
+
+fn tyre(args: &TyreArgs) -> anyhow::Result<Found> {
+    let kinds = kinds(args.model.as_deref())?;
+    let ride = Ride::read(&args.shared)?;
+    let mut found = Found::new("tyre", &ride);
+    let mut refusals = Vec::new();
+    for (axle, name) in AXLES.into_iter().enumerate() {
+        let file = [&ride.vehicle.front.tyre, &ride.vehicle.rear.tyre][axle];
+        let data = ride.tyre(axle);
+        for kind in &kinds {
+            let held = [file.load_exponent, file.friction];
+            match tyre::fit(&data, *kind, file.reference_load_n, held, args.shared.seed) {
+                Ok((mut result, _)) => {
+                    result.what = format!("{name} {}", result.what);
+                    if *kind == tyre::Kind::Fiala {
+                        tyre_overrides(&mut found.overrides, name, &result);
+                    }
+                    found.results.push(result);
+                }
+                Err(refusal) => {
+                    refusals.push((format!("{name} {}", kind.name()), refusal));
+                }
+            }
+        }
+    }
+    if let (true, Some((what, refusal))) = (found.results.is_empty(), refusals.first()) {
+        return Err(anyhow::Error::new(refusal.clone()).context(what.clone()));
+    }
+    if let Some(last) = found.results.last_mut() {
+        let notes = refusals
+            .iter()
+            .map(|(what, refusal)| format!("{what}: {refusal}"));
+        last.notes.extend(notes);
+    }
+    Ok(found)
+}
+
+fn kinds(name: Option<&str>) -> anyhow::Result<Vec<tyre::Kind>> {
+    let Some(name) = name else {
+        return Ok(tyre::Kind::ALL.to_vec());
+    };
+    let known = tyre::Kind::ALL.map(tyre::Kind::name).join(", ");
+    tyre::Kind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == name)
+        .map(|kind| vec![kind])
+        .ok_or_else(|| {
+            UsageError(format!("\"{name}\" is no tyre model; there are: {known}")).into()
+        })
+}
+
+fn tyre_overrides(overrides: &mut Overrides, axle: &str, result: &Findings) {
+    let fields = [
+        ("cornering_stiffness", "cornering_stiffness_n_rad"),
+        ("load_exponent", "load_exponent"),
+        ("friction", "friction"),
+    ];
+    for (name, field) in fields {
+        if let Some(finding) = result.get(name) {
+            overrides.set(&format!("{axle}.tyre.{field}"), finding.value);
+        }
+    }
+}
+
+fn roll_pitch(args: &IdentifyArgs) -> anyhow::Result<Found> {
+    let ride = Ride::read(args)?;
+    let mut found = Found::new("roll-pitch", &ride);
+    let mut vehicle = ride.vehicle.clone();
+    if let Ok(centres) = roll_centre::identify(&vehicle) {
+        // The moment acts about the roll axis that the linkage has.
+        let heights = AXLES.map(|name| centres.value(&format!("roll_centre_height_{name}"))[0]);
+        [
+            vehicle.front.roll_centre_height_m,
+            vehicle.rear.roll_centre_height_m,
+        ] = heights;
+        for (name, height_m) in AXLES.into_iter().zip(heights) {
+            found
+                .overrides
+                .set(&format!("{name}.roll_centre_height_m"), height_m);
+        }
+    }
+    let vehicle = &vehicle;
+    let ratio = |wheel| {
+        let corner = Corner::of(vehicle, wheel).ok()?;
+        let pose = corner.pose_at_jounce(0.0, 0.0).ok()?;
+        Some(corner.rates(&pose).motion_ratio())
+    };
+    let ratios = [ratio(Wheel::FrontLeft), ratio(Wheel::RearLeft)];
+    let body = roll_pitch::Body::of(vehicle, ratios);
+    let options = roll_pitch::Options {
+        seed: args.seed,
+        ..roll_pitch::Options::default()
+    };
+    let result = roll_pitch::identify(&ride.drive, &ride.loads_n, &body, &options)?;
+    roll_overrides(&mut found.overrides, vehicle, &result);
+    found.results.push(result);
+    Ok(found)
+}
+
+/// The axles' roll stiffness in the proportion of the file, their sum as found; pitch where it was
+/// found.
+fn roll_overrides(overrides: &mut Overrides, vehicle: &Vehicle, result: &Findings) {
+    let axles = [&vehicle.front, &vehicle.rear];
+    let sums = [
+        axles
+            .map(|axle| axle.roll_stiffness_n_m_rad)
+            .iter()
+            .sum::<f64>(),
+        axles
+            .map(|axle| axle.roll_damping_n_m_s_rad)
+            .iter()
+            .sum::<f64>(),
+    ];
+    if let (Some(stiffness), Some(damping)) =
+        (result.get("roll_stiffness"), result.get("roll_damping"))
+    {
+        for (name, axle) in AXLES.into_iter().zip(axles) {
+            let stiffness = stiffness.value * axle.roll_stiffness_n_m_rad / sums[0];
+            overrides.set(&format!("{name}.roll_stiffness_n_m_rad"), stiffness);
+            let damping = damping.value.max(0.0) * axle.roll_damping_n_m_s_rad / sums[1];
+            if damping.is_finite() {
+                overrides.set(&format!("{name}.roll_damping_n_m_s_rad"), damping);
+            }
+        }
+    }
+    if let (Some(stiffness), Some(damping)) =
+        (result.get("pitch_stiffness"), result.get("pitch_damping"))
+    {
+        let centre_m = vehicle.pitch().centre_height_m;
+        overrides.set("body.pitch.centre_height_m", centre_m);
+        overrides.set("body.pitch.stiffness_n_m_rad", stiffness.value);
+        overrides.set("body.pitch.damping_n_m_s_rad", damping.value.max(0.0));
+    }
+}
+
+fn inertia(args: &InertiaArgs) -> anyhow::Result<Found> {
+    if let Some(kind) = args.pendulum {
+        return pendulum(args, kind);
+    }
+    let ride = Ride::read(&args.shared)?;
+    let mut found = Found::new("inertia", &ride);
+    let drive = &ride.drive;
+    let mut result = inertia::yaw(
+        &ride.yaw_moment_n_m(),
+        &drive.yaw_rate_rad_s,
+        drive.dt_s,
+        args.shared.seed,
+    )?;
+    if ride.fused {
+        result.notes.push(
+            "the log's forces are the fusion filter's, which knows the vehicle file's inertia; for \
+             an independent value replay the log with estimator.method = \"thesis\""
+                .to_owned(),
+        );
+    }
+    let [roll, pitch, _] = ride.vehicle.body.inertia_kg_m2;
+    let yaw = result.value("yaw_inertia")[0];
+    found
+        .overrides
+        .set_list("body.inertia_kg_m2", &[roll, pitch, yaw]);
+    found.results = vec![result, inertia::by_formula(&ride.vehicle)];
+    Ok(found)
+}
+
+fn pendulum(args: &InertiaArgs, kind: PendulumKind) -> anyhow::Result<Found> {
+    let needs = |value: Option<f64>, name: &str| {
+        value.ok_or_else(|| UsageError(format!("a pendulum of this kind needs --{name}")))
+    };
+    let record = ride::Swing::read(&args.shared, &args.axis)?;
+    let mass_kg = args.mass_kg.unwrap_or(record.vehicle.body.mass_kg);
+    let hung = match kind {
+        PendulumKind::Compound => inertia::Pendulum::Compound {
+            mass_kg,
+            distance_m: needs(args.arm_m, "arm-m")?,
+        },
+        PendulumKind::Wires => inertia::Pendulum::Wires {
+            mass_kg,
+            radius_m: needs(args.arm_m, "arm-m")?,
+            length_m: needs(args.length_m, "length-m")?,
+        },
+        PendulumKind::Springs => inertia::Pendulum::Springs {
+            stiffness_n_m_rad: needs(args.stiffness_n_m_rad, "stiffness-n-m-rad")?,
+        },
+    };
+    let seed = args.shared.seed;
+    let result = inertia::pendulum(
+        &record.rate_rad_s,
+        record.dt_s,
+        hung,
+        args.fixture_kg_m2,
+        seed,
+    )?;
+    let mut overrides = Overrides::default();
+    let mut moments = record.vehicle.body.inertia_kg_m2;
+    let axis = ["x", "y", "z"].iter().position(|axis| *axis == args.axis);
+    moments[axis.unwrap_or(2)] = result.value("inertia")[0];
+    overrides.set_list("body.inertia_kg_m2", &moments);
+    Ok(Found {
+        title: "inertia",
+        vehicle: record.vehicle.name.clone(),
+        logs: record.logs,
+        results: vec![result, inertia::by_formula(&record.vehicle)],
+        overrides,
+    })
+}
+
+fn roll_centre(args: &RollCentreArgs) -> anyhow::Result<Found> {
+    let vehicle = ride::vehicle_file(&args.vehicle)?;
+    let result = roll_centre::identify(&vehicle)?;
+    let mut overrides = Overrides::default();
+    for name in AXLES {
+        let height_m = result.value(&format!("roll_centre_height_{name}"))[0];
+        overrides.set(&format!("{name}.roll_centre_height_m"), height_m);
+    }
+    Ok(Found {
+        title: "roll-centre",
+        vehicle: vehicle.name,
+        logs: Vec::new(),
+        results: vec![result],
+        overrides,
+    })
+}
+
+fn understeer(args: &IdentifyArgs) -> anyhow::Result<Found> {
+    let ride = Ride::read(args)?;
+    let mut found = Found::new("understeer", &ride);
+    let size = [
+        ride.vehicle.wheelbase_m(),
+        ride.vehicle.body.cg_to_rear_axle_m,
+    ];
+    let options = understeer::Options {
+        seed: args.seed,
+        ..understeer::Options::default()
+    };
+    found
+        .results
+        .push(understeer::identify(&ride.drive, size, &options)?);
+    Ok(found)
+}
+
+/// Step and frequency response, whichever the drive tells.
+fn response(args: &ResponseArgs) -> anyhow::Result<Found> {
+    let ride = Ride::read(&args.shared)?;
+    let mut found = Found::new("response", &ride);
+    let step = response::step(&ride.drive, args.step_min_deg.to_radians());
+    let frequency = response::frequency(&ride.drive, args.window_s, args.shared.seed);
+    match (step, frequency) {
+        (Ok(step), Ok(frequency)) => found.results = vec![step, frequency],
+        (Ok(mut one), Err(refusal)) | (Err(refusal), Ok(mut one)) => {
+            one.notes.push(refusal.to_string());
+            found.results = vec![one];
+        }
+        (Err(step), Err(frequency)) => {
+            return Err(step).context(format!("neither steps nor frequencies; {frequency}"));
+        }
+    }
+    Ok(found)
+}
+
+fn friction(args: &IdentifyArgs) -> anyhow::Result<Found> {
+    let ride = Ride::read(args)?;
+    let mut found = Found::new("friction", &ride);
+    let mut refusals: Vec<(&str, Refusal)> = Vec::new();
+    for (axle, name) in AXLES.into_iter().enumerate() {
+        let file = [&ride.vehicle.front.tyre, &ride.vehicle.rear.tyre][axle];
+        let data = ride.tyre(axle);
+        match friction::identify(&data, file.reference_load_n, file.load_exponent, args.seed) {
+            Ok(mut result) => {
+                result.what = format!("{name} {}", result.what);
+                let value = result.value("friction")[0];
+                found.overrides.set(&format!("{name}.tyre.friction"), value);
+                found.results.push(result);
+            }
+            Err(refusal) => refusals.push((name, refusal)),
+        }
+    }
+    match (found.results.first_mut(), refusals.first()) {
+        (None, Some((name, refusal))) => {
+            Err(anyhow::Error::new(refusal.clone()).context(format!("{name} axle")))
+        }
+        (Some(first), Some((name, refusal))) => {
+            first.notes.push(format!("{name} axle: {refusal}"));
+            Ok(found)
+        }
+        _ => Ok(found),
+    }
+}

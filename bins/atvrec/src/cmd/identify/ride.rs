@@ -1,0 +1,289 @@
+//! A log's estimates as the arrays that identification works on.
+
+use anyhow::Context;
+use estimator::finding::Refusal;
+use estimator::identification::{Drive, tyre};
+use model::vehicle::Vehicle;
+use sample::{LogTime, PerWheel, Wheel};
+use store::{Reader, Table, Values};
+
+use crate::cli::IdentifyArgs;
+use crate::config::{Config, FileKind, Files};
+
+/// Interval of the estimates, s.
+const DT_S: f64 = estimator::GRID_NANOS as f64 * 1e-9;
+/// Rows of tyre data that are left out between two that are used.
+const TYRE_STRIDE: usize = 10;
+/// Below this speed slip angles say nothing, m/s.
+const SLIP_SPEED_MIN_M_S: f64 = 3.0;
+/// `source` of a tyre force that the fusion filter gave.
+const FUSION: i32 = 3;
+
+/// A log's drive.
+pub struct Ride {
+    /// The log's vehicle, or the one given in its place.
+    pub vehicle: Vehicle,
+    /// The logs' paths.
+    pub logs: Vec<String>,
+    /// Motion.
+    pub drive: Drive,
+    /// Load of each wheel, N; empty where the log has no forces.
+    pub loads_n: PerWheel<Vec<f64>>,
+    /// Whether the forces are the fusion filter's.
+    pub fused: bool,
+    forces_n: PerWheel<[Vec<f64>; 2]>,
+    slip_angles_rad: PerWheel<Vec<f64>>,
+    steer_rad: PerWheel<Vec<f64>>,
+}
+
+impl Ride {
+    /// Reads a run's logs.
+    pub fn read(args: &IdentifyArgs) -> anyhow::Result<Self> {
+        let reader = Reader::open(&args.logs)?;
+        let vehicle = vehicle(&reader, args)?;
+        let motion = Grid::read(&reader, "/estimate/motion", args)?;
+        let each = |name: &str| motion.column(name);
+        let wheels = |name: &str| {
+            PerWheel(
+                ["fl", "fr", "rl", "rr"].map(|wheel| motion.column(&format!("{name}.{wheel}"))),
+            )
+        };
+        let (vx, vy) = (each("velocity_x_m_s"), each("velocity_y_m_s"));
+        let [ax, ay, az] = ["x", "y", "z"].map(|axis| each(&format!("acceleration_m_s2.{axis}")));
+        let (roll_rad, pitch_rad) = (each("roll_rad"), each("pitch_rad"));
+        let steer_rad = wheels("steer_rad");
+        // The body's axes lean with it; what turns and brakes the vehicle is horizontal.
+        let horizontal = |along: &[f64], up: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
+            let rows = along.iter().zip(up).zip(lean);
+            rows.map(|((a, z), angle)| a * angle.cos() + sign * z * angle.sin())
+                .collect()
+        };
+        let drive = Drive {
+            dt_s: DT_S,
+            speed_m_s: vx.iter().zip(&vy).map(|(x, y)| x.hypot(*y)).collect(),
+            sideslip_rad: each("sideslip_rad"),
+            yaw_rate_rad_s: each("yaw_rate_rad_s"),
+            lateral_m_s2: horizontal(&ay, &az, &roll_rad, -1.0),
+            longitudinal_m_s2: horizontal(&ax, &az, &pitch_rad, 1.0),
+            steer_rad: steer_rad.0[0]
+                .iter()
+                .zip(&steer_rad.0[1])
+                .map(|(left, right)| 0.5 * (left + right))
+                .collect(),
+            roll_rad,
+            pitch_rad,
+        };
+        let mut ride = Self {
+            vehicle,
+            logs: args
+                .logs
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect(),
+            slip_angles_rad: wheels("slip_angle_rad"),
+            steer_rad,
+            drive,
+            loads_n: PerWheel::default(),
+            forces_n: PerWheel::default(),
+            fused: false,
+        };
+        ride.read_forces(&reader, args, &motion)?;
+        Ok(ride)
+    }
+
+    fn read_forces(
+        &mut self,
+        reader: &Reader,
+        args: &IdentifyArgs,
+        motion: &Grid,
+    ) -> anyhow::Result<()> {
+        const TOPIC: &str = "/estimate/tyre_forces";
+        if !reader.info().channels.contains_key(TOPIC) {
+            return Ok(());
+        }
+        let forces = Grid {
+            first_ns: motion.first_ns,
+            rows: motion.rows,
+            ..Grid::read(reader, TOPIC, args)?
+        };
+        for wheel in Wheel::ALL {
+            let name = wheel.abbreviation().to_lowercase();
+            let each = |axis: &str| forces.column(&format!("{name}.{axis}_n"));
+            self.loads_n[wheel] = each("z");
+            self.forces_n[wheel] = [each("x"), each("y")];
+        }
+        let source = forces.table.columns.iter().find(|c| c.name == "fl.source");
+        self.fused = matches!(
+            source.map(|column| &column.values),
+            Some(Values::I32(values)) if values.contains(&FUSION)
+        );
+        Ok(())
+    }
+
+    /// Force and slip of an axle's two tyres, one after the other.
+    pub fn tyre(&self, axle: usize) -> tyre::Data {
+        let mut data = tyre::Data {
+            dt_s: DT_S * TYRE_STRIDE as f64,
+            ..tyre::Data::default()
+        };
+        for wheel in [2 * axle, 2 * axle + 1] {
+            let [_, lateral] = &self.forces_n.0[wheel];
+            for row in (0..lateral.len()).step_by(TYRE_STRIDE) {
+                if self.drive.speed_m_s[row] > SLIP_SPEED_MIN_M_S {
+                    data.load_n.push(self.loads_n.0[wheel][row]);
+                    data.slip_angle_rad.push(self.slip_angles_rad.0[wheel][row]);
+                    data.lateral_n.push(lateral[row]);
+                }
+            }
+        }
+        data
+    }
+
+    /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; unknown
+    /// without forces.
+    pub fn yaw_moment_n_m(&self) -> Vec<f64> {
+        let body = &self.vehicle.body;
+        (0..self.drive.rows())
+            .map(|row| {
+                let moment = |wheel: Wheel| {
+                    let [along, across] = &self.forces_n[wheel];
+                    let (Some(along), Some(across)) = (along.get(row), across.get(row)) else {
+                        return f64::NAN;
+                    };
+                    let (sin, cos) = self.steer_rad[wheel][row].sin_cos();
+                    let force = [along * cos - across * sin, along * sin + across * cos];
+                    let (ahead_m, track_m) = if wheel.is_front() {
+                        (body.front_axle_to_cg_m, self.vehicle.front.track_m)
+                    } else {
+                        (-body.cg_to_rear_axle_m, self.vehicle.rear.track_m)
+                    };
+                    ahead_m * force[1] - 0.5 * wheel.side() * track_m * force[0]
+                };
+                Wheel::ALL.into_iter().map(moment).sum()
+            })
+            .collect()
+    }
+}
+
+/// A pendulum's record.
+pub struct Swing {
+    /// The log's vehicle.
+    pub vehicle: Vehicle,
+    /// The logs' paths.
+    pub logs: Vec<String>,
+    /// Rate about the axis, rad/s, on a grid.
+    pub rate_rad_s: Vec<f64>,
+    /// The grid's interval, s.
+    pub dt_s: f64,
+}
+
+impl Swing {
+    /// Reads the rate about `axis` of the log's first inertial unit.
+    pub fn read(args: &IdentifyArgs, axis: &str) -> anyhow::Result<Self> {
+        let reader = Reader::open(&args.logs)?;
+        let vehicle = vehicle(&reader, args)?;
+        let channels = reader.info().channels;
+        let topic = channels
+            .iter()
+            .find(|(_, (schema, _))| schema == "atvrec.Imu")
+            .map(|(topic, _)| topic.clone())
+            .ok_or_else(|| Refusal::Missing {
+                what: "moment of inertia".to_owned(),
+                channel: "inertial unit".to_owned(),
+                help: "fix one to what swings and record it".to_owned(),
+            })?;
+        let grid = Grid::read(&reader, &topic, args)?;
+        Ok(Self {
+            vehicle,
+            logs: args
+                .logs
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect(),
+            rate_rad_s: grid.column(&format!("angular_rate_rad_s.{axis}")),
+            dt_s: DT_S,
+        })
+    }
+}
+
+/// A topic's rows on the grid of the estimates.
+struct Grid {
+    table: Table,
+    first_ns: i64,
+    rows: usize,
+}
+
+impl Grid {
+    fn read(reader: &Reader, topic: &str, args: &IdentifyArgs) -> anyhow::Result<Self> {
+        let table = reader
+            .table(topic, LogTime(0), LogTime(u64::MAX))
+            .with_context(|| {
+                format!("{topic} is needed; was the estimator switched off? replay with a vehicle")
+            })?;
+        let times = &table.publish_time_ns;
+        let (Some(first), Some(last)) = (times.iter().min(), times.iter().max()) else {
+            anyhow::bail!("{topic} is empty");
+        };
+        let nanos = |seconds: f64| (seconds * 1e9).round() as i64;
+        let from = first + nanos(args.from_s.max(0.0));
+        let to = args
+            .to_s
+            .map_or(*last, |to_s| (first + nanos(to_s)).min(*last));
+        anyhow::ensure!(
+            to > from,
+            "nothing lies between --from and --to: {topic} spans {:.1} s",
+            (last - first) as f64 * 1e-9
+        );
+        let rows = ((to - from) as f64 * 1e-9 / DT_S).round() as usize + 1;
+        Ok(Self {
+            table,
+            first_ns: from,
+            rows,
+        })
+    }
+
+    /// A column by its name; unknown where there is no row, or no such column.
+    fn column(&self, name: &str) -> Vec<f64> {
+        let mut grid = vec![f64::NAN; self.rows];
+        let column = self.table.columns.iter().find(|column| column.name == name);
+        if let Some(Values::F64(values)) = column.map(|column| &column.values) {
+            for (time, value) in self.table.publish_time_ns.iter().zip(values) {
+                let row = ((time - self.first_ns) as f64 * 1e-9 / DT_S).round();
+                if row >= 0.0 && (row as usize) < self.rows {
+                    grid[row as usize] = *value;
+                }
+            }
+        }
+        grid
+    }
+}
+
+/// The log's vehicle, or the file given in its place.
+fn vehicle(reader: &Reader, args: &IdentifyArgs) -> anyhow::Result<Vehicle> {
+    let config = Config::from_attachments(&reader.attachments()?)?;
+    let own = config
+        .estimator
+        .context("the log's configuration names no vehicle, so nothing was estimated")?
+        .vehicle;
+    let Some(name) = &args.vehicle else {
+        return Ok(own);
+    };
+    let given = vehicle_file(name)?;
+    if given.name != own.name {
+        return Err(Refusal::OtherVehicle {
+            what: "identification".to_owned(),
+            expected: given.name,
+            found: own.name,
+        }
+        .into());
+    }
+    Ok(given)
+}
+
+/// A vehicle file, or one that ships with the program.
+pub fn vehicle_file(name: &str) -> anyhow::Result<Vehicle> {
+    let text = Files::on_disk(std::path::PathBuf::new())
+        .read_text(name, FileKind::Vehicle)
+        .map_err(|problem| anyhow::anyhow!("{}; {}", problem.message, problem.help))?;
+    Ok(Vehicle::from_toml(&text, name)?)
+}

@@ -1,0 +1,18 @@
+//! Parameters of a vehicle from what it did on a drive.
+//!
+//! Everything here works on plain arrays on an even time grid, `NaN` where nothing is known, and
+//! gives [`Findings`](crate::finding::Findings) or refuses with a [`Refusal`](crate::finding::Refusal)
+//! that names what the data lack. Axes and signs are those of `sample` (ISO 8855).
+
+pub mod cornering;
+pub mod drive;
+pub mod friction;
+pub mod inertia;
+pub mod response;
+pub mod roll_centre;
+pub mod roll_pitch;
+pub mod signals;
+pub mod tyre;
+pub mod understeer;
+
+pub use drive::Drive;

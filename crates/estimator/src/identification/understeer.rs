@@ -1,0 +1,342 @@
+//! Understeer, sideslip and roll gradient from steady circular driving (ISO 4138, constant radius).
+//!
+//! On a path of curvature kappa = r/V the front wheels need the angle
+//!
+//! delta = atan(L kappa) + K_us a_y + K_2 a_y |a_y| - offset,
+//!
+//! where K_us is the understeer gradient at small lateral acceleration. Subtracting the measured
+//! curvature rather than a radius that was meant takes out what the driver strays. The sideslip
+//! angle follows beta = b kappa - s a_y, the roll angle phi = g a_y, each with an offset. K_2 is
+//! kept where it is sure.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Drive;
+use super::drive::{series, span_of};
+use super::signals::{mean, slope, smooth, spread, stride};
+use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Span};
+use crate::regression::{Fit, least_squares};
+
+const WHAT: &str = "understeer gradient";
+const ADVICE: &str = "drive a circle of constant radius (ISO 4138) with the speed rising slowly from \
+                      walking pace until 4 m/s^2 or more, such as the manoeuvre circle";
+/// Least usable data, s.
+const DATA_MIN_S: f64 = 10.0;
+/// Least range of lateral acceleration, m/s^2.
+const RANGE_MIN_M_S2: f64 = 1.5;
+/// Greatest standard deviation of the curvature, part of its mean.
+const STRAY_MAX: f64 = 0.1;
+/// A curvature of the characteristic less sure than this many deviations is left out.
+const CURVATURE_SIGMAS: f64 = 3.0;
+
+/// Which rows count as steady.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Cut-off of the low-pass that all signals go through, Hz.
+    pub cutoff_hz: f64,
+    /// Least speed, m/s.
+    pub speed_min_m_s: f64,
+    /// Greatest lateral acceleration, m/s^2.
+    pub lateral_max_m_s2: f64,
+    /// Greatest rate of the speed, m/s^2.
+    pub speed_rate_max_m_s2: f64,
+    /// Greatest yaw acceleration, rad/s^2.
+    pub yaw_acceleration_max_rad_s2: f64,
+    /// Seed of the bootstrap.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            cutoff_hz: 0.5,
+            speed_min_m_s: 2.0,
+            lateral_max_m_s2: 3.0,
+            speed_rate_max_m_s2: 0.5,
+            yaw_acceleration_max_rad_s2: 0.15,
+            seed: 1,
+        }
+    }
+}
+
+/// Signals of the steady rows.
+struct Steady {
+    lateral_m_s2: Vec<f64>,
+    curvature_1_m: Vec<f64>,
+    steer_rad: Vec<f64>,
+    sideslip_rad: Option<Vec<f64>>,
+    roll_rad: Option<Vec<f64>>,
+    span: Span,
+}
+
+/// Finds the gradients of a vehicle with wheelbase and rear axle's distance `[L, b]`, m.
+///
+/// Findings: `understeer_gradient` (rad/(m/s^2), at the road wheels, at small lateral
+/// acceleration), `steer_offset` (what the steer angle reads too much, rad), and where sideslip and
+/// roll are known `sideslip_gradient` (-d(beta)/d(a_y), rad/(m/s^2)) and `roll_gradient`
+/// (rad/(m/s^2)). Beside: characteristic (or critical) speed, the path's mean radius and the
+/// gradient at the greatest lateral acceleration that was used.
+///
+/// # Errors
+/// Missing signals, too little steady driving, a range of lateral acceleration that is too small,
+/// a path whose curvature is not constant.
+pub fn identify(
+    drive: &Drive,
+    [wheelbase_m, rear_m]: [f64; 2],
+    options: &Options,
+) -> Result<Findings, Refusal> {
+    drive.require(
+        WHAT,
+        &["speed", "yaw rate", "lateral acceleration", "steer angle"],
+    )?;
+    let steady = steady(drive, options)?;
+    let steer: Vec<f64> = steady
+        .steer_rad
+        .iter()
+        .zip(&steady.curvature_1_m)
+        .map(|(steer, curvature)| steer - (wheelbase_m * curvature).atan())
+        .collect();
+    let main = Gradient::fit(&steady.lateral_m_s2, &steer, true)?;
+    let mut found = Findings {
+        what: WHAT.to_owned(),
+        ..Findings::default()
+    };
+    let seed = options.seed;
+    found
+        .findings
+        .push(main.finding("understeer_gradient", "rad/(m/s^2)", 1, 1.0, &steady, seed));
+    found
+        .findings
+        .push(main.finding("steer_offset", "rad", 0, 1.0, &steady, seed));
+    if let Some(sideslip) = &steady.sideslip_rad {
+        let turned: Vec<f64> = sideslip
+            .iter()
+            .zip(&steady.curvature_1_m)
+            .map(|(sideslip, curvature)| sideslip - (rear_m * curvature).atan())
+            .collect();
+        let fit = Gradient::fit(&steady.lateral_m_s2, &turned, true)?;
+        let unit = "rad/(m/s^2)";
+        found
+            .findings
+            .push(fit.finding("sideslip_gradient", unit, 1, -1.0, &steady, seed));
+    }
+    if let Some(roll) = &steady.roll_rad {
+        let fit = Gradient::fit(&steady.lateral_m_s2, roll, false)?;
+        found
+            .findings
+            .push(fit.finding("roll_gradient", "rad/(m/s^2)", 1, 1.0, &steady, seed));
+    }
+    beside(&mut found, &main, &steady, wheelbase_m);
+    found.figures = vec![figure(&main, &steady, &steer)];
+    Ok(found)
+}
+
+fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
+    let dt_s = drive.dt_s;
+    let low = |values: &[f64]| smooth(values, dt_s, options.cutoff_hz);
+    let step = stride(dt_s, options.cutoff_hz);
+    let lateral = low(&drive.lateral_m_s2);
+    let speed = low(&drive.speed_m_s);
+    let yaw_rate = low(&drive.yaw_rate_rad_s);
+    let steer = low(&drive.steer_rad);
+    let speed_rate = slope(&drive.speed_m_s, dt_s, options.cutoff_hz);
+    let yaw_dot = slope(&drive.yaw_rate_rad_s, dt_s, options.cutoff_hz);
+    let rows: Vec<usize> = (0..drive.rows())
+        .step_by(step)
+        .filter(|&row| {
+            speed[row] >= options.speed_min_m_s
+                && lateral[row].abs() <= options.lateral_max_m_s2
+                && speed_rate[row].abs() <= options.speed_rate_max_m_s2
+                && yaw_dot[row].abs() <= options.yaw_acceleration_max_rad_s2
+                && steer[row].is_finite()
+        })
+        .collect();
+    let curvature = |row: usize| yaw_rate[row] / speed[row];
+    let rows = on_the_circle(&rows, &curvature);
+    let span = span_of(&rows, dt_s, step);
+    if span.used_s < DATA_MIN_S {
+        return Err(Refusal::TooShort {
+            what: WHAT.to_owned(),
+            found_s: span.used_s,
+            needed_s: DATA_MIN_S,
+            help: ADVICE.to_owned(),
+        });
+    }
+    let pick = |values: &[f64]| -> Vec<f64> { rows.iter().map(|&row| values[row]).collect() };
+    let optional = |values: &[f64]| -> Option<Vec<f64>> {
+        let picked = (!values.is_empty()).then(|| pick(&low(values)))?;
+        picked
+            .iter()
+            .all(|value| value.is_finite())
+            .then_some(picked)
+    };
+    let steady = Steady {
+        lateral_m_s2: pick(&lateral),
+        curvature_1_m: rows.iter().map(|&row| curvature(row)).collect(),
+        steer_rad: pick(&steer),
+        sideslip_rad: optional(&drive.sideslip_rad),
+        roll_rad: optional(&drive.roll_rad),
+        span,
+    };
+    check(&steady)?;
+    Ok(steady)
+}
+
+/// Rows whose curvature is within a fifth of the middle one: what comes before and after the
+/// circle is left out.
+fn on_the_circle(rows: &[usize], curvature: &dyn Fn(usize) -> f64) -> Vec<usize> {
+    let mut sorted: Vec<f64> = rows.iter().map(|&row| curvature(row)).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(&middle) = sorted.get(sorted.len() / 2) else {
+        return Vec::new();
+    };
+    rows.iter()
+        .copied()
+        .filter(|&row| (curvature(row) - middle).abs() <= 0.2 * middle.abs())
+        .collect()
+}
+
+fn check(steady: &Steady) -> Result<(), Refusal> {
+    let extreme = |pick: fn(f64, f64) -> f64, start: f64| {
+        steady
+            .lateral_m_s2
+            .iter()
+            .map(|a| a.abs())
+            .fold(start, pick)
+    };
+    let range = extreme(f64::max, 0.0) - extreme(f64::min, f64::INFINITY);
+    if range < RANGE_MIN_M_S2 {
+        return Err(Refusal::NotExcited {
+            what: WHAT.to_owned(),
+            quantity: "the range of lateral acceleration on the circle".to_owned(),
+            found: range,
+            needed: RANGE_MIN_M_S2,
+            unit: "m/s^2".to_owned(),
+            help: ADVICE.to_owned(),
+        });
+    }
+    let stray = spread(&steady.curvature_1_m) / mean(steady.curvature_1_m.iter().copied()).abs();
+    if stray > STRAY_MAX {
+        return Err(Refusal::Value {
+            what: WHAT.to_owned(),
+            name: "standard deviation of the path's curvature over its mean".to_owned(),
+            value: stray,
+            expected: format!("{STRAY_MAX} at most; {ADVICE}"),
+        });
+    }
+    Ok(())
+}
+
+/// A line, or a line that bends, over lateral acceleration.
+struct Gradient {
+    fit: Fit,
+}
+
+impl Gradient {
+    fn fit(lateral: &[f64], values: &[f64], may_bend: bool) -> Result<Self, Refusal> {
+        let of = |columns: usize| {
+            let design = DMatrix::from_fn(lateral.len(), columns, |i, j| match j {
+                0 => 1.0,
+                1 => lateral[i],
+                _ => lateral[i] * lateral[i].abs(),
+            });
+            let response = DVector::from_column_slice(values);
+            least_squares(&design, &response).map(|fit| Self { fit })
+        };
+        let told = |refusal: Refusal| refusal.of(WHAT).advise(ADVICE);
+        if may_bend {
+            let bent = of(3).map_err(told)?;
+            if bent.fit.coefficients[2].abs() > CURVATURE_SIGMAS * bent.fit.sigma(2) {
+                return Ok(bent);
+            }
+        }
+        of(2).map_err(told)
+    }
+
+    fn at(&self, lateral: f64) -> f64 {
+        let bend = self.fit.coefficients.get(2).copied().unwrap_or(0.0);
+        self.fit.coefficients[0]
+            + self.fit.coefficients[1] * lateral
+            + bend * lateral * lateral.abs()
+    }
+
+    /// Slope at a lateral acceleration.
+    fn slope_at(&self, lateral: f64) -> f64 {
+        let bend = self.fit.coefficients.get(2).copied().unwrap_or(0.0);
+        self.fit.coefficients[1] + 2.0 * bend * lateral.abs()
+    }
+
+    fn finding(
+        &self,
+        name: &str,
+        unit: &str,
+        column: usize,
+        sign: f64,
+        steady: &Steady,
+        seed: u64,
+    ) -> Finding {
+        let intervals = self.fit.intervals(seed, |moved| vec![sign * moved[column]]);
+        Finding {
+            name: name.to_owned(),
+            value: sign * self.fit.coefficients[column],
+            unit: unit.to_owned(),
+            sigma: self.fit.sigma(column),
+            interval: intervals.map(|intervals| intervals[0]),
+            condition: self.fit.condition,
+            excitation: (column == 1).then(|| Excitation {
+                rms: self.fit.excitation[1],
+                unit: "m/s^2".to_owned(),
+            }),
+            whiteness: Some(self.fit.whiteness),
+            span: steady.span,
+        }
+    }
+}
+
+fn beside(found: &mut Findings, main: &Gradient, steady: &Steady, wheelbase_m: f64) {
+    let mut add = |name: &str, value: f64, unit: &str| {
+        found.beside.push((name.to_owned(), value, unit.to_owned()));
+    };
+    let gradient = main.fit.coefficients[1];
+    let speed = (wheelbase_m / gradient.abs()).sqrt();
+    let kind = if gradient > 0.0 {
+        "characteristic_speed"
+    } else {
+        "critical_speed"
+    };
+    add(kind, speed, "m/s");
+    let curvature = mean(steady.curvature_1_m.iter().copied());
+    add("radius", curvature.recip().abs(), "m");
+    let most = steady
+        .lateral_m_s2
+        .iter()
+        .map(|a| a.abs())
+        .fold(0.0, f64::max);
+    add("lateral_acceleration_max", most, "m/s^2");
+    add(
+        "understeer_gradient_at_lateral_acceleration_max",
+        main.slope_at(most),
+        "rad/(m/s^2)",
+    );
+}
+
+fn figure(main: &Gradient, steady: &Steady, steer: &[f64]) -> Figure {
+    let degrees = |values: &[f64]| values.iter().map(|v| v.to_degrees()).collect::<Vec<_>>();
+    let mut line = steady.lateral_m_s2.clone();
+    line.sort_by(f64::total_cmp);
+    let fitted: Vec<f64> = line.iter().map(|a| main.at(*a)).collect();
+    Figure {
+        title: "Steer angle beyond Ackermann's against lateral acceleration".to_owned(),
+        x_label: "lateral acceleration (m/s²)".to_owned(),
+        y_label: "steer angle less atan(L r/V) (°)".to_owned(),
+        series: vec![
+            series(
+                "measured",
+                false,
+                steady.lateral_m_s2.clone(),
+                degrees(steer),
+            ),
+            series("fit", true, line, degrees(&fitted)),
+        ],
+    }
+}

@@ -1,0 +1,11 @@
+//! Identification on drives whose truth is known: the four-wheel model's with the noise of the
+//! thesis's sensors, and the independent simulator's.
+
+mod rides;
+#[path = "../truth/run.rs"]
+#[allow(dead_code, reason = "shared with the tests of the forces")]
+mod run;
+
+mod cornering;
+mod independent;
+mod others;

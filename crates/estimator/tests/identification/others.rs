@@ -1,0 +1,293 @@
+//! Understeer, roll and pitch, response, tyre and inertia.
+
+use estimator::finding::{Findings, Refusal};
+use estimator::identification::{inertia, response, roll_centre, roll_pitch, tyre, understeer};
+use model::chassis::four_wheel::Parameters;
+use model::tyre::{Contact, Tyre};
+use model::vehicle::Vehicle;
+use sample::PerWheel;
+
+use crate::rides::{self, DT_S, Noise};
+
+fn near(found: &Findings, name: &str, truth: f64, part: f64) {
+    let [value, sigma] = found.value(name);
+    println!("{name} {value:.5} +- {sigma:.5} of {truth:.5}");
+    assert!(
+        (value / truth - 1.0).abs() < part,
+        "{name}: {value} of {truth}"
+    );
+}
+
+/// The model's circle of 15 m: speed rises while the steer angle that keeps the path is read off
+/// the model itself.
+fn circle(vehicle: &Vehicle) -> estimator::identification::Drive {
+    let length = vehicle.wheelbase_m();
+    // m (b/C_f - a/C_r)/L of both axles' stiffness, notes of figure 2.23.
+    let gradient = 0.0234;
+    rides::drive(
+        vehicle,
+        50.0,
+        |t| 2.5 + 0.1 * t,
+        |t| length / 15.0 + gradient * (2.5 + 0.1 * t).powi(2) / 15.0,
+    )
+}
+
+#[test]
+fn the_understeer_gradient_is_the_two_wheel_models() {
+    let vehicle = rides::vehicle();
+    let drive = rides::as_measured(&circle(&vehicle), 0.01, 1);
+    let size = [vehicle.wheelbase_m(), vehicle.body.cg_to_rear_axle_m];
+    let found =
+        understeer::identify(&drive, size, &understeer::Options::default()).expect("a circle");
+    let body = &vehicle.body;
+    let axle = |tyre: &model::vehicle::Tyre, arm: f64| {
+        let load = 0.5 * body.mass_kg * 9.80665 * arm / size[0];
+        2.0 * tyre.cornering_stiffness_n_rad
+            * (load / tyre.reference_load_n).powf(tyre.load_exponent)
+    };
+    let front = axle(&vehicle.front.tyre, body.cg_to_rear_axle_m);
+    let rear = axle(&vehicle.rear.tyre, body.front_axle_to_cg_m);
+    let truth =
+        body.mass_kg / size[0] * (body.cg_to_rear_axle_m / front - body.front_axle_to_cg_m / rear);
+    near(&found, "understeer_gradient", truth, 0.15);
+    let roll = found.value("roll_gradient")[0];
+    let parameters = Parameters::from_vehicle(&vehicle);
+    let lever = parameters.sprung_mass_kg * parameters.roll_arm_m;
+    let stiffness =
+        parameters.front.roll_stiffness_n_m_rad + parameters.rear.roll_stiffness_n_m_rad;
+    let truth = lever / (stiffness - lever * parameters.gravity_m_s2);
+    assert!((roll / truth - 1.0).abs() < 0.05, "{roll} {truth}");
+    let straight = rides::drive(&vehicle, 20.0, |_| 8.0, |_| 0.0);
+    let refusal = understeer::identify(&straight, size, &understeer::Options::default());
+    assert!(matches!(
+        refusal,
+        Err(Refusal::NotExcited { .. } | Refusal::TooShort { .. })
+    ));
+}
+
+fn roll_body(vehicle: &Vehicle) -> roll_pitch::Body {
+    roll_pitch::Body::of(vehicle, [None, None])
+}
+
+#[test]
+fn roll_stiffness_is_within_five_per_cent_and_its_intervals_hold() {
+    let vehicle = rides::vehicle();
+    let clean = rides::sine(&vehicle, 0.12, 0.3, 32.0);
+    let none = PerWheel::<Vec<f64>>::default();
+    let body = roll_body(&vehicle);
+    let truth = vehicle.front.roll_stiffness_n_m_rad + vehicle.rear.roll_stiffness_n_m_rad;
+    let find = |seed| {
+        let drive = rides::as_measured(&clean, 0.0, 900 + seed);
+        roll_pitch::identify(&drive, &none, &body, &roll_pitch::Options::default()).expect("rolls")
+    };
+    for seed in 0..5 {
+        near(&find(seed), "roll_stiffness", truth, 0.05);
+    }
+    rides::covers(0..200, &[("roll_stiffness", truth)], 0.82, find);
+    let found = find(1);
+    assert!(
+        found.get("pitch_stiffness").is_none(),
+        "nothing pitches in a sine"
+    );
+    assert!(
+        found.notes.iter().any(|note| note.contains("pitch angle")),
+        "{:?}",
+        found.notes
+    );
+}
+
+#[test]
+fn pitch_stiffness_comes_from_braking() {
+    let vehicle = rides::vehicle();
+    let clean = rides::drive(&vehicle, 24.0, |t| 8.0 + 3.0 * (0.8 * t).sin(), |_| 0.0);
+    let drive = rides::as_measured(&clean, 0.0, 3);
+    let none = PerWheel::<Vec<f64>>::default();
+    let found = roll_pitch::identify(
+        &drive,
+        &none,
+        &roll_body(&vehicle),
+        &roll_pitch::Options::default(),
+    )
+    .expect("pitches");
+    near(
+        &found,
+        "pitch_stiffness",
+        vehicle.pitch().stiffness_n_m_rad,
+        0.05,
+    );
+}
+
+#[test]
+fn a_known_second_order_system_is_found_in_its_frequency_response() {
+    // Yaw rate of G (1 + T s)/(1 + 2 zeta s/w + s^2/w^2) under a sweep, integrated finely.
+    let (gain, omega, zeta, lead) = (5.0, 9.0, 0.7, 0.12);
+    let mut drive = estimator::identification::Drive {
+        dt_s: DT_S,
+        ..Default::default()
+    };
+    let phase = |t: f64| std::f64::consts::TAU * (0.1 * t + 0.5 * 0.05 * (t % 60.0) * t);
+    let steer = |t: f64| 0.05 * (phase(t).sin() + 0.4 * (1.7 * t).sin() + 0.4 * (4.3 * t).sin());
+    let (mut x, mut v) = (0.0, 0.0);
+    for row in 0..8_000 {
+        for k in 0..20 {
+            let t = row as f64 * DT_S + f64::from(k) * DT_S / 20.0;
+            if k == 0 {
+                drive.steer_rad.push(steer(t));
+                drive.yaw_rate_rad_s.push(gain * (x + lead * v));
+            }
+            let force = steer(t) - x - 2.0 * zeta / omega * v;
+            v += omega * omega * force * DT_S / 20.0;
+            x += v * DT_S / 20.0;
+        }
+    }
+    let mut noise = Noise::new(4);
+    noise.spoil(&mut drive.yaw_rate_rad_s, 0.004, 0.0);
+    let found = response::frequency(&drive, 10.0, 1).expect("coherent");
+    near(&found, "yaw_rate_gain", gain, 0.03);
+    near(&found, "natural_frequency", omega, 0.05);
+    near(&found, "damping_ratio", zeta, 0.07);
+    near(&found, "lead_time", lead, 0.07);
+    drive.steer_rad.fill(0.0);
+    noise.spoil(&mut drive.steer_rad, 0.001, 0.0);
+    let refusal = response::frequency(&drive, 10.0, 1).expect_err("nothing is coherent");
+    assert!(matches!(refusal, Refusal::NotExcited { .. }), "{refusal}");
+}
+
+#[test]
+fn a_first_order_step_takes_its_time() {
+    // After a step, 1 - exp(-t/tau) reaches 90 % at tau ln 10.
+    let tau = 0.2;
+    let rows = 900;
+    let at = |row: usize| row as f64 * DT_S - 3.0;
+    let drive = estimator::identification::Drive {
+        dt_s: DT_S,
+        steer_rad: (0..rows)
+            .map(|row| if at(row) < 0.0 { 0.0 } else { 0.1 })
+            .collect(),
+        yaw_rate_rad_s: (0..rows)
+            .map(|row| 0.5 * (1.0 - (-at(row).max(0.0) / tau).exp()))
+            .collect(),
+        lateral_m_s2: (0..rows)
+            .map(|row| 3.0 * (1.0 - (-at(row).max(0.0) / tau).exp()))
+            .collect(),
+        ..Default::default()
+    };
+    let found = response::step(&drive, 0.02).expect("a step");
+    near(&found, "yaw_rate_response_time", tau * 10.0_f64.ln(), 0.03);
+    near(&found, "yaw_rate_gain", 5.0, 0.01);
+    near(&found, "lateral_acceleration_gain", 30.0, 0.01);
+    assert!(found.value("yaw_rate_overshoot")[0] < 0.01);
+    let still = estimator::identification::Drive {
+        steer_rad: vec![0.0; rows],
+        ..drive
+    };
+    assert!(matches!(
+        response::step(&still, 0.02),
+        Err(Refusal::NotExcited { .. })
+    ));
+}
+
+#[test]
+fn every_tyre_model_is_fitted_and_the_wrong_shape_is_told() {
+    let vehicle = rides::vehicle();
+    let truth = &vehicle.front.tyre;
+    let own = Tyre::from_vehicle(truth);
+    let mut noise = Noise::new(8);
+    let mut data = tyre::Data {
+        dt_s: 0.05,
+        ..Default::default()
+    };
+    for row in 0..600 {
+        let t = f64::from(row) * 0.05;
+        let slip = 0.25 * (1.9 * t).sin();
+        let load = 1330.0 * (1.0 + 0.4 * (1.9 * t + 0.4).sin());
+        data.load_n.push(load);
+        data.slip_angle_rad
+            .push(slip + 0.02 + 0.001 * noise.normal());
+        data.lateral_n
+            .push(own.forces(&Contact::lateral(load, slip)).lateral_n + 15.0 * noise.normal());
+    }
+    let reference = truth.reference_load_n;
+    let mut criteria = Vec::new();
+    for kind in tyre::Kind::ALL {
+        let (found, _) = tyre::fit(&data, kind, reference, [0.75, 0.87], 1)
+            .unwrap_or_else(|refusal| panic!("{}: {refusal}", kind.name()));
+        let criterion = found
+            .beside
+            .iter()
+            .find(|b| b.0 == "akaike_criterion")
+            .expect("beside")
+            .1;
+        println!("{}: {criterion:.0} {:?}", kind.name(), found.beside[0]);
+        criteria.push((kind, criterion));
+        if kind == tyre::Kind::Fiala {
+            near(
+                &found,
+                "cornering_stiffness",
+                truth.cornering_stiffness_n_rad,
+                0.02,
+            );
+            near(&found, "friction", truth.friction, 0.06);
+            near(&found, "load_exponent", truth.load_exponent, 0.1);
+            near(&found, "slip_angle_offset", 0.02, 0.05);
+        }
+    }
+    let of = |kind| criteria.iter().find(|c| c.0 == kind).expect("fitted").1;
+    assert!(of(tyre::Kind::Linear) > of(tyre::Kind::Fiala) + 100.0);
+    assert!(of(tyre::Kind::Dugoff) > of(tyre::Kind::Fiala) + 50.0);
+    data.slip_angle_rad.fill(0.01);
+    let refusal = tyre::fit(&data, tyre::Kind::Fiala, reference, [0.75, 0.87], 1);
+    assert!(matches!(refusal, Err(Refusal::NotExcited { .. })));
+}
+
+#[test]
+fn a_pendulums_inertia_is_found_and_its_intervals_hold() {
+    let wires = inertia::Pendulum::Wires {
+        mass_kg: 644.0,
+        radius_m: 0.8,
+        length_m: 2.5,
+    };
+    let truth = 454.0;
+    let omega = (644.0 * 9.80665 * 0.64 / 2.5 / (truth + 20.0_f64)).sqrt();
+    let find = |seed| {
+        let swing = |row: i32| {
+            let time_s = f64::from(row) * 0.05;
+            0.1 * (-0.01 * time_s).exp() * (omega * time_s).cos()
+        };
+        let mut rate: Vec<f64> = (0..800).map(swing).collect();
+        Noise::new(seed).spoil(&mut rate, 0.008, 0.02);
+        inertia::pendulum(&rate, 0.05, wires, 20.0, seed).expect("swings")
+    };
+    near(&find(1), "inertia", truth, 0.02);
+    rides::covers(0..200, &[("inertia", truth)], 0.90, find);
+    let still = inertia::pendulum(&[0.0; 10], DT_S, wires, 0.0, 1);
+    assert!(matches!(still, Err(Refusal::NotExcited { .. })));
+}
+
+#[test]
+fn implausible_inertia_is_named() {
+    let thesis = Vehicle::builtin("prowler-table-2.3").expect("ships with the program");
+    let found = inertia::by_formula(&thesis);
+    assert!(
+        found.notes.iter().any(|note| note.contains("times m a b")),
+        "{:?}",
+        found.notes
+    );
+}
+
+#[test]
+fn roll_centres_come_from_hard_points_only() {
+    let found = roll_centre::identify(&rides::vehicle()).expect("has hard-points");
+    for name in ["roll_centre_height_front", "roll_centre_height_rear"] {
+        assert!(
+            (0.02..0.3).contains(&found.value(name)[0]),
+            "{name} {:?}",
+            found.value(name)
+        );
+    }
+    let without = Vehicle::builtin("prowler-table-2.3").expect("ships with the program");
+    assert!(matches!(
+        roll_centre::identify(&without),
+        Err(Refusal::Missing { .. })
+    ));
+}
