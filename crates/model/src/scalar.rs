@@ -5,18 +5,21 @@ use num_dual::DualNum;
 pub trait Scalar: DualNum<Primitive = f64> + Copy {
     /// The absolute value; its derivative at zero is that from the right.
     #[must_use]
+    #[inline(always)]
     fn magnitude(self) -> Self {
         if self < 0.0 { -self } else { self }
     }
 
     /// -1 below zero, +1 otherwise.
     #[must_use]
+    #[inline(always)]
     fn sign(self) -> f64 {
         if self < 0.0 { -1.0 } else { 1.0 }
     }
 
     /// The larger of this and a constant.
     #[must_use]
+    #[inline(always)]
     fn at_least(self, least: f64) -> Self {
         if self < least {
             Self::from(least)
@@ -27,9 +30,92 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
 
     /// The smaller of this and a constant.
     #[must_use]
+    #[inline(always)]
     fn at_most(self, most: f64) -> Self {
         if self > most { Self::from(most) } else { self }
     }
 }
 
 impl<T: DualNum<Primitive = f64> + Copy> Scalar for T {}
+
+/// Four values, one for each wheel. Written out, so that optimisers see no loop.
+#[inline(always)]
+pub(crate) fn each<R>(of_wheel: impl Fn(usize) -> R) -> [R; 4] {
+    [of_wheel(0), of_wheel(1), of_wheel(2), of_wheel(3)]
+}
+
+/// Sine and cosine without a branch or a call, so that loops over runs become vector code, and so
+/// that every machine gives the same bits.
+///
+/// The angle less the nearest multiple of pi/2 (in three parts, Cody and Waite) goes into the
+/// polynomials of fdlibm (Sun Microsystems, 1993: kernels of sine and cosine on +-pi/4, error below
+/// one unit in the last place). The error stays within two units in the last place of 1 up to
+/// angles of 1e5 rad. Dual numbers take their own.
+#[inline(always)]
+pub(crate) fn sin_cos<T: Scalar>(angle: T) -> (T, T) {
+    if T::NDERIV > 0 {
+        return angle.sin_cos();
+    }
+    /// Added to a number of less than 2^51, it leaves the nearest integer in the last bits.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    const PARTS: [f64; 3] = [
+        1.570_796_326_734_125_6,
+        6.077_100_506_303_966e-11,
+        2.022_266_248_795_950_7e-21,
+    ];
+    let angle = angle.re();
+    let rounded = angle * std::f64::consts::FRAC_2_PI + ROUND;
+    let quarter = rounded.to_bits();
+    let turns = rounded - ROUND;
+    let rest = angle - turns * PARTS[0] - turns * PARTS[1] - turns * PARTS[2];
+    let z = rest * rest;
+    let sine = (((((1.589_690_995_211_55e-10 * z - 2.505_076_025_340_686_3e-8) * z
+        + 2.755_731_370_707_006_8e-6)
+        * z
+        - 1.984_126_982_985_795e-4)
+        * z
+        + 8.333_333_333_322_49e-3)
+        * z
+        - 1.666_666_666_666_663_2e-1)
+        * (z * rest)
+        + rest;
+    let cosine = (((((-1.135_964_755_778_819_5e-11 * z + 2.087_572_321_298_175e-9) * z
+        - 2.755_731_435_139_066_3e-7)
+        * z
+        + 2.480_158_728_947_673e-5)
+        * z
+        - 1.388_888_888_887_411e-3)
+        * z
+        + 4.166_666_666_666_66e-2)
+        * (z * z)
+        + (1.0 - 0.5 * z);
+    let odd = quarter & 1 == 1;
+    let (sine, cosine) = if odd { (cosine, sine) } else { (sine, cosine) };
+    let sine = f64::from_bits(sine.to_bits() ^ ((quarter & 2) << 62));
+    let cosine = f64::from_bits(cosine.to_bits() ^ (((quarter + 1) & 2) << 62));
+    (T::from(sine), T::from(cosine))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sine_and_cosine_meet_the_libraries() {
+        for k in -200_000..200_000 {
+            let angle = f64::from(k) * 1.7e-4 + 1e-9;
+            let (sine, cosine) = sin_cos(angle);
+            let (expected_sine, expected_cosine) = angle.sin_cos();
+            assert!((sine - expected_sine).abs() <= 4.5e-16, "{angle}");
+            assert!((cosine - expected_cosine).abs() <= 4.5e-16, "{angle}");
+        }
+        for angle in [1e3_f64, -4.7e4, 9.9e4] {
+            let (sine, cosine) = sin_cos(angle);
+            assert!(
+                (sine - angle.sin()).abs() <= 4.5e-16 && (cosine - angle.cos()).abs() <= 4.5e-16
+            );
+        }
+        assert_eq!(sin_cos(0.0), (0.0, 1.0));
+        assert!(sin_cos(f64::NAN).0.is_nan());
+    }
+}

@@ -7,17 +7,26 @@ use sample::Wheel;
 use crate::Error;
 use crate::chassis::{four_wheel, fourteen_dof};
 use crate::error::require;
-use crate::integrate::step_to_event;
+use crate::integrate::{LANES, step_to_event};
 
 /// A chassis model that steps.
 pub trait Model: Sync {
     /// Its state.
     type State: Copy + Send + Sync;
     /// Its inputs.
-    type Inputs: Copy + Sync;
+    type Inputs: Copy + Send + Sync;
 
     /// One step with inputs held.
     fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State;
+
+    /// Steps runs side by side with inputs held, each to the bits of [`Model::step`].
+    fn advance(
+        &self,
+        states: &mut [Self::State; LANES],
+        inputs: &[Self::Inputs; LANES],
+        step_s: f64,
+        steps: usize,
+    );
 }
 
 impl Model for four_wheel::Parameters {
@@ -28,6 +37,16 @@ impl Model for four_wheel::Parameters {
     fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
         four_wheel::step(self, state, inputs, step_s)
     }
+
+    fn advance(
+        &self,
+        states: &mut [Self::State; LANES],
+        inputs: &[Self::Inputs; LANES],
+        step_s: f64,
+        steps: usize,
+    ) {
+        four_wheel::advance(self, states, inputs, step_s, steps);
+    }
 }
 
 impl Model for fourteen_dof::Parameters {
@@ -37,6 +56,16 @@ impl Model for fourteen_dof::Parameters {
     #[inline]
     fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
         fourteen_dof::step(self, state, inputs, step_s)
+    }
+
+    fn advance(
+        &self,
+        states: &mut [Self::State; LANES],
+        inputs: &[Self::Inputs; LANES],
+        step_s: f64,
+        steps: usize,
+    ) {
+        fourteen_dof::advance(self, states, inputs, step_s, steps);
     }
 }
 
@@ -87,30 +116,56 @@ impl Grid {
     }
 }
 
-impl<M: Model> Rollout<'_, M> {
-    /// Runs this trajectory into `kept`, which holds [`Grid::kept`] states.
-    fn run(&self, grid: &Grid, kept: &mut [M::State]) {
-        let mut state = self.start;
-        let mut places = kept.iter_mut();
-        if let Some(first) = places.next() {
-            *first = state;
+/// Runs up to [`LANES`] trajectories of one model side by side.
+///
+/// `inputs_at` gives the inputs of a run (counted from zero) at a step; they are held from step
+/// `held_from` on. `keep` sees every run's start as number 0 and then every `grid.every`-th state.
+pub fn side_by_side<M: Model>(
+    model: &M,
+    starts: &[M::State],
+    grid: &Grid,
+    held_from: usize,
+    inputs_at: impl Fn(usize, usize) -> M::Inputs,
+    mut keep: impl FnMut(usize, usize, &M::State),
+) {
+    let Some(last) = starts.len().checked_sub(1) else {
+        return;
+    };
+    // Lanes without a run repeat the last one.
+    let mut states: [M::State; LANES] = std::array::from_fn(|lane| starts[lane.min(last)]);
+    let mut tell = |states: &[M::State; LANES], number| {
+        for (run, state) in states.iter().enumerate().take(last + 1) {
+            keep(run, number, state);
         }
-        let last = self.inputs.len() - 1;
-        for index in 0..grid.steps {
-            state = self
-                .model
-                .step(&state, &self.inputs[index.min(last)], grid.step_s);
-            if (index + 1).is_multiple_of(grid.every)
-                && let Some(place) = places.next()
-            {
-                *place = state;
+    };
+    tell(&states, 0);
+    let mut done = 0;
+    while done < grid.steps {
+        let inputs: [M::Inputs; LANES] =
+            std::array::from_fn(|lane| inputs_at(lane.min(last), done));
+        let next_kept = (done / grid.every + 1) * grid.every;
+        let stretch = if done < held_from {
+            1
+        } else {
+            next_kept.min(grid.steps) - done
+        };
+        if last == 0 {
+            for _ in 0..stretch {
+                states[0] = model.step(&states[0], &inputs[0], grid.step_s);
             }
+        } else {
+            model.advance(&mut states, &inputs, grid.step_s, stretch);
+        }
+        done += stretch;
+        if done == next_kept {
+            tell(&states, done / grid.every);
         }
     }
 }
 
-/// Runs trajectories on all cores; the result is the same on any number of them. Row i of the
-/// answer, [`Grid::kept`] states long, is trajectory i.
+/// Runs trajectories on all cores, those that share a model side by side; the result is the same on
+/// any number of cores, and that of [`Model::step`]. Row i of the answer, [`Grid::kept`] states
+/// long, is trajectory i.
 ///
 /// # Errors
 /// Where the grid is not positive or a trajectory has no inputs.
@@ -123,11 +178,39 @@ pub fn rollouts<M: Model>(batch: &[Rollout<'_, M>], grid: &Grid) -> Result<Vec<M
     let Some(first) = batch.first() else {
         return Ok(Vec::new());
     };
-    let mut kept = vec![first.start; grid.kept() * batch.len()];
-    kept.par_chunks_mut(grid.kept())
-        .zip(batch)
-        .for_each(|(row, rollout)| rollout.run(grid, row));
-    Ok(kept)
+    let kept = grid.kept();
+    let mut all = vec![first.start; kept * batch.len()];
+    all.par_chunks_mut(kept * LANES)
+        .zip(batch.par_chunks(LANES))
+        .for_each(|(rows, group)| {
+            let alike = group
+                .iter()
+                .all(|rollout| std::ptr::eq(rollout.model, group[0].model));
+            let size = if alike { LANES } else { 1 };
+            for (rows, group) in rows.chunks_mut(kept * size).zip(group.chunks(size)) {
+                run_group(group, grid, rows);
+            }
+        });
+    Ok(all)
+}
+
+/// Runs trajectories of one model side by side into `rows`, [`Grid::kept`] states for each.
+fn run_group<M: Model>(group: &[Rollout<'_, M>], grid: &Grid, rows: &mut [M::State]) {
+    let kept = grid.kept();
+    let starts: [M::State; LANES] =
+        std::array::from_fn(|lane| group[lane.min(group.len() - 1)].start);
+    let held_from = group.iter().map(|rollout| rollout.inputs.len() - 1).max();
+    side_by_side(
+        group[0].model,
+        &starts[..group.len()],
+        grid,
+        held_from.unwrap_or(0),
+        |run, step| {
+            let inputs = group[run].inputs;
+            inputs[step.min(inputs.len() - 1)]
+        },
+        |run, number, state| rows[run * kept + number] = *state,
+    );
 }
 
 /// What happened to a wheel.
@@ -263,6 +346,80 @@ mod tests {
                 state = four_wheel::step(rollout.model, &state, &inputs[index.min(1)], 1e-3);
             }
             assert_eq!(row[5], state);
+        }
+    }
+
+    /// Runs of one model with inputs of their own, over every vehicle: the vector kernels.
+    fn side_by_side_is_alone<M: Model<State: PartialEq + std::fmt::Debug>>(
+        model: &M,
+        start: impl Fn(f64) -> M::State,
+        inputs: impl Fn(f64) -> M::Inputs,
+    ) {
+        let lists: Vec<[M::Inputs; 3]> = (0..13)
+            .map(|run| std::array::from_fn(|k| inputs(f64::from(run) - 6.0 + 0.1 * k as f64)))
+            .collect();
+        let batch: Vec<_> = lists
+            .iter()
+            .enumerate()
+            .map(|(run, inputs)| Rollout {
+                model,
+                start: start(1.0 + run as f64),
+                inputs: if run % 2 == 0 { inputs } else { &inputs[..1] },
+            })
+            .collect();
+        let grid = Grid {
+            step_s: 1e-3,
+            steps: 60,
+            every: 7,
+        };
+        let kept = rollouts(&batch, &grid).unwrap();
+        for (row, rollout) in kept.chunks(grid.kept()).zip(&batch) {
+            let mut state = rollout.start;
+            assert_eq!(row[0], state);
+            for step in 0..60 {
+                let inputs = &rollout.inputs[step.min(rollout.inputs.len() - 1)];
+                state = model.step(&state, inputs, 1e-3);
+                if (step + 1) % 7 == 0 {
+                    assert_eq!(row[(step + 1) / 7], state);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn vector_kernels_give_the_bits_of_single_steps_for_every_vehicle() {
+        for name in Vehicle::builtin_names() {
+            let vehicle = Vehicle::builtin(name).unwrap();
+            let p = four_wheel::Parameters::from_vehicle(&vehicle);
+            let inputs = |k: f64| {
+                let mut inputs = four_wheel::Inputs::steered(0.05 * k);
+                inputs.brake_n_m = [10.0 * k.abs(); 4];
+                inputs.bank_rad = 0.02 * k;
+                inputs.friction_scale = [1.0 - 0.1 * k.abs(); 4];
+                inputs
+            };
+            side_by_side_is_alone(&p, |v| four_wheel::State::rolling(v, &p), inputs);
+            let mut odd = p.clone();
+            odd.front.roll_steer = 0.1;
+            side_by_side_is_alone(&odd, |v| four_wheel::State::rolling(v, &odd), inputs);
+            let Ok(p) = fourteen_dof::Parameters::from_vehicle(&vehicle) else {
+                continue;
+            };
+            let rest = fourteen_dof::at_rest(&p).unwrap();
+            side_by_side_is_alone(
+                &p,
+                |v| {
+                    let mut state = rest.rolling(v, &p);
+                    state.position_m[2] += 0.02 * (v - 4.0);
+                    state
+                },
+                |k| {
+                    let mut inputs = fourteen_dof::Inputs::steered(0.05 * k);
+                    inputs.brake_n_m = [10.0 * k.abs(); 4];
+                    inputs.grade_rad = 0.02 * k;
+                    inputs
+                },
+            );
         }
     }
 

@@ -5,6 +5,7 @@
 //! its tangent, since that is what the contact patch sees and what [relaxation](relaxed_rate)
 //! integrates; it stays finite at rest.
 
+mod brush;
 pub mod magic;
 mod physical;
 mod rational;
@@ -12,6 +13,7 @@ mod spring;
 mod stiffness;
 mod tread;
 
+pub(crate) use brush::{Brush, OnSurface, Slipping};
 pub use magic::{MagicFormula52, MagicFormula89};
 pub use physical::{Law, Physical};
 pub use rational::{Curve, Offset, Rational};
@@ -144,7 +146,7 @@ pub fn relaxed_rate<T: Scalar>(slip: T, slip_speed: T, rolling_speed: T, length_
 
 /// Slip s = v_slip/|v_x| without relaxation. Below `low_m_s` the denominator blends smoothly to
 /// half that speed, so that the slip stays finite at rest.
-#[inline]
+#[inline(always)]
 pub fn steady_slip<T: Scalar>(slip_speed: T, rolling_speed: T, low_m_s: f64) -> T {
     let speed = rolling_speed.magnitude();
     let denominator = if speed < low_m_s {
@@ -166,14 +168,18 @@ pub fn rolling_resistance_n_m<T: Scalar>(
     -load_n * (coefficient * radius_m) * saturated(wheel_speed_rad_s)
 }
 
-/// Spin below which brake and rolling resistance fade, rad/s.
-const STICTION_RAD_S: f64 = 0.15;
+/// Spin from which brake and rolling resistance act in full, rad/s.
+const STICTION_RAD_S: f64 = 0.3;
 
-/// Sign of a wheel's spin, smooth around standstill: x/sqrt(1 + x^2) with x = omega/0.15 rad/s.
-#[inline]
+/// Sign of a wheel's spin, smooth around standstill: (15 x - 10 x^3 + 3 x^5)/8 with
+/// x = omega/0.3 rad/s held within +-1, twice continuously differentiable.
+#[inline(always)]
 pub fn saturated<T: Scalar>(wheel_speed_rad_s: T) -> T {
-    let part = wheel_speed_rad_s / STICTION_RAD_S;
-    part / (part * part + 1.0).sqrt()
+    let part = (wheel_speed_rad_s * (1.0 / STICTION_RAD_S))
+        .at_least(-1.0)
+        .at_most(1.0);
+    let square = part * part;
+    part * (square * (square * 0.375 - 1.25) + 1.875)
 }
 
 #[cfg(test)]

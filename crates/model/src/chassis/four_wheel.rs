@@ -22,14 +22,18 @@
 //! is held at zero and taken off its neighbour, which keeps vertical balance but not the roll
 //! balance: for wheel lift use the 14-degree-of-freedom model.
 
+mod contacts;
 mod dynamics;
+mod lanes;
+mod model;
 mod parameters;
 mod state;
 mod steady;
 #[cfg(test)]
 mod tests;
 
-pub use dynamics::{Outputs, derivative, jacobian, outputs, step, tyre_forces};
+pub use lanes::advance;
+pub use model::{Outputs, derivative, jacobian, outputs, step, tyre_forces};
 pub use parameters::{AxleParameters, Parameters};
-pub use state::{Inputs, Pose, STATES, State};
+pub use state::{INPUTS, Inputs, Pose, STATES, State};
 pub use steady::{Drive, SteadyState, steady_turn};

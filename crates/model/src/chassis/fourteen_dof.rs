@@ -18,10 +18,13 @@
 //! | I_w omega_i' = T_i - F_x R - brake and rolling resistance | spin |
 //!
 //! F_i is the ground's force at the contact point rho_i, S_i the force of strut and bar referred
-//! to jounce, L_i the wheel's spin momentum with its gyroscopic part. The two body equations are
-//! one symmetric 6 x 6 system, solved by Cholesky's factors; nothing is allocated.
+//! to jounce (with the motion ratio that the hard-points give at that jounce), L_i the wheel's spin
+//! momentum with its gyroscopic part. Of the two body equations, the force's is solved for a_0,
+//! whose matrix m_s + sum m_i P_i is constant, and put into the moment's; nothing is allocated.
 
 mod dynamics;
+mod lanes;
+mod model;
 mod parameters;
 mod rest;
 mod state;
@@ -29,7 +32,8 @@ mod state;
 mod tests;
 mod vector;
 
-pub use dynamics::{Outputs, derivative, guards, jacobian, outputs, step};
+pub use lanes::advance;
+pub use model::{Outputs, derivative, guards, jacobian, outputs, step};
 pub use parameters::{CornerParameters, Parameters, StrutParameters};
 pub use rest::at_rest;
-pub use state::{Inputs, STATES, State};
+pub use state::{INPUTS, Inputs, STATES, State};

@@ -1,301 +1,350 @@
 //! Equations of motion of the four-wheel model.
 
-use nalgebra::{SMatrix, SVector};
-use num_dual::DualSVec64;
-
-use super::{Inputs, Parameters, STATES, State};
+use super::contacts::{Contacts, Force};
+use super::{Inputs, Parameters, State};
 use crate::Scalar;
-use crate::integrate::rk4;
-use crate::tyre::{Contact, relaxed_rate, saturated, steady_slip};
-
-/// What the model tells besides the derivative.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outputs<T> {
-    /// Rate of the state.
-    pub rate: State<T>,
-    /// Normal loads, N.
-    pub load_n: [T; 4],
-    /// Longitudinal tyre forces, wheel frame, N.
-    pub longitudinal_n: [T; 4],
-    /// Lateral tyre forces, wheel frame, N.
-    pub lateral_n: [T; 4],
-    /// Aligning moments, N m.
-    pub aligning_n_m: [T; 4],
-    /// Slip angles of the tyres, rad (relaxed where they relax).
-    pub slip_angle_rad: [T; 4],
-    /// Longitudinal slips of the tyres (relaxed where they relax).
-    pub slip_ratio: [T; 4],
-    /// Acceleration u' - v r of the centre of gravity, body axes, m/s^2.
-    pub longitudinal_m_s2: T,
-    /// Acceleration v' + u r of the centre of gravity, body axes, m/s^2.
-    pub lateral_m_s2: T,
-}
+use crate::chassis::form::Form;
+use crate::scalar::{each, sin_cos};
+use crate::tyre::{saturated, steady_slip};
 
 /// Wheels' motion, before any force.
 #[derive(Clone, Copy)]
-struct Wheels<T> {
-    sin: [T; 4],
-    cos: [T; 4],
-    rolling: [T; 4],
-    sliding: [T; 4],
-    tangent: [T; 4],
-    ratio: [T; 4],
+pub(super) struct Wheels<T> {
+    /// Sine and cosine of the steer angles.
+    pub sin: [T; 4],
+    pub cos: [T; 4],
+    /// Speeds of the wheel centres along and across the wheels, m/s.
+    pub rolling: [T; 4],
+    pub sliding: [T; 4],
+    /// Slips that the tyres see.
+    pub tangent: [T; 4],
+    pub ratio: [T; 4],
 }
 
+/// Forces and accelerations.
 #[derive(Clone, Copy)]
-struct Solution<T> {
-    load: [T; 4],
-    x: [T; 4],
-    y: [T; 4],
-    moment: [T; 4],
-    accelerations: [T; 5],
+pub(super) struct Solution<T> {
+    pub load: [T; 4],
+    pub forces: [Force<T>; 4],
+    /// u', v', r', phi'', theta''.
+    pub accelerations: [T; 5],
 }
 
-/// Sine and cosine of each wheel's steer angle without roll steer, the same for all stages of a
-/// step.
-type Turned<T> = [(T, T); 4];
+/// What the parameters come to, worked out once a step.
+pub(super) struct Constants {
+    axles: [AxleConstants; 2],
+    /// Share b/L of the weight on the front axle.
+    front_share: f64,
+    /// Load that a longitudinal force takes off the front axle, h_pc/L.
+    pitch_lift: f64,
+    /// K_theta/L, B_theta/L.
+    pitch_transfer: [f64; 2],
+    /// m_s g h_s, K_phi, B_phi.
+    roll: [f64; 3],
+    /// m_s g h_p, K_theta, B_theta.
+    pitch: [f64; 3],
+    /// m b/L, m a/L.
+    masses: [f64; 2],
+    drag: f64,
+    inverse_mass: f64,
+    /// Rows of the inverse mass matrix of (v' + u r, r', phi'').
+    inverse: [[f64; 3]; 3],
+    /// -m_s h_p/I and 1/I of pitch.
+    pitching: [f64; 2],
+    low_speed: f64,
+    passes: usize,
+}
 
-#[inline]
-fn turned<T: Scalar>(inputs: &Inputs<T>) -> Turned<T> {
-    inputs.steer_rad.map(|steer| {
-        if T::NDERIV == 0 && steer == 0.0 {
-            (steer, T::from(1.0))
-        } else {
-            steer.sin_cos()
+struct AxleConstants {
+    position: [[f64; 2]; 2],
+    /// K_phi/t, B_phi/t, h_r/t, m_u (h_u - h_r)/t.
+    transfer: [f64; 4],
+    radius: f64,
+    /// Rolling resistance moment per load, m.
+    resistance: f64,
+    inverse_spin: f64,
+    length: f64,
+    inverse_length: f64,
+    roll_steer: f64,
+}
+
+impl Constants {
+    #[inline(always)]
+    pub(super) fn of(p: &Parameters) -> Self {
+        let g = p.gravity_m_s2;
+        let axle = |k: usize| {
+            let (axle, t) = (p.axle(2 * k), p.inverse_track[k]);
+            let height = axle.roll_centre_height_m;
+            AxleConstants {
+                position: [p.wheel_position_m(2 * k), p.wheel_position_m(2 * k + 1)],
+                transfer: [
+                    axle.roll_stiffness_n_m_rad * t,
+                    axle.roll_damping_n_m_s_rad * t,
+                    height * t,
+                    axle.unsprung_mass_kg * (axle.unsprung_height_m - height) * t,
+                ],
+                radius: axle.rolling_radius_m,
+                resistance: axle.rolling_resistance * axle.rolling_radius_m,
+                inverse_spin: p.inverse_spin_inertia[k],
+                length: axle.relaxation_length_m,
+                inverse_length: axle.relaxation_length_m.recip(),
+                roll_steer: axle.roll_steer,
+            }
+        };
+        let share = [-p.rear.ahead_m, p.front.ahead_m].map(|arm| arm * p.inverse_wheelbase);
+        let row = |i: usize| [p.inverse[(i, 0)], p.inverse[(i, 1)], p.inverse[(i, 2)]];
+        Self {
+            axles: [axle(0), axle(1)],
+            front_share: share[0],
+            pitch_lift: p.pitch_centre_height_m * p.inverse_wheelbase,
+            pitch_transfer: [
+                p.pitch_stiffness_n_m_rad * p.inverse_wheelbase,
+                p.pitch_damping_n_m_s_rad * p.inverse_wheelbase,
+            ],
+            roll: [
+                p.sprung_mass_kg * g * p.roll_arm_m,
+                p.front.roll_stiffness_n_m_rad + p.rear.roll_stiffness_n_m_rad,
+                p.front.roll_damping_n_m_s_rad + p.rear.roll_damping_n_m_s_rad,
+            ],
+            pitch: [
+                p.sprung_mass_kg * g * p.pitch_arm_m,
+                p.pitch_stiffness_n_m_rad,
+                p.pitch_damping_n_m_s_rad,
+            ],
+            masses: share.map(|share| share * p.mass_kg),
+            drag: p.drag_n_s2_m2,
+            inverse_mass: p.inverse_mass,
+            inverse: [row(0), row(1), row(2)],
+            pitching: [
+                -p.sprung_mass_kg * p.pitch_arm_m * p.inverse_pitch_inertia,
+                p.inverse_pitch_inertia,
+            ],
+            low_speed: p.low_speed_m_s,
+            passes: p.load_passes,
         }
-    })
+    }
 }
 
-#[inline]
-fn wheels<T: Scalar>(
-    parameters: &Parameters,
+/// What the inputs come to, the same for all stages of a step.
+#[derive(Clone, Copy)]
+pub(super) struct Held<T> {
+    pub steer: [T; 4],
+    pub sin: [T; 4],
+    pub cos: [T; 4],
+    pub drive: [T; 4],
+    pub brake: [T; 4],
+    /// m g cos(bank) cos(grade), g sin(bank), g sin(grade).
+    pub road: [T; 3],
+}
+
+impl<T: Scalar> Held<T> {
+    #[inline(always)]
+    pub(super) fn of(p: &Parameters, inputs: &Inputs<T>) -> Self {
+        let turned = each(|i| sin_cos(inputs.steer_rad[i]));
+        let (sb, cb) = sin_cos(inputs.bank_rad);
+        let (sg, cg) = sin_cos(inputs.grade_rad);
+        let g = p.gravity_m_s2;
+        Self {
+            steer: inputs.steer_rad,
+            sin: each(|i| turned[i].0),
+            cos: each(|i| turned[i].1),
+            drive: inputs.drive_n_m,
+            brake: inputs.brake_n_m,
+            road: [cb * cg * (p.mass_kg * g), sb * g, sg * g],
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn wheels<T: Scalar, F: Form>(
+    constants: &Constants,
     state: &State<T>,
-    inputs: &Inputs<T>,
-    turned: &Turned<T>,
+    held: &Held<T>,
 ) -> Wheels<T> {
-    let zero = [T::from(0.0); 4];
-    let mut wheels = Wheels {
-        sin: zero,
-        cos: zero,
-        rolling: zero,
-        sliding: zero,
-        tangent: zero,
-        ratio: zero,
-    };
-    for i in 0..4 {
-        let axle = parameters.axle(i);
-        let [x, y] = parameters.wheel_position_m(i);
+    let moving = each(|i| {
+        let axle = &constants.axles[i / 2];
+        let [x, y] = axle.position[i % 2];
         let along = state.longitudinal_m_s - state.yaw_rate_rad_s * y;
         let across = state.lateral_m_s + state.yaw_rate_rad_s * x;
-        let (sin, cos) = if axle.roll_steer == 0.0 {
-            turned[i]
+        let (sin, cos) = if F::roll_steers(axle.roll_steer) {
+            sin_cos(held.steer[i] + state.roll_rad * axle.roll_steer)
         } else {
-            (inputs.steer_rad[i] + state.roll_rad * axle.roll_steer).sin_cos()
+            (held.sin[i], held.cos[i])
         };
         let rolling = along * cos + across * sin;
         let sliding = across * cos - along * sin;
-        wheels.sin[i] = sin;
-        wheels.cos[i] = cos;
-        wheels.rolling[i] = rolling;
-        wheels.sliding[i] = sliding;
-        if axle.relaxation_length_m > 0.0 {
-            wheels.tangent[i] = state.slip_tangent[i];
-            wheels.ratio[i] = state.slip_ratio[i];
+        let (tangent, ratio) = if F::relaxes(axle.length) {
+            (state.slip_tangent[i], state.slip_ratio[i])
         } else {
-            let low = parameters.low_speed_m_s;
-            let slip = state.wheel_speed_rad_s[i] * axle.rolling_radius_m - rolling;
-            wheels.tangent[i] = steady_slip(sliding, rolling, low);
-            wheels.ratio[i] = steady_slip(slip, rolling, low);
-        }
-    }
-    wheels
-}
-
-/// What does not depend on the tyres' forces.
-#[derive(Clone, Copy)]
-struct Held<T> {
-    /// m g cos(bank) cos(grade).
-    down: T,
-    bank_pull: T,
-    grade_pull: T,
-    drag: T,
-    /// m_s g h_s sin(phi) - K_phi phi - B_phi phi'.
-    rolling: T,
-    /// m_s g h_p sin(theta) - K_theta theta - B_theta theta'.
-    pitching: T,
-    /// (K_theta theta + B_theta theta')/L.
-    pitch_transfer: T,
-    /// (K_phi phi + B_phi phi')/t of each axle.
-    roll_transfer: [T; 2],
-}
-
-#[inline]
-fn held<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Held<T> {
-    let p = parameters;
-    let g = p.gravity_m_s2;
-    let weight = p.sprung_mass_kg * g;
-    let level = T::NDERIV == 0 && inputs.bank_rad == 0.0 && inputs.grade_rad == 0.0;
-    let (down, bank_pull, grade_pull) = if level {
-        (T::from(p.mass_kg * g), T::from(0.0), T::from(0.0))
-    } else {
-        let (sb, cb) = inputs.bank_rad.sin_cos();
-        let (sg, cg) = inputs.grade_rad.sin_cos();
-        (cb * cg * (p.mass_kg * g), sb * g, sg * g)
-    };
-    let [front, rear] = [&p.front, &p.rear].map(|axle| {
-        state.roll_rad * axle.roll_stiffness_n_m_rad
-            + state.roll_rate_rad_s * axle.roll_damping_n_m_s_rad
+            let low = constants.low_speed;
+            let slip = state.wheel_speed_rad_s[i] * axle.radius - rolling;
+            (
+                steady_slip(sliding, rolling, low),
+                steady_slip(slip, rolling, low),
+            )
+        };
+        [sin, cos, rolling, sliding, tangent, ratio]
     });
-    let spring = state.pitch_rad * p.pitch_stiffness_n_m_rad
-        + state.pitch_rate_rad_s * p.pitch_damping_n_m_s_rad;
-    let speed = state.longitudinal_m_s;
-    Held {
-        down,
-        bank_pull,
-        grade_pull,
-        drag: speed * speed.magnitude() * p.drag_n_s2_m2,
-        rolling: state.roll_rad.sin() * (weight * p.roll_arm_m) - front - rear,
-        pitching: state.pitch_rad.sin() * (weight * p.pitch_arm_m) - spring,
-        pitch_transfer: spring * p.inverse_wheelbase,
-        roll_transfer: [front * p.inverse_track[0], rear * p.inverse_track[1]],
+    let part = |k: usize| each(|i| moving[i][k]);
+    Wheels {
+        sin: part(0),
+        cos: part(1),
+        rolling: part(2),
+        sliding: part(3),
+        tangent: part(4),
+        ratio: part(5),
     }
+}
+
+/// Sums that loads come from.
+#[derive(Clone, Copy)]
+struct Sums<T> {
+    /// Lateral force of each axle, N.
+    lateral: [T; 2],
+    /// Longitudinal force, N.
+    longitudinal: T,
+    /// Yaw moment, N m.
+    turning: T,
+    /// Felt lateral acceleration a_y + g sin(bank), m/s^2.
+    felt: T,
 }
 
 /// Loads from roll, pitch and the axles' forces.
-#[inline]
+#[inline(always)]
 fn loads<T: Scalar>(
-    parameters: &Parameters,
+    constants: &Constants,
+    state: &State<T>,
     held: &Held<T>,
-    lateral_force: [T; 2],
-    longitudinal_force: T,
-    felt_lateral: T,
+    sums: &Sums<T>,
 ) -> [T; 4] {
-    let p = parameters;
+    let c = constants;
+    let down = held.road[0];
     let pitch =
-        held.pitch_transfer - longitudinal_force * (p.pitch_centre_height_m * p.inverse_wheelbase);
+        state.pitch_rad * c.pitch_transfer[0] + state.pitch_rate_rad_s * c.pitch_transfer[1];
     // An axle that would pull hangs; the other carries the vehicle.
-    let front = (held.down * (-p.rear.ahead_m * p.inverse_wheelbase) + pitch).at_least(0.0);
-    let front = if front > held.down { held.down } else { front };
-    let sums = [front, held.down - front];
-    let mut load = [T::from(0.0); 4];
-    for (k, axle) in [&p.front, &p.rear].into_iter().enumerate() {
-        let height = axle.roll_centre_height_m;
-        let unsprung = axle.unsprung_mass_kg * (axle.unsprung_height_m - height);
-        let transfer = held.roll_transfer[k]
-            + (lateral_force[k] * height + felt_lateral * unsprung) * p.inverse_track[k];
-        let half = sums[k] * 0.5;
+    let front = (down * c.front_share + pitch - sums.longitudinal * c.pitch_lift).at_least(0.0);
+    let front = if front > down { down } else { front };
+    let axle = |k: usize, sum: T| {
+        let [stiffness, damping, height, unsprung] = c.axles[k].transfer;
+        let transfer = state.roll_rad * stiffness
+            + state.roll_rate_rad_s * damping
+            + (sums.lateral[k] * height + sums.felt * unsprung);
+        let half = sum * 0.5;
         // A wheel that would pull hangs; its neighbour carries the axle.
-        let transfer = if transfer > half {
-            half
-        } else if -transfer > half {
-            -half
-        } else {
-            transfer
-        };
-        load[2 * k] = half - transfer;
-        load[2 * k + 1] = half + transfer;
-    }
-    load
+        let transfer = if transfer > half { half } else { transfer };
+        let transfer = if -transfer > half { -half } else { transfer };
+        [half - transfer, half + transfer]
+    };
+    let ([fl, fr], [rl, rr]) = (axle(0, front), axle(1, down - front));
+    [fl, fr, rl, rr]
 }
 
-/// (u', v', r', phi'', theta'') and the felt lateral acceleration from the forces' sums.
-#[inline]
-fn accelerations<T: Scalar>(
-    parameters: &Parameters,
+/// One pass of the loop between loads and forces.
+#[inline(always)]
+fn pass<T: Scalar>(
+    constants: &Constants,
+    load: [T; 4],
+    rolling: T,
+    contacts: &impl Contacts<T>,
+) -> ([Force<T>; 4], Sums<T>) {
+    let forces = each(|i| contacts.force(i, load[i]));
+    let [[x0, y0, m0], [x1, y1, m1], [x2, y2, m2], [x3, y3, m3]] = each(|i| forces[i].body);
+    let lateral = [y0 + y1, y2 + y3];
+    let turning = (m0 + m1) + (m2 + m3);
+    let [by_side, by_turning, by_roll] = constants.inverse[0];
+    let sums = Sums {
+        lateral,
+        longitudinal: (x0 + x1) + (x2 + x3),
+        turning,
+        // Solved for a_y + g sin(bank), which is what springs and gauges feel.
+        felt: (lateral[0] + lateral[1]) * by_side + (turning * by_turning + rolling * by_roll),
+    };
+    (forces, sums)
+}
+
+/// Closes the loop between loads and forces.
+#[inline(always)]
+pub(super) fn solve<T: Scalar, F: Form>(
+    constants: &Constants,
     state: &State<T>,
     held: &Held<T>,
-    [x, y, moment]: [T; 3],
-) -> ([T; 5], T) {
-    let p = parameters;
-    let felt_x = (x - held.drag) * p.inverse_mass;
-    let right = [y, moment, held.rolling];
-    let row = |i: usize| {
-        right[0] * p.inverse[(i, 0)] + right[1] * p.inverse[(i, 1)] + right[2] * p.inverse[(i, 2)]
-    };
-    // Solved for a_y + g sin(bank), which is what springs and gauges feel.
-    let felt_y = row(0);
-    let pitching =
-        (felt_x * (-p.sprung_mass_kg * p.pitch_arm_m) + held.pitching) * p.inverse_pitch_inertia;
-    let r = state.yaw_rate_rad_s;
-    let rates = [
-        felt_x + held.grade_pull + state.lateral_m_s * r,
-        felt_y - held.bank_pull - state.longitudinal_m_s * r,
-        row(1),
-        row(2),
-        pitching,
-    ];
-    (rates, felt_y)
-}
-
-#[inline]
-fn solve<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    wheels: &Wheels<T>,
+    contacts: &impl Contacts<T>,
 ) -> Solution<T> {
-    let p = parameters;
-    let held = held(p, state, inputs);
+    let c = constants;
+    let [_, bank, grade] = held.road;
+    let (u, v, r) = (
+        state.longitudinal_m_s,
+        state.lateral_m_s,
+        state.yaw_rate_rad_s,
+    );
+    let rolling = sin_cos(state.roll_rad).0 * c.roll[0]
+        - (state.roll_rad * c.roll[1] + state.roll_rate_rad_s * c.roll[2]);
+    let pitching = sin_cos(state.pitch_rad).0 * c.pitch[0]
+        - (state.pitch_rad * c.pitch[1] + state.pitch_rate_rad_s * c.pitch[2]);
     // Exact in steady turning, where v' = r' = 0.
-    let mut felt = state.longitudinal_m_s * state.yaw_rate_rad_s + held.bank_pull;
-    let share = felt * (p.mass_kg * p.inverse_wheelbase);
-    let mut lateral_force = [share * -p.rear.ahead_m, share * p.front.ahead_m];
-    let mut longitudinal_force = T::from(0.0);
-    let zero = [T::from(0.0); 4];
-    let (mut x, mut y, mut moment) = (zero, zero, zero);
-    let mut rates = [T::from(0.0); 5];
-    for _ in 0..p.load_passes {
-        let load = loads(p, &held, lateral_force, longitudinal_force, felt);
-        let mut yawing = T::from(0.0);
-        longitudinal_force = T::from(0.0);
-        lateral_force = [T::from(0.0); 2];
-        for i in 0..4 {
-            let contact = Contact {
-                load_n: load[i],
-                slip_tangent: wheels.tangent[i],
-                slip_ratio: wheels.ratio[i],
-                camber_rad: T::from(0.0),
-                friction_scale: inputs.friction_scale[i],
-                stiffness_scale: inputs.stiffness_scale[i],
-            };
-            let force = p.axle(i).tyre.forces(&contact);
-            x[i] = force.longitudinal_n;
-            y[i] = force.lateral_n;
-            moment[i] = force.aligning_n_m;
-            let body_x = x[i] * wheels.cos[i] - y[i] * wheels.sin[i];
-            let body_y = x[i] * wheels.sin[i] + y[i] * wheels.cos[i];
-            let [ahead, left] = p.wheel_position_m(i);
-            longitudinal_force += body_x;
-            lateral_force[i / 2] += body_y;
-            yawing += body_y * ahead - body_x * left + moment[i];
+    let felt = u * r + bank;
+    let start = Sums {
+        lateral: [felt * c.masses[0], felt * c.masses[1]],
+        longitudinal: T::from(0.0),
+        turning: T::from(0.0),
+        felt,
+    };
+    let (mut forces, mut sums) = pass(c, loads(c, state, held, &start), rolling, contacts);
+    if F::TWICE {
+        (forces, sums) = pass(c, loads(c, state, held, &sums), rolling, contacts);
+    } else {
+        for _ in 1..c.passes {
+            (forces, sums) = pass(c, loads(c, state, held, &sums), rolling, contacts);
         }
-        let sums = [
-            longitudinal_force,
-            lateral_force[0] + lateral_force[1],
-            yawing,
-        ];
-        (rates, felt) = accelerations(p, state, &held, sums);
     }
-    let load = loads(p, &held, lateral_force, longitudinal_force, felt);
+    let felt_x = (sums.longitudinal - u * u.magnitude() * c.drag) * c.inverse_mass;
+    let side = sums.lateral[0] + sums.lateral[1];
+    let row = |i: usize| {
+        let [by_side, by_turning, by_roll] = c.inverse[i];
+        side * by_side + (sums.turning * by_turning + rolling * by_roll)
+    };
     Solution {
-        load,
-        x,
-        y,
-        moment,
-        accelerations: rates,
+        load: loads(c, state, held, &sums),
+        forces,
+        accelerations: [
+            felt_x + grade + v * r,
+            sums.felt - bank - u * r,
+            row(1),
+            row(2),
+            felt_x * c.pitching[0] + pitching * c.pitching[1],
+        ],
     }
 }
 
-#[inline]
-fn rate<T: Scalar>(
-    parameters: &Parameters,
+/// Rate of the state from what was solved.
+#[inline(always)]
+pub(super) fn rate<T: Scalar, F: Form>(
+    constants: &Constants,
     state: &State<T>,
-    inputs: &Inputs<T>,
+    held: &Held<T>,
     wheels: &Wheels<T>,
     solution: &Solution<T>,
 ) -> State<T> {
     let [u, v, r, roll, pitch] = solution.accelerations;
-    let mut rate = State {
+    let rolling = each(|i| {
+        let axle = &constants.axles[i / 2];
+        let spin = state.wheel_speed_rad_s[i];
+        let (tangent_rate, ratio_rate) = if F::relaxes(axle.length) {
+            let slip = spin * axle.radius - wheels.rolling[i];
+            let speed = wheels.rolling[i].magnitude();
+            (
+                (wheels.sliding[i] - speed * state.slip_tangent[i]) * axle.inverse_length,
+                (slip - speed * state.slip_ratio[i]) * axle.inverse_length,
+            )
+        } else {
+            (T::from(0.0), T::from(0.0))
+        };
+        let resisting = held.brake[i] + solution.load[i] * axle.resistance;
+        let torque =
+            held.drive[i] - resisting * saturated(spin) - solution.forces[i].wheel[0] * axle.radius;
+        [tangent_rate, ratio_rate, torque * axle.inverse_spin]
+    });
+    State {
         longitudinal_m_s: u,
         lateral_m_s: v,
         yaw_rate_rad_s: r,
@@ -303,124 +352,8 @@ fn rate<T: Scalar>(
         roll_rate_rad_s: roll,
         pitch_rad: state.pitch_rate_rad_s,
         pitch_rate_rad_s: pitch,
-        slip_tangent: [T::from(0.0); 4],
-        slip_ratio: [T::from(0.0); 4],
-        wheel_speed_rad_s: [T::from(0.0); 4],
-    };
-    for i in 0..4 {
-        let axle = parameters.axle(i);
-        let spin = state.wheel_speed_rad_s[i];
-        let radius = axle.rolling_radius_m;
-        let length = axle.relaxation_length_m;
-        if length > 0.0 {
-            let slip = spin * radius - wheels.rolling[i];
-            rate.slip_tangent[i] = relaxed_rate(
-                state.slip_tangent[i],
-                wheels.sliding[i],
-                wheels.rolling[i],
-                length,
-            );
-            rate.slip_ratio[i] = relaxed_rate(state.slip_ratio[i], slip, wheels.rolling[i], length);
-        }
-        let resisting = inputs.brake_n_m[i] + solution.load[i] * (axle.rolling_resistance * radius);
-        let mut torque = inputs.drive_n_m[i] - solution.x[i] * radius;
-        if T::NDERIV > 0 || resisting != 0.0 {
-            torque -= resisting * saturated(spin);
-        }
-        rate.wheel_speed_rad_s[i] = torque * parameters.inverse_spin_inertia[i / 2];
+        slip_tangent: each(|i| rolling[i][0]),
+        slip_ratio: each(|i| rolling[i][1]),
+        wheel_speed_rad_s: each(|i| rolling[i][2]),
     }
-    rate
-}
-
-/// Rate of the state.
-#[inline]
-pub fn derivative<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-) -> State<T> {
-    derivative_turned(parameters, state, inputs, &turned(inputs))
-}
-
-#[inline]
-fn derivative_turned<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    turned: &Turned<T>,
-) -> State<T> {
-    let wheels = wheels(parameters, state, inputs, turned);
-    let solution = solve(parameters, state, inputs, &wheels);
-    rate(parameters, state, inputs, &wheels, &solution)
-}
-
-/// Rate of the state with loads, forces, slips and accelerations.
-pub fn outputs<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-) -> Outputs<T> {
-    let wheels = wheels(parameters, state, inputs, &turned(inputs));
-    let solution = solve(parameters, state, inputs, &wheels);
-    let rate = rate(parameters, state, inputs, &wheels, &solution);
-    Outputs {
-        rate,
-        load_n: solution.load,
-        longitudinal_n: solution.x,
-        lateral_n: solution.y,
-        aligning_n_m: solution.moment,
-        slip_angle_rad: wheels.tangent.map(|tangent| tangent.atan()),
-        slip_ratio: wheels.ratio,
-        longitudinal_m_s2: rate.longitudinal_m_s - state.lateral_m_s * state.yaw_rate_rad_s,
-        lateral_m_s2: rate.lateral_m_s + state.longitudinal_m_s * state.yaw_rate_rad_s,
-    }
-}
-
-/// Tyre forces (F_x, F_y, F_z) of each wheel, wheel frame, N.
-pub fn tyre_forces<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-) -> [[T; 3]; 4] {
-    let wheels = wheels(parameters, state, inputs, &turned(inputs));
-    let solution = solve(parameters, state, inputs, &wheels);
-    std::array::from_fn(|i| [solution.x[i], solution.y[i], solution.load[i]])
-}
-
-/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
-#[inline]
-pub fn step<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    let turned = turned(inputs);
-    State::from_array(rk4(&state.to_array(), step_s, |x| {
-        derivative_turned(parameters, &State::from_array(*x), inputs, &turned).to_array()
-    }))
-}
-
-/// Exact Jacobian of the rate by the state, by dual numbers: row i, column j is
-/// d(rate_i)/d(state_j).
-#[must_use]
-pub fn jacobian(
-    parameters: &Parameters,
-    state: &State<f64>,
-    inputs: &Inputs<f64>,
-) -> SMatrix<f64, STATES, STATES> {
-    let lift = |values: [f64; 4]| values.map(DualSVec64::<STATES>::from);
-    let inputs = Inputs {
-        steer_rad: lift(inputs.steer_rad),
-        drive_n_m: lift(inputs.drive_n_m),
-        brake_n_m: lift(inputs.brake_n_m),
-        bank_rad: inputs.bank_rad.into(),
-        grade_rad: inputs.grade_rad.into(),
-        friction_scale: lift(inputs.friction_scale),
-        stiffness_scale: lift(inputs.stiffness_scale),
-    };
-    let rate = |x: SVector<_, STATES>| {
-        derivative(parameters, &State::from_vector(&x), &inputs).to_vector()
-    };
-    num_dual::jacobian(rate, &state.to_vector()).1
 }

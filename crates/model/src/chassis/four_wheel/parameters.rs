@@ -177,14 +177,14 @@ impl Parameters {
     }
 
     /// The axle of a wheel, by the wheel's index.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn axle(&self, wheel: usize) -> &AxleParameters {
         if wheel < 2 { &self.front } else { &self.rear }
     }
 
     /// Position (x, y) of a wheel from the centre of gravity, m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn wheel_position_m(&self, wheel: usize) -> [f64; 2] {
         let axle = self.axle(wheel);
@@ -193,7 +193,7 @@ impl Parameters {
     }
 
     /// Wheelbase L, m.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn wheelbase_m(&self) -> f64 {
         self.front.ahead_m - self.rear.ahead_m

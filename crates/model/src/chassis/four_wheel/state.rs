@@ -5,6 +5,9 @@ use crate::Scalar;
 /// Number of states.
 pub const STATES: usize = 19;
 
+/// Number of inputs.
+pub const INPUTS: usize = 22;
+
 /// State of the four-wheel model. Wheels in the order of [`sample::Wheel::ALL`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<T> {
@@ -49,7 +52,7 @@ impl<T: Scalar> State<T> {
     }
 
     /// The numbers in order of the fields.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn to_array(&self) -> [T; STATES] {
         let [s0, s1, s2, s3] = self.slip_tangent;
@@ -79,7 +82,7 @@ impl<T: Scalar> State<T> {
     }
 
     /// The state from numbers in order of the fields.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn from_array(x: [T; STATES]) -> Self {
         Self {
@@ -169,6 +172,36 @@ impl<T: Scalar> Inputs<T> {
         inputs.steer_rad[0] = front_rad;
         inputs.steer_rad[1] = front_rad;
         inputs
+    }
+}
+
+impl Inputs<f64> {
+    /// The numbers in order of the fields.
+    #[must_use]
+    pub fn to_array(&self) -> [f64; INPUTS] {
+        let mut all = [0.0; INPUTS];
+        let lists = [self.steer_rad, self.drive_n_m, self.brake_n_m];
+        all[..12].copy_from_slice(lists.as_flattened());
+        all[12] = self.bank_rad;
+        all[13] = self.grade_rad;
+        let lists = [self.friction_scale, self.stiffness_scale];
+        all[14..].copy_from_slice(lists.as_flattened());
+        all
+    }
+
+    /// Inputs from numbers in order of the fields.
+    #[must_use]
+    pub fn from_array(x: &[f64; INPUTS]) -> Self {
+        let four = |first: usize| [x[first], x[first + 1], x[first + 2], x[first + 3]];
+        Self {
+            steer_rad: four(0),
+            drive_n_m: four(4),
+            brake_n_m: four(8),
+            bank_rad: x[12],
+            grade_rad: x[13],
+            friction_scale: four(14),
+            stiffness_scale: four(18),
+        }
     }
 }
 

@@ -1,167 +1,276 @@
 //! Equations of motion of the 14-degree-of-freedom model.
 
-use nalgebra::{SMatrix, SVector};
-use num_dual::DualSVec64;
+use nalgebra::Matrix3;
 
-use super::vector::{V3, add, along, cross, dot, dot_constant, scale, solve_symmetric, sub};
-use super::{CornerParameters, Inputs, Parameters, STATES, State};
+use super::vector::{
+    Symmetric, V3, add, along, cross, dot, dot_constant, scale, solve_symmetric, sub,
+};
+use super::{CornerParameters, Inputs, Parameters, State};
 use crate::Scalar;
-use crate::integrate::rk4;
-use crate::tyre::{Contact, relaxed_rate, saturated, steady_slip};
+use crate::chassis::form::Form;
+use crate::scalar::{each, sin_cos};
+use crate::tyre::{Brush, Contact, OnSurface, saturated, steady_slip};
 
-/// What the model tells besides the rate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outputs<T> {
-    /// Rate of the state.
-    pub rate: State<T>,
-    /// Normal loads, N; zero where the wheel is in the air.
-    pub load_n: [T; 4],
-    /// How far each tyre is pressed in, m; negative is its clearance above ground.
-    pub deflection_m: [T; 4],
-    /// Longitudinal tyre forces, contact frame, N.
-    pub longitudinal_n: [T; 4],
-    /// Lateral tyre forces, contact frame, N.
-    pub lateral_n: [T; 4],
-    /// Slip angles, rad.
-    pub slip_angle_rad: [T; 4],
-    /// Longitudinal slips.
-    pub slip_ratio: [T; 4],
-    /// Strut lengths, m.
-    pub strut_length_m: [T; 4],
-    /// Force along each strut, N, pushing its ends apart.
-    pub strut_force_n: [T; 4],
-    /// Specific force at the sprung part's centre of gravity, body axes, m/s^2.
-    pub specific_force_m_s2: [T; 3],
+/// How the tyres are asked for their forces.
+pub(super) trait Tyres<T> {
+    /// Longitudinal and lateral force and aligning moment in the contact frame, N and N m.
+    fn force(
+        &self,
+        wheel: usize,
+        load_n: T,
+        slip_tangent: T,
+        slip_ratio: T,
+        camber_rad: T,
+    ) -> [T; 3];
+}
+
+/// Tyres of any kind, through [`Tyre::forces`](crate::tyre::Tyre::forces).
+pub(super) struct AnyTyres<'a, T> {
+    pub parameters: &'a Parameters,
+    pub inputs: &'a Inputs<T>,
+}
+
+impl<T: Scalar> Tyres<T> for AnyTyres<'_, T> {
+    #[inline]
+    fn force(&self, wheel: usize, load_n: T, slip_tangent: T, slip_ratio: T, lean: T) -> [T; 3] {
+        let forces = self.parameters.corners[wheel].tyre.forces(&Contact {
+            load_n,
+            slip_tangent,
+            slip_ratio,
+            camber_rad: lean,
+            friction_scale: self.inputs.friction_scale[wheel],
+            stiffness_scale: self.inputs.stiffness_scale[wheel],
+        });
+        [forces.longitudinal_n, forces.lateral_n, forces.aligning_n_m]
+    }
+}
+
+/// Brush tyres under the inputs of one step.
+pub(super) struct BrushTyres<'a, T, const GROWS: bool> {
+    pub corners: &'a [Brush; 4],
+    pub surfaces: [OnSurface<T>; 4],
+}
+
+impl<T: Scalar, const GROWS: bool> Tyres<T> for BrushTyres<'_, T, GROWS> {
+    #[inline(always)]
+    fn force(&self, wheel: usize, load_n: T, slip_tangent: T, slip_ratio: T, _: T) -> [T; 3] {
+        let (brush, surface) = (&self.corners[wheel], &self.surfaces[wheel]);
+        let slip = brush.slipping(surface, slip_tangent, slip_ratio);
+        let [stiffness, factor] = brush.pull::<T, GROWS>(surface, &slip, load_n);
+        let pull = stiffness * factor;
+        [slip.along * pull, slip.across * pull, T::from(0.0)]
+    }
+}
+
+/// What the parameters come to, worked out once a step.
+pub(super) struct Constants {
+    corners: [CornerConstants; 4],
+    /// Inverse of m_s + sum m_i P_i, which is constant in body axes.
+    inverse_mass: [[f64; 3]; 3],
+}
+
+struct CornerConstants {
+    /// Path e over its length.
+    direction: [f64; 3],
+    /// 1/(e'e) and 1/(m e'e).
+    inverse_square: f64,
+    inverse_travel: f64,
+    inverse_spin: f64,
+    inverse_length: f64,
+}
+
+impl Constants {
+    #[inline(always)]
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        let corners = each(|i| {
+            let corner = &parameters.corners[i];
+            let e = corner.path;
+            let inverse_square = (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]).recip();
+            let inverse = inverse_square.sqrt();
+            CornerConstants {
+                direction: [e[0] * inverse, e[1] * inverse, e[2] * inverse],
+                inverse_square,
+                inverse_travel: inverse_square / corner.mass_kg,
+                inverse_spin: corner.spin_inertia_kg_m2.recip(),
+                inverse_length: corner.relaxation_length_m.recip(),
+            }
+        });
+        let mut mass = Matrix3::identity() * parameters.sprung_mass_kg;
+        for (corner, constants) in parameters.corners.iter().zip(&corners) {
+            let e = nalgebra::Vector3::from(constants.direction);
+            mass += (Matrix3::identity() - e * e.transpose()) * corner.mass_kg;
+        }
+        let inverse = mass.try_inverse().unwrap_or_else(Matrix3::zeros);
+        Self {
+            corners,
+            inverse_mass: [0, 1, 2].map(|i| [0, 1, 2].map(|j| inverse[(i, j)])),
+        }
+    }
+}
+
+/// What the inputs come to, the same for all stages of a step.
+#[derive(Clone, Copy)]
+pub(super) struct Held<T> {
+    pub sin: [T; 4],
+    pub cos: [T; 4],
+    pub drive: [T; 4],
+    pub brake: [T; 4],
+    pub road: [T; 4],
+    pub road_rate: [T; 4],
+    /// Gravity along the road's axes ahead, left, up: g sin(grade), -g sin(bank) cos(grade),
+    /// -g cos(bank) cos(grade).
+    pub gravity: [T; 3],
+}
+
+impl<T: Scalar> Held<T> {
+    #[inline(always)]
+    pub(super) fn of(parameters: &Parameters, inputs: &Inputs<T>) -> Self {
+        let turned = each(|i| sin_cos(inputs.steer_rad[i]));
+        let (sb, cb) = sin_cos(inputs.bank_rad);
+        let (sg, cg) = sin_cos(inputs.grade_rad);
+        let g = parameters.gravity_m_s2;
+        Self {
+            sin: each(|i| turned[i].0),
+            cos: each(|i| turned[i].1),
+            drive: inputs.drive_n_m,
+            brake: inputs.brake_n_m,
+            road: inputs.road_m,
+            road_rate: inputs.road_rate_m_s,
+            gravity: [sg * g, -sb * cg * g, -cb * cg * g],
+        }
+    }
 }
 
 /// Orientation of the body and gravity.
 #[derive(Clone, Copy)]
-struct Frame<T> {
+pub(super) struct Frame<T> {
+    /// Sine and cosine of roll.
+    roll: [T; 2],
+    /// Sine and cosine of pitch.
+    pitch: [T; 2],
     /// Heading axes (ahead, left, up) in body axes.
-    axes: [V3<T>; 3],
-    gravity: V3<T>,
+    pub axes: [V3<T>; 3],
+    pub gravity: V3<T>,
 }
 
-/// One wheel's forces.
-#[derive(Clone, Copy)]
-struct WheelForces<T> {
-    centre: V3<T>,
-    /// Force on the wheel and its moment about the sprung centre of gravity, spin taken off.
-    force: V3<T>,
-    moment: V3<T>,
-    load: T,
-    deflection: T,
-    longitudinal: T,
-    lateral: T,
-    tangent: T,
-    ratio: T,
-    tangent_rate: T,
-    ratio_rate: T,
-    spin_rate: T,
-}
-
-#[inline]
-fn frame<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Frame<T> {
-    let [roll, pitch, _] = state.attitude_rad;
-    let (sr, cr) = roll.sin_cos();
-    let (sp, cp) = pitch.sin_cos();
+#[inline(always)]
+pub(super) fn frame<T: Scalar>(state: &State<T>, held: &Held<T>) -> Frame<T> {
+    let (sr, cr) = sin_cos(state.attitude_rad[0]);
+    let (sp, cp) = sin_cos(state.attitude_rad[1]);
     let axes = [
         [cp, sp * sr, sp * cr],
         [T::from(0.0), cr, -sr],
         [-sp, cp * sr, cp * cr],
     ];
-    let g = parameters.gravity_m_s2;
-    let level = T::NDERIV == 0 && inputs.bank_rad == 0.0 && inputs.grade_rad == 0.0;
-    let gravity = if level {
-        scale(axes[2], T::from(-g))
-    } else {
-        let (sb, cb) = inputs.bank_rad.sin_cos();
-        let (sg, cg) = inputs.grade_rad.sin_cos();
-        let ahead = scale(axes[0], sg * g);
-        let left = scale(axes[1], -sb * cg * g);
-        add(add(ahead, left), scale(axes[2], -cb * cg * g))
-    };
-    Frame { axes, gravity }
+    let [ahead, left, up] = held.gravity;
+    Frame {
+        roll: [sr, cr],
+        pitch: [sp, cp],
+        axes,
+        gravity: add(
+            add(scale(axes[0], ahead), scale(axes[1], left)),
+            scale(axes[2], up),
+        ),
+    }
 }
 
-#[inline]
-fn wheel<T: Scalar>(
+/// One wheel's forces.
+#[derive(Clone, Copy)]
+pub(super) struct WheelForces<T> {
+    /// Wheel centre from the sprung centre of gravity, m.
+    pub centre: V3<T>,
+    /// Force on the wheel and its moment about the sprung centre of gravity, spin taken off.
+    force: V3<T>,
+    moment: V3<T>,
+    pub load: T,
+    pub deflection: T,
+    /// Longitudinal and lateral force, contact frame.
+    pub contact: [T; 2],
+    /// Slips that the tyre sees, and their rates.
+    pub slips: [T; 2],
+    slip_rates: [T; 2],
+    spin_rate: T,
+}
+
+#[inline(always)]
+fn wheel<T: Scalar, F: Form>(
     parameters: &Parameters,
+    constants: &Constants,
+    tyres: &impl Tyres<T>,
     state: &State<T>,
-    inputs: &Inputs<T>,
+    held: &Held<T>,
     frame: &Frame<T>,
     i: usize,
 ) -> WheelForces<T> {
     let corner = &parameters.corners[i];
     let up = frame.axes[2];
-    let (sin, cos) = inputs.steer_rad[i].sin_cos();
+    let (sin, cos) = (held.sin[i], held.cos[i]);
     let spindle = [-sin, cos, T::from(0.0)];
-    let path = along(corner.path, state.jounce_m[i]);
-    let centre = add(corner.wheel_centre_m.map(T::from), path);
-    let travel = along(corner.path, state.jounce_rate_m_s[i]);
-    let velocity = add(
-        add(state.velocity_m_s, cross(state.rate_rad_s, centre)),
-        travel,
+    let centre = add(
+        corner.wheel_centre_m.map(T::from),
+        along(corner.path, state.jounce_m[i]),
     );
-    let height = state.position_m[2] + dot(up, centre) - inputs.road_m[i];
-    let lean = dot(spindle, up);
-    let upright = (-lean * lean + 1.0).sqrt();
-    let radius = height / upright;
+    let travel = along(corner.path, state.jounce_rate_m_s[i]);
+    let turning = state.rate_rad_s;
+    let velocity = add(add(state.velocity_m_s, cross(turning, centre)), travel);
+    let height = state.position_m[2] + dot(up, centre) - held.road[i];
+    let lean = up[1] * cos - up[0] * sin;
+    let upright = (-lean * lean + 1.0).sqrt().recip();
+    let radius = height * upright;
     let deflection = -radius + corner.unloaded_radius_m;
-    let closing = -(dot(up, velocity) - inputs.road_rate_m_s[i]) / upright;
+    let closing = -(dot(up, velocity) - held.road_rate[i]) * upright;
+    let pressed = (deflection * corner.vertical_stiffness_n_m
+        + closing * corner.vertical_damping_n_s_m)
+        .at_least(0.0);
     let load = if deflection > 0.0 {
-        (deflection * corner.vertical_stiffness_n_m + closing * corner.vertical_damping_n_s_m)
-            .at_least(0.0)
+        pressed
     } else {
         T::from(0.0)
     };
-    let ahead = scale(cross(spindle, up), upright.recip());
+    // Spindle x up, of unit length.
+    let ahead = scale(
+        [cos * up[2], sin * up[2], -sin * up[1] - cos * up[0]],
+        upright,
+    );
     let left = cross(up, ahead);
-    let reach = scale(sub(up, scale(spindle, lean)), radius / upright);
-    let contact = sub(centre, reach);
-    let sliding = dot(sub(velocity, cross(state.rate_rad_s, reach)), left);
+    let reach = scale(sub(up, scale(spindle, lean)), radius * upright);
+    let sliding = dot(sub(velocity, cross(turning, reach)), left);
     let rolling = dot(velocity, ahead);
-    let slip_speed = state.wheel_speed_rad_s[i] * corner.rolling_radius_m - rolling;
-    let length = corner.relaxation_length_m;
-    let (tangent, ratio, tangent_rate, ratio_rate) = if length > 0.0 {
+    let spin = state.wheel_speed_rad_s[i];
+    let slip_speed = spin * corner.rolling_radius_m - rolling;
+    let (slips, slip_rates) = if F::relaxes(corner.relaxation_length_m) {
         let (tangent, ratio) = (state.slip_tangent[i], state.slip_ratio[i]);
-        (
-            tangent,
-            ratio,
-            relaxed_rate(tangent, sliding, rolling, length),
-            relaxed_rate(ratio, slip_speed, rolling, length),
-        )
+        let (speed, inverse) = (rolling.magnitude(), constants.corners[i].inverse_length);
+        let rates = [
+            (sliding - speed * tangent) * inverse,
+            (slip_speed - speed * ratio) * inverse,
+        ];
+        ([tangent, ratio], rates)
     } else {
         let low = parameters.low_speed_m_s;
-        let zero = T::from(0.0);
-        (
+        let slips = [
             steady_slip(sliding, rolling, low),
             steady_slip(slip_speed, rolling, low),
-            zero,
-            zero,
-        )
+        ];
+        (slips, [T::from(0.0); 2])
     };
-    let forces = corner.tyre.forces(&Contact {
-        load_n: load,
-        slip_tangent: tangent,
-        slip_ratio: ratio,
-        camber_rad: lean,
-        friction_scale: inputs.friction_scale[i],
-        stiffness_scale: inputs.stiffness_scale[i],
-    });
-    let (x, y) = (forces.longitudinal_n, forces.lateral_n);
+    let [x, y, aligning] = tyres.force(i, load, slips[0], slips[1], lean);
     let force = add(scale(up, load), add(scale(ahead, x), scale(left, y)));
-    let spin = state.wheel_speed_rad_s[i];
     let turn = saturated(spin);
     let rolling_moment = load * turn * (-corner.rolling_resistance * corner.rolling_radius_m);
-    let torque = inputs.drive_n_m[i] - x * corner.rolling_radius_m + rolling_moment
-        - inputs.brake_n_m[i] * turn;
-    let spin_rate = torque / corner.spin_inertia_kg_m2;
-    let momentum = scale(spindle, spin * corner.spin_inertia_kg_m2);
-    let moment = add(cross(contact, force), scale(up, forces.aligning_n_m));
+    let torque =
+        held.drive[i] - x * corner.rolling_radius_m + rolling_moment - held.brake[i] * turn;
+    let moment = add(cross(sub(centre, reach), force), scale(up, aligning));
+    // The body takes what drives and brakes the wheel, and turns the wheel's spin momentum.
+    let momentum = spin * corner.spin_inertia_kg_m2;
+    let gyroscopic = [
+        -turning[2] * cos,
+        -turning[2] * sin,
+        turning[0] * cos + turning[1] * sin,
+    ];
     let spun = sub(
         scale(spindle, rolling_moment - torque),
-        cross(state.rate_rad_s, momentum),
+        scale(gyroscopic, momentum),
     );
     WheelForces {
         centre,
@@ -169,212 +278,250 @@ fn wheel<T: Scalar>(
         moment: add(moment, spun),
         load,
         deflection,
-        longitudinal: x,
-        lateral: y,
-        tangent,
-        ratio,
-        tangent_rate,
-        ratio_rate,
-        spin_rate,
+        contact: [x, y],
+        slips,
+        slip_rates,
+        spin_rate: torque * constants.corners[i].inverse_spin,
     }
 }
 
 /// Strut length, strut force, and force of strut and bar referred to jounce.
-#[inline]
+#[inline(always)]
 fn suspension<T: Scalar>(corner: &CornerParameters, state: &State<T>, i: usize) -> [T; 3] {
     let strut = &corner.strut;
-    let length = strut.length_m(state.jounce_m[i]);
-    let rate = -state.jounce_rate_m_s[i] * strut.motion_ratio;
-    let force = strut.force_n(length, rate);
-    let mut push = force * strut.motion_ratio;
-    if corner.bar_n_m != 0.0 {
-        push += (state.jounce_m[i] - state.jounce_m[i ^ 1]) * corner.bar_n_m;
-    }
+    let jounce = state.jounce_m[i];
+    let length = strut.length_m(jounce);
+    let ratio = strut.motion_ratio_at(jounce);
+    let force = strut.force_n(length, -state.jounce_rate_m_s[i] * ratio);
+    let push = force * ratio + (jounce - state.jounce_m[i ^ 1]) * corner.bar_n_m;
     [length, force, push]
 }
 
-/// The body's 6 x 6 system, grown wheel by wheel.
-struct System<T> {
-    matrix: [[T; 6]; 6],
-    right: [T; 6],
+/// What one wheel adds to the body's equations. With d = e/|e| and q = r x d:
+/// sum m_i P_i [r_i]x' and sum [r_i]x m_i P_i [r_i]x' need r, q and d only.
+struct Share<T> {
+    /// Upward to the body: force, and moment about its centre of gravity.
+    force: V3<T>,
+    moment: V3<T>,
+    /// m r, and q.
+    lever: V3<T>,
+    across: V3<T>,
+    /// omega x (omega x r) + 2 omega x e s'.
+    bias: V3<T>,
 }
 
-impl<T: Scalar> System<T> {
-    #[inline]
-    fn of_body(parameters: &Parameters, state: &State<T>, frame: &Frame<T>) -> Self {
+#[inline(always)]
+fn share<T: Scalar>(
+    corner: &CornerParameters,
+    constants: &CornerConstants,
+    state: &State<T>,
+    gravity: V3<T>,
+    forces: &WheelForces<T>,
+    push: T,
+    i: usize,
+) -> Share<T> {
+    let (e, d, m) = (corner.path, constants.direction, corner.mass_kg);
+    let (r, w) = (forces.centre, state.rate_rad_s);
+    let travel = along(e, state.jounce_rate_m_s[i] * 2.0);
+    let bias = cross(w, add(cross(w, r), travel));
+    let weight = scale(gravity, T::from(m));
+    let outer = add(forces.force, weight);
+    let guided = along(
+        e,
+        (push - dot_constant(e, outer)) * constants.inverse_square,
+    );
+    // m P bias
+    let inertial = scale(sub(bias, along(d, dot_constant(d, bias))), T::from(m));
+    let at_centre = sub(guided, inertial);
+    Share {
+        force: add(outer, at_centre),
+        moment: add(forces.moment, cross(r, add(weight, at_centre))),
+        lever: scale(r, T::from(m)),
+        across: cross(r, d.map(T::from)),
+        bias,
+    }
+}
+
+/// The body's equations, grown wheel by wheel.
+#[derive(Clone, Copy)]
+struct Body<T> {
+    force: V3<T>,
+    moment: V3<T>,
+    /// sum m r.
+    lever: V3<T>,
+    /// sum m q d', rows.
+    slanted: [V3<T>; 3],
+    /// Inertia about the sprung part's centre of gravity, wheels included where the paths hold
+    /// them.
+    inertia: Symmetric<T>,
+}
+
+impl<T: Scalar> Body<T> {
+    #[inline(always)]
+    fn new(parameters: &Parameters, state: &State<T>, gravity: V3<T>) -> Self {
         let p = parameters;
-        let zero = T::from(0.0);
-        let mut matrix = [[zero; 6]; 6];
-        let [x, y, z] = p.inertia_kg_m2;
+        let [ix, iy, iz] = p.inertia_kg_m2;
         let xz = p.inertia_xz_kg_m2;
-        for k in 0..3 {
-            matrix[k][k] = T::from(p.sprung_mass_kg);
-            matrix[3 + k][3 + k] = T::from(p.inertia_kg_m2[k]);
-        }
-        matrix[5][3] = T::from(-xz);
         let w = state.rate_rad_s;
-        let momentum = [w[0] * x - w[2] * xz, w[1] * y, w[2] * z - w[0] * xz];
-        let gyroscopic = cross(w, momentum);
-        let mut force = scale(frame.gravity, T::from(p.sprung_mass_kg));
-        if p.drag_n_s2_m2 != 0.0 {
-            let speed = state.velocity_m_s[0];
-            force[0] -= speed * speed.magnitude() * p.drag_n_s2_m2;
-        }
+        let spin = [w[0] * ix - w[2] * xz, w[1] * iy, w[2] * iz - w[0] * xz];
+        let [x, y, z] = scale(gravity, T::from(p.sprung_mass_kg));
+        let speed = state.velocity_m_s[0];
+        let zero = T::from(0.0);
         Self {
-            matrix,
-            right: [
-                force[0],
-                force[1],
-                force[2],
-                -gyroscopic[0],
-                -gyroscopic[1],
-                -gyroscopic[2],
+            force: [x - speed * speed.magnitude() * p.drag_n_s2_m2, y, z],
+            moment: cross(spin, w),
+            lever: [zero; 3],
+            slanted: [[zero; 3]; 3],
+            inertia: [
+                T::from(ix),
+                zero,
+                T::from(iy),
+                T::from(-xz),
+                zero,
+                T::from(iz),
             ],
         }
     }
 
-    /// Adds one wheel; gives omega x (omega x r) + 2 omega x e s'.
-    #[inline]
-    #[allow(clippy::needless_range_loop)]
-    fn add_wheel(
-        &mut self,
-        corner: &CornerParameters,
-        state: &State<T>,
-        frame: &Frame<T>,
-        forces: &WheelForces<T>,
-        push: T,
-        i: usize,
-    ) -> V3<T> {
-        let e = corner.path;
-        let square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
-        let m = corner.mass_kg;
-        let r = forces.centre;
-        let w = state.rate_rad_s;
-        let travel = along(e, state.jounce_rate_m_s[i] * 2.0);
-        let bias = cross(w, add(cross(w, r), travel));
-        // m P, constant and symmetric.
-        let projected: [[f64; 3]; 3] = std::array::from_fn(|a| {
-            std::array::from_fn(|b| m * (f64::from(u8::from(a == b)) - e[a] * e[b] / square))
-        });
-        let held = |v: V3<T>| -> V3<T> { std::array::from_fn(|a| dot_constant(projected[a], v)) };
-        // Columns of -m P [r]x are m P (axis x r).
+    #[inline(always)]
+    fn with(self, mass_kg: f64, direction: [f64; 3], centre: V3<T>, share: &Share<T>) -> Self {
+        let (r, q) = (centre, share.across);
+        let [mx, my, mz] = share.lever;
+        let [qx, qy, qz] = scale(q, T::from(mass_kg));
+        let (xx, yy, zz) = (mx * r[0], my * r[1], mz * r[2]);
+        let [ixx, iyx, iyy, izx, izy, izz] = self.inertia;
+        let [sx, sy, sz] = self.slanted;
+        Self {
+            force: add(self.force, share.force),
+            moment: add(self.moment, share.moment),
+            lever: add(self.lever, share.lever),
+            slanted: [
+                add(sx, along(direction, qx)),
+                add(sy, along(direction, qy)),
+                add(sz, along(direction, qz)),
+            ],
+            inertia: [
+                ixx + (yy + zz - qx * q[0]),
+                iyx - (my * r[0] + qy * q[0]),
+                iyy + (xx + zz - qy * q[1]),
+                izx - (mz * r[0] + qz * q[0]),
+                izy - (mz * r[1] + qz * q[1]),
+                izz + (xx + yy - qz * q[2]),
+            ],
+        }
+    }
+
+    /// (a_0, alpha): the force's equation solved for a_0 and put into the moment's.
+    #[inline(always)]
+    fn solve(&self, constants: &Constants) -> [V3<T>; 2] {
         let zero = T::from(0.0);
-        let turned = [
-            held([zero, -r[2], r[1]]),
-            held([r[2], zero, -r[0]]),
-            held([-r[1], r[0], zero]),
+        let [x, y, z] = self.lever;
+        // C = sum [r]x m P.
+        let c = [
+            sub([zero, -z, y], self.slanted[0]),
+            sub([z, zero, -x], self.slanted[1]),
+            sub([-y, x, zero], self.slanted[2]),
         ];
-        for b in 0..3 {
-            for a in b..3 {
-                self.matrix[a][b] += T::from(projected[a][b]);
-            }
-            // Lower left block: [r]x m P, the transpose of the upper right one.
-            for a in 0..3 {
-                self.matrix[3 + b][a] += turned[b][a];
-            }
-            let column = cross(r, turned[b]);
-            for a in b..3 {
-                self.matrix[3 + a][3 + b] += column[a];
-            }
-        }
-        let weight = scale(frame.gravity, T::from(m));
-        let outer = add(forces.force, weight);
-        let guided = along(e, (push - dot_constant(e, outer)) / square);
-        let inertial = held(bias);
-        let onto_body = sub(add(outer, guided), inertial);
-        let at_centre = sub(add(weight, guided), inertial);
-        let moment = add(forces.moment, cross(r, at_centre));
-        for k in 0..3 {
-            self.right[k] += onto_body[k];
-            self.right[3 + k] += moment[k];
-        }
-        bias
+        // G = C A^-1 with A the constant block of the force's equation.
+        let inverse = &constants.inverse_mass;
+        let times = |v: V3<T>| {
+            [
+                dot_constant(inverse[0], v),
+                dot_constant(inverse[1], v),
+                dot_constant(inverse[2], v),
+            ]
+        };
+        let g = [times(c[0]), times(c[1]), times(c[2])];
+        let [ixx, iyx, iyy, izx, izy, izz] = self.inertia;
+        let left = [
+            ixx - dot(g[0], c[0]),
+            iyx - dot(g[1], c[0]),
+            iyy - dot(g[1], c[1]),
+            izx - dot(g[2], c[0]),
+            izy - dot(g[2], c[1]),
+            izz - dot(g[2], c[2]),
+        ];
+        let f = self.force;
+        let right = sub(self.moment, [dot(g[0], f), dot(g[1], f), dot(g[2], f)]);
+        let turning = solve_symmetric(left, right);
+        let held = add(
+            add(scale(c[0], turning[0]), scale(c[1], turning[1])),
+            scale(c[2], turning[2]),
+        );
+        [times(sub(f, held)), turning]
     }
 }
 
 /// A solved instant.
-struct Solution<T> {
-    rate: State<T>,
-    wheels: [WheelForces<T>; 4],
-    struts: [[T; 3]; 4],
-    specific_force: V3<T>,
+pub(super) struct Solution<T> {
+    pub rate: State<T>,
+    pub wheels: [WheelForces<T>; 4],
+    pub struts: [[T; 3]; 4],
+    pub specific_force: V3<T>,
 }
 
-/// Rate of the state with loads, forces, slips and strut lengths.
-pub fn outputs<T: Scalar>(
+#[inline(always)]
+pub(super) fn solve<T: Scalar, F: Form>(
     parameters: &Parameters,
+    constants: &Constants,
+    tyres: &impl Tyres<T>,
     state: &State<T>,
-    inputs: &Inputs<T>,
-) -> Outputs<T> {
-    let Solution {
-        rate,
-        wheels,
-        struts,
-        specific_force,
-    } = solve(parameters, state, inputs);
-    Outputs {
-        rate,
-        load_n: wheels.map(|wheel| wheel.load),
-        deflection_m: wheels.map(|wheel| wheel.deflection),
-        longitudinal_n: wheels.map(|wheel| wheel.longitudinal),
-        lateral_n: wheels.map(|wheel| wheel.lateral),
-        slip_angle_rad: wheels.map(|wheel| wheel.tangent.atan()),
-        slip_ratio: wheels.map(|wheel| wheel.ratio),
-        strut_length_m: struts.map(|strut| strut[0]),
-        strut_force_n: struts.map(|strut| strut[1]),
-        specific_force_m_s2: specific_force,
-    }
-}
-
-#[inline]
-fn solve<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Solution<T> {
-    let frame = frame(parameters, state, inputs);
-    let mut system = System::of_body(parameters, state, &frame);
-    let wheels: [WheelForces<T>; 4] =
-        std::array::from_fn(|i| wheel(parameters, state, inputs, &frame, i));
-    let struts: [[T; 3]; 4] = std::array::from_fn(|i| suspension(&parameters.corners[i], state, i));
-    let bias: [V3<T>; 4] = std::array::from_fn(|i| {
-        let corner = &parameters.corners[i];
-        system.add_wheel(corner, state, &frame, &wheels[i], struts[i][2], i)
+    held: &Held<T>,
+) -> Solution<T> {
+    let frame = frame(state, held);
+    let wheels = each(|i| wheel::<T, F>(parameters, constants, tyres, state, held, &frame, i));
+    let struts = each(|i| suspension(&parameters.corners[i], state, i));
+    let shares = each(|i| {
+        let (corner, of_corner) = (&parameters.corners[i], &constants.corners[i]);
+        let push = struts[i][2];
+        share(corner, of_corner, state, frame.gravity, &wheels[i], push, i)
     });
-    let solved = solve_symmetric(system.matrix, system.right);
-    let acceleration = [solved[0], solved[1], solved[2]];
-    let turning = [solved[3], solved[4], solved[5]];
+    let with = |body: Body<T>, i: usize| {
+        let (mass_kg, direction) = (
+            parameters.corners[i].mass_kg,
+            constants.corners[i].direction,
+        );
+        body.with(mass_kg, direction, wheels[i].centre, &shares[i])
+    };
+    let body = Body::new(parameters, state, frame.gravity);
+    let body = with(with(with(with(body, 0), 1), 2), 3);
+    let [acceleration, turning] = body.solve(constants);
+    let jounce = each(|i| {
+        let corner = &parameters.corners[i];
+        let own = add(
+            add(acceleration, cross(turning, wheels[i].centre)),
+            shares[i].bias,
+        );
+        let weight = scale(sub(frame.gravity, own), T::from(corner.mass_kg));
+        let pull = add(wheels[i].force, weight);
+        (dot_constant(corner.path, pull) - struts[i][2]) * constants.corners[i].inverse_travel
+    });
     let mut rate = kinematics(state, &frame);
     rate.velocity_m_s = sub(acceleration, cross(state.rate_rad_s, state.velocity_m_s));
     rate.rate_rad_s = turning;
-    for i in 0..4 {
-        let corner = &parameters.corners[i];
-        let (e, m) = (corner.path, corner.mass_kg);
-        let square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
-        let own = add(add(acceleration, cross(turning, wheels[i].centre)), bias[i]);
-        let pull = add(wheels[i].force, scale(sub(frame.gravity, own), T::from(m)));
-        rate.jounce_rate_m_s[i] = (dot_constant(e, pull) - struts[i][2]) / (m * square);
-        rate.wheel_speed_rad_s[i] = wheels[i].spin_rate;
-        rate.slip_tangent[i] = wheels[i].tangent_rate;
-        rate.slip_ratio[i] = wheels[i].ratio_rate;
-    }
+    rate.jounce_rate_m_s = jounce;
+    rate.wheel_speed_rad_s = each(|i| wheels[i].spin_rate);
+    rate.slip_tangent = each(|i| wheels[i].slip_rates[0]);
+    rate.slip_ratio = each(|i| wheels[i].slip_rates[1]);
     Solution {
         rate,
+        specific_force: sub(acceleration, frame.gravity),
         wheels,
         struts,
-        specific_force: sub(acceleration, frame.gravity),
     }
 }
 
 /// Rates of place, attitude and jounce.
-#[inline]
+#[inline(always)]
 fn kinematics<T: Scalar>(state: &State<T>, frame: &Frame<T>) -> State<T> {
     let mut rate = State::zero();
-    let [roll, pitch, yaw] = state.attitude_rad;
+    let [[sr, cr], [sp, cp]] = [frame.roll, frame.pitch];
     let [p, q, r] = state.rate_rad_s;
-    let (sr, cr) = roll.sin_cos();
-    let (sp, cp) = pitch.sin_cos();
     let turn = (q * sr + r * cr) / cp;
     rate.attitude_rad = [p + turn * sp, q * cr - r * sr, turn];
     let ahead = dot(frame.axes[0], state.velocity_m_s);
     let left = dot(frame.axes[1], state.velocity_m_s);
-    let (sy, cy) = yaw.sin_cos();
+    let (sy, cy) = sin_cos(state.attitude_rad[2]);
     rate.position_m = [
         ahead * cy - left * sy,
         ahead * sy + left * cy,
@@ -382,72 +529,4 @@ fn kinematics<T: Scalar>(state: &State<T>, frame: &Frame<T>) -> State<T> {
     ];
     rate.jounce_m = state.jounce_rate_m_s;
     rate
-}
-
-/// Rate of the state.
-#[inline]
-pub fn derivative<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-) -> State<T> {
-    solve(parameters, state, inputs).rate
-}
-
-/// Numbers whose signs tell contact, wheel by wheel: how far the tyres are pressed in, how far the
-/// struts are past their droop stops, and past their bump stops, m.
-#[must_use]
-pub fn guards(parameters: &Parameters, state: &State<f64>, inputs: &Inputs<f64>) -> [f64; 12] {
-    let frame = frame(parameters, state, inputs);
-    let up = frame.axes[2];
-    let mut guards = [0.0; 12];
-    for (i, corner) in parameters.corners.iter().enumerate() {
-        let centre = add(corner.wheel_centre_m, along(corner.path, state.jounce_m[i]));
-        let (sin, cos) = inputs.steer_rad[i].sin_cos();
-        let lean = up[1] * cos - up[0] * sin;
-        let height = state.position_m[2] + dot(up, centre) - inputs.road_m[i];
-        let length = corner.strut.length_m(state.jounce_m[i]);
-        guards[i] = corner.unloaded_radius_m - height / (1.0 - lean * lean).sqrt();
-        guards[4 + i] = length - corner.strut.strut.droop_stop_length_m;
-        guards[8 + i] = corner.strut.strut.bump_stop_length_m - length;
-    }
-    guards
-}
-
-/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
-#[inline]
-pub fn step<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    State::from_array(rk4(&state.to_array(), step_s, |x| {
-        derivative(parameters, &State::from_array(*x), inputs).to_array()
-    }))
-}
-
-/// Exact Jacobian of the rate by the state, by dual numbers.
-#[must_use]
-pub fn jacobian(
-    parameters: &Parameters,
-    state: &State<f64>,
-    inputs: &Inputs<f64>,
-) -> SMatrix<f64, STATES, STATES> {
-    let lift = |values: [f64; 4]| values.map(DualSVec64::<STATES>::from);
-    let inputs = Inputs {
-        steer_rad: lift(inputs.steer_rad),
-        drive_n_m: lift(inputs.drive_n_m),
-        brake_n_m: lift(inputs.brake_n_m),
-        road_m: lift(inputs.road_m),
-        road_rate_m_s: lift(inputs.road_rate_m_s),
-        bank_rad: inputs.bank_rad.into(),
-        grade_rad: inputs.grade_rad.into(),
-        friction_scale: lift(inputs.friction_scale),
-        stiffness_scale: lift(inputs.stiffness_scale),
-    };
-    let rate = |x: SVector<_, STATES>| {
-        derivative(parameters, &State::from_vector(&x), &inputs).to_vector()
-    };
-    num_dual::jacobian(rate, &state.to_vector()).1
 }

@@ -1,3 +1,4 @@
+use nalgebra::{Matrix2, Vector2};
 use sample::Wheel;
 
 use crate::suspension::Corner;
@@ -5,40 +6,53 @@ use crate::tyre::Tyre;
 use crate::vehicle::{Axle, Sprung, Strut, Vehicle};
 use crate::{Error, Scalar};
 
+/// Strut lengths between the stops through which the motion ratio's curve is laid.
+const SLOPE_POINTS: u32 = 20;
+
 /// Spring, damper and stops of one corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StrutParameters {
     /// The strut.
     pub strut: Strut,
-    /// Strut travel for one metre of jounce in the design position.
+    /// Strut travel for one metre of jounce s in the design position, r_0.
     pub motion_ratio: f64,
+    /// How the motion ratio changes with jounce, r = r_0 + r_1 s + r_2 s^2: r_1 in 1/m, r_2 in
+    /// 1/m^2. Zero where the vehicle has no hard-points to tell.
+    pub motion_ratio_slope: [f64; 2],
 }
 
 impl StrutParameters {
-    /// Length of the strut at a jounce, m.
-    #[inline]
+    /// Strut travel for one metre of jounce, at a jounce.
+    #[inline(always)]
+    pub fn motion_ratio_at<T: Scalar>(&self, jounce_m: T) -> T {
+        let [one, two] = self.motion_ratio_slope;
+        (jounce_m * two + one) * jounce_m + self.motion_ratio
+    }
+
+    /// Length of the strut at a jounce, m: the integral of the motion ratio, so that force and
+    /// travel do the same work at both ends.
+    #[inline(always)]
     pub fn length_m<T: Scalar>(&self, jounce_m: T) -> T {
-        -jounce_m * self.motion_ratio + self.strut.design_length_m
+        let [one, two] = self.motion_ratio_slope;
+        let mean = (jounce_m * (two / 3.0) + one / 2.0) * jounce_m + self.motion_ratio;
+        -jounce_m * mean + self.strut.design_length_m
     }
 
     /// Force along the strut, N, pushing its ends apart: coil, damper and stops that push only,
     /// as [`Strut::force`](crate::vehicle::Strut::force).
-    #[inline]
+    #[inline(always)]
     pub fn force_n<T: Scalar>(&self, length_m: T, rate_m_s: T) -> T {
         let strut = &self.strut;
         let smooth = -(length_m - strut.free_length_m) * strut.stiffness_n_m
             - rate_m_s * strut.damping_n_s_m;
-        let droop = length_m - strut.droop_stop_length_m;
-        if droop > 0.0 {
-            let push = droop * strut.stop_stiffness_n_m + rate_m_s * strut.stop_damping_n_s_m;
-            return smooth - push.at_least(0.0);
-        }
-        let bump = -length_m + strut.bump_stop_length_m;
-        if bump > 0.0 {
-            let push = bump * strut.stop_stiffness_n_m - rate_m_s * strut.stop_damping_n_s_m;
-            return smooth + push.at_least(0.0);
-        }
-        smooth
+        let (stiffness, damping) = (strut.stop_stiffness_n_m, strut.stop_damping_n_s_m);
+        let push = |past: T, rate: T| {
+            let force = (past * stiffness + rate * damping).at_least(0.0);
+            if past > 0.0 { force } else { T::from(0.0) }
+        };
+        let droop = push(length_m - strut.droop_stop_length_m, rate_m_s);
+        let bump = push(-length_m + strut.bump_stop_length_m, -rate_m_s);
+        smooth - droop + bump
     }
 }
 
@@ -193,12 +207,14 @@ fn corner(
         1.0,
     ];
     let mut ratio = strut.motion_ratio;
+    let mut slope = [0.0; 2];
     if let Ok(linkage) = Corner::of(vehicle, wheel) {
         let pose = linkage
             .pose(linkage.design_strut_length_m(), 0.0)
             .map_err(|_| missing("wishbone that assembles"))?;
         let rates = linkage.rates(&pose);
         ratio = Some(rates.motion_ratio());
+        slope = motion_ratio_slope(&linkage, strut, rates.motion_ratio(), pose.wheel_centre_m.z);
         centre = pose.wheel_centre_m.into();
         let mut contact = pose.wheel_centre_m;
         contact.z = 0.0;
@@ -218,6 +234,7 @@ fn corner(
         strut: StrutParameters {
             strut: strut.clone(),
             motion_ratio,
+            motion_ratio_slope: slope,
         },
         bar_n_m: axle.anti_roll_bar_n_m_rad / axle.track_m.powi(2),
         tyre: Tyre::from_vehicle(tyre),
@@ -228,4 +245,30 @@ fn corner(
         relaxation_length_m: tyre.relaxation_length_m,
         rolling_resistance: tyre.rolling_resistance,
     })
+}
+
+/// Least squares of the strut's length over its travel, r_0 given:
+/// l_0 - l - r_0 s = r_1 s^2/2 + r_2 s^3/3.
+fn motion_ratio_slope(
+    linkage: &Corner,
+    strut: &Strut,
+    ratio: f64,
+    design_height_m: f64,
+) -> [f64; 2] {
+    let travel = strut.droop_stop_length_m - strut.bump_stop_length_m;
+    let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    for k in 0..=SLOPE_POINTS {
+        let length = strut.bump_stop_length_m + travel * f64::from(k) / f64::from(SLOPE_POINTS);
+        let Ok(pose) = linkage.pose(length, 0.0) else {
+            continue;
+        };
+        let s = pose.wheel_centre_m.z - design_height_m;
+        let left = linkage.design_strut_length_m() - length - ratio * s;
+        let row = Vector2::new(s * s / 2.0, s * s * s / 3.0);
+        normal += row * row.transpose();
+        right += row * left;
+    }
+    normal
+        .cholesky()
+        .map_or([0.0; 2], |factors| factors.solve(&right).into())
 }

@@ -5,6 +5,9 @@ use crate::Scalar;
 /// Number of states.
 pub const STATES: usize = 32;
 
+/// Number of inputs.
+pub const INPUTS: usize = 30;
+
 /// State of the 14-degree-of-freedom model. Wheels in the order of [`sample::Wheel::ALL`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<T> {
@@ -37,38 +40,26 @@ impl<T: Scalar> State<T> {
     }
 
     /// The numbers in order of the fields.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn to_array(&self) -> [T; STATES] {
-        let mut all = [T::from(0.0); STATES];
-        for (k, part) in [
-            self.position_m,
-            self.attitude_rad,
-            self.velocity_m_s,
-            self.rate_rad_s,
+        let [x, y, z] = self.position_m;
+        let [roll, pitch, yaw] = self.attitude_rad;
+        let [u, v, w] = self.velocity_m_s;
+        let [p, q, r] = self.rate_rad_s;
+        let [j0, j1, j2, j3] = self.jounce_m;
+        let [d0, d1, d2, d3] = self.jounce_rate_m_s;
+        let [w0, w1, w2, w3] = self.wheel_speed_rad_s;
+        let [s0, s1, s2, s3] = self.slip_tangent;
+        let [k0, k1, k2, k3] = self.slip_ratio;
+        [
+            x, y, z, roll, pitch, yaw, u, v, w, p, q, r, j0, j1, j2, j3, d0, d1, d2, d3, w0, w1,
+            w2, w3, s0, s1, s2, s3, k0, k1, k2, k3,
         ]
-        .iter()
-        .enumerate()
-        {
-            all[3 * k..3 * k + 3].copy_from_slice(part);
-        }
-        for (k, part) in [
-            self.jounce_m,
-            self.jounce_rate_m_s,
-            self.wheel_speed_rad_s,
-            self.slip_tangent,
-            self.slip_ratio,
-        ]
-        .iter()
-        .enumerate()
-        {
-            all[12 + 4 * k..16 + 4 * k].copy_from_slice(part);
-        }
-        all
     }
 
     /// The state from numbers in order of the fields.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn from_array(x: [T; STATES]) -> Self {
         let three = |k: usize| [x[k], x[k + 1], x[k + 2]];
@@ -160,5 +151,43 @@ impl<T: Scalar> Inputs<T> {
         inputs.steer_rad[0] = front_rad;
         inputs.steer_rad[1] = front_rad;
         inputs
+    }
+}
+
+impl Inputs<f64> {
+    /// The numbers in order of the fields.
+    #[must_use]
+    pub fn to_array(&self) -> [f64; INPUTS] {
+        let mut all = [0.0; INPUTS];
+        let lists = [
+            self.steer_rad,
+            self.drive_n_m,
+            self.brake_n_m,
+            self.road_m,
+            self.road_rate_m_s,
+        ];
+        all[..20].copy_from_slice(lists.as_flattened());
+        all[20] = self.bank_rad;
+        all[21] = self.grade_rad;
+        let lists = [self.friction_scale, self.stiffness_scale];
+        all[22..].copy_from_slice(lists.as_flattened());
+        all
+    }
+
+    /// Inputs from numbers in order of the fields.
+    #[must_use]
+    pub fn from_array(x: &[f64; INPUTS]) -> Self {
+        let four = |first: usize| [x[first], x[first + 1], x[first + 2], x[first + 3]];
+        Self {
+            steer_rad: four(0),
+            drive_n_m: four(4),
+            brake_n_m: four(8),
+            road_m: four(12),
+            road_rate_m_s: four(16),
+            bank_rad: x[20],
+            grade_rad: x[21],
+            friction_scale: four(22),
+            stiffness_scale: four(26),
+        }
     }
 }

@@ -194,8 +194,8 @@ proptest! {
             let contact = sub(r, scale(sub(up, scale(spindle, up[1])), radius / upright));
             let push = add(scale(up, out.load_n[i]), add(scale(ahead, out.longitudinal_n[i]), scale(left, out.lateral_n[i])));
             outer = add(outer, push);
-            let spin = state.wheel_speed_rad_s[i] / 0.15;
-            let rolling = -corner.rolling_resistance * corner.rolling_radius_m * out.load_n[i] * spin / (1.0 + spin * spin).sqrt();
+            let turn = crate::tyre::saturated(state.wheel_speed_rad_s[i]);
+            let rolling = -corner.rolling_resistance * corner.rolling_radius_m * out.load_n[i] * turn;
             outer_moment = add(outer_moment, add(cross(contact, push), scale(spindle, rolling)));
             outer_moment = add(outer_moment, cross(r, scale(up, -corner.mass_kg * p.gravity_m_s2)));
         }

@@ -14,6 +14,15 @@ macro_rules! coefficients {
                 Self { $($field: $value),* }
             }
         }
+
+        impl $name {
+            fn named(&mut self, name: &str) -> Option<&mut f64> {
+                match name {
+                    $(stringify!($field) => Some(&mut self.$field),)*
+                    _ => None,
+                }
+            }
+        }
     };
 }
 
@@ -62,6 +71,9 @@ coefficients! {
 /// Dynamics, 2nd edition, section 4.3.2). Its axes are ISO 8855's: P_KY1 < 0 makes a positive slip
 /// angle give a negative force.
 ///
+/// All scaling factors are 1, and F_y' = F_y - S_Vyk in the aligning moment is taken at the wheel's
+/// own camber, as the 2nd edition has it (later ones take it upright).
+///
 /// The default coefficients are of the size of a passenger car's 205/60 R15; give a property
 /// file's own for work that depends on them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,6 +102,23 @@ impl Default for MagicFormula52 {
             combined: Combined52::default(),
             aligning: Aligning52::default(),
         }
+    }
+}
+
+impl MagicFormula52 {
+    /// The coefficient of a name in lower case, as property files have it (`pcx1`, `qhz4`); also
+    /// `fnomin`, N, and `unloaded_radius`, m. `None` where there is none of that name.
+    pub fn coefficient_mut(&mut self, name: &str) -> Option<&mut f64> {
+        match name {
+            "fnomin" => return Some(&mut self.nominal_load_n),
+            "unloaded_radius" => return Some(&mut self.radius_m),
+            _ => {}
+        }
+        self.longitudinal
+            .named(name)
+            .or_else(|| self.lateral.named(name))
+            .or_else(|| self.combined.named(name))
+            .or_else(|| self.aligning.named(name))
     }
 }
 
@@ -230,8 +259,8 @@ impl MagicFormula52 {
                 square.sqrt().atan() * slip.sign()
             }
         };
-        let trail_slip =
-            equivalent(angle + excess * c.qhz2 + (excess * c.qhz4 + c.qhz3) * camber + c.qhz1);
+        let own_slip = angle + excess * c.qhz2 + (excess * c.qhz4 + c.qhz3) * camber + c.qhz1;
+        let trail_slip = equivalent(own_slip);
         let residual_slip = equivalent(angle + side.shift + side.lift / side.stiffness);
         let cos = angle.cos();
         let b = (excess * (excess * c.qbz3 + c.qbz2) + c.qbz1)
@@ -240,7 +269,8 @@ impl MagicFormula52 {
             * (excess * c.qdz2 + c.qdz1)
             * (camber * (camber * c.qdz4 + c.qdz3) + 1.0)
             * (self.radius_m / self.nominal_load_n);
-        let turn = (b * trail_slip * c.qcz1).atan() * std::f64::consts::FRAC_2_PI;
+        // The curvature keeps to the slip angle: only the cosine takes the equivalent one.
+        let turn = (b * own_slip * c.qcz1).atan() * std::f64::consts::FRAC_2_PI;
         let e = (excess * (excess * c.qez3 + c.qez2) + c.qez1)
             * ((camber * c.qez5 + c.qez4) * turn + 1.0);
         let trail = cosine(b, c.qcz1, d, e, trail_slip) * cos;
@@ -278,6 +308,66 @@ mod tests {
         (c.rhx1, c.rhy1, c.rby3, c.rvy1, c.rvy2, c.ssz1) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         (z.qhz1, z.qhz2, z.qdz6) = (0.0, 0.0, 0.0);
         tyre
+    }
+
+    /// Computed by an independent program (Python, written after the published equations and
+    /// compared line by line with a public implementation) from the default coefficients.
+    #[test]
+    fn forces_and_moment_meet_an_independent_calculation() {
+        let cases: [([f64; 4], [f64; 3]); 5] = [
+            (
+                [4000.0, 0.07, 0.0, 0.0],
+                [-116.575_376, -2697.833_03, 49.519_811],
+            ),
+            (
+                [2000.0, -0.12, 0.0, 0.03],
+                [-58.598_727, 2013.897_672, -20.958_879],
+            ),
+            (
+                [6000.0, 0.05, -0.08, 0.0],
+                [-5818.331_265, -2422.466_66, -70.431_763],
+            ),
+            (
+                [3000.0, -0.15, 0.1, -0.04],
+                [1991.597_476, 2730.278_528, 3.037_548],
+            ),
+            (
+                [5000.0, 0.2, -0.5, 0.05],
+                [-4173.232_007, -1478.072_32, -114.182_12],
+            ),
+        ];
+        let tyre = Tyre::MagicFormula52(Box::default());
+        for ([load, angle, slip, camber_rad], expected) in cases {
+            let forces = tyre.forces(&Contact {
+                camber_rad,
+                ..Contact::combined(load, angle, slip)
+            });
+            let found = [forces.longitudinal_n, forces.lateral_n, forces.aligning_n_m];
+            for (value, expected) in found.into_iter().zip(expected) {
+                assert!(
+                    (value - expected).abs() < 1e-5,
+                    "{load} {angle} {slip} {camber_rad}: {found:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn every_coefficient_has_its_name() {
+        let mut tyre = MagicFormula52::default();
+        for name in [
+            "pcx1",
+            "pdy3",
+            "rvy6",
+            "ssz4",
+            "qhz4",
+            "fnomin",
+            "unloaded_radius",
+        ] {
+            *tyre.coefficient_mut(name).unwrap() = 7.5;
+        }
+        assert_eq!((tyre.aligning.qhz4, tyre.nominal_load_n), (7.5, 7.5));
+        assert!(tyre.coefficient_mut("pky9").is_none());
     }
 
     #[test]

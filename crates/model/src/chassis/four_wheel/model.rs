@@ -1,0 +1,219 @@
+//! What the four-wheel model is asked for.
+
+use nalgebra::{SMatrix, SVector};
+use num_dual::DualSVec64;
+
+use super::contacts::{AnyContacts, BrushTyres};
+use super::dynamics::{Constants, Held, Solution, Wheels, rate, solve, wheels};
+use super::{Inputs, Parameters, STATES, State};
+use crate::Scalar;
+use crate::chassis::form::{Form, Immediate, Mixed, Relaxing};
+use crate::integrate::rk4;
+use crate::tyre::Brush;
+
+/// What the model tells besides the derivative.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outputs<T> {
+    /// Rate of the state.
+    pub rate: State<T>,
+    /// Normal loads, N.
+    pub load_n: [T; 4],
+    /// Longitudinal tyre forces, wheel frame, N.
+    pub longitudinal_n: [T; 4],
+    /// Lateral tyre forces, wheel frame, N.
+    pub lateral_n: [T; 4],
+    /// Aligning moments, N m.
+    pub aligning_n_m: [T; 4],
+    /// Slip angles of the tyres, rad (relaxed where they relax).
+    pub slip_angle_rad: [T; 4],
+    /// Longitudinal slips of the tyres (relaxed where they relax).
+    pub slip_ratio: [T; 4],
+    /// Acceleration u' - v r of the centre of gravity, body axes, m/s^2.
+    pub longitudinal_m_s2: T,
+    /// Acceleration v' + u r of the centre of gravity, body axes, m/s^2.
+    pub lateral_m_s2: T,
+}
+
+/// Brush tyres of both axles and whether their stiffnesses grow with the load, where both axles
+/// have such tyres.
+pub(super) fn brushes(parameters: &Parameters) -> Option<([Brush; 2], bool)> {
+    let (front, grows) = Brush::of(&parameters.front.tyre)?;
+    let (rear, grows_too) = Brush::of(&parameters.rear.tyre)?;
+    (grows == grows_too).then_some(([front, rear], grows))
+}
+
+/// The form that both axles share, if they do.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shared {
+    Relaxing,
+    Immediate,
+    Mixed,
+}
+
+pub(super) fn shared_form(p: &Parameters) -> Shared {
+    if p.front.roll_steer != 0.0 || p.rear.roll_steer != 0.0 || p.load_passes != 2 {
+        return Shared::Mixed;
+    }
+    match [&p.front, &p.rear].map(|axle| axle.relaxation_length_m > 0.0) {
+        [true, true] => Shared::Relaxing,
+        [false, false] => Shared::Immediate,
+        _ => Shared::Mixed,
+    }
+}
+
+/// Rate of the state with brush tyres.
+#[inline(always)]
+pub(super) fn brush_rate<T: Scalar, F: Form, const GROWS: bool>(
+    parameters: &Parameters,
+    constants: &Constants,
+    held: &Held<T>,
+    tyres: &BrushTyres<T>,
+    state: &State<T>,
+) -> State<T> {
+    let wheels = wheels::<T, F>(constants, state, held);
+    let contacts = tyres.at::<GROWS>(parameters, &wheels);
+    let solution = solve::<T, F>(constants, state, held, &contacts);
+    rate::<T, F>(constants, state, held, &wheels, &solution)
+}
+
+/// All of one instant, with tyres of any kind and axles of any form.
+fn instant<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+) -> (Wheels<T>, Solution<T>, State<T>) {
+    let constants = Constants::of(parameters);
+    let held = Held::of(parameters, inputs);
+    let wheels = wheels::<T, Mixed>(&constants, state, &held);
+    let solution = match brushes(parameters) {
+        Some((axles, grows)) => {
+            let tyres = BrushTyres::new(axles, inputs);
+            if grows {
+                let contacts = tyres.at::<true>(parameters, &wheels);
+                solve::<T, Mixed>(&constants, state, &held, &contacts)
+            } else {
+                let contacts = tyres.at::<false>(parameters, &wheels);
+                solve::<T, Mixed>(&constants, state, &held, &contacts)
+            }
+        }
+        None => {
+            let contacts = AnyContacts::new(parameters, inputs, &wheels);
+            solve::<T, Mixed>(&constants, state, &held, &contacts)
+        }
+    };
+    let rate = rate::<T, Mixed>(&constants, state, &held, &wheels, &solution);
+    (wheels, solution, rate)
+}
+
+/// Rate of the state.
+pub fn derivative<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+) -> State<T> {
+    instant(parameters, state, inputs).2
+}
+
+/// Rate of the state with loads, forces, slips and accelerations.
+pub fn outputs<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+) -> Outputs<T> {
+    let (wheels, solution, rate) = instant(parameters, state, inputs);
+    let force = |part: usize| solution.forces.map(|force| force.wheel[part]);
+    Outputs {
+        rate,
+        load_n: solution.load,
+        longitudinal_n: force(0),
+        lateral_n: force(1),
+        aligning_n_m: force(2),
+        slip_angle_rad: wheels.tangent.map(|tangent| tangent.atan()),
+        slip_ratio: wheels.ratio,
+        longitudinal_m_s2: rate.longitudinal_m_s - state.lateral_m_s * state.yaw_rate_rad_s,
+        lateral_m_s2: rate.lateral_m_s + state.longitudinal_m_s * state.yaw_rate_rad_s,
+    }
+}
+
+/// Tyre forces (F_x, F_y, F_z) of each wheel, wheel frame, N.
+pub fn tyre_forces<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+) -> [[T; 3]; 4] {
+    let (_, solution, _) = instant(parameters, state, inputs);
+    std::array::from_fn(|i| {
+        let [x, y, _] = solution.forces[i].wheel;
+        [x, y, solution.load[i]]
+    })
+}
+
+/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
+pub fn step<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+    step_s: f64,
+) -> State<T> {
+    match (shared_form(parameters), brushes(parameters)) {
+        (Shared::Relaxing, Some((axles, true))) => {
+            brush_step::<T, Relaxing, true>(parameters, axles, state, inputs, step_s)
+        }
+        (Shared::Immediate, Some((axles, false))) => {
+            brush_step::<T, Immediate, false>(parameters, axles, state, inputs, step_s)
+        }
+        _ => any_step(parameters, state, inputs, step_s),
+    }
+}
+
+#[inline]
+fn brush_step<T: Scalar, F: Form, const GROWS: bool>(
+    parameters: &Parameters,
+    axles: [Brush; 2],
+    state: &State<T>,
+    inputs: &Inputs<T>,
+    step_s: f64,
+) -> State<T> {
+    let constants = Constants::of(parameters);
+    let held = Held::of(parameters, inputs);
+    let tyres = BrushTyres::new(axles, inputs);
+    State::from_array(rk4(&state.to_array(), step_s, |x| {
+        let state = State::from_array(*x);
+        brush_rate::<T, F, GROWS>(parameters, &constants, &held, &tyres, &state).to_array()
+    }))
+}
+
+fn any_step<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    inputs: &Inputs<T>,
+    step_s: f64,
+) -> State<T> {
+    State::from_array(rk4(&state.to_array(), step_s, |x| {
+        derivative(parameters, &State::from_array(*x), inputs).to_array()
+    }))
+}
+
+/// Exact Jacobian of the rate by the state, by dual numbers: row i, column j is
+/// d(rate_i)/d(state_j).
+#[must_use]
+pub fn jacobian(
+    parameters: &Parameters,
+    state: &State<f64>,
+    inputs: &Inputs<f64>,
+) -> SMatrix<f64, STATES, STATES> {
+    let lift = |values: [f64; 4]| values.map(DualSVec64::<STATES>::from);
+    let inputs = Inputs {
+        steer_rad: lift(inputs.steer_rad),
+        drive_n_m: lift(inputs.drive_n_m),
+        brake_n_m: lift(inputs.brake_n_m),
+        bank_rad: inputs.bank_rad.into(),
+        grade_rad: inputs.grade_rad.into(),
+        friction_scale: lift(inputs.friction_scale),
+        stiffness_scale: lift(inputs.stiffness_scale),
+    };
+    let rate = |x: SVector<_, STATES>| {
+        derivative(parameters, &State::from_vector(&x), &inputs).to_vector()
+    };
+    num_dual::jacobian(rate, &state.to_vector()).1
+}
