@@ -43,7 +43,7 @@ fn asks_for_nothing(what: &str, mut work: impl FnMut()) {
 }
 
 fn tyres() -> Vec<(&'static str, Tyre)> {
-    let vehicle = Vehicle::builtin("prowler").unwrap();
+    let vehicle = Vehicle::builtin("prowler").expect("it ships with the crate");
     let physical = |law| Tyre::Physical(Physical::from_vehicle(&vehicle.front.tyre, law));
     vec![
         ("brush", physical(Law::Brush)),
