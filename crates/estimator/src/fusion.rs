@@ -76,6 +76,9 @@ const SURPRISE_N_S: f64 = 4.0e3;
 /// Speed from which a body stands on its tyres alone, m/s.
 const ALONE_M_S: f64 = 1.0;
 
+/// Density of the noise of the forces' rates while a corner's strain is missing, (N/s)^2/s.
+const BLIND_DENSITY: f64 = 6.0e3 * 6.0e3;
+
 /// Steps after a start in which the corners alone find their forces, all of their readings
 /// believed: the balance of all would mislead a vehicle that stands on jacks.
 const SETTLING_STEPS: u32 = 50;
@@ -93,6 +96,7 @@ pub struct Fusion {
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
+    blind: bool,
     steps: u32,
     resets: u32,
 }
@@ -175,6 +179,7 @@ impl Fusion {
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
+            blind: false,
             steps: 0,
             resets: 0,
         };
@@ -241,6 +246,7 @@ impl Fusion {
         let before = self.rates();
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
+        self.blind = false;
         for wheel in 0..4 {
             self.take_corner(input, wheel, &mut readings.0[wheel], changes);
         }
@@ -352,7 +358,12 @@ impl Fusion {
         let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
         let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
         for i in 0..12 {
-            let q = self.agility.density(i % 3);
+            // What the vehicle model guesses teaches nothing of how fast the forces change.
+            let q = if self.blind {
+                BLIND_DENSITY
+            } else {
+                self.agility.density(i % 3)
+            };
             c.add_noise_pair(FORCE + i, RATE + i, q, dt);
             c.add_noise(
                 MOMENT + i,

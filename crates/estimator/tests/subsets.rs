@@ -123,7 +123,7 @@ const CASES: [Case; 9] = [
         name: "no deflection",
         ignore: &[Input::Deflection],
         spoil: |_, _| {},
-        force_max: [5.0, 7.0, 9.0],
+        force_max: [8.0, 7.5, 10.0],
         sideslip_max: 0.2,
     },
     Case {
@@ -164,7 +164,7 @@ const CASES: [Case; 9] = [
                 corner.deflection_counts = Some(520);
             }
         },
-        force_max: [4.0, 5.0, 9.0],
+        force_max: [6.0, 7.0, 10.0],
         sideslip_max: 0.2,
     },
     Case {
@@ -178,7 +178,7 @@ const CASES: [Case; 9] = [
                 corner.deflection_counts = corner.deflection_counts.map(|n| (n + 60).min(1022));
             }
         },
-        force_max: [4.0, 5.0, 9.0],
+        force_max: [6.0, 7.0, 10.0],
         sideslip_max: 0.2,
     },
 ];
@@ -267,5 +267,69 @@ fn a_workshops_parameters_are_good_enough() {
                 assert!(*error <= most, "{name} {force:?}");
             }
         }
+    }
+}
+
+/// The prior of the tyres' stiffness may be wrong by a third, and the hand wheel's zero by two
+/// degrees at the road wheels: forces, slip angles and the change of surface stay right.
+#[test]
+fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {
+    if run::directory().is_none() {
+        return;
+    }
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let truth = run::vehicle();
+    let run = Run::load("d_sine_mu");
+    let samples = sensing::samples(&run, &truth, &sensors, 1);
+    let offset_rad = 2.0_f64.to_radians() * truth.steering.ratio;
+    for (factor, offset_rad) in [(0.7, 0.0), (1.3, 0.0), (1.0, offset_rad)] {
+        let mut vehicle = truth.clone();
+        for axle in [&mut vehicle.front, &mut vehicle.rear] {
+            axle.tyre.cornering_stiffness_n_rad *= factor;
+        }
+        let mut samples: Vec<Sample> = samples.clone();
+        for sample in &mut samples {
+            if let Measurement::Steer(steer) = &mut sample.measurement {
+                steer.hand_wheel_rad -= offset_rad;
+            }
+        }
+        let calibration = Calibration::nominal(&vehicle.name);
+        let settings = Settings::default();
+        let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
+        let force = force_errors(&run, &truth, &result);
+        let last = result.estimates.len() - 1;
+        let first = &result.estimates[150];
+        let first_deg = (first.motion.steer_rad[Wheel::FrontLeft]
+            - run.column("FL_steer")[judge::row(first)])
+        .to_degrees();
+        let steer_deg: f64 = result.estimates[last / 2..]
+            .iter()
+            .map(|estimate| {
+                let row = judge::row(estimate).min(run.rows - 1);
+                (estimate.motion.steer_rad[Wheel::FrontLeft] - run.column("FL_steer")[row])
+                    .to_degrees()
+            })
+            .sum::<f64>()
+            / (last - last / 2 + 1) as f64;
+        eprintln!(
+            "stiffness x {factor}, hand wheel {offset_rad:.2} rad: {force:.2?} %, steer off by {first_deg:.2} deg, later {steer_deg:.3}"
+        );
+        for event in &result.events {
+            eprintln!(
+                "    {:.2} s {}",
+                event.time.seconds_since(sensing::START),
+                event.text
+            );
+        }
+        assert!(
+            force[0] <= 1.6 && force[1] <= 1.6 && force[2] <= 1.5,
+            "{force:?}"
+        );
+        assert!(steer_deg.abs() <= 0.5, "{steer_deg}");
+        let change = result.events.iter().find_map(|event| {
+            matches!(event.kind, EventKind::SurfaceChange(_))
+                .then(|| event.time.seconds_since(sensing::START))
+        });
+        assert!((24.0..25.0).contains(&change.unwrap()), "{change:?}");
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use sample::LogTime;
 
 /// Jerk of a strut, (m/s^3)/sqrt(Hz).
-const JERK: f64 = 18.0;
+const JERK: f64 = 14.0;
 /// Innovation, standard deviations, beyond which a reading is left out.
 const GATE: f64 = 8.0;
 /// Readings left out in a row after which the filter, not the potentiometer, is taken to be wrong.

@@ -12,7 +12,7 @@
 
 /// Density at the start, and its bounds, (N/s)^2/s.
 const START: f64 = 3.0e3 * 3.0e3;
-const BOUNDS: [f64; 2] = [700.0 * 700.0, 2.0e4 * 2.0e4];
+const BOUNDS: [f64; 2] = [400.0 * 400.0, 2.0e4 * 2.0e4];
 /// Weight of one step in the mean of corrections: about half a second.
 const LEARN: f64 = 0.02;
 /// Corrections beyond the variance taken away that are the measurements' own colour.

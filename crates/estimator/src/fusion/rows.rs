@@ -28,6 +28,8 @@ const FAULT_FLOOR: f64 = 0.02;
 const GATE: f64 = 25.0;
 /// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
 const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
+/// Strut's force where no strain tells what of it F_x and F_y carry, N.
+const BLIND_STRUT_N: f64 = 70.0;
 /// How long one such guess lasts, s.
 const BLIND_TIME_S: f64 = 0.1;
 
@@ -181,6 +183,15 @@ impl Fusion {
         let offset: [f64; 6] = std::array::from_fn(|i| corner.statics.members_offset[i] + gains[i]);
         let member =
             |i: usize, age: f64| member_row(&corner.statics, wheel, i, age, rolling, torque);
+        let strained = AXIAL
+            .iter()
+            .filter_map(|channel| readings.strain[channel.index()])
+            .filter(|reading| reading.fresh(input.now).is_some());
+        let blind = if strained.count() < 4 {
+            BLIND_STRUT_N
+        } else {
+            0.0
+        };
         if corner.strut_jumped {
             self.doubt_length(wheel);
         }
@@ -190,7 +201,8 @@ impl Fusion {
             row.add(LENGTH + wheel, 1e-3 * corner.strut_stiffness_n_m);
             let value = corner.strut_n - offset[5];
             let length_mm = 1e3 * (value - row.times(&self.state)) / corner.strut_stiffness_n_m;
-            let innovation = self.take(&row, value, corner.strut_sigma_n.powi(2), 4.0 * GATE);
+            let variance = corner.strut_sigma_n.powi(2) + blind * blind;
+            let innovation = self.take(&row, value, variance, 4.0 * GATE);
             if !self.settling() {
                 self.lengths[wheel].learn(innovation, length_mm);
             }
@@ -224,6 +236,7 @@ impl Fusion {
         self.take_bending(input, wheel, offset[5], readings, changes);
         self.strut_n[wheel] = member(5, 0.0).times(&self.state) + offset[5];
         if alive < 4 {
+            self.blind = true;
             self.take_expected(input, wheel);
         }
     }
