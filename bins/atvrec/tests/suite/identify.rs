@@ -54,8 +54,8 @@ fn a_slow_sine_gives_cornering_stiffness_and_its_file_goes_into_the_configuratio
     let [front, rear] =
         ["front", "rear"].map(|axle| value(&found, &format!("cornering_stiffness_{axle}")));
     // The vehicle file's tyres under their loads at rest: 5975 and 17075 N/rad.
-    assert!((front / 5975.0 - 1.0).abs() < 0.05, "{front}");
-    assert!((rear / 17075.0 - 1.0).abs() < 0.05, "{rear}");
+    assert!((front / 5975.0 - 1.0).abs() < 0.1, "{front}");
+    assert!((rear / 17075.0 - 1.0).abs() < 0.1, "{rear}");
     let page = std::fs::read_to_string(here.join("page.html")).unwrap();
     assert!(page.contains("cornering_stiffness_front") && page.contains("slip angle"));
     let text = "[vehicle]\nfile = \"prowler\"\noverrides = [\"found.toml\"]\n";
