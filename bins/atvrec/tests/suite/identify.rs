@@ -20,17 +20,17 @@ fn json(directory: &Path, arguments: &[&str]) -> Value {
         .args(arguments)
         .arg("--json")
         .output()
-        .unwrap();
+        .expect("the program runs");
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
-    serde_json::from_slice(&output.stdout).unwrap()
+    serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
 fn value(found: &Value, name: &str) -> f64 {
-    let results = found["results"].as_array().unwrap();
+    let results = found["results"].as_array().expect("results");
     let findings = results
         .iter()
-        .flat_map(|r| r["findings"].as_array().unwrap());
+        .flat_map(|r| r["findings"].as_array().expect("findings"));
     let finding = findings.clone().find(|f| f["name"] == name);
     finding
         .and_then(|f| f["value"].as_f64())
