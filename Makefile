@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench golden bless fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills golden bless deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -48,6 +48,9 @@ rig-full: deb ## The whole rig: the Debian package, twenty power cuts, sources u
 
 deb: setup ## The Debian package, target/debian/atvrec_*.deb
 	@scripts/deb
+
+kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
+	@scripts/kills
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench

@@ -1,7 +1,8 @@
 //! Four full CAN buses, an inertial unit and two receivers into `atvrec record`, for a while:
 //! what is lost, what it costs, whether memory grows.
 //!
-//! usage: `ingest PATH-OF-ATVREC [SECONDS]`
+//! usage: `ingest PATH-OF-ATVREC [SECONDS]`, or `ingest --log LOG...` for how far behind the
+//! kernel's stamps the frames of a recording were taken.
 //!
 //! The buses are SLCAN adapters on pseudo-terminals, because those exist on every machine; a
 //! SocketCAN frame costs the recorder less, having no text to parse.
@@ -10,9 +11,9 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, ensure};
 use sample::{CanFlags, CanFrame, Payload};
@@ -23,12 +24,18 @@ const BUSES: usize = 4;
 const FRAMES_PER_SECOND: u64 = 8_000;
 /// Each write carries this much time, as a USB adapter's transfers do.
 const WRITE_INTERVAL: Duration = Duration::from_millis(2);
+/// Files are changed this often, so that what that costs is seen.
+const ROTATE_S: u32 = 2;
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let atvrec = arguments
         .next()
         .context("usage: ingest PATH-OF-ATVREC [SECONDS]")?;
+    if atvrec == "--log" {
+        let logs: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
+        return print_kernel_delays(&logs);
+    }
     let seconds: u64 = arguments.next().map_or(Ok(30), |text| text.parse())?;
     let folder = tempfile::tempdir()?;
     let virtual_vehicle = start_virtual_vehicle(&atvrec, folder.path())?;
@@ -47,7 +54,7 @@ fn main() -> anyhow::Result<()> {
         .context("the recorder does not start")?;
     let cost = watch(recorder, seconds, &stop)?;
     drop(virtual_vehicle);
-    let sent: Vec<u64> = buses.into_iter().map(Bus::finish).collect();
+    let sent: Vec<Vec<Burst>> = buses.into_iter().map(Bus::finish).collect();
     print_result(folder.path(), &sent, &cost)
 }
 
@@ -88,38 +95,48 @@ fn start_virtual_vehicle(atvrec: &str, folder: &Path) -> anyhow::Result<Running>
 /// One SLCAN adapter: a pseudo-terminal and the thread that speaks on it while the channel is open.
 struct Bus {
     device: String,
-    sent: Arc<AtomicU64>,
-    thread: JoinHandle<()>,
+    thread: JoinHandle<Vec<Burst>>,
     _slave: TTYPort,
+}
+
+/// What an adapter sent in one write.
+struct Burst {
+    /// Frames sent after it.
+    count: u64,
+    /// Wall clock before it, ns: what waits for room on the line is late, too.
+    realtime_ns: i64,
+}
+
+fn realtime_ns() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |since| since.as_nanos() as i64)
 }
 
 impl Bus {
     fn start(stop: &Arc<AtomicBool>) -> anyhow::Result<Self> {
         let (master, slave) = TTYPort::pair()?;
         let device = slave.name().context("a pseudo-terminal has a name")?;
-        let sent = Arc::new(AtomicU64::new(0));
         let thread = std::thread::spawn({
-            let (sent, stop) = (Arc::clone(&sent), Arc::clone(stop));
-            move || speak(master, &sent, &stop)
+            let stop = Arc::clone(stop);
+            move || speak(master, &stop)
         });
         Ok(Self {
             device,
-            sent,
             thread,
             _slave: slave,
         })
     }
 
-    fn finish(self) -> u64 {
-        let _ = self.thread.join();
-        self.sent.load(Ordering::Relaxed)
+    fn finish(self) -> Vec<Burst> {
+        self.thread.join().unwrap_or_default()
     }
 }
 
 /// Sends frames at the bus's rate from the open command on, without waiting for anybody, as an
 /// adapter does. What does not fit into the terminal's queue is sent later: nothing is dropped
 /// here, so a recorder that is too slow shows as frames that were never sent in time.
-fn speak(mut master: TTYPort, sent: &AtomicU64, stop: &AtomicBool) {
+fn speak(mut master: TTYPort, stop: &AtomicBool) -> Vec<Burst> {
+    let mut writes = Vec::new();
     let _ = master.set_timeout(Duration::from_millis(1));
     let mut opened: Option<Instant> = None;
     let mut command = [0; 64];
@@ -140,12 +157,14 @@ fn speak(mut master: TTYPort, sent: &AtomicU64, stop: &AtomicBool) {
             text.push_str(&frame_text(count));
             count += 1;
         }
+        let realtime_ns = realtime_ns();
         if master.write_all(text.as_bytes()).is_err() {
             break;
         }
-        sent.store(count, Ordering::Relaxed);
+        writes.push(Burst { count, realtime_ns });
         std::thread::sleep(WRITE_INTERVAL);
     }
+    writes
 }
 
 /// Identifiers of the project's DBC, so that the recorder decodes every frame and feeds the
@@ -167,7 +186,7 @@ fn frame_text(count: u64) -> String {
 fn write_configuration(folder: &Path, buses: &[Bus]) -> anyhow::Result<()> {
     let ports = folder.join("ports");
     let mut text = format!(
-        "[storage]\ndirectory = \"{}\"\n",
+        "[storage]\ndirectory = \"{}\"\nrotate_after_s = {ROTATE_S}\n",
         folder.join("logs").display()
     );
     for (index, bus) in buses.iter().enumerate() {
@@ -235,7 +254,7 @@ fn usage(process: u32) -> Option<(f64, f64)> {
     Some((ticks / TICKS_PER_SECOND, pages * PAGE_MB))
 }
 
-fn print_result(folder: &Path, sent: &[u64], cost: &Cost) -> anyhow::Result<()> {
+fn print_result(folder: &Path, sent: &[Vec<Burst>], cost: &Cost) -> anyhow::Result<()> {
     let logs = log_paths(&folder.join("logs"))?;
     let bytes: u64 = logs
         .iter()
@@ -244,6 +263,8 @@ fn print_result(folder: &Path, sent: &[u64], cost: &Cost) -> anyhow::Result<()> 
     let reader = Reader::open(&logs)?;
     let mut recorded = vec![0_u64; BUSES];
     let mut disordered = 0_u64;
+    let mut delays = Vec::new();
+    let mut writes: Vec<_> = sent.iter().map(|writes| writes.iter().peekable()).collect();
     for arrival in reader.arrivals() {
         let arrival = arrival?;
         let name = reader.session().source_name(arrival.source);
@@ -259,10 +280,21 @@ fn print_result(folder: &Path, sent: &[u64], cost: &Cost) -> anyhow::Result<()> 
                     disordered += 1;
                 }
                 recorded[bus] += 1;
+                while writes[bus]
+                    .next_if(|write| write.count < recorded[bus])
+                    .is_some()
+                {}
+                if let Some(write) = writes[bus].peek() {
+                    delays.push(arrival.realtime_ns - write.realtime_ns);
+                }
             }
         }
     }
     let total: u64 = recorded.iter().sum();
+    let sent: Vec<u64> = sent
+        .iter()
+        .map(|writes| writes.last().map_or(0, |write| write.count))
+        .collect();
     println!("frames sent by the adapters   {sent:?}");
     println!("frames in the log             {recorded:?}, {disordered} out of place");
     println!(
@@ -283,6 +315,41 @@ fn print_result(folder: &Path, sent: &[u64], cost: &Cost) -> anyhow::Result<()> 
         "on disk                       {:.2} bytes a frame, all channels",
         bytes as f64 / total as f64
     );
+    print_delays("taken behind its write", &mut delays);
+    println!(
+        "                              ({} files, one each {ROTATE_S} s, synced each 0.5 s)",
+        logs.len()
+    );
+    Ok(())
+}
+
+/// The distribution of how late frames were taken.
+fn print_delays(what: &str, delays_ns: &mut [i64]) {
+    delays_ns.sort_unstable();
+    let Some(last) = delays_ns.len().checked_sub(1) else {
+        return println!("{what:<30}no frames");
+    };
+    let at = |share: f64| delays_ns[(last as f64 * share) as usize] as f64 * 1e-6;
+    println!(
+        "{what:<30}{:.3} ms in the middle, {:.3} at 99 %, {:.3} at 99.99 %, {:.3} at most",
+        at(0.5),
+        at(0.99),
+        at(0.9999),
+        at(1.0)
+    );
+}
+
+/// How far behind the kernel's stamp each frame of a recording was taken.
+fn print_kernel_delays(logs: &[PathBuf]) -> anyhow::Result<()> {
+    let mut delays = Vec::new();
+    for arrival in Reader::open(logs)?.arrivals() {
+        let arrival = arrival?;
+        if let Payload::Can(frames) = &arrival.payload {
+            let stamps = frames.iter().filter_map(|frame| frame.kernel_ns);
+            delays.extend(stamps.map(|stamp| arrival.realtime_ns - stamp));
+        }
+    }
+    print_delays("taken behind kernel's stamp", &mut delays);
     Ok(())
 }
 

@@ -233,8 +233,9 @@ pub struct SimulateArgs {
     /// Estimator and decoder settings; sources are the virtual vehicle's own.
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// The log to write.
-    #[arg(short, long, value_name = "FILE")]
+    /// The log to write; or a directory that is there, for files that are rotated and kept within
+    /// limits as those of a recording.
+    #[arg(short, long, value_name = "LOG|DIRECTORY")]
     pub output: PathBuf,
     /// Write the calibration that a perfect workshop would find to this file.
     #[arg(long, value_name = "FILE")]

@@ -73,7 +73,8 @@ impl Summary {
     /// Items lost, by place, over all sources.
     pub fn lost(&self) -> [u64; LossPlace::ALL.len()] {
         let mut lost = self.lost;
-        lost[LossPlace::Disk as usize] += self.recorder.lost_arrivals;
+        // Health knows of these but for the last second.
+        lost[LossPlace::Disk as usize] = self.recorder.lost_arrivals;
         lost
     }
 
@@ -298,7 +299,8 @@ impl<'a> Conductor<'a> {
         let sizes = QueueSizes::default();
         let streams = self.sequencer.begin(sizes, since, &numbers);
         self.board.write_to(&recorder);
-        let next = Run::start(recorder, engine, streams, &self.pulses, voice)?;
+        let sequencer = self.sequencer.clone();
+        let next = Run::start(recorder, engine, sequencer, streams, &self.pulses, voice)?;
         if let Some(old) = self.run.replace(next) {
             self.close(old);
         }

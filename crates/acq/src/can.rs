@@ -135,8 +135,8 @@ impl<'a> Session<'a> {
 
     /// Takes one batch into the stream; `true` if more may be waiting.
     fn receive(&mut self) -> io::Result<bool> {
-        let count = match self.datagrams.receive(self.socket.get_ref()) {
-            Ok(count) => count,
+        let more = match self.datagrams.receive(self.socket.get_ref()) {
+            Ok(more) => more,
             Err(error) if error.should_retry() => return Ok(false),
             Err(error) if error.raw_os_error() == Some(libc::ENETDOWN) => {
                 self.tell_state(false);
@@ -144,7 +144,7 @@ impl<'a> Session<'a> {
             }
             Err(error) => return Err(error),
         };
-        let mut frames: Vec<CanFrame> = Vec::with_capacity(count);
+        let mut frames: Vec<CanFrame> = Vec::with_capacity(self.datagrams.len());
         let (mut kernel, mut device) = (0, 0);
         for datagram in self.datagrams.iter() {
             let (frame, drops) = take_apart(&datagram);
@@ -163,7 +163,7 @@ impl<'a> Session<'a> {
             let payload = Payload::Can(frames);
             self.owner.sequencer.push(self.owner.id, payload);
         }
-        Ok(count == Datagrams::CAPACITY)
+        Ok(more)
     }
 
     async fn look(&mut self) -> io::Result<()> {

@@ -96,7 +96,7 @@ struct State {
     sizes: QueueSizes,
     recorder: Option<mpsc::Sender<Arc<Arrival>>>,
     recorder_full: bool,
-    unreported: BTreeMap<SourceId, u64>,
+    unreported: BTreeMap<(SourceId, LossPlace), u64>,
     estimator: Option<mpsc::Sender<Arc<Arrival>>>,
     skipping: Option<Run>,
     unrecorded: VecDeque<Run>,
@@ -361,12 +361,9 @@ impl State {
     fn report_losses(&mut self, clock: &LogClock) {
         self.recorder_full = false;
         while self.notice_room()
-            && let Some((source, count)) = self.unreported.pop_first()
+            && let Some(((source, place), count)) = self.unreported.pop_first()
         {
-            let lost = Notice::Lost {
-                place: LossPlace::Queue,
-                count,
-            };
+            let lost = Notice::Lost { place, count };
             self.emit(clock, source, Payload::Notice(lost));
         }
         self.recorder_full = !self.unreported.is_empty();
@@ -432,17 +429,36 @@ impl State {
 
     fn offer_recorder(&mut self, arrival: Arc<Arrival>, items: u64, is_notice: bool) {
         let source = arrival.source;
+        let told = match arrival.payload {
+            Payload::Notice(Notice::Lost { place, count }) => Some((place, count)),
+            _ => None,
+        };
         let admitted = is_notice || (!self.recorder_full && self.recorder_room() > 0);
         let sent = admitted
             && self
                 .recorder
                 .as_ref()
                 .is_some_and(|queue| queue.try_send(arrival).is_ok());
-        if !sent {
-            self.recorder_full = true;
-            *self.unreported.entry(source).or_default() += items;
-            self.counters.entry(source).or_default().lost[queue_index()] += items;
+        if sent {
+            return;
         }
+        self.recorder_full = true;
+        let counters = self.counters.entry(source).or_default();
+        let unreported = match told {
+            None if items == 0 => return,
+            None => {
+                counters.lost[queue_index()] += items;
+                (LossPlace::Queue, items)
+            }
+            // What a lost notice told of is told again, and counted then.
+            Some((place, count)) => {
+                if place != LossPlace::Queue {
+                    counters.lost[place as usize] -= count;
+                }
+                (place, count)
+            }
+        };
+        *self.unreported.entry((source, unreported.0)).or_default() += unreported.1;
     }
 
     fn offer_estimator(&mut self, arrival: &Arc<Arrival>) {
@@ -503,7 +519,7 @@ impl State {
                 counters.items += frames.len() as u64;
                 frames.len() as u64
             }
-            Payload::Tick => 1,
+            Payload::Tick => 0,
             Payload::Notice(notice) => {
                 match notice {
                     Notice::Opened(text) | Notice::Closed(text) => {
@@ -515,7 +531,7 @@ impl State {
                     }
                     _ => {}
                 }
-                1
+                0
             }
         }
     }

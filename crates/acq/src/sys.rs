@@ -129,6 +129,8 @@ struct Slot {
 pub struct Datagrams {
     slots: Box<[Slot]>,
     count: usize,
+    /// Many datagrams come at once.
+    crowded: bool,
 }
 
 /// One datagram.
@@ -143,7 +145,9 @@ pub struct Datagram<'a> {
 
 impl Datagrams {
     /// The most that one call takes.
-    pub const CAPACITY: usize = 64;
+    const CAPACITY: usize = 64;
+    /// The most that a call takes while frames come one by one: each place costs time, used or not.
+    const FEW: usize = 4;
 
     pub fn new() -> Self {
         let empty = Slot {
@@ -156,20 +160,33 @@ impl Datagrams {
         Self {
             slots: vec![empty; Self::CAPACITY].into_boxed_slice(),
             count: 0,
+            crowded: false,
         }
+    }
+
+    /// Takes what waits on `socket`, without waiting for more; `true` if more may be waiting.
+    pub fn receive(&mut self, socket: &impl AsRawFd) -> io::Result<bool> {
+        self.count = 0;
+        let most = if self.crowded {
+            self.count = self.receive_most::<{ Self::CAPACITY }>(socket)?;
+            Self::CAPACITY
+        } else {
+            self.count = self.receive_most::<{ Self::FEW }>(socket)?;
+            Self::FEW
+        };
+        self.crowded = self.count > Self::FEW || self.count == most;
+        Ok(self.count == most)
     }
 
     #[allow(
         clippy::unnecessary_cast,
         reason = "the C libraries differ in these types"
     )]
-    /// Takes what waits on `socket`, without waiting for more; returns how many datagrams.
-    pub fn receive(&mut self, socket: &impl AsRawFd) -> io::Result<usize> {
-        self.count = 0;
+    fn receive_most<const MOST: usize>(&mut self, socket: &impl AsRawFd) -> io::Result<usize> {
         // SAFETY: zero is a valid value of all fields of both structures: null pointers, no names.
-        let mut parts: [libc::iovec; Self::CAPACITY] = unsafe { std::mem::zeroed() };
+        let mut parts: [libc::iovec; MOST] = unsafe { std::mem::zeroed() };
         // SAFETY: as above.
-        let mut headers: [libc::mmsghdr; Self::CAPACITY] = unsafe { std::mem::zeroed() };
+        let mut headers: [libc::mmsghdr; MOST] = unsafe { std::mem::zeroed() };
         for ((slot, part), header) in self.slots.iter_mut().zip(&mut parts).zip(&mut headers) {
             part.iov_base = slot.frame.as_mut_ptr().cast();
             part.iov_len = FRAME_BYTES;
@@ -178,14 +195,14 @@ impl Datagrams {
             header.msg_hdr.msg_control = slot.control.as_mut_ptr().cast();
             header.msg_hdr.msg_controllen = CONTROL_BYTES as _;
         }
-        // SAFETY: `socket` keeps its descriptor open during the call; each of the CAPACITY headers
+        // SAFETY: `socket` keeps its descriptor open during the call; each of the MOST headers
         // points to one part and one control buffer with their true sizes, which live in `parts`
         // and `self.slots`, neither of them moved or read before the call returns.
         let count = check(unsafe {
             libc::recvmmsg(
                 socket.as_raw_fd(),
                 headers.as_mut_ptr(),
-                Self::CAPACITY as c_uint,
+                MOST as c_uint,
                 libc::MSG_DONTWAIT as _,
                 std::ptr::null_mut(),
             )
@@ -196,8 +213,12 @@ impl Datagrams {
             slot.control_len = (header.msg_hdr.msg_controllen as usize).min(CONTROL_BYTES);
             slot.flags = header.msg_hdr.msg_flags;
         }
-        self.count = count;
         Ok(count)
+    }
+
+    /// How many the last call received.
+    pub fn len(&self) -> usize {
+        self.count
     }
 
     /// What the last call received, in order.

@@ -1,10 +1,12 @@
 //! `atvrec simulate`: the virtual vehicle's bytes straight into a log, as fast as they can be made.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use sample::{Arrival, LogTime, Notice, Payload, SourceId};
+use anyhow::Context;
+use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
 use sim::{Output, Port};
-use store::{Record, Writer};
+use store::{Options, Record, Recorder, Session, Writer};
 
 use crate::cli::SimulateArgs;
 use crate::cmd::findings::write_whole;
@@ -12,6 +14,7 @@ use crate::config::Config;
 use crate::engine::Engine;
 use crate::exit::Outcome;
 use crate::progress::Progress;
+use crate::retention::{self, Limits};
 use crate::rig::{Ports, Rig};
 use crate::session;
 
@@ -36,7 +39,7 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let session = session::simulated(&config, &run_id, rig.start());
     let mut log = Log {
         engine: Engine::new(&config)?,
-        writer: Writer::create(&args.output, session, config.storage.options.clone(), 0)?,
+        sink: Sink::open(&args.output, &config, session)?,
         sequence: 0,
         records: Vec::new(),
     };
@@ -45,23 +48,114 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     }
     let progress = Progress::seconds("simulate", rig.duration_s(), quiet);
     drive(&mut rig, &config, &mut log, &progress)?;
-    let finished = log.writer.finish()?;
+    let messages = log.sink.finish()?;
     progress.finish();
     println!(
-        "{}: {:.1} s of {}, {} arrivals, {} decoded messages",
+        "{}: {:.1} s of {}, {} arrivals, {messages} decoded messages",
         args.output.display(),
         rig.duration_s(),
         rig.drive,
         log.sequence,
-        finished.counters.messages,
     );
     Ok(Outcome::Good)
+}
+
+/// Where a simulation goes.
+enum Sink {
+    /// One log.
+    File(Box<Writer>),
+    /// A directory, as a recording writes it: rotated, and kept within its limits.
+    Run(Box<Run>),
+}
+
+/// A run of files.
+struct Run {
+    recorder: Recorder,
+    directory: PathBuf,
+    limits: Limits,
+    /// When the limits are looked at next, on the log clock.
+    look_at: LogTime,
+    /// More than this may not wait for the writer: nothing is to be lost because time is fast.
+    waiting_max: usize,
+}
+
+/// Between two looks at the directory's limits, on the log clock.
+const LOOK_NANOS: i64 = 10 * NANOS_PER_SECOND;
+/// Wait for a writer that has fallen behind.
+const WRITER_PAUSE: Duration = Duration::from_millis(1);
+
+impl Sink {
+    fn open(output: &Path, config: &Config, session: Session) -> anyhow::Result<Self> {
+        let options: Options = config.storage.options.clone();
+        if !output.is_dir() {
+            let writer = Writer::create(output, session, options, 0)?;
+            return Ok(Self::File(Box::new(writer)));
+        }
+        let waiting_max = options.queue_capacity / 2;
+        let look_at = session.started;
+        let recorder = Recorder::start(output, &config.storage.name, session, options)?;
+        Ok(Self::Run(Box::new(Run {
+            recorder,
+            directory: output.to_owned(),
+            limits: config.storage.limits,
+            look_at,
+            waiting_max,
+        })))
+    }
+
+    fn push(&mut self, arrival: Arrival) -> anyhow::Result<()> {
+        match self {
+            Self::File(writer) => Ok(writer.push(arrival)?),
+            Self::Run(run) => run.push(arrival),
+        }
+    }
+
+    fn record(&mut self, record: Record) {
+        match self {
+            Self::File(writer) => writer.record(&record),
+            Self::Run(run) => {
+                run.recorder.record(record);
+            }
+        }
+    }
+
+    /// Closes the files; says how many decoded messages are in them.
+    fn finish(self) -> anyhow::Result<u64> {
+        match self {
+            Self::File(writer) => Ok(writer.finish()?.counters.messages),
+            Self::Run(run) => {
+                let summary = run.recorder.finish()?;
+                let lost = summary.lost_arrivals + summary.lost_records;
+                anyhow::ensure!(
+                    lost == 0,
+                    "{lost} arrivals and records did not reach the disk: {}",
+                    summary.last_failure.unwrap_or_default()
+                );
+                Ok(summary.files.iter().map(|f| f.counters.messages).sum())
+            }
+        }
+    }
+}
+
+impl Run {
+    fn push(&mut self, arrival: Arrival) -> anyhow::Result<()> {
+        while self.recorder.waiting() > self.waiting_max {
+            std::thread::sleep(WRITER_PAUSE);
+        }
+        if arrival.log_time >= self.look_at {
+            self.look_at = arrival.log_time + LOOK_NANOS;
+            retention::enforce(&self.directory, self.limits)
+                .with_context(|| format!("cannot look after {}", self.directory.display()))?;
+        }
+        self.recorder.push(arrival);
+        Ok(())
+    }
 }
 
 /// The log being written and the engine that fills it.
 struct Log {
     engine: Engine,
-    writer: Writer,
+    sink: Sink,
     sequence: u64,
     records: Vec<Record>,
 }
@@ -78,9 +172,9 @@ impl Log {
         self.sequence += 1;
         self.records.clear();
         self.engine.push(&arrival, &mut self.records);
-        self.writer.push(arrival)?;
-        for record in &self.records {
-            self.writer.record(record);
+        self.sink.push(arrival)?;
+        for record in self.records.drain(..) {
+            self.sink.record(record);
         }
         Ok(())
     }
@@ -107,7 +201,7 @@ fn drive(rig: &mut Rig, config: &Config, log: &mut Log, progress: &Progress) -> 
         }
         while truths as f64 * TRUTH_S <= emission.time_s {
             let truth = rig.truth(truths as f64 * TRUTH_S);
-            log.writer.record(&truth);
+            log.sink.record(truth);
             truths += 1;
         }
         while ticks as f64 * TICK_S <= emission.time_s {

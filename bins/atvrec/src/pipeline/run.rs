@@ -1,12 +1,13 @@
 //! One run: its files, and the two threads that write into them.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use acq::Streams;
+use acq::{Sequencer, Streams};
 use anyhow::Context;
-use sample::{Arrival, Health, LogTime, Payload, Severity};
+use sample::{Arrival, Health, LogTime, LossPlace, Notice, Payload, Severity, SourceId};
 use store::{LogMessage, Record, Recorder, RecorderSummary};
 use tokio::sync::mpsc;
 
@@ -19,6 +20,14 @@ use crate::{retention, session};
 const BACKLOG_WAITING_MAX: usize = 8_192;
 /// Pause while more wait.
 const BACKLOG_PAUSE: Duration = Duration::from_millis(2);
+/// The recorder and the engine look this often for what has come: to be woken for each arrival would
+/// cost several times the work on it. Stamps are set before, in the sources.
+const RECORDER_PAUSE: Duration = Duration::from_millis(10);
+const ENGINE_PAUSE: Duration = Duration::from_millis(5);
+/// Arrivals taken at once; while so many wait, there is no pause.
+const ARRIVALS_MAX: usize = 1_024;
+/// Between two notices of what was lost on the way to the disk.
+const LOSSES_TOLD_EACH: Duration = Duration::from_secs(1);
 
 /// A run of files that is being written.
 pub struct Run {
@@ -55,6 +64,7 @@ impl Run {
     pub fn start(
         recorder: Arc<Recorder>,
         engine: Engine,
+        sequencer: Sequencer,
         streams: Streams,
         pulses: &Pulses,
         voice: Voice,
@@ -66,6 +76,9 @@ impl Run {
             backlog: streams.backlog.clone(),
             queue: streams.recorder,
             pulse: Arc::clone(&pulse[0]),
+            sequencer,
+            told: BTreeMap::new(),
+            told_at: Instant::now(),
         };
         let worker = Estimates {
             engine,
@@ -103,6 +116,10 @@ struct Raw {
     backlog: Vec<Arc<Arrival>>,
     queue: mpsc::Receiver<Arc<Arrival>>,
     pulse: Arc<Pulse>,
+    sequencer: Sequencer,
+    /// Losses on the way to the disk that the stream tells of.
+    told: BTreeMap<SourceId, u64>,
+    told_at: Instant,
 }
 
 impl Raw {
@@ -111,8 +128,12 @@ impl Raw {
             wait_for_room(&self.recorder);
             self.take(arrival);
         }
-        while let Some(arrival) = self.queue.blocking_recv() {
-            self.take(arrival);
+        let mut taken = Vec::new();
+        while take_what_came(&mut self.queue, &mut taken, RECORDER_PAUSE) {
+            let arrivals = taken.drain(..).map(Arc::unwrap_or_clone);
+            self.recorder.push_all(arrivals.collect());
+            self.pulse.beat();
+            self.tell_losses();
         }
     }
 
@@ -120,6 +141,36 @@ impl Raw {
         self.recorder.push(Arc::unwrap_or_clone(arrival));
         self.pulse.beat();
     }
+
+    /// Puts what was lost on the way to the disk into the stream, so that health and the log's
+    /// readers hear of it.
+    fn tell_losses(&mut self) {
+        if self.told_at.elapsed() < LOSSES_TOLD_EACH {
+            return;
+        }
+        self.told_at = Instant::now();
+        for (source, count) in self.recorder.status().lost_items {
+            let told = self.told.entry(source).or_default();
+            if count > *told {
+                let place = LossPlace::Disk;
+                let count = count - std::mem::replace(told, count);
+                self.sequencer.notice(source, Notice::Lost { place, count });
+            }
+        }
+    }
+}
+
+/// Waits for arrivals and takes all that are there, then pauses unless there were very many; `false`
+/// at the end of the queue.
+fn take_what_came(
+    queue: &mut mpsc::Receiver<Arc<Arrival>>,
+    taken: &mut Vec<Arc<Arrival>>,
+    pause: Duration,
+) -> bool {
+    if !queue.is_closed() && queue.len() < ARRIVALS_MAX {
+        thread::sleep(pause);
+    }
+    queue.blocking_recv_many(taken, ARRIVALS_MAX) > 0
 }
 
 /// The thread that estimates for the files.
@@ -140,8 +191,11 @@ impl Estimates {
             wait_for_room(&self.recorder);
             self.step(&arrival, &mut records, &mut progress);
         }
-        while let Some(arrival) = self.queue.blocking_recv() {
-            self.step(&arrival, &mut records, &mut progress);
+        let mut taken = Vec::new();
+        while take_what_came(&mut self.queue, &mut taken, ENGINE_PAUSE) {
+            for arrival in taken.drain(..) {
+                self.step(&arrival, &mut records, &mut progress);
+            }
         }
         (self.engine, progress)
     }
