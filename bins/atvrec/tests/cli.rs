@@ -1,5 +1,7 @@
 //! The program from outside: exit codes, messages, files.
 
+#[path = "suite/calibrate.rs"]
+mod calibrate;
 #[path = "suite/configuration.rs"]
 mod configuration;
 #[path = "suite/estimate.rs"]

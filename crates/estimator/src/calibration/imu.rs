@@ -24,6 +24,8 @@ const WHAT: &str = "imu";
 /// Length of the windows of the turning regression and of the straight one, s.
 const TURN_WINDOW_S: f64 = 1.0;
 const STRAIGHT_WINDOW_S: f64 = 0.4;
+/// Windows before and after a straight one that must be straight too.
+const STRAIGHT_AROUND: usize = 5;
 /// Readings at each end of a window that its change is taken from.
 const END_READINGS: usize = 10;
 /// Yaw rate below which the vehicle drives straight, rad/s.
@@ -571,7 +573,7 @@ fn straight_within(
         for (k, window) in windows.iter().enumerate() {
             let (from_s, to_s) = (imu.time_s[window.start], imu.time_s[window.end - 1]);
             // A turn that has just ended or is about to begin still leans the body.
-            let near = k.saturating_sub(2)..=k + 2;
+            let near = k.saturating_sub(STRAIGHT_AROUND)..=k + STRAIGHT_AROUND;
             let Some(speed) = log.speed_m_s.mean(from_s, to_s) else {
                 continue;
             };

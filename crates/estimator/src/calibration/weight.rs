@@ -13,6 +13,7 @@ use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
+use super::imu::lean_rad;
 use super::zero::axle_of;
 use super::{Calibration, SpringCalibration};
 use crate::EstimatorError;
@@ -165,8 +166,11 @@ fn strut_force_n(
     let pose = corner.pose(length_m, 0.0).map_err(told)?;
     let load_n = reading.load_n[wheel];
     let pressed_m = load_n / axle.tyre.vertical_stiffness_n_m;
-    let frame = TyreFrame::new(&pose, Vector3::z(), axle.tyre.unloaded_radius_m, pressed_m);
-    let motion = CornerMotion::at_rest(Vector3::z() * STANDARD_GRAVITY_M_S2);
+    // A load beside the middle leans the body: the ground's normal is not its z axis.
+    let [roll, pitch] = lean_rad(vehicle, &reading.compression_m).unwrap_or_default();
+    let up = Vector3::new(-pitch, roll, 1.0).normalize();
+    let frame = TyreFrame::new(&pose, up, axle.tyre.unloaded_radius_m, pressed_m);
+    let motion = CornerMotion::at_rest(up * STANDARD_GRAVITY_M_S2);
     let kind = ChannelKind::Strut;
     let statics =
         CornerStatics::new(&corner, &pose, &frame, unsprung, &motion, kind).map_err(told)?;

@@ -1,0 +1,161 @@
+//! Calibration as a user runs it: on logs of the virtual vehicle whose truth is known, with faults
+//! that must be named, and on logs that must be refused.
+
+use std::path::Path;
+
+use sample::{StrainChannel, Wheel};
+
+use crate::support::{atvrec, stdout};
+
+const OPTIONS: &str = r#"
+[hidden]
+bridge_offset_counts = 40.0
+potentiometer_offset_counts = 20.0
+"#;
+
+const FAULTS: &str = r#"
+[[faults.channel]]
+wheel = "front_right"
+channel = "lower_front"
+kind = { drifting = { counts_per_s = 0.5 } }
+
+[[faults.channel]]
+wheel = "front_left"
+channel = "upper_front"
+kind = "dead"
+
+[[faults.channel]]
+wheel = "front_right"
+channel = "upper_rear"
+kind = "dead"
+
+[[faults.channel]]
+wheel = "rear_left"
+channel = "lower_rear"
+kind = "inverted"
+
+[[faults.channel]]
+wheel = "rear_right"
+channel = "lower_front"
+kind = "bending_wired"
+
+[[faults.channel]]
+wheel = "rear_right"
+kind = "inverted"
+"#;
+
+fn simulate(directory: &Path, manoeuvre: &str, options: &str, output: &str) {
+    std::fs::write(directory.join("options.toml"), options).expect("written");
+    atvrec(directory)
+        .args([
+            "simulate",
+            "--manoeuvre",
+            manoeuvre,
+            "--options",
+            "options.toml",
+        ])
+        .args([
+            "--seed",
+            "7",
+            "--output",
+            output,
+            "--true-calibration",
+            "true.toml",
+        ])
+        .assert()
+        .success();
+}
+
+fn calibration(path: &Path) -> estimator::Calibration {
+    let text = std::fs::read_to_string(path).expect("a calibration");
+    estimator::Calibration::from_toml(&text).expect("it parses")
+}
+
+#[test]
+fn the_jackstand_zero_finds_offsets_and_names_every_fault() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let at = |name: &str| directory.path().join(name);
+    simulate(
+        directory.path(),
+        "jackstand",
+        &format!("{OPTIONS}{FAULTS}"),
+        "stands.mcap",
+    );
+    let assert = atvrec(directory.path())
+        .args(["calibrate", "zero", "stands.mcap", "--report", "zero.html"])
+        .assert()
+        .success();
+    let told = stdout(&assert);
+    for fault in [
+        "FR lower_front drifts",
+        "FL upper_front is dead",
+        "FR upper_rear is dead",
+        "RL lower_rear is wired the other way round",
+        "RR lower_front reads bending",
+        "RR deflection is wired the other way round",
+    ] {
+        assert!(told.contains(fault), "{fault}: {told}");
+    }
+    assert_eq!(told.matches("note:").count(), 6, "{told}");
+    let (found, truth) = (
+        calibration(&at("calibration.toml")),
+        calibration(&at("true.toml")),
+    );
+    for wheel in Wheel::ALL {
+        for channel in StrainChannel::ALL {
+            let pair = (
+                found.corner[&wheel].strain.get(&channel),
+                truth.corner[&wheel].strain.get(&channel),
+            );
+            let (Some(found), Some(truth)) = pair else {
+                continue;
+            };
+            let faulty = found.dead
+                || found.gain_per_count.is_some()
+                || found.offset_sigma_counts > Some(10.0);
+            if !faulty {
+                let miss = found.offset_counts.expect("found") - truth.offset_counts.expect("true");
+                assert!(miss.abs() < 0.5, "{wheel} {}: {miss}", channel.name());
+            }
+        }
+    }
+    let page = std::fs::read_to_string(at("zero.html")).expect("a page");
+    assert!(page.contains("FR lower_front drifts") && page.contains("plotly.js"));
+}
+
+#[test]
+fn what_does_not_fit_is_refused_and_the_file_stays_as_it_was() {
+    let directory = tempfile::tempdir().expect("a directory");
+    simulate(directory.path(), "weighed", OPTIONS, "scales.mcap");
+    let file = directory.path().join("calibration.toml");
+    let earlier = "vehicle = \"Prowler, road tyres\"\n[steer]\noffset_rad = 0.25\n";
+    let refused = |step: &str, before: &str, reason: &str| {
+        std::fs::write(&file, before).expect("written");
+        let assert = atvrec(directory.path())
+            .args(["calibrate", step, "scales.mcap"])
+            .assert()
+            .failure();
+        let told = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+        assert!(told.contains(reason), "{step}: {told}");
+        assert_eq!(std::fs::read_to_string(&file).expect("there"), before);
+    };
+    refused("zero", earlier, "put the vehicle on stands");
+    refused("imu", earlier, "turn the vehicle by 180 degrees");
+    refused("gnss", earlier, "turns");
+    refused("wheel-radius", earlier, "drive straight");
+    refused("steer", earlier, "number of readings");
+    refused("load-rig", earlier, "rig FL");
+    refused("weight", "vehicle = \"another\"\n", "another");
+    std::fs::write(&file, earlier).expect("written");
+    atvrec(directory.path())
+        .args(["calibrate", "weight", "scales.mcap", "--json"])
+        .assert()
+        .success();
+    let found = calibration(&file);
+    assert!((found.steer.offset_rad - 0.25).abs() < 1e-12, "kept");
+    let spring = found.corner[&Wheel::RearLeft].spring.expect("a spring");
+    assert!(
+        (spring.rate_n_m / 65_000.0 - 1.0).abs() < 0.03,
+        "{spring:?}"
+    );
+}
