@@ -140,7 +140,7 @@ fn what_does_not_fit_is_refused_and_the_file_stays_as_it_was() {
         assert_eq!(std::fs::read_to_string(&file).expect("there"), before);
     };
     refused("zero", earlier, "put the vehicle on stands");
-    refused("imu", earlier, "turn the vehicle by 180 degrees");
+    refused("imu", earlier, "by 180 degrees");
     refused("gnss", earlier, "turns");
     refused("wheel-radius", earlier, "drive straight");
     refused("steer", earlier, "number of readings");
