@@ -3,7 +3,11 @@
 
 mod rides;
 #[path = "../truth/run.rs"]
-#[allow(dead_code, reason = "shared with the tests of the forces")]
+#[allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "shared with the tests of the forces"
+)]
 mod run;
 
 mod cornering;
