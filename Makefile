@@ -43,7 +43,7 @@ python: venv ## Reference readers on our logs, and the Python package's tests
 rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 	@scripts/test-rig
 
-rig-full: deb ## The whole rig: the Debian package, twenty power cuts, sources under stress
+rig-full: deb ## The whole rig: the service from the Debian package, twenty power cuts
 	@scripts/test-rig full
 
 deb: setup ## The Debian package, target/debian/atvrec_*.deb
