@@ -97,7 +97,7 @@ fn found(drive: &Drive, seed: u64, duration_s: f64) -> Result<GnssFound, Refusal
 fn coverage(seeds: u64) -> ([u64; 4], [f64; 4]) {
     let (mut inside, mut worst) = ([0; 4], [0.0_f64; 4]);
     for seed in 0..seeds {
-        let found = found(&Drive { turning: 0.7 }, seed, 60.0).unwrap();
+        let found = found(&Drive { turning: 0.7 }, seed, 60.0).expect("found");
         let parts = [
             ("test antenna x", ANTENNA_M[0]),
             ("test antenna y", ANTENNA_M[1]),
