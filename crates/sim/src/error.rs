@@ -1,15 +1,18 @@
 use std::path::PathBuf;
 
 /// What can go wrong in making a virtual vehicle.
+///
+/// A message names its cause, so causes are fields and not sources: whoever prints the chain of
+/// errors prints each once.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
     /// The truth file cannot be read.
-    #[error("cannot read truth file {path}: {source}")]
+    #[error("cannot read truth file {path}: {cause}")]
     Read {
         /// The file.
         path: PathBuf,
         /// What the operating system said.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The file's name ends in something unknown.
     #[error("truth file {path}: unknown kind of file; its name must end in .parquet or .csv")]
@@ -18,20 +21,20 @@ pub enum SimError {
         path: PathBuf,
     },
     /// The Parquet file is damaged or of a kind that is not understood.
-    #[error("truth file {path}: {source}; write it as Parquet 2 with double columns")]
+    #[error("truth file {path}: {cause}; write it as Parquet 2 with double columns")]
     Parquet {
         /// The file.
         path: PathBuf,
         /// What the Parquet reader said.
-        source: parquet::errors::ParquetError,
+        cause: parquet::errors::ParquetError,
     },
     /// The CSV file is malformed.
-    #[error("truth file {path}: {source}; the first line must name the columns")]
+    #[error("truth file {path}: {cause}; the first line must name the columns")]
     Csv {
         /// The file.
         path: PathBuf,
         /// What the CSV reader said.
-        source: csv::Error,
+        cause: csv::Error,
     },
     /// Columns that the virtual vehicle cannot do without.
     #[error(
@@ -106,14 +109,14 @@ pub enum SimError {
         expected: &'static str,
     },
     /// The linkage cannot stand as the motion says.
-    #[error("{wheel} at {time_s} s: {source}; check the motion's strut lengths and hand wheel")]
+    #[error("{wheel} at {time_s} s: {cause}; check the motion's strut lengths and hand wheel")]
     Linkage {
         /// The corner.
         wheel: sample::Wheel,
         /// When.
         time_s: f64,
         /// What the linkage says.
-        source: model::suspension::SuspensionError,
+        cause: model::suspension::SuspensionError,
     },
     /// An unknown manoeuvre.
     #[error("no manoeuvre is called {name:?}; there are: {known}")]

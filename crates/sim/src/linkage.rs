@@ -147,7 +147,7 @@ impl Linkage {
                 let kind = ChannelKind::BallNormal;
                 let stance = self
                     .stance(state, wheel, length_m, rate_m_s, spin_dot, kind)
-                    .map_err(|source| linkage_error(state, wheel, source))?;
+                    .map_err(|cause| linkage_error(state, wheel, cause))?;
                 let (members, steer_rad) = (stance.members(), stance.pose.steer_rad());
                 fill(&mut states[row], wheel, &members, steer_rad);
             }
@@ -212,7 +212,7 @@ impl Linkage {
             let rack_m = corner.rack_m_rad * state.hand_wheel_rad;
             let length_m = state.wheels[wheel].strut_length_m;
             let pose = corner.corner.pose(length_m, rack_m);
-            poses.push(pose.map_err(|source| linkage_error(state, wheel, source))?);
+            poses.push(pose.map_err(|cause| linkage_error(state, wheel, cause))?);
         }
         let tyre = |wheel: Wheel| &self.corners[wheel].tyre;
         let pressed_m = |wheel: Wheel| {
@@ -260,7 +260,7 @@ impl Linkage {
                 let state = &states[row];
                 let length_m = self
                     .balanced_length(corner, state, wheel, previous, spin_dot)
-                    .map_err(|source| linkage_error(state, wheel, source))?;
+                    .map_err(|cause| linkage_error(state, wheel, cause))?;
                 states[row].wheels[wheel].strut_length_m = length_m;
             }
             let state = &states[row];
@@ -368,10 +368,10 @@ impl LinkedCorner {
         };
         let drivetrain = &vehicle.drivetrain;
         Ok(Some(Self {
-            corner: Corner::of(vehicle, wheel).map_err(|source| SimError::Linkage {
+            corner: Corner::of(vehicle, wheel).map_err(|cause| SimError::Linkage {
                 wheel,
                 time_s: 0.0,
-                source,
+                cause,
             })?,
             unsprung: unsprung.clone(),
             strut: strut.clone(),
@@ -468,10 +468,10 @@ fn slope(states: &[TruthState], row: usize, value: impl Fn(&TruthState) -> f64) 
     }
 }
 
-fn linkage_error(state: &TruthState, wheel: Wheel, source: SuspensionError) -> SimError {
+fn linkage_error(state: &TruthState, wheel: Wheel, cause: SuspensionError) -> SimError {
     SimError::Linkage {
         wheel,
         time_s: state.time_s,
-        source,
+        cause,
     }
 }

@@ -143,13 +143,13 @@ fn known_column(path: &Path, found: &str) -> Result<Option<String>, SimError> {
 }
 
 fn read_parquet(path: &Path) -> Result<Columns, SimError> {
-    let damaged = |source| SimError::Parquet {
+    let damaged = |cause| SimError::Parquet {
         path: path.to_owned(),
-        source,
+        cause,
     };
-    let file = File::open(path).map_err(|source| SimError::Read {
+    let file = File::open(path).map_err(|cause| SimError::Read {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     let reader = SerializedFileReader::new(file).map_err(damaged)?;
     let schema = reader.metadata().file_metadata().schema_descr();
@@ -188,9 +188,9 @@ fn append_column(
     rows: usize,
     values: &mut Vec<f64>,
 ) -> Result<(), SimError> {
-    let damaged = |source| SimError::Parquet {
+    let damaged = |cause| SimError::Parquet {
         path: path.to_owned(),
-        source,
+        cause,
     };
     let mut levels = Vec::new();
     match column {
@@ -225,13 +225,13 @@ fn append_column(
 }
 
 fn read_csv(path: &Path) -> Result<Columns, SimError> {
-    let damaged = |source| SimError::Csv {
+    let damaged = |cause| SimError::Csv {
         path: path.to_owned(),
-        source,
+        cause,
     };
-    let file = File::open(path).map_err(|source| SimError::Read {
+    let file = File::open(path).map_err(|cause| SimError::Read {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)

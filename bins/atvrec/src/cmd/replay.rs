@@ -80,7 +80,8 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let report = replay.finish()?;
     done.changed = !changed.is_empty();
     done.missing.extend(changed);
-    tell(args, &done, report.as_ref(), begin.elapsed());
+    let made_by = other_program(&original);
+    tell(args, &done, report.as_ref(), made_by, begin.elapsed());
     Ok(match report {
         Some(report) if !report.is_identical() || done.changed => Outcome::Failed,
         _ => Outcome::Good,
@@ -252,7 +253,19 @@ fn refuse_overwriting(output: &Path, logs: &[std::path::PathBuf]) -> anyhow::Res
     Ok(())
 }
 
-fn tell(args: &ReplayArgs, done: &Done, report: Option<&Report>, took: Duration) {
+/// The program that made the log, if it was not this one.
+fn other_program(original: &Session) -> Option<String> {
+    let hash = &original.git_hash;
+    (hash != env!("ATVREC_GIT_HASH")).then(|| format!("{} ({hash})", original.version))
+}
+
+fn tell(
+    args: &ReplayArgs,
+    done: &Done,
+    report: Option<&Report>,
+    made_by: Option<String>,
+    took: Duration,
+) {
     let span_s = done
         .span
         .map_or(0.0, |(first, last)| last.seconds_since(first));
@@ -291,6 +304,11 @@ fn tell(args: &ReplayArgs, done: &Done, report: Option<&Report>, took: Duration)
         );
     } else if let Some(report) = report {
         print!("{report}");
+        if let Some(made_by) = made_by.filter(|_| !report.is_identical()) {
+            println!(
+                "  the log was made by atvrec {made_by}; another program may estimate otherwise"
+            );
+        }
     }
     if let Some(output) = &args.output {
         println!("  {}", output.display());
