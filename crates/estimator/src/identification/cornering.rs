@@ -489,11 +489,7 @@ fn findings(fits: &[AxleFit; 2], span: Span, options: &Options) -> Findings {
             _ => f64::from(offset_rear),
         }
     });
-    let joint = wandering(
-        &fits
-            .each_ref()
-            .map(|fit| (&fit.fit.leverage, &*fit.fit.residuals)),
-    );
+    let joint = joint_covariance(fits);
     let covariance = &jacobian * &joint * jacobian.transpose();
     let intervals = intervals_by_influence(&both, &stacked, &joint, options.seed, parameters);
     let findings = NAMES
@@ -525,6 +521,32 @@ fn findings(fits: &[AxleFit; 2], span: Span, options: &Options) -> Findings {
             .collect(),
         ..Findings::default()
     }
+}
+
+/// Covariance of the front axle's coefficients and the rear's.
+///
+/// The sideslip angle's error wanders through both slip angles alike and leaves their difference,
+/// which is what the steer angle's offset hangs on; an autoregression of each axle's residuals
+/// lets it leave only nearly. So the front's are taken as the rear's less a difference that wanders
+/// in its own way: l_f' e_f = l_f' e_r - l_f' (e_r - e_f).
+fn joint_covariance([front, rear]: &[AxleFit; 2]) -> DMatrix<f64> {
+    let (left, right) = (&front.fit.leverage, &rear.fit.leverage);
+    let (rows, wide, narrow) = (left.nrows(), left.ncols(), right.ncols());
+    let both = DMatrix::from_fn(rows, wide + narrow, |row, j| {
+        if j < wide {
+            left[(row, j)]
+        } else {
+            right[(row, j - wide)]
+        }
+    });
+    let pairs = rear.fit.residuals.iter().zip(&front.fit.residuals);
+    let apart: Vec<f64> = pairs.map(|(rear, front)| rear - front).collect();
+    let parts = wandering(&[(&both, &rear.fit.residuals), (left, &apart)]);
+    let own = wide + narrow;
+    let turn = DMatrix::from_fn(own, own + wide, |i, j| {
+        f64::from(i == j) - f64::from(i < wide && j == own + i)
+    });
+    &turn * parts * turn.transpose()
 }
 
 /// Other methods' values, and what the fits say beside.
