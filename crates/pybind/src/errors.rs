@@ -12,6 +12,7 @@ struct Exceptions {
     vehicle: Py<PyType>,
     argument: Py<PyType>,
     simulation: Py<PyType>,
+    data: Py<PyType>,
 }
 
 static EXCEPTIONS: PyOnceLock<Exceptions> = PyOnceLock::new();
@@ -55,6 +56,11 @@ fn exceptions(py: Python<'_>) -> PyResult<&Exceptions> {
                 "No equilibrium exists, or an integrator cannot meet its tolerance.",
                 std::slice::from_ref(&own),
             )?,
+            data: make(
+                "DataError",
+                "Data do not tell what is looked for; the message says what is lacking.",
+                &of_value,
+            )?,
             base,
         })
     })
@@ -68,6 +74,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("LogError", all.log.bind(py))?;
     module.add("VehicleError", all.vehicle.bind(py))?;
     module.add("ArgumentError", all.argument.bind(py))?;
+    module.add("DataError", all.data.bind(py))?;
     module.add("SimulationError", all.simulation.bind(py))
 }
 
@@ -81,6 +88,11 @@ fn raise(pick: impl Fn(&Exceptions) -> &Py<PyType>, message: String) -> PyErr {
 /// An argument that Python gave and that cannot be used.
 pub fn argument(message: impl Into<String>) -> PyErr {
     raise(|all| &all.argument, message.into())
+}
+
+/// Data that do not tell what is looked for.
+pub fn data(message: String) -> PyErr {
+    raise(|all| &all.data, message)
 }
 
 /// What the log reader says. A refusal of the operating system keeps its number, so that a missing

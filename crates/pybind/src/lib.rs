@@ -5,9 +5,12 @@
 mod arrays;
 mod batch;
 mod bicycle;
+mod calibrate;
 mod errors;
+mod findings;
 mod four_wheel;
 mod fourteen_dof;
+mod identify;
 mod input;
 mod log;
 mod strain;
@@ -22,6 +25,8 @@ use pyo3::prelude::*;
 fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     errors::register(module)?;
+    identify::register(module)?;
+    calibrate::register(module)?;
     module.add_class::<log::LogReader>()?;
     module.add_class::<vehicle::Vehicle>()?;
     module.add_class::<tyre::Tyre>()?;

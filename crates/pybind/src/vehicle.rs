@@ -142,7 +142,8 @@ impl Vehicle {
     }
 }
 
-fn to_python(py: Python<'_>, value: toml::Value) -> PyResult<Bound<'_, PyAny>> {
+/// A value of a file as Python's own.
+pub fn to_python(py: Python<'_>, value: toml::Value) -> PyResult<Bound<'_, PyAny>> {
     match value {
         toml::Value::String(text) => text.into_bound_py_any(py),
         toml::Value::Integer(number) => number.into_bound_py_any(py),

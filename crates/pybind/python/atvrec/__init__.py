@@ -6,16 +6,19 @@
 - :class:`FourWheel` the non-linear vehicle model, one run or thousands at once
 - :class:`FourteenDof` the same with wheels that lift
 - :class:`Tyre`, :class:`Ride`, :class:`Corner`, :class:`StrainChannel` its parts
+- :mod:`atvrec.identify` finds parameters in drives, :mod:`atvrec.calibrate` calibrates sensors
 
 Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
 left, rear right. Every name ends with its unit; angles are radians.
 """
 
+from atvrec import calibrate, identify
 from atvrec._atvrec import (
     ArgumentError,
     AtvrecError,
     Bicycle,
     Corner,
+    DataError,
     FourteenDof,
     FourWheel,
     LogError,
@@ -37,6 +40,7 @@ __all__ = [
     "AtvrecError",
     "Bicycle",
     "Corner",
+    "DataError",
     "FourWheel",
     "FourteenDof",
     "Log",
@@ -48,6 +52,8 @@ __all__ = [
     "Vehicle",
     "VehicleError",
     "__version__",
+    "calibrate",
+    "identify",
     "ina2126_gain",
     "open",
     "road_height_m",

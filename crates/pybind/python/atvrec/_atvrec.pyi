@@ -5,6 +5,8 @@ from typing import Any, Literal, TypeAlias, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
+from atvrec.calibrate import Calibrated, Rest
+from atvrec.identify import Findings
 from atvrec.log import Info
 
 _Doubles: TypeAlias = npt.NDArray[np.float64]
@@ -17,6 +19,8 @@ __all__ = [
     "AtvrecError",
     "Bicycle",
     "Corner",
+    "DataError",
+    "Drive",
     "FourWheel",
     "FourteenDof",
     "LogError",
@@ -28,6 +32,19 @@ __all__ = [
     "Vehicle",
     "VehicleError",
     "__version__",
+    "calibrate_rest",
+    "calibrate_steer",
+    "calibrate_weight",
+    "calibrate_wheel_radius",
+    "identify_cornering",
+    "identify_frequency_response",
+    "identify_friction",
+    "identify_roll_centre",
+    "identify_roll_pitch",
+    "identify_step_response",
+    "identify_tyre",
+    "identify_understeer",
+    "identify_yaw_inertia",
     "ina2126_gain",
     "road_height_m",
     "strain_circuits",
@@ -39,6 +56,7 @@ class LogError(AtvrecError): ...
 class VehicleError(AtvrecError, ValueError): ...
 class ArgumentError(AtvrecError, ValueError): ...
 class SimulationError(AtvrecError): ...
+class DataError(AtvrecError, ValueError): ...
 
 @final
 class LogReader:
@@ -310,3 +328,82 @@ def road_height_m(
 ) -> _Doubles: ...
 def ina2126_gain(gain_resistor_ohm: float) -> float: ...
 def strain_circuits() -> list[dict[str, Any]]: ...
+
+@final
+class Drive:
+    def __new__(
+        cls,
+        dt_s: float,
+        *,
+        speed_m_s: npt.ArrayLike | None = None,
+        sideslip_rad: npt.ArrayLike | None = None,
+        yaw_rate_rad_s: npt.ArrayLike | None = None,
+        lateral_m_s2: npt.ArrayLike | None = None,
+        longitudinal_m_s2: npt.ArrayLike | None = None,
+        steer_rad: npt.ArrayLike | None = None,
+        roll_rad: npt.ArrayLike | None = None,
+        pitch_rad: npt.ArrayLike | None = None,
+    ) -> Drive: ...
+    @property
+    def dt_s(self) -> float: ...
+    def __len__(self) -> int: ...
+
+def identify_cornering(
+    drive: Drive, vehicle: Vehicle, *, lateral_max_m_s2: float = 2.5, seed: int = 1
+) -> Findings: ...
+def identify_understeer(drive: Drive, vehicle: Vehicle, *, seed: int = 1) -> Findings: ...
+def identify_roll_pitch(
+    drive: Drive, vehicle: Vehicle, *, load_n: npt.ArrayLike | None = None, seed: int = 1
+) -> Findings: ...
+def identify_step_response(drive: Drive, *, step_min_rad: float = 0.02) -> Findings: ...
+def identify_frequency_response(
+    drive: Drive, *, window_s: float = 10.0, seed: int = 1
+) -> Findings: ...
+def identify_tyre(
+    kind: Literal[
+        "linear", "fiala", "exponential", "dugoff", "magic-formula-89", "magic-formula-52", "rational"
+    ],
+    load_n: npt.ArrayLike,
+    slip_angle_rad: npt.ArrayLike,
+    lateral_n: npt.ArrayLike,
+    *,
+    dt_s: float,
+    reference_load_n: float,
+    load_exponent: float = 1.0,
+    friction: float = 0.9,
+    seed: int = 1,
+) -> Findings: ...
+def identify_friction(
+    load_n: npt.ArrayLike,
+    slip_angle_rad: npt.ArrayLike,
+    lateral_n: npt.ArrayLike,
+    *,
+    dt_s: float,
+    reference_load_n: float,
+    load_exponent: float = 1.0,
+    seed: int = 1,
+) -> Findings: ...
+def identify_yaw_inertia(
+    moment_n_m: npt.ArrayLike, yaw_rate_rad_s: npt.ArrayLike, *, dt_s: float, seed: int = 1
+) -> Findings: ...
+def identify_roll_centre(vehicle: Vehicle) -> Findings: ...
+def calibrate_rest(
+    time_s: npt.ArrayLike, value: npt.ArrayLike, *, low: float = ..., high: float = ...
+) -> Rest: ...
+def calibrate_steer(
+    hand_wheel_rad: npt.ArrayLike, wheels_rad: npt.ArrayLike, *, plate_sigma_rad: float
+) -> Calibrated: ...
+def calibrate_weight(
+    vehicle: Vehicle, load_n: npt.ArrayLike, compression_m: npt.ArrayLike
+) -> Calibrated: ...
+def calibrate_wheel_radius(
+    velocity_time_s: npt.ArrayLike,
+    velocity_m_s: npt.ArrayLike,
+    imu_time_s: npt.ArrayLike,
+    force_m_s2: npt.ArrayLike,
+    rate_rad_s: npt.ArrayLike,
+    wheel_time_s: npt.ArrayLike,
+    wheel_rad_s: npt.ArrayLike,
+    *,
+    latency_s: float = 0.0,
+) -> Findings: ...

@@ -1,0 +1,142 @@
+"""Identification and calibration through Python: parameters that are known, refusals, logs."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+import atvrec
+from atvrec import calibrate, identify
+
+
+@pytest.fixture
+def vehicle() -> atvrec.Vehicle:
+    return atvrec.Vehicle.builtin("prowler")
+
+
+def single_track(vehicle: atvrec.Vehicle, stiffness: tuple[float, float]) -> identify.Drive:
+    """A slow sine of the linear two-wheel model at 8 m/s, with noise on the sideslip angle."""
+    body = vehicle.to_dict()["body"]
+    mass, inertia = body["mass_kg"], body["inertia_kg_m2"][2]
+    a, b = body["front_axle_to_cg_m"], body["cg_to_rear_axle_m"]
+    dt, speed = 0.01, 8.0
+    time = np.arange(0.0, 30.0, dt)
+    steer = 0.05 * np.sin(2.0 * np.pi * 0.3 * time)
+    lateral, rate = np.zeros_like(time), np.zeros_like(time)
+    acceleration = np.zeros_like(time)
+    v = r = 0.0
+    for i, delta in enumerate(steer):
+        lateral[i], rate[i] = v, r
+        for sub in range(20):
+            front = -stiffness[0] * (np.arctan2(v + a * r, speed) - delta)
+            rear = -stiffness[1] * np.arctan2(v - b * r, speed)
+            across = (front * np.cos(delta) + rear) / mass
+            if sub == 0:
+                acceleration[i] = across
+            v += (across - r * speed) * dt / 20
+            r += (a * front * np.cos(delta) - b * rear) / inertia * dt / 20
+    sideslip = np.arctan2(lateral, speed)
+    sideslip += np.random.default_rng(1).normal(0.0, 0.002, time.size)
+    return identify.Drive(
+        dt,
+        speed_m_s=np.hypot(speed, lateral),
+        sideslip_rad=sideslip,
+        yaw_rate_rad_s=rate,
+        lateral_m_s2=acceleration,
+        steer_rad=steer,
+    )
+
+
+def test_cornering_stiffness_of_a_single_track_is_found(vehicle: atvrec.Vehicle) -> None:
+    stiffness = (6_000.0, 17_000.0)
+    drive = single_track(vehicle, stiffness)
+    assert len(drive) == 3000 and drive.dt_s == 0.01
+    found = identify.cornering(drive, vehicle)
+    for name, truth in zip(("front", "rear"), stiffness, strict=True):
+        one = found["findings"][f"cornering_stiffness_{name}"]
+        assert one["unit"] == "N/rad"
+        assert one["value"] == pytest.approx(truth, rel=0.1)
+        assert one["interval"] is not None and one["interval"][0] < one["value"] < one["interval"][1]
+    assert found["covariance"] is not None and found["covariance"].shape == (4, 4)
+    again = identify.cornering(drive, vehicle)
+    assert again["findings"] == found["findings"], "the same seed gives the same intervals"
+
+
+def test_what_a_drive_lacks_is_told(vehicle: atvrec.Vehicle) -> None:
+    drive = identify.Drive(0.01, yaw_rate_rad_s=np.zeros(1000), steer_rad=np.zeros(1000))
+    with pytest.raises(atvrec.DataError, match="has no speed"):
+        identify.cornering(drive, vehicle)
+    with pytest.raises(atvrec.DataError, match="steps of the steer angle|no lateral"):
+        identify.step_response(drive)
+    with pytest.raises(atvrec.ArgumentError, match="999 values"):
+        identify.Drive(0.01, yaw_rate_rad_s=np.zeros(1000), steer_rad=np.zeros(999))
+    with pytest.raises(atvrec.ArgumentError, match="shape"):
+        identify.Drive(0.01, yaw_rate_rad_s=np.zeros((10, 2)))
+    with pytest.raises(atvrec.ArgumentError, match="must be one of linear, fiala"):
+        identify.tyre(
+            "square",  # type: ignore[arg-type]
+            np.ones(9),
+            np.ones(9),
+            np.ones(9),
+            dt_s=0.1,
+            reference_load_n=1000.0,
+        )
+
+
+def test_a_tyre_is_fitted_to_its_own_curve(vehicle: atvrec.Vehicle) -> None:
+    tyre = atvrec.Tyre.physical(
+        "fiala", cornering_stiffness_n_rad=15_000.0, slip_stiffness_n=12_000.0, friction=0.8
+    )
+    rng = np.random.default_rng(2)
+    slip = 0.25 * np.sin(np.linspace(0.0, 40.0, 800))
+    load = np.full(800, 1_500.0)
+    force = tyre.forces(load, slip)["lateral_n"] + rng.normal(0.0, 10.0, 800)
+    found = identify.tyre("fiala", load, slip, force, dt_s=0.05, reference_load_n=1_500.0)
+    values = found["findings"]
+    assert values["cornering_stiffness"]["value"] == pytest.approx(15_000.0, rel=0.03)
+    assert values["friction"]["value"] == pytest.approx(0.8, rel=0.02)
+
+
+def test_roll_centres_come_from_hard_points(vehicle: atvrec.Vehicle) -> None:
+    found = identify.roll_centre(vehicle)["findings"]
+    corner = atvrec.Corner(vehicle, "fl")
+    height = corner.curves(np.zeros(1))["roll_centre_height_m"][0]
+    assert found["roll_centre_height_front"]["value"] == pytest.approx(height, abs=0.03)
+
+
+def test_a_log_is_a_drive(vehicle: atvrec.Vehicle) -> None:
+    path = os.environ.get("ATVREC_TEST_LOG")
+    if not path:
+        pytest.skip("ATVREC_TEST_LOG names no log; scripts/test-python makes it")
+    drive = identify.drive_of(atvrec.open(path), start_s=0.0)
+    assert len(drive) > 300
+    with pytest.raises(atvrec.DataError, match=r"s of usable data, 6\.0 s are needed"):
+        identify.cornering(drive, vehicle)
+
+
+def test_rest_tells_mean_noise_and_drift() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 10.0, 0.01)
+    rest = calibrate.rest(time, 500.0 + 0.5 * time + rng.normal(0.0, 2.0, time.size))
+    assert rest["mean"] == pytest.approx(502.5, abs=0.3)
+    assert rest["noise"] == pytest.approx(2.0, rel=0.15)
+    assert rest["slope_per_s"] == pytest.approx(0.5, abs=5 * rest["slope_sigma"])
+    assert not rest["unmoved"]
+    assert calibrate.rest(time, np.full(time.size, 7.0))["unmoved"]
+    with pytest.raises(atvrec.DataError, match="20"):
+        calibrate.rest(time[:5], time[:5])
+    with pytest.raises(atvrec.ArgumentError, match="as many"):
+        calibrate.rest(time, time[:-1])
+
+
+def test_steering_from_turning_plates() -> None:
+    hand = np.concatenate([np.linspace(-4.0, 4.0, 17), np.linspace(4.0, -4.0, 17)])
+    wheel = (hand - 0.1) / 9.16
+    found = calibrate.steer(hand, np.stack([wheel, wheel], axis=1), plate_sigma_rad=0.001)
+    assert found["calibration"]
+    centre = [one["value"] for one in found["findings"].values()]
+    assert any(value == pytest.approx(0.1, abs=0.01) for value in centre), found["findings"]
+    with pytest.raises(atvrec.DataError, match="sign"):
+        calibrate.steer(hand, -np.stack([wheel, wheel], axis=1), plate_sigma_rad=0.001)
