@@ -1,7 +1,10 @@
 //! Many runs of a model at once, on all cores.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
+use model::integrate::{LANES, Tolerance};
+use model::simulation::{Grid, Model, side_by_side};
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::IntoPyObjectExt;
@@ -15,27 +18,18 @@ use crate::input::{self, Doubles};
 /// Below this number of steps a batch is not worth a second thread.
 const STEPS_FOR_THREADS: usize = 2_000;
 
-/// A model that can be stepped through time.
-pub trait Dynamics: Sync {
-    /// State.
-    type State: Copy;
-    /// Inputs.
-    type Inputs: Copy + Send + Sync;
+/// A chassis model as rows of numbers.
+pub trait Dynamics: Model {
     /// Names of the states' numbers, with units.
-    const STATES: &'static [&'static str];
+    fn state_names() -> &'static [String];
     /// Names of the inputs' numbers, with units.
-    const INPUTS: &'static [&'static str];
-
-    /// The state from numbers in the order of [`Dynamics::STATES`].
+    fn input_names() -> &'static [String];
+    /// The state from numbers in the order of [`Dynamics::state_names`].
     fn state(values: &[f64]) -> Self::State;
     /// The numbers of a state.
     fn write(state: &Self::State, values: &mut [f64]);
-    /// Inputs from numbers in the order of [`Dynamics::INPUTS`].
+    /// Inputs from numbers in the order of [`Dynamics::input_names`].
     fn inputs(values: &[f64]) -> Self::Inputs;
-    /// Rate of the state.
-    fn rate(&self, state: &Self::State, inputs: &Self::Inputs) -> Self::State;
-    /// The state one step later.
-    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State;
 }
 
 /// States and inputs of a batch, brought to one number of rows.
@@ -59,8 +53,8 @@ impl<'a> Rows<'a> {
         models: Option<usize>,
         in_time: bool,
     ) -> PyResult<Self> {
-        let numbers = input::rows("state", states, D::STATES)?;
-        let input_numbers = input::rows("inputs", inputs, D::INPUTS)?;
+        let numbers = input::rows("state", states, D::state_names())?;
+        let input_numbers = input::rows("inputs", inputs, D::input_names())?;
         let own_axes = if in_time { 2 } else { 1 };
         let (of_state, of_inputs) = (states.shape(), inputs.shape());
         if of_state.len() > 2 || of_inputs.len() > own_axes + 1 {
@@ -108,6 +102,29 @@ impl<'a> Rows<'a> {
         &self.inputs[row * width..(row + 1) * width]
     }
 
+    /// Steps some runs of one model side by side; `keep` counts them from zero.
+    fn run<D: Dynamics>(
+        &self,
+        model: &D,
+        runs: Range<usize>,
+        grid: &Grid,
+        keep: impl FnMut(usize, usize, &D::State),
+    ) {
+        let (width, inputs) = (D::state_names().len(), D::input_names().len());
+        let starts: Vec<D::State> = runs
+            .clone()
+            .map(|run| D::state(self.state(run, width)))
+            .collect();
+        side_by_side(
+            model,
+            &starts,
+            grid,
+            self.input_rows.saturating_sub(1),
+            |run, step| D::inputs(self.input(runs.start + run, step, inputs)),
+            keep,
+        );
+    }
+
     fn shape(&self, own: &[usize]) -> IxDyn {
         let runs = self.batched.then_some(self.count);
         IxDyn(
@@ -133,9 +150,9 @@ pub fn map<'py, D: Dynamics>(
     let rows = Rows::new::<D>(states, inputs, None, false)?;
     let width: usize = own_shape.iter().product();
     let values = py.detach(|| {
-        fill(rows.count, width, 1, |run, out| {
-            let state = D::state(rows.state(run, D::STATES.len()));
-            let input = D::inputs(rows.input(run, 0, D::INPUTS.len()));
+        fill(rows.count, width, |run, out| {
+            let state = D::state(rows.state(run, D::state_names().len()));
+            let input = D::inputs(rows.input(run, 0, D::input_names().len()));
             work(model, &state, &input, out);
         })
     });
@@ -153,15 +170,17 @@ pub fn step<'py, D: Dynamics>(
 ) -> PyResult<Array<'py>> {
     input::positive("step_s", step_s, "s")?;
     let rows = Rows::new::<D>(states, inputs, None, false)?;
-    let width = D::STATES.len();
+    let width = D::state_names().len();
+    let grid = Grid {
+        step_s,
+        steps,
+        every: steps.max(1),
+    };
     let values = py.detach(|| {
-        fill(rows.count, width, steps, |run, out| {
-            let mut state = D::state(rows.state(run, width));
-            let input = D::inputs(rows.input(run, 0, D::INPUTS.len()));
-            for _ in 0..steps {
-                state = model.step(&state, &input, step_s);
-            }
-            D::write(&state, out);
+        grouped(rows.count, width, steps, LANES, |runs, out| {
+            rows.run(model, runs, &grid, |run, _, state| {
+                D::write(state, &mut out[run * width..(run + 1) * width]);
+            });
         })
     });
     array(py, rows.shape(&[width]), values)
@@ -196,47 +215,50 @@ pub fn simulate<'py, D: Dynamics>(
             rows.input_rows
         )));
     }
-    let every = schedule.every.max(1);
-    let (width, kept) = (D::STATES.len(), steps / every + 1);
+    let grid = Grid {
+        step_s: schedule.step_s,
+        steps,
+        every: schedule.every.max(1),
+    };
+    let (width, kept) = (D::state_names().len(), grid.kept());
+    let size = if models.len() == 1 { LANES } else { 1 };
     let values = py.detach(|| {
-        fill(rows.count, width * kept, steps, |run, out| {
-            let model = models[if models.len() == 1 { 0 } else { run }];
-            let mut state = D::state(rows.state(run, width));
-            let mut out = out.chunks_exact_mut(width);
-            if let Some(first) = out.next() {
-                D::write(&state, first);
-            }
-            for step in 0..steps {
-                let input = D::inputs(rows.input(run, step, D::INPUTS.len()));
-                state = model.step(&state, &input, schedule.step_s);
-                if (step + 1) % every == 0
-                    && let Some(next) = out.next()
-                {
-                    D::write(&state, next);
-                }
-            }
+        grouped(rows.count, width * kept, steps, size, |runs, out| {
+            let model = models[if models.len() == 1 { 0 } else { runs.start }];
+            rows.run(model, runs, &grid, |run, number, state| {
+                let place = (run * kept + number) * width;
+                D::write(state, &mut out[place..place + width]);
+            });
         })
     });
     array(py, rows.shape(&[kept, width]), values)
 }
 
 /// `count` rows of `width` numbers, each made by `work`, on all cores if that pays.
-fn fill(
+fn fill(count: usize, width: usize, work: impl Fn(usize, &mut [f64]) + Sync) -> Vec<f64> {
+    grouped(count, width, 1, 1, |runs, out| work(runs.start, out))
+}
+
+/// `count` rows of `width` numbers, made by `work` for some `size` rows at once, on all cores if
+/// that pays.
+fn grouped(
     count: usize,
     width: usize,
     steps: usize,
-    work: impl Fn(usize, &mut [f64]) + Sync,
+    size: usize,
+    work: impl Fn(Range<usize>, &mut [f64]) + Sync,
 ) -> Vec<f64> {
     let mut values = vec![0.0; count * width];
     if width == 0 {
         return values;
     }
-    if count > 1 && count.saturating_mul(steps) >= STEPS_FOR_THREADS {
-        let rows = values.par_chunks_exact_mut(width).enumerate();
-        rows.for_each(|(run, out)| work(run, out));
+    let range = |group: usize| group * size..((group + 1) * size).min(count);
+    if count > size && count.saturating_mul(steps) >= STEPS_FOR_THREADS {
+        let groups = values.par_chunks_mut(width * size).enumerate();
+        groups.for_each(|(group, out)| work(range(group), out));
     } else {
-        let rows = values.chunks_exact_mut(width).enumerate();
-        rows.for_each(|(run, out)| work(run, out));
+        let groups = values.chunks_mut(width * size).enumerate();
+        groups.for_each(|(group, out)| work(range(group), out));
     }
     values
 }
@@ -245,26 +267,6 @@ fn array(py: Python<'_>, shape: IxDyn, values: Vec<f64>) -> PyResult<Array<'_>> 
     ArrayD::from_shape_vec(shape, values)
         .map(|array| array.into_pyarray(py))
         .map_err(|error| errors::argument(error.to_string()))
-}
-
-/// Rate of the state.
-pub fn rate<'py, D: Dynamics>(
-    py: Python<'py>,
-    model: &D,
-    states: &Doubles<'py>,
-    inputs: &Doubles<'py>,
-) -> PyResult<Array<'py>> {
-    let width = D::STATES.len();
-    map(
-        py,
-        model,
-        states,
-        inputs,
-        &[width],
-        |model, state, inputs, out| {
-            D::write(&model.rate(state, inputs), out);
-        },
-    )
 }
 
 /// One row of numbers.
@@ -299,7 +301,7 @@ pub fn shaped<'py>(py: Python<'py>, shape: &[usize], values: Vec<f64>) -> PyResu
 }
 
 /// A row of inputs, all finite.
-pub fn input_row<'py>(py: Python<'py>, names: &[&str], row: Vec<f64>) -> PyResult<Array<'py>> {
+pub fn input_row<'py>(py: Python<'py>, names: &[String], row: Vec<f64>) -> PyResult<Array<'py>> {
     if let Some(bad) = row.iter().position(|value| !value.is_finite()) {
         return Err(errors::argument(format!(
             "{} = {}: must be a finite number",
@@ -307,4 +309,28 @@ pub fn input_row<'py>(py: Python<'py>, names: &[&str], row: Vec<f64>) -> PyResul
         )));
     }
     vector(py, row)
+}
+
+/// One state and one row of inputs, checked.
+pub fn single<D: Dynamics>(state: &Doubles<'_>, inputs: &Doubles<'_>) -> PyResult<[Vec<f64>; 2]> {
+    let start = input::rows("state", state, D::state_names())?;
+    let held = input::rows("inputs", inputs, D::input_names())?;
+    for (name, shape) in [("state", state.shape()), ("inputs", inputs.shape())] {
+        if shape.len() != 1 {
+            return Err(errors::argument(format!(
+                "{name} has the shape {shape:?}: give one row"
+            )));
+        }
+    }
+    Ok([start.into_owned(), held.into_owned()])
+}
+
+/// Bounds of an adaptive integration over a duration.
+pub fn tolerance(relative: f64, absolute: f64, duration_s: f64) -> PyResult<Tolerance> {
+    input::positive("duration_s", duration_s, "s")?;
+    Ok(Tolerance {
+        relative: input::positive("relative", relative, "")?,
+        absolute: input::positive("absolute", absolute, "")?,
+        ..Tolerance::default()
+    })
 }

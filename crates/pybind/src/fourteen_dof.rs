@@ -1,82 +1,19 @@
 //! The 14-degree-of-freedom model, in which a wheel really lifts.
 
+use std::sync::LazyLock;
+
 use model::chassis::fourteen_dof::{self, Inputs, Outputs, Parameters, State};
+use model::integrate::adaptive;
+use model::simulation::{ContactChange, with_events};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::batch::{self, Dynamics, Schedule};
+use crate::chassis::{self, chassis_class, each, one};
 use crate::errors;
 use crate::input::{self, Doubles, PerWheel};
 use crate::vehicle::Vehicle;
-
-const STATES: [&str; fourteen_dof::STATES] = [
-    "east_m",
-    "north_m",
-    "height_m",
-    "roll_rad",
-    "pitch_rad",
-    "yaw_rad",
-    "longitudinal_m_s",
-    "lateral_m_s",
-    "vertical_m_s",
-    "roll_rate_rad_s",
-    "pitch_rate_rad_s",
-    "yaw_rate_rad_s",
-    "jounce_fl_m",
-    "jounce_fr_m",
-    "jounce_rl_m",
-    "jounce_rr_m",
-    "jounce_rate_fl_m_s",
-    "jounce_rate_fr_m_s",
-    "jounce_rate_rl_m_s",
-    "jounce_rate_rr_m_s",
-    "wheel_speed_fl_rad_s",
-    "wheel_speed_fr_rad_s",
-    "wheel_speed_rl_rad_s",
-    "wheel_speed_rr_rad_s",
-    "slip_tangent_fl",
-    "slip_tangent_fr",
-    "slip_tangent_rl",
-    "slip_tangent_rr",
-    "slip_ratio_fl",
-    "slip_ratio_fr",
-    "slip_ratio_rl",
-    "slip_ratio_rr",
-];
-
-const INPUTS: [&str; 30] = [
-    "steer_fl_rad",
-    "steer_fr_rad",
-    "steer_rl_rad",
-    "steer_rr_rad",
-    "drive_fl_n_m",
-    "drive_fr_n_m",
-    "drive_rl_n_m",
-    "drive_rr_n_m",
-    "brake_fl_n_m",
-    "brake_fr_n_m",
-    "brake_rl_n_m",
-    "brake_rr_n_m",
-    "road_fl_m",
-    "road_fr_m",
-    "road_rl_m",
-    "road_rr_m",
-    "road_rate_fl_m_s",
-    "road_rate_fr_m_s",
-    "road_rate_rl_m_s",
-    "road_rate_rr_m_s",
-    "bank_rad",
-    "grade_rad",
-    "friction_scale_fl",
-    "friction_scale_fr",
-    "friction_scale_rl",
-    "friction_scale_rr",
-    "stiffness_scale_fl",
-    "stiffness_scale_fr",
-    "stiffness_scale_rl",
-    "stiffness_scale_rr",
-];
 
 /// Names of what `outputs` gives, with the number of columns of each.
 const OUTPUTS: [(&str, usize); 9] = [
@@ -90,58 +27,6 @@ const OUTPUTS: [(&str, usize); 9] = [
     ("strut_force_n", 4),
     ("specific_force_m_s2", 3),
 ];
-const OUTPUT_WIDTH: usize = 35;
-
-impl Dynamics for Parameters {
-    type State = State<f64>;
-    type Inputs = Inputs<f64>;
-    const STATES: &'static [&'static str] = &STATES;
-    const INPUTS: &'static [&'static str] = &INPUTS;
-
-    fn state(values: &[f64]) -> State<f64> {
-        State::from_array(std::array::from_fn(|i| values[i]))
-    }
-
-    fn write(state: &State<f64>, values: &mut [f64]) {
-        values.copy_from_slice(&state.to_array());
-    }
-
-    fn inputs(values: &[f64]) -> Inputs<f64> {
-        let four = |first: usize| std::array::from_fn(|i| values[first + i]);
-        Inputs {
-            steer_rad: four(0),
-            drive_n_m: four(4),
-            brake_n_m: four(8),
-            road_m: four(12),
-            road_rate_m_s: four(16),
-            bank_rad: values[20],
-            grade_rad: values[21],
-            friction_scale: four(22),
-            stiffness_scale: four(26),
-        }
-    }
-
-    fn rate(&self, state: &State<f64>, inputs: &Inputs<f64>) -> State<f64> {
-        fourteen_dof::derivative(self, state, inputs)
-    }
-
-    fn step(&self, state: &State<f64>, inputs: &Inputs<f64>, step_s: f64) -> State<f64> {
-        fourteen_dof::step(self, state, inputs, step_s)
-    }
-}
-
-fn input_row(inputs: &Inputs<f64>) -> Vec<f64> {
-    let mut row = Vec::with_capacity(INPUTS.len());
-    row.extend(inputs.steer_rad);
-    row.extend(inputs.drive_n_m);
-    row.extend(inputs.brake_n_m);
-    row.extend(inputs.road_m);
-    row.extend(inputs.road_rate_m_s);
-    row.extend([inputs.bank_rad, inputs.grade_rad]);
-    row.extend(inputs.friction_scale);
-    row.extend(inputs.stiffness_scale);
-    row
-}
 
 fn output_row(outputs: &Outputs<f64>, row: &mut [f64]) {
     let lists = [
@@ -158,182 +43,153 @@ fn output_row(outputs: &Outputs<f64>, row: &mut [f64]) {
     row[32..].copy_from_slice(&outputs.specific_force_m_s2);
 }
 
-/// The 14-degree-of-freedom model: six of the body, four of the wheels' travel, four of their spin,
-/// with tyres that push only and suspension stops, so that a wheel really lifts.
-///
-/// States are rows of 32 numbers (`STATES`), inputs rows of 30 (`INPUTS`); both take one axis of
-/// runs before their own.
-#[pyclass(frozen, module = "atvrec")]
-pub struct FourteenDof {
-    parameters: Parameters,
+fn change_name(change: ContactChange) -> &'static str {
+    match change {
+        ContactChange::LiftOff => "lift-off",
+        ContactChange::TouchDown => "touch-down",
+        ContactChange::DroopStop => "droop-stop",
+        ContactChange::DroopFree => "droop-free",
+        ContactChange::BumpStop => "bump-stop",
+        ContactChange::BumpFree => "bump-free",
+    }
 }
 
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
-
-#[pymethods]
-impl FourteenDof {
-    /// Names of the states, with units.
-    #[classattr]
-    #[pyo3(name = "STATES")]
-    fn states() -> [&'static str; fourteen_dof::STATES] {
-        STATES
-    }
-
-    /// Names of the inputs, with units.
-    #[classattr]
-    #[pyo3(name = "INPUTS")]
-    fn input_names() -> [&'static str; 30] {
-        INPUTS
-    }
-
-    /// The model of a vehicle. Raises VehicleError where it has no struts or unsprung masses.
-    #[new]
-    fn new(vehicle: &Vehicle) -> PyResult<Self> {
-        let parameters = Parameters::from_vehicle(&vehicle.inner);
-        parameters
-            .map(|parameters| Self { parameters })
-            .map_err(|e| errors::model(&e))
-    }
-
-    /// The state of rolling straight ahead on level ground, springs and tyres carrying the vehicle:
-    /// array (32,).
-    fn rolling<'py>(&self, py: Python<'py>, speed_m_s: f64) -> PyResult<Array<'py>> {
-        input::finite("speed_m_s", speed_m_s, "m/s")?;
-        let rest = fourteen_dof::at_rest(&self.parameters).map_err(|e| errors::model(&e))?;
-        let state = rest.rolling(speed_m_s, &self.parameters);
-        batch::vector(py, state.to_array().to_vec())
-    }
-
-    /// One row of inputs: array (30,). `front_steer_rad` turns both front wheels; the others take
-    /// one number for all wheels or four.
-    #[staticmethod]
-    #[pyo3(signature = (
-        front_steer_rad=None, *, steer_rad=None, drive_n_m=None, brake_n_m=None, road_m=None,
-        road_rate_m_s=None, bank_rad=0.0, grade_rad=0.0, friction_scale=None, stiffness_scale=None
-    ))]
-    #[allow(clippy::too_many_arguments)]
-    fn inputs<'py>(
-        py: Python<'py>,
-        front_steer_rad: Option<f64>,
-        steer_rad: Option<PerWheel>,
-        drive_n_m: Option<PerWheel>,
-        brake_n_m: Option<PerWheel>,
-        road_m: Option<PerWheel>,
-        road_rate_m_s: Option<PerWheel>,
-        bank_rad: f64,
-        grade_rad: f64,
-        friction_scale: Option<PerWheel>,
-        stiffness_scale: Option<PerWheel>,
-    ) -> PyResult<Array<'py>> {
-        let mut inputs = Inputs::<f64>::coasting();
-        let set = |place: &mut [f64; 4], value: Option<PerWheel>| {
-            if let Some(value) = value {
-                *place = value.each();
-            }
-        };
-        set(&mut inputs.steer_rad, steer_rad);
-        set(&mut inputs.drive_n_m, drive_n_m);
-        set(&mut inputs.brake_n_m, brake_n_m);
-        set(&mut inputs.road_m, road_m);
-        set(&mut inputs.road_rate_m_s, road_rate_m_s);
-        set(&mut inputs.friction_scale, friction_scale);
-        set(&mut inputs.stiffness_scale, stiffness_scale);
-        inputs.bank_rad = bank_rad;
-        inputs.grade_rad = grade_rad;
-        if let Some(angle) = front_steer_rad {
-            inputs.steer_rad[0] = angle;
-            inputs.steer_rad[1] = angle;
-        }
-        batch::input_row(py, &INPUTS, input_row(&inputs))
-    }
-
-    /// Rate of the state: array (32,) or (N, 32).
-    fn derivative<'py>(
-        &self,
-        py: Python<'py>,
-        state: Doubles<'py>,
-        inputs: Doubles<'py>,
-    ) -> PyResult<Array<'py>> {
-        batch::rate(py, &self.parameters, &state, &inputs)
-    }
-
-    /// The state `steps` Runge-Kutta steps (fourth order) of `step_s` later, inputs held: array
-    /// (32,) or (N, 32).
-    #[pyo3(signature = (state, inputs, step_s, steps=1))]
-    fn step<'py>(
-        &self,
-        py: Python<'py>,
-        state: Doubles<'py>,
-        inputs: Doubles<'py>,
-        step_s: f64,
-        steps: usize,
-    ) -> PyResult<Array<'py>> {
-        batch::step(py, &self.parameters, &state, &inputs, step_s, steps)
-    }
-
-    /// States over time, the first included: array (K+1, 32) or (N, K+1, 32).
+chassis_class! {
+    /// The 14-degree-of-freedom model: six of the body, four of the wheels' travel, four of their
+    /// spin, with tyres that push only and suspension stops, so that a wheel really lifts.
     ///
-    /// `inputs` is (30,) for all steps, (T, 30) with one row a step, or (N, T, 30); `state` (32,) or
-    /// (N, 32). Every `every`-th state is kept: K = steps // every.
-    #[pyo3(signature = (state, inputs, step_s, steps=None, every=1))]
-    fn simulate<'py>(
-        &self,
-        py: Python<'py>,
-        state: Doubles<'py>,
-        inputs: Doubles<'py>,
-        step_s: f64,
-        steps: Option<usize>,
-        every: usize,
-    ) -> PyResult<Array<'py>> {
-        let schedule = Schedule {
-            step_s,
-            steps,
-            every,
-        };
-        batch::simulate(py, &[&self.parameters], &state, &inputs, schedule)
-    }
+    /// States are rows of 32 numbers (`STATES`), inputs rows of 30 (`INPUTS`); both take one axis of
+    /// runs before their own. Outputs are for each wheel `load_n`, `deflection_m`,
+    /// `longitudinal_n`, `lateral_n` (contact frame), `slip_angle_rad`, `slip_ratio`,
+    /// `strut_length_m`, `strut_force_n`, and `specific_force_m_s2` (3, body axes) at the sprung
+    /// part's centre of gravity.
+    FourteenDof, fourteen_dof,
+    states: [
+        one("east", "m"),
+        one("north", "m"),
+        one("height", "m"),
+        one("roll", "rad"),
+        one("pitch", "rad"),
+        one("yaw", "rad"),
+        one("longitudinal", "m_s"),
+        one("lateral", "m_s"),
+        one("vertical", "m_s"),
+        one("roll_rate", "rad_s"),
+        one("pitch_rate", "rad_s"),
+        one("yaw_rate", "rad_s"),
+        each("jounce", "m"),
+        each("jounce_rate", "m_s"),
+        each("wheel_speed", "rad_s"),
+        each("slip_tangent", ""),
+        each("slip_ratio", ""),
+    ],
+    inputs: [
+        each("steer", "rad"),
+        each("drive", "n_m"),
+        each("brake", "n_m"),
+        each("road", "m"),
+        each("road_rate", "m_s"),
+        one("bank", "rad"),
+        one("grade", "rad"),
+        each("friction_scale", ""),
+        each("stiffness_scale", ""),
+    ],
+    outputs: OUTPUTS, output_row,
+    own: {
+        /// The model of a vehicle. Raises VehicleError where it has no struts or unsprung masses.
+        #[new]
+        fn new(vehicle: &Vehicle) -> PyResult<Self> {
+            let parameters = Parameters::from_vehicle(&vehicle.inner);
+            parameters
+                .map(|parameters| Self { parameters })
+                .map_err(|e| errors::model(&e))
+        }
 
-    /// Loads, forces, slips and struts as a dict of arrays (..., 4): `load_n` (zero in the air),
-    /// `deflection_m` of the tyres (negative: clearance), `longitudinal_n`, `lateral_n` (contact
-    /// frame), `slip_angle_rad`, `slip_ratio`, `strut_length_m`, `strut_force_n`; and
-    /// `specific_force_m_s2` (..., 3) at the sprung part's centre of gravity.
-    fn outputs<'py>(
-        &self,
-        py: Python<'py>,
-        state: Doubles<'py>,
-        inputs: Doubles<'py>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let all = batch::map(
-            py,
-            &self.parameters,
-            &state,
-            &inputs,
-            &[OUTPUT_WIDTH],
-            |model, state, inputs, row| {
-                output_row(&fourteen_dof::outputs(model, state, inputs), row);
-            },
-        )?;
-        batch::split(py, &all, &OUTPUTS)
-    }
+        /// The state of rolling straight ahead on level ground, springs and tyres carrying the
+        /// vehicle: array (32,).
+        fn rolling<'py>(&self, py: Python<'py>, speed_m_s: f64) -> PyResult<Array<'py>> {
+            input::finite("speed_m_s", speed_m_s, "m/s")?;
+            let rest = fourteen_dof::at_rest(&self.parameters).map_err(|e| errors::model(&e))?;
+            let state = rest.rolling(speed_m_s, &self.parameters);
+            batch::vector(py, state.to_array().to_vec())
+        }
 
-    /// Exact Jacobian of the rate by the state: array (32, 32) or (N, 32, 32).
-    fn jacobian<'py>(
-        &self,
-        py: Python<'py>,
-        state: Doubles<'py>,
-        inputs: Doubles<'py>,
-    ) -> PyResult<Array<'py>> {
-        let n = fourteen_dof::STATES;
-        batch::map(
-            py,
-            &self.parameters,
-            &state,
-            &inputs,
-            &[n, n],
-            |model, state, inputs, out| {
-                let jacobian = fourteen_dof::jacobian(model, state, inputs);
-                out.copy_from_slice(jacobian.transpose().as_slice());
-            },
-        )
+        /// One row of inputs: array (30,). `front_steer_rad` turns both front wheels; the others
+        /// take one number for all wheels or four.
+        #[staticmethod]
+        #[pyo3(signature = (
+            front_steer_rad=None, *, steer_rad=None, drive_n_m=None, brake_n_m=None, road_m=None,
+            road_rate_m_s=None, bank_rad=0.0, grade_rad=0.0, friction_scale=None,
+            stiffness_scale=None
+        ))]
+        #[allow(clippy::too_many_arguments)]
+        fn inputs<'py>(
+            py: Python<'py>,
+            front_steer_rad: Option<f64>,
+            steer_rad: Option<PerWheel>,
+            drive_n_m: Option<PerWheel>,
+            brake_n_m: Option<PerWheel>,
+            road_m: Option<PerWheel>,
+            road_rate_m_s: Option<PerWheel>,
+            bank_rad: f64,
+            grade_rad: f64,
+            friction_scale: Option<PerWheel>,
+            stiffness_scale: Option<PerWheel>,
+        ) -> PyResult<Array<'py>> {
+            let mut inputs = Inputs::<f64>::coasting();
+            input::set(&mut inputs.steer_rad, steer_rad);
+            input::set(&mut inputs.drive_n_m, drive_n_m);
+            input::set(&mut inputs.brake_n_m, brake_n_m);
+            input::set(&mut inputs.road_m, road_m);
+            input::set(&mut inputs.road_rate_m_s, road_rate_m_s);
+            input::set(&mut inputs.friction_scale, friction_scale);
+            input::set(&mut inputs.stiffness_scale, stiffness_scale);
+            inputs.bank_rad = bank_rad;
+            inputs.grade_rad = grade_rad;
+            if let Some(angle) = front_steer_rad {
+                inputs.steer_rad[..2].fill(angle);
+            }
+            batch::input_row(py, &INPUTS, inputs.to_array().to_vec())
+        }
+
+        /// States over time with every change of contact found to the instant, inputs held, as a
+        /// dict: `time_s` (K,), `states` (K, 32) after every step, the start first, and `events`, a
+        /// list of (time in s, wheel, change). A step ends at an event; changes are lift-off,
+        /// touch-down, droop-stop, droop-free, bump-stop and bump-free.
+        fn simulate_events<'py>(
+            &self,
+            py: Python<'py>,
+            state: Doubles<'py>,
+            inputs: Doubles<'py>,
+            duration_s: f64,
+            step_s: f64,
+        ) -> PyResult<Bound<'py, PyDict>> {
+            let [start, held] = batch::single::<Parameters>(&state, &inputs)?;
+            let held = <Parameters as Dynamics>::inputs(&held);
+            let start = <Parameters as Dynamics>::state(&start);
+            let (mut times, mut rows) = (vec![0.0], start.to_array().to_vec());
+            let observe = |time_s: f64, state: &State<f64>| {
+                times.push(time_s);
+                rows.extend(state.to_array());
+            };
+            let p = &self.parameters;
+            let (_, events) = py
+                .detach(|| with_events(p, &start, duration_s, step_s, |_| held, observe))
+                .map_err(|e| errors::model(&e))?;
+            let names = ["fl", "fr", "rl", "rr"];
+            let events: Vec<(f64, &str, &str)> = events
+                .iter()
+                .map(|event| {
+                    let wheel = names[event.wheel.index()];
+                    (event.time_s, wheel, change_name(event.change))
+                })
+                .collect();
+            let dict = PyDict::new(py);
+            let shape = [times.len(), fourteen_dof::STATES];
+            dict.set_item("time_s", batch::vector(py, times)?)?;
+            dict.set_item("states", batch::shaped(py, &shape, rows)?)?;
+            dict.set_item("events", events)?;
+            Ok(dict)
+        }
     }
 }

@@ -21,17 +21,21 @@ pub fn row_major<'a>(array: &'a Doubles<'_>) -> Cow<'a, [f64]> {
 }
 
 /// The array's numbers, all finite, with `names.len()` of them in each row.
-pub fn rows<'a>(
+pub fn rows<'a, S: AsRef<str>>(
     argument: &str,
     array: &'a Doubles<'_>,
-    names: &[&str],
+    names: &[S],
 ) -> PyResult<Cow<'a, [f64]>> {
     let shape = array.shape();
     if shape.last() != Some(&names.len()) {
         return Err(errors::argument(format!(
             "{argument} has the shape {shape:?}: its last axis must hold {} numbers: {}",
             names.len(),
-            names.join(", ")
+            names
+                .iter()
+                .map(AsRef::as_ref)
+                .collect::<Vec<_>>()
+                .join(", ")
         )));
     }
     let values = row_major(array);
@@ -39,7 +43,8 @@ pub fn rows<'a>(
         let (row, column) = (bad / names.len(), bad % names.len());
         return Err(errors::argument(format!(
             "{argument}: {} in row {row} is {}: must be a finite number",
-            names[column], values[bad]
+            names[column].as_ref(),
+            values[bad]
         )));
     }
     Ok(values)
@@ -83,5 +88,12 @@ impl PerWheel {
             Self::All(value) => [value; 4],
             Self::Each(values) => values,
         }
+    }
+}
+
+/// Sets the four wheels' numbers where they are given.
+pub fn set(place: &mut [f64; 4], value: Option<PerWheel>) {
+    if let Some(value) = value {
+        *place = value.each();
     }
 }

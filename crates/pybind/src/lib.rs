@@ -6,6 +6,7 @@ mod arrays;
 mod batch;
 mod bicycle;
 mod calibrate;
+mod chassis;
 mod errors;
 mod findings;
 mod four_wheel;
@@ -13,6 +14,7 @@ mod fourteen_dof;
 mod identify;
 mod input;
 mod log;
+mod steering;
 mod strain;
 mod suspension;
 mod tyre;
@@ -30,6 +32,8 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<log::LogReader>()?;
     module.add_class::<vehicle::Vehicle>()?;
     module.add_class::<tyre::Tyre>()?;
+    module.add_class::<tyre::SpringTyre>()?;
+    module.add_class::<steering::Steering>()?;
     module.add_class::<bicycle::Bicycle>()?;
     module.add_class::<four_wheel::FourWheel>()?;
     module.add_class::<fourteen_dof::FourteenDof>()?;
@@ -37,6 +41,7 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<suspension::Corner>()?;
     module.add_class::<strain::StrainChannel>()?;
     module.add_function(wrap_pyfunction!(suspension::road_height_m, module)?)?;
+    module.add_function(wrap_pyfunction!(steering::ackermann_rad, module)?)?;
     module.add_function(wrap_pyfunction!(strain::ina2126_gain, module)?)?;
     module.add_function(wrap_pyfunction!(strain::strain_circuits, module)?)
 }

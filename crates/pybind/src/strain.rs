@@ -1,5 +1,7 @@
 //! The strain chain.
 
+use std::path::{Path, PathBuf};
+
 use model::sensors::Sensors;
 use model::strain::{self, ChannelScale};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -42,6 +44,25 @@ impl StrainChannel {
         })
     }
 
+    /// The axial channels of a sensors file of your own; all mistakes of the file are told at once.
+    #[staticmethod]
+    fn load_axial(path: PathBuf) -> PyResult<Self> {
+        let scale = own(&path)?.strain.axial_scale();
+        scale
+            .map(|scale| Self { scale })
+            .map_err(|e| errors::model(&e))
+    }
+
+    /// The bending channels of a sensors file of your own.
+    #[staticmethod]
+    fn load_bending(path: PathBuf) -> PyResult<Self> {
+        let scale = own(&path)?.strain.bending_scale();
+        scale
+            .map_err(|e| errors::model(&e))?
+            .map(|scale| Self { scale })
+            .ok_or_else(|| errors::argument(format!("{}: has no bending bridges", path.display())))
+    }
+
     /// Names of the sensors files that ship with the package.
     #[staticmethod]
     fn builtin_names() -> Vec<&'static str> {
@@ -81,6 +102,11 @@ impl StrainChannel {
         let loads = values.iter().map(|counts| self.scale.load(*counts));
         batch::shaped(py, counts.shape(), loads.collect())
     }
+}
+
+fn own(path: &Path) -> PyResult<Sensors> {
+    let text = std::fs::read_to_string(path)?;
+    Sensors::from_toml(&text, path).map_err(|error| errors::vehicle(error.to_string()))
 }
 
 /// Gain of the INA2126 amplifier with a gain resistor, ohm (equation 3.5).

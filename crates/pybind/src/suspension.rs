@@ -2,7 +2,7 @@
 
 use model::suspension::{
     ChannelKind, Corner as Linkage, CornerMotion, CornerStatics, FullCar, HalfCar, MemberForces,
-    QuarterCar, Ride as Linear, RoadClass, RoadProfile, SuspensionError, TyreFrame, Wrench,
+    Parity, QuarterCar, Ride as Linear, RoadClass, RoadProfile, SuspensionError, TyreFrame, Wrench,
 };
 use model::vehicle::{Axle, Unsprung};
 use nalgebra::{Complex, SMatrix, Vector3};
@@ -297,6 +297,54 @@ impl Corner {
             <[f64; 6]>::from(wrench.to_vector())
         });
         batch::shaped(py, members.shape(), wrenches.collect())
+    }
+
+    /// Least squares of the six member forces and what is known of the moments beforehand
+    /// (M_x, M_y + c R F_z and M_z are zero within `moment_sigma_n_m`): a tuple of the wrench (6,)
+    /// and its covariance (6, 6), N and N m.
+    ///
+    /// `member_sigma_n` is the deviation of each member force, N; infinite for a dead channel.
+    /// `rolling_m` is the rolling resistance coefficient times the radius. The moments' default
+    /// deviations are those of a free-rolling wheel; make that of M_y infinite on a driven one.
+    /// Raises ArgumentError where what is left does not determine the wrench.
+    #[pyo3(signature = (
+        members, member_sigma_n, *, moment_sigma_n_m=[40.0, 6.0, 15.0], rolling_m=0.0,
+        jounce_m=0.0, rack_m=0.0
+    ))]
+    #[allow(clippy::too_many_arguments, clippy::type_complexity)]
+    fn wrench_with_parity<'py>(
+        &self,
+        py: Python<'py>,
+        members: [f64; 6],
+        member_sigma_n: [f64; 6],
+        moment_sigma_n_m: [f64; 3],
+        rolling_m: f64,
+        jounce_m: f64,
+        rack_m: f64,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArray2<f64>>)> {
+        for sigma in member_sigma_n.iter().chain(&moment_sigma_n_m) {
+            if sigma.is_nan() || *sigma <= 0.0 {
+                return Err(errors::argument(format!(
+                    "a deviation is {sigma}: must be greater than 0, infinite where nothing is known"
+                )));
+            }
+        }
+        input::finite("rolling_m", rolling_m, "m")?;
+        let statics = self.statics(jounce_m, rack_m)?;
+        let parity = Parity {
+            sigma_n_m: moment_sigma_n_m,
+            rolling_radius_m: rolling_m,
+        };
+        let found = statics
+            .wrench_with_parity(&members.into(), &member_sigma_n.into(), &parity)
+            .ok_or_else(|| {
+                errors::argument("the live channels and moments do not determine the wrench")
+            })?;
+        let wrench = <[f64; 6]>::from(found.wrench.to_vector());
+        Ok((
+            batch::vector(py, wrench.to_vec())?,
+            matrix(py, &found.covariance),
+        ))
     }
 }
 

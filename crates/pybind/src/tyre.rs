@@ -1,6 +1,11 @@
 //! Tyres.
 
-use model::tyre::{Contact, Law, Physical, Stiffness, Tyre as Model};
+use std::collections::HashMap;
+
+use model::tyre::{
+    Contact, Curve, Law, MagicFormula52, Offset, Physical, RadialSpringTyre, Rational, Stiffness,
+    Tyre as Model,
+};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyTuple};
@@ -124,6 +129,86 @@ impl Tyre {
         }
     }
 
+    /// The Magic Formula 5.2 with combined slip (Pacejka, Tyre and Vehicle Dynamics, 2nd edition,
+    /// section 4.3.2). `coefficients` takes those of a property file by name, in any case (`PCX1`,
+    /// `FNOMIN` in N, `UNLOADED_RADIUS` in m); what is not given is a passenger car's 205/60 R15.
+    #[staticmethod]
+    #[pyo3(signature = (coefficients=None))]
+    fn magic_formula_52(coefficients: Option<HashMap<String, f64>>) -> PyResult<Self> {
+        let mut formula = Box::<MagicFormula52>::default();
+        for (name, value) in coefficients.into_iter().flatten() {
+            let Some(place) = formula.coefficient_mut(&name.to_lowercase()) else {
+                return Err(errors::argument(format!(
+                    "coefficients: {name:?} is none of the Magic Formula 5.2; its names are those \
+                     of tyre property files, as PCX1 or QHZ4"
+                )));
+            };
+            *place = input::finite(&name, value, "")?;
+        }
+        input::positive("FNOMIN", formula.nominal_load_n, "N")?;
+        input::positive("UNLOADED_RADIUS", formula.radius_m, "m")?;
+        Ok(Self {
+            inner: Model::MagicFormula52(formula),
+        })
+    }
+
+    /// A tyre of rational curves (after Rill's TMeasy), each direction given at the nominal load
+    /// and at twice that load: rows of (initial slope in N per unit slip, peak force in N, slip of
+    /// the peak, sliding force in N, slip from which it slides). `offset` is (pneumatic trail over
+    /// contact length at zero slip, slip where it vanishes, slip from which it stays zero), at both
+    /// loads.
+    #[staticmethod]
+    #[pyo3(signature = (
+        *, nominal_load_n, greatest_load_n, longitudinal, lateral, offset, radius_m,
+        vertical_stiffness_n_m
+    ))]
+    fn rational(
+        nominal_load_n: f64,
+        greatest_load_n: f64,
+        longitudinal: [[f64; 5]; 2],
+        lateral: [[f64; 5]; 2],
+        offset: [[f64; 3]; 2],
+        radius_m: f64,
+        vertical_stiffness_n_m: f64,
+    ) -> PyResult<Self> {
+        let curves = |name: &str, rows: [[f64; 5]; 2]| {
+            for value in rows.as_flattened() {
+                input::positive(name, *value, "")?;
+            }
+            PyResult::Ok(rows.map(
+                |[slope_n, peak_n, peak_slip, sliding_n, sliding_slip]| Curve {
+                    slope_n,
+                    peak_n,
+                    peak_slip,
+                    sliding_n,
+                    sliding_slip,
+                },
+            ))
+        };
+        for value in offset.as_flattened() {
+            input::positive("offset", *value, "")?;
+        }
+        Ok(Self {
+            inner: Model::Rational(Box::new(Rational {
+                nominal_load_n: input::positive("nominal_load_n", nominal_load_n, "N")?,
+                greatest_load_n: input::positive("greatest_load_n", greatest_load_n, "N")?,
+                longitudinal: curves("longitudinal", longitudinal)?,
+                lateral: curves("lateral", lateral)?,
+                offset: offset.map(|[at_rest, first_zero, last_zero]| Offset {
+                    at_rest,
+                    first_zero,
+                    last_zero,
+                }),
+                radius_m: input::positive("radius_m", radius_m, "m")?,
+                vertical_stiffness_n_m: input::positive(
+                    "vertical_stiffness_n_m",
+                    vertical_stiffness_n_m,
+                    "N/m",
+                )?,
+            })),
+        })
+    }
+
     /// Forces and aligning moment as a dict: `longitudinal_n`, `lateral_n`, `aligning_n_m`.
     ///
     /// Arguments are numbers or arrays, broadcast against each other as NumPy does; the results
@@ -204,4 +289,108 @@ impl Tyre {
     fn __repr__(&self) -> String {
         format!("<atvrec.Tyre {:?}>", self.inner)
     }
+}
+
+/// A tyre of radial springs joined by interradial springs (Badalamenti and Doyle): it feels the
+/// shape of an obstacle, not only its height.
+#[pyclass(frozen, module = "atvrec")]
+pub struct SpringTyre {
+    inner: RadialSpringTyre,
+}
+
+#[pymethods]
+impl SpringTyre {
+    /// A tyre that carries `load_n` on flat ground pressed in by `deflection_m`, with
+    /// `interradial_part` of the radial stiffness in the springs between neighbours, `spacing_rad`
+    /// apart.
+    #[new]
+    #[pyo3(signature = (
+        *, radius_m, deflection_m, load_n, spacing_rad=0.017_453_292_519_943_295,
+        interradial_part=0.3
+    ))]
+    fn new(
+        radius_m: f64,
+        deflection_m: f64,
+        load_n: f64,
+        spacing_rad: f64,
+        interradial_part: f64,
+    ) -> PyResult<Self> {
+        input::positive("radius_m", radius_m, "m")?;
+        input::positive("deflection_m", deflection_m, "m")?;
+        input::positive("load_n", load_n, "N")?;
+        input::positive("spacing_rad", spacing_rad, "rad")?;
+        input::finite("interradial_part", interradial_part, "")?;
+        let part = interradial_part;
+        Ok(Self {
+            inner: RadialSpringTyre::calibrated(radius_m, spacing_rad, part, deflection_m, load_n),
+        })
+    }
+
+    /// Forces (longitudinal, forward positive, and vertical, upward positive; N) on a wheel whose
+    /// centre is at these positions along a road and heights above its datum: array (..., 2).
+    ///
+    /// The road is a line through points `road_m`, array (M, 2) of position and height, positions
+    /// ascending; it goes on level beyond its ends.
+    fn forces<'py>(
+        &self,
+        py: Python<'py>,
+        position_m: Doubles<'py>,
+        height_m: Doubles<'py>,
+        road_m: Doubles<'py>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let road = input::rows("road_m", &road_m, &["position_m", "height_m"])?;
+        let (positions, heights) = (input::row_major(&position_m), input::row_major(&height_m));
+        if position_m.shape() != height_m.shape() {
+            return Err(errors::argument(format!(
+                "position_m has the shape {:?} and height_m {:?}: they must be the same",
+                position_m.shape(),
+                height_m.shape()
+            )));
+        }
+        if road
+            .chunks_exact(2)
+            .zip(road.chunks_exact(2).skip(1))
+            .any(|(a, b)| b[0] <= a[0])
+        {
+            return Err(errors::argument("road_m: positions must ascend"));
+        }
+        for (name, values) in [("position_m", &positions), ("height_m", &heights)] {
+            for value in values.iter() {
+                input::finite(name, *value, "m")?;
+            }
+        }
+        let forces = py.detach(|| {
+            let at = |position: &f64, height: &f64| {
+                let force = self
+                    .inner
+                    .force(*height, |ahead| ground(&road, position + ahead));
+                [force.longitudinal_n, force.vertical_n]
+            };
+            positions
+                .iter()
+                .zip(heights.iter())
+                .flat_map(|(x, z)| at(x, z))
+                .collect()
+        });
+        let shape: Vec<usize> = position_m.shape().iter().copied().chain([2]).collect();
+        batch::shaped(py, &shape, forces)
+    }
+}
+
+/// Height of a line through points at a position.
+fn ground(road: &[f64], position: f64) -> f64 {
+    let (points, _) = road.as_chunks::<2>();
+    let count = points.len();
+    let after = points.partition_point(|point| point[0] <= position);
+    if count == 0 {
+        return 0.0;
+    }
+    if after == 0 {
+        return points[0][1];
+    }
+    if after == count {
+        return points[count - 1][1];
+    }
+    let ([x0, z0], [x1, z1]) = (points[after - 1], points[after]);
+    z0 + (z1 - z0) * (position - x0) / (x1 - x0)
 }

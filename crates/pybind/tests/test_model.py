@@ -33,6 +33,20 @@ def test_python_and_rust_give_the_same_bits(vehicle: atvrec.Vehicle) -> None:
     np.testing.assert_array_equal(simulated[:, -1].view(np.uint64), bits)
 
 
+def test_fourteen_degrees_of_freedom_give_the_same_bits_too(vehicle: atvrec.Vehicle) -> None:
+    path = os.environ.get("ATVREC_TEST_ROLLOUT")
+    if not path:
+        pytest.skip("ATVREC_TEST_ROLLOUT names no output of the example; scripts/test-python makes it")
+    rust = json.loads(Path(path).read_text())
+    rows = rust["fourteen_dof"]
+    bits = np.array([[int(word, 16) for word in row] for row in rows], dtype=np.uint64)
+    model = atvrec.FourteenDof(vehicle)
+    inputs = np.stack([model.inputs(0.1 * run / len(bits)) for run in range(len(bits))])
+    states = np.tile(model.rolling(6.0), (len(bits), 1))
+    stepped = model.step(states, inputs, 0.5 * rust["step_s"], 1_000)
+    np.testing.assert_array_equal(stepped.view(np.uint64), bits)
+
+
 def test_batches_are_single_runs_side_by_side(vehicle: atvrec.Vehicle) -> None:
     model = atvrec.FourWheel(vehicle)
     rng = np.random.default_rng(1)
@@ -224,3 +238,103 @@ def test_a_wheel_lifts_in_the_fourteen_degree_model(vehicle: atvrec.Vehicle) -> 
     alone = model.step(rolling, model.inputs(0.35), 5e-4, 3_000)
     np.testing.assert_array_equal(alone, states[-1])
     assert model.jacobian(rolling, model.inputs()).shape == (32, 32)
+
+
+def test_events_and_adaptive_steps(vehicle: atvrec.Vehicle) -> None:
+    model = atvrec.FourteenDof(vehicle)
+    start, inputs = model.rolling(12.0), model.inputs(0.35, friction_scale=1.4)
+    found = model.simulate_events(start, inputs, 1.0, 1e-3)
+    assert found["states"].shape == (len(found["time_s"]), 32)
+    lifted = [event for event in found["events"] if event[2] == "lift-off"]
+    assert lifted and lifted[0][1] in ("fl", "rl")
+    # The tyre has just let go at the instant of the event.
+    at = int(np.argmin(np.abs(found["time_s"] - lifted[0][0])))
+    wheel = ("fl", "fr", "rl", "rr").index(lifted[0][1])
+    assert abs(model.outputs(found["states"][at], inputs)["deflection_m"][wheel]) < 1e-6
+    gentle = model.inputs(0.05)
+    times, states = model.simulate_adaptive(model.rolling(6.0), gentle, 0.3)
+    assert times[0] == 0.0 and times[-1] == pytest.approx(0.3) and np.all(np.diff(times) > 0.0)
+    fixed = model.step(model.rolling(6.0), gentle, 1e-4, 3_000)
+    np.testing.assert_allclose(states[-1], fixed, atol=1e-6)
+    with pytest.raises(atvrec.ArgumentError, match="duration_s = -1 s"):
+        model.simulate_adaptive(start, gentle, -1.0)
+    with pytest.raises(atvrec.ArgumentError, match="give one row"):
+        model.simulate_adaptive(np.tile(start, (2, 1)), gentle, 1.0)
+
+
+def test_magic_formula_52_and_rational_tyres() -> None:
+    tyre = atvrec.Tyre.magic_formula_52({"PHX1": 0.0, "fnomin": 4000.0})
+    forces = tyre.forces(4000.0, 0.07, 0.0)
+    # The independent calculation of the Rust tests.
+    assert float(forces["lateral_n"]) == pytest.approx(-2697.83303, abs=1e-4)
+    with pytest.raises(atvrec.ArgumentError, match="PKY9"):
+        atvrec.Tyre.magic_formula_52({"PKY9": 1.0})
+    with pytest.raises(atvrec.ArgumentError, match="FNOMIN = -1 N"):
+        atvrec.Tyre.magic_formula_52({"FNOMIN": -1.0})
+    rational = atvrec.Tyre.rational(
+        nominal_load_n=1600.0,
+        greatest_load_n=5600.0,
+        longitudinal=[[22_400.0, 1472.0, 0.16, 1200.0, 0.8], [41_600.0, 2752.0, 0.17, 2240.0, 0.8]],
+        lateral=[[7000.0, 1472.0, 0.44, 1360.0, 1.1], [11_900.0, 2656.0, 0.48, 2464.0, 1.15]],
+        offset=[[0.178, 0.3, 0.8], [0.19, 0.32, 0.85]],
+        radius_m=0.3175,
+        vertical_stiffness_n_m=120_000.0,
+    )
+    peak = rational.forces(1600.0, np.arctan(0.44))["lateral_n"]
+    assert float(peak) == pytest.approx(-1472.0)
+
+
+def test_a_spring_tyre_feels_a_step() -> None:
+    tyre = atvrec.SpringTyre(radius_m=0.3175, deflection_m=0.02, load_n=1500.0)
+    flat = [[-1.0, 0.0], [1.0, 0.0]]
+    force = tyre.forces([0.0, 0.2], [0.2975, 0.2975], flat)
+    np.testing.assert_allclose(force, [[0.0, 1500.0]] * 2, atol=1e-6)
+    step = [[-1.0, 0.0], [0.1, 0.0], [0.1001, 0.05], [1.0, 0.05]]
+    assert tyre.forces([0.0], [0.2975], step)[0, 0] < 0.0
+    with pytest.raises(atvrec.ArgumentError, match="positions must ascend"):
+        tyre.forces([0.0], [0.3], [[1.0, 0.0], [0.0, 0.0]])
+
+
+def test_steering(vehicle: atvrec.Vehicle) -> None:
+    gear = atvrec.Steering(vehicle)
+    hand = np.linspace(-2.0, 2.0, 9)
+    wheels = gear.road_wheels(hand)
+    assert wheels.shape == (9, 4) and np.all(np.diff(wheels[:, :2], axis=0) > 0.0)
+    mean = wheels[:, :2].mean(axis=1)
+    assert gear.hand_wheel_rad(float(mean[2])) == pytest.approx(hand[2])
+    played = gear.road_wheels(hand, play=True)
+    assert np.all(np.abs(played[:, 0]) <= np.abs(wheels[:, 0]) + gear.lash_rad)
+    left, right = atvrec.ackermann_rad(0.3, 1.4471, 1.143)
+    assert 1 / np.tan(right) - 1 / np.tan(left) == pytest.approx(1.143 / 1.4471)
+
+
+def test_parity_stands_in_for_a_dead_channel(vehicle: atvrec.Vehicle) -> None:
+    corner = atvrec.Corner(vehicle, "fl")
+    wrench = np.array([300.0, -600.0, 1700.0, 0.0, 0.0, 0.0])
+    members = corner.members(wrench)
+    sigma = np.full(6, 50.0)
+    found, covariance = corner.wrench_with_parity(members, sigma)
+    np.testing.assert_allclose(found, wrench, atol=1e-6)
+    assert covariance.shape == (6, 6)
+    sigma[4] = np.inf
+    found, dead = corner.wrench_with_parity(members, sigma)
+    np.testing.assert_allclose(found, wrench, atol=1e-6)
+    assert np.all(np.diag(dead) >= np.diag(covariance) * (1.0 - 1e-9))
+    with pytest.raises(atvrec.ArgumentError, match="do not determine"):
+        corner.wrench_with_parity(members, np.full(6, np.inf))
+
+
+def test_sensors_files_of_ones_own(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2] / "model" / "sensors" / "thesis-10bit.toml"
+    path = tmp_path / "mine.toml"
+    text = root.read_text()
+    path.write_text(text.replace("adc_bits = 10", "adc_bits = 12", 1))
+    own, builtin = atvrec.StrainChannel.load_axial(path), atvrec.StrainChannel.axial()
+    assert own.load_per_count < 0.3 * builtin.load_per_count
+    with pytest.raises(atvrec.ArgumentError, match="no bending bridges"):
+        atvrec.StrainChannel.load_bending(path)
+    path.write_text("name = 3")
+    with pytest.raises(atvrec.VehicleError, match="name"):
+        atvrec.StrainChannel.load_axial(path)
+    with pytest.raises(FileNotFoundError):
+        atvrec.StrainChannel.load_axial(tmp_path / "absent.toml")

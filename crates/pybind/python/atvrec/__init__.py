@@ -5,7 +5,8 @@
 - :class:`Bicycle` the linear vehicle model
 - :class:`FourWheel` the non-linear vehicle model, one run or thousands at once
 - :class:`FourteenDof` the same with wheels that lift
-- :class:`Tyre`, :class:`Ride`, :class:`Corner`, :class:`StrainChannel` its parts
+- :class:`Tyre`, :class:`SpringTyre`, :class:`Steering`, :class:`Ride`, :class:`Corner`,
+  :class:`StrainChannel` its parts
 - :mod:`atvrec.identify` finds parameters in drives, :mod:`atvrec.calibrate` calibrates sensors
 
 Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
@@ -24,11 +25,14 @@ from atvrec._atvrec import (
     LogError,
     Ride,
     SimulationError,
+    SpringTyre,
+    Steering,
     StrainChannel,
     Tyre,
     Vehicle,
     VehicleError,
     __version__,
+    ackermann_rad,
     ina2126_gain,
     road_height_m,
     strain_circuits,
@@ -47,11 +51,14 @@ __all__ = [
     "LogError",
     "Ride",
     "SimulationError",
+    "SpringTyre",
+    "Steering",
     "StrainChannel",
     "Tyre",
     "Vehicle",
     "VehicleError",
     "__version__",
+    "ackermann_rad",
     "calibrate",
     "identify",
     "ina2126_gain",

@@ -27,11 +27,14 @@ __all__ = [
     "LogReader",
     "Ride",
     "SimulationError",
+    "SpringTyre",
+    "Steering",
     "StrainChannel",
     "Tyre",
     "Vehicle",
     "VehicleError",
     "__version__",
+    "ackermann_rad",
     "calibrate_rest",
     "calibrate_steer",
     "calibrate_weight",
@@ -125,6 +128,19 @@ class Tyre:
     ) -> Tyre: ...
     @staticmethod
     def magic_formula_89() -> Tyre: ...
+    @staticmethod
+    def magic_formula_52(coefficients: Mapping[str, float] | None = None) -> Tyre: ...
+    @staticmethod
+    def rational(
+        *,
+        nominal_load_n: float,
+        greatest_load_n: float,
+        longitudinal: Sequence[Sequence[float]],
+        lateral: Sequence[Sequence[float]],
+        offset: Sequence[Sequence[float]],
+        radius_m: float,
+        vertical_stiffness_n_m: float,
+    ) -> Tyre: ...
     def forces(
         self,
         load_n: npt.ArrayLike,
@@ -134,6 +150,34 @@ class Tyre:
         friction_scale: npt.ArrayLike | None = None,
         stiffness_scale: npt.ArrayLike | None = None,
     ) -> _TyreForces: ...
+
+@final
+class SpringTyre:
+    def __new__(
+        cls,
+        *,
+        radius_m: float,
+        deflection_m: float,
+        load_n: float,
+        spacing_rad: float = 0.017453292519943295,
+        interradial_part: float = 0.3,
+    ) -> SpringTyre: ...
+    def forces(
+        self,
+        position_m: npt.ArrayLike,
+        height_m: npt.ArrayLike,
+        road_m: npt.ArrayLike,
+    ) -> _Doubles: ...
+
+@final
+class Steering:
+    def __new__(cls, vehicle: Vehicle) -> Steering: ...
+    @property
+    def lash_rad(self) -> float: ...
+    def road_wheels(
+        self, hand_wheel_rad: npt.ArrayLike, roll_rad: float = 0.0, *, play: bool = False
+    ) -> _Doubles: ...
+    def hand_wheel_rad(self, mean_steer_rad: float) -> float: ...
 
 class _Gains(TypedDict):
     yaw_rate_1_s: _Doubles
@@ -177,24 +221,10 @@ class _SteadyTurn(_Outputs):
     state: _Doubles
     inputs: _Doubles
 
-@final
-class FourWheel:
+class _Chassis:
     STATES: list[str]
     INPUTS: list[str]
-    def __new__(cls, vehicle: Vehicle) -> FourWheel: ...
     def rolling(self, speed_m_s: float) -> _Doubles: ...
-    @staticmethod
-    def inputs(
-        front_steer_rad: float | None = None,
-        *,
-        steer_rad: _PerWheel | None = None,
-        drive_n_m: _PerWheel | None = None,
-        brake_n_m: _PerWheel | None = None,
-        bank_rad: float = 0.0,
-        grade_rad: float = 0.0,
-        friction_scale: _PerWheel | None = None,
-        stiffness_scale: _PerWheel | None = None,
-    ) -> _Doubles: ...
     def derivative(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
     def step(
         self, state: npt.ArrayLike, inputs: npt.ArrayLike, step_s: float, steps: int = 1
@@ -207,6 +237,32 @@ class FourWheel:
         steps: int | None = None,
         every: int = 1,
     ) -> _Doubles: ...
+    def simulate_adaptive(
+        self,
+        state: npt.ArrayLike,
+        inputs: npt.ArrayLike,
+        duration_s: float,
+        *,
+        relative: float = 1e-8,
+        absolute: float = 1e-9,
+    ) -> tuple[_Doubles, _Doubles]: ...
+    def jacobian(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
+
+@final
+class FourWheel(_Chassis):
+    def __new__(cls, vehicle: Vehicle) -> FourWheel: ...
+    @staticmethod
+    def inputs(
+        front_steer_rad: float | None = None,
+        *,
+        steer_rad: _PerWheel | None = None,
+        drive_n_m: _PerWheel | None = None,
+        brake_n_m: _PerWheel | None = None,
+        bank_rad: float = 0.0,
+        grade_rad: float = 0.0,
+        friction_scale: _PerWheel | None = None,
+        stiffness_scale: _PerWheel | None = None,
+    ) -> _Doubles: ...
     @staticmethod
     def simulate_each(
         models: Sequence[FourWheel],
@@ -217,7 +273,6 @@ class FourWheel:
         every: int = 1,
     ) -> _Doubles: ...
     def outputs(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Outputs: ...
-    def jacobian(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
     def steady_turn(
         self, longitudinal_m_s: float, radius_m: float, drive_front: float | None = None
     ) -> _SteadyTurn: ...
@@ -233,12 +288,14 @@ class _FourteenOutputs(TypedDict):
     strut_force_n: _Doubles
     specific_force_m_s2: _Doubles
 
+class _WithEvents(TypedDict):
+    time_s: _Doubles
+    states: _Doubles
+    events: list[tuple[float, str, str]]
+
 @final
-class FourteenDof:
-    STATES: list[str]
-    INPUTS: list[str]
+class FourteenDof(_Chassis):
     def __new__(cls, vehicle: Vehicle) -> FourteenDof: ...
-    def rolling(self, speed_m_s: float) -> _Doubles: ...
     @staticmethod
     def inputs(
         front_steer_rad: float | None = None,
@@ -253,20 +310,23 @@ class FourteenDof:
         friction_scale: _PerWheel | None = None,
         stiffness_scale: _PerWheel | None = None,
     ) -> _Doubles: ...
-    def derivative(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
-    def step(
-        self, state: npt.ArrayLike, inputs: npt.ArrayLike, step_s: float, steps: int = 1
-    ) -> _Doubles: ...
-    def simulate(
-        self,
+    @staticmethod
+    def simulate_each(
+        models: Sequence[FourteenDof],
         state: npt.ArrayLike,
         inputs: npt.ArrayLike,
         step_s: float,
         steps: int | None = None,
         every: int = 1,
     ) -> _Doubles: ...
+    def simulate_events(
+        self,
+        state: npt.ArrayLike,
+        inputs: npt.ArrayLike,
+        duration_s: float,
+        step_s: float,
+    ) -> _WithEvents: ...
     def outputs(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _FourteenOutputs: ...
-    def jacobian(self, state: npt.ArrayLike, inputs: npt.ArrayLike) -> _Doubles: ...
 
 @final
 class Ride:
@@ -303,6 +363,16 @@ class Corner:
     def wrench(
         self, members: npt.ArrayLike, jounce_m: float = 0.0, rack_m: float = 0.0
     ) -> _Doubles: ...
+    def wrench_with_parity(
+        self,
+        members: Sequence[float] | _Doubles,
+        member_sigma_n: Sequence[float] | _Doubles,
+        *,
+        moment_sigma_n_m: Sequence[float] | _Doubles = ...,
+        rolling_m: float = 0.0,
+        jounce_m: float = 0.0,
+        rack_m: float = 0.0,
+    ) -> tuple[_Doubles, _Doubles]: ...
 
 @final
 class StrainChannel:
@@ -310,6 +380,10 @@ class StrainChannel:
     def axial(sensors: str = "thesis-10bit") -> StrainChannel: ...
     @staticmethod
     def bending(sensors: str = "full-bridge-16bit-bending") -> StrainChannel: ...
+    @staticmethod
+    def load_axial(path: str | os.PathLike[str]) -> StrainChannel: ...
+    @staticmethod
+    def load_bending(path: str | os.PathLike[str]) -> StrainChannel: ...
     @staticmethod
     def builtin_names() -> list[str]: ...
     @property
@@ -326,6 +400,9 @@ def road_height_m(
     seed: int = 0,
     sines: int = 400,
 ) -> _Doubles: ...
+def ackermann_rad(
+    mean_rad: float, wheelbase_m: float, track_m: float
+) -> tuple[float, float]: ...
 def ina2126_gain(gain_resistor_ohm: float) -> float: ...
 def strain_circuits() -> list[dict[str, Any]]: ...
 
