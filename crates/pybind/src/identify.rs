@@ -100,15 +100,12 @@ pub fn identify_understeer<'py>(
     vehicle: &Vehicle,
     seed: u64,
 ) -> Found<'py> {
-    let size = [
-        vehicle.inner.wheelbase_m(),
-        vehicle.inner.body.cg_to_rear_axle_m,
-    ];
+    let body = understeer::Body::of(&vehicle.inner);
     let options = understeer::Options {
         seed,
         ..understeer::Options::default()
     };
-    let found = py.detach(|| understeer::identify(&drive.inner, size, &options));
+    let found = py.detach(|| understeer::identify(&drive.inner, &body, &options));
     dict(py, &found.map_err(|e| refusal(&e))?)
 }
 

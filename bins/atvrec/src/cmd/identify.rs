@@ -341,17 +341,14 @@ fn roll_centre(args: &RollCentreArgs) -> anyhow::Result<Found> {
 fn understeer(args: &IdentifyArgs) -> anyhow::Result<Found> {
     let ride = Ride::read(args)?;
     let mut found = Found::new("understeer", &ride);
-    let size = [
-        ride.vehicle.wheelbase_m(),
-        ride.vehicle.body.cg_to_rear_axle_m,
-    ];
+    let body = understeer::Body::of(&ride.vehicle);
     let options = understeer::Options {
         seed: args.seed,
         ..understeer::Options::default()
     };
     found
         .results
-        .push(understeer::identify(&ride.drive, size, &options)?);
+        .push(understeer::identify(&ride.drive, &body, &options)?);
     Ok(found)
 }
 

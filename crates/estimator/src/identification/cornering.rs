@@ -83,6 +83,28 @@ pub struct Body {
 }
 
 impl Body {
+    /// An axle's slip angle times its stiffness in a steady turn, over the mass and the axle's
+    /// share of it: nearly the lateral acceleration while that is small, more beyond, as the moment
+    /// M_z, the load's transfer and the grip have it.
+    pub(super) fn bent(&self, axle: usize, lateral_m_s2: f64, steer_rad: f64) -> f64 {
+        let (a, b) = (self.front_axle_to_cg_m, self.cg_to_rear_axle_m);
+        let carried_kg = self.mass_kg * [b, a][axle] / (a + b);
+        let roll_n_m = self.mass_kg * lateral_m_s2 * self.cg_height_m;
+        let turning = self.between_sides_n_m(lateral_m_s2, roll_n_m, steer_rad.sin()) / (a + b);
+        let force_n = carried_kg * lateral_m_s2 + [turning, -turning][axle];
+        let force_n = force_n / self.stiffness_left(axle, lateral_m_s2);
+        Curve::Brush.at(force_n, self.grip_n[axle].recip()) / carried_kg
+    }
+
+    /// -M_z: what rolling resistance under the roll moment on the ground, and the steered front
+    /// tyres' side forces, turn against the bend, N m.
+    fn between_sides_n_m(&self, lateral_m_s2: f64, roll_n_m: f64, sin_steer: f64) -> f64 {
+        let (a, b) = (self.front_axle_to_cg_m, self.cg_to_rear_axle_m);
+        let transfer = (lateral_m_s2 / self.lift_m_s2[0]).clamp(-1.0, 1.0);
+        let outer_n = b / (a + b) * self.mass_kg * lateral_m_s2 * self.load_exponent[0] * transfer;
+        self.rolling_resistance * roll_n_m + outer_n * sin_steer * 0.5 * self.front_track_m
+    }
+
     /// Part of an axle's stiffness at rest that the transfer of its load leaves.
     fn stiffness_left(&self, axle: usize, lateral_m_s2: f64) -> f64 {
         let transfer = (lateral_m_s2 / self.lift_m_s2[axle]).abs().min(1.0);
@@ -292,13 +314,9 @@ fn axle_rows(
             .map(|row| {
                 let lateral = body.mass_kg * drive.lateral_m_s2[row];
                 let swayed = body.mass_kg * STANDARD_GRAVITY_M_S2 * body.sway_m * roll[row];
-                let drag = body.rolling_resistance * (lateral * body.cg_height_m + swayed);
+                let roll_n_m = lateral * body.cg_height_m + swayed;
                 let (sin, cos) = (drive.steer_rad[row] - steer_offset_rad).sin_cos();
-                let outer_n = b / length
-                    * lateral
-                    * body.load_exponent[0]
-                    * (drive.lateral_m_s2[row] / body.lift_m_s2[0]).clamp(-1.0, 1.0);
-                let dragged = drag + outer_n * sin * 0.5 * body.front_track_m;
+                let dragged = body.between_sides_n_m(drive.lateral_m_s2[row], roll_n_m, sin);
                 let yaw = body.yaw_inertia_kg_m2 * yaw_dot[row] + dragged;
                 let force = if axle == 0 {
                     ((b * lateral + yaw) / length + resistance_n * sin) / cos

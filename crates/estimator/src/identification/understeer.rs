@@ -2,16 +2,27 @@
 //!
 //! On a path of curvature kappa = r/V the front wheels need the angle
 //!
-//! delta = atan(L kappa) + K_us a_y + K_2 a_y |a_y| - offset,
+//! delta = atan(L kappa) + K_us z(a_y) - offset,  z(a_y) -> a_y as a_y -> 0,
 //!
 //! where K_us is the understeer gradient at small lateral acceleration. Subtracting the measured
-//! curvature rather than a radius that was meant takes out what the driver strays. The sideslip
-//! angle follows beta = b kappa - s a_y, the roll angle phi = g a_y, each with an offset. K_2 is
-//! kept where it is sure.
+//! curvature rather than a radius that was meant takes out what the driver strays. Offset,
+//! gradient and a free bend are hardly told apart on a circle, where a_y never comes near zero: the
+//! bend z is the vehicle file's, which its tyres' grip, the load's transfer and the moment between
+//! the sides make (see [`cornering`]), that of the front axle's slip angle less the rear one's at
+//! the file's stiffness,
+//!
+//! z = (b z_f/C_f - a z_r/C_r)/(b/C_f - a/C_r),
+//!
+//! and a_y where these nearly cancel (a neutral vehicle). It holds whatever the ground makes of the
+//! stiffness, as long as both axles have the same of it. The sideslip angle follows
+//! beta = b kappa - s z_r, the roll angle phi = g a_y, each with an offset.
 
+use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
+use sample::STANDARD_GRAVITY_M_S2;
 
 use super::Drive;
+use super::cornering;
 use super::drive::{series, span_of};
 use super::signals::{mean, slope, smooth, spread, stride};
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Span};
@@ -26,8 +37,48 @@ const DATA_MIN_S: f64 = 10.0;
 const RANGE_MIN_M_S2: f64 = 1.5;
 /// Greatest standard deviation of the curvature, part of its mean.
 const STRAY_MAX: f64 = 0.1;
-/// A curvature of the characteristic less sure than this many deviations is left out.
-const CURVATURE_SIGMAS: f64 = 3.0;
+/// Below this part of the larger of b/C_f and a/C_r their difference has no bend of its own.
+const NEUTRAL: f64 = 0.1;
+
+/// What must be known of the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Lengths, grip and load transfer; infinite grip and lift for a straight characteristic.
+    pub axles: cornering::Body,
+    /// Cornering stiffness of the front and the rear axle at rest, both tyres, N/rad; only their
+    /// ratio is used.
+    pub stiffness_n_rad: [f64; 2],
+}
+
+impl Body {
+    /// What the vehicle file says.
+    #[must_use]
+    pub fn of(vehicle: &Vehicle) -> Self {
+        let axles = cornering::Body::of(vehicle);
+        let (a, b) = (axles.front_axle_to_cg_m, axles.cg_to_rear_axle_m);
+        let stiffness_n_rad =
+            [(&vehicle.front.tyre, b), (&vehicle.rear.tyre, a)].map(|(tyre, arm)| {
+                let load_n = 0.5 * axles.mass_kg * STANDARD_GRAVITY_M_S2 * arm / (a + b);
+                let at_load = (load_n / tyre.reference_load_n).powf(tyre.load_exponent);
+                2.0 * tyre.cornering_stiffness_n_rad * at_load
+            });
+        Self {
+            axles,
+            stiffness_n_rad,
+        }
+    }
+
+    /// z of a lateral acceleration under a steer angle, m/s^2.
+    fn bent(&self, lateral_m_s2: f64, steer_rad: f64) -> f64 {
+        let front = self.axles.cg_to_rear_axle_m / self.stiffness_n_rad[0];
+        let rear = self.axles.front_axle_to_cg_m / self.stiffness_n_rad[1];
+        if (front - rear).abs() < NEUTRAL * front.max(rear) {
+            return lateral_m_s2;
+        }
+        let [by_front, by_rear] = [0, 1].map(|axle| self.axles.bent(axle, lateral_m_s2, steer_rad));
+        (front * by_front - rear * by_rear) / (front - rear)
+    }
+}
 
 /// Which rows count as steady.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +102,7 @@ impl Default for Options {
         Self {
             cutoff_hz: 0.5,
             speed_min_m_s: 2.0,
-            lateral_max_m_s2: 3.0,
+            lateral_max_m_s2: 2.5,
             speed_rate_max_m_s2: 0.5,
             yaw_acceleration_max_rad_s2: 0.15,
             seed: 1,
@@ -69,7 +120,7 @@ struct Steady {
     span: Span,
 }
 
-/// Finds the gradients of a vehicle with wheelbase and rear axle's distance `[L, b]`, m.
+/// Finds the gradients of a vehicle.
 ///
 /// Findings: `understeer_gradient` (rad/(m/s^2), at the road wheels, at small lateral
 /// acceleration), `steer_offset` (what the steer angle reads too much, rad), and where sideslip and
@@ -80,23 +131,25 @@ struct Steady {
 /// # Errors
 /// Missing signals, too little steady driving, a range of lateral acceleration that is too small,
 /// a path whose curvature is not constant.
-pub fn identify(
-    drive: &Drive,
-    [wheelbase_m, rear_m]: [f64; 2],
-    options: &Options,
-) -> Result<Findings, Refusal> {
+pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Findings, Refusal> {
     drive.require(
         WHAT,
         &["speed", "yaw rate", "lateral acceleration", "steer angle"],
     )?;
     let steady = steady(drive, options)?;
+    let rear_m = body.axles.cg_to_rear_axle_m;
+    let wheelbase_m = body.axles.front_axle_to_cg_m + rear_m;
+    let straight = |lateral: f64| lateral;
+    let mean_rad = mean(steady.steer_rad.iter().copied());
+    let bent = |lateral: f64| body.bent(lateral, mean_rad);
+    let bent_rear = |lateral: f64| body.axles.bent(1, lateral, mean_rad);
     let steer: Vec<f64> = steady
         .steer_rad
         .iter()
         .zip(&steady.curvature_1_m)
         .map(|(steer, curvature)| steer - (wheelbase_m * curvature).atan())
         .collect();
-    let main = Gradient::fit(&steady.lateral_m_s2, &steer, true)?;
+    let main = Gradient::fit(&steady.lateral_m_s2, &steer, &bent)?;
     let mut found = Findings {
         what: WHAT.to_owned(),
         ..Findings::default()
@@ -114,14 +167,14 @@ pub fn identify(
             .zip(&steady.curvature_1_m)
             .map(|(sideslip, curvature)| sideslip - (rear_m * curvature).atan())
             .collect();
-        let fit = Gradient::fit(&steady.lateral_m_s2, &turned, true)?;
+        let fit = Gradient::fit(&steady.lateral_m_s2, &turned, &bent_rear)?;
         let unit = "rad/(m/s^2)";
         found
             .findings
             .push(fit.finding("sideslip_gradient", unit, 1, -1.0, &steady, seed));
     }
     if let Some(roll) = &steady.roll_rad {
-        let fit = Gradient::fit(&steady.lateral_m_s2, roll, false)?;
+        let fit = Gradient::fit(&steady.lateral_m_s2, roll, &straight)?;
         found
             .findings
             .push(fit.finding("roll_gradient", "rad/(m/s^2)", 1, 1.0, &steady, seed));
@@ -227,43 +280,32 @@ fn check(steady: &Steady) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// A line, or a line that bends, over lateral acceleration.
-struct Gradient {
+/// A line over what lateral acceleration becomes.
+struct Gradient<'a> {
     fit: Fit,
+    bent: &'a dyn Fn(f64) -> f64,
 }
 
-impl Gradient {
-    fn fit(lateral: &[f64], values: &[f64], may_bend: bool) -> Result<Self, Refusal> {
-        let of = |columns: usize| {
-            let design = DMatrix::from_fn(lateral.len(), columns, |i, j| match j {
-                0 => 1.0,
-                1 => lateral[i],
-                _ => lateral[i] * lateral[i].abs(),
-            });
-            let response = DVector::from_column_slice(values);
-            least_squares(&design, &response).map(|fit| Self { fit })
-        };
-        let told = |refusal: Refusal| refusal.of(WHAT).advise(ADVICE);
-        if may_bend {
-            let bent = of(3).map_err(told)?;
-            if bent.fit.coefficients[2].abs() > CURVATURE_SIGMAS * bent.fit.sigma(2) {
-                return Ok(bent);
-            }
-        }
-        of(2).map_err(told)
+impl<'a> Gradient<'a> {
+    fn fit(lateral: &[f64], values: &[f64], bent: &'a dyn Fn(f64) -> f64) -> Result<Self, Refusal> {
+        let design = DMatrix::from_fn(lateral.len(), 2, |i, j| match j {
+            0 => 1.0,
+            _ => bent(lateral[i]),
+        });
+        let response = DVector::from_column_slice(values);
+        let fit =
+            least_squares(&design, &response).map_err(|refusal| refusal.of(WHAT).advise(ADVICE))?;
+        Ok(Self { fit, bent })
     }
 
     fn at(&self, lateral: f64) -> f64 {
-        let bend = self.fit.coefficients.get(2).copied().unwrap_or(0.0);
-        self.fit.coefficients[0]
-            + self.fit.coefficients[1] * lateral
-            + bend * lateral * lateral.abs()
+        self.fit.coefficients[0] + self.fit.coefficients[1] * (self.bent)(lateral)
     }
 
     /// Slope at a lateral acceleration.
     fn slope_at(&self, lateral: f64) -> f64 {
-        let bend = self.fit.coefficients.get(2).copied().unwrap_or(0.0);
-        self.fit.coefficients[1] + 2.0 * bend * lateral.abs()
+        const STEP_M_S2: f64 = 1e-3;
+        (self.at(lateral + STEP_M_S2) - self.at(lateral - STEP_M_S2)) / (2.0 * STEP_M_S2)
     }
 
     fn finding(
@@ -293,7 +335,7 @@ impl Gradient {
     }
 }
 
-fn beside(found: &mut Findings, main: &Gradient, steady: &Steady, wheelbase_m: f64) {
+fn beside(found: &mut Findings, main: &Gradient<'_>, steady: &Steady, wheelbase_m: f64) {
     let mut add = |name: &str, value: f64, unit: &str| {
         found.beside.push((name.to_owned(), value, unit.to_owned()));
     };
@@ -320,7 +362,7 @@ fn beside(found: &mut Findings, main: &Gradient, steady: &Steady, wheelbase_m: f
     );
 }
 
-fn figure(main: &Gradient, steady: &Steady, steer: &[f64]) -> Figure {
+fn figure(main: &Gradient<'_>, steady: &Steady, steer: &[f64]) -> Figure {
     let degrees = |values: &[f64]| values.iter().map(|v| v.to_degrees()).collect::<Vec<_>>();
     let mut line = steady.lateral_m_s2.clone();
     line.sort_by(f64::total_cmp);
