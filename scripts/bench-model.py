@@ -309,7 +309,8 @@ def main() -> None:
         ("multi-body, commonroad, one run", "29", "MF", fourteen, lambda: commonroad(True)),
     ]
     print(f"RK4 steps on one core, batches of {RUNS} runs of {STEPS} steps, best of {ROUNDS} rounds")
-    print(f"{'model':36} {'states':>6} {'tyres':>7} {'ns a step':>12}   against our batch")
+    heading = f"{'model':36} {'states':>6} {'tyres':>7} {'ns a step':>12}   against our batch"
+    print(heading, flush=True)
     reference: dict[str, tuple[str, float]] = {}
     for name, states, tyres, kind, measure in rows:
         try:
