@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills golden bless deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills fuzz golden bless deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -24,6 +24,7 @@ check: fmt clippy unit doc deny ## Formatting, lints, tests, documentation, lice
 
 fmt:
 	$(CARGO) fmt --all --check
+	$(CARGO) fmt --manifest-path fuzz/Cargo.toml --check
 
 clippy:
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
@@ -51,6 +52,9 @@ deb: setup ## The Debian package, target/debian/atvrec_*.deb
 
 kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
 	@scripts/kills
+
+fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
+	@scripts/fuzz
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench
