@@ -47,7 +47,7 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Write a self-contained HTML report of a log.
     Report(ReportArgs),
-    /// Compare the estimates of a simulated log with its truth.
+    /// Compare the estimates of a log with its truth, or with another log's estimates.
     Score(ScoreArgs),
     /// Show the whole chain without hardware: virtual vehicle, record, replay, report.
     Demo(DemoArgs),
@@ -84,7 +84,7 @@ pub enum Command {
     Reload(OrderArgs),
     /// Bring the configuration's CAN interfaces up; needs CAP_NET_ADMIN.
     Link(LinkArgs),
-    /// Make project files from others' formats.
+    /// Make logs and project files from others' formats.
     #[command(subcommand)]
     Import(ImportCommand),
     /// Print a completion script for a shell.
@@ -146,9 +146,12 @@ pub struct ReportArgs {
 /// `atvrec score`.
 #[derive(Debug, Args)]
 pub struct ScoreArgs {
-    /// Logs with truth, in the order in which they were recorded.
+    /// Logs, in the order in which they were recorded.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
+    /// Compare with the estimates of these logs of the same drive instead of with the truth.
+    #[arg(long, value_name = "LOG")]
+    pub against: Vec<PathBuf>,
     /// Leave out the first seconds, while the estimator settles.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = positive)]
     pub from_s: f64,
@@ -450,6 +453,59 @@ pub struct LinkArgs {
 pub enum ImportCommand {
     /// A vehicle file from a multi-body simulator's params.json.
     Vehicle(ImportVehicleArgs),
+    /// A log from delimited text, its columns told by a column map.
+    Csv(ImportCsvArgs),
+    /// A log from a MOOS .alog file.
+    Alog(ImportAlogArgs),
+}
+
+/// `atvrec import csv`.
+#[derive(Debug, Args)]
+pub struct ImportCsvArgs {
+    /// Files of one drive, with times of one clock.
+    #[arg(required = true, value_name = "FILE.csv")]
+    pub input: Vec<PathBuf>,
+    /// What the columns mean; one map for all files, or one for each (docs/import.md).
+    #[arg(long, required = true, value_name = "MAP.toml")]
+    pub columns: Vec<PathBuf>,
+    /// What to make.
+    #[command(flatten)]
+    pub into: ImportInto,
+}
+
+/// `atvrec import alog`.
+#[derive(Debug, Args)]
+pub struct ImportAlogArgs {
+    /// The file.
+    #[arg(value_name = "FILE.alog")]
+    pub input: PathBuf,
+    /// What the variables mean; without it, the names of Auburn's GAVLab.
+    #[arg(long, value_name = "MAP.toml")]
+    pub columns: Option<PathBuf>,
+    /// What to make.
+    #[command(flatten)]
+    pub into: ImportInto,
+}
+
+/// The log that an import makes.
+#[derive(Debug, Args)]
+pub struct ImportInto {
+    /// Vehicle file, or the name of one that ships with the program; without it nothing is
+    /// estimated.
+    #[arg(long, value_name = "FILE", conflicts_with = "config")]
+    pub vehicle: Option<String>,
+    /// Sensors file, or the name of one that ships with the program.
+    #[arg(long, value_name = "FILE", requires = "vehicle")]
+    pub sensors: Option<String>,
+    /// Calibration file.
+    #[arg(long, value_name = "FILE", requires = "vehicle")]
+    pub calibration: Option<String>,
+    /// Use this configuration; it must have the imported sources.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// The log to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
 }
 
 /// `atvrec import vehicle`.
@@ -461,6 +517,27 @@ pub struct ImportVehicleArgs {
     /// The vehicle file to write.
     #[arg(short, long, default_value = "vehicle.toml", value_name = "FILE")]
     pub output: PathBuf,
+}
+
+/// `atvrec identify handling`.
+#[derive(Debug, Args)]
+pub struct IdentifyHandlingArgs {
+    /// Logs, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Use the drive up to here only, s from its start.
+    #[arg(long = "until", value_name = "SECONDS", value_parser = positive)]
+    pub until_s: Option<f64>,
+    /// Use this configuration instead of the one in the log.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Write calibration.toml here, with an atvrec.toml for `replay --config` and all files that it
+    /// names.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `atvrec completions`.

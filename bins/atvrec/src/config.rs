@@ -2,6 +2,7 @@
 //!
 //! All errors of the file and of the files that it names are gathered and told at once.
 
+mod columns;
 mod estimator;
 mod files;
 mod overrides;
@@ -17,8 +18,9 @@ use anyhow::Context;
 use store::Attachment;
 use toml::de::DeTable;
 
+pub use columns::{CsvMap, GAVLAB_MAP, RowTime, alog_map, csv_map};
 pub use estimator::Estimator;
-pub use files::{FileKind, Files};
+pub use files::{FileKind, Files, GAVLAB};
 pub use reader::Problems;
 pub use roles::Role;
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};

@@ -24,7 +24,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use cli::{Cli, Command, ImportCommand};
+use cli::{Cli, Command};
 use control::Request;
 use exit::Outcome;
 
@@ -62,7 +62,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Stop(args) => cmd::control::order(&args, &Request::Stop),
         Command::Reload(args) => cmd::control::order(&args, &Request::Reload),
         Command::Link(args) => cmd::link::run(&args),
-        Command::Import(ImportCommand::Vehicle(args)) => cmd::import::run(&args),
+        Command::Import(command) => cmd::import::run(&command),
         Command::Completions(args) => cmd::completions::run(&args),
     }
 }

@@ -10,6 +10,10 @@ mod estimate;
 mod export;
 #[path = "suite/identify.rs"]
 mod identify;
+#[path = "suite/import.rs"]
+mod import;
+#[path = "suite/passenger_car.rs"]
+mod passenger_car;
 #[path = "suite/record.rs"]
 mod record;
 #[path = "suite/replay.rs"]

@@ -21,6 +21,7 @@ use sample::{StrainChannel, Wheel};
 use serde::{Deserialize, Serialize};
 
 use crate::EstimatorError;
+use crate::planar::Handling;
 
 pub use resolved::{Channel, CornerChannels, Resolved};
 
@@ -48,6 +49,10 @@ pub struct Calibration {
     /// Attitude receiver.
     #[serde(default)]
     pub gnss_attitude: GnssCalibration,
+    /// How the vehicle handles, where a drive has told it (see
+    /// [`crate::identification::handling`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handling: Option<Handling>,
 }
 
 /// Channels of one corner.
@@ -136,6 +141,13 @@ pub struct ImuCalibration {
     /// Position from the centre of gravity, body axes, m; absent: the sensors file's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
+    /// Standard deviation of a reading of specific force as mounted, vibration included, m/s^2;
+    /// absent: the sensors file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accel_noise_m_s2: Option<f64>,
+    /// The same of the angular rate, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyro_noise_rad_s: Option<f64>,
 }
 
 /// A GNSS receiver.

@@ -14,6 +14,7 @@ use crate::grip::{Grip, GripInput};
 use crate::inputs::{FrozenChange, Readings, finite3};
 use crate::lift::LiftDetector;
 use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
+use crate::planar::{Planar, PlanarMotion};
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
@@ -76,6 +77,7 @@ pub struct Estimator {
     measured: PerWheel<TyreForce>,
     lift: LiftDetector,
     grip: Grip,
+    planar: Option<Planar>,
     imu_sigma: [f64; 2],
 }
 
@@ -104,6 +106,9 @@ impl Estimator {
             .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners));
         Ok(Self {
             motion: MotionFilter::new(motion_settings(sensors, &calibration)),
+            planar: corners
+                .is_none()
+                .then(|| Planar::new(vehicle, sensors, &calibration)),
             corners,
             fusion,
             expected: ExpectedForces::new(vehicle),
@@ -127,21 +132,18 @@ impl Estimator {
     /// so that what was measured at an instant has arrived. Instants are multiples of
     /// [`GRID_NANOS`] on the log clock, the first at or after the first call's time.
     pub fn advance(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
-        let mut grid = match self.next_grid {
-            Some(grid) if now.0.saturating_sub(grid.0) <= GAP_MAX_NANOS => grid,
-            _ => LogTime(now.0.div_ceil(GRID_NANOS) * GRID_NANOS),
-        };
-        while grid.0 + HOLD_NANOS <= now.0 {
-            let estimate = self.step(grid, out);
+        for time in grid(&mut self.next_grid, now) {
+            let estimate = self.step(time, out);
             out(Output::Estimate(estimate));
-            grid = LogTime(grid.0 + GRID_NANOS);
         }
-        self.next_grid = Some(grid);
     }
 
     /// Takes one sample in. Samples that do not concern the estimator are ignored, and so are
     /// values that no vehicle can have.
     pub fn push(&mut self, sample: &Sample) {
+        if let Some(planar) = &mut self.planar {
+            planar.push(sample, &self.calibration, &self.settings);
+        }
         let time = sample.valid_time.min(sample.log_time);
         let uses = |input| self.settings.uses(input);
         match &sample.measurement {
@@ -237,7 +239,11 @@ impl Estimator {
             });
         self.motion.bridge(time);
         self.constrain_motion(time);
-        let state = self.motion.state(time);
+        let mut state = self.motion.state(time);
+        let planar = self.step_planar(time, out);
+        if let Some(planar) = &planar {
+            planar.lead(&mut state);
+        }
         let load = self.measured.0.map(|force| force.force_n[2]);
         let (steer_offset, _) = self.grip.steer_offset();
         let struts = self
@@ -269,6 +275,9 @@ impl Estimator {
         let mut motion = motion_output(&state);
         if let Some(fusion) = self.fusion.as_ref().filter(|_| state.inertial) {
             motion.rate_rad_s = fusion.rate_rad_s();
+        }
+        if let Some(planar) = &planar {
+            planar.tell(&mut motion);
         }
         motion.steer_rad = PerWheel(steer);
         motion.slip_angle_rad = self.slip_angles(&state, steer);
@@ -361,6 +370,26 @@ impl Estimator {
         } else {
             &self.vehicle.rear
         }
+    }
+
+    /// The single-track filter, where it is the best that there is: without corners, and without
+    /// an inertial navigation that satellites keep.
+    fn step_planar(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Option<PlanarMotion> {
+        let navigated = self.motion.velocity_age_s(time) < GNSS_SILENT_S
+            && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
+        let planar = self.planar.as_mut()?;
+        let resets = planar.resets();
+        let motion = planar.step(time, GRID_S);
+        if planar.resets() > resets {
+            out(Output::Event(Event {
+                time,
+                onset: time,
+                kind: EventKind::FilterReset,
+                probability: None,
+                text: "the sideslip filter diverged and was started anew".to_owned(),
+            }));
+        }
+        motion.filter(|_| !navigated)
     }
 
     /// Steer angle of each wheel: from the linkages, else the hand wheel over the steering ratio.
@@ -457,6 +486,24 @@ impl Estimator {
         }
         (count > 0.0).then(|| sum / count)
     }
+}
+
+/// The instants of the grid up to [`HOLD_NANOS`] before `now`, from `next` on, which moves with
+/// them; a jump of the clock is not bridged.
+pub(crate) fn grid(
+    next: &mut Option<LogTime>,
+    now: LogTime,
+) -> impl Iterator<Item = LogTime> + use<> {
+    let first = match *next {
+        Some(grid) if now.0.saturating_sub(grid.0) <= GAP_MAX_NANOS => grid.0,
+        _ => now.0.div_ceil(GRID_NANOS) * GRID_NANOS,
+    };
+    let count = match now.0.checked_sub(first + HOLD_NANOS) {
+        Some(behind) => behind / GRID_NANOS + 1,
+        None => 0,
+    };
+    *next = Some(LogTime(first + count * GRID_NANOS));
+    (0..count).map(move |step| LogTime(first + step * GRID_NANOS))
 }
 
 /// Load of each wheel on level ground at rest, N.

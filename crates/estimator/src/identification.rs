@@ -7,6 +7,7 @@
 pub mod cornering;
 pub mod drive;
 pub mod friction;
+pub mod handling;
 pub mod inertia;
 pub mod response;
 pub mod roll_centre;

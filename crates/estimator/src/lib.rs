@@ -23,6 +23,7 @@ pub mod identification;
 pub mod inputs;
 pub mod lift;
 pub mod motion;
+pub mod planar;
 pub mod regression;
 pub mod score;
 mod settings;

@@ -48,4 +48,6 @@ pub enum Input {
     WheelSpeed,
     /// Hand wheel.
     Steer,
+    /// Velocity over ground, body axes.
+    GroundSpeed,
 }

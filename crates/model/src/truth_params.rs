@@ -3,7 +3,7 @@
 //! Only what a workshop could measure is taken: masses, inertia, geometry, springs, dampers,
 //! stops, the tyres' radius and vertical stiffness. The run's tyre curves and friction are left
 //! out on purpose: an estimator that is judged on the run must not be told them. In their place
-//! stand round values that low-pressure off-road tyres have in general.
+//! stand values that bias-ply tyres have in general.
 
 use std::collections::BTreeMap;
 
@@ -16,11 +16,15 @@ use crate::vehicle::{
     Axle, Body, Drivetrain, Sprung, Steering, Strut, Tyre, Unsprung, Vehicle, Wishbone,
 };
 
-/// Cornering stiffness over load, 1/rad; 3 to 6 is usual for low-pressure tyres.
+/// Cornering stiffness over load, 1/rad: 0.08 of the load per degree, rounded, the low end of what
+/// bias-ply tyres have (0.08 to 0.18; Gillespie, Fundamentals of Vehicle Dynamics, chapter 10), as
+/// low pressure makes tyres soft. Sideslip without satellites leans on it.
 const CORNERING_PER_LOAD: f64 = 4.5;
 /// Slip stiffness over load.
 const SLIP_PER_LOAD: f64 = 12.0;
-/// Exponent of the stiffness's growth with load.
+/// Exponent of the stiffness's growth with load, rounded: Pacejka's C = c_1 sin(2 atan(F_z/(2
+/// F_z0))) has 0.88 at half of the nominal load and 0.60 at all of it (Tyre and Vehicle Dynamics, 3rd
+/// edition, section 4.3).
 const LOAD_EXPONENT: f64 = 0.8;
 /// Friction coefficient of dry firm ground.
 const FRICTION: f64 = 0.85;
@@ -97,6 +101,7 @@ struct Params {
     suspension_rear: Linkage,
     tyre_front: TyreSize,
     tyre_rear: TyreSize,
+    #[serde(default = "brake_split")]
     brake_split_front: f64,
     #[serde(default)]
     aero_drag: f64,
@@ -354,12 +359,16 @@ impl Points {
     }
 }
 
+fn brake_split() -> f64 {
+    Drivetrain::default().brake_split_front
+}
+
 fn round_to(value: f64, step: f64) -> f64 {
     (value / step).round() * step
 }
 
 fn sources() -> BTreeMap<String, String> {
-    let tyre = "neutral prior for low-pressure tyres, not the run's curves";
+    let tyre = "prior that depends on no vehicle (Gillespie: bias-ply tyres), not the run's curves";
     [
         ("body", "params.json"),
         ("front.wishbone", "params.json"),

@@ -1,4 +1,5 @@
-//! From a log to figures and tables: one HTML file that works without a network, zooms and prints.
+//! From a log to figures and tables: one HTML file that works without a network, zooms and prints;
+//! and [`mod@score`], estimates against truth or against another log's.
 //!
 //! The figures are the thesis's kinds: steer and speed, angular rates, sideslip, slip angles, and
 //! for each wheel the model's expected force against the measured one. Nothing is estimated here;
@@ -10,6 +11,7 @@ mod figures;
 pub mod findings;
 mod page;
 mod plot;
+pub mod score;
 
 use std::path::{Path, PathBuf};
 

@@ -23,8 +23,8 @@ pub use estimate::{
 };
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
-    GnssVelocity, ImuSample, Measurement, Sample, Signal, SignalFrame, SteerSample, StrainChannel,
-    WheelSpeedSample,
+    GnssVelocity, GroundSpeedSample, ImuSample, Measurement, Sample, Signal, SignalFrame,
+    SteerSample, StrainChannel, WheelSpeedSample,
 };
 pub use stamp::{LogTime, NANOS_PER_SECOND};
 pub use wheel::{PerWheel, Wheel};

@@ -59,6 +59,8 @@ pub enum Measurement {
     Steer(SteerSample),
     /// Wheel speeds.
     WheelSpeed(WheelSpeedSample),
+    /// Velocity over ground.
+    GroundSpeed(GroundSpeedSample),
     /// Throttle, brake and other controllers.
     Control(ControlSample),
     /// A CAN message decoded through a DBC.
@@ -244,6 +246,16 @@ pub struct SteerSample {
 pub struct WheelSpeedSample {
     /// Angular speed, forward positive, rad/s; absent members were not in the message.
     pub angular_speed_rad_s: PerWheel<Option<f64>>,
+}
+
+/// Velocity over ground in body axes at the centre of gravity: from an optical sensor, an inertial
+/// navigation system, or the vehicle's own speed signal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GroundSpeedSample {
+    /// Forwards, m/s.
+    pub forward_m_s: f64,
+    /// Leftwards, m/s; `None` where the device does not tell.
+    pub leftward_m_s: Option<f64>,
 }
 
 /// What a controller reports, in its own terms.

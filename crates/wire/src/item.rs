@@ -21,6 +21,10 @@ pub enum Protocol {
     Reply,
     /// A configured text device.
     Line,
+    /// Delimited text.
+    Csv,
+    /// A MOOS log.
+    Alog,
 }
 
 impl Protocol {
@@ -35,6 +39,8 @@ impl Protocol {
             Self::Nmea => "nmea",
             Self::Reply => "reply",
             Self::Line => "line",
+            Self::Csv => "csv",
+            Self::Alog => "alog",
         }
     }
 }
@@ -48,7 +54,8 @@ pub struct Item<'a> {
     pub name: &'static str,
     /// The device's own time: the time tag of the solution, before `latency_s` is taken off.
     pub device_time: Option<DeviceTime>,
-    /// How long before `device_time` the velocity was true, from the message's own field, s.
+    /// How long before `device_time` the velocity was true, from the message's own field, s; of a
+    /// table's row how long before its arrival it was true.
     pub latency_s: Option<f64>,
     /// What it measured, in SI.
     pub measurements: Measurements,
@@ -74,6 +81,8 @@ pub enum Message {
     Nmea(nmea::Sentence),
     /// A reading of a text device.
     Line(line::Reading),
+    /// A row of a table; the text is in [`Item::raw`].
+    Row,
     /// A plain-text answer; the text is in [`Item::raw`].
     Reply,
     /// Framed and checked, but not decoded; the number is the message id where it has one.

@@ -7,6 +7,7 @@
 //!
 //! - [`crossbow440`]: Crossbow IMU440, with its set-up dialogue.
 //! - [`gnss`]: what one receiver port carries, [`novatel`], [`sbf`] and [`nmea`] mixed.
+//! - [`csv`], [`alog`]: tables that others recorded, their columns told by [`mod@column`].
 //! - [`mod@line`]: text devices described by the configuration (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, through any DBC file.
 //! - [`slcan`], [`candump`]: CAN frames as text.
@@ -19,8 +20,11 @@ mod error;
 mod frame;
 mod item;
 
+pub mod alog;
 pub mod candump;
+pub mod column;
 pub mod crossbow440;
+pub mod csv;
 pub mod dbc;
 pub mod geodesy;
 pub mod gnss;

@@ -25,6 +25,8 @@ pub enum IdentifyCommand {
     Response(ResponseArgs),
     /// Friction between tyres and ground (up to the limit of grip).
     Friction(IdentifyArgs),
+    /// Tyres, yaw inertia, gains and offsets for the sideslip of a car without suspension sensors.
+    Handling(super::IdentifyHandlingArgs),
 }
 
 /// What all of `atvrec identify` take.

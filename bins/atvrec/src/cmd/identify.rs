@@ -1,5 +1,6 @@
 //! `atvrec identify`: parameters of the vehicle from logs of drives.
 
+mod handling;
 mod overrides;
 mod ride;
 
@@ -45,6 +46,7 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
         IdentifyCommand::Understeer(args) => (understeer(args)?, &args.tell),
         IdentifyCommand::Response(args) => (response(args)?, &args.shared.tell),
         IdentifyCommand::Friction(args) => (friction(args)?, &args.tell),
+        IdentifyCommand::Handling(args) => return handling::run(args),
     };
     told(&found, tell)?;
     Ok(Outcome::Good)

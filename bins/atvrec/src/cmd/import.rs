@@ -1,22 +1,204 @@
-//! `atvrec import`.
+//! `atvrec import`: logs and project files from others' formats.
+//!
+//! An imported log is an ordinary log: the file's own lines are its raw bytes, each arriving at the
+//! time that the file tells, so that it can be replayed, reported and scored like a recording.
+
+mod alog;
+mod csv;
+mod log;
+mod truth;
+mod vehicle;
+
+use std::path::Path;
 
 use anyhow::Context;
-use model::vehicle::Vehicle;
 
-use crate::cli::ImportVehicleArgs;
-use crate::exit::Outcome;
+use crate::cli::{ImportCommand, ImportInto};
+use crate::config::Config;
+use crate::exit::{Outcome, UsageError};
 
-/// Writes a vehicle file from a simulator's parameters.
-pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {
-    let text = std::fs::read_to_string(&args.input)
-        .with_context(|| format!("cannot read {}", args.input.display()))?;
-    let vehicle = Vehicle::from_truth_params(&text)
-        .with_context(|| format!("{} is not usable", args.input.display()))?;
-    std::fs::write(&args.output, vehicle.to_toml()?)
-        .with_context(|| format!("cannot write {}", args.output.display()))?;
-    println!("{}: {}", args.output.display(), vehicle.name);
-    for warning in vehicle.warnings() {
-        println!("  {warning}");
+/// Time zero of a file that does not say when it was made: 2000-01-01 UTC, ns.
+const START_DEFAULT_NS: u64 = 946_684_800_000_000_000;
+/// A time column that begins later than this counts from 1970: 1980, ns.
+const UNIX_TIME_FROM_NS: i128 = 315_532_800_000_000_000;
+
+/// Imports.
+pub fn run(command: &ImportCommand) -> anyhow::Result<Outcome> {
+    match command {
+        ImportCommand::Vehicle(args) => vehicle::run(args),
+        ImportCommand::Csv(args) => csv::run(args),
+        ImportCommand::Alog(args) => alog::run(args),
     }
-    Ok(Outcome::Good)
+}
+
+/// A file as a source of the log to be made.
+struct Table<'t> {
+    /// Kind of source in the configuration.
+    kind: &'static str,
+    /// The file.
+    path: &'t Path,
+    /// Its column map.
+    columns: &'t str,
+}
+
+/// Name of a file as a source: its stem, with what a topic cannot hold left out.
+fn source_names(paths: &[std::path::PathBuf]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for path in paths {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let mut name: String = stem
+            .chars()
+            .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
+            .collect();
+        if name.is_empty() {
+            name.push_str("table");
+        }
+        let base = name.clone();
+        let mut number = 2;
+        while names.contains(&name) {
+            name = format!("{base}_{number}");
+            number += 1;
+        }
+        names.push(name);
+    }
+    names
+}
+
+/// The configuration of the log to be made: the user's own, or one with these tables and vehicle.
+fn configuration(
+    names: &[String],
+    tables: &[Table<'_>],
+    into: &ImportInto,
+) -> anyhow::Result<Config> {
+    if let Some(path) = &into.config {
+        let config = Config::load(path)?;
+        for name in names {
+            if !config.sources.iter().any(|s| s.spec.name == *name) {
+                return Err(UsageError(format!(
+                    "{} has no source {name}; add a table [source.{name}] with kind, device and \
+                     columns",
+                    path.display()
+                ))
+                .into());
+            }
+        }
+        return Ok(config);
+    }
+    let mut text = String::new();
+    for (name, table) in names.iter().zip(tables) {
+        let file = table.path.file_name().unwrap_or_default().to_string_lossy();
+        text.push_str(&format!(
+            "[source.{name}]\nkind = \"{}\"\ndevice = {}\ncolumns = {}\nsilent_after_s = 0\n\n",
+            table.kind,
+            quoted(&format!("imported/{name}/{file}")),
+            quoted(table.columns),
+        ));
+    }
+    if let Some(vehicle) = &into.vehicle {
+        text.push_str(&format!("[vehicle]\nfile = {}\n", quoted(vehicle)));
+        for (key, value) in [
+            ("sensors", &into.sensors),
+            ("calibration", &into.calibration),
+        ] {
+            if let Some(value) = value {
+                text.push_str(&format!("{key} = {}\n", quoted(value)));
+            }
+        }
+    }
+    Config::from_text(&text, Path::new("."))
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+fn read_text(path: &Path) -> anyhow::Result<String> {
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    // Files from elsewhere are often in Latin-1, whose bytes are the code points; a byte order mark
+    // is none of the first column's name.
+    let text = String::from_utf8(bytes)
+        .unwrap_or_else(|error| error.as_bytes().iter().map(|b| char::from(*b)).collect());
+    Ok(text.trim_start_matches('\u{feff}').to_owned())
+}
+
+/// Nanoseconds of a decimal number of units of `unit_ns`; exact, as seconds of UNIX time do not fit
+/// a double to the microsecond.
+fn nanos(text: &str, unit_ns: u64) -> Option<i128> {
+    let (sign, digits) = match text.strip_prefix('-') {
+        Some(rest) => (-1, rest),
+        None => (1, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    let plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if whole.is_empty() || !plain(whole) || !plain(part) || whole.len() > 20 {
+        let number: f64 = text.parse().ok().filter(|n: &f64| n.abs() < 1e18)?;
+        return Some((number * unit_ns as f64).round() as i128);
+    }
+    let unit = i128::from(unit_ns);
+    let kept = &part[..part.len().min(15)];
+    let scale = 10_i128.pow(kept.len() as u32);
+    let part: i128 = if kept.is_empty() {
+        0
+    } else {
+        kept.parse().ok()?
+    };
+    let rounded = (part * unit + scale / 2) / scale;
+    Some(sign * (whole.parse::<i128>().ok()? * unit + rounded))
+}
+
+/// Gathers what is wrong with rows, so that the first mistakes are told together.
+#[derive(Default)]
+struct Complaints {
+    told: Vec<String>,
+    count: usize,
+}
+
+impl Complaints {
+    const TOLD_MAX: usize = 10;
+
+    fn add(&mut self, text: impl FnOnce() -> String) {
+        self.count += 1;
+        if self.told.len() < Self::TOLD_MAX {
+            self.told.push(text());
+        }
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        if self.count == 0 {
+            return Ok(());
+        }
+        let more = self.count - self.told.len();
+        let mut text = self.told.join("\n");
+        if more > 0 {
+            text.push_str(&format!("\nand {more} more"));
+        }
+        Err(UsageError(text).into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_exact() {
+        let second = 1_000_000_000;
+        assert_eq!(
+            nanos("1258500000.123456789", second),
+            Some(1_258_500_000_123_456_789)
+        );
+        assert_eq!(nanos("-0.01", second), Some(-10_000_000));
+        assert_eq!(nanos("1.5e-3", second), Some(1_500_000));
+        assert_eq!(nanos("150", 1_000_000), Some(150_000_000));
+        assert_eq!(nanos("0.0000000005", second), Some(1));
+        for wrong in ["", "x", "1.2.3", "nan", "inf", "-"] {
+            assert_eq!(nanos(wrong, second), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn names_are_parts_of_topics_and_differ() {
+        let paths = ["a/drive 1.csv", "b/drive 1.csv", ".csv"].map(std::path::PathBuf::from);
+        assert_eq!(source_names(&paths), ["drive_1", "drive_1_2", "_csv"]);
+    }
 }

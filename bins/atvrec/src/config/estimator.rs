@@ -12,7 +12,7 @@ use super::reader::{Field, Gatherer, Problem, Section, closest};
 /// Methods, as they are written in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
 /// Inputs, as they are written in the file.
-const INPUTS: [(&str, Input); 7] = [
+const INPUTS: [(&str, Input); 8] = [
     ("strain", Input::Strain),
     ("deflection", Input::Deflection),
     ("imu", Input::Imu),
@@ -20,6 +20,7 @@ const INPUTS: [(&str, Input); 7] = [
     ("gnss_attitude", Input::GnssAttitude),
     ("wheel_speed", Input::WheelSpeed),
     ("steer", Input::Steer),
+    ("ground_speed", Input::GroundSpeed),
 ];
 
 /// What the estimator is told.

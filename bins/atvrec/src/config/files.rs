@@ -7,6 +7,11 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use store::Attachment;
 
+use super::columns::GAVLAB_MAP;
+
+/// Name of the program's own column map for MOOS logs.
+pub const GAVLAB: &str = "gavlab.toml";
+
 /// Name of the project's own DBC file.
 pub const PROJECT_DBC: &str = "prowler.dbc";
 
@@ -26,13 +31,15 @@ pub enum FileKind {
     Calibration,
     /// What identification found, in the place of fields of the vehicle file.
     Overrides,
+    /// A column map.
+    Columns,
 }
 
 impl FileKind {
     const fn media_type(self) -> &'static str {
         match self {
             Self::Dbc => "text/plain",
-            Self::Vehicle | Self::Sensors | Self::Calibration | Self::Overrides => {
+            Self::Vehicle | Self::Sensors | Self::Calibration | Self::Overrides | Self::Columns => {
                 "application/toml"
             }
         }
@@ -45,6 +52,7 @@ impl FileKind {
             Self::Vehicle => Vehicle::builtin_text(name),
             Self::Sensors => Sensors::builtin_text(name),
             Self::Calibration | Self::Overrides => None,
+            Self::Columns => (name == GAVLAB).then_some(GAVLAB_MAP),
         }
     }
 
@@ -57,6 +65,7 @@ impl FileKind {
             Self::Sensors => "sensors",
             Self::Calibration => "calibration",
             Self::Overrides => "overrides",
+            Self::Columns => "columns",
         };
         if name.ends_with(".toml") {
             name.to_owned()
@@ -77,6 +86,7 @@ impl FileKind {
             Self::Vehicle => Vehicle::builtin_names().collect(),
             Self::Sensors => Sensors::builtin_names().collect(),
             Self::Calibration | Self::Overrides => Vec::new(),
+            Self::Columns => vec![GAVLAB],
         }
     }
 }

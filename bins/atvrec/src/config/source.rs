@@ -11,12 +11,13 @@ use wire::crossbow440::{PacketRate, SetupOptions};
 use wire::dbc::Database;
 use wire::line;
 
-use super::files::Files;
-use super::reader::{Field, Gatherer, Section, closest};
+use super::columns::{self, CsvMap};
+use super::files::{FileKind, Files};
+use super::reader::{Field, Gatherer, Problem, Section, closest};
 use super::roles::RoleOf;
 
 /// Kinds of source, as they are written in the file.
-const KINDS: [&str; 5] = ["can", "slcan", "crossbow440", "gnss", "line"];
+const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];
 
 /// One source: how to open it and what its bytes mean.
 #[derive(Clone, Debug)]
@@ -42,6 +43,10 @@ pub enum Meaning {
     Gnss(GnssMeaning),
     /// Lines of text.
     Line(line::Format),
+    /// Delimited text.
+    Csv(CsvMap),
+    /// A MOOS log.
+    Alog(wire::alog::Format),
 }
 
 /// How frames are decoded.
@@ -122,6 +127,12 @@ fn read(
         "crossbow440" => read_crossbow(&mut section, gather),
         "gnss" => read_gnss(&mut section, gather),
         "line" => read_line(&mut section, gather),
+        "csv" => read_table(&mut section, files, gather, |name, text| {
+            columns::csv_map(name, text).map(Meaning::Csv)
+        }),
+        "alog" => read_table(&mut section, files, gather, |name, text| {
+            columns::alog_map(name, text).map(Meaning::Alog)
+        }),
         other => {
             let help = match closest(other, &KINDS) {
                 Some(near) => format!("did you mean \"{near}\"?"),
@@ -145,13 +156,13 @@ fn read(
             name: name.to_owned(),
             kind: acq_kind?,
         },
-        meaning,
+        meaning: meaning?,
         silent_after: (silent_s > 0.0).then(|| Duration::from_secs_f64(silent_s)),
         transport_delay_s,
     })
 }
 
-type Read = (Option<SourceKind>, Meaning, f64);
+type Read = (Option<SourceKind>, Option<Meaning>, f64);
 
 fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     let port = read_port(section, 57_600, gather);
@@ -196,7 +207,7 @@ fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
         _ => Setup::None,
     };
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
-    (kind, Meaning::Crossbow440(rate), 0.5)
+    (kind, Some(Meaning::Crossbow440(rate)), 0.5)
 }
 
 fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
@@ -207,7 +218,7 @@ fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     });
     let setup = read_commands(section, gather);
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
-    (kind, meaning, 1.0)
+    (kind, Some(meaning), 1.0)
 }
 
 fn read_latency(
@@ -261,7 +272,35 @@ fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     }
     let setup = read_commands(section, gather);
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
-    (kind, Meaning::Line(format), 0.0)
+    (kind, Some(Meaning::Line(format)), 0.0)
+}
+
+/// A table that a device writes, or a file that was imported: its column map says what it means.
+fn read_table(
+    section: &mut Section<'_>,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+    map: impl FnOnce(&str, &str) -> Result<Meaning, Vec<Problem>>,
+) -> Read {
+    let port = read_port(section, 115_200, gather);
+    let columns = section.required::<String>(
+        "columns",
+        "name the column map, such as columns = \"columns.toml\"",
+        gather,
+    );
+    let setup = read_commands(section, gather);
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    let meaning = columns.and_then(|field| {
+        match files.read_text(&field.value, FileKind::Columns) {
+            Ok(text) => match map(&field.value, &text) {
+                Ok(meaning) => return Some(meaning),
+                Err(problems) => gather.add_foreign(problems),
+            },
+            Err(error) => gather.add(&field.span, &field.name, error.message, error.help),
+        }
+        None
+    });
+    (kind, meaning, 0.0)
 }
 
 fn read_line_field(

@@ -5,7 +5,7 @@ use sample::{
     Payload, Sample, SourceHealth, SourceId,
 };
 use store::ClockFit as ClockRecord;
-use wire::{Item, Statistics};
+use wire::{Item, Protocol, Statistics};
 
 use super::can::{Arrived, CanDecoder};
 use super::clock::{ClockFit, Scale};
@@ -42,6 +42,8 @@ enum Decoder {
     Crossbow440(Box<wire::crossbow440::Decoder>),
     Gnss(Box<wire::gnss::Decoder>),
     Line(Box<wire::line::Decoder>),
+    Csv(Box<wire::csv::Decoder>),
+    Alog(Box<wire::alog::Decoder>),
 }
 
 /// From device time and arrival to the instant of validity.
@@ -78,6 +80,14 @@ impl SourceState {
             Meaning::Line(format) => {
                 let decoder = wire::line::Decoder::new(format.clone())?;
                 (Decoder::Line(Box::new(decoder)), None)
+            }
+            Meaning::Csv(map) => {
+                let decoder = wire::csv::Decoder::new(map.format.clone())?;
+                (Decoder::Csv(Box::new(decoder)), None)
+            }
+            Meaning::Alog(format) => {
+                let decoder = wire::alog::Decoder::new(format.clone())?;
+                (Decoder::Alog(Box::new(decoder)), None)
             }
         };
         Ok(Self {
@@ -138,7 +148,10 @@ impl SourceState {
         let deliver = |item: Item<'_>| {
             let tag = timing.tag(item.device_time, log_time);
             for measurement in item.measurements {
-                let latency_s = timing.latency_s(item.device_time, item.latency_s, &measurement);
+                let latency_s = match item.protocol {
+                    Protocol::Csv | Protocol::Alog => item.latency_s.unwrap_or(0.0),
+                    _ => timing.latency_s(item.device_time, item.latency_s, &measurement),
+                };
                 sink.push(Sample {
                     source: id,
                     log_time,
@@ -152,6 +165,8 @@ impl SourceState {
             Decoder::Crossbow440(decoder) => decoder.push(bytes, deliver),
             Decoder::Gnss(decoder) => decoder.push(bytes, deliver),
             Decoder::Line(decoder) => decoder.push(bytes, deliver),
+            Decoder::Csv(decoder) => decoder.push(bytes, deliver),
+            Decoder::Alog(decoder) => decoder.push(bytes, deliver),
             Decoder::Can(_) => {}
         }
     }
@@ -209,6 +224,8 @@ impl SourceState {
             Decoder::Crossbow440(decoder) => decoder.statistics(),
             Decoder::Gnss(decoder) => decoder.statistics(),
             Decoder::Line(decoder) => decoder.statistics(),
+            Decoder::Csv(decoder) => decoder.statistics(),
+            Decoder::Alog(decoder) => decoder.statistics(),
         }
     }
 

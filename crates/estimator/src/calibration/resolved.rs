@@ -6,6 +6,7 @@ use sample::{PerWheel, StrainChannel, Wheel};
 
 use super::{Calibration, ChannelCalibration};
 use crate::EstimatorError;
+use crate::planar::Handling;
 
 /// Everything that turns readings into values.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +33,12 @@ pub struct Resolved {
     pub attitude_latency_s: f64,
     /// Mounting of the attitude antennas (yaw, pitch, roll), rad.
     pub attitude_offset_rad: [f64; 3],
+    /// Noise of the specific force as mounted, m/s^2, where that was found.
+    pub accel_noise_m_s2: Option<f64>,
+    /// Noise of the angular rate as mounted, rad/s, where that was found.
+    pub gyro_noise_rad_s: Option<f64>,
+    /// How the vehicle handles, where that was identified.
+    pub handling: Option<Handling>,
 }
 
 /// Channels of one corner.
@@ -115,6 +122,9 @@ impl Resolved {
                 calibration.gnss_attitude.attitude_offset_rad,
             )?
             .into(),
+            accel_noise_m_s2: optional("imu.accel_noise_m_s2", imu.accel_noise_m_s2)?,
+            gyro_noise_rad_s: optional("imu.gyro_noise_rad_s", imu.gyro_noise_rad_s)?,
+            handling: plausible(calibration.handling)?,
         })
     }
 }
@@ -134,6 +144,17 @@ fn rolling_radii(calibration: &Calibration) -> Result<PerWheel<Option<f64>>, Est
         }
     }
     Ok(radii)
+}
+
+fn plausible(handling: Option<Handling>) -> Result<Option<Handling>, EstimatorError> {
+    match handling.and_then(|handling| handling.implausible()) {
+        Some((name, value)) => Err(EstimatorError::Value {
+            name: format!("handling.{name}"),
+            value,
+            expected: "what a vehicle can have",
+        }),
+        None => Ok(handling),
+    }
 }
 
 fn full_scale(adc_bits: u8) -> f64 {
@@ -242,6 +263,10 @@ fn wheel_key(wheel: Wheel) -> &'static str {
         Wheel::RearLeft => "rear_left",
         Wheel::RearRight => "rear_right",
     }
+}
+
+fn optional(name: &str, value: Option<f64>) -> Result<Option<f64>, EstimatorError> {
+    value.map(|value| finite(name, value)).transpose()
 }
 
 fn finite(name: &str, value: f64) -> Result<f64, EstimatorError> {

@@ -76,6 +76,70 @@ fn heavier_vehicle_with_another_split() {
     Vehicle::from_toml(&text, "vehicle.toml").expect("valid");
 }
 
+/// Each change of a parameter file arrives where it belongs, and the vehicle stays one that the file
+/// format admits.
+#[test]
+fn other_parameter_files_give_other_vehicles_with_no_hand_work() {
+    let (Some(first), Some(text)) = (vehicle(), params_text()) else {
+        return;
+    };
+    let convert = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        change(&mut other);
+        let vehicle = Vehicle::from_truth_params(&other.to_string()).expect("converts");
+        let text = vehicle.to_toml().expect("finite values");
+        Vehicle::from_toml(&text, "vehicle.toml").expect("valid")
+    };
+    let grown = |value: &serde_json::Value, factor: f64| {
+        serde_json::json!(value.as_f64().expect("a number") * factor)
+    };
+    let heavy = convert(&|p| {
+        p["mass_total_kg"] = grown(&p["mass_total_kg"], 1.3);
+        let more = 0.3 * 644.0;
+        let own = p["sprung_body"]["mass_kg"].as_f64().expect("a number");
+        p["sprung_body"]["mass_kg"] = (own + more).into();
+    });
+    assert!((heavy.body.mass_kg / first.body.mass_kg - 1.3).abs() < 1e-9);
+    let stiffer =
+        heavy.front.tyre.cornering_stiffness_n_rad / first.front.tyre.cornering_stiffness_n_rad;
+    assert!(
+        (stiffer - 1.3).abs() < 0.03,
+        "the prior goes with the load: {stiffer}"
+    );
+    let swapped = convert(&|p| {
+        (p["a_m"], p["b_m"]) = (p["b_m"].clone(), p["a_m"].clone());
+    });
+    let (load, old) = (
+        swapped.front.tyre.reference_load_n,
+        first.rear.tyre.reference_load_n,
+    );
+    assert!((load - old).abs() < 1.5, "{load} {old}");
+    let wide = convert(&|p| {
+        p["track_front_m"] = 1.3.into();
+        let points = &mut p["suspension_front"]["hardpoints_left_in_axle_frame_m"];
+        for (_, point) in points.as_object_mut().expect("points") {
+            point[1] = (point[1].as_f64().expect("a number") + 0.0785).into();
+        }
+    });
+    assert_eq!(wide.front.track_m, 1.3);
+    assert!(wide.front.roll_stiffness_n_m_rad > first.front.roll_stiffness_n_m_rad);
+    let shifted = convert(&|p| {
+        let points = &mut p["suspension_rear"]["hardpoints_left_in_axle_frame_m"];
+        let z = points["UCA_F"][2].as_f64().expect("a number");
+        points["UCA_F"][2] = (z + 0.01).into();
+        let z = points["UCA_B"][2].as_f64().expect("a number");
+        points["UCA_B"][2] = (z + 0.01).into();
+    });
+    let heights = [&shifted, &first].map(|v| v.rear.roll_centre_height_m);
+    assert!((heights[0] - heights[1]).abs() > 1e-3, "{heights:?}");
+    let bare = convert(&|p| {
+        let all = p.as_object_mut().expect("an object");
+        all.remove("aero_drag");
+        all.remove("brake_split_front");
+    });
+    assert_eq!(bare.drivetrain.brake_split_front, 0.6);
+}
+
 #[test]
 fn broken_files_are_errors() {
     assert!(Vehicle::from_truth_params("{}").is_err());

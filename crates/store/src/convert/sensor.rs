@@ -3,8 +3,8 @@
 use prost::Message as _;
 use sample::{
     Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    ImuSample, LogTime, Measurement, PerWheel, Sample, SteerSample, StrainChannel, Wheel,
-    WheelSpeedSample,
+    GroundSpeedSample, ImuSample, LogTime, Measurement, PerWheel, Sample, SteerSample,
+    StrainChannel, Wheel, WheelSpeedSample,
 };
 
 use super::{Encoded, array, enu_array, narrow, timestamp, vector};
@@ -84,6 +84,14 @@ pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
                 }
             )]
         }
+        Measurement::GroundSpeed(speed) => vec![message!(
+            format!("/ground_speed/{name}"),
+            &pb::GroundSpeed {
+                forward_m_s: speed.forward_m_s,
+                leftward_m_s: speed.leftward_m_s,
+                device_time,
+            }
+        )],
         Measurement::Control(_) | Measurement::Signals(_) => Vec::new(),
     }
 }
@@ -408,6 +416,14 @@ pub(super) fn decode_measurement(schema: &str, data: &[u8]) -> Result<Measured, 
                 angular_speed_rad_s: each,
             };
             (Measurement::WheelSpeed(speed), m.device_time)
+        }
+        "atvrec.GroundSpeed" => {
+            let m = pb::GroundSpeed::decode(data)?;
+            let speed = GroundSpeedSample {
+                forward_m_s: m.forward_m_s,
+                leftward_m_s: m.leftward_m_s,
+            };
+            (Measurement::GroundSpeed(speed), m.device_time)
         }
         _ => return Ok(None),
     };

@@ -3,10 +3,10 @@
 
 use sample::{
     Arrival, Attitude, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime, Estimate,
-    Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity, Health,
-    ImuSample, LogTime, LossPlace, Measurement, Motion, Notice, Payload, PerWheel, Sample,
-    Severity, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
-    WheelSpeedSample,
+    Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
+    GroundSpeedSample, Health, ImuSample, LogTime, LossPlace, Measurement, Motion, Notice, Payload,
+    PerWheel, Sample, Severity, Signal, SignalFrame, SourceHealth, SourceId, SteerSample,
+    TyreForce, Wheel, WheelSpeedSample,
 };
 use store::{
     Attachment, ClockFit, DynamicMessage, LogMessage, Pose, Record, Session, SignalSchema, Source,
@@ -322,6 +322,14 @@ fn measurements(time: LogTime) -> Vec<Record> {
             time,
             Measurement::WheelSpeed(WheelSpeedSample {
                 angular_speed_rad_s: PerWheel([Some(1.0), Some(0.0), None, Some(-2.0)]),
+            }),
+        ),
+        sample(
+            2,
+            time,
+            Measurement::GroundSpeed(GroundSpeedSample {
+                forward_m_s: 12.5,
+                leftward_m_s: Some(-0.25),
             }),
         ),
         sample(

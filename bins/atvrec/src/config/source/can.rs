@@ -43,7 +43,7 @@ pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gathe
             ..CanSpec::new(interface.value)
         })
     });
-    (kind, meaning, 1.0)
+    (kind, Some(meaning), 1.0)
 }
 
 /// `[source.<name>.link]`: how the recorder brings the interface up; without it the system does.
@@ -133,7 +133,7 @@ pub fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gat
             timestamps,
         })
     });
-    (kind, meaning, 1.0)
+    (kind, Some(meaning), 1.0)
 }
 
 fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Meaning {

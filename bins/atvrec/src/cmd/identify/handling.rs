@@ -1,0 +1,250 @@
+//! `atvrec identify handling`: tyres, yaw inertia, gains and offsets from a drive without a
+//! reference of sideslip.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::Context;
+use estimator::Calibration;
+use estimator::calibration::Resolved;
+use estimator::identification::handling::{Identified, NAMES, identify};
+use estimator::planar::PlanarRecorder;
+use serde_json::json;
+use store::{Attachment, Reader, Record};
+use toml::Value;
+
+use crate::cli::IdentifyHandlingArgs;
+use crate::config::{self, Config};
+use crate::engine::Engine;
+use crate::exit::{Outcome, UsageError};
+
+/// The calibration among the files that are written.
+const CALIBRATION_NAME: &str = "calibration.toml";
+
+/// Identifies.
+pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
+    let reader = Reader::open(&args.logs)?;
+    let config = match &args.config {
+        Some(path) => Config::load(path)?,
+        None => Config::from_attachments(&reader.attachments()?)?,
+    };
+    let Some(told) = config.estimator.clone() else {
+        return Err(UsageError(
+            "the configuration names no vehicle; give one with --config, or import with --vehicle"
+                .to_owned(),
+        )
+        .into());
+    };
+    let resolved = Resolved::new(&told.sensors, &told.calibration)?;
+    let imu_ahead_m = resolved.imu_m.x;
+    let vehicle = told.calibration.applied(&told.vehicle);
+    let inputs = inputs(&reader, &config, &vehicle, resolved, args)?;
+    let found = identify(&inputs, &vehicle, imu_ahead_m)?;
+    let mut calibration = told.calibration.clone();
+    put(&found, vehicle.steering.ratio, &mut calibration);
+    calibration.description = format!(
+        "handling identified from {:.0} s of driving in run {}",
+        found.rows as f64 * 0.01,
+        reader.session().run_id
+    );
+    if let Some(directory) = &args.output {
+        write(directory, &config, &calibration)?;
+    }
+    if args.json {
+        println!("{:#}", as_json(&found));
+    } else {
+        tell(&found);
+        if let Some(directory) = &args.output {
+            println!("{}", directory.join(config::ATTACHED_NAME).display());
+        }
+    }
+    Ok(Outcome::Good)
+}
+
+/// What the filter would be driven by, from the raw bytes.
+fn inputs(
+    reader: &Reader,
+    config: &Config,
+    vehicle: &model::vehicle::Vehicle,
+    resolved: Resolved,
+    args: &IdentifyHandlingArgs,
+) -> anyhow::Result<Vec<estimator::planar::PlanarInput>> {
+    // Decoding needs no estimator.
+    let decoding = Config {
+        estimator: None,
+        ..config.clone()
+    };
+    let mut engine = Engine::new(&decoding)?;
+    let mut recorder = PlanarRecorder::new(vehicle, resolved);
+    let mut records = Vec::new();
+    let mut start = None;
+    for arrival in reader.arrivals() {
+        let arrival = arrival?;
+        let since_s = arrival
+            .log_time
+            .seconds_since(*start.get_or_insert(arrival.log_time));
+        if args.until_s.is_some_and(|until_s| since_s > until_s) {
+            break;
+        }
+        recorder.advance(arrival.log_time);
+        records.clear();
+        engine.push(&arrival, &mut records);
+        for record in &records {
+            if let Record::Sample(sample) = record {
+                recorder.push(sample);
+            }
+        }
+    }
+    Ok(recorder.into_inputs())
+}
+
+/// Puts what was found into a calibration; offsets add to those that were taken off already.
+fn put(found: &Identified, steering_ratio: f64, calibration: &mut Calibration) {
+    calibration.handling = Some(found.handling);
+    calibration.steer.offset_rad += steering_ratio * found.steer_offset_rad;
+    calibration.imu.gyro_bias_rad_s[2] += found.yaw_rate_offset_rad_s;
+    calibration.imu.accel_bias_m_s2[1] += found.lateral_offset_m_s2;
+    calibration.imu.gyro_noise_rad_s = Some(found.noise.yaw_rate_rad_s);
+    calibration.imu.accel_noise_m_s2 = Some(found.noise.acceleration_m_s2);
+}
+
+/// Writes the calibration with the log's configuration and all files that it names, side by side,
+/// so that `replay --config` needs nothing else.
+fn write(directory: &Path, config: &Config, calibration: &Calibration) -> anyhow::Result<()> {
+    let refused = || format!("cannot write into {}", directory.display());
+    std::fs::create_dir_all(directory).with_context(refused)?;
+    let names = flat_names(&config.attachments);
+    for attachment in &config.attachments {
+        if attachment.name != config::ATTACHED_NAME && names[&attachment.name] != CALIBRATION_NAME {
+            let path = directory.join(&names[&attachment.name]);
+            std::fs::write(path, &attachment.data).with_context(refused)?;
+        }
+    }
+    let text = config
+        .attachments
+        .iter()
+        .find(|attachment| attachment.name == config::ATTACHED_NAME)
+        .map(|attachment| String::from_utf8_lossy(&attachment.data).into_owned())
+        .unwrap_or_default();
+    let mut document: toml::Table = text.parse()?;
+    for value in document.iter_mut().map(|(_, value)| value) {
+        rename(value, &names);
+    }
+    let vehicle = document
+        .entry("vehicle")
+        .or_insert_with(|| Value::Table(toml::Table::new()));
+    if let Value::Table(vehicle) = vehicle {
+        vehicle.insert("calibration".to_owned(), CALIBRATION_NAME.into());
+    }
+    std::fs::write(directory.join(CALIBRATION_NAME), calibration.to_toml()?)
+        .with_context(refused)?;
+    let configuration = toml::to_string_pretty(&document)?;
+    std::fs::write(directory.join(config::ATTACHED_NAME), configuration).with_context(refused)
+}
+
+/// Names of the attached files without directories, each once.
+fn flat_names(attachments: &[Attachment]) -> BTreeMap<String, String> {
+    let mut names: BTreeMap<String, String> = BTreeMap::new();
+    for attachment in attachments {
+        let base = Path::new(&attachment.name).file_name().map_or_else(
+            || "file".to_owned(),
+            |name| name.to_string_lossy().into_owned(),
+        );
+        let mut name = base.clone();
+        let mut number = 2;
+        while names.values().any(|known| *known == name) {
+            name = format!("{number}-{base}");
+            number += 1;
+        }
+        names.insert(attachment.name.clone(), name);
+    }
+    names
+}
+
+fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
+    match value {
+        Value::String(text) => {
+            // What does not end in .toml is attached under a longer name.
+            let longer = ["vehicle", "sensors", "calibration", "columns"]
+                .map(|sort| format!("{text}.{sort}.toml"));
+            let attached = std::iter::once(&*text).chain(&longer);
+            if let Some(name) = attached.filter_map(|name| names.get(name)).next() {
+                text.clone_from(name);
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| rename(item, names)),
+        Value::Table(table) => table.iter_mut().for_each(|(_, item)| rename(item, names)),
+        _ => {}
+    }
+}
+
+fn values(found: &Identified) -> [f64; NAMES.len()] {
+    let h = &found.handling;
+    [
+        h.front_stiffness_n_rad,
+        h.rear_stiffness_n_rad,
+        h.front_friction,
+        h.rear_friction,
+        h.shape,
+        h.yaw_inertia_kg_m2,
+        h.roll_gain,
+        h.steer_gain,
+    ]
+}
+
+fn tell(found: &Identified) {
+    println!(
+        "{:.0} s above 3 m/s, lateral acceleration up to {:.1} m/s^2",
+        found.rows as f64 * 0.01,
+        found.peak_m_s2
+    );
+    println!(
+        "{:<24}{:>14}{:>12}{:>8}",
+        "parameter", "value", "sigma", "told"
+    );
+    for (i, value) in values(found).into_iter().enumerate() {
+        println!(
+            "{:<24}{value:>14.4}{:>12.4}{:>7.0}%",
+            NAMES[i],
+            found.sigma[i],
+            100.0 * found.told[i]
+        );
+    }
+    println!(
+        "offsets: steer {:.3} deg at the road wheels, yaw rate {:.3} deg/s, lateral acceleration \
+         {:.3} m/s^2",
+        found.steer_offset_rad.to_degrees(),
+        found.yaw_rate_offset_rad_s.to_degrees(),
+        found.lateral_offset_m_s2
+    );
+    println!(
+        "one-step prediction: yaw rate {:.3} deg/s, lateral acceleration {:.3} m/s^2 (rms)",
+        found.innovation_rms[0].to_degrees(),
+        found.innovation_rms[1]
+    );
+}
+
+fn as_json(found: &Identified) -> serde_json::Value {
+    let parameters: Vec<serde_json::Value> = values(found)
+        .into_iter()
+        .enumerate()
+        .map(|(i, value)| {
+            json!({
+                "name": NAMES[i],
+                "value": value,
+                "sigma": found.sigma[i],
+                "told": found.told[i],
+            })
+        })
+        .collect();
+    json!({
+        "parameters": parameters,
+        "steer_offset_rad": found.steer_offset_rad,
+        "yaw_rate_offset_rad_s": found.yaw_rate_offset_rad_s,
+        "lateral_offset_m_s2": found.lateral_offset_m_s2,
+        "yaw_rate_innovation_rad_s": found.innovation_rms[0],
+        "lateral_innovation_m_s2": found.innovation_rms[1],
+        "peak_m_s2": found.peak_m_s2,
+        "seconds": found.rows as f64 * 0.01,
+    })
+}

@@ -1,0 +1,183 @@
+//! `atvrec import alog`.
+
+use sample::LogTime;
+use wire::alog::{Format, Line, is_remark, log_start};
+use wire::column::Quantity;
+
+use super::log::{self, Piece};
+use super::truth::Reference;
+use super::{
+    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, nanos, read_text,
+    source_names,
+};
+use crate::cli::ImportAlogArgs;
+use crate::config::{GAVLAB, Problems, alog_map};
+use crate::exit::{Outcome, UsageError};
+
+/// Imports a MOOS log.
+pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
+    let map_name = args
+        .columns
+        .as_ref()
+        .map_or_else(|| GAVLAB.to_owned(), |path| path.display().to_string());
+    let map_text = match &args.columns {
+        Some(path) => read_text(path)?,
+        None => crate::config::GAVLAB_MAP.to_owned(),
+    };
+    let format = alog_map(&map_name, &map_text).map_err(Problems)?;
+    let text = read_text(&args.input)?;
+    let mut complaints = Complaints::default();
+    let lines = lines(
+        &args.input.display().to_string(),
+        &text,
+        &format,
+        &mut complaints,
+    );
+    complaints.finish()?;
+    if !lines.iter().any(|line| line.wanted) {
+        return Err(UsageError(format!(
+            "{} has none of the variables of {map_name}; it has: {}",
+            args.input.display(),
+            variables(&text).join(", ")
+        ))
+        .into());
+    }
+    let moved = lines.windows(2).filter(|p| p[1].time < p[0].time).count();
+    if moved > 0 {
+        println!("{moved} lines stand out of order; they are put in the order of time");
+    }
+    let mut reference = Reference::default();
+    for line in &lines {
+        take_reference(line, &format, &mut reference);
+    }
+    let pieces = pieces(lines);
+    let names = source_names(std::slice::from_ref(&args.input));
+    let table = Table {
+        kind: "alog",
+        path: &args.input,
+        columns: &map_name,
+    };
+    let config = configuration(&names, &[table], &args.into)?;
+    let truth = reference.on_grid();
+    log::write(&config, &names, pieces, &truth, &args.into.output)
+}
+
+/// A line with its time.
+struct Timed<'t> {
+    time: LogTime,
+    /// Its text, with remarks that stand before it.
+    text: &'t str,
+    line: Line<'t>,
+    wanted: bool,
+}
+
+fn lines<'t>(
+    path: &str,
+    text: &'t str,
+    format: &Format,
+    complaints: &mut Complaints,
+) -> Vec<Timed<'t>> {
+    let mut start_ns: Option<i128> = None;
+    let (mut at, mut begin) = (0, 0);
+    let mut lines = Vec::new();
+    for (number, raw) in text.split_inclusive('\n').enumerate() {
+        at += raw.len();
+        if is_remark(raw) {
+            if let Some(start_s) = log_start(raw) {
+                start_ns.get_or_insert((start_s * 1e9).round() as i128);
+            }
+            continue;
+        }
+        let place = || format!("{path}:{}", number + 1);
+        let Some(line) = Line::parse(raw) else {
+            // The line that a kill cut short.
+            if !raw.ends_with('\n') {
+                continue;
+            }
+            complaints.add(|| {
+                let shown: String = raw.trim_end().chars().take(60).collect();
+                format!(
+                    "{}: \"{shown}\" is not `time variable source value`",
+                    place()
+                )
+            });
+            continue;
+        };
+        let mut wanted = false;
+        for (_, variable, value) in format.values(&line) {
+            wanted = true;
+            if value.is_none() {
+                complaints.add(|| {
+                    format!(
+                        "{}: variable {}: \"{}\" holds no number that the column map asks for",
+                        place(),
+                        variable.name,
+                        line.value
+                    )
+                });
+            }
+        }
+        let word = raw.split_whitespace().next().unwrap_or_default();
+        let since_ns = nanos(word, 1_000_000_000).unwrap_or(0);
+        let zero_ns = if since_ns > UNIX_TIME_FROM_NS {
+            0
+        } else {
+            start_ns.unwrap_or(i128::from(START_DEFAULT_NS))
+        };
+        let Ok(time) = u64::try_from(zero_ns + since_ns) else {
+            complaints.add(|| format!("{}: the time {word} s is out of range", place()));
+            continue;
+        };
+        lines.push(Timed {
+            time: LogTime(time),
+            text: &text[begin..at],
+            line,
+            wanted,
+        });
+        begin = at;
+    }
+    lines
+}
+
+fn take_reference(line: &Timed<'_>, format: &Format, reference: &mut Reference) {
+    for (_, variable, value) in format.values(&line.line) {
+        if let (Quantity::Truth(truth), Some(value)) = (variable.column.quantity, value) {
+            let time = line.time.offset_seconds(-variable.column.delay_s);
+            reference.push(truth, time, value);
+        }
+    }
+}
+
+/// One piece an instant, in the order of time; lines of one instant keep their order.
+fn pieces(mut lines: Vec<Timed<'_>>) -> Vec<Piece> {
+    lines.sort_by_key(|line| line.time);
+    let mut pieces: Vec<Piece> = Vec::new();
+    for line in lines {
+        let mut bytes = line.text.as_bytes().to_vec();
+        if !bytes.ends_with(b"\n") {
+            bytes.push(b'\n');
+        }
+        match pieces.last_mut() {
+            Some(last) if last.time == line.time => last.bytes.extend(bytes),
+            _ => pieces.push(Piece {
+                source: 0,
+                time: line.time,
+                bytes,
+            }),
+        }
+    }
+    pieces
+}
+
+/// All variables of a file, each once.
+fn variables(text: &str) -> Vec<&str> {
+    let mut names: Vec<&str> = text
+        .lines()
+        .filter(|line| !is_remark(line))
+        .filter_map(Line::parse)
+        .map(|line| line.variable)
+        .collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}

@@ -1,0 +1,133 @@
+//! What a reference instrument measured, at the instants of the estimates.
+
+use std::collections::BTreeMap;
+
+use estimator::GRID_NANOS;
+use sample::{LogTime, Motion, PerWheel, TyreForce, Wheel};
+use store::Record;
+use wire::column::Truth;
+
+/// A gap of a reference channel that is not bridged, as a multiple of its usual interval, and in
+/// any case, ns.
+const BRIDGED_FACTOR: u64 = 3;
+const BRIDGED_MAX_NS: u64 = 500_000_000;
+
+/// The channels of a reference, each by rising time.
+#[derive(Default)]
+pub struct Reference {
+    channels: BTreeMap<Truth, Vec<(LogTime, f64)>>,
+}
+
+/// The reference at one instant.
+pub struct TruthPoint {
+    /// The instant.
+    pub time: LogTime,
+    values: BTreeMap<Truth, f64>,
+}
+
+impl Reference {
+    /// Adds a value.
+    pub fn push(&mut self, truth: Truth, time: LogTime, value: f64) {
+        self.channels.entry(truth).or_default().push((time, value));
+    }
+
+    /// All channels at the instants of the estimator's grid, linear between two values that are
+    /// near each other.
+    pub fn on_grid(mut self) -> Vec<TruthPoint> {
+        let mut points: BTreeMap<u64, BTreeMap<Truth, f64>> = BTreeMap::new();
+        for (truth, channel) in &mut self.channels {
+            channel.sort_by_key(|(time, _)| *time);
+            let limit = bridged_ns(channel);
+            for pair in channel.windows(2) {
+                let [(t0, v0), (t1, v1)] = [pair[0], pair[1]];
+                let step = t1.0 - t0.0;
+                if step == 0 || step > limit {
+                    continue;
+                }
+                let mut grid = t0.0.div_ceil(GRID_NANOS) * GRID_NANOS;
+                while grid <= t1.0 {
+                    let part = (grid - t0.0) as f64 / step as f64;
+                    let value = v0 + part * (v1 - v0);
+                    points.entry(grid).or_default().insert(*truth, value);
+                    grid += GRID_NANOS;
+                }
+            }
+        }
+        points
+            .into_iter()
+            .map(|(time, values)| TruthPoint {
+                time: LogTime(time),
+                values,
+            })
+            .collect()
+    }
+}
+
+fn bridged_ns(channel: &[(LogTime, f64)]) -> u64 {
+    let mut steps: Vec<u64> = channel.windows(2).map(|p| p[1].0.0 - p[0].0.0).collect();
+    steps.sort_unstable();
+    let usual = steps.get(steps.len() / 2).copied().unwrap_or(0);
+    (BRIDGED_FACTOR * usual).min(BRIDGED_MAX_NS)
+}
+
+impl TruthPoint {
+    /// The record of `/truth/…`; what the reference does not measure is NaN.
+    pub fn record(&self) -> Record {
+        let get = |truth| self.values.get(&truth).copied().unwrap_or(f64::NAN);
+        let forward = get(Truth::ForwardSpeed);
+        let (mut sideslip, mut leftward) = (get(Truth::Sideslip), get(Truth::LeftwardSpeed));
+        if sideslip.is_nan() && forward.hypot(leftward) > 0.0 {
+            sideslip = leftward.atan2(forward);
+        } else if leftward.is_nan() {
+            leftward = forward * sideslip.tan();
+        }
+        let unknown = f64::NAN;
+        let none = PerWheel([unknown; 4]);
+        let motion = Motion {
+            velocity_x_m_s: forward,
+            velocity_y_m_s: leftward,
+            sideslip_rad: sideslip,
+            sideslip_sigma_rad: unknown,
+            roll_rad: get(Truth::Roll),
+            pitch_rad: get(Truth::Pitch),
+            rate_rad_s: [unknown, unknown, get(Truth::YawRate)],
+            acceleration_m_s2: [unknown; 3],
+            steer_rad: none,
+            slip_angle_rad: none,
+            bank_rad: unknown,
+            grade_rad: unknown,
+        };
+        let forces = PerWheel::from_fn(|wheel: Wheel| TyreForce {
+            force_n: [0, 1, 2].map(|axis| get(Truth::Force(wheel, axis))),
+            ..TyreForce::default()
+        });
+        Record::Truth {
+            time: self.time,
+            motion,
+            forces,
+            pose: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_stand_on_the_grid_and_gaps_stay_gaps() {
+        let mut reference = Reference::default();
+        let ms = |ms: u64| LogTime(ms * 1_000_000);
+        for (time, value) in [(5, 0.5), (25, 2.5), (45, 4.5), (600, 60.0), (620, 62.0)] {
+            reference.push(Truth::Sideslip, ms(time), value);
+        }
+        let points = reference.on_grid();
+        let found: Vec<u64> = points.iter().map(|p| p.time.0 / 1_000_000).collect();
+        assert_eq!(found, [10, 20, 30, 40, 600, 610, 620]);
+        let Record::Truth { motion, forces, .. } = points[0].record() else {
+            panic!("a truth");
+        };
+        assert!((motion.sideslip_rad - 1.0).abs() < 1e-12);
+        assert!(motion.roll_rad.is_nan() && forces[Wheel::FrontLeft].force_n[2].is_nan());
+    }
+}

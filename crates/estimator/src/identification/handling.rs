@@ -1,0 +1,399 @@
+//! How a vehicle handles, from a drive without any reference of sideslip.
+//!
+//! The parameters of [`crate::planar`] are those under which the filter predicts yaw rate and
+//! lateral acceleration best: the sum of its squared innovations, each over the deviation that the
+//! filter expects of it, is least (prediction-error method; Ljung, System Identification, 2nd
+//! edition, section 7.2). Large innovations count less (Huber). What a drive does not tell stays
+//! near the vehicle file, as if that were a measurement with [`PRIOR_SIGMA`].
+
+use model::vehicle::Vehicle;
+use nalgebra::{DMatrix, DVector};
+
+use crate::finding::Refusal;
+use crate::planar::{
+    Handling, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE, SPEED_MIN_M_S,
+};
+
+/// Number of parameters.
+pub const PARAMETERS: usize = 8;
+/// Names of the parameters, as in [`Handling`].
+pub const NAMES: [&str; PARAMETERS] = [
+    "front_stiffness_n_rad",
+    "rear_stiffness_n_rad",
+    "front_friction",
+    "rear_friction",
+    "shape",
+    "yaw_inertia_kg_m2",
+    "roll_gain",
+    "steer_gain",
+];
+/// How well the vehicle file is taken to know each parameter before the drive: stiffness, friction
+/// and inertia as natural logarithms, shape and gains as they are.
+pub const PRIOR_SIGMA: [f64; PARAMETERS] = [1.0, 1.0, 0.3, 0.3, 0.7, 0.15, 0.04, 0.02];
+
+/// What is looked for, in messages.
+const WHAT: &str = "handling";
+/// Interval of the rows, s.
+const ROW_S: f64 = 0.01;
+/// Rows that make a minute of driving, the least that is looked at.
+const ROWS_MIN: usize = 6000;
+/// Peak lateral acceleration below which a drive tells nothing of tyres, m/s^2.
+const PEAK_MIN_M_S2: f64 = 2.0;
+/// Innovation, standard deviations, beyond which the cost grows linearly.
+const HUBER: f64 = 3.0;
+/// A prior weighs as much as this many rows: neighbouring innovations err alike.
+const PRIOR_ROWS: f64 = 9.0;
+/// Rounds, in each of which the filter's expected deviations are held.
+const ROUNDS: usize = 3;
+/// Iterations in a round, and the relative fall of the cost at which it ends.
+const ITERATIONS: usize = 12;
+const AT_REST: f64 = 1e-5;
+/// Stiffnesses that are tried first, as multiples of the vehicle file's.
+const STARTS: [f64; 3] = [0.5, 1.0, 2.0];
+/// Lags of the innovations' autocorrelation that widen the deviations.
+const LAGS: usize = 50;
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// The parameters.
+    pub handling: Handling,
+    /// Their standard deviations, in their own units, in the order of [`NAMES`].
+    pub sigma: [f64; PARAMETERS],
+    /// Part of each parameter that the drive told: 0 where it stayed with the vehicle file, towards
+    /// 1 where that did not matter.
+    pub told: [f64; PARAMETERS],
+    /// What the steering encoder reads too much, at the road wheels, rad.
+    pub steer_offset_rad: f64,
+    /// What the gyro reads too much, rad/s.
+    pub yaw_rate_offset_rad_s: f64,
+    /// What the accelerometer reads too much, m/s^2.
+    pub lateral_offset_m_s2: f64,
+    /// Root mean square of the innovations of yaw rate (rad/s) and lateral acceleration (m/s^2).
+    pub innovation_rms: [f64; 2],
+    /// Noise of both, from their second differences.
+    pub noise: PlanarNoise,
+    /// Rows above 3 m/s.
+    pub rows: usize,
+    /// Greatest lateral acceleration, a tenth of a second's mean, m/s^2.
+    pub peak_m_s2: f64,
+}
+
+/// Finds how the vehicle handles.
+///
+/// `inputs` are rows of 10 ms by rising time; `imu_ahead_m` is the inertial unit's distance ahead of
+/// the centre of gravity.
+///
+/// # Errors
+/// A drive that is too short or too gentle; parameters that no vehicle has.
+pub fn identify(
+    inputs: &[PlanarInput],
+    vehicle: &Vehicle,
+    imu_ahead_m: f64,
+) -> Result<Identified, Refusal> {
+    let fast = inputs.iter().filter(|row| {
+        row.speed_m_s > SPEED_MIN_M_S && row.yaw_rate_rad_s.is_some() && row.lateral_m_s2.is_some()
+    });
+    let rows = fast.count();
+    if rows < ROWS_MIN {
+        return Err(Refusal::TooShort {
+            what: WHAT.to_owned(),
+            found_s: ROW_S * rows as f64,
+            needed_s: ROW_S * ROWS_MIN as f64,
+            help: "rows need speed above 3 m/s, steer, yaw rate and lateral acceleration; give a \
+                   longer drive, or look at the column map"
+                .to_owned(),
+        });
+    }
+    let peak_m_s2 = peak(inputs);
+    if peak_m_s2 < PEAK_MIN_M_S2 {
+        return Err(Refusal::NotExcited {
+            what: WHAT.to_owned(),
+            quantity: "peak of the lateral acceleration".to_owned(),
+            found: peak_m_s2,
+            needed: PEAK_MIN_M_S2,
+            unit: "m/s^2".to_owned(),
+            help: "drive tighter or faster bends".to_owned(),
+        });
+    }
+    let prior = to_theta(&Handling::of_vehicle(vehicle));
+    let problem = Problem {
+        inputs,
+        vehicle,
+        imu_ahead_m,
+        noise: noise(inputs),
+        prior,
+    };
+    let mut theta = problem.best_start();
+    let mut fit = None;
+    for _ in 0..ROUNDS {
+        let held = problem.run(&theta).deviations;
+        let (found, information) = problem.descend(theta, &held);
+        theta = found;
+        fit = Some((held, information));
+    }
+    let handling = from_theta(&theta);
+    if let Some((name, value)) = handling.implausible() {
+        return Err(Refusal::Value {
+            what: WHAT.to_owned(),
+            name: name.to_owned(),
+            value,
+            expected: "what a vehicle can have; look at signs and units of the column map, and at \
+                       mass and axle distances of the vehicle file"
+                .to_owned(),
+        });
+    }
+    let run = problem.run(&theta);
+    let (sigma, told) = match fit {
+        Some((held, information)) => deviations(&theta, &information, inflation(&run, &held)),
+        None => ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]),
+    };
+    let [steer, gyro, accel] = run.offsets;
+    Ok(Identified {
+        handling,
+        sigma,
+        told,
+        steer_offset_rad: -steer / handling.steer_gain,
+        yaw_rate_offset_rad_s: gyro,
+        lateral_offset_m_s2: accel,
+        innovation_rms: [0, 1].map(|i| rms(run.residuals.iter().skip(i).step_by(2))),
+        noise: problem.noise,
+        rows,
+        peak_m_s2,
+    })
+}
+
+fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
+    [
+        h.front_stiffness_n_rad.ln(),
+        h.rear_stiffness_n_rad.ln(),
+        h.front_friction.ln(),
+        h.rear_friction.ln(),
+        h.shape,
+        h.yaw_inertia_kg_m2.ln(),
+        h.roll_gain,
+        h.steer_gain,
+    ]
+}
+
+fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
+    Handling {
+        front_stiffness_n_rad: theta[0].exp(),
+        rear_stiffness_n_rad: theta[1].exp(),
+        front_friction: theta[2].exp(),
+        rear_friction: theta[3].exp(),
+        shape: theta[4].clamp(SHAPE_RANGE[0], SHAPE_RANGE[1]),
+        yaw_inertia_kg_m2: theta[5].exp(),
+        roll_gain: theta[6],
+        steer_gain: theta[7],
+    }
+}
+
+/// Whether a parameter is searched for as its logarithm.
+const LOGARITHMIC: [bool; PARAMETERS] = [true, true, true, true, false, true, false, false];
+
+/// A drive to be explained.
+struct Problem<'d> {
+    inputs: &'d [PlanarInput],
+    vehicle: &'d Vehicle,
+    imu_ahead_m: f64,
+    noise: PlanarNoise,
+    prior: [f64; PARAMETERS],
+}
+
+/// What the filter makes of the drive.
+struct Run {
+    /// Innovations of yaw rate and lateral acceleration in turn, zero where nothing was measured.
+    residuals: Vec<f64>,
+    /// What the filter expected of them.
+    deviations: Vec<f64>,
+    offsets: [f64; 3],
+}
+
+impl Problem<'_> {
+    fn run(&self, theta: &[f64; PARAMETERS]) -> Run {
+        let model = PlanarModel::new(self.vehicle, from_theta(theta), self.imu_ahead_m);
+        let mut filter = PlanarFilter::new(model, self.noise, false);
+        let mut run = Run {
+            residuals: Vec::with_capacity(2 * self.inputs.len()),
+            deviations: Vec::with_capacity(2 * self.inputs.len()),
+            offsets: [0.0; 3],
+        };
+        let mut before_s = f64::NEG_INFINITY;
+        for input in self.inputs {
+            let dt_s = input.time_s - before_s;
+            before_s = input.time_s;
+            let state = filter.step(dt_s, input);
+            for innovation in state.innovations {
+                let known = innovation.value.is_finite() && innovation.sigma > 0.0;
+                run.residuals
+                    .push(if known { innovation.value } else { 0.0 });
+                run.deviations
+                    .push(if known { innovation.sigma } else { 1.0 });
+            }
+        }
+        run.offsets = filter.offsets();
+        run
+    }
+
+    /// Residuals of the fit: innovations over held deviations, and the distance from the prior.
+    fn residuals(&self, theta: &[f64; PARAMETERS], held: &[f64]) -> DVector<f64> {
+        let run = self.run(theta);
+        let data = run.residuals.iter().zip(held).map(|(r, s)| tame(r / s));
+        let prior = (0..PARAMETERS)
+            .map(|j| PRIOR_ROWS.sqrt() * (theta[j] - self.prior[j]) / PRIOR_SIGMA[j]);
+        DVector::from_vec(data.chain(prior).collect())
+    }
+
+    /// The best of a few stiffnesses: from far away the fit can end in a spin.
+    fn best_start(&self) -> [f64; PARAMETERS] {
+        let held = self.run(&self.prior).deviations;
+        let mut best = (f64::INFINITY, self.prior);
+        for front in STARTS {
+            for rear in STARTS {
+                let mut theta = self.prior;
+                theta[0] += f64::ln(front);
+                theta[1] += f64::ln(rear);
+                let cost = self.residuals(&theta, &held).norm_squared();
+                if cost < best.0 {
+                    best = (cost, theta);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Levenberg's and Marquardt's descent, with the information matrix at its end. Derivatives are
+    /// forward differences: each costs a drive.
+    fn descend(
+        &self,
+        mut theta: [f64; PARAMETERS],
+        held: &[f64],
+    ) -> ([f64; PARAMETERS], DMatrix<f64>) {
+        let mut residual = self.residuals(&theta, held);
+        let mut cost = residual.norm_squared();
+        let mut damping = 1e-3;
+        let mut information = DMatrix::zeros(PARAMETERS, PARAMETERS);
+        for _ in 0..ITERATIONS {
+            let mut slopes = DMatrix::zeros(residual.len(), PARAMETERS);
+            for j in 0..PARAMETERS {
+                let step = 1e-4 * PRIOR_SIGMA[j];
+                let mut moved = theta;
+                moved[j] += step;
+                let column = (self.residuals(&moved, held) - &residual) / step;
+                slopes.set_column(j, &column);
+            }
+            information = slopes.transpose() * &slopes;
+            let pull = slopes.transpose() * &residual;
+            let before = cost;
+            while damping < 1e6 {
+                let mut damped = information.clone();
+                for j in 0..PARAMETERS {
+                    damped[(j, j)] *= 1.0 + damping;
+                }
+                let Some(step) = damped.cholesky().map(|c| c.solve(&pull)) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let next: [f64; PARAMETERS] = std::array::from_fn(|j| theta[j] - step[j]);
+                let next_residual = self.residuals(&next, held);
+                let next_cost = next_residual.norm_squared();
+                if next_cost < cost {
+                    (theta, residual, cost) = (next, next_residual, next_cost);
+                    damping = (damping * 0.2).max(1e-9);
+                    break;
+                }
+                damping *= 5.0;
+            }
+            if before - cost < AT_REST * before {
+                break;
+            }
+        }
+        (theta, information)
+    }
+}
+
+/// An innovation whose square grows as Huber's cost does.
+fn tame(x: f64) -> f64 {
+    let size = x.abs();
+    if size <= HUBER {
+        x
+    } else {
+        x.signum() * (2.0 * HUBER * size - HUBER * HUBER).sqrt()
+    }
+}
+
+/// How much wider the deviations are than white innovations would make them: the sum of the
+/// lateral acceleration's autocorrelations.
+fn inflation(run: &Run, held: &[f64]) -> f64 {
+    let series: Vec<f64> = run
+        .residuals
+        .iter()
+        .zip(held)
+        .skip(1)
+        .step_by(2)
+        .map(|(r, s)| tame(r / s))
+        .collect();
+    let energy: f64 = series.iter().map(|x| x * x).sum();
+    if energy <= 0.0 {
+        return 1.0;
+    }
+    let mut sum = 1.0;
+    for lag in 1..=LAGS.min(series.len() - 1) {
+        let product: f64 = series.iter().zip(&series[lag..]).map(|(a, b)| a * b).sum();
+        let weight = 1.0 - lag as f64 / (LAGS + 1) as f64;
+        sum += 2.0 * weight * product / energy;
+    }
+    (sum.max(1.0) * energy / series.len() as f64).max(1.0)
+}
+
+fn deviations(
+    theta: &[f64; PARAMETERS],
+    information: &DMatrix<f64>,
+    inflation: f64,
+) -> ([f64; PARAMETERS], [f64; PARAMETERS]) {
+    let Some(covariance) = information.clone().try_inverse() else {
+        return ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]);
+    };
+    let of_search = |j: usize| (covariance[(j, j)].max(0.0) * inflation).sqrt();
+    let sigma = std::array::from_fn(|j| {
+        let value = if LOGARITHMIC[j] { theta[j].exp() } else { 1.0 };
+        value * of_search(j)
+    });
+    let told = std::array::from_fn(|j| {
+        let alone = PRIOR_SIGMA[j] * PRIOR_SIGMA[j] / PRIOR_ROWS;
+        (1.0 - covariance[(j, j)].max(0.0) / alone).clamp(0.0, 1.0)
+    });
+    (sigma, told)
+}
+
+/// Noise of yaw rate and lateral acceleration: of white noise, second differences have six times
+/// its variance; the median leaves manoeuvres out.
+fn noise(inputs: &[PlanarInput]) -> PlanarNoise {
+    let of = |pick: fn(&PlanarInput) -> Option<f64>| {
+        let mut sizes: Vec<f64> = inputs
+            .windows(3)
+            .filter_map(|w| Some((pick(&w[0])? - 2.0 * pick(&w[1])? + pick(&w[2])?).abs()))
+            .collect();
+        sizes.sort_by(f64::total_cmp);
+        let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+        median / 0.6745 / 6.0_f64.sqrt()
+    };
+    PlanarNoise {
+        yaw_rate_rad_s: of(|row| row.yaw_rate_rad_s),
+        acceleration_m_s2: of(|row| row.lateral_m_s2),
+    }
+}
+
+fn peak(inputs: &[PlanarInput]) -> f64 {
+    let values: Vec<f64> = inputs.iter().filter_map(|row| row.lateral_m_s2).collect();
+    let means = values
+        .chunks(10)
+        .map(|c| c.iter().sum::<f64>() / c.len() as f64);
+    means.fold(0.0, |peak: f64, mean| peak.max(mean.abs()))
+}
+
+fn rms<'v>(values: impl Iterator<Item = &'v f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
+    (sum / f64::max(count, 1.0)).sqrt()
+}

@@ -1,0 +1,211 @@
+//! The planar filter in the estimator's loop.
+
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use nalgebra::Vector3;
+use sample::{LogTime, Measurement, Motion, STANDARD_GRAVITY_M_S2, Sample};
+
+use super::{
+    Handling, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, PlanarReadings, PlanarState,
+    SPEED_MIN_M_S,
+};
+use crate::calibration::Resolved;
+use crate::estimator::grid;
+use crate::motion::MotionState;
+use crate::{Input, Settings};
+
+/// What a single-track model leaves out of the sideslip angle: a constant, rad, and a part of the
+/// rear axle's slip angle. Measured on cars with four tyres, roll and load-dependent friction.
+const MODEL_SIGMA_RAD: f64 = 0.002;
+const MODEL_SIGMA_PART: f64 = 0.1;
+
+/// Filter, readings and what both need of the vehicle.
+#[derive(Clone, Debug)]
+pub struct Planar {
+    filter: PlanarFilter,
+    readings: PlanarReadings,
+    steering_ratio: f64,
+    rolling_radius_m: f64,
+    before: Option<LogTime>,
+}
+
+/// What the filter says of an instant, and what it was driven by.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanarMotion {
+    input: PlanarInput,
+    state: PlanarState,
+}
+
+impl Planar {
+    /// A filter that has seen nothing.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle, sensors: &Sensors, calibration: &Resolved) -> Self {
+        let handling = calibration.handling;
+        let model = PlanarModel::new(
+            vehicle,
+            handling.unwrap_or_else(|| Handling::of_vehicle(vehicle)),
+            calibration.imu_m.x,
+        );
+        let noise = PlanarNoise {
+            yaw_rate_rad_s: calibration
+                .gyro_noise_rad_s
+                .unwrap_or(sensors.imu.gyro_noise_rad_s),
+            acceleration_m_s2: calibration
+                .accel_noise_m_s2
+                .unwrap_or(sensors.imu.accel_noise_m_s2),
+        };
+        Self {
+            filter: PlanarFilter::new(model, noise, handling.is_some()),
+            readings: PlanarReadings::default(),
+            steering_ratio: vehicle.steering.ratio,
+            rolling_radius_m: rolling_radius_m(vehicle),
+            before: None,
+        }
+    }
+
+    /// How often the filter diverged and was started anew.
+    #[must_use]
+    pub fn resets(&self) -> u64 {
+        self.filter.resets()
+    }
+
+    /// Takes a sample in, unless it is to be left out.
+    pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
+        let input = match &sample.measurement {
+            Measurement::Imu(_) => Input::Imu,
+            Measurement::Steer(_) => Input::Steer,
+            Measurement::GnssVelocity(_) => Input::GnssVelocity,
+            Measurement::WheelSpeed(_) => Input::WheelSpeed,
+            Measurement::GroundSpeed(_) => Input::GroundSpeed,
+            _ => return,
+        };
+        if settings.uses(input) {
+            self.readings.push(
+                sample,
+                calibration,
+                self.steering_ratio,
+                self.rolling_radius_m,
+            );
+        }
+    }
+
+    /// The motion at `time`; nothing without a speed and a steer angle.
+    pub fn step(&mut self, time: LogTime, step_s: f64) -> Option<PlanarMotion> {
+        let input = self.readings.take(time)?;
+        let dt_s = self
+            .before
+            .map_or(f64::INFINITY, |before| time.seconds_since(before));
+        self.before = Some(time);
+        let nearly = (dt_s - step_s).abs() < 1e-6;
+        let state = self.filter.step(if nearly { step_s } else { dt_s }, &input);
+        Some(PlanarMotion { input, state })
+    }
+}
+
+/// Writes down what the filter would be driven by, for identification.
+#[derive(Clone, Debug)]
+pub struct PlanarRecorder {
+    readings: PlanarReadings,
+    calibration: Resolved,
+    steering_ratio: f64,
+    rolling_radius_m: f64,
+    next_grid: Option<LogTime>,
+    inputs: Vec<PlanarInput>,
+}
+
+impl PlanarRecorder {
+    /// A recorder that has seen nothing.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle, calibration: Resolved) -> Self {
+        Self {
+            readings: PlanarReadings::default(),
+            calibration,
+            steering_ratio: vehicle.steering.ratio,
+            rolling_radius_m: rolling_radius_m(vehicle),
+            next_grid: None,
+            inputs: Vec::new(),
+        }
+    }
+
+    /// Moves time on, as [`crate::Estimator::advance`] does.
+    pub fn advance(&mut self, now: LogTime) {
+        for time in grid(&mut self.next_grid, now) {
+            self.inputs.extend(self.readings.take(time));
+        }
+    }
+
+    /// Takes a sample in.
+    pub fn push(&mut self, sample: &Sample) {
+        self.readings.push(
+            sample,
+            &self.calibration,
+            self.steering_ratio,
+            self.rolling_radius_m,
+        );
+    }
+
+    /// All rows so far.
+    #[must_use]
+    pub fn into_inputs(self) -> Vec<PlanarInput> {
+        self.inputs
+    }
+}
+
+fn rolling_radius_m(vehicle: &Vehicle) -> f64 {
+    let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
+    let radii = [&vehicle.front, &vehicle.rear].map(|axle| {
+        let tyre = &axle.tyre;
+        // A belt rolls as if it were pressed by a third of its deflection.
+        tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0) / 3.0
+    });
+    0.5 * (radii[0] + radii[1])
+}
+
+impl PlanarMotion {
+    /// Puts this motion in the place of an inertial navigation's.
+    pub fn lead(&self, state: &mut MotionState) {
+        state.velocity_m_s.x = self.input.speed_m_s;
+        state.velocity_m_s.y = self.state.lateral_m_s;
+        state.velocity_m_s.z = 0.0;
+        state.rate_rad_s.z = self.state.yaw_rate_rad_s;
+        let gravity = Vector3::new(0.0, 0.0, STANDARD_GRAVITY_M_S2);
+        let (ahead, left) = (self.input.acceleration_m_s2, self.state.acceleration_m_s2);
+        state.specific_force_m_s2 =
+            state.earth_from_body.inverse() * gravity + Vector3::new(ahead, left, 0.0);
+        state.sideslip_rad = self.sideslip_rad();
+        state.sideslip_sigma_rad = self.sideslip_sigma_rad();
+    }
+
+    /// The filter's own deviation, and what a single-track model leaves out.
+    fn sideslip_sigma_rad(&self) -> f64 {
+        let speed = self.input.speed_m_s.max(SPEED_MIN_M_S);
+        let own = self.state.lateral_sigma_m_s / speed;
+        let model = MODEL_SIGMA_RAD + MODEL_SIGMA_PART * self.state.rear_slip_rad.abs();
+        own.hypot(model)
+    }
+
+    fn sideslip_rad(&self) -> f64 {
+        let (forward, left) = (self.input.speed_m_s, self.state.lateral_m_s);
+        if forward.hypot(left) < 0.1 {
+            return 0.0;
+        }
+        left.atan2(forward)
+    }
+
+    /// What the filter knows of the motion; attitude, which it does not, is unknown.
+    pub fn tell(&self, motion: &mut Motion) {
+        motion.velocity_x_m_s = self.input.speed_m_s;
+        motion.velocity_y_m_s = self.state.lateral_m_s;
+        motion.sideslip_rad = self.sideslip_rad();
+        motion.sideslip_sigma_rad = self.sideslip_sigma_rad();
+        let unknown = f64::NAN;
+        (motion.roll_rad, motion.pitch_rad) = (unknown, unknown);
+        motion.rate_rad_s = [unknown, unknown, self.state.yaw_rate_rad_s];
+        motion.acceleration_m_s2 = [
+            self.input.acceleration_m_s2,
+            self.state.acceleration_m_s2,
+            unknown,
+        ];
+        (motion.bank_rad, motion.grade_rad) = (unknown, unknown);
+    }
+}

@@ -1,0 +1,325 @@
+//! Estimates of a log against its truth, or against those of another log of the same drive.
+//!
+//! The keys of the JSON are a contract: see `docs/score.md`.
+
+mod compare;
+mod lifts;
+
+use std::collections::BTreeMap;
+
+use estimator::score;
+use model::vehicle::Vehicle;
+use sample::{Estimate, EventKind, LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+use serde_json::{Value, json};
+use store::{Attachment, Reader, Record, Selection};
+
+pub use compare::{Comparison, Difference, compare};
+pub use lifts::{Lift, Lifts};
+
+/// Sideslip means little below this speed, m/s.
+const SIDESLIP_SPEED_MIN_M_S: f64 = 3.0;
+/// Interval of the estimates, s.
+const INTERVAL_S: f64 = 0.01;
+/// Longest delay that is looked for, intervals.
+const DELAY_MAX: usize = 50;
+/// A window of the consistency test is this long, intervals, and every so many of its estimates
+/// are taken: neighbours err alike.
+const WINDOW: usize = 1000;
+const WINDOW_STRIDE: usize = 50;
+/// Fewest estimates of a window for it to count.
+const WINDOW_MIN: usize = 10;
+
+/// Why a log could not be scored.
+#[derive(Debug, thiserror::Error)]
+pub enum ScoreError {
+    /// The log could not be read.
+    #[error(transparent)]
+    Log(#[from] store::Error),
+    /// No truth.
+    #[error(
+        "the log has no truth to compare with; make one with `atvrec simulate`, map a reference to \
+         truth.* in an import, or replay such a log"
+    )]
+    NoTruth,
+    /// No estimate at an instant of the truth.
+    #[error("no estimate stands at the same instant as a {0}; was the estimator switched off?")]
+    NoPair(&'static str),
+    /// No vehicle.
+    #[error("the log's configuration names no vehicle that can be read, so nothing was estimated")]
+    NoVehicle,
+}
+
+/// One signal's errors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalScore {
+    /// Its name.
+    pub signal: &'static str,
+    /// The wheel, if it is a wheel's.
+    pub wheel: Option<Wheel>,
+    /// Unit of the errors.
+    pub unit: &'static str,
+    /// The errors.
+    pub errors: score::Errors,
+    /// 100 RMSE / max(peak of the truth, static wheel load), of forces.
+    pub normalised_percent: Option<f64>,
+    /// How late the estimate is, s.
+    pub delay_s: Option<f64>,
+    /// Mean of ((estimate - truth)/sigma)^2.
+    pub nees: Option<f64>,
+    /// Part of the windows whose mean lies within the 95 % bounds of its chi-square.
+    pub nees_inside: Option<f64>,
+}
+
+/// A scored log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// Time that was compared, s.
+    pub seconds: f64,
+    /// Signals of which both sides know something.
+    pub signals: Vec<SignalScore>,
+    /// Lifts of wheels and of sides.
+    pub lifts: Lifts,
+    /// How many events of each kind the estimator declared.
+    pub events: BTreeMap<&'static str, usize>,
+}
+
+/// What is compared: for each instant the estimate and the truth.
+type Pairs = Vec<(Estimate, Estimate)>;
+
+/// A signal of an estimate with its standard deviation (`NaN` if there is none).
+type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
+
+/// Scores a log, leaving out its first `from_s` seconds.
+///
+/// # Errors
+/// If the log cannot be read, has no truth, no estimate or no vehicle.
+pub fn score(reader: &Reader, from_s: f64) -> Result<Score, ScoreError> {
+    let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
+    let loads = static_loads(&vehicle);
+    let (start, pairs) = pairs(reader, from_s)?;
+    Ok(Score {
+        seconds: pairs.len() as f64 * INTERVAL_S,
+        signals: signals(&pairs, &loads),
+        lifts: lifts::find(reader, start, &loads)?,
+        events: events(reader)?,
+    })
+}
+
+/// The vehicle of a log's configuration.
+#[must_use]
+pub fn vehicle_of(attachments: &[Attachment]) -> Option<Vehicle> {
+    let text = |name: &str| {
+        let found = attachments.iter().find(|file| file.name == name)?;
+        String::from_utf8(found.data.clone()).ok()
+    };
+    let configuration: toml::Table = text("atvrec.toml")?.parse().ok()?;
+    let name = configuration.get("vehicle")?.get("file")?.as_str()?;
+    let file = text(name)
+        .or_else(|| text(&format!("{name}.vehicle.toml")))
+        .or_else(|| Vehicle::builtin_text(name).map(str::to_owned))?;
+    Vehicle::from_toml(&file, name).ok()
+}
+
+/// Load of each wheel at rest, N.
+fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
+    let body = &vehicle.body;
+    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+    PerWheel::from_fn(|wheel| {
+        let arm = if wheel.is_front() { b } else { a };
+        0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm / (a + b)
+    })
+}
+
+fn pairs(reader: &Reader, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
+    let mut truth = BTreeMap::new();
+    for state in reader.truth() {
+        let state = state?;
+        truth.insert(state.time, state);
+    }
+    let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
+    let mut pairs = Pairs::new();
+    for estimate in reader.estimates() {
+        let estimate = estimate?;
+        if estimate.time.seconds_since(start) < from_s {
+            continue;
+        }
+        if let Some(truth) = truth.get(&estimate.time) {
+            pairs.push((estimate, truth.clone()));
+        }
+    }
+    if pairs.is_empty() {
+        return Err(ScoreError::NoPair("truth"));
+    }
+    Ok((start, pairs))
+}
+
+fn events(reader: &Reader) -> Result<BTreeMap<&'static str, usize>, ScoreError> {
+    let mut counts = BTreeMap::new();
+    for message in reader.messages(Selection::topics(["/estimate/events"])) {
+        if let Some(Record::Event(event)) = message?.record()? {
+            *counts.entry(kind_name(&event.kind)).or_insert(0) += 1;
+        }
+    }
+    Ok(counts)
+}
+
+fn kind_name(kind: &EventKind) -> &'static str {
+    match kind {
+        EventKind::LiftWarning(..) => "lift_warning",
+        EventKind::Lift(_) => "lift",
+        EventKind::Touchdown(_) => "touchdown",
+        EventKind::TwoWheelLift(_) => "two_wheel_lift",
+        EventKind::SurfaceChange(_) => "surface_change",
+        EventKind::SensorFault(_) => "sensor_fault",
+        EventKind::SensorRecovered(_) => "sensor_recovered",
+        EventKind::FilterReset => "filter_reset",
+    }
+}
+
+/// Calls `add` with each signal: name, wheel, unit, whether it is a force, and where it stands in
+/// an estimate and in a truth.
+fn each_signal(
+    mut add: impl FnMut(&'static str, Option<Wheel>, &'static str, bool, Pick<'_>, Pick<'_>),
+) {
+    let none = f64::NAN;
+    let sideslip = |e: &Estimate| {
+        let angle = if e.motion.velocity_x_m_s > SIDESLIP_SPEED_MIN_M_S {
+            e.motion.sideslip_rad
+        } else {
+            f64::NAN
+        };
+        (angle, e.motion.sideslip_sigma_rad)
+    };
+    // A reference may tell the angle without a speed.
+    let true_sideslip = |e: &Estimate| {
+        let slow = e.motion.velocity_x_m_s <= SIDESLIP_SPEED_MIN_M_S;
+        let angle = if slow {
+            f64::NAN
+        } else {
+            e.motion.sideslip_rad
+        };
+        (angle, none)
+    };
+    add("sideslip", None, "rad", false, &sideslip, &true_sideslip);
+    let plain: [(&'static str, &'static str, Pick<'_>); 5] = [
+        ("velocity_x", "m/s", &|e| (e.motion.velocity_x_m_s, none)),
+        ("velocity_y", "m/s", &|e| (e.motion.velocity_y_m_s, none)),
+        ("roll", "rad", &|e| (e.motion.roll_rad, none)),
+        ("pitch", "rad", &|e| (e.motion.pitch_rad, none)),
+        ("yaw_rate", "rad/s", &|e| (e.motion.rate_rad_s[2], none)),
+    ];
+    for (signal, unit, pick) in plain {
+        add(signal, None, unit, false, pick, pick);
+    }
+    let measured = ["measured_force_x", "measured_force_y", "measured_force_z"];
+    let expected = ["expected_force_x", "expected_force_y", "expected_force_z"];
+    for axis in 0..3 {
+        for wheel in Wheel::ALL {
+            let own = |e: &Estimate| {
+                let force = &e.measured[wheel];
+                (force.force_n[axis], force.sigma_n[axis])
+            };
+            let model = |e: &Estimate| (e.expected[wheel].force_n[axis], none);
+            add(measured[axis], Some(wheel), "N", true, &own, &own);
+            add(expected[axis], Some(wheel), "N", true, &model, &own);
+        }
+    }
+}
+
+fn signals(pairs: &Pairs, loads: &PerWheel<f64>) -> Vec<SignalScore> {
+    let mut all = Vec::new();
+    each_signal(|signal, wheel, unit, is_force, estimate, truth| {
+        let (values, sigmas): (Vec<f64>, Vec<f64>) = pairs.iter().map(|(e, _)| estimate(e)).unzip();
+        let truths: Vec<f64> = pairs.iter().map(|(_, t)| truth(t).0).collect();
+        let floor = wheel.filter(|_| is_force).map(|wheel| loads[wheel]);
+        let Some(errors) = score::errors(&values, &truths) else {
+            return;
+        };
+        all.push(SignalScore {
+            signal,
+            wheel,
+            unit,
+            errors,
+            normalised_percent: floor
+                .and_then(|floor| score::normalised_error_percent(&values, &truths, floor)),
+            delay_s: score::delay(&values, &truths, DELAY_MAX).map(|delay| delay * INTERVAL_S),
+            nees: score::normalised_square(&values, &truths, &sigmas),
+            nees_inside: windows_inside(&values, &truths, &sigmas),
+        });
+    });
+    all
+}
+
+/// Part of the windows whose mean normalised square lies within its 95 % bounds.
+fn windows_inside(values: &[f64], truths: &[f64], sigmas: &[f64]) -> Option<f64> {
+    let (mut inside, mut windows) = (0.0, 0.0);
+    let every =
+        |series: &[f64]| -> Vec<f64> { series.iter().copied().step_by(WINDOW_STRIDE).collect() };
+    for ((v, t), s) in values
+        .chunks(WINDOW)
+        .zip(truths.chunks(WINDOW))
+        .zip(sigmas.chunks(WINDOW))
+    {
+        let (v, t, s) = (every(v), every(t), every(s));
+        let known = (0..v.len())
+            .filter(|i| ((v[*i] - t[*i]) / s[*i]).is_finite())
+            .count();
+        if known < WINDOW_MIN {
+            continue;
+        }
+        if let Some(mean) = score::normalised_square(&v, &t, &s) {
+            let [low, high] = score::normalised_square_bounds(known);
+            windows += 1.0;
+            if (low..=high).contains(&mean) {
+                inside += 1.0;
+            }
+        }
+    }
+    (windows > 0.0).then(|| inside / windows)
+}
+
+impl Score {
+    /// The score of a signal.
+    #[must_use]
+    pub fn signal(&self, name: &str, wheel: Option<Wheel>) -> Option<&SignalScore> {
+        let mut all = self.signals.iter();
+        all.find(|row| row.signal == name && row.wheel == wheel)
+    }
+
+    /// As JSON, by the keys of `docs/score.md`.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let signals: Vec<Value> = self
+            .signals
+            .iter()
+            .map(|row| {
+                json!({
+                    "signal": row.signal,
+                    "wheel": row.wheel.map(Wheel::abbreviation),
+                    "unit": row.unit,
+                    "count": row.errors.count,
+                    "mean": row.errors.mean,
+                    "rmse": row.errors.rmse,
+                    "percentile_95": row.errors.percentile_95,
+                    "peak": row.errors.peak,
+                    "normalised_percent": row.normalised_percent,
+                    "delay_s": row.delay_s,
+                    "nees": row.nees,
+                    "nees_inside": row.nees_inside,
+                })
+            })
+            .collect();
+        let lifts: Vec<Value> = self.lifts.wheels.iter().map(Lift::to_json).collect();
+        let sides: Vec<Value> = self.lifts.sides.iter().map(Lift::to_json).collect();
+        json!({
+            "seconds": self.seconds,
+            "signals": signals,
+            "lifts": lifts,
+            "false_lifts": self.lifts.false_wheels,
+            "two_wheel_lifts": sides,
+            "false_two_wheel_lifts": self.lifts.false_sides,
+            "false_lift_warnings": self.lifts.false_warnings,
+            "events": self.events,
+        })
+    }
+}

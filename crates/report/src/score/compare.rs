@@ -1,0 +1,221 @@
+//! Estimates of two logs of the same drive.
+
+use std::collections::BTreeMap;
+
+use sample::{Estimate, LogTime, Wheel};
+use serde_json::{Value, json};
+use store::{Reader, Record, Selection};
+
+use super::{Pairs, ScoreError, each_signal, kind_name};
+
+/// Events of the same kind this near each other are the same, s.
+const SAME_EVENT_S: f64 = 0.1;
+
+/// How one signal differs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Its name.
+    pub signal: &'static str,
+    /// The wheel, if it is a wheel's.
+    pub wheel: Option<Wheel>,
+    /// Unit.
+    pub unit: &'static str,
+    /// Instants at which both know it.
+    pub count: usize,
+    /// Mean of this log's estimate less the other's.
+    pub mean: f64,
+    /// Root mean square of the difference.
+    pub rms: f64,
+    /// Largest difference, sign left out.
+    pub largest: f64,
+    /// When it was, s from the first common estimate.
+    pub largest_at_s: f64,
+    /// Instants at which one side alone knows it.
+    pub one_sided: usize,
+}
+
+/// An event that one log alone has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoneEvent {
+    /// Its kind.
+    pub kind: &'static str,
+    /// When, s from the first common estimate.
+    pub at_s: f64,
+    /// Its text.
+    pub text: String,
+}
+
+/// Two logs compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Estimates at the same instants.
+    pub common: usize,
+    /// Estimates of this log without a counterpart.
+    pub only_here: usize,
+    /// Estimates of the other log without a counterpart.
+    pub only_there: usize,
+    /// Signals that either side knows.
+    pub signals: Vec<Difference>,
+    /// Events that both have.
+    pub same_events: usize,
+    /// Events of this log alone.
+    pub events_only_here: Vec<LoneEvent>,
+    /// Events of the other log alone.
+    pub events_only_there: Vec<LoneEvent>,
+}
+
+/// Compares the estimates of `here` with those of `there`, instant by instant.
+///
+/// # Errors
+/// If a log cannot be read, or they have no instant in common.
+pub fn compare(here: &Reader, there: &Reader, from_s: f64) -> Result<Comparison, ScoreError> {
+    let mut others: BTreeMap<LogTime, Estimate> = BTreeMap::new();
+    for estimate in there.estimates() {
+        let estimate = estimate?;
+        others.insert(estimate.time, estimate);
+    }
+    let (mut pairs, mut only_here, mut start) = (Pairs::new(), 0, None);
+    for estimate in here.estimates() {
+        let estimate = estimate?;
+        match others.remove(&estimate.time) {
+            Some(other) => {
+                let first = *start.get_or_insert(estimate.time);
+                if estimate.time.seconds_since(first) >= from_s {
+                    pairs.push((estimate, other));
+                }
+            }
+            None => only_here += 1,
+        }
+    }
+    let start = start.ok_or(ScoreError::NoPair("estimate of the other log"))?;
+    let mut signals = Vec::new();
+    each_signal(|signal, wheel, unit, _, pick, _| {
+        let values = pairs
+            .iter()
+            .map(|(a, b)| (a.time.seconds_since(start), pick(a).0, pick(b).0));
+        signals.extend(difference(values).map(|found| Difference {
+            signal,
+            wheel,
+            unit,
+            ..found
+        }));
+    });
+    let (mine, theirs) = (events(here, start)?, events(there, start)?);
+    let events_only_here = alone(&mine, &theirs);
+    Ok(Comparison {
+        common: pairs.len(),
+        only_here,
+        only_there: others.len(),
+        signals,
+        same_events: mine.len() - events_only_here.len(),
+        events_only_here,
+        events_only_there: alone(&theirs, &mine),
+    })
+}
+
+fn difference(values: impl Iterator<Item = (f64, f64, f64)>) -> Option<Difference> {
+    let mut found = Difference {
+        signal: "",
+        wheel: None,
+        unit: "",
+        count: 0,
+        mean: 0.0,
+        rms: 0.0,
+        largest: 0.0,
+        largest_at_s: 0.0,
+        one_sided: 0,
+    };
+    for (time_s, a, b) in values {
+        match (a.is_finite(), b.is_finite()) {
+            (true, true) => {
+                let apart = a - b;
+                found.count += 1;
+                found.mean += apart;
+                found.rms += apart * apart;
+                if apart.abs() > found.largest {
+                    (found.largest, found.largest_at_s) = (apart.abs(), time_s);
+                }
+            }
+            (false, false) => {}
+            _ => found.one_sided += 1,
+        }
+    }
+    if found.count > 0 {
+        found.mean /= found.count as f64;
+        found.rms = (found.rms / found.count as f64).sqrt();
+    }
+    (found.count + found.one_sided > 0).then_some(found)
+}
+
+fn events(reader: &Reader, start: LogTime) -> Result<Vec<LoneEvent>, ScoreError> {
+    let mut all = Vec::new();
+    for message in reader.messages(Selection::topics(["/estimate/events"])) {
+        if let Some(Record::Event(event)) = message?.record()? {
+            all.push(LoneEvent {
+                kind: kind_name(&event.kind),
+                at_s: event.time.seconds_since(start),
+                text: event.text,
+            });
+        }
+    }
+    Ok(all)
+}
+
+fn alone(mine: &[LoneEvent], theirs: &[LoneEvent]) -> Vec<LoneEvent> {
+    let has_twin = |event: &LoneEvent| {
+        theirs.iter().any(|other| {
+            other.kind == event.kind && (other.at_s - event.at_s).abs() <= SAME_EVENT_S
+        })
+    };
+    mine.iter().filter(|e| !has_twin(e)).cloned().collect()
+}
+
+impl Comparison {
+    /// Whether nothing at all differs.
+    #[must_use]
+    pub fn is_identical(&self) -> bool {
+        self.only_here + self.only_there == 0
+            && self.events_only_here.is_empty()
+            && self.events_only_there.is_empty()
+            && self
+                .signals
+                .iter()
+                .all(|s| s.largest == 0.0 && s.one_sided == 0)
+    }
+
+    /// As JSON, by the keys of `docs/score.md`.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let signals: Vec<Value> = self
+            .signals
+            .iter()
+            .map(|row| {
+                json!({
+                    "signal": row.signal,
+                    "wheel": row.wheel.map(Wheel::abbreviation),
+                    "unit": row.unit,
+                    "count": row.count,
+                    "mean": row.mean,
+                    "rms": row.rms,
+                    "largest": row.largest,
+                    "largest_at_s": row.largest_at_s,
+                    "one_sided": row.one_sided,
+                })
+            })
+            .collect();
+        let events = |events: &[LoneEvent]| -> Vec<Value> {
+            let json = |e: &LoneEvent| json!({ "kind": e.kind, "at_s": e.at_s, "text": e.text });
+            events.iter().map(json).collect()
+        };
+        json!({
+            "common": self.common,
+            "only_here": self.only_here,
+            "only_there": self.only_there,
+            "identical": self.is_identical(),
+            "signals": signals,
+            "same_events": self.same_events,
+            "events_only_here": events(&self.events_only_here),
+            "events_only_there": events(&self.events_only_there),
+        })
+    }
+}
