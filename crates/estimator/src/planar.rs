@@ -3,7 +3,7 @@
 //!
 //! The model is driven by the measured speed v and steer angle d (road wheels). With the slip
 //! angles a_f = d - atan((v_y + a r)/v), a_r = -atan((v_y - b r)/v) and the axle forces of
-//! [`tyre`],
+//! `tyre`,
 //!
 //! ```text
 //! m (v_y' + v r) = F_f cos d + F_r + m g_b      I_z r' = a F_f cos d - b F_r
