@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills fuzz fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
