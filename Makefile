@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -55,6 +55,9 @@ kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each cos
 
 fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
 	@scripts/fuzz
+
+campaigns: setup ## 200 seeded drives: do the intervals of calibrate gnss hold?
+	$(CARGO) test --locked -p atvrec-estimator --test calibration -- --ignored --nocapture
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench

@@ -10,8 +10,8 @@
 //! gets when a column comes again or a line of a later time, whatever it holds, is read.
 
 use crate::column::{self, Column};
-use crate::csv::{MAX_LINE, scan_line};
-use crate::frame::{Frame, Framer};
+use crate::csv::MAX_LINE;
+use crate::frame::{Frame, Framer, scan_line};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
 
 /// Which number of a value is meant.
@@ -214,7 +214,7 @@ impl Decoder {
         self.framer.push(
             bytes,
             &mut self.statistics,
-            scan_line,
+            scan_line::<MAX_LINE>,
             |frame, statistics| {
                 take_line(&frame, format, rows, statistics, &mut sink);
             },

@@ -5,7 +5,7 @@
 //! does not read as configured is counted and dropped whole.
 
 use crate::column::{self, Column};
-use crate::frame::{Frame, Framer, Scan};
+use crate::frame::{Frame, Framer, scan_line};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
 
 /// Longest line that is read, bytes.
@@ -173,19 +173,6 @@ fn unquoted(cell: &str) -> &str {
         .map_or(cell, str::trim)
 }
 
-/// Lines end at `\n` or `\r`.
-pub(crate) fn scan_line(bytes: &[u8]) -> Scan<()> {
-    if matches!(bytes[0], b'\r' | b'\n') {
-        return Scan::Skip(1);
-    }
-    let window = &bytes[..bytes.len().min(MAX_LINE)];
-    match window.iter().position(|b| matches!(b, b'\r' | b'\n')) {
-        Some(end) => Scan::Frame { len: end, kind: () },
-        None if bytes.len() < MAX_LINE => Scan::Need(bytes.len() + 1),
-        None => Scan::Skip(MAX_LINE),
-    }
-}
-
 /// Incremental decoder of one file or device.
 #[derive(Clone, Debug)]
 pub struct Decoder {
@@ -230,7 +217,7 @@ impl Decoder {
         self.framer.push(
             bytes,
             &mut self.statistics,
-            scan_line,
+            scan_line::<MAX_LINE>,
             |frame, statistics| {
                 take_line(&frame, format, rows, statistics, &mut sink);
             },

@@ -143,6 +143,20 @@ fn is_filler(byte: u8) -> bool {
     matches!(byte, b'\r' | b'\n' | 0)
 }
 
+/// Looks for a line of at most `MAX` bytes. Lines end at `\n` or `\r`; only the text belongs to the
+/// frame, leading ends are filler.
+pub(crate) fn scan_line<const MAX: usize>(bytes: &[u8]) -> Scan<()> {
+    if matches!(bytes[0], b'\r' | b'\n') {
+        return Scan::Skip(1);
+    }
+    let window = &bytes[..bytes.len().min(MAX)];
+    match window.iter().position(|b| matches!(b, b'\r' | b'\n')) {
+        Some(end) => Scan::Frame { len: end, kind: () },
+        None if bytes.len() < MAX => Scan::Need(bytes.len() + 1),
+        None => Scan::Skip(MAX),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

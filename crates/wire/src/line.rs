@@ -6,7 +6,7 @@
 
 use sample::{ControlSample, Measurement, Signal, SteerSample};
 
-use crate::frame::{Frame, Framer, Scan};
+use crate::frame::{Frame, Framer, scan_line};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
 
 const MAX_LINE: usize = 512;
@@ -164,19 +164,6 @@ pub struct Reading {
     pub values: Vec<f64>,
 }
 
-/// Lines end at `\n` or `\r`; only the end belongs to the frame, leading ends are filler.
-fn scan(bytes: &[u8]) -> Scan<()> {
-    if matches!(bytes[0], b'\r' | b'\n') {
-        return Scan::Skip(1);
-    }
-    let window = &bytes[..bytes.len().min(MAX_LINE)];
-    match window.iter().position(|b| matches!(b, b'\r' | b'\n')) {
-        Some(end) => Scan::Frame { len: end, kind: () },
-        None if bytes.len() < MAX_LINE => Scan::Need(bytes.len() + 1),
-        None => Scan::Skip(MAX_LINE),
-    }
-}
-
 /// Incremental decoder of one text device.
 #[derive(Clone, Debug)]
 pub struct Decoder {
@@ -202,10 +189,14 @@ impl Decoder {
     /// Takes bytes and hands on each line that they complete.
     pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
         let format = &self.format;
-        self.framer
-            .push(bytes, &mut self.statistics, scan, |frame, statistics| {
+        self.framer.push(
+            bytes,
+            &mut self.statistics,
+            scan_line::<MAX_LINE>,
+            |frame, statistics| {
                 sink(item(frame, format, statistics));
-            });
+            },
+        );
     }
 
     /// Counts since the start. An unfinished last line is not a reading.

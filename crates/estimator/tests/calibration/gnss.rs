@@ -126,7 +126,7 @@ fn place_and_latency_come_out_of_a_drive_with_turns() {
 }
 
 #[test]
-#[ignore = "a campaign of minutes; `cargo test --test calibration -- --ignored`"]
+#[ignore = "a campaign of minutes: `make campaigns`"]
 fn intervals_cover_place_and_latency_as_often_as_they_say() {
     let (inside, worst) = coverage(200);
     println!("{inside:?} of 200, at worst {worst:?}");
