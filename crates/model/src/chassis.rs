@@ -4,3 +4,4 @@ pub mod bicycle;
 mod form;
 pub mod four_wheel;
 pub mod fourteen_dof;
+mod slopes;

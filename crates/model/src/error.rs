@@ -67,7 +67,6 @@ pub enum Error {
 }
 
 /// Refuses an argument that is not finite or not in its range.
-#[allow(dead_code)]
 pub(crate) fn require(
     holds: bool,
     argument: &'static str,
@@ -85,4 +84,26 @@ pub(crate) fn require(
             expected,
         })
     }
+}
+
+/// Refuses an argument with a number that is not finite.
+pub(crate) fn all_finite(
+    argument: &'static str,
+    values: &[f64],
+    unit: &'static str,
+) -> Result<(), Error> {
+    values
+        .iter()
+        .try_for_each(|value| require(true, argument, *value, unit, "finite"))
+}
+
+/// Refuses an argument with a number that is below zero or not finite.
+pub(crate) fn none_negative(
+    argument: &'static str,
+    values: &[f64],
+    unit: &'static str,
+) -> Result<(), Error> {
+    values
+        .iter()
+        .try_for_each(|value| require(*value >= 0.0, argument, *value, unit, "0 or greater"))
 }

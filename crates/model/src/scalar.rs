@@ -47,6 +47,10 @@ pub(crate) fn each<R>(of_wheel: impl Fn(usize) -> R) -> [R; 4] {
 /// Sine and cosine without a branch or a call, so that loops over runs become vector code, and so
 /// that every machine gives the same bits.
 ///
+/// A library's sine (the C library's, or the crate `libm`, which the program puts in its place for
+/// the sake of the same bits elsewhere) branches on the angle and is a call, which vector code
+/// cannot hold: kernels of the chassis use these, everything else the library's.
+///
 /// The angle less the nearest multiple of pi/2 (in three parts, Cody and Waite) goes into the
 /// polynomials of fdlibm (Sun Microsystems, 1993: kernels of sine and cosine on +-pi/4, error below
 /// one unit in the last place). The error stays within two units in the last place of 1 up to
@@ -89,11 +93,15 @@ pub(crate) fn sin_cos<T: Scalar>(angle: T) -> (T, T) {
         + 4.166_666_666_666_66e-2)
         * (z * z)
         + (1.0 - 0.5 * z);
-    let odd = quarter & 1 == 1;
-    let (sine, cosine) = if odd { (cosine, sine) } else { (sine, cosine) };
-    let sine = f64::from_bits(sine.to_bits() ^ ((quarter & 2) << 62));
-    let cosine = f64::from_bits(cosine.to_bits() ^ (((quarter + 1) & 2) << 62));
-    (T::from(sine), T::from(cosine))
+    // In odd quarters the two change places: where their bits differ, both are turned over.
+    let (sine, cosine) = (sine.to_bits(), cosine.to_bits());
+    let change = (sine ^ cosine) & 0_u64.wrapping_sub(quarter & 1);
+    let sine = sine ^ change ^ ((quarter & 2) << 62);
+    let cosine = cosine ^ change ^ (((quarter + 1) & 2) << 62);
+    (
+        T::from(f64::from_bits(sine)),
+        T::from(f64::from_bits(cosine)),
+    )
 }
 
 #[cfg(test)]

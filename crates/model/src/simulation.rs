@@ -16,6 +16,18 @@ pub trait Model: Sync {
     /// Its inputs.
     type Inputs: Copy + Send + Sync;
 
+    /// Refuses numbers that are not finite or out of range, by name.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the first of them.
+    fn check_state(state: &Self::State) -> Result<(), Error>;
+
+    /// The same of inputs.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the first of them.
+    fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error>;
+
     /// One step with inputs held.
     fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State;
 
@@ -32,6 +44,14 @@ pub trait Model: Sync {
 impl Model for four_wheel::Parameters {
     type State = four_wheel::State<f64>;
     type Inputs = four_wheel::Inputs<f64>;
+
+    fn check_state(state: &Self::State) -> Result<(), Error> {
+        state.check()
+    }
+
+    fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error> {
+        inputs.check()
+    }
 
     #[inline]
     fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
@@ -52,6 +72,14 @@ impl Model for four_wheel::Parameters {
 impl Model for fourteen_dof::Parameters {
     type State = fourteen_dof::State<f64>;
     type Inputs = fourteen_dof::Inputs<f64>;
+
+    fn check_state(state: &Self::State) -> Result<(), Error> {
+        state.check()
+    }
+
+    fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error> {
+        inputs.check()
+    }
 
     #[inline]
     fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
@@ -168,12 +196,15 @@ pub fn side_by_side<M: Model>(
 /// long, is trajectory i.
 ///
 /// # Errors
-/// Where the grid is not positive or a trajectory has no inputs.
+/// Where the grid is not positive, a trajectory has no inputs, or a number is not finite or out of
+/// range.
 pub fn rollouts<M: Model>(batch: &[Rollout<'_, M>], grid: &Grid) -> Result<Vec<M::State>, Error> {
     grid.check()?;
     for rollout in batch {
         let count = rollout.inputs.len();
         require(count > 0, "number of inputs", count as f64, "", "1 or more")?;
+        M::check_state(&rollout.start)?;
+        rollout.inputs.iter().try_for_each(M::check_inputs)?;
     }
     let Some(first) = batch.first() else {
         return Ok(Vec::new());
@@ -255,6 +286,7 @@ pub fn with_events(
     mut observe: impl FnMut(f64, &fourteen_dof::State<f64>),
 ) -> Result<(fourteen_dof::State<f64>, Vec<ContactEvent>), Error> {
     type State = fourteen_dof::State<f64>;
+    start.check()?;
     require(step_s > 0.0, "step_s", step_s, "s", "greater than 0")?;
     require(
         duration_s >= 0.0,
@@ -459,6 +491,44 @@ mod tests {
             (again.time_s - lifted.time_s).abs() < 1e-5,
             "{lifted:?} {again:?}"
         );
+    }
+
+    #[test]
+    fn bad_numbers_are_named_with_value_and_unit() {
+        let p = prowler();
+        let start = fourteen_dof::at_rest(&p).unwrap();
+        let still = fourteen_dof::Inputs::coasting();
+        let grid = Grid {
+            step_s: 1e-3,
+            steps: 2,
+            every: 1,
+        };
+        let refusal = |start, inputs| {
+            let rollout = Rollout {
+                model: &p,
+                start,
+                inputs: &[still, inputs],
+            };
+            rollouts(&[rollout], &grid).unwrap_err().to_string()
+        };
+        let mut lost = start;
+        lost.velocity_m_s[1] = f64::NAN;
+        let said = refusal(lost, still);
+        assert_eq!(said, "state.velocity_m_s = NaN m/s: must be finite");
+        let mut pushing = still;
+        pushing.brake_n_m[2] = -5.0;
+        let said = refusal(start, pushing);
+        assert_eq!(said, "inputs.brake_n_m = -5 N m: must be 0 or greater");
+        assert!(with_events(&p, &lost, 0.1, 1e-3, |_| still, |_, _| {}).is_err());
+
+        let p = four_wheel::Parameters::from_vehicle(&Vehicle::builtin("prowler").unwrap());
+        let mut state = four_wheel::State::rolling(5.0, &p);
+        state.yaw_rate_rad_s = f64::INFINITY;
+        let said = state.check().unwrap_err().to_string();
+        assert_eq!(said, "state.yaw_rate_rad_s = inf rad/s: must be finite");
+        let mut inputs = four_wheel::Inputs::coasting();
+        inputs.friction_scale[0] = -1.0;
+        assert!(inputs.check().is_err());
     }
 
     #[test]

@@ -19,6 +19,7 @@ pub use physical::{Law, Physical};
 pub use rational::{Curve, Offset, Rational};
 pub use spring::{RadialSpringTyre, SpringForce};
 pub use stiffness::Stiffness;
+pub(crate) use tread::tread_moment;
 
 use crate::Scalar;
 use crate::vehicle;

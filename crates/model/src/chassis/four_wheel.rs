@@ -24,16 +24,16 @@
 
 mod contacts;
 mod dynamics;
-mod lanes;
 mod model;
 mod parameters;
 mod state;
 mod steady;
+mod steps;
 #[cfg(test)]
 mod tests;
 
-pub use lanes::advance;
-pub use model::{Outputs, derivative, jacobian, outputs, step, tyre_forces};
+pub use model::{Outputs, derivative, jacobian, outputs, tyre_forces};
 pub use parameters::{AxleParameters, Parameters};
 pub use state::{INPUTS, Inputs, Pose, STATES, State};
 pub use steady::{Drive, SteadyState, steady_turn};
+pub use steps::{advance, step};

@@ -23,17 +23,17 @@
 //! whose matrix m_s + sum m_i P_i is constant, and put into the moment's; nothing is allocated.
 
 mod dynamics;
-mod lanes;
 mod model;
 mod parameters;
 mod rest;
 mod state;
+mod steps;
 #[cfg(test)]
 mod tests;
 mod vector;
 
-pub use lanes::advance;
-pub use model::{Outputs, derivative, guards, jacobian, outputs, step};
+pub use model::{Outputs, derivative, guards, jacobian, outputs};
 pub use parameters::{CornerParameters, Parameters, StrutParameters};
 pub use rest::at_rest;
 pub use state::{INPUTS, Inputs, STATES, State};
+pub use steps::{advance, step};

@@ -144,10 +144,13 @@ mod tests {
         let bounce = (rate / 161.0).sqrt() / std::f64::consts::TAU;
         assert!((bounce - 1.39).abs() < 0.005);
         // Equation 2.30 with wheel rates: both axles' roll stiffness and the pitch stiffness.
-        assert!((0.5 * rate * 1.143_f64.powi(2) - 8026.0).abs() < 1.0);
-        assert!((0.5 * rate * 1.092_f64.powi(2) - 7326.0).abs() < 1.0);
+        let roll = [1.143_f64, 1.092].map(|track_m| 0.5 * rate * track_m.powi(2));
+        assert!((roll[0] - 8026.0).abs() < 1.0 && (roll[1] - 7326.0).abs() < 1.0);
+        assert!((roll[0] + roll[1] - 15_352.0).abs() < 1.0);
         let pitch = 2.0 * rate * (0.839_f64.powi(2) + 0.6081_f64.powi(2));
         assert!((pitch - 26_386.0).abs() < 2.0);
+        // What is printed takes springs for wheel rates, and 1.44 m for the pitch stiffness.
+        assert!((0.5_f64 * 65_000.0 * 1.44_f64.powi(2) - 67_392.0).abs() < 0.5);
     }
 
     const CORNER: RideCorner = RideCorner {

@@ -41,10 +41,10 @@ pub(crate) struct Slipping<T> {
     pub along: T,
     /// s to the left: -tan alpha.
     pub across: T,
-    /// |s|, never zero.
-    amount: T,
-    /// |s|^2 C_0/(3 mu F_z0).
+    /// |s| C_0/(3 mu F_z0): h/3 at the reference load.
     part: T,
+    /// mu F_z0/(C_0 |s|): 1/h at the reference load.
+    sliding: T,
 }
 
 /// Slip below which |s| is held, squared: there f is 1 to the last bit.
@@ -118,11 +118,12 @@ impl Brush {
     ) -> Slipping<T> {
         let along = slip_ratio * self.slip_over_cornering;
         let square = (along * along + slip_tangent * slip_tangent).at_least(LEAST_SQUARE);
+        let amount = square.sqrt();
         Slipping {
             along,
             across: -slip_tangent,
-            amount: square.sqrt(),
-            part: square * surface.slope,
+            part: amount * surface.slope,
+            sliding: surface.slide / amount,
         }
     }
 
@@ -136,7 +137,8 @@ impl Brush {
         load_n: T,
     ) -> [T; 2] {
         let share = (load_n * self.inverse_load_1_n).at_least(LEAST_LOAD);
-        // q^n and q^(1-n).
+        // q^n and q^(1-n). The division waits for no root.
+        let inverse = share.recip();
         let (grown, rest) = if GROWS {
             let root = share.sqrt();
             let fourth = root.sqrt();
@@ -144,10 +146,9 @@ impl Brush {
         } else {
             (T::from(1.0), share)
         };
-        let inverse = (rest * slipping.amount).recip();
         // h/3 and 1/h.
-        let part = slipping.part * inverse;
-        let sliding = rest * rest * inverse * surface.slide;
+        let part = grown * (slipping.part * inverse);
+        let sliding = rest * slipping.sliding;
         let factor = if part < 1.0 {
             part * part * (1.0 / 3.0) + (-part + 1.0)
         } else {

@@ -1,5 +1,6 @@
 //! The overturning moment of a tread that stands on the ground at a camber angle.
 
+use crate::Scalar;
 use crate::vehicle;
 
 impl vehicle::Tyre {
@@ -8,23 +9,48 @@ impl vehicle::Tyre {
     /// minus this for a wheel whose top leans right. Zero where the file tells no width.
     ///
     /// The tread is a row of springs, c_z/b each metre of width, pressed by F_z/c_z in its middle
-    /// and tilted by gamma. While all of it touches, M = c_z b^2/12 gamma. Past
-    /// gamma b/2 = F_z/c_z a part hangs free, the part w = sqrt(2 F_z b/(c_z gamma)) carries, and
-    /// M = F_z (b/2 - w/3). Odd in gamma.
+    /// and tilted by gamma. While all of it touches, M = c_z b^2/12 tan gamma. Past
+    /// tan gamma b/2 = F_z/c_z a part hangs free, the part w = sqrt(2 F_z b/(c_z tan gamma))
+    /// carries, and M = F_z (b/2 - w/3). Odd in gamma.
     #[must_use]
     pub fn tread_moment_n_m(&self, load_n: f64, inclination_rad: f64) -> f64 {
-        let (width, stiffness) = (self.width_m, self.vertical_stiffness_n_m);
+        let stiffness = self.vertical_stiffness_n_m;
+        let tilt = inclination_rad.tan();
+        tread_moment(self.width_m, stiffness, load_n.max(0.0), tilt)
+    }
+
+    /// Part w/b of the tread's width that carries load, as above; one where the file tells no width.
+    #[must_use]
+    pub fn tread_carrying(&self, load_n: f64, inclination_rad: f64) -> f64 {
+        let stiffness = self.vertical_stiffness_n_m;
         let tilt = inclination_rad.tan().abs();
-        if width <= 0.0 || load_n <= 0.0 || tilt == 0.0 {
-            return 0.0;
-        }
-        let size = if 0.5 * tilt * width <= load_n / stiffness {
-            stiffness * width * width / 12.0 * tilt
-        } else {
-            let carrying = (2.0 * load_n * width / (stiffness * tilt)).sqrt();
-            load_n * (0.5 * width - carrying / 3.0)
-        };
-        size * inclination_rad.signum()
+        tread_carrying(self.width_m, stiffness, load_n.max(0.0), tilt)
+    }
+}
+
+/// [`vehicle::Tyre::tread_moment_n_m`] of a width, m, and a vertical stiffness, N/m, at a load of
+/// zero or more, N, and tan gamma. Both cases are worked out, so that loops over runs become vector
+/// code.
+#[inline(always)]
+pub(crate) fn tread_moment<T: Scalar>(width_m: f64, stiffness_n_m: f64, load_n: T, tilt: T) -> T {
+    let size = tilt.magnitude();
+    let carrying = tread_carrying(width_m, stiffness_n_m, load_n, size);
+    let touching = size * (stiffness_n_m * width_m * width_m / 12.0);
+    let partly = load_n * (carrying * (-width_m / 3.0) + 0.5 * width_m);
+    let pressed = if carrying < 1.0 { partly } else { touching };
+    let moment = if load_n > 0.0 { pressed } else { T::from(0.0) };
+    moment * tilt.sign()
+}
+
+#[inline(always)]
+fn tread_carrying<T: Scalar>(width_m: f64, stiffness_n_m: f64, load_n: T, tilt: T) -> T {
+    let pressed_m = load_n * (2.0 / stiffness_n_m);
+    let tilted_m = tilt * width_m;
+    let part = (pressed_m / tilted_m).sqrt();
+    if tilted_m - pressed_m > 0.0 {
+        part
+    } else {
+        T::from(1.0)
     }
 }
 

@@ -117,6 +117,16 @@ mod tests {
         assert!(!warned("prowler"));
     }
 
+    /// Equation 2.29, I_z = m a b, prints 452 for a = 0.89 and b = 0.79; table 2.3's a and b give
+    /// 328.6.
+    #[test]
+    fn yaw_inertia_of_two_point_masses_is_as_the_notes_say() {
+        let body = Vehicle::builtin("prowler-table-2.3").unwrap().body;
+        let inertia = body.mass_kg * body.front_axle_to_cg_m * body.cg_to_rear_axle_m;
+        assert!((inertia - 328.6).abs() < 0.05, "{inertia}");
+        assert_eq!((body.mass_kg * 0.89 * 0.79).floor(), 452.0);
+    }
+
     #[test]
     fn unknown_names_list_the_known() {
         let message = Vehicle::builtin("jeep").unwrap_err().to_string();

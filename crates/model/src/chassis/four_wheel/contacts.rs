@@ -1,7 +1,7 @@
 //! The tyres as the loop between loads and forces asks them: at the slips of one instant, for their
 //! forces at one load after another.
 
-use super::dynamics::Wheels;
+use super::dynamics::{Constants, Wheels};
 use super::{Inputs, Parameters};
 use crate::Scalar;
 use crate::scalar::each;
@@ -25,13 +25,13 @@ pub(super) trait Contacts<T> {
 /// A force in the wheel's frame turned into body axes, with its moment about the centre of gravity.
 #[inline(always)]
 fn body<T: Scalar>(
-    parameters: &Parameters,
+    constants: &Constants,
     wheels: &Wheels<T>,
     i: usize,
     along: T,
     across: T,
 ) -> [T; 3] {
-    let [ahead_m, left_m] = parameters.wheel_position_m(i);
+    let (ahead_m, left_m) = (constants.ahead[i], constants.left[i]);
     let (sin, cos) = (wheels.sin[i], wheels.cos[i]);
     let ahead = along * cos - across * sin;
     let left = along * sin + across * cos;
@@ -41,6 +41,7 @@ fn body<T: Scalar>(
 /// Tyres of any kind, through [`Tyre::forces`](crate::tyre::Tyre::forces).
 pub(super) struct AnyContacts<'a, T> {
     parameters: &'a Parameters,
+    constants: &'a Constants,
     inputs: &'a Inputs<T>,
     wheels: Wheels<T>,
 }
@@ -48,11 +49,13 @@ pub(super) struct AnyContacts<'a, T> {
 impl<'a, T: Scalar> AnyContacts<'a, T> {
     pub(super) fn new(
         parameters: &'a Parameters,
+        constants: &'a Constants,
         inputs: &'a Inputs<T>,
         wheels: &Wheels<T>,
     ) -> Self {
         Self {
             parameters,
+            constants,
             inputs,
             wheels: *wheels,
         }
@@ -72,7 +75,7 @@ impl<T: Scalar> Contacts<T> for AnyContacts<'_, T> {
         });
         let (along, across) = (forces.longitudinal_n, forces.lateral_n);
         let aligning = forces.aligning_n_m;
-        let [ahead, left, turning] = body(self.parameters, &self.wheels, wheel, along, across);
+        let [ahead, left, turning] = body(self.constants, &self.wheels, wheel, along, across);
         Force {
             wheel: [along, across, aligning],
             body: [ahead, left, turning + aligning],
@@ -111,7 +114,7 @@ impl<T: Scalar> BrushTyres<T> {
     #[inline(always)]
     pub(super) fn at<const GROWS: bool>(
         &self,
-        parameters: &Parameters,
+        constants: &Constants,
         wheels: &Wheels<T>,
     ) -> BrushContacts<T, GROWS> {
         let slipping = each(|i| {
@@ -120,7 +123,7 @@ impl<T: Scalar> BrushTyres<T> {
         });
         let directions = each(|i| {
             let slip = &slipping[i];
-            body(parameters, wheels, i, slip.along, slip.across)
+            body(constants, wheels, i, slip.along, slip.across)
         });
         BrushContacts {
             tyres: *self,

@@ -1,7 +1,7 @@
 //! Equations of motion of the four-wheel model.
 
 use super::contacts::{Contacts, Force};
-use super::{Inputs, Parameters, State};
+use super::{AxleParameters, Inputs, Parameters, State};
 use crate::Scalar;
 use crate::chassis::form::Form;
 use crate::scalar::{each, sin_cos};
@@ -31,8 +31,21 @@ pub(super) struct Solution<T> {
 }
 
 /// What the parameters come to, worked out once a step.
+///
+/// Wheel by wheel in lists, so that four wheels make one vector.
 pub(super) struct Constants {
-    axles: [AxleConstants; 2],
+    /// Position of each wheel from the centre of gravity.
+    pub ahead: [f64; 4],
+    pub left: [f64; 4],
+    radius: [f64; 4],
+    /// Rolling resistance moment per load, m.
+    resistance: [f64; 4],
+    inverse_spin: [f64; 4],
+    length: [f64; 4],
+    inverse_length: [f64; 4],
+    roll_steer: [f64; 4],
+    /// K_phi/t, B_phi/t, h_r/t, m_u (h_u - h_r)/t of each axle.
+    transfer: [[f64; 4]; 2],
     /// Share b/L of the weight on the front axle.
     front_share: f64,
     /// Load that a longitudinal force takes off the front axle, h_pc/L.
@@ -55,46 +68,33 @@ pub(super) struct Constants {
     passes: usize,
 }
 
-struct AxleConstants {
-    position: [[f64; 2]; 2],
-    /// K_phi/t, B_phi/t, h_r/t, m_u (h_u - h_r)/t.
-    transfer: [f64; 4],
-    radius: f64,
-    /// Rolling resistance moment per load, m.
-    resistance: f64,
-    inverse_spin: f64,
-    length: f64,
-    inverse_length: f64,
-    roll_steer: f64,
-}
-
 impl Constants {
     #[inline(always)]
     pub(super) fn of(p: &Parameters) -> Self {
         let g = p.gravity_m_s2;
-        let axle = |k: usize| {
+        let transfer = |k: usize| {
             let (axle, t) = (p.axle(2 * k), p.inverse_track[k]);
             let height = axle.roll_centre_height_m;
-            AxleConstants {
-                position: [p.wheel_position_m(2 * k), p.wheel_position_m(2 * k + 1)],
-                transfer: [
-                    axle.roll_stiffness_n_m_rad * t,
-                    axle.roll_damping_n_m_s_rad * t,
-                    height * t,
-                    axle.unsprung_mass_kg * (axle.unsprung_height_m - height) * t,
-                ],
-                radius: axle.rolling_radius_m,
-                resistance: axle.rolling_resistance * axle.rolling_radius_m,
-                inverse_spin: p.inverse_spin_inertia[k],
-                length: axle.relaxation_length_m,
-                inverse_length: axle.relaxation_length_m.recip(),
-                roll_steer: axle.roll_steer,
-            }
+            [
+                axle.roll_stiffness_n_m_rad * t,
+                axle.roll_damping_n_m_s_rad * t,
+                height * t,
+                axle.unsprung_mass_kg * (axle.unsprung_height_m - height) * t,
+            ]
         };
+        let of = |value: fn(&AxleParameters) -> f64| each(|i| value(p.axle(i)));
         let share = [-p.rear.ahead_m, p.front.ahead_m].map(|arm| arm * p.inverse_wheelbase);
         let row = |i: usize| [p.inverse[(i, 0)], p.inverse[(i, 1)], p.inverse[(i, 2)]];
         Self {
-            axles: [axle(0), axle(1)],
+            ahead: each(|i| p.wheel_position_m(i)[0]),
+            left: each(|i| p.wheel_position_m(i)[1]),
+            radius: of(|axle| axle.rolling_radius_m),
+            resistance: of(|axle| axle.rolling_resistance * axle.rolling_radius_m),
+            inverse_spin: each(|i| p.inverse_spin_inertia[i / 2]),
+            length: of(|axle| axle.relaxation_length_m),
+            inverse_length: of(|axle| axle.relaxation_length_m.recip()),
+            roll_steer: of(|axle| axle.roll_steer),
+            transfer: [transfer(0), transfer(1)],
             front_share: share[0],
             pitch_lift: p.pitch_centre_height_m * p.inverse_wheelbase,
             pitch_transfer: [
@@ -162,22 +162,21 @@ pub(super) fn wheels<T: Scalar, F: Form>(
     held: &Held<T>,
 ) -> Wheels<T> {
     let moving = each(|i| {
-        let axle = &constants.axles[i / 2];
-        let [x, y] = axle.position[i % 2];
+        let (x, y) = (constants.ahead[i], constants.left[i]);
         let along = state.longitudinal_m_s - state.yaw_rate_rad_s * y;
         let across = state.lateral_m_s + state.yaw_rate_rad_s * x;
-        let (sin, cos) = if F::roll_steers(axle.roll_steer) {
-            sin_cos(held.steer[i] + state.roll_rad * axle.roll_steer)
+        let (sin, cos) = if F::roll_steers(constants.roll_steer[i]) {
+            sin_cos(held.steer[i] + state.roll_rad * constants.roll_steer[i])
         } else {
             (held.sin[i], held.cos[i])
         };
         let rolling = along * cos + across * sin;
         let sliding = across * cos - along * sin;
-        let (tangent, ratio) = if F::relaxes(axle.length) {
+        let (tangent, ratio) = if F::relaxes(constants.length[i]) {
             (state.slip_tangent[i], state.slip_ratio[i])
         } else {
             let low = constants.low_speed;
-            let slip = state.wheel_speed_rad_s[i] * axle.radius - rolling;
+            let slip = state.wheel_speed_rad_s[i] * constants.radius[i] - rolling;
             (
                 steady_slip(sliding, rolling, low),
                 steady_slip(slip, rolling, low),
@@ -225,7 +224,7 @@ fn loads<T: Scalar>(
     let front = (down * c.front_share + pitch - sums.longitudinal * c.pitch_lift).at_least(0.0);
     let front = if front > down { down } else { front };
     let axle = |k: usize, sum: T| {
-        let [stiffness, damping, height, unsprung] = c.axles[k].transfer;
+        let [stiffness, damping, height, unsprung] = c.transfer[k];
         let transfer = state.roll_rad * stiffness
             + state.roll_rate_rad_s * damping
             + (sums.lateral[k] * height + sums.felt * unsprung);
@@ -327,22 +326,22 @@ pub(super) fn rate<T: Scalar, F: Form>(
 ) -> State<T> {
     let [u, v, r, roll, pitch] = solution.accelerations;
     let rolling = each(|i| {
-        let axle = &constants.axles[i / 2];
+        let radius = constants.radius[i];
         let spin = state.wheel_speed_rad_s[i];
-        let (tangent_rate, ratio_rate) = if F::relaxes(axle.length) {
-            let slip = spin * axle.radius - wheels.rolling[i];
+        let (tangent_rate, ratio_rate) = if F::relaxes(constants.length[i]) {
+            let slip = spin * radius - wheels.rolling[i];
             let speed = wheels.rolling[i].magnitude();
             (
-                (wheels.sliding[i] - speed * state.slip_tangent[i]) * axle.inverse_length,
-                (slip - speed * state.slip_ratio[i]) * axle.inverse_length,
+                (wheels.sliding[i] - speed * state.slip_tangent[i]) * constants.inverse_length[i],
+                (slip - speed * state.slip_ratio[i]) * constants.inverse_length[i],
             )
         } else {
             (T::from(0.0), T::from(0.0))
         };
-        let resisting = held.brake[i] + solution.load[i] * axle.resistance;
+        let resisting = held.brake[i] + solution.load[i] * constants.resistance[i];
         let torque =
-            held.drive[i] - resisting * saturated(spin) - solution.forces[i].wheel[0] * axle.radius;
-        [tangent_rate, ratio_rate, torque * axle.inverse_spin]
+            held.drive[i] - resisting * saturated(spin) - solution.forces[i].wheel[0] * radius;
+        [tangent_rate, ratio_rate, torque * constants.inverse_spin[i]]
     });
     State {
         longitudinal_m_s: u,

@@ -1,14 +1,13 @@
 //! What the four-wheel model is asked for.
 
 use nalgebra::{SMatrix, SVector};
-use num_dual::DualSVec64;
 
 use super::contacts::{AnyContacts, BrushTyres};
 use super::dynamics::{Constants, Held, Solution, Wheels, rate, solve, wheels};
 use super::{Inputs, Parameters, STATES, State};
 use crate::Scalar;
-use crate::chassis::form::{Form, Immediate, Mixed, Relaxing};
-use crate::integrate::rk4;
+use crate::chassis::form::{Form, Mixed};
+use crate::chassis::slopes::{self, Sloped};
 use crate::tyre::Brush;
 
 /// What the model tells besides the derivative.
@@ -64,14 +63,13 @@ pub(super) fn shared_form(p: &Parameters) -> Shared {
 /// Rate of the state with brush tyres.
 #[inline(always)]
 pub(super) fn brush_rate<T: Scalar, F: Form, const GROWS: bool>(
-    parameters: &Parameters,
     constants: &Constants,
     held: &Held<T>,
     tyres: &BrushTyres<T>,
     state: &State<T>,
 ) -> State<T> {
     let wheels = wheels::<T, F>(constants, state, held);
-    let contacts = tyres.at::<GROWS>(parameters, &wheels);
+    let contacts = tyres.at::<GROWS>(constants, &wheels);
     let solution = solve::<T, F>(constants, state, held, &contacts);
     rate::<T, F>(constants, state, held, &wheels, &solution)
 }
@@ -89,15 +87,15 @@ fn instant<T: Scalar>(
         Some((axles, grows)) => {
             let tyres = BrushTyres::new(axles, inputs);
             if grows {
-                let contacts = tyres.at::<true>(parameters, &wheels);
+                let contacts = tyres.at::<true>(&constants, &wheels);
                 solve::<T, Mixed>(&constants, state, &held, &contacts)
             } else {
-                let contacts = tyres.at::<false>(parameters, &wheels);
+                let contacts = tyres.at::<false>(&constants, &wheels);
                 solve::<T, Mixed>(&constants, state, &held, &contacts)
             }
         }
         None => {
-            let contacts = AnyContacts::new(parameters, inputs, &wheels);
+            let contacts = AnyContacts::new(parameters, &constants, inputs, &wheels);
             solve::<T, Mixed>(&constants, state, &held, &contacts)
         }
     };
@@ -148,52 +146,6 @@ pub fn tyre_forces<T: Scalar>(
     })
 }
 
-/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
-pub fn step<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    match (shared_form(parameters), brushes(parameters)) {
-        (Shared::Relaxing, Some((axles, true))) => {
-            brush_step::<T, Relaxing, true>(parameters, axles, state, inputs, step_s)
-        }
-        (Shared::Immediate, Some((axles, false))) => {
-            brush_step::<T, Immediate, false>(parameters, axles, state, inputs, step_s)
-        }
-        _ => any_step(parameters, state, inputs, step_s),
-    }
-}
-
-#[inline]
-fn brush_step<T: Scalar, F: Form, const GROWS: bool>(
-    parameters: &Parameters,
-    axles: [Brush; 2],
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    let constants = Constants::of(parameters);
-    let held = Held::of(parameters, inputs);
-    let tyres = BrushTyres::new(axles, inputs);
-    State::from_array(rk4(&state.to_array(), step_s, |x| {
-        let state = State::from_array(*x);
-        brush_rate::<T, F, GROWS>(parameters, &constants, &held, &tyres, &state).to_array()
-    }))
-}
-
-fn any_step<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    State::from_array(rk4(&state.to_array(), step_s, |x| {
-        derivative(parameters, &State::from_array(*x), inputs).to_array()
-    }))
-}
-
 /// Exact Jacobian of the rate by the state, by dual numbers: row i, column j is
 /// d(rate_i)/d(state_j).
 #[must_use]
@@ -202,7 +154,7 @@ pub fn jacobian(
     state: &State<f64>,
     inputs: &Inputs<f64>,
 ) -> SMatrix<f64, STATES, STATES> {
-    let lift = |values: [f64; 4]| values.map(DualSVec64::<STATES>::from);
+    let lift = |values: [f64; 4]| values.map(Sloped::from);
     let inputs = Inputs {
         steer_rad: lift(inputs.steer_rad),
         drive_n_m: lift(inputs.drive_n_m),
@@ -215,5 +167,5 @@ pub fn jacobian(
     let rate = |x: SVector<_, STATES>| {
         derivative(parameters, &State::from_vector(&x), &inputs).to_vector()
     };
-    num_dual::jacobian(rate, &state.to_vector()).1
+    slopes::jacobian(rate, &state.to_vector()).1
 }

@@ -1,9 +1,9 @@
 //! Steady turning: the state and the steer that keep a speed on a radius.
 
-use nalgebra::{SMatrix, SVector};
-use num_dual::DualSVec64;
+use nalgebra::SVector;
 
 use super::{Inputs, Outputs, Parameters, State, derivative, outputs};
+use crate::chassis::slopes::jacobian;
 use crate::error::require;
 use crate::{Error, Scalar};
 
@@ -167,10 +167,7 @@ impl Turn<'_> {
             if size < 1e-3 * TOLERANCE {
                 break;
             }
-            let (left, slope): (_, SMatrix<f64, UNKNOWNS, UNKNOWNS>) = num_dual::jacobian(
-                |x: SVector<DualSVec64<UNKNOWNS>, UNKNOWNS>| self.residual(&x),
-                unknown,
-            );
+            let (left, slope) = jacobian(|x| self.residual(&x), unknown);
             let Some(change) = slope.lu().solve(&left) else {
                 break;
             };

@@ -3,13 +3,13 @@
 use nalgebra::Matrix3;
 
 use super::vector::{
-    Symmetric, V3, add, along, cross, dot, dot_constant, scale, solve_symmetric, sub,
+    Symmetric, V3, add, along, cross, dot, dot_constant, lift, scale, solve_symmetric, sub,
 };
 use super::{CornerParameters, Inputs, Parameters, State};
 use crate::Scalar;
 use crate::chassis::form::Form;
 use crate::scalar::{each, sin_cos};
-use crate::tyre::{Brush, Contact, OnSurface, saturated, steady_slip};
+use crate::tyre::{Brush, Contact, OnSurface, saturated, steady_slip, tread_moment};
 
 /// How the tyres are asked for their forces.
 pub(super) trait Tyres<T> {
@@ -207,7 +207,7 @@ fn wheel<T: Scalar, F: Form>(
     let (sin, cos) = (held.sin[i], held.cos[i]);
     let spindle = [-sin, cos, T::from(0.0)];
     let centre = add(
-        corner.wheel_centre_m.map(T::from),
+        lift(corner.wheel_centre_m),
         along(corner.path, state.jounce_m[i]),
     );
     let travel = along(corner.path, state.jounce_rate_m_s[i]);
@@ -260,7 +260,14 @@ fn wheel<T: Scalar, F: Form>(
     let rolling_moment = load * turn * (-corner.rolling_resistance * corner.rolling_radius_m);
     let torque =
         held.drive[i] - x * corner.rolling_radius_m + rolling_moment - held.brake[i] * turn;
-    let moment = add(cross(sub(centre, reach), force), scale(up, aligning));
+    let tipping = tread_moment(
+        corner.tread_width_m,
+        corner.vertical_stiffness_n_m,
+        load,
+        lean * upright,
+    );
+    let turned = sub(scale(up, aligning), scale(ahead, tipping));
+    let moment = add(cross(sub(centre, reach), force), turned);
     // The body takes what drives and brakes the wheel, and turns the wheel's spin momentum.
     let momentum = spin * corner.spin_inertia_kg_m2;
     let gyroscopic = [
@@ -312,14 +319,15 @@ struct Share<T> {
 
 #[inline(always)]
 fn share<T: Scalar>(
-    corner: &CornerParameters,
-    constants: &CornerConstants,
+    parameters: &Parameters,
+    constants: &Constants,
     state: &State<T>,
     gravity: V3<T>,
     forces: &WheelForces<T>,
     push: T,
     i: usize,
 ) -> Share<T> {
+    let (corner, constants) = (&parameters.corners[i], &constants.corners[i]);
     let (e, d, m) = (corner.path, constants.direction, corner.mass_kg);
     let (r, w) = (forces.centre, state.rate_rad_s);
     let travel = along(e, state.jounce_rate_m_s[i] * 2.0);
@@ -337,7 +345,7 @@ fn share<T: Scalar>(
         force: add(outer, at_centre),
         moment: add(forces.moment, cross(r, add(weight, at_centre))),
         lever: scale(r, T::from(m)),
-        across: cross(r, d.map(T::from)),
+        across: cross(r, lift(d)),
         bias,
     }
 }
@@ -384,8 +392,17 @@ impl<T: Scalar> Body<T> {
     }
 
     #[inline(always)]
-    fn with(self, mass_kg: f64, direction: [f64; 3], centre: V3<T>, share: &Share<T>) -> Self {
-        let (r, q) = (centre, share.across);
+    fn with(
+        self,
+        parameters: &Parameters,
+        constants: &Constants,
+        wheel: &WheelForces<T>,
+        share: &Share<T>,
+        i: usize,
+    ) -> Self {
+        let mass_kg = parameters.corners[i].mass_kg;
+        let direction = constants.corners[i].direction;
+        let (r, q) = (wheel.centre, share.across);
         let [mx, my, mz] = share.lever;
         let [qx, qy, qz] = scale(q, T::from(mass_kg));
         let (xx, yy, zz) = (mx * r[0], my * r[1], mz * r[2]);
@@ -469,30 +486,34 @@ pub(super) fn solve<T: Scalar, F: Form>(
     held: &Held<T>,
 ) -> Solution<T> {
     let frame = frame(state, held);
-    let wheels = each(|i| wheel::<T, F>(parameters, constants, tyres, state, held, &frame, i));
+    let g = frame.gravity;
+    // Written out: a closure of this size would stay a call, which vector code cannot hold.
+    let wheels = [
+        wheel::<T, F>(parameters, constants, tyres, state, held, &frame, 0),
+        wheel::<T, F>(parameters, constants, tyres, state, held, &frame, 1),
+        wheel::<T, F>(parameters, constants, tyres, state, held, &frame, 2),
+        wheel::<T, F>(parameters, constants, tyres, state, held, &frame, 3),
+    ];
     let struts = each(|i| suspension(&parameters.corners[i], state, i));
-    let shares = each(|i| {
-        let (corner, of_corner) = (&parameters.corners[i], &constants.corners[i]);
-        let push = struts[i][2];
-        share(corner, of_corner, state, frame.gravity, &wheels[i], push, i)
-    });
-    let with = |body: Body<T>, i: usize| {
-        let (mass_kg, direction) = (
-            parameters.corners[i].mass_kg,
-            constants.corners[i].direction,
-        );
-        body.with(mass_kg, direction, wheels[i].centre, &shares[i])
-    };
-    let body = Body::new(parameters, state, frame.gravity);
-    let body = with(with(with(with(body, 0), 1), 2), 3);
-    let [acceleration, turning] = body.solve(constants);
+    let shares = [
+        share(parameters, constants, state, g, &wheels[0], struts[0][2], 0),
+        share(parameters, constants, state, g, &wheels[1], struts[1][2], 1),
+        share(parameters, constants, state, g, &wheels[2], struts[2][2], 2),
+        share(parameters, constants, state, g, &wheels[3], struts[3][2], 3),
+    ];
+    let [acceleration, turning] = Body::new(parameters, state, g)
+        .with(parameters, constants, &wheels[0], &shares[0], 0)
+        .with(parameters, constants, &wheels[1], &shares[1], 1)
+        .with(parameters, constants, &wheels[2], &shares[2], 2)
+        .with(parameters, constants, &wheels[3], &shares[3], 3)
+        .solve(constants);
     let jounce = each(|i| {
         let corner = &parameters.corners[i];
         let own = add(
             add(acceleration, cross(turning, wheels[i].centre)),
             shares[i].bias,
         );
-        let weight = scale(sub(frame.gravity, own), T::from(corner.mass_kg));
+        let weight = scale(sub(g, own), T::from(corner.mass_kg));
         let pull = add(wheels[i].force, weight);
         (dot_constant(corner.path, pull) - struts[i][2]) * constants.corners[i].inverse_travel
     });
@@ -505,7 +526,7 @@ pub(super) fn solve<T: Scalar, F: Form>(
     rate.slip_ratio = each(|i| wheels[i].slip_rates[1]);
     Solution {
         rate,
-        specific_force: sub(acceleration, frame.gravity),
+        specific_force: sub(acceleration, g),
         wheels,
         struts,
     }

@@ -1,14 +1,13 @@
 //! What the 14-degree-of-freedom model is asked for.
 
 use nalgebra::{SMatrix, SVector};
-use num_dual::DualSVec64;
 
 use super::dynamics::{AnyTyres, BrushTyres, Constants, Held, Solution, frame, solve};
 use super::vector::{add, along, dot};
 use super::{Inputs, Parameters, STATES, State};
 use crate::Scalar;
-use crate::chassis::form::{Form, Mixed, Relaxing};
-use crate::integrate::rk4;
+use crate::chassis::form::Mixed;
+use crate::chassis::slopes::{self, Sloped};
 use crate::scalar::each;
 use crate::tyre::Brush;
 
@@ -143,41 +142,6 @@ pub fn guards(parameters: &Parameters, state: &State<f64>, inputs: &Inputs<f64>)
     guards
 }
 
-/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
-pub fn step<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    match (all_relax(parameters), brushes(parameters)) {
-        (Some(true), Some((corners, true))) => {
-            brush_step::<T, Relaxing, true>(parameters, &corners, state, inputs, step_s)
-        }
-        _ => State::from_array(rk4(&state.to_array(), step_s, |x| {
-            derivative(parameters, &State::from_array(*x), inputs).to_array()
-        })),
-    }
-}
-
-#[inline]
-fn brush_step<T: Scalar, F: Form, const GROWS: bool>(
-    parameters: &Parameters,
-    corners: &[Brush; 4],
-    state: &State<T>,
-    inputs: &Inputs<T>,
-    step_s: f64,
-) -> State<T> {
-    let constants = Constants::of(parameters);
-    let held = Held::of(parameters, inputs);
-    let tyres = BrushTyres::<T, GROWS>::new(corners, inputs);
-    State::from_array(rk4(&state.to_array(), step_s, |x| {
-        let state = State::from_array(*x);
-        let solution = solve::<T, F>(parameters, &constants, &tyres, &state, &held);
-        solution.rate.to_array()
-    }))
-}
-
 /// Exact Jacobian of the rate by the state, by dual numbers.
 #[must_use]
 pub fn jacobian(
@@ -185,7 +149,7 @@ pub fn jacobian(
     state: &State<f64>,
     inputs: &Inputs<f64>,
 ) -> SMatrix<f64, STATES, STATES> {
-    let lift = |values: [f64; 4]| values.map(DualSVec64::<STATES>::from);
+    let lift = |values: [f64; 4]| values.map(Sloped::from);
     let inputs = Inputs {
         steer_rad: lift(inputs.steer_rad),
         drive_n_m: lift(inputs.drive_n_m),
@@ -200,5 +164,5 @@ pub fn jacobian(
     let rate = |x: SVector<_, STATES>| {
         derivative(parameters, &State::from_vector(&x), &inputs).to_vector()
     };
-    num_dual::jacobian(rate, &state.to_vector()).1
+    slopes::jacobian(rate, &state.to_vector()).1
 }

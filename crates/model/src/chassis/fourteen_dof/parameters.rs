@@ -82,6 +82,8 @@ pub struct CornerParameters {
     pub vertical_stiffness_n_m: f64,
     /// Vertical damping of the tyre, N s/m.
     pub vertical_damping_n_s_m: f64,
+    /// Width of the tread, m, whose overturning moment the tyre has; zero for none.
+    pub tread_width_m: f64,
     /// Relaxation length, m; zero for none.
     pub relaxation_length_m: f64,
     /// Rolling resistance coefficient.
@@ -242,6 +244,7 @@ fn corner(
         rolling_radius_m: tyre.unloaded_radius_m - squeeze / 3.0,
         vertical_stiffness_n_m: tyre.vertical_stiffness_n_m,
         vertical_damping_n_s_m: tyre.vertical_damping_n_s_m,
+        tread_width_m: tyre.width_m,
         relaxation_length_m: tyre.relaxation_length_m,
         rolling_resistance: tyre.rolling_resistance,
     })

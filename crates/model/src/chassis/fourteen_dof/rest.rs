@@ -1,9 +1,9 @@
 //! Standing still.
 
-use nalgebra::{SMatrix, SVector};
-use num_dual::DualSVec64;
+use nalgebra::SVector;
 
 use super::{Inputs, Parameters, State, derivative};
+use crate::chassis::slopes::jacobian;
 use crate::{Error, Scalar};
 
 /// Unknowns: height, roll, pitch, four jounces.
@@ -24,10 +24,7 @@ pub fn at_rest(parameters: &Parameters) -> Result<State<f64>, Error> {
         if size < 1e-2 * TOLERANCE {
             break;
         }
-        let (left, slope): (_, SMatrix<f64, UNKNOWNS, UNKNOWNS>) = num_dual::jacobian(
-            |x: SVector<DualSVec64<UNKNOWNS>, UNKNOWNS>| residual(parameters, &x),
-            &unknown,
-        );
+        let (left, slope) = jacobian(|x| residual(parameters, &x), &unknown);
         let Some(change) = slope.lu().solve(&left) else {
             break;
         };

@@ -33,6 +33,12 @@ pub(super) fn scale<T: Scalar>(a: V3<T>, by: T) -> V3<T> {
     [a[0] * by, a[1] * by, a[2] * by]
 }
 
+/// A constant vector.
+#[inline(always)]
+pub(super) fn lift<T: Scalar>(a: [f64; 3]) -> V3<T> {
+    [T::from(a[0]), T::from(a[1]), T::from(a[2])]
+}
+
 /// A constant vector times a scalar.
 #[inline(always)]
 pub(super) fn along<T: Scalar>(a: [f64; 3], by: T) -> V3<T> {
