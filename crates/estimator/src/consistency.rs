@@ -11,6 +11,9 @@
 //! with rho measured over the whole run about zero, so that an error that never changes sign counts
 //! as one draw. The bounds are those of chi-square over nu.
 
+/// Steps of a window in which an estimator is judged: one second.
+pub const WINDOW_STEPS: usize = 100;
+
 /// What the windows of a run tell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Consistency {
@@ -140,6 +143,13 @@ mod tests {
                 assert!(found.inside < most, "{keep} {wrong} {found:?}");
             }
         }
+    }
+
+    #[test]
+    fn bounds_hold_the_tabulated_chi_square() {
+        // Chi-square with 100 degrees of freedom: 74.22 and 129.56.
+        let [low, high] = bounds(100.0);
+        assert!((low - 0.7422).abs() < 2e-3 && (high - 1.2956).abs() < 2e-3);
     }
 
     #[test]

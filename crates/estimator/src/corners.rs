@@ -313,6 +313,9 @@ impl Linkage {
         belief: StrutBelief,
     ) {
         self.length.predict(dt);
+        if belief.jolted {
+            self.length.jolt();
+        }
         if let Some(reading) = reading
             && !reading.taken
         {

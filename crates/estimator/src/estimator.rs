@@ -3,7 +3,8 @@ use model::vehicle::{Axle, Vehicle};
 use nalgebra::Vector3;
 use sample::{
     Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssVelocity, ImuSample,
-    LogTime, Measurement, Motion, PerWheel, Sample, StrainChannel, TyreForce, Wheel,
+    LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample, StrainChannel, TyreForce,
+    Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -11,10 +12,13 @@ use crate::corners::{Corners, Told};
 use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
+use crate::gyro::{self, GyroWatch};
 use crate::inputs::{FrozenChange, Readings, finite3};
+use crate::kinematics;
 use crate::lift::LiftDetector;
-use crate::motion::{MotionFilter, MotionSettings, MotionState, wrap};
+use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, MotionState};
 use crate::planar::{Planar, PlanarMotion};
+use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
@@ -22,6 +26,8 @@ use crate::{Calibration, EstimatorError, Input, Method, Settings};
 /// Spacing of the instants that estimates are given for, ns.
 pub const GRID_NANOS: u64 = 10_000_000;
 
+/// Spacing of the instants that parameters are given for, ns.
+const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
 /// How long after an instant its estimate is made, ns: so that what was measured at the instant
 /// has arrived.
 const HOLD_NANOS: u64 = 5_000_000;
@@ -29,14 +35,17 @@ const HOLD_NANOS: u64 = 5_000_000;
 const GAP_MAX_NANOS: u64 = 10_000_000_000;
 /// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
 const GNSS_SILENT_S: f64 = 0.3;
-/// Speed below which a slip angle means nothing, m/s.
-const SLIP_SPEED_MIN_M_S: f64 = 0.5;
+/// Time that attitude and biases take from a start, also one in a bend, s: until then slip angles
+/// teach no grip, and one more start is no divergence.
+const SETTLING_S: f64 = 2.0;
 /// Slip angle that an axle of unknown force may have, rad.
 const BLIND_SLIP_RAD: f64 = 0.06;
 /// The slip angle's error is alike for many steps, which the filter takes for independent.
 const SLIP_CORRELATED: f64 = 4.0;
 /// Speed above which a wheel's lift is judged, m/s.
 const MOVING_M_S: f64 = 1.5;
+/// Why a channel is left out.
+const CONTRADICTS: &str = "contradicts the other sensors";
 /// Step of the grid, s.
 const GRID_S: f64 = 0.01;
 /// Age of GNSS attitude from which the tyres' grip takes its place, s.
@@ -53,8 +62,12 @@ const VERTICAL_SIGMA_M_S: f64 = 0.3;
 pub enum Output {
     /// The estimate of one instant of the grid.
     Estimate(Estimate),
+    /// What it has found beside, at each full second of the log clock after the estimate.
+    Parameters(Parameters),
     /// Something that it declares.
     Event(Event),
+    /// The same instant for a [`Smoother`](crate::smoother::Smoother), where one was asked for.
+    Step(Box<Step>),
 }
 
 /// Forces and motion of one vehicle from its samples.
@@ -71,14 +84,18 @@ pub struct Estimator {
     waiting: Waiting,
     readings: Readings,
     motion: MotionFilter,
+    gyro: GyroWatch,
     corners: Option<Corners>,
     fusion: Option<Fusion>,
     expected: ExpectedForces,
     measured: PerWheel<TyreForce>,
     lift: LiftDetector,
     grip: Grip,
+    /// Since when the motion filter has gone on without a start.
+    moving_since: Option<LogTime>,
     planar: Option<Planar>,
     imu_sigma: [f64; 2],
+    traced: bool,
 }
 
 impl Estimator {
@@ -109,11 +126,13 @@ impl Estimator {
             planar: corners
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration)),
+            gyro: GyroWatch::default(),
             corners,
             fusion,
             expected: ExpectedForces::new(vehicle),
             measured: PerWheel::default(),
             grip: Grip::new(vehicle),
+            moving_since: None,
             lift: LiftDetector::new(static_loads(vehicle)),
             imu_sigma: [
                 sensors.imu.gyro_noise_rad_s.max(1e-4),
@@ -125,7 +144,19 @@ impl Estimator {
             next_grid: None,
             waiting: Waiting::new(),
             readings: Readings::default(),
+            traced: false,
         })
+    }
+
+    /// From now on hands out [`Output::Step`] with each estimate.
+    #[must_use]
+    pub fn traced(mut self) -> Self {
+        self.traced = true;
+        self.motion.switch_trace_on();
+        if let Some(fusion) = &mut self.fusion {
+            fusion.switch_trace_on();
+        }
+        self
     }
 
     /// Moves time to `now` and hands out the estimate of every grid instant up to 5 ms before it,
@@ -135,6 +166,9 @@ impl Estimator {
         for time in grid(&mut self.next_grid, now) {
             let estimate = self.step(time, out);
             out(Output::Estimate(estimate));
+            if time.0.is_multiple_of(PARAMETERS_NANOS) {
+                out(Output::Parameters(self.parameters(time)));
+            }
         }
     }
 
@@ -185,11 +219,11 @@ impl Estimator {
     }
 
     /// Takes in all that has arrived, in the order of its own time.
-    fn take_waiting(&mut self) {
+    fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         self.waiting.sort();
         while let Some(Entry { time, held }) = self.waiting.take() {
             match held {
-                Held::Inertial { force, rate } => self.motion.push_imu(time, force, rate),
+                Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
                 Held::Velocity(gnss) => self.take_velocity(time, &gnss),
                 Held::Attitude(gnss) => self.take_attitude(time, &gnss),
                 Held::Corner(corner) => self.readings.push_corner(
@@ -209,6 +243,29 @@ impl Estimator {
                 }
             }
         }
+    }
+
+    fn take_inertial(
+        &mut self,
+        time: LogTime,
+        force: Vector3<f64>,
+        rate: Vector3<f64>,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
+        let ahead_s = time.seconds_since(now) + GRID_S;
+        let fusion = self.fusion.as_ref();
+        let expected = fusion.and_then(|fusion| fusion.expected_rate(ahead_s));
+        let bias = self.motion.gyro_bias();
+        let rate = rate - bias;
+        let rate = self
+            .gyro
+            .judge(rate, self.imu_sigma[0], expected, &mut |axis, faulty| {
+                let name = format!("inertial unit {}", gyro::AXES[axis]);
+                out(Output::Event(sensor_event(now, faulty, name, CONTRADICTS)));
+            });
+        let untold = self.gyro.untold_rate();
+        self.motion.push_imu(time, force, rate + bias, untold);
     }
 
     fn take_velocity(&mut self, time: LogTime, gnss: &GnssVelocity) {
@@ -232,7 +289,17 @@ impl Estimator {
     }
 
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
-        self.take_waiting();
+        let resets = self.motion.resets();
+        self.take_waiting(time, out);
+        let settled = |since| time.seconds_since(since) > SETTLING_S;
+        if self.motion.resets() > resets {
+            if self.moving_since.is_some_and(settled) {
+                let what = "the motion filter was contradicted by its sensors";
+                out(Output::Event(reset_event(time, what)));
+            }
+            self.moving_since = None;
+        }
+        let settled = settled(*self.moving_since.get_or_insert(time));
         self.readings
             .frozen_changes(&self.calibration.corners, &mut |change| {
                 out(Output::Event(frozen_event(time, change)));
@@ -262,7 +329,7 @@ impl Estimator {
             corners.update(time, GRID_S, &mut self.readings, &state, &told);
         }
         let steer = self.steer_angles(steer_offset);
-        let push = motion_output(&state).acceleration_m_s2[0];
+        let push = kinematics::motion(&state).acceleration_m_s2[0];
         let expected = self
             .expected
             .step(GRID_S, state.velocity_m_s.x, push, steer);
@@ -272,7 +339,7 @@ impl Estimator {
             .step(time, GRID_S, moving, &self.measured, &mut |event| {
                 out(Output::Event(event));
             });
-        let mut motion = motion_output(&state);
+        let mut motion = kinematics::motion(&state);
         if let Some(fusion) = self.fusion.as_ref().filter(|_| state.inertial) {
             motion.rate_rad_s = fusion.rate_rad_s();
         }
@@ -280,11 +347,11 @@ impl Estimator {
             planar.tell(&mut motion);
         }
         motion.steer_rad = PerWheel(steer);
-        motion.slip_angle_rad = self.slip_angles(&state, steer);
+        motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, steer);
         // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing.
         let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S
             && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
-        if satellite && self.measured.0[0].source == ForceSource::Fusion {
+        if satellite && settled && self.measured.0[0].source == ForceSource::Fusion {
             let input = GripInput {
                 now: time,
                 dt: GRID_S,
@@ -298,15 +365,40 @@ impl Estimator {
                 .step(&input, &mut |event| out(Output::Event(event)));
         }
         if let Some(corners) = &self.corners {
-            let (roll, pitch) = ground_angles(corners.normal());
+            let (roll, pitch) = kinematics::ground_angles(corners.normal());
             motion.bank_rad = motion.roll_rad - roll;
             motion.grade_rad = motion.pitch_rad - pitch;
         }
-        Estimate {
+        let estimate = Estimate {
             time,
             motion,
             measured: self.measured,
             expected,
+        };
+        if self.traced {
+            out(Output::Step(Box::new(Step {
+                estimate: estimate.clone(),
+                solution: self.motion.solution(),
+                operations: self.motion.take_operations(),
+                navigated: planar.is_none(),
+                forces: self.fusion.as_mut().map(Fusion::take_belief),
+            })));
+        }
+        estimate
+    }
+
+    fn parameters(&self, time: LogTime) -> Parameters {
+        let (steer_offset_rad, steer_offset_sigma_rad) = self.grip.steer_offset();
+        Parameters {
+            time,
+            accel_bias_m_s2: self.motion.accel_bias().into(),
+            accel_bias_sigma_m_s2: self.motion.sigma(ACCEL_BIAS),
+            gyro_bias_rad_s: self.motion.gyro_bias().into(),
+            gyro_bias_sigma_rad_s: self.motion.sigma(GYRO_BIAS),
+            steer_offset_rad,
+            steer_offset_sigma_rad,
+            front: self.grip.axle(0, time),
+            rear: self.grip.axle(1, time),
         }
     }
 
@@ -330,19 +422,14 @@ impl Estimator {
                 expected,
                 imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
+                gyro_believed: self.gyro.believed(),
             };
             let resets = fusion.resets();
             let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
                 out(Output::Event(channel_event(now, change)));
             });
             if fusion.resets() > resets {
-                out(Output::Event(Event {
-                    time: now,
-                    onset: now,
-                    kind: EventKind::FilterReset,
-                    probability: None,
-                    text: "the force filter diverged and was started anew".to_owned(),
-                }));
+                out(Output::Event(reset_event(now, "the force filter diverged")));
             }
             return forces;
         }
@@ -381,13 +468,10 @@ impl Estimator {
         let resets = planar.resets();
         let motion = planar.step(time, GRID_S);
         if planar.resets() > resets {
-            out(Output::Event(Event {
+            out(Output::Event(reset_event(
                 time,
-                onset: time,
-                kind: EventKind::FilterReset,
-                probability: None,
-                text: "the sideslip filter diverged and was started anew".to_owned(),
-            }));
+                "the sideslip filter diverged",
+            )));
         }
         motion.filter(|_| !navigated)
     }
@@ -400,25 +484,6 @@ impl Estimator {
         let hand_wheel = self.readings.hand_wheel_rad.map_or(0.0, |r| r.value);
         let front = hand_wheel / self.vehicle.steering.ratio + offset_rad;
         [front, front, 0.0, 0.0]
-    }
-
-    fn slip_angles(&self, state: &MotionState, steer: [f64; 4]) -> PerWheel<f64> {
-        let body = &self.vehicle.body;
-        PerWheel::from_fn(|wheel| {
-            let (x, track) = if wheel.is_front() {
-                (body.front_axle_to_cg_m, self.vehicle.front.track_m)
-            } else {
-                (-body.cg_to_rear_axle_m, self.vehicle.rear.track_m)
-            };
-            let y = 0.5 * track * wheel.side();
-            let [u, v] = state.level_velocity();
-            let yaw_rate = state.rate_rad_s.z;
-            let (along, across) = (u - yaw_rate * y, v + yaw_rate * x);
-            if along.hypot(across) < SLIP_SPEED_MIN_M_S {
-                return 0.0;
-            }
-            wrap(across.atan2(along) - steer[wheel.index()])
-        })
     }
 
     /// What wheel speeds and the tyres' grip tell while GNSS velocity or heading is silent.
@@ -530,29 +595,14 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
     }
 }
 
-fn motion_output(state: &MotionState) -> Motion {
-    let (roll, pitch, _) = state.euler_rad();
-    let gravity =
-        state.earth_from_body.inverse() * Vector3::new(0.0, 0.0, sample::STANDARD_GRAVITY_M_S2);
-    Motion {
-        velocity_x_m_s: state.velocity_m_s.x,
-        velocity_y_m_s: state.velocity_m_s.y,
-        sideslip_rad: state.sideslip_rad,
-        sideslip_sigma_rad: state.sideslip_sigma_rad,
-        roll_rad: roll,
-        pitch_rad: pitch,
-        rate_rad_s: state.rate_rad_s.into(),
-        acceleration_m_s2: (state.specific_force_m_s2 - gravity).into(),
-        ..Motion::default()
+fn reset_event(now: LogTime, what: &str) -> Event {
+    Event {
+        time: now,
+        onset: now,
+        kind: EventKind::FilterReset,
+        probability: None,
+        text: format!("{what} and was started anew"),
     }
-}
-
-/// Roll and pitch of the body against the ground, rad.
-fn ground_angles(normal: Vector3<f64>) -> (f64, f64) {
-    (
-        normal.y.atan2(normal.z),
-        (-normal.x).atan2(normal.y.hypot(normal.z)),
-    )
 }
 
 fn channel_event(now: LogTime, change: ChannelChange) -> Event {
@@ -561,8 +611,7 @@ fn channel_event(now: LogTime, change: ChannelChange) -> Event {
         .channel
         .map_or("deflection", |channel| channel.name());
     let name = format!("{wheel} {channel}");
-    let why = "contradicts the other sensors";
-    sensor_event(now, change.faulty, name, why)
+    sensor_event(now, change.faulty, name, CONTRADICTS)
 }
 
 fn frozen_event(now: LogTime, change: FrozenChange) -> Event {

@@ -32,17 +32,19 @@ mod channel;
 mod covariance;
 pub mod layout;
 mod lengths;
+mod moments;
 mod rows;
 
 use model::sensors::StrainChain;
 use model::vehicle::{Tyre, Vehicle};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use sample::{ForceSource, LogTime, PerWheel, StrainChannel, TyreForce};
 
 use crate::calibration::CornerChannels;
 use crate::corners::CornerState;
 use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
+use crate::trace::Operation;
 
 use agility::Agility;
 use channel::{Change, ChannelHealth};
@@ -50,10 +52,7 @@ use covariance::Covariance;
 use layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
 use lengths::LengthWatch;
 
-/// Standard deviations of M_x, M_y, M_z beside what the tread, rolling and the trail make, N m;
-/// of M_x where the tread's width is unknown; and how fast they fade, s.
-const MOMENT_SIGMA: [f64; 3] = [4.0, 3.0, 5.0];
-const UNTREADED_SIGMA: f64 = 28.0;
+/// How fast moments that the tyres' model does not know of fade, s.
 const MOMENT_TIME_S: f64 = 1.0;
 /// Standard deviation of a half-shaft's torque, N m, and its time constant, s. Both axles have
 /// one, whatever the vehicle file's split: where four-wheel drive can be switched on, taking the
@@ -64,14 +63,9 @@ const TORQUE_TIME_S: f64 = 0.5;
 const TURN_NOISE_N_M: [f64; 3] = [20.0, 20.0, 15.0];
 /// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
 const ACCEL_TIME_S: f64 = 30.0;
-const ACCEL_SIGMA: f64 = 0.03;
+const ACCEL_SIGMA: f64 = 0.015;
 /// Walk of a strain channel's offset, N/sqrt(s).
 const OFFSET_WALK: f64 = 0.05;
-
-/// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
-/// The lag's inverse would make a wild rate of a jump that the force itself may not make.
-const SURPRISE_N: f64 = 150.0;
-const SURPRISE_N_S: f64 = 4.0e3;
 
 /// Speed from which a body stands on its tyres alone, m/s.
 const ALONE_M_S: f64 = 1.0;
@@ -96,6 +90,7 @@ pub struct Fusion {
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
+    turn_dot: Vector3<f64>,
     blind: bool,
     steps: u32,
     resets: u32,
@@ -134,6 +129,8 @@ pub struct StepInput<'a> {
     pub imu_m: Vector3<f64>,
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
+    /// Which axes of the gyro are believed; the others tell nothing.
+    pub gyro_believed: [bool; 3],
 }
 
 /// What the filter knows of a strut, for the linkage's pose.
@@ -144,6 +141,8 @@ pub struct StrutBelief {
     pub longer_m: f64,
     /// Its force, N, once the filter has settled.
     pub force_n: Option<f64>,
+    /// Whether a blow has just changed the forces.
+    pub jolted: bool,
 }
 
 /// A channel that was found faulty (`true`) or good again.
@@ -155,6 +154,36 @@ pub struct ChannelChange {
     pub channel: Option<StrainChannel>,
     /// Faulty from now on.
     pub faulty: bool,
+}
+
+/// States that are handed out: the forces and the body's rates.
+pub const OUTPUTS: [usize; 15] = [
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    TURN,
+    TURN + 1,
+    TURN + 2,
+];
+
+/// What the filter believes at one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Belief {
+    /// Operations since the instant before.
+    pub operations: Vec<Operation<SIZE>>,
+    /// The state, in the order of [`layout`].
+    pub state: SVector<f64, SIZE>,
+    /// Covariances of [`OUTPUTS`] with all states.
+    pub covariance: SMatrix<f64, { OUTPUTS.len() }, SIZE>,
 }
 
 impl Fusion {
@@ -179,6 +208,7 @@ impl Fusion {
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
+            turn_dot: Vector3::zeros(),
             blind: false,
             steps: 0,
             resets: 0,
@@ -212,7 +242,8 @@ impl Fusion {
             for axis in 0..3 {
                 variance[FORCE + 3 * wheel + axis] = 2000.0_f64.powi(2);
                 variance[RATE + 3 * wheel + axis] = 1e4_f64.powi(2);
-                variance[MOMENT + 3 * wheel + axis] = self.body.moment_sigma(wheel, axis).powi(2);
+                variance[MOMENT + 3 * wheel + axis] =
+                    self.body.moment_sigma_n_m(wheel, axis).powi(2);
             }
             variance[LENGTH + wheel] = lengths::start_variance(&c.deflection);
             for i in 0..5 {
@@ -227,7 +258,7 @@ impl Fusion {
             variance[ACCEL + axis] = ACCEL_SIGMA.powi(2);
         }
         self.state[OFFSET..].fill(0.0);
-        self.covariance.reset(&variance);
+        self.covariance.reset(&variance, &self.state);
     }
 
     /// One step: carries the state on by `dt`, then takes in every reading that is new.
@@ -242,24 +273,20 @@ impl Fusion {
             self.forget(input.channels);
         }
         let balance = self.balance(input);
-        self.predict(input.dt, &balance);
+        self.predict(input.dt, &balance, input.channels);
+        if !self.settling() {
+            self.heed_surprise(input, &balance, readings);
+        }
         let before = self.rates();
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
         for wheel in 0..4 {
-            self.take_corner(input, wheel, &mut readings.0[wheel], changes);
+            self.take_corner(input, &balance, wheel, &mut readings.0[wheel], changes);
         }
+        self.covariance.settle();
         if !self.settling() {
             self.agility.learn(&before, &self.rates());
-            if self.agility.surprised() {
-                for i in 0..12 {
-                    self.covariance
-                        .add_noise(FORCE + i, SURPRISE_N * SURPRISE_N);
-                    self.covariance
-                        .add_noise(RATE + i, SURPRISE_N_S * SURPRISE_N_S);
-                }
-            }
         }
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
@@ -268,8 +295,9 @@ impl Fusion {
         }
         // On jackstands the forces of the tyres alone are not what moves the body.
         let alone = !input.motion.inertial && input.motion.velocity_m_s.x.abs() > ALONE_M_S;
-        self.body_motion = (balanced || alone && !self.settling())
-            .then(|| self.body_motion_ahead(input, &balance));
+        let [force, turn] = self.body_motion_ahead(input, &balance);
+        self.turn_dot = turn;
+        self.body_motion = (balanced || alone && !self.settling()).then_some([force, turn]);
         self.steps = self.steps.saturating_add(1);
         self.output()
     }
@@ -301,10 +329,40 @@ impl Fusion {
         }))
     }
 
+    /// From now on operations are taken down for [`Self::take_belief`].
+    pub fn switch_trace_on(&mut self) {
+        self.covariance.trace.switch_on();
+    }
+
+    /// What the filter believes now, and the operations that led there since the last call.
+    pub fn take_belief(&mut self) -> Belief {
+        Belief {
+            operations: self.covariance.trace.take(),
+            state: SVector::from(self.state),
+            covariance: SMatrix::from_rows(
+                &OUTPUTS.map(|index| self.covariance.row(index).transpose()),
+            ),
+        }
+    }
+
     /// Angular rate of the body, rad/s: gyro and balance of moments together.
     #[must_use]
     pub fn rate_rad_s(&self) -> [f64; 3] {
         std::array::from_fn(|axis| self.state[TURN + axis])
+    }
+
+    /// What a gyro should read `ahead_s` after the last step, by the balance of moments: rate, rad/s,
+    /// and variance of each axis. None before the filter has settled.
+    #[must_use]
+    pub fn expected_rate(&self, ahead_s: f64) -> Option<[[f64; 2]; 3]> {
+        let expected = std::array::from_fn(|axis| {
+            let noise = TURN_NOISE_N_M[axis] * self.body.inverse[(axis, axis)];
+            [
+                self.state[TURN + axis] + ahead_s * self.turn_dot[axis],
+                self.covariance.variance(TURN + axis) + noise * noise * ahead_s.abs(),
+            ]
+        });
+        (!self.settling()).then_some(expected)
     }
 
     /// What is known of a wheel's strut beside its potentiometer.
@@ -317,6 +375,7 @@ impl Fusion {
                 0.0
             },
             force_n: (!self.settling()).then_some(self.strut_n[wheel]),
+            jolted: self.agility.open(),
         }
     }
 
@@ -334,7 +393,7 @@ impl Fusion {
         self.state[RATE + 3 * wheel + 2]
     }
 
-    fn predict(&mut self, dt: f64, balance: &rows::Balance) {
+    fn predict(&mut self, dt: f64, balance: &rows::Balance, channels: &PerWheel<CornerChannels>) {
         let c = &mut self.covariance;
         for i in 0..3 {
             self.state[TURN + i] += dt * balance.turn_rate(i, &self.state);
@@ -345,18 +404,32 @@ impl Fusion {
         c.mirror();
         // The turn rows need the covariance of the forces before these move: first order in dt.
         c.add_rows(TURN, &balance.jacobian, dt);
+        for i in 0..3 {
+            c.trace.note(|| Operation::Shift {
+                index: TURN + i,
+                by: dt * balance.constant[i],
+            });
+        }
         c.integrate(FORCE, RATE, 12, dt);
+        let mut keep = [1.0; SIZE];
         let mut fade = |first: usize, count: usize, time_s: f64| {
-            let keep = (-dt / time_s).exp();
-            for i in first..first + count {
-                self.state[i] *= keep;
-                c.scale(i, keep);
-            }
-            1.0 - keep * keep
+            let kept = (-dt / time_s).exp();
+            keep[first..first + count].fill(kept);
+            1.0 - kept * kept
         };
         let moment_gain = fade(MOMENT, 12, MOMENT_TIME_S);
         let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
         let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
+        let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
+            let start = lengths::start_variance(&channels.0[wheel].deflection);
+            let (kept, gained) = self.lengths[wheel].fading(start, dt);
+            keep[LENGTH + wheel] = kept;
+            gained
+        });
+        for (x, kept) in self.state.iter_mut().zip(&keep) {
+            *x *= kept;
+        }
+        c.scale(&keep);
         for i in 0..12 {
             // What the vehicle model guesses teaches nothing of how fast the forces change.
             let q = if self.blind {
@@ -367,7 +440,7 @@ impl Fusion {
             c.add_noise_pair(FORCE + i, RATE + i, q, dt);
             c.add_noise(
                 MOMENT + i,
-                moment_gain * self.body.moment_sigma(i / 3, i % 3).powi(2),
+                moment_gain * balance.known[i / 3].sigma_n_m[i % 3].powi(2),
             );
         }
         for axle in 0..2 {
@@ -378,8 +451,8 @@ impl Fusion {
             c.add_noise(TURN + axis, turn * turn * dt);
             c.add_noise(ACCEL + axis, accel_gain * ACCEL_SIGMA.powi(2));
         }
-        for wheel in 0..4 {
-            c.add_noise(LENGTH + wheel, self.lengths[wheel].walk_mm().powi(2) * dt);
+        for (wheel, gained) in length_gain.into_iter().enumerate() {
+            c.add_noise(LENGTH + wheel, gained);
         }
         for i in 0..20 {
             c.add_noise(OFFSET + i, OFFSET_WALK.powi(2) * dt);
@@ -388,14 +461,6 @@ impl Fusion {
 }
 
 impl Body {
-    fn moment_sigma(&self, wheel: usize, axis: usize) -> f64 {
-        if axis == 0 && self.tyres[wheel].width_m <= 0.0 {
-            UNTREADED_SIGMA
-        } else {
-            MOMENT_SIGMA[axis]
-        }
-    }
-
     fn new(vehicle: &Vehicle) -> Self {
         let body = &vehicle.body;
         let sprung = vehicle.sprung();

@@ -9,7 +9,8 @@
 //! slip angle's error stays alike for about a second, so each value counts for a part only.
 //!
 //! Friction is visible only where a good part of it is used, above about 0.4: below, the slope by
-//! it vanishes, its factor walks, and its deviation says so.
+//! it vanishes, its factor walks, and its deviation says so. [`Grip::axle`] then tells none, only
+//! what the lateral forces of the last `USED_SECONDS` call for at least.
 //!
 //! A change of surface is a two-sided cumulative sum over the normalised differences while the
 //! tyres are excited, with the sign of the expected force: falling where grip is lost. At k = 0.5
@@ -19,7 +20,7 @@
 use model::tyre::{Contact, Tyre};
 use model::vehicle::{self, Vehicle};
 use nalgebra::{Matrix3, Vector3};
-use sample::{Event, EventKind, LogTime, PerWheel, TyreForce};
+use sample::{AxleGrip, Event, EventKind, LogTime, NANOS_PER_SECOND, PerWheel, TyreForce};
 
 /// Steps of one value.
 const BLOCK_STEPS: u32 = 5;
@@ -31,6 +32,9 @@ const WALK: [f64; 3] = [0.01, 0.03, 1e-4];
 const START: [f64; 3] = [0.4, 0.3, 0.015];
 /// Deviation of ln friction above which the tyres have not been used enough to tell it.
 const FRICTION_SIGMA_MAX: f64 = 0.2;
+/// Part of the friction that must have been used to tell it, and how long ago at most, s.
+const UTILISATION_MIN: f64 = 0.4;
+const USED_SECONDS: usize = 10;
 /// Model error as a part of the axle's load.
 const MODEL_PART: f64 = 0.025;
 /// Slowest speed, m/s, and largest deviation of sideslip, rad, at which slip angles are used.
@@ -38,6 +42,8 @@ const SPEED_MIN_M_S: f64 = 2.5;
 const SIDESLIP_SIGMA_MAX_RAD: f64 = 0.01;
 /// Deviation of a wheel's lateral force above which it is the tyre model's own guess, N.
 const LATERAL_SIGMA_MAX_N: f64 = 100.0;
+/// Load of an axle below which its tyres tell nothing, N.
+const LOAD_MIN_N: f64 = 100.0;
 /// Axle force over load below which nothing is excited.
 const EXCITED: f64 = 0.15;
 /// Longitudinal force over load from which lateral force is not the tyres' pure one.
@@ -69,8 +75,13 @@ struct Axle {
     /// Grip lost, grip won.
     runs: [ChangeRun; 2],
     learned: u32,
+    used: UsedFriction,
     block: Block,
 }
+
+/// Largest lateral force over load in each of the last seconds of the log clock, with the second.
+#[derive(Clone, Copy, Debug, Default)]
+struct UsedFriction([(u64, f64); USED_SECONDS]);
 
 /// A cumulative sum and what has come together since it left zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -138,20 +149,23 @@ impl Grip {
         }
     }
 
-    /// Factor on the tyre file's cornering stiffness and its deviation, front (0) or rear (1).
+    /// What is known at `now` of the tyres of an axle, front (0) or rear (1).
     #[must_use]
-    pub fn stiffness(&self, axle: usize) -> (f64, f64) {
-        let factor = self.axles[axle].state[0].exp();
-        (factor, factor * self.axles[axle].covariance[(0, 0)].sqrt())
-    }
-
-    /// Factor on the tyre file's friction and its deviation, front (0) or rear (1); `None` where
-    /// too little of it has been used to tell.
-    #[must_use]
-    pub fn friction(&self, axle: usize) -> Option<(f64, f64)> {
+    pub fn axle(&self, axle: usize, now: LogTime) -> AxleGrip {
         let a = &self.axles[axle];
-        let (factor, sigma) = (a.state[1].exp(), a.covariance[(1, 1)].sqrt());
-        (sigma < FRICTION_SIGMA_MAX).then_some((factor, factor * sigma))
+        let [stiffness_sigma, friction_sigma] = [0, 1].map(|i| a.covariance[(i, i)].sqrt());
+        let (stiffness_factor, friction) = (a.state[0].exp(), a.friction());
+        let friction_min = a.used.largest(now);
+        let utilisation = friction_min / friction;
+        let seen = utilisation >= UTILISATION_MIN && friction_sigma < FRICTION_SIGMA_MAX;
+        AxleGrip {
+            stiffness_factor,
+            stiffness_factor_sigma: stiffness_factor * stiffness_sigma,
+            friction: seen.then_some(friction),
+            friction_sigma: seen.then_some(friction * friction_sigma),
+            friction_min,
+            utilisation,
+        }
     }
 
     /// How much further left the front wheels stand than the hand wheel's zero has it, and its
@@ -176,7 +190,7 @@ impl Grip {
         let load: f64 = loads.iter().sum();
         let stiffness: f64 = loads.iter().map(|n| a.stiffness_at(*n)).sum();
         let used = lateral.abs() / (load * a.friction()).max(1.0);
-        let known = lateral.is_finite() && load > 100.0 && stiffness > 0.0 && used < 0.7;
+        let known = lateral.is_finite() && load > LOAD_MIN_N && stiffness > 0.0 && used < 0.7;
         known.then(|| {
             // Fiala's curve inverted: F = mu N (1 - (1 - x)^3) with x = C |alpha|/(3 mu N).
             let x = 1.0 - (1.0 - used).cbrt();
@@ -207,6 +221,7 @@ impl Grip {
             }
             let mut block = axle.block.mean();
             axle.block = Block::default();
+            axle.used.take(input.now, block.used_friction());
             if i == 0 {
                 block.slip = block.slip.map(|slip| slip + input.corrected_rad);
             }
@@ -264,6 +279,34 @@ impl Block {
             longitudinal_n: self.longitudinal_n * part,
         }
     }
+
+    /// Least part of the axle's load that its lateral force is, within two deviations.
+    fn used_friction(&self) -> f64 {
+        let load: f64 = self.load_n.iter().sum();
+        let lateral = self.force_n.abs() - 2.0 * self.variance.sqrt();
+        if load < LOAD_MIN_N {
+            0.0
+        } else {
+            lateral.max(0.0) / load
+        }
+    }
+}
+
+impl UsedFriction {
+    fn take(&mut self, now: LogTime, used: f64) {
+        let second = now.0 / NANOS_PER_SECOND as u64;
+        let slot = &mut self.0[second as usize % USED_SECONDS];
+        *slot = match *slot {
+            (same, before) if same == second => (second, used.max(before)),
+            _ => (second, used),
+        };
+    }
+
+    fn largest(&self, now: LogTime) -> f64 {
+        let oldest = (now.0 / NANOS_PER_SECOND as u64).saturating_sub(USED_SECONDS as u64);
+        let late = self.0.iter().filter(|(second, _)| *second >= oldest);
+        late.fold(0.0, |most, (_, used)| used.max(most))
+    }
 }
 
 impl Axle {
@@ -278,6 +321,7 @@ impl Axle {
             covariance: Matrix3::from_diagonal(&Vector3::from(START.map(|s| s * s))),
             runs: [ChangeRun::default(); 2],
             learned: 0,
+            used: UsedFriction::default(),
             block: Block::default(),
         }
     }
@@ -323,7 +367,7 @@ impl Axle {
             let grown = self.covariance[(i, i)] + walk * walk * span_s;
             self.covariance[(i, i)] = grown.min(most.max(self.covariance[(i, i)]));
         }
-        if load < 100.0 || block.longitudinal_n > LONGITUDINAL_MAX * load {
+        if load < LOAD_MIN_N || block.longitudinal_n > LONGITUDINAL_MAX * load {
             return None;
         }
         let expected = self.lateral_n(block, &self.state);
@@ -373,6 +417,7 @@ impl Axle {
         let found = self.runs.iter().find_map(|run| run.change(part))?;
         self.runs = [ChangeRun::default(); 2];
         self.learned = 0;
+        self.used = UsedFriction::default();
         for i in 0..2 {
             self.covariance.row_mut(i).fill(0.0);
             self.covariance.column_mut(i).fill(0.0);

@@ -133,7 +133,7 @@ struct Instant {
 
 /// (right - left)/(right + left) of the loads: one where the left wheels are up.
 fn transfer_ratio(forces: &PerWheel<TyreForce>) -> f64 {
-    let [fl, fr, rl, rr] = forces.0.map(|force| force.force_n[2]);
+    let [fl, fr, rl, rr] = forces.0.map(|force| force.force_n[2].max(0.0));
     (fr + rr - fl - rl) / (fl + fr + rl + rr).max(1.0)
 }
 
@@ -149,7 +149,10 @@ impl WheelState {
     fn judge(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
         self.warn(at, out);
         let least = UP * at.static_n;
-        for (count, load) in self.below.iter_mut().zip([at.load_n, self.load_n]) {
+        // A followed load that its error cannot tell from the threshold has reached it.
+        let reached = least + (FOLLOWED_SIGMA * at.sigma_n).min(least);
+        let judged = [(at.load_n, least), (self.load_n, reached)];
+        for (count, (load, least)) in self.below.iter_mut().zip(judged) {
             *count = if load < least { *count + 1 } else { 0 };
         }
         let [raw, followed] = self.below;

@@ -16,12 +16,15 @@
 //! arrive does not matter to first order.
 
 pub mod history;
+mod solution;
 mod update;
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 
+use crate::trace::{Operation, Restart, Term, Trace};
 use history::{History, Pose};
+pub use solution::Solution;
 
 /// Size of the error state: attitude, velocity, accelerometer bias, gyro bias.
 pub const STATES: usize = 12;
@@ -54,8 +57,8 @@ const HEADING_UNKNOWN_RAD: f64 = 3.0;
 /// Specific force this near to gravity, as a part of it, shows how the body stands: what else may
 /// be in it tilts by no more than the attitude's deviation at the start.
 const AT_REST: f64 = 0.02;
-/// Time constant of the derivative of the rate, s.
-const RATE_DOT_TIME_S: f64 = 0.02;
+/// Time constant of the derivatives of rate and specific force, s.
+const SLOPE_TIME_S: f64 = 0.02;
 
 /// Noise and geometry that the filter assumes.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,15 +98,19 @@ pub struct MotionFilter {
     rate: Vector3<f64>,
     rate_dot: Vector3<f64>,
     force: Vector3<f64>,
+    force_dot: Vector3<f64>,
     history: History,
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
+    /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
+    doubted: bool,
     levelled: bool,
     velocity_misses: u32,
     attitude_misses: u32,
     resets: u32,
+    trace: Trace<STATES>,
 }
 
 /// The motion at one instant, at the centre of gravity.
@@ -117,8 +124,10 @@ pub struct MotionState {
     pub rate_rad_s: Vector3<f64>,
     /// Angular acceleration, body axes, rad/s^2.
     pub rate_dot_rad_s2: Vector3<f64>,
-    /// Specific force at the centre of gravity without bias, body axes, m/s^2.
+    /// Specific force at the centre of gravity without bias as last read, body axes, m/s^2.
     pub specific_force_m_s2: Vector3<f64>,
+    /// How fast it changes, body axes, m/s^3.
+    pub specific_force_dot_m_s3: Vector3<f64>,
     /// Sideslip angle in the horizontal plane (ISO 8855), rad.
     pub sideslip_rad: f64,
     /// Its standard deviation, rad.
@@ -163,15 +172,18 @@ impl MotionFilter {
             rate: Vector3::zeros(),
             rate_dot: Vector3::zeros(),
             force: Vector3::z() * STANDARD_GRAVITY_M_S2,
+            force_dot: Vector3::zeros(),
             history: History::default(),
             imu_time: None,
             velocity_time: None,
             attitude_time: None,
             heading_known: false,
+            doubted: false,
             levelled: false,
             velocity_misses: 0,
             attitude_misses: 0,
             resets: 0,
+            trace: Trace::default(),
         };
         filter.restart();
         filter
@@ -195,6 +207,12 @@ impl MotionFilter {
         self.gyro_bias
     }
 
+    /// Standard deviations of the three errors from `first` on, such as [`GYRO_BIAS`].
+    #[must_use]
+    pub fn sigma(&self, first: usize) -> [f64; 3] {
+        std::array::from_fn(|axis| self.covariance[(first + axis, first + axis)].sqrt())
+    }
+
     /// Seconds since the last GNSS velocity that was used; infinite before the first.
     #[must_use]
     pub fn velocity_age_s(&self, now: LogTime) -> f64 {
@@ -209,7 +227,8 @@ impl MotionFilter {
             .map_or(f64::INFINITY, |time| now.seconds_since(time))
     }
 
-    fn restart(&mut self) {
+    /// Variances of a filter that has seen nothing.
+    fn start_variance(&self) -> SVector<f64, STATES> {
         let s = &self.settings;
         let mut sigma = SVector::<f64, STATES>::zeros();
         sigma.fixed_rows_mut::<2>(ATTITUDE).fill(0.2);
@@ -221,12 +240,24 @@ impl MotionFilter {
         sigma
             .fixed_rows_mut::<3>(GYRO_BIAS)
             .fill(s.gyro_bias_sigma_rad_s.max(1e-5));
-        self.covariance = SMatrix::from_diagonal(&sigma.component_mul(&sigma));
+        sigma.component_mul(&sigma)
+    }
+
+    fn restart(&mut self) {
+        let variance = self.start_variance();
+        self.covariance = SMatrix::from_diagonal(&variance);
+        self.trace.note(|| {
+            Operation::Restart(Box::new(Restart {
+                state: SVector::zeros(),
+                variance,
+            }))
+        });
         self.earth_from_body = Rotation3::identity();
         self.velocity_m_s = Vector3::zeros();
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         self.heading_known = false;
+        self.doubted = false;
         self.levelled = false;
         self.velocity_misses = 0;
         self.attitude_misses = 0;
@@ -235,11 +266,18 @@ impl MotionFilter {
         self.history.clear();
     }
 
-    /// Takes a reading of the inertial unit in, body axes, calibration applied.
+    /// Takes a reading of the inertial unit in, body axes, calibration applied, of whose rate
+    /// `untold_rate` (rad/s/sqrt(Hz)) is unseen beside the gyro's noise.
     ///
     /// A reading that is not finite, out of any road vehicle's range, or not later than the last
     /// is left out.
-    pub fn push_imu(&mut self, time: LogTime, force: Vector3<f64>, rate: Vector3<f64>) {
+    pub fn push_imu(
+        &mut self,
+        time: LogTime,
+        force: Vector3<f64>,
+        rate: Vector3<f64>,
+        untold_rate: f64,
+    ) {
         let good = force.iter().all(|f| f.abs() <= FORCE_MAX_M_S2)
             && rate.iter().all(|w| w.abs() <= RATE_MAX_RAD_S);
         if !good || self.time.is_some_and(|last| time <= last) {
@@ -256,9 +294,11 @@ impl MotionFilter {
         if self.imu_time.is_none() || gap_s > 1.0 {
             self.rate = rate;
             self.rate_dot = Vector3::zeros();
+            self.force_dot = Vector3::zeros();
         } else {
-            let slope = (rate - self.rate) / gap_s;
-            self.rate_dot += (slope - self.rate_dot) * (gap_s / (RATE_DOT_TIME_S + gap_s));
+            let weight = gap_s / (SLOPE_TIME_S + gap_s);
+            self.rate_dot += ((rate - self.rate) / gap_s - self.rate_dot) * weight;
+            self.force_dot += ((force - self.force) / gap_s - self.force_dot) * weight;
         }
         let settings = &self.settings;
         // Readings are samples, not means: the trapezium holds between two of them.
@@ -270,7 +310,7 @@ impl MotionFilter {
         let density = settings.interval_s.max(1e-4).sqrt();
         let noise = [
             settings.accel_sigma_m_s2 * density,
-            settings.gyro_sigma_rad_s * density,
+            (settings.gyro_sigma_rad_s * density).hypot(untold_rate),
         ];
         self.carry(gap_s, mean_force, mean_rate, noise);
         self.begin(time, force, rate);
@@ -289,12 +329,35 @@ impl MotionFilter {
         self.imu_time = None;
         self.rate *= 0.8;
         self.rate_dot = Vector3::zeros();
+        self.force_dot = Vector3::zeros();
         self.force =
             self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2 + self.accel_bias;
         let (force, rate) = (self.force, self.rate + self.gyro_bias);
         self.carry(gap_s, force, rate, [BLIND_ACCEL, BLIND_RATE]);
         self.time = Some(now);
         self.remember(now);
+    }
+
+    /// What a misled state has learnt of the biases is wrong too.
+    fn forget_biases(&mut self) {
+        self.accel_bias = Vector3::zeros();
+        self.gyro_bias = Vector3::zeros();
+        let variance = self.start_variance();
+        for i in ACCEL_BIAS..STATES {
+            self.forget(i, variance[i]);
+        }
+    }
+
+    /// The inertial unit has misled the state: attitude, velocity and biases are found anew, the
+    /// attitude first.
+    fn doubt(&mut self) {
+        self.resets += 1;
+        self.forget_biases();
+        self.doubted = true;
+        self.velocity_misses = 0;
+        self.attitude_misses = 0;
+        self.velocity_time = None;
+        self.attitude_time = None;
     }
 
     fn begin(&mut self, time: LogTime, force: Vector3<f64>, rate: Vector3<f64>) {
@@ -352,10 +415,10 @@ impl MotionFilter {
             .copy_from(&(-earth_force.cross_matrix() * dt));
         f.fixed_view_mut::<3, 3>(VELOCITY, ACCEL_BIAS)
             .copy_from(&(-rotation * dt));
-        self.covariance = f * self.covariance * f.transpose();
+        self.mix(&f);
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
-                self.covariance[(i, i)] += variance * dt;
+                self.add_noise(i, variance * dt);
             }
         };
         add(ATTITUDE, noise[1] * noise[1]);
@@ -363,6 +426,40 @@ impl MotionFilter {
         add(ACCEL_BIAS, ACCEL_BIAS_WALK * ACCEL_BIAS_WALK);
         add(GYRO_BIAS, GYRO_BIAS_WALK * GYRO_BIAS_WALK);
         self.tidy();
+    }
+
+    /// P = F P F'.
+    fn mix(&mut self, f: &SMatrix<f64, STATES, STATES>) {
+        self.covariance = f * self.covariance * f.transpose();
+        self.trace.note(|| {
+            let change = f - SMatrix::identity();
+            let at = |k: usize| Term {
+                row: k % STATES,
+                column: k / STATES,
+                value: change[k],
+            };
+            let terms = (0..STATES * STATES).map(at);
+            Operation::Mix(terms.filter(|term| term.value != 0.0).collect())
+        });
+    }
+
+    fn add_noise(&mut self, i: usize, variance: f64) {
+        self.covariance[(i, i)] += variance;
+        self.trace.note(|| {
+            Operation::Noise(Term {
+                row: i,
+                column: i,
+                value: variance,
+            })
+        });
+    }
+
+    /// Makes an error independent of all others, with this variance.
+    fn forget(&mut self, i: usize, variance: f64) {
+        self.covariance.fill_row(i, 0.0);
+        self.covariance.fill_column(i, 0.0);
+        self.covariance[(i, i)] = variance;
+        self.trace.note(|| Operation::Forget { index: i, variance });
     }
 
     /// Keeps the covariance symmetric and bounded, and starts anew if a number was lost.
@@ -374,11 +471,9 @@ impl MotionFilter {
             let variance = self.covariance[(i, i)];
             if variance > bound {
                 // Scaling row and column keeps it positive semi-definite.
-                let scale = (bound / variance).sqrt();
-                for j in 0..STATES {
-                    self.covariance[(i, j)] *= scale;
-                    self.covariance[(j, i)] *= scale;
-                }
+                let mut scale = SMatrix::identity();
+                scale[(i, i)] = (bound / variance).sqrt();
+                self.mix(&scale);
             }
         }
         let finite = self.covariance.iter().all(|p| p.is_finite())
@@ -393,43 +488,36 @@ impl MotionFilter {
     /// The motion at `now`, carried on from the last reading by at most 50 ms.
     #[must_use]
     pub fn state(&self, now: LogTime) -> MotionState {
-        let ahead_s = self
-            .time
-            .map_or(0.0, |time| now.seconds_since(time).clamp(-0.02, STEP_MAX_S));
-        let inertial = self.imu_time.is_some();
-        let rate = self.rate - self.gyro_bias + self.rate_dot * ahead_s;
-        let earth_from_body =
-            self.earth_from_body * Rotation3::new((self.rate - self.gyro_bias) * ahead_s);
-        let force = self.force - self.accel_bias;
-        let acceleration = self.earth_from_body * force - Vector3::z() * STANDARD_GRAVITY_M_S2;
-        let at_imu = self.velocity_m_s + acceleration * ahead_s;
-        let arm = -self.settings.imu_m;
-        let earth = at_imu + earth_from_body * rate.cross(&arm);
-        let body = earth_from_body.inverse() * earth;
-        let (_, _, yaw) = earth_from_body.euler_angles();
-        let speed = earth.x.hypot(earth.y);
-        let course = earth.y.atan2(earth.x);
-        let mut slope = SVector::<f64, STATES>::zeros();
-        slope[ATTITUDE + 2] = -1.0;
-        slope[VELOCITY] = -course.sin() / speed.max(0.1);
-        slope[VELOCITY + 1] = course.cos() / speed.max(0.1);
-        let variance = (slope.transpose() * self.covariance * slope)[0];
-        let moving = speed > 0.3;
-        MotionState {
-            earth_from_body,
-            velocity_m_s: body,
-            rate_rad_s: rate,
-            rate_dot_rad_s2: self.rate_dot,
-            specific_force_m_s2: force + self.rate_dot.cross(&arm) + rate.cross(&rate.cross(&arm)),
-            sideslip_rad: if moving { wrap(course - yaw) } else { 0.0 },
-            sideslip_sigma_rad: if moving {
-                variance.max(0.0).sqrt()
-            } else {
-                f64::NAN
-            },
-            inertial,
-            inertial_age_s: ahead_s,
+        self.solution().state(now)
+    }
+
+    /// Nominal state and covariance at the last reading.
+    #[must_use]
+    pub fn solution(&self) -> Solution {
+        Solution {
+            time: self.time,
+            earth_from_body: self.earth_from_body,
+            velocity_m_s: self.velocity_m_s,
+            accel_bias: self.accel_bias,
+            gyro_bias: self.gyro_bias,
+            covariance: self.covariance,
+            rate: self.rate,
+            rate_dot: self.rate_dot,
+            force: self.force,
+            force_dot: self.force_dot,
+            imu_m: self.settings.imu_m,
+            inertial: self.imu_time.is_some(),
         }
+    }
+
+    /// From now on operations are taken down for [`Self::take_operations`].
+    pub fn switch_trace_on(&mut self) {
+        self.trace.switch_on();
+    }
+
+    /// The operations since the last call.
+    pub fn take_operations(&mut self) -> Vec<Operation<STATES>> {
+        self.trace.take()
     }
 }
 

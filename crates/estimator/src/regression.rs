@@ -80,6 +80,12 @@ impl Fit {
         (sum / self.residuals.len() as f64).sqrt()
     }
 
+    /// Widens the covariance by a doubt that moves the coefficients together, one deviation of it
+    /// by so much.
+    pub fn doubt(&mut self, moved: &DVector<f64>) {
+        self.covariance += moved * moved.transpose();
+    }
+
     /// Covariance of functions of the coefficients whose gradients are the rows of `jacobian`.
     #[must_use]
     pub fn propagated(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {

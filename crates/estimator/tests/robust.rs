@@ -248,6 +248,45 @@ proptest! {
     }
 }
 
+/// Sum of the variances of all forces, N^2.
+fn doubt(estimate: &Estimate) -> f64 {
+    let sigmas = estimate.measured.0.iter().flat_map(|force| force.sigma_n);
+    sigmas.map(|sigma| sigma * sigma).sum()
+}
+
+/// Rounding, and what learnt noise makes of other corrections, as a part of the variances.
+const LEARNT: f64 = 0.1;
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 24,
+        failure_persistence: None,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(11),
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn spoilt_channels_make_no_force_surer(
+        mut corruptions in proptest::collection::vec(corruption(), 1..5),
+    ) {
+        const STEPS: usize = 300;
+        for corruption in &mut corruptions {
+            corruption.first = 100 + corruption.first % 100;
+        }
+        let clean = run(&[], Method::Fusion, STEPS);
+        let spoilt = run(&corruptions, Method::Fusion, STEPS);
+        let lasts = |k: usize| corruptions.iter().any(|c| (c.first..c.first + c.steps).contains(&k));
+        let both = clean.iter().zip(&spoilt).enumerate();
+        for (k, (clean, spoilt)) in both.filter(|(k, _)| lasts(*k)) {
+            let [clean, spoilt] = [clean, spoilt].map(doubt);
+            prop_assert!(
+                spoilt >= (1.0 - LEARNT) * clean,
+                "step {}: {} {} {:?}", k, clean, spoilt, corruptions
+            );
+        }
+    }
+}
+
 #[test]
 fn the_same_input_gives_the_same_bits() {
     let corruptions = [Corruption {

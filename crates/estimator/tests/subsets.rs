@@ -242,6 +242,83 @@ fn every_subset_gives_forces_and_faults_are_named() {
     }
 }
 
+/// When a fault that heals ends, s, and how soon its channel must be used again, s.
+const HEALED_S: f64 = 14.0;
+const RECOVERED_WITHIN_S: f64 = 5.0;
+/// How much the worst error of a force may stand above that without the fault once the channel is
+/// back, N.
+const RECOVERED_N: f64 = 2.0;
+
+/// RMS errors of all twelve forces after a fault that has healed, N.
+fn late_errors(run: &Run, result: &judge::Result) -> [f64; 12] {
+    std::array::from_fn(|i| {
+        let (wheel, axis) = (Wheel::ALL[i / 3], i % 3);
+        let name = format!("{}_{}", wheel.abbreviation(), ["Fx", "Fy", "Fz"][axis]);
+        let truth = run.column(&name);
+        let first = ((HEALED_S + RECOVERED_WITHIN_S) * run::RATE_HZ) as usize;
+        judge::rms(result.estimates.iter().filter_map(|estimate| {
+            let row = judge::row(estimate);
+            (row > first && row < truth.len())
+                .then(|| estimate.measured[wheel].force_n[axis] - truth[row])
+        }))
+    })
+}
+
+/// A shift by 60 counts of one strain channel or of one potentiometer that goes as it came.
+#[test]
+fn a_channel_that_comes_back_good_is_used_again_and_said_so() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    let run = Run::load("c_sine03");
+    let good = sensing::samples(&run, &vehicle, &sensors, 1);
+    let settings = Settings::default();
+    let clean = estimate(&vehicle, &sensors, &calibration, settings.clone(), &good);
+    let clean = late_errors(&run, &clean);
+    for channel in [Some(StrainChannel::LowerFront), None] {
+        let mut samples = good.clone();
+        for sample in &mut samples {
+            let time_s = sample.log_time.seconds_since(sensing::START);
+            if let Measurement::Corner(corner) = &mut sample.measurement
+                && corner.wheel == Wheel::FrontLeft
+                && (FAULT_S..HEALED_S).contains(&time_s)
+            {
+                let counts = match channel {
+                    Some(channel) => &mut corner.strain_counts[channel.index()],
+                    None => &mut corner.deflection_counts,
+                };
+                *counts = counts.map(|n| (n + 60).min(1022));
+            }
+        }
+        let result = estimate(&vehicle, &sensors, &calibration, settings.clone(), &samples);
+        let spoilt = late_errors(&run, &result);
+        let told: Vec<(f64, &EventKind)> = result
+            .events
+            .iter()
+            .map(|event| (event.time.seconds_since(sensing::START), &event.kind))
+            .collect();
+        let wheel = Wheel::FrontLeft;
+        let name = format!(
+            "{wheel} {}",
+            channel.map_or("deflection", StrainChannel::name)
+        );
+        eprintln!("{name}: {told:.2?}; {clean:.1?} {spoilt:.1?} N");
+        let [(_, fault), (recovered_s, recovery)] = told[..] else {
+            panic!("{told:?}");
+        };
+        assert_eq!(*fault, EventKind::SensorFault(name.clone()));
+        assert_eq!(*recovery, EventKind::SensorRecovered(name));
+        let after_s = recovered_s - HEALED_S;
+        assert!((0.0..RECOVERED_WITHIN_S).contains(&after_s), "{after_s}");
+        for (clean, spoilt) in clean.iter().zip(spoilt) {
+            assert!(spoilt < clean + RECOVERED_N, "{clean} {spoilt}");
+        }
+    }
+}
+
 /// Largest errors F_x, F_y, F_z with a careful workshop's parameters, per cent.
 const WORKSHOP_MAX: [f64; 3] = [2.7, 3.3, 2.5];
 

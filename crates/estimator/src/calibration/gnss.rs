@@ -6,10 +6,12 @@
 //! velocity read = v + R (w x r) - tau_v d/dt(v + R (w x r)), attitude read = R - tau_a dR/dt + offset
 //!
 //! with the lever arm r from unit to antenna, the latencies tau that the stamps still hold, and what
-//! the attitude antennas' mounting adds. Lever arm and latency are constants of the filter, so that
-//! what it says at the end is what the whole drive says. It is run several times, each time at the
-//! instants that the latencies found so far give.
+//! the attitude antennas' mounting adds; a milliradian of the unit's misalignment stays open, as
+//! `imu` leaves it. Lever arm and latency are constants of the filter, so that what it says at the
+//! end is what the whole drive says. It is run several times, each time at the instants that the
+//! latencies found so far give.
 
+use model::sensors::Sensors;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
@@ -19,8 +21,9 @@ use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Spa
 use crate::regression::whiteness;
 
 /// States: turn of earth axes, velocity, accelerometer and gyro bias, lever arm, latency of
-/// velocity and of attitude, what the mounting adds to yaw, pitch and roll.
-const N: usize = 20;
+/// velocity and of attitude, what the mounting adds to yaw, pitch and roll, what is left of the
+/// inertial unit's misalignment.
+const N: usize = 23;
 const TURN: usize = 0;
 const VELOCITY: usize = 3;
 const ACCEL_BIAS: usize = 6;
@@ -29,13 +32,14 @@ const LEVER: usize = 12;
 const VELOCITY_LATENCY: usize = 15;
 const ATTITUDE_LATENCY: usize = 16;
 const OFFSET: usize = 17;
+const MISALIGNMENT: usize = 20;
 
 /// Passes over the drive.
 const PASSES: usize = 3;
 /// Half of the time that a rate is averaged over, s.
 const RATE_HALF_S: f64 = 0.025;
 /// What is known beforehand, standard deviations in the order of the states.
-const PRIOR: [f64; 8] = [0.1, 1.0, 0.15, 0.02, 0.7, 0.1, 0.1, 0.15];
+const PRIOR: [f64; 9] = [0.1, 1.0, 0.15, 0.02, 0.7, 0.1, 0.1, 0.15, 1e-3];
 /// A reading further off than this many deviations is left out.
 const GATE: f64 = 6.0;
 /// Least driving, s.
@@ -74,6 +78,18 @@ pub struct GnssInput<'a> {
     pub imu_m: [f64; 3],
     /// Place of the antenna as it is known so far, m.
     pub antenna_m: [f64; 3],
+}
+
+/// [`GnssInput::sigma`] by a sensors file.
+#[must_use]
+pub const fn sigma_of(sensors: &Sensors) -> [f64; 4] {
+    let attitude = &sensors.gnss_attitude;
+    [
+        sensors.gnss_velocity.velocity_noise_m_s,
+        attitude.heading_noise_rad,
+        attitude.roll_pitch_noise_rad,
+        attitude.roll_pitch_noise_rad,
+    ]
 }
 
 /// What was found of one receiver.
@@ -173,6 +189,9 @@ struct Filter {
     /// Latencies beyond those that the instants are moved by already.
     latency: [f64; 2],
     offset: Vector3<f64>,
+    /// Small turn m from body to sensor axes beyond the one that is taken off: f + m x f, w + m x w
+    /// are read.
+    misalignment: Vector3<f64>,
     covariance: SMatrix<f64, N, N>,
 }
 
@@ -453,7 +472,7 @@ impl Filter {
             Reading::Velocity(value) if *time_s >= start.0 => Some(Vector3::from(*value)),
             _ => None,
         });
-        let sizes = [3, 3, 3, 3, 3, 1, 1, 3];
+        let sizes = [3, 3, 3, 3, 3, 1, 1, 3, 3];
         let mut covariance = SMatrix::<f64, N, N>::zeros();
         let mut state = 0;
         for (size, sigma) in sizes.into_iter().zip(PRIOR) {
@@ -470,6 +489,7 @@ impl Filter {
             lever: lever_m.into(),
             latency: [0.0; 2],
             offset: Vector3::zeros(),
+            misalignment: Vector3::zeros(),
             covariance,
         }
     }
@@ -488,8 +508,8 @@ impl Filter {
 
     fn propagate(&mut self, dt: f64, force: Vector3<f64>, rate: Vector3<f64>, sigma: [f64; 2]) {
         let body = self.earth_from_body.into_inner();
-        let force = force - self.accel_bias;
-        let rate = rate - self.gyro_bias;
+        let force = force - self.accel_bias - self.misalignment.cross(&force);
+        let rate = rate - self.gyro_bias - self.misalignment.cross(&rate);
         let half = Rotation3::new(rate * (0.5 * dt));
         let push = (self.earth_from_body * half) * force;
         self.velocity += (push - Vector3::z() * STANDARD_GRAVITY_M_S2) * dt;
@@ -500,6 +520,11 @@ impl Filter {
             .copy_from(&bias);
         step.fixed_view_mut::<3, 3>(VELOCITY, ACCEL_BIAS)
             .copy_from(&bias);
+        // d(-m x w) = w x dm.
+        step.fixed_view_mut::<3, 3>(TURN, MISALIGNMENT)
+            .copy_from(&(body * cross(rate) * dt));
+        step.fixed_view_mut::<3, 3>(VELOCITY, MISALIGNMENT)
+            .copy_from(&(body * cross(force) * dt));
         let lean = -cross(push) * dt;
         step.fixed_view_mut::<3, 3>(VELOCITY, TURN).copy_from(&lean);
         self.covariance = step * self.covariance * step.transpose();
@@ -608,6 +633,7 @@ impl Filter {
         self.latency[0] += delta[VELOCITY_LATENCY];
         self.latency[1] += delta[ATTITUDE_LATENCY];
         self.offset += part(OFFSET);
+        self.misalignment += part(MISALIGNMENT);
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
     }
 }

@@ -38,6 +38,9 @@ const HEADINGS_DIFFER_RAD: f64 = 2.6;
 /// Least rest at a heading, s, and least driving, s.
 const REST_NEEDED_S: f64 = 3.0;
 const DRIVE_NEEDED_S: f64 = 20.0;
+/// What springs and tyres leave open of the body's roll and pitch in turns, as a turn of the unit, rad:
+/// the tyres give way under other forces than the springs, which lift in turns by the links' pull.
+const LEAN_DOUBT_RAD: f64 = 5e-4;
 /// Most that an accelerometer at rest may be from gravity, m/s^2.
 const GRAVITY_WITHIN_M_S2: f64 = 1.0;
 
@@ -100,23 +103,27 @@ pub fn imu(
         b_eff + pitch_0,
         straight.fit.coefficients[1],
     ];
+    let upright = a_eff.cos() * b_eff.cos() * level.slope_rad.cos();
     let bias = [
         level.force[0] - g * b_eff,
         level.force[1] + g * a_eff,
-        level.force[2] - g,
+        level.force[2] - g * upright,
     ];
+    let [about_x, about_y] = [pitch, roll].map(|fit| fit.sigma(1).hypot(LEAN_DOUBT_RAD));
     let bias_sigma = [
-        level.force_sigma[0].hypot(g * roll.sigma(1)),
-        level.force_sigma[1].hypot(g * pitch.sigma(1)),
+        level.force_sigma[0].hypot(g * about_y),
+        level.force_sigma[1].hypot(g * about_x),
         level.force_sigma[2],
     ];
-    let sigma = [pitch.sigma(1), roll.sigma(1), straight.fit.sigma(1)];
+    let about_z = straight
+        .interval
+        .map_or(0.0, |[low, high]| (high - low) / 3.92);
+    let sigma = [about_x, about_y, straight.fit.sigma(1).max(about_z)];
     let intervals = [
-        turns
-            .interval(1)
-            .map(|[low, high]| [roll_0 - high, roll_0 - low]),
-        turns.interval(0).map(|ends| ends.map(|end| end + pitch_0)),
-        straight.interval(),
+        turns.intervals[1]
+            .map(|[low, high]| doubted([roll_0 - high, roll_0 - low], LEAN_DOUBT_RAD)),
+        turns.intervals[0].map(|ends| doubted(ends.map(|end| end + pitch_0), LEAN_DOUBT_RAD)),
+        straight.interval,
     ];
     let mut findings = Findings {
         what: "inertial unit".to_owned(),
@@ -510,10 +517,6 @@ fn turn_row(
 }
 
 impl Turns {
-    fn interval(&self, axis: usize) -> Option<[f64; 2]> {
-        self.intervals[axis]
-    }
-
     /// The roll gyro against the yaw rate, all else taken off.
     fn figure(&self) -> Figure {
         let series = |axis: usize, name: &str| {
@@ -616,10 +619,6 @@ fn straight_within(
 }
 
 impl Straight {
-    fn interval(&self) -> Option<[f64; 2]> {
-        self.interval
-    }
-
     fn figure(&self) -> Figure {
         let x: Vec<f64> = self.design.column(1).iter().copied().collect();
         let fitted: Vec<f64> = x.iter().map(|x| self.fit.coefficients[1] * x).collect();
@@ -656,6 +655,13 @@ fn interval(design: &DMatrix<f64>, response: &DVector<f64>, fit: &Fit) -> Option
         Some(vec![(normal * design.transpose() * response)[1]])
     })?;
     intervals.first().copied()
+}
+
+/// A 95 % interval widened by a doubt of this deviation.
+fn doubted([low, high]: [f64; 2], sigma: f64) -> [f64; 2] {
+    let half = 0.5 * (high - low);
+    let more = half.hypot(1.96 * sigma) - half;
+    [low - more, high + more]
 }
 
 /// Windows of a log between its rests, gapless and of full length.

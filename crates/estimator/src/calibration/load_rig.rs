@@ -94,6 +94,10 @@ pub enum WiringKind {
     Bending,
     /// It does not react.
     NoReaction,
+    /// It is at an end of its range, or silent, whatever the load.
+    Silent,
+    /// It leaves its range under most loads.
+    OutOfRange,
     /// It follows nothing that the linkage knows.
     Unexplained,
 }
@@ -116,6 +120,15 @@ impl fmt::Display for WiringFault {
                 "reads bending: its gauges stand in adjacent arms of the bridge; it is called dead"
             ),
             WiringKind::NoReaction => write!(f, "does not react to load; it is called dead"),
+            WiringKind::Silent => write!(
+                f,
+                "gives no reading within its range; it is called dead, look at gauge and cable"
+            ),
+            WiringKind::OutOfRange => write!(
+                f,
+                "leaves its range under load: its gauges stand in adjacent arms of the bridge, \
+                 where they read bending, or its gain is too high; it is called dead"
+            ),
             WiringKind::Unexplained => write!(
                 f,
                 "follows no member of the linkage; it is called dead, look at gauge and cable"
@@ -274,6 +287,10 @@ impl LoadRig {
                 .filter_map(|(k, row)| Some((k, row.counts[i]?)))
                 .collect();
             if read.len() < LOADS_NEEDED {
+                let absent = resolved.corners[wheel].strain[i].dead && read.is_empty();
+                if !absent {
+                    self.unread(wheel, channel, !read.is_empty());
+                }
                 continue;
             }
             let table = Table {
@@ -322,6 +339,21 @@ impl LoadRig {
             });
         }
         self.findings.figures.push(figure);
+    }
+
+    /// A channel without enough readings within its range.
+    fn unread(&mut self, wheel: Wheel, channel: StrainChannel, sometimes: bool) {
+        let corner = self.calibration.corner.entry(wheel).or_default();
+        corner.strain.entry(channel).or_default().dead = true;
+        self.faults.push(WiringFault {
+            wheel,
+            channel,
+            kind: if sometimes {
+                WiringKind::OutOfRange
+            } else {
+                WiringKind::Silent
+            },
+        });
     }
 
     fn tell(&mut self, wheel: Wheel, channel: StrainChannel, table: &Table, line: &Line) {

@@ -2,10 +2,11 @@
 //!
 //! The plates are read at several hand-wheel angles, turned to one side, back through the middle to
 //! the other side, and back. Where the gear has play, the hand wheel is ahead of the wheels by half
-//! of it on either way; the maps are those of the middle, made monotone by pooling neighbours that
-//! fall (Barlow and others 1972).
+//! of it on either way, which a regression tells with the centre; the maps are those of the middle,
+//! made monotone by pooling neighbours that fall (Barlow and others 1972).
 
 use model::steering::MonotoneMap;
+use nalgebra::{DMatrix, DVector};
 
 use super::SteerCalibration;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
@@ -39,7 +40,6 @@ pub struct Steer {
 /// Too few readings, one side only, wheels that turn against the hand wheel.
 pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, Refusal> {
     check(readings).map_err(|refusal| refusal.of(WHAT))?;
-    let mean = |reading: &PlateReading| 0.5 * (reading.wheels_rad[0] + reading.wheels_rad[1]);
     let slope = slope(readings, mean);
     if slope <= 0.0 {
         return Err(Refusal::Value {
@@ -52,11 +52,12 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
                     .to_owned(),
         });
     }
-    let (lash_rad, lash_sigma) = lash(readings, mean, slope, plate_sigma_rad);
-    let direction = directions(readings);
+    let gear = Gear::fit(readings, slope, plate_sigma_rad);
+    let [centre_rad, centre_sigma] = gear.centre_rad;
+    let [lash_rad, lash_sigma] = gear.lash_rad;
     let middle: Vec<f64> = readings
         .iter()
-        .zip(&direction)
+        .zip(directions(readings))
         .map(|(reading, way)| reading.hand_wheel_rad - 0.5 * lash_rad * way)
         .collect();
     let map = |value: &dyn Fn(&PlateReading) -> f64| {
@@ -68,13 +69,6 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
                 .collect(),
         )
     };
-    let centre_map = map(&mean);
-    let centre_rad = crossing(&centre_map);
-    let near = readings
-        .iter()
-        .filter(|r| mean(r).abs() < 2.0 * SIDE_NEEDED_RAD)
-        .count();
-    let centre_sigma = plate_sigma_rad / slope / (2.0 * near.max(1) as f64).sqrt();
     let shifted = |points: Vec<[f64; 2]>| -> Vec<[f64; 2]> {
         points
             .into_iter()
@@ -179,10 +173,7 @@ fn check(readings: &[PlateReading]) -> Result<(), Refusal> {
         return refuse("number of readings", found, READINGS_NEEDED as f64, "-");
     }
     for side in [1.0, -1.0] {
-        let most = readings
-            .iter()
-            .map(|r| side * 0.5 * (r.wheels_rad[0] + r.wheels_rad[1]))
-            .fold(0.0, f64::max);
+        let most = readings.iter().map(|r| side * mean(r)).fold(0.0, f64::max);
         if most < SIDE_NEEDED_RAD {
             let name = if side > 0.0 {
                 "angle to the left"
@@ -225,37 +216,49 @@ fn directions(readings: &[PlateReading]) -> Vec<f64> {
     ways
 }
 
-/// Play: how much further the hand wheel stands on the way left than on the way right at the same
-/// road-wheel angle, and the deviation of that; zero where one way only was read.
-fn lash(
-    readings: &[PlateReading],
-    mean: impl Fn(&PlateReading) -> f64,
-    slope: f64,
-    plate_sigma_rad: f64,
-) -> (f64, f64) {
-    let ways = directions(readings);
-    let branch = |way: f64| -> Vec<[f64; 2]> {
-        let chosen = readings.iter().zip(&ways).filter(|(_, w)| **w == way);
-        monotone(chosen.map(|(r, _)| (r.hand_wheel_rad, mean(r))).collect())
-    };
-    let (leftward, rightward) = (branch(1.0), branch(-1.0));
-    let (Ok(left), Ok(right)) = (MonotoneMap::new(&leftward), MonotoneMap::new(&rightward)) else {
-        return (0.0, f64::NAN);
-    };
-    let low = leftward[0][0].max(rightward[0][0]);
-    let high = leftward[leftward.len() - 1][0].min(rightward[rightward.len() - 1][0]);
-    let places = 21;
-    // At the same hand-wheel angle the wheels stand further right on the way left.
-    let behind = (0..places).map(|k| {
-        let x = low + (high - low) * f64::from(k) / f64::from(places - 1);
-        right.at(x) - left.at(x)
-    });
-    let count = leftward.len().min(rightward.len()) as f64;
-    let sigma = plate_sigma_rad / slope / count.sqrt();
-    (
-        (behind.sum::<f64>() / f64::from(places) / slope).max(0.0),
-        sigma,
-    )
+/// Centre and play, rad, each with its deviation.
+struct Gear {
+    centre_rad: [f64; 2],
+    lash_rad: [f64; 2],
+}
+
+impl Gear {
+    /// Least squares of the hand wheel on the plates' mean m and the way w that it came:
+    ///
+    /// hand wheel = centre + s m + q m^2 + k m^3 + w play/2
+    ///
+    /// Without both ways the play is zero, and not known.
+    fn fit(readings: &[PlateReading], slope: f64, plate_sigma_rad: f64) -> Self {
+        let ways = directions(readings);
+        let both = ways.contains(&1.0) && ways.contains(&-1.0);
+        let columns = if both { 5 } else { 4 };
+        let most = readings.iter().map(|r| mean(r).abs()).fold(0.0, f64::max);
+        let design = DMatrix::from_fn(readings.len(), columns, |row, column| match column {
+            4 => ways[row],
+            power => (mean(&readings[row]) / most).powi(power as i32),
+        });
+        let hand_wheel =
+            DVector::from_iterator(readings.len(), readings.iter().map(|r| r.hand_wheel_rad));
+        let inverse = (design.transpose() * &design)
+            .pseudo_inverse(1e-12)
+            .unwrap_or_else(|_| DMatrix::zeros(columns, columns));
+        let found = &inverse * design.transpose() * hand_wheel;
+        let noise = plate_sigma_rad / slope / 2.0_f64.sqrt();
+        let sigma = |column: usize| noise * inverse[(column, column)].sqrt();
+        Self {
+            centre_rad: [found[0], sigma(0)],
+            lash_rad: if both {
+                [(2.0 * found[4]).max(0.0), 2.0 * sigma(4)]
+            } else {
+                [0.0, f64::NAN]
+            },
+        }
+    }
+}
+
+/// Mean angle of the two wheels, rad.
+fn mean(reading: &PlateReading) -> f64 {
+    0.5 * (reading.wheels_rad[0] + reading.wheels_rad[1])
 }
 
 /// Points in order of x, equal ones put together, and pooled where y falls.
@@ -293,17 +296,4 @@ fn monotone(mut pairs: Vec<(f64, f64)>) -> Vec<[f64; 2]> {
         .zip(levels)
         .map(|((point, _), y)| [point[0], y])
         .collect()
-}
-
-/// Where a map passes zero.
-fn crossing(points: &[[f64; 2]]) -> f64 {
-    let after = points.partition_point(|point| point[1] < 0.0);
-    match (
-        after.checked_sub(1).and_then(|k| points.get(k)),
-        points.get(after),
-    ) {
-        (Some(a), Some(b)) => a[0] - a[1] * (b[0] - a[0]) / (b[1] - a[1]).max(1e-12),
-        (None, Some(point)) | (Some(point), None) => point[0],
-        (None, None) => 0.0,
-    }
 }

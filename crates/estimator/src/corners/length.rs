@@ -1,10 +1,16 @@
-//! Length of a strut and its rate from a potentiometer: constant acceleration, white jerk.
+//! Length of a strut and its rate from a potentiometer: constant acceleration, white jerk, whose
+//! density follows the road ([`ProcessNoise`]).
 
 use nalgebra::{Matrix3, Vector3};
 use sample::LogTime;
 
-/// Jerk of a strut, (m/s^3)/sqrt(Hz).
-const JERK: f64 = 14.0;
+use crate::process_noise::ProcessNoise;
+
+/// Density of a strut's jerk at the start, and its bounds, (m/s^3)^2/Hz.
+const JERK: f64 = 5.0 * 5.0;
+const JERK_BOUNDS: [f64; 2] = [0.5 * 0.5, 300.0 * 300.0];
+/// Change of a strut's acceleration by a blow, m/s^2.
+const JOLT: f64 = 2.0;
 /// Innovation, standard deviations, beyond which a reading is left out.
 const GATE: f64 = 8.0;
 /// Readings left out in a row after which the filter, not the potentiometer, is taken to be wrong.
@@ -23,6 +29,7 @@ pub struct LengthFilter {
     silent_s: f64,
     misses: u32,
     jumped: bool,
+    jerk: ProcessNoise<1>,
 }
 
 impl LengthFilter {
@@ -37,6 +44,7 @@ impl LengthFilter {
             silent_s: 0.0,
             misses: 0,
             jumped: false,
+            jerk: ProcessNoise::new(JERK, JERK_BOUNDS),
         }
     }
 
@@ -54,7 +62,7 @@ impl LengthFilter {
             return;
         }
         let f = Matrix3::new(1.0, dt, 0.5 * dt * dt, 0.0, 1.0, dt, 0.0, 0.0, 1.0);
-        let q = JERK.powi(2);
+        let q = self.jerk.density();
         let [d2, d3, d4, d5] = [dt * dt, dt.powi(3), dt.powi(4), dt.powi(5)];
         let noise = Matrix3::new(
             d5 / 20.0,
@@ -69,6 +77,11 @@ impl LengthFilter {
         );
         self.state = f * self.state;
         self.covariance = f * self.covariance * f.transpose() + noise * q;
+    }
+
+    /// A blow has changed the acceleration.
+    pub fn jolt(&mut self) {
+        self.covariance[(2, 2)] += JOLT * JOLT;
     }
 
     /// Takes a length in that was true at `valid`.
@@ -90,6 +103,7 @@ impl LengthFilter {
             self.state = Vector3::new(length_m, 0.0, 0.0);
             self.covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 1.0, 100.0));
         } else {
+            self.jerk.learn([innovation / total.sqrt()]);
             self.state += ph * (innovation / total);
             self.covariance -= ph * ph.transpose() / total;
             self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;

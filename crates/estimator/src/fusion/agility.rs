@@ -1,50 +1,45 @@
-//! How fast the forces change: the process noise of their rates, learnt from the filter's own
-//! corrections.
+//! How fast the forces change: the process noise of their rates.
 //!
-//! In a filter whose noise is right the corrections d of a state have the variance that the
-//! measurements take away, E d^2 = P- - P+. Rates that are corrected by more have been told to
-//! change too little, and the density of their noise grows; by less, and it shrinks. So a steady
-//! circle is smoothed more than a launch, and the deviations stay true in both. One density for
-//! each axis, shared by the four tyres (which may turn rough together).
+//! One density for each axis, shared by the four tyres (which may turn rough together), follows the
+//! filter's corrections of the rates ([`ProcessNoise`]), so that a steady circle is smoothed more
+//! than a launch and the deviations stay true in both.
 //!
 //! A blow that learning is too slow for shows in many channels at once, where a faulty channel
 //! stands alone: then the rates are set free for the next step, before any channel is blamed.
 
+use crate::process_noise::ProcessNoise;
+
 /// Density at the start, and its bounds, (N/s)^2/s.
 const START: f64 = 3.0e3 * 3.0e3;
-const BOUNDS: [f64; 2] = [400.0 * 400.0, 2.0e4 * 2.0e4];
-/// Weight of one step in the mean of corrections: about half a second.
-const LEARN: f64 = 0.02;
-/// Corrections beyond the variance taken away that are the measurements' own colour.
-const CORRECTED: f64 = 1.2;
-/// How much of the surplus a density follows in one step, and the most, downward and upward.
-const FOLLOW: f64 = 0.05;
-const STEP: [f64; 2] = [0.01, 0.1];
+const BOUNDS: [f64; 2] = [100.0 * 100.0, 2.0e4 * 2.0e4];
 
-/// Square of a normalised innovation that surprises, and how many of one corner's channels it takes;
-/// in three corners at once one each will do.
+/// Square of a normalised innovation that surprises, and how many of one corner's channels it takes.
 const SURPRISE: f64 = 20.0;
 const CHANNELS: u32 = 3;
+/// Deviations of chi-square that the sum of all squares must stand above its mean, and the most that
+/// one channel gives to it: of twenty good channels once in a quarter of an hour.
+const TOGETHER: f64 = 6.3;
+const SHARE_MAX: f64 = 9.0;
 /// Least density after a surprise, (N/s)^2/s.
 const AFTER_SURPRISE: f64 = 6.0e3 * 6.0e3;
 
-/// Densities of F_x, F_y, F_z and what they are learnt from.
+/// Densities of F_x, F_y, F_z and what has just surprised.
 #[derive(Clone, Debug)]
 pub struct Agility {
-    density: [f64; 3],
-    corrected: [f64; 3],
-    told: [f64; 3],
+    noise: [ProcessNoise<4>; 3],
     surprises: [u32; 4],
+    channels: u32,
+    sum: f64,
     open: bool,
 }
 
 impl Default for Agility {
     fn default() -> Self {
         Self {
-            density: [START; 3],
-            corrected: [0.0; 3],
-            told: [0.0; 3],
+            noise: [ProcessNoise::new(START, BOUNDS); 3],
             surprises: [0; 4],
+            channels: 0,
+            sum: 0.0,
             open: false,
         }
     }
@@ -53,51 +48,46 @@ impl Default for Agility {
 impl Agility {
     /// Density of the noise of the rate along an axis, (N/s)^2/s.
     pub fn density(&self, axis: usize) -> f64 {
-        self.density[axis]
+        self.noise[axis].density()
     }
 
     /// Takes the normalised square of a strain channel's innovation in.
     pub fn surprise(&mut self, wheel: usize, square: f64) {
         self.surprises[wheel] += u32::from(square > SURPRISE);
+        self.channels += 1;
+        self.sum += square.min(SHARE_MAX);
     }
 
-    /// Whether the last step surprised: what contradicts the state now may be right.
+    /// Whether this step surprised: what contradicts the state now may be right.
     pub fn open(&self) -> bool {
         self.open
     }
 
     /// Whether this step's innovations call for faster forces; forgets them.
     pub fn surprised(&mut self) -> bool {
-        let corners = self.surprises.iter().filter(|count| **count > 0).count();
-        let found = corners >= 3 || self.surprises.iter().any(|count| *count >= CHANNELS);
+        let channels = f64::from(self.channels);
+        let together = self.sum > channels + TOGETHER * (2.0 * channels).sqrt();
+        let found = together || self.surprises.iter().any(|count| *count >= CHANNELS);
         self.surprises = [0; 4];
+        (self.channels, self.sum) = (0, 0.0);
         self.open = found;
         if found {
-            for density in &mut self.density {
-                *density = density.max(AFTER_SURPRISE);
+            for noise in &mut self.noise {
+                noise.raise(AFTER_SURPRISE);
             }
         }
         found
     }
 
     /// Takes in values and variances of the twelve rates before and after the measurements of one
-    /// step.
+    /// step: a correction's variance is what the measurements have taken away, P- - P+.
     pub fn learn(&mut self, before: &[[f64; 2]; 12], after: &[[f64; 2]; 12]) {
-        for axis in 0..3 {
-            let (mut corrected, mut told) = (0.0, 0.0);
-            for i in (axis..12).step_by(3) {
-                corrected += (after[i][0] - before[i][0]).powi(2);
-                told += (before[i][1] - after[i][1]).max(0.0);
-            }
-            self.corrected[axis] += LEARN * (corrected - self.corrected[axis]);
-            self.told[axis] += LEARN * (told - self.told[axis]);
-            let ratio = self.corrected[axis] / self.told[axis].max(f64::MIN_POSITIVE);
-            let [down, up] = STEP;
-            let step = (FOLLOW * (ratio - CORRECTED)).clamp(-down, up);
-            let [least, most] = BOUNDS;
-            if step.is_finite() {
-                self.density[axis] = (self.density[axis] * (1.0 + step)).clamp(least, most);
-            }
+        for (axis, noise) in self.noise.iter_mut().enumerate() {
+            noise.learn(std::array::from_fn(|wheel| {
+                let i = 3 * wheel + axis;
+                let taken = before[i][1] - after[i][1];
+                (after[i][0] - before[i][0]) / taken.max(f64::MIN_POSITIVE).sqrt()
+            }));
         }
     }
 }

@@ -10,6 +10,9 @@ const LEARN: f64 = 1.0 / 50.0;
 /// error of the model: what keeps to one side is no noise.
 const MEAN_LEARN: f64 = 0.01;
 const MEAN_FACTOR: f64 = 2.0;
+/// How fast the part of the model's tolerance that a channel needs is learnt, and its bounds.
+const TOLERANCE_LEARN: f64 = 0.02;
+const TOLERANCE_BOUNDS: [f64; 2] = [0.1, 2.0];
 /// Square of the normalised innovation that counts as one too many.
 const GATE: f64 = 25.0;
 
@@ -25,22 +28,58 @@ pub enum Change {
 }
 
 /// Memory of one channel.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct ChannelHealth {
     outside: f64,
     mean: f64,
+    /// Factor on the variance of the model's tolerance.
+    tolerance: f64,
+    /// Variance of the last innovation.
+    variance: f64,
     faulty: bool,
 }
 
+impl Default for ChannelHealth {
+    fn default() -> Self {
+        Self {
+            outside: 0.0,
+            mean: 0.0,
+            tolerance: 1.0,
+            variance: 0.0,
+            faulty: false,
+        }
+    }
+}
+
 impl ChannelHealth {
-    /// Variance that the innovations' mean calls for.
-    pub fn model_variance(&self) -> f64 {
-        (MEAN_FACTOR * self.mean).powi(2)
+    /// Variance of the model's error, of which a workshop's `tolerance_n` is known: as much of it as
+    /// the innovations call for, and what their mean does.
+    pub fn model_variance(&self, tolerance_n: f64) -> f64 {
+        self.tolerance * tolerance_n.powi(2) + (MEAN_FACTOR * self.mean).powi(2)
     }
 
-    /// Takes an innovation of a reading that is used into the mean.
-    pub fn learn(&mut self, innovation: f64) {
+    /// Normalised square of an innovation before any reading of its step is taken in, by the
+    /// variance of the last step's; none of a channel that is not believed.
+    pub fn foretold_square(&self, innovation: f64) -> Option<f64> {
+        (!self.faulty && self.variance > 0.0).then(|| innovation * innovation / self.variance)
+    }
+
+    /// Notes the variance of an innovation.
+    pub fn expect(&mut self, variance: f64) {
+        self.variance = variance;
+    }
+
+    /// Takes an innovation of a reading that is used into the mean, and into the tolerance by the
+    /// part that this has in the variance that was noted.
+    pub fn learn(&mut self, innovation: f64, tolerance_n: f64) {
         self.mean += MEAN_LEARN * (innovation - self.mean);
+        let share = (self.tolerance * tolerance_n.powi(2) / self.variance).min(1.0);
+        let surplus = (innovation * innovation / self.variance).min(GATE) - 1.0;
+        let [least, most] = TOLERANCE_BOUNDS;
+        let step = TOLERANCE_LEARN * share * surplus;
+        if step.is_finite() {
+            self.tolerance = (self.tolerance * (1.0 + step)).clamp(least, most);
+        }
     }
 
     /// Judges an innovation by its normalised square: whether to use it, and what changed. Where

@@ -1,11 +1,12 @@
 //! Whether the potentiometers' levels hold.
 //!
-//! Each strut's length has an error state of its own, tight while nothing speaks against the
-//! potentiometer. It is set free by a jump that no strut makes, and by innovations of the strut's
-//! force that keep to one side; strain and the balances of the whole vehicle then tell where the
-//! level stands. A level that is off by more than a spring's tolerances is a fault: it is named, and
-//! the linkage's pose follows the corrected length. When the error has been small for a second the
-//! state is tied down again.
+//! Each strut's length has an error state of its own. While nothing speaks against the potentiometer
+//! it fades within half a second: a stop is five times as stiff as the spring, so that what a length
+//! had learnt from other errors on the spring would be a gross error on the stop. It is set free by
+//! a jump that no strut makes, and by innovations of the strut's force that keep to one side; strain
+//! and the balances of the whole vehicle then tell where the level stands. A level that is off by
+//! more than a spring's tolerances is a fault: it is named, and the linkage's pose follows the
+//! corrected length. When the error has been small for a second it fades again.
 
 use super::layout::LENGTH;
 use super::{ChannelChange, Fusion};
@@ -13,9 +14,10 @@ use crate::calibration::{Channel, CornerChannels};
 use sample::PerWheel;
 
 /// Error of a strut's length beside the potentiometer's zero, mm.
-const SIGMA_MM: f64 = 0.1;
-/// Its walk, mm/sqrt(s): of a potentiometer that is believed, and of one that is doubted.
-const WALK_MM: f64 = 0.02;
+const SIGMA_MM: f64 = 0.08;
+/// How fast it fades, s.
+const FADE_S: f64 = 0.5;
+/// Its walk while it is doubted, mm/sqrt(s).
 const DOUBTED_WALK_MM: f64 = 1.0;
 /// Doubt of a length whose potentiometer has jumped, mm.
 const JUMP_SIGMA_MM: f64 = 15.0;
@@ -48,12 +50,14 @@ impl LengthWatch {
         self.faulty
     }
 
-    /// Walk of the error, mm/sqrt(s).
-    pub fn walk_mm(&self) -> f64 {
+    /// What the error keeps over `dt`, and the variance that it gains, mm^2; `start` is that of a
+    /// potentiometer that is believed.
+    pub fn fading(&self, start: f64, dt: f64) -> (f64, f64) {
         if self.doubted {
-            DOUBTED_WALK_MM
+            (1.0, DOUBTED_WALK_MM.powi(2) * dt)
         } else {
-            WALK_MM
+            let keep = (-dt / FADE_S).exp();
+            (keep, (1.0 - keep * keep) * start)
         }
     }
 

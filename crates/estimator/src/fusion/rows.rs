@@ -1,17 +1,18 @@
 //! Measurement equations.
 
 use model::suspension::CornerStatics;
-use nalgebra::{Matrix3, Vector3};
-use sample::StrainChannel;
+use nalgebra::{Matrix3, SVector, Vector3};
+use sample::{PerWheel, StrainChannel};
 
 use super::covariance::{Row, position};
+use super::moments::KnownMoment;
 use super::{
     ACCEL, Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, OFFSET, RATE, SIZE, StepInput,
     TORQUE, TURN,
 };
-use crate::corners::CornerState;
-use crate::inputs::CornerReadings;
+use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
+use crate::trace::{Operation, Update};
 
 /// Error of geometry and model on a member's force, N, and as a part of it.
 const MEMBER_FLOOR_N: f64 = 1.5;
@@ -24,6 +25,10 @@ const BENDING_FLOOR_N: f64 = 1.5;
 const SUM_FLOOR_N: f64 = 10.0;
 /// Error of a channel's gain that is no fault.
 const FAULT_FLOOR: f64 = 0.02;
+/// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
+/// The lag's inverse would make a wild rate of a jump that the force itself may not make.
+const SURPRISE_N: f64 = 150.0;
+const SURPRISE_N_S: f64 = 4.0e3;
 /// Gate of rows that no channel answers for, squared.
 const GATE: f64 = 25.0;
 /// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
@@ -37,8 +42,10 @@ const BLIND_TIME_S: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub(super) struct Balance {
     pub(super) jacobian: [[f64; 24]; 3],
-    constant: [f64; 3],
+    pub(super) constant: [f64; 3],
     directions: [Matrix3<f64>; 4],
+    /// The tyres' moments that go with the forces of the last step.
+    pub(super) known: [KnownMoment; 4],
 }
 
 impl Balance {
@@ -58,6 +65,9 @@ impl Fusion {
         let mut momentum = Vector3::zeros();
         let mut momentum_dot = Vector3::zeros();
         let mut directions = [Matrix3::zeros(); 4];
+        let known = std::array::from_fn(|wheel| {
+            self.known_moment(wheel, &input.corners[wheel], input.motion.velocity_m_s.x)
+        });
         let backward = input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
         for (i, corner) in input.corners.iter().enumerate() {
             let turn = corner.frame.vehicle_from_tyre;
@@ -78,7 +88,7 @@ impl Fusion {
             let spindle = corner.pose.spindle;
             momentum += spindle * (body.spin_inertia[i] * corner.spin_rad_s);
             momentum_dot += spindle * (body.spin_inertia[i] * corner.spin_dot_rad_s2);
-            of_known += of_moment * self.known_moment_n_m(i, corner, input.motion.velocity_m_s.x);
+            of_known += of_moment * known[i].moment_n_m;
             directions[i] = turn;
         }
         let rate = input.motion.rate_rad_s;
@@ -88,24 +98,8 @@ impl Fusion {
             jacobian,
             constant: constant.into(),
             directions,
+            known,
         }
-    }
-
-    /// Moment that goes with the force of the last step, N m: M_x of the cambered tread, and of a
-    /// rolling wheel M_z = -n F_y of a trail n that is a sixth of the contact's length and vanishes
-    /// as the tyre begins to slide (brush model).
-    fn known_moment_n_m(&self, wheel: usize, corner: &CornerState, speed_m_s: f64) -> Vector3<f64> {
-        let normal = corner.frame.vehicle_from_tyre.column(2).into_owned();
-        let inclination = corner.pose.spindle.dot(&normal).clamp(-1.0, 1.0).asin();
-        let tyre = &self.body.tyres[wheel];
-        let lateral = self.state[FORCE + 3 * wheel + 1];
-        let load = self.state[FORCE + 3 * wheel + 2].max(0.0);
-        let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
-        let contact = 2.0 * (2.0 * tyre.unloaded_radius_m * pressed).sqrt();
-        let sliding = lateral.abs() / (tyre.friction * load).max(1.0);
-        let trail = contact / 6.0 * (1.0 - sliding).max(0.0) * speed_m_s.abs().min(1.0);
-        let tipping = -tyre.tread_moment_n_m(load, inclination);
-        Vector3::new(tipping, 0.0, -trail * lateral)
     }
 
     /// Specific force of the inertial unit and angular rate. With r from the centre of gravity to
@@ -139,13 +133,15 @@ impl Fusion {
             let innovation = self.take(&row, sum[axis], variance, GATE);
             agrees &= innovation * innovation <= GATE;
         }
-        for axis in 0..3 {
+        for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
             let mut row = Row::new();
             row.add(TURN + axis, 1.0);
             for (j, gain) in balance.jacobian[axis].iter().enumerate() {
                 row.add(position(j), -age * gain);
             }
-            let value = input.motion.rate_rad_s[axis] + age * balance.constant[axis];
+            // The reading itself: the motion's rate is already carried on to now.
+            let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
+            let value = read + age * balance.constant[axis];
             self.take(&row, value, gyro * gyro, GATE);
         }
         agrees
@@ -167,22 +163,90 @@ impl Fusion {
         [sum / self.body.mass_kg, turn]
     }
 
+    fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
+        let corner = &input.corners[wheel];
+        let speed_m_s = input.motion.velocity_m_s.x;
+        let known = balance.known[wheel].moment_n_m;
+        let of_known = corner.statics.members_from_wrench.fixed_columns::<3>(3) * known;
+        Members {
+            wheel,
+            statics: &corner.statics,
+            rolling_m: -self.body.rolling[wheel] * speed_m_s.clamp(-1.0, 1.0),
+            torque: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
+            offset_n: std::array::from_fn(|i| corner.statics.members_offset[i] + of_known[i]),
+        }
+    }
+
+    /// How long ago the force stood that a strain channel's lagged reading tells, s.
+    fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
+        input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s
+    }
+
+    /// What axial channel i says, and what the state foretells of it.
+    fn axial(
+        &self,
+        input: &StepInput<'_>,
+        members: &Members<'_>,
+        i: usize,
+        reading: &Reading,
+    ) -> Expected {
+        let wheel = members.wheel;
+        let mut row = members.row(i, self.age_s(input, reading));
+        row.add(OFFSET + 5 * wheel + i, 1.0);
+        let noise = input.channels.0[wheel].strain[AXIAL[i].index()].noise_sigma;
+        let posed = input.corners[wheel].strut_sigma_n.is_finite();
+        Expected {
+            row,
+            value: reading.value - members.offset_n[i],
+            variance: noise * noise,
+            tolerance: member_tolerance_n(posed, reading.value),
+        }
+    }
+
+    /// Whether the strain channels together contradict what the state foretells: where they do the
+    /// forces are set free before the readings are taken in.
+    pub(super) fn heed_surprise(
+        &mut self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+        readings: &PerWheel<CornerReadings>,
+    ) {
+        for wheel in 0..4 {
+            let members = self.members(input, balance, wheel);
+            for (i, channel) in AXIAL.into_iter().enumerate() {
+                let reading = readings.0[wheel].strain[channel.index()];
+                let Some(reading) = reading.filter(|reading| !reading.taken) else {
+                    continue;
+                };
+                let said = self.axial(input, &members, i, &reading);
+                let innovation = said.value - said.row.times(&self.state);
+                let health = &self.health[wheel][i];
+                if let Some(square) = health.foretold_square(innovation) {
+                    self.agility.surprise(wheel, square);
+                }
+            }
+        }
+        if self.agility.surprised() {
+            for i in 0..12 {
+                self.covariance
+                    .add_noise(FORCE + i, SURPRISE_N * SURPRISE_N);
+                self.covariance
+                    .add_noise(RATE + i, SURPRISE_N_S * SURPRISE_N_S);
+            }
+        }
+    }
+
     /// Strut and strain channels of one corner.
     pub(super) fn take_corner(
         &mut self,
         input: &StepInput<'_>,
+        balance: &Balance,
         wheel: usize,
         readings: &mut CornerReadings,
         changes: &mut impl FnMut(ChannelChange),
     ) {
         let corner = &input.corners[wheel];
-        let rolling = -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
-        let torque = corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle;
-        let known = self.known_moment_n_m(wheel, corner, input.motion.velocity_m_s.x);
-        let gains = corner.statics.members_from_wrench.fixed_columns::<3>(3) * known;
-        let offset: [f64; 6] = std::array::from_fn(|i| corner.statics.members_offset[i] + gains[i]);
-        let member =
-            |i: usize, age: f64| member_row(&corner.statics, wheel, i, age, rolling, torque);
+        let members = self.members(input, balance, wheel);
         let strained = AXIAL
             .iter()
             .filter_map(|channel| readings.strain[channel.index()])
@@ -197,9 +261,9 @@ impl Fusion {
         }
         if corner.strut_sigma_n.is_finite() {
             // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
-            let mut row = member(5, 0.0);
+            let mut row = members.row(5, 0.0);
             row.add(LENGTH + wheel, 1e-3 * corner.strut_stiffness_n_m);
-            let value = corner.strut_n - offset[5];
+            let value = corner.strut_n - members.offset_n[5];
             let length_mm = 1e3 * (value - row.times(&self.state)) / corner.strut_stiffness_n_m;
             let variance = corner.strut_sigma_n.powi(2) + blind * blind;
             let innovation = self.take(&row, value, variance, 4.0 * GATE);
@@ -217,14 +281,8 @@ impl Fusion {
                 continue;
             }
             reading.taken = true;
-            let age = input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s;
-            let mut row = member(i, age);
-            row.add(OFFSET + 5 * wheel + i, 1.0);
-            let noise = input.channels.0[wheel].strain[channel.index()].noise_sigma;
-            let floor = member_floor_n(corner.strut_sigma_n.is_finite(), reading.value);
-            let variance = noise * noise + floor * floor;
-            let value = reading.value - offset[i];
-            let change = self.take_channel(&row, value, variance, wheel, i);
+            let said = self.axial(input, &members, i, reading);
+            let change = self.take_channel(&said, wheel, i);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -233,8 +291,8 @@ impl Fusion {
                 });
             }
         }
-        self.take_bending(input, wheel, offset[5], readings, changes);
-        self.strut_n[wheel] = member(5, 0.0).times(&self.state) + offset[5];
+        self.take_bending(input, &members, readings, changes);
+        self.strut_n[wheel] = members.row(5, 0.0).times(&self.state) + members.offset_n[5];
         if alive < 4 {
             self.blind = true;
             self.take_expected(input, wheel);
@@ -246,20 +304,16 @@ impl Fusion {
     fn take_bending(
         &mut self,
         input: &StepInput<'_>,
-        wheel: usize,
-        strut_offset_n: f64,
+        members: &Members<'_>,
         readings: &mut CornerReadings,
         changes: &mut impl FnMut(ChannelChange),
     ) {
-        let corner = &input.corners[wheel];
-        let statics = &corner.statics;
+        let (wheel, statics) = (members.wheel, members.statics);
         let arm = 0.5 * self.bending_distance_m;
         let gain = arm * statics.ball_normal_per_strut;
         if gain == 0.0 {
             return;
         }
-        let rolling = -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
-        let torque = corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle;
         for channel in [
             StrainChannel::LowerFrontBending,
             StrainChannel::LowerRearBending,
@@ -272,13 +326,16 @@ impl Fusion {
                 continue;
             }
             reading.taken = true;
-            let age = input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s;
-            let row = member_row(statics, wheel, 5, age, rolling, torque).scaled(gain);
-            let known = gain * strut_offset_n + arm * statics.ball_normal_offset_n;
+            let row = members.row(5, self.age_s(input, reading)).scaled(gain);
+            let known = gain * members.offset_n[5] + arm * statics.ball_normal_offset_n;
             let c = &input.channels.0[wheel].strain[i];
-            let floor = arm * BENDING_FLOOR_N;
-            let variance = c.noise_sigma.powi(2) + c.offset_sigma.powi(2) + floor * floor;
-            let change = self.take_channel(&row, reading.value - known, variance, wheel, i);
+            let said = Expected {
+                row,
+                value: reading.value - known,
+                variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
+                tolerance: arm * BENDING_FLOOR_N,
+            };
+            let change = self.take_channel(&said, wheel, i);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -305,29 +362,24 @@ impl Fusion {
         }
     }
 
-    fn take_channel(
-        &mut self,
-        row: &Row,
-        value: f64,
-        variance: f64,
-        wheel: usize,
-        i: usize,
-    ) -> Change {
-        let variance = variance + self.health[wheel][i].model_variance();
+    fn take_channel(&mut self, said: &Expected, wheel: usize, i: usize) -> Change {
+        let row = &said.row;
+        let model = self.health[wheel][i].model_variance(said.tolerance);
         let ph = self.covariance.times(row);
-        let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
-        let innovation = value - row.times(&self.state);
-        let doubt = FAULT_FLOOR * value;
+        let spread = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>();
+        let total = spread + said.variance + model;
+        let innovation = said.value - row.times(&self.state);
+        let doubt = FAULT_FLOOR * said.value;
         let square = innovation * innovation / (total + doubt * doubt);
         if self.settling() {
-            self.apply(&ph, innovation, total);
+            self.apply(row, &ph, innovation, total);
             return Change::None;
         }
         let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
-        self.agility.surprise(wheel, square);
+        self.health[wheel][i].expect(total);
         if good {
-            self.health[wheel][i].learn(innovation);
-            self.apply(&ph, innovation, total);
+            self.health[wheel][i].learn(innovation, said.tolerance);
+            self.apply(row, &ph, innovation, total);
         }
         change
     }
@@ -338,15 +390,26 @@ impl Fusion {
         let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
         let innovation = value - row.times(&self.state);
         if self.settling() || innovation * innovation <= gate * total {
-            self.apply(&ph, innovation, total);
+            self.apply(row, &ph, innovation, total);
         }
         innovation / total.sqrt()
     }
 
-    fn apply(&mut self, ph: &[f64; SIZE], innovation: f64, total: f64) {
+    fn apply(&mut self, row: &Row, ph: &[f64; SIZE], innovation: f64, total: f64) {
         if total.is_nan() || total <= 0.0 || !innovation.is_finite() {
             return;
         }
+        self.covariance.trace.note(|| {
+            let predicted: f64 = row.terms().map(|(i, h)| h * ph[i]).sum();
+            Operation::Update(Box::new(Update {
+                row: row.terms().collect(),
+                value: innovation + row.times(&self.state),
+                innovation,
+                variance: total - predicted,
+                total,
+                gain: SVector::from(*ph) / total,
+            }))
+        });
         let gain = innovation / total;
         for (x, p) in self.state.iter_mut().zip(ph) {
             *x += gain * p;
@@ -355,9 +418,19 @@ impl Fusion {
     }
 }
 
+/// What a strain channel says, and its row.
+struct Expected {
+    row: Row,
+    value: f64,
+    /// Of the converter's noise.
+    variance: f64,
+    /// Deviation that the model may have.
+    tolerance: f64,
+}
+
 /// Error of the linkage's model on a member's force, N: where no deflection tells the pose, the
 /// design position stands in for it and is far off.
-fn member_floor_n(posed: bool, force_n: f64) -> f64 {
+fn member_tolerance_n(posed: bool, force_n: f64) -> f64 {
     if posed {
         MEMBER_FLOOR_N + MEMBER_FLOOR * force_n.abs()
     } else {
@@ -365,28 +438,35 @@ fn member_floor_n(posed: bool, force_n: f64) -> f64 {
     }
 }
 
-/// Force of member i of one corner: A (F - age F') + B (M, with rolling resistance and half-shaft
-/// torque).
-fn member_row(
-    statics: &CornerStatics,
+/// The members' forces of one corner: A (F - age F') + B (M, with rolling resistance and half-shaft
+/// torque) + offset.
+struct Members<'a> {
     wheel: usize,
-    i: usize,
-    age: f64,
-    rolling: f64,
+    statics: &'a CornerStatics,
+    /// M_y of a newton of load.
+    rolling_m: f64,
+    /// The spindle in the contact frame.
     torque: Vector3<f64>,
-) -> Row {
-    let gains = statics.members_from_wrench.row(i);
-    let mut row = Row::new();
-    for k in 0..3 {
-        let mut gain = gains[k];
-        if k == 2 {
-            gain += rolling * gains[4];
+    offset_n: [f64; 6],
+}
+
+impl Members<'_> {
+    /// Row of member i as it was `age` ago.
+    fn row(&self, i: usize, age: f64) -> Row {
+        let gains = self.statics.members_from_wrench.row(i);
+        let mut row = Row::new();
+        for k in 0..3 {
+            let mut gain = gains[k];
+            if k == 2 {
+                gain += self.rolling_m * gains[4];
+            }
+            row.add(FORCE + 3 * self.wheel + k, gain);
+            row.add(RATE + 3 * self.wheel + k, -age * gain);
+            row.add(MOMENT + 3 * self.wheel + k, gains[3 + k]);
         }
-        row.add(FORCE + 3 * wheel + k, gain);
-        row.add(RATE + 3 * wheel + k, -age * gain);
-        row.add(MOMENT + 3 * wheel + k, gains[3 + k]);
+        let of_torque =
+            gains[3] * self.torque.x + gains[4] * self.torque.y + gains[5] * self.torque.z;
+        row.add(TORQUE + self.wheel / 2, of_torque);
+        row
     }
-    let of_torque = gains[3] * torque.x + gains[4] * torque.y + gains[5] * torque.z;
-    row.add(TORQUE + wheel / 2, of_torque);
-    row
 }

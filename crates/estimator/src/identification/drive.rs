@@ -1,5 +1,7 @@
 //! A drive as arrays.
 
+use sample::PerWheel;
+
 use crate::finding::{Refusal, Series, Span};
 
 /// What a drive's motion was, on an even time grid, `NaN` where unknown. All columns have the same
@@ -24,6 +26,8 @@ pub struct Drive {
     pub roll_rad: Vec<f64>,
     /// Pitch angle, nose down positive, rad.
     pub pitch_rad: Vec<f64>,
+    /// Load of each wheel, N.
+    pub loads_n: PerWheel<Vec<f64>>,
 }
 
 impl Drive {
@@ -73,17 +77,26 @@ impl Drive {
                     help: source_of(name).to_owned(),
                 });
             }
-            if !column.is_empty() && column.len() != expected {
-                return Err(Refusal::Length {
-                    what: what.to_owned(),
-                    name: name.to_owned(),
-                    found: column.len(),
-                    expected,
-                });
-            }
+            same_length(what, name, column, expected)?;
+        }
+        for load_n in &self.loads_n.0 {
+            same_length(what, "wheel load", load_n, expected)?;
         }
         Ok(())
     }
+}
+
+/// Refuses a column of another length than the others; one that was not recorded is none.
+fn same_length(what: &str, name: &str, column: &[f64], expected: usize) -> Result<(), Refusal> {
+    if column.is_empty() || column.len() == expected {
+        return Ok(());
+    }
+    Err(Refusal::Length {
+        what: what.to_owned(),
+        name: name.to_owned(),
+        found: column.len(),
+        expected,
+    })
 }
 
 /// Where a signal comes from, for a person who lacks it.

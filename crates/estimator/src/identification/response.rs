@@ -305,7 +305,7 @@ fn spectrum(values: &[f64], line: usize) -> Complex<f64> {
 
 /// Finds the frequency response of yaw rate to steer angle, and the second-order system in it.
 ///
-/// Findings: `yaw_rate_gain` (1/s), `natural_frequency` (rad/s), `damping_ratio` (-), `lead_time`
+/// Findings: `yaw_rate_gain` (1/s), `natural_frequency` (Hz), `damping_ratio` (-), `lead_time`
 /// (T_z, s). Beside: bandwidth, where the gain has fallen to 1/sqrt(2) of the first line's, and the
 /// equivalent time of ISO 7401, the phase at the lowest line over its frequency.
 ///
@@ -339,8 +339,8 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
     };
     let start_gain = transfer.response[lines[0]].norm();
     let problem = Nonlinear {
-        start: vec![start_gain, 10.0, 0.8, 0.1],
-        scale: vec![start_gain, 10.0, 0.5, 0.1],
+        start: vec![start_gain, 1.5, 0.8, 0.1],
+        scale: vec![start_gain, 1.5, 0.5, 0.1],
         iterations: 200,
     };
     let fit = nonlinear(&problem, |c| {
@@ -358,7 +358,7 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
     let span = span_of(&rows, drive.dt_s, 1);
     let names = [
         ("yaw_rate_gain", "1/s"),
-        ("natural_frequency", "rad/s"),
+        ("natural_frequency", "Hz"),
         ("damping_ratio", "-"),
         ("lead_time", "s"),
     ];
@@ -404,10 +404,10 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
     })
 }
 
-/// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency.
+/// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency; omega is told in Hz.
 fn second_order(c: &[f64], frequency_hz: f64) -> Complex<f64> {
     let s = Complex::new(0.0, TAU * frequency_hz);
-    let part = s / c[1];
+    let part = s / (TAU * c[1]);
     (s * c[3] + 1.0) * c[0] / (part * part + part * (2.0 * c[2]) + 1.0)
 }
 

@@ -97,3 +97,16 @@ pub fn identify(vehicle: &Vehicle) -> Result<Findings, Refusal> {
     }];
     Ok(found)
 }
+
+/// The vehicle with its linkages' roll centres, about which a body on its springs rolls, in the
+/// place of the file's; as it is without hard-points.
+#[must_use]
+pub fn of_linkage(vehicle: &Vehicle) -> Vehicle {
+    let mut vehicle = vehicle.clone();
+    if let Ok(found) = identify(&vehicle) {
+        let height_m = |axle: &str| found.value(&format!("roll_centre_height_{axle}"))[0];
+        vehicle.front.roll_centre_height_m = height_m("front");
+        vehicle.rear.roll_centre_height_m = height_m("rear");
+    }
+    vehicle
+}

@@ -18,14 +18,25 @@
 //! because the moment is the quieter of the two, and with the vehicle file's inertia, because at
 //! one frequency I cannot be told from K (a sine gives K - I omega^2 and no more).
 //!
+//! Wheels and uprights lean too, by kappa phi: what the camber of the linkage leaves of the roll
+//! angle. Their weight and inertia m_u at the height h_u, their spin momentum sum(I_w/R_0) V, which
+//! the yaw rate turns, and the righting moment c_z b^2/12 of each tread act on roll through kappa,
+//!
+//! (m_s h_1 + sum kappa (m_u h_u + I_w/R_0)) a_y
+//!   = (K_phi - m_s g h_1 - sum kappa^2 (m_u g h_u - c_z b^2/12)) phi + B_phi phi' + ...,
+//!
+//! with V r nearly a_y: 11 % of the moment on the Prowler, whose stiffness would else come out 10 %
+//! low. Without hard-points kappa is zero, as in the four-wheel model.
+//!
 //! Gillespie's K_phi = K_w t^2/2 for each axle (equation 2.30, which the thesis evaluates for the
 //! front axle alone and with 1.44 m in the place of the track for pitch) holds the springs only. The
 //! regression finds body against ground: the springs in series with the tyres, whose own stiffness
 //! in roll is k_t t^2/2, with whatever linkage, bars and friction add.
 
+use model::suspension::Corner;
 use model::vehicle::{Axle, Vehicle};
 use nalgebra::{DMatrix, DVector};
-use sample::{PerWheel, STANDARD_GRAVITY_M_S2};
+use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::Drive;
 use super::drive::{series, span_of};
@@ -38,6 +49,10 @@ const ADVICE: &str = "steer a slow sine (such as the manoeuvre slow-sine) for ro
                       brake (such as launch-brake) for pitch";
 /// Least usable data, s.
 const DATA_MIN_S: f64 = 6.0;
+/// How well a vehicle file knows the moment of inertia, a part of it,
+const INERTIA_DOUBT: f64 = 0.03;
+/// and the lean of the wheels.
+const LEAN_DOUBT: f64 = 0.15;
 /// Least standard deviation of the angle, rad.
 const ANGLE_MIN_RAD: f64 = 0.008;
 
@@ -75,37 +90,75 @@ pub struct AxleBody {
     pub springs_n_m_rad: f64,
     /// Roll stiffness of the axle's tyres k_t t^2/2, N m/rad.
     pub tyres_n_m_rad: f64,
+    /// Part kappa of the body's roll by which the wheels lean against the ground.
+    pub lean: f64,
+    /// Spin inertia over radius of both wheels, kg m.
+    pub spin_kg_m: f64,
+    /// Righting moment of both treads per lean, N m/rad.
+    pub tread_n_m_rad: f64,
+}
+
+impl AxleBody {
+    /// An axle that carries `share` of the lateral force, with its linkage where it has one.
+    fn of(axle: &Axle, corner: Option<&Corner>, share: f64) -> Self {
+        let rates = corner.and_then(|corner| {
+            let pose = corner.pose_at_jounce(0.0, 0.0).ok()?;
+            Some(corner.rates(&pose))
+        });
+        let springs = match (&axle.strut, rates) {
+            (Some(strut), Some(rates)) => {
+                let ratio = rates.motion_ratio();
+                0.5 * strut.stiffness_n_m * ratio.powi(2) * axle.track_m.powi(2)
+                    + axle.anti_roll_bar_n_m_rad
+            }
+            _ => axle.roll_stiffness_n_m_rad,
+        };
+        let tyre = &axle.tyre;
+        let unsprung = axle.unsprung.as_ref();
+        let spin = unsprung.map_or(0.0, |parts| parts.wheel_spin_inertia_kg_m2);
+        Self {
+            track_m: axle.track_m,
+            roll_centre_height_m: axle.roll_centre_height_m,
+            unsprung_mass_kg: axle.unsprung_mass_kg(),
+            unsprung_height_m: tyre.unloaded_radius_m,
+            share,
+            springs_n_m_rad: springs,
+            tyres_n_m_rad: 0.5 * tyre.vertical_stiffness_n_m * axle.track_m.powi(2),
+            // The left wheel drops by half the track for a radian of roll.
+            lean: rates.map_or(0.0, |rates| {
+                let turned = rates.strut.rotation.x / rates.strut.wheel_centre.z;
+                1.0 - 0.5 * axle.track_m * turned
+            }),
+            spin_kg_m: 2.0 * spin / tyre.unloaded_radius_m,
+            tread_n_m_rad: tyre.vertical_stiffness_n_m * tyre.width_m.powi(2) / 6.0,
+        }
+    }
+
+    /// Moment of the leaning parts for each lateral acceleration, kg m.
+    fn leaning_kg_m(&self) -> f64 {
+        self.lean * (self.unsprung_mass_kg * self.unsprung_height_m + self.spin_kg_m)
+    }
+
+    /// What the leaning parts take from the stiffness, N m/rad.
+    fn falling_n_m_rad(&self) -> f64 {
+        let weight_n = self.unsprung_mass_kg * STANDARD_GRAVITY_M_S2;
+        self.lean.powi(2) * (weight_n * self.unsprung_height_m - self.tread_n_m_rad)
+    }
 }
 
 impl Body {
-    /// What the vehicle file says. Wheel rates are the springs' through the motion ratio where
-    /// there is one, otherwise those of the file's roll stiffness.
+    /// What the vehicle file says. Wheel rates and lean are those of the hard-points where there are
+    /// any, otherwise the springs are those of the file's roll stiffness and the wheels stay upright.
     #[must_use]
-    pub fn of(vehicle: &Vehicle, motion_ratio: [Option<f64>; 2]) -> Self {
+    pub fn of(vehicle: &Vehicle) -> Self {
         let sprung = vehicle.sprung();
         let (a, b) = (
             vehicle.body.front_axle_to_cg_m,
             vehicle.body.cg_to_rear_axle_m,
         );
-        let axle = |axle: &Axle, share: f64, ratio: Option<f64>| {
-            let springs = match (&axle.strut, ratio) {
-                (Some(strut), Some(ratio)) => {
-                    0.5 * strut.stiffness_n_m * ratio.powi(2) * axle.track_m.powi(2)
-                        + axle.anti_roll_bar_n_m_rad
-                }
-                _ => axle.roll_stiffness_n_m_rad,
-            };
-            AxleBody {
-                track_m: axle.track_m,
-                roll_centre_height_m: axle.roll_centre_height_m,
-                unsprung_mass_kg: axle.unsprung_mass_kg(),
-                unsprung_height_m: axle.tyre.unloaded_radius_m,
-                share,
-                springs_n_m_rad: springs,
-                tyres_n_m_rad: 0.5 * axle.tyre.vertical_stiffness_n_m * axle.track_m.powi(2),
-            }
+        let axle = |axle: &Axle, wheel: Wheel, share: f64| {
+            AxleBody::of(axle, Corner::of(vehicle, wheel).ok().as_ref(), share)
         };
-        let [front, rear] = motion_ratio;
         Self {
             sprung_mass_kg: sprung.mass_kg,
             roll_arm_m: vehicle.roll_arm_m(),
@@ -113,8 +166,8 @@ impl Body {
             inertia_kg_m2: [sprung.inertia_kg_m2[0], sprung.inertia_kg_m2[1]],
             sprung_rise_m: sprung.cg_m[2] - vehicle.body.cg_height_m,
             axles: [
-                axle(&vehicle.front, b / (a + b), front),
-                axle(&vehicle.rear, a / (a + b), rear),
+                axle(&vehicle.front, Wheel::FrontLeft, b / (a + b)),
+                axle(&vehicle.rear, Wheel::RearLeft, a / (a + b)),
             ],
         }
     }
@@ -145,7 +198,7 @@ impl Default for Options {
 }
 
 /// Finds roll stiffness and damping, and the same of pitch, as far as the drive moves
-/// them; with the wheels' loads (N; empty where unknown) each axle's share of the roll stiffness.
+/// them; with the wheels' loads each axle's share of the roll stiffness.
 ///
 /// Findings: `roll_stiffness` (N m/rad, body against ground), `roll_damping` (N m s/rad),
 /// the same of `pitch`; `roll_stiffness_front`, `roll_stiffness_rear`.
@@ -153,22 +206,21 @@ impl Default for Options {
 ///
 /// # Errors
 /// Missing signals, too little data, neither roll nor pitch moved.
-pub fn identify(
-    drive: &Drive,
-    loads_n: &PerWheel<Vec<f64>>,
-    body: &Body,
-    options: &Options,
-) -> Result<Findings, Refusal> {
+pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Findings, Refusal> {
     drive.require(WHAT, &["lateral acceleration", "roll angle"])?;
     let weight = body.sprung_mass_kg * STANDARD_GRAVITY_M_S2;
+    let leaning: f64 = body.axles.iter().map(AxleBody::leaning_kg_m).sum();
+    let falling: f64 = body.axles.iter().map(AxleBody::falling_n_m_rad).sum();
     let roll = Plane {
         name: "roll",
         angle_rad: &drive.roll_rad,
         acceleration_m_s2: &drive.lateral_m_s2,
-        lever_kg_m: body.sprung_mass_kg * body.roll_arm_m,
+        lever_kg_m: body.sprung_mass_kg * body.roll_arm_m + leaning,
         inertia_kg_m2: body.inertia_kg_m2[0]
             + body.sprung_mass_kg * body.roll_arm_m * body.sprung_rise_m,
-        gravity_n_m: weight * body.roll_arm_m,
+        gravity_n_m: weight * body.roll_arm_m + falling,
+        leaning_kg_m: leaning,
+        falling_n_m: falling,
     };
     let pitch = Plane {
         name: "pitch",
@@ -178,6 +230,8 @@ pub fn identify(
         inertia_kg_m2: body.inertia_kg_m2[1]
             + body.sprung_mass_kg * body.pitch_arm_m * body.sprung_rise_m,
         gravity_n_m: weight * body.pitch_arm_m,
+        leaning_kg_m: 0.0,
+        falling_n_m: 0.0,
     };
     let mut found = Findings {
         what: WHAT.to_owned(),
@@ -198,7 +252,7 @@ pub fn identify(
     }
     if found.get("roll_stiffness").is_some() {
         for (axle, name) in ["front", "rear"].into_iter().enumerate() {
-            if let Ok(finding) = by_loads(drive, loads_n, body, axle, name, options) {
+            if let Ok(finding) = by_loads(drive, body, axle, name, options) {
                 found.findings.push(finding);
             }
         }
@@ -219,6 +273,9 @@ struct Plane<'a> {
     inertia_kg_m2: f64,
     /// What gravity takes from the stiffness.
     gravity_n_m: f64,
+    /// The parts of lever and gravity that come with the wheels' lean.
+    leaning_kg_m: f64,
+    falling_n_m: f64,
 }
 
 impl Plane<'_> {
@@ -276,7 +333,9 @@ impl Plane<'_> {
         });
         let response = DVector::from_column_slice(&angle);
         let told = |refusal: Refusal| refusal.of(&what).advise(ADVICE);
-        let fit = least_squares(&design, &response).map_err(told)?;
+        let mut fit = least_squares(&design, &response).map_err(told)?;
+        fit.doubt(&self.inertia_doubt(&fit, &spent));
+        fit.doubt(&self.lean_doubt(&fit));
         let stiffness = self.parameters(&fit.coefficients)[0];
         if stiffness < self.gravity_n_m {
             return Err(Refusal::Value {
@@ -291,6 +350,20 @@ impl Plane<'_> {
             });
         }
         Ok(self.findings(&fit, span, options.seed, (angle, moment)))
+    }
+
+    /// What the coefficients would move by if the inertia were off by its doubt.
+    fn inertia_doubt(&self, fit: &Fit, angular_rad_s2: &[f64]) -> DVector<f64> {
+        let by_moment = fit.coefficients[1] * INERTIA_DOUBT * self.inertia_kg_m2;
+        fit.leverage.transpose() * DVector::from_column_slice(angular_rad_s2) * by_moment
+    }
+
+    /// The same of the lean.
+    fn lean_doubt(&self, fit: &Fit) -> DVector<f64> {
+        let slope = fit.coefficients[1];
+        let by_lever = slope * LEAN_DOUBT * self.leaning_kg_m / self.lever_kg_m;
+        let by_gravity = slope * slope * 2.0 * LEAN_DOUBT * self.falling_n_m;
+        DVector::from_vec(vec![0.0, -by_lever - by_gravity, 0.0])
     }
 
     fn findings(
@@ -356,14 +429,13 @@ impl Plane<'_> {
 /// lateral force F_ys = share m_s a_y.
 fn by_loads(
     drive: &Drive,
-    loads_n: &PerWheel<Vec<f64>>,
     body: &Body,
     axle: usize,
     name: &str,
     options: &Options,
 ) -> Result<Finding, Refusal> {
     let what = format!("roll stiffness of the {name} axle");
-    let [left, right] = [&loads_n.0[2 * axle], &loads_n.0[2 * axle + 1]];
+    let [left, right] = [&drive.loads_n.0[2 * axle], &drive.loads_n.0[2 * axle + 1]];
     if left.len() != drive.rows() || right.len() != drive.rows() {
         return Err(Refusal::Missing {
             what,
@@ -451,7 +523,8 @@ fn beside(found: &mut Findings, body: &Body) {
     let in_series =
         |axle: &AxleBody| (axle.springs_n_m_rad.recip() + axle.tyres_n_m_rad.recip()).recip();
     let with_tyres: f64 = body.axles.iter().map(in_series).sum();
-    let gravity = body.sprung_mass_kg * STANDARD_GRAVITY_M_S2 * body.roll_arm_m;
+    let falling: f64 = body.axles.iter().map(AxleBody::falling_n_m_rad).sum();
+    let gravity = body.sprung_mass_kg * STANDARD_GRAVITY_M_S2 * body.roll_arm_m + falling;
     add(
         "gillespie_roll_stiffness_front",
         body.axles[0].springs_n_m_rad,
@@ -466,8 +539,8 @@ fn beside(found: &mut Findings, body: &Body) {
     if ryu.is_finite() {
         add("ryu_net_roll_stiffness", ryu - gravity);
         found.notes.push(format!(
-            "the regression's slope is {:.0} N m/rad, the net stiffness; with m_s g h_1 = \
-             {gravity:.0} it is {ryu:.0}, body against ground. Equation 2.30 gives {springs:.0} for \
+            "the regression's slope is {:.0} N m/rad, the net stiffness; with what gravity \
+             takes, {gravity:.0}, it is {ryu:.0}, body against ground. Equation 2.30 gives {springs:.0} for \
              the springs of both axles and {with_tyres:.0} in series with the tyres",
             ryu - gravity
         ));

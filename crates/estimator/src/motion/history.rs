@@ -1,6 +1,6 @@
 //! The recent past of the nominal state.
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use sample::LogTime;
 
 /// How far back late values are taken, s, at 100 Hz.
@@ -75,8 +75,7 @@ impl History {
             if time >= earlier.time {
                 let span_s = later.time.seconds_since(earlier.time);
                 let part = time.seconds_since(earlier.time) / span_s;
-                let turn =
-                    (earlier.earth_from_body.inverse() * later.earth_from_body).scaled_axis();
+                let turn = turn_between(&earlier.earth_from_body, &later.earth_from_body);
                 return Some(Pose {
                     time,
                     earth_from_body: earlier.earth_from_body * Rotation3::new(turn * part),
@@ -94,6 +93,39 @@ impl History {
         for pose in &mut self.ring {
             pose.earth_from_body = turn * pose.earth_from_body;
             pose.velocity_m_s += velocity_m_s;
+        }
+    }
+}
+
+/// Axis and angle from one attitude to another, rad, by way of a quaternion: the arc cosine of a
+/// matrix's trace is not a number where rounding has brought that above three.
+fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector3<f64> {
+    UnitQuaternion::from_rotation_matrix(&(from.inverse() * to)).scaled_axis()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Poses that hardly turned gave no pose between them, and GNSS was left out without a word.
+    #[test]
+    fn a_body_that_hardly_turns_has_an_attitude_between_two_poses() {
+        let pose = |milliseconds: u64, earth_from_body| Pose {
+            time: LogTime(milliseconds * 1_000_000),
+            earth_from_body,
+            velocity_m_s: Vector3::zeros(),
+            rate_rad_s: Vector3::zeros(),
+        };
+        let mut first = Rotation3::from_euler_angles(0.3, -0.2, 1.1);
+        for k in 0..1000 {
+            let second = first * Rotation3::new(Vector3::new(3e-9, -2e-9, 1e-12 * f64::from(k)));
+            let mut history = History::default();
+            history.push(pose(10, first));
+            history.push(pose(20, second));
+            let between = history.at(LogTime(15_000_000)).unwrap();
+            let turned = turn_between(&first, &between.earth_from_body).norm();
+            assert!((turned - 0.5 * 13e-18_f64.sqrt()).abs() < 1e-9, "{turned}");
+            first = second;
         }
     }
 }

@@ -3,6 +3,9 @@
 use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
 use sample::LogTime;
 
+use crate::trace::{Operation, Update};
+
+use super::history::Pose;
 use super::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, VELOCITY, cross,
     orthonormal, wrap,
@@ -12,6 +15,8 @@ use super::{
 const GATE: f64 = 5.0;
 /// Values left out in a row after which the state, not the sensor, is taken to be wrong.
 const MISSES_MAX: u32 = 20;
+/// Values of each of two receivers left out in a row after which it is.
+const CONTRADICTIONS: u32 = 3;
 
 /// Speed from which the course tells a heading where nothing else does, m/s, and how well, rad.
 const COURSE_SPEED_M_S: f64 = 2.0;
@@ -36,7 +41,7 @@ impl MotionFilter {
         velocity_m_s: Vector3<f64>,
         sigma_m_s: Option<[f64; 3]>,
     ) -> Verdict {
-        if !velocity_m_s.iter().all(|v| v.abs() < 200.0) {
+        if self.doubted || !velocity_m_s.iter().all(|v| v.abs() < 200.0) {
             return Verdict::Unusable;
         }
         let Some(pose) = self.history.at(valid) else {
@@ -80,7 +85,9 @@ impl MotionFilter {
         }
         if rejected && self.velocity_time.is_some() {
             self.velocity_misses += 1;
-            if self.velocity_misses > MISSES_MAX {
+            if self.is_contradicted() {
+                self.doubt();
+            } else if self.velocity_misses > MISSES_MAX {
                 self.resets += 1;
                 self.velocity_misses = 0;
                 self.velocity_time = None;
@@ -102,15 +109,16 @@ impl MotionFilter {
         Verdict::Used
     }
 
+    /// Whether GNSS velocity and attitude both contradict the state.
+    fn is_contradicted(&self) -> bool {
+        self.velocity_misses.min(self.attitude_misses) >= CONTRADICTIONS
+    }
+
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
         self.velocity_m_s += residual;
         self.history.correct(Rotation3::identity(), residual);
         for i in VELOCITY..VELOCITY + 3 {
-            for j in 0..STATES {
-                self.covariance[(i, j)] = 0.0;
-                self.covariance[(j, i)] = 0.0;
-            }
-            self.covariance[(i, i)] = 1.0;
+            self.forget(i, 1.0);
         }
     }
 
@@ -124,6 +132,9 @@ impl MotionFilter {
         let Some(pose) = self.history.at(valid) else {
             return Verdict::Unusable;
         };
+        if self.doubted {
+            return self.adopt_attitude(valid, &pose, angles);
+        }
         let (roll, pitch, mut yaw) = pose.earth_from_body.euler_angles();
         let residual = |angle: Option<f64>, nominal: f64| {
             angle
@@ -183,10 +194,13 @@ impl MotionFilter {
         self.inject(&delta);
         if rejected {
             self.attitude_misses += 1;
-            if self.attitude_misses > MISSES_MAX {
+            if self.is_contradicted() {
+                self.doubt();
+            } else if self.attitude_misses > MISSES_MAX {
                 self.resets += 1;
                 self.attitude_misses = 0;
                 self.attitude_time = None;
+                self.forget_biases();
             }
             return Verdict::Rejected;
         }
@@ -199,6 +213,31 @@ impl MotionFilter {
         }
     }
 
+    /// Takes the angles for the attitude at `pose`, whatever the state says; those that are absent
+    /// stay as they are.
+    fn adopt_attitude(&mut self, valid: LogTime, pose: &Pose, angles: [Option<f64>; 3]) -> Verdict {
+        let (roll, pitch, yaw) = pose.earth_from_body.euler_angles();
+        let told = |angle: Option<f64>, stays: f64| {
+            angle.filter(|angle| angle.abs() < 1e6).unwrap_or(stays)
+        };
+        let adopted = Rotation3::from_euler_angles(
+            told(angles[2], roll),
+            told(angles[1], pitch),
+            told(angles[0], yaw),
+        );
+        let turn = adopted * pose.earth_from_body.inverse();
+        self.earth_from_body = orthonormal(&(turn * self.earth_from_body));
+        self.history.correct(turn, Vector3::zeros());
+        let s = &self.settings;
+        let sigma = [s.tilt_sigma_rad, s.tilt_sigma_rad, s.heading_sigma_rad];
+        for (axis, sigma) in sigma.into_iter().enumerate() {
+            self.forget(ATTITUDE + axis, sigma * sigma);
+        }
+        self.doubted = false;
+        self.attitude_time = Some(valid);
+        Verdict::Used
+    }
+
     fn adopt_yaw(&mut self, turn: f64, sigma: f64) {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
         self.earth_from_body = rotation * self.earth_from_body;
@@ -209,15 +248,10 @@ impl MotionFilter {
         // with it, and is as uncertain across as the heading: d v = d psi z x v.
         if self.velocity_time.is_none() {
             self.velocity_m_s = rotation * self.velocity_m_s;
-            let mut along = SVector::<f64, STATES>::zeros();
-            along[VELOCITY] = -self.velocity_m_s.y;
-            along[VELOCITY + 1] = self.velocity_m_s.x;
-            let spread = along * (sigma * sigma);
-            self.covariance += spread * along.transpose();
-            for j in 0..STATES {
-                self.covariance[(ATTITUDE + 2, j)] += spread[j];
-                self.covariance[(j, ATTITUDE + 2)] += spread[j];
-            }
+            let mut spread = SMatrix::identity();
+            spread[(VELOCITY, ATTITUDE + 2)] = -self.velocity_m_s.y;
+            spread[(VELOCITY + 1, ATTITUDE + 2)] = self.velocity_m_s.x;
+            self.mix(&spread);
         }
     }
 
@@ -230,17 +264,12 @@ impl MotionFilter {
                 part.copy_from(rotation.matrix());
             }
         }
-        self.covariance = turn * self.covariance * turn.transpose();
+        self.mix(&turn);
     }
 
     /// Leaves nothing known of the heading but its deviation.
     fn forget_yaw(&mut self, sigma: f64) {
-        let i = ATTITUDE + 2;
-        for j in 0..STATES {
-            self.covariance[(i, j)] = 0.0;
-            self.covariance[(j, i)] = 0.0;
-        }
-        self.covariance[(i, i)] = sigma * sigma;
+        self.forget(ATTITUDE + 2, sigma * sigma);
     }
 
     /// What a road vehicle does: velocity along the unit vector `direction`, body axes, of a point
@@ -294,6 +323,17 @@ impl MotionFilter {
         let innovation = residual - h.dot(delta);
         *delta += ph * (innovation / total);
         self.covariance -= ph * ph.transpose() / total;
+        self.trace.note(|| {
+            let row = h.iter().copied().enumerate();
+            Operation::Update(Box::new(Update {
+                row: row.filter(|(_, h)| *h != 0.0).collect(),
+                value: residual,
+                innovation,
+                variance,
+                total,
+                gain: ph / total,
+            }))
+        });
     }
 
     fn inject(&mut self, delta: &SVector<f64, STATES>) {

@@ -73,9 +73,9 @@ impl Bootstrap {
 /// coefficients by the sum of the drawn rows' influences (the estimating-function bootstrap of Hu
 /// and Kalbfleisch 2000), so that a thousand rows cost no more than a sum.
 ///
-/// Blocks cut correlation that is slower than they are; where their spread falls short of the
-/// deviation that `covariance` gives, the interval is stretched to it. Its shape is
-/// the bootstrap's.
+/// Blocks cut correlation that is slower than they are, and know no doubt that is common to all rows:
+/// the interval is brought to the width that the deviation of `covariance` gives. Its shape is the
+/// bootstrap's.
 #[must_use]
 pub fn intervals_by_influence(
     influence: &DMatrix<f64>,
@@ -117,7 +117,7 @@ pub fn intervals_by_influence(
         let sigma = (gradient.transpose() * covariance * &gradient)[(0, 0)]
             .max(0.0)
             .sqrt();
-        let stretch = (2.0 * 1.96 * sigma / (high - low)).max(1.0);
+        let stretch = 2.0 * 1.96 * sigma / (high - low);
         if stretch.is_finite() {
             [low, high].map(|end| middle[p] + stretch * (end - middle[p]))
         } else {

@@ -22,11 +22,13 @@ fn plates(seed: u64) -> Vec<PlateReading> {
         .into_iter()
         .map(|hand: f64| {
             held = held.clamp(hand - 0.5 * LASH_RAD, hand + 0.5 * LASH_RAD);
-            let noise: f64 = StandardNormal.sample(&mut random);
-            let read = |ratio: f64| (held * ratio).to_degrees() + 0.1 * noise;
+            let mut read = |ratio: f64| {
+                let noise: f64 = StandardNormal.sample(&mut random);
+                held * ratio + (0.1 * noise).to_radians()
+            };
             PlateReading {
                 hand_wheel_rad: hand + OFFSET_RAD,
-                wheels_rad: [read(0.112).to_radians(), read(0.106).to_radians()],
+                wheels_rad: [read(0.112), read(0.106)],
             }
         })
         .collect()
@@ -38,8 +40,8 @@ fn centre_play_and_monotone_maps_come_out_of_turn_plates() {
         let found = steer(&plates(seed), 0.1_f64.to_radians()).expect("sound");
         let [centre, _] = found.findings.value("hand wheel straight ahead");
         let [lash, _] = found.findings.value("play at the hand wheel");
-        assert!((centre - OFFSET_RAD).abs() < 0.04, "{seed}: {centre}");
-        assert!((lash - LASH_RAD).abs() < 0.04, "{seed}: {lash}");
+        assert!((centre - OFFSET_RAD).abs() < 0.02, "{seed}: {centre}");
+        assert!((lash - LASH_RAD).abs() < 0.03, "{seed}: {lash}");
         for map in [
             &found.calibration.left_map_rad,
             &found.calibration.right_map_rad,
@@ -50,6 +52,27 @@ fn centre_play_and_monotone_maps_come_out_of_turn_plates() {
             );
         }
     }
+}
+
+#[test]
+fn the_middles_and_the_plays_intervals_hold() {
+    let mut inside = [0; 2];
+    for seed in 0..200 {
+        let found = steer(&plates(seed), 0.1_f64.to_radians()).expect("sound");
+        let truth = [
+            ("hand wheel straight ahead", OFFSET_RAD),
+            ("play at the hand wheel", LASH_RAD),
+        ];
+        for (count, (name, truth)) in inside.iter_mut().zip(truth) {
+            let [value, sigma] = found.findings.value(name);
+            *count += i32::from((value - truth).abs() < 1.96 * sigma);
+        }
+    }
+    println!("of 200: middle {}, play {}", inside[0], inside[1]);
+    assert!(
+        inside.iter().all(|count| (180..=196).contains(count)),
+        "{inside:?}"
+    );
 }
 
 #[test]

@@ -67,8 +67,7 @@ fn the_naive_methods_fail_as_the_notes_say() {
     );
 }
 
-#[test]
-fn intervals_hold_the_truth() {
+fn coverage(seeds: u64) {
     let vehicle = rides::vehicle();
     let clean = rides::sine(&vehicle, 0.09, 0.3, 32.0);
     let offset = 2.0_f64.to_radians();
@@ -82,7 +81,18 @@ fn intervals_hold_the_truth() {
         (NAMES[1], truth[1]),
         ("steer_offset", offset),
     ];
-    rides::covers(0..200, &truths, 0.8, find);
+    rides::covers(0..seeds, &truths, find);
+}
+
+#[test]
+fn intervals_hold_the_truth() {
+    coverage(30);
+}
+
+#[test]
+#[ignore = "a campaign of minutes: `make campaigns`"]
+fn intervals_of_200_drives_hold_the_truth() {
+    coverage(200);
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! The independent simulator's runs, whose parameters stand in its params.json.
 
-use estimator::identification::{Drive, cornering, roll_pitch, tyre};
-use model::suspension::Corner;
+use estimator::identification::{Drive, cornering, roll_centre, roll_pitch, tyre};
 use sample::{PerWheel, Wheel};
 
 use crate::run::{self, Run};
@@ -43,6 +42,7 @@ fn drive(run: &Run) -> Drive {
         steer_rad: each(&|row| 0.5 * (run.column("FL_steer")[row] + run.column("FR_steer")[row])),
         roll_rad: column("roll"),
         pitch_rad: column("pitch"),
+        loads_n: PerWheel::from_fn(|wheel: Wheel| column(&format!("{}_Fz", wheel.abbreviation()))),
     }
 }
 
@@ -59,8 +59,12 @@ fn cornering_stiffness_of_the_independent_simulators_sine() {
     let mut options = cornering::Options::default();
     for limit in [2.5, 3.5] {
         options.lateral_max_m_s2 = limit;
-        let found =
-            cornering::identify(&drive, &cornering::Body::of(&vehicle), &options).expect("a sine");
+        let found = cornering::identify(
+            &drive,
+            &cornering::Body::of(&roll_centre::of_linkage(&vehicle)),
+            &options,
+        )
+        .expect("a sine");
         for (name, truth) in ["cornering_stiffness_front", "cornering_stiffness_rear"]
             .into_iter()
             .zip(CORNERING)
@@ -81,25 +85,10 @@ fn roll_stiffness_of_the_independent_simulators_sine() {
         return;
     }
     let vehicle = run::vehicle();
-    let source = Run::load("c_sine03");
-    let drive = drive(&source);
-    let loads = PerWheel::from_fn(|wheel: Wheel| {
-        let name = format!("{}_Fz", wheel.abbreviation());
-        source
-            .column(&name)
-            .iter()
-            .copied()
-            .step_by(STRIDE)
-            .collect::<Vec<f64>>()
-    });
-    let ratio = |wheel| {
-        let corner = Corner::of(&vehicle, wheel).expect("has hard-points");
-        let pose = corner.pose_at_jounce(0.0, 0.0).expect("stands");
-        Some(corner.rates(&pose).motion_ratio())
-    };
-    let body = roll_pitch::Body::of(&vehicle, [ratio(Wheel::FrontLeft), ratio(Wheel::RearLeft)]);
-    let found = roll_pitch::identify(&drive, &loads, &body, &roll_pitch::Options::default())
-        .expect("rolls");
+    let drive = drive(&Run::load("c_sine03"));
+    let body = roll_pitch::Body::of(&roll_centre::of_linkage(&vehicle));
+    let found =
+        roll_pitch::identify(&drive, &body, &roll_pitch::Options::default()).expect("rolls");
     // Spring rates at the wheels of params.json, in series with its tyres.
     let truth: f64 = [(10_725.0, 1.143_f64), (11_098.0, 1.092)]
         .map(|(rate, track)| 0.5 * track.powi(2) / (1.0 / rate + 1.0 / 120_000.0))
@@ -114,7 +103,7 @@ fn roll_stiffness_of_the_independent_simulators_sine() {
         println!("{} {} +- {}", finding.name, finding.value, finding.sigma);
     }
     let [value, _] = found.value("roll_stiffness");
-    assert!((value / truth - 1.0).abs() < 0.15, "{value} of {truth}");
+    assert!((value / truth - 1.0).abs() < 0.05, "{value} of {truth}");
 }
 
 #[test]

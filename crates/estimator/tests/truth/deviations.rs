@@ -1,13 +1,10 @@
 //! Whether the deviations of the forces hold on a run.
 
-use estimator::consistency::{Consistency, consistency};
+use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use sample::Wheel;
 
 use super::judge::{Result, row};
 use super::run::Run;
-
-/// Steps of a window in which consistency is judged: one second.
-const WINDOW_STEPS: usize = 100;
 
 /// Whether the deviations of all forces hold, after the first 3 s.
 pub struct Squares {

@@ -1,0 +1,75 @@
+//! The tyres' moments about their contact points: what goes with the force, and how far that may be
+//! wrong.
+
+use nalgebra::Vector3;
+
+use super::layout::FORCE;
+use super::{Body, Fusion};
+use crate::corners::CornerState;
+
+/// Standard deviations of M_x, M_y, M_z beside what the tread, rolling and the trail make, N m: of
+/// upright wheels without side force, and of M_x where the tread's width is unknown.
+const SIGMA: [f64; 3] = [1.0, 1.0, 1.0];
+const UNTREADED_SIGMA: f64 = 28.0;
+/// Errors of the tread's moment, as parts of it: of its width and stiffness, and more the less of
+/// the width touches, where the rim's edge carries what a row of equal springs would not.
+const TREAD_ERROR: f64 = 0.04;
+const TREAD_LIFTED_ERROR: f64 = 0.5;
+/// Error of the trail's moment, as a part of it.
+const TRAIL_ERROR: f64 = 0.2;
+
+/// A tyre's moment, contact frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KnownMoment {
+    /// The moment beside rolling resistance, N m.
+    pub moment_n_m: Vector3<f64>,
+    /// Deviations of what it leaves out, N m.
+    pub sigma_n_m: [f64; 3],
+}
+
+impl Body {
+    /// Deviation of a moment of which nothing is known yet, N m.
+    pub(super) fn moment_sigma_n_m(&self, wheel: usize, axis: usize) -> f64 {
+        if axis == 0 && self.tyres[wheel].width_m <= 0.0 {
+            UNTREADED_SIGMA
+        } else {
+            SIGMA[axis]
+        }
+    }
+}
+
+impl Fusion {
+    /// Moment that goes with the force of the last step: M_x of the cambered tread, and of a
+    /// rolling wheel M_z = -n F_y of a trail n that is a sixth of the contact's length and vanishes
+    /// as the tyre begins to slide (brush model).
+    pub(super) fn known_moment(
+        &self,
+        wheel: usize,
+        corner: &CornerState,
+        speed_m_s: f64,
+    ) -> KnownMoment {
+        let normal = corner.frame.vehicle_from_tyre.column(2).into_owned();
+        let inclination = corner.pose.spindle.dot(&normal).clamp(-1.0, 1.0).asin();
+        let tyre = &self.body.tyres[wheel];
+        let lateral = self.state[FORCE + 3 * wheel + 1];
+        let load = self.state[FORCE + 3 * wheel + 2].max(0.0);
+        let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
+        let contact = 2.0 * (2.0 * tyre.unloaded_radius_m * pressed).sqrt();
+        let sliding = lateral.abs() / (tyre.friction * load).max(1.0);
+        let trail = contact / 6.0 * (1.0 - sliding).max(0.0) * speed_m_s.abs().min(1.0);
+        let tipping = -tyre.tread_moment_n_m(load, inclination);
+        let turning = -trail * lateral;
+        let lifted = 1.0 - tyre.tread_carrying(load, inclination);
+        let errors = [
+            (TREAD_ERROR + TREAD_LIFTED_ERROR * lifted) * tipping,
+            0.0,
+            TRAIL_ERROR * turning,
+        ];
+        KnownMoment {
+            moment_n_m: Vector3::new(tipping, 0.0, turning),
+            sigma_n_m: std::array::from_fn(|axis| {
+                self.body.moment_sigma_n_m(wheel, axis).hypot(errors[axis])
+            }),
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! What is told of a vehicle's motion, from the motion filter's state.
+
+use model::vehicle::Vehicle;
+use nalgebra::Vector3;
+use sample::{Motion, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+
+use crate::motion::{MotionState, wrap};
+
+/// Speed below which a slip angle means nothing, m/s.
+const SLIP_SPEED_MIN_M_S: f64 = 0.5;
+
+/// The motion without what linkages tell of it.
+pub fn motion(state: &MotionState) -> Motion {
+    let (roll, pitch, _) = state.euler_rad();
+    let gravity = state.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2;
+    let force = state.specific_force_m_s2 + state.specific_force_dot_m_s3 * state.inertial_age_s;
+    Motion {
+        velocity_x_m_s: state.velocity_m_s.x,
+        velocity_y_m_s: state.velocity_m_s.y,
+        sideslip_rad: state.sideslip_rad,
+        sideslip_sigma_rad: state.sideslip_sigma_rad,
+        roll_rad: roll,
+        pitch_rad: pitch,
+        rate_rad_s: state.rate_rad_s.into(),
+        acceleration_m_s2: (force - gravity).into(),
+        ..Motion::default()
+    }
+}
+
+/// Slip angle of each wheel whose steer angle is `steer_rad`, rad.
+pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) -> PerWheel<f64> {
+    let body = &vehicle.body;
+    PerWheel::from_fn(|wheel: Wheel| {
+        let (x, track) = if wheel.is_front() {
+            (body.front_axle_to_cg_m, vehicle.front.track_m)
+        } else {
+            (-body.cg_to_rear_axle_m, vehicle.rear.track_m)
+        };
+        let y = 0.5 * track * wheel.side();
+        let [u, v] = state.level_velocity();
+        let yaw_rate = state.rate_rad_s.z;
+        let (along, across) = (u - yaw_rate * y, v + yaw_rate * x);
+        if along.hypot(across) < SLIP_SPEED_MIN_M_S {
+            return 0.0;
+        }
+        wrap(across.atan2(along) - steer_rad[wheel.index()])
+    })
+}
+
+/// Roll and pitch of the body against the ground whose normal is given in body axes, rad.
+pub fn ground_angles(normal: Vector3<f64>) -> (f64, f64) {
+    (
+        normal.y.atan2(normal.z),
+        (-normal.x).atan2(normal.y.hypot(normal.z)),
+    )
+}

@@ -1,0 +1,127 @@
+//! Process noise that follows what the filter's own corrections tell.
+//!
+//! In a filter whose noise is right, corrections are white. A state that is told to change too
+//! little lags behind the truth and is corrected to the same side again and again; one that is told
+//! to change too much follows the measurements' noise and is corrected back and forth. With z the
+//! corrections over their stated deviations and s = (1 - a) s + a z their fading mean, white
+//! corrections have E[z s] = 0 (s of the step before) and E[s^2] = a/(2 - a).
+//!
+//! - Slowly: the density grows where z s is above zero on the average of about half a second and
+//!   shrinks where it is below (Mehra, On the identification of variances and adaptive Kalman
+//!   filtering, IEEE Transactions on Automatic Control 15 (1970), judges by the same correlation).
+//! - At once, and only as long as it lasts: s^2 beyond what white corrections give multiplies the
+//!   density, so that a manoeuvre that begins need not wait for the slow part.
+
+/// Weight of one step in the fading mean of corrections: about five steps.
+const RECENT: f64 = 0.2;
+/// Weight of one step in the mean of the products: about half a second.
+const SLOW: f64 = 0.02;
+/// Largest product that counts: what lasts teaches, not one great correction.
+const PRODUCT_MAX: f64 = 0.2;
+/// Correlation that is left to the measurements' own colour.
+const COLOUR: f64 = 0.05;
+/// Most that a density shrinks and grows in one step.
+const STEP: [f64; 2] = [0.03, 0.1];
+/// Deviations that one correction counts at most.
+const CORRECTION_MAX: f64 = 5.0;
+
+/// Density of the noise that N states share.
+#[derive(Clone, Copy, Debug)]
+pub struct ProcessNoise<const N: usize> {
+    slow: f64,
+    bounds: [f64; 2],
+    recent: [f64; N],
+    product: f64,
+    boost: f64,
+}
+
+impl<const N: usize> ProcessNoise<N> {
+    /// Noise that starts at `density` and stays within `bounds`.
+    pub fn new(density: f64, bounds: [f64; 2]) -> Self {
+        Self {
+            slow: density,
+            bounds,
+            recent: [0.0; N],
+            product: 0.0,
+            boost: 1.0,
+        }
+    }
+
+    /// The density that the next step needs.
+    pub fn density(&self) -> f64 {
+        (self.slow * self.boost).min(self.bounds[1])
+    }
+
+    /// Raises the density to `least`.
+    pub fn raise(&mut self, least: f64) {
+        self.slow = self.slow.max(least);
+    }
+
+    /// Takes in one step's corrections, in stated deviations.
+    pub fn learn(&mut self, corrections: [f64; N]) {
+        let (mut product, mut square) = (0.0, 0.0);
+        for (recent, z) in self.recent.iter_mut().zip(corrections) {
+            let z = if z.is_finite() { z } else { 0.0 };
+            let z = z.clamp(-CORRECTION_MAX, CORRECTION_MAX);
+            product += z * *recent / N as f64;
+            *recent += RECENT * (z - *recent);
+            square += *recent * *recent / N as f64;
+        }
+        self.product += SLOW * (product.clamp(-PRODUCT_MAX, PRODUCT_MAX) - self.product);
+        let [down, up] = STEP;
+        let [least, most] = self.bounds;
+        let step = (self.product - COLOUR).clamp(-down, up);
+        self.slow = (self.slow * (1.0 + step)).clamp(least, most);
+        // A deviation above the mean of chi-square over N.
+        let usual = (1.0 + (2.0 / N as f64).sqrt()) * RECENT / (2.0 - RECENT);
+        self.boost = (square / usual).max(1.0).powi(3);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    const BOUNDS: [f64; 2] = [1.0, 1e6];
+
+    fn after(corrections: impl Fn(f64, f64) -> f64) -> f64 {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut noise = ProcessNoise::<4>::new(1e3, BOUNDS);
+        let mut last = [0.0; 4];
+        for _ in 0..2000 {
+            let z = std::array::from_fn(|i| {
+                let fresh: f64 = StandardNormal.sample(&mut rng);
+                corrections(fresh, last[i])
+            });
+            noise.learn(z);
+            last = z;
+        }
+        noise.density()
+    }
+
+    #[test]
+    fn a_filter_that_lags_is_loosened_and_one_that_follows_noise_is_tightened() {
+        let lagging = after(|fresh, last| 0.6 * last + fresh);
+        let noisy = after(|fresh, last| fresh - 0.6 * last);
+        assert!(lagging > 1e5 && noisy < 10.0, "{lagging} {noisy}");
+    }
+
+    #[test]
+    fn what_begins_at_once_is_followed_at_once_and_let_go() {
+        let mut noise = ProcessNoise::<1>::new(10.0, BOUNDS);
+        for _ in 0..10 {
+            noise.learn([5.0]);
+        }
+        assert!(noise.density() > 1e3);
+        for _ in 0..30 {
+            noise.learn([0.0]);
+        }
+        assert!(noise.density() < 50.0);
+        noise.learn([f64::NAN]);
+        assert!(noise.density().is_finite());
+    }
+}

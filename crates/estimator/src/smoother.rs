@@ -1,0 +1,150 @@
+//! Estimates that know what came after them: the smoother of replays.
+//!
+//! The [`Estimator`](crate::Estimator) is causal. Where a [`Smoother`] takes its [`Step`]s, each
+//! estimate is made again from the measurements of at least [`LAG_STEPS`] steps more. A log of any
+//! length needs the memory of two such windows. The forces forget within a second, so that what a
+//! longer wait would add is what strain offsets and biases still learn.
+//!
+//! Both filters are smoothed by the modified Bryson-Frazier form of the fixed-interval smoother
+//! (G. J. Bierman, "Fixed interval smoothing with discrete measurements", Int. J. Control 18
+//! (1973) 65-75), which equals Rauch, Tung and Striebel's but inverts no covariance: the strain
+//! offsets' variances stand eight powers of ten below the forces'. Backward through the filter's
+//! operations an adjoint vector l and its matrix L are carried,
+//!
+//! | operation | l | L |
+//! |---|---|---|
+//! | x ← F x | F' l | F' L F |
+//! | z = h x + v | l - h' (y/S + K' l) | (I - K h)' L (I - K h) + h' h/S |
+//!
+//! and at each instant x_s = x - P l, P_s = P - P L P.
+
+mod adjoint;
+
+use std::collections::VecDeque;
+
+use model::vehicle::Vehicle;
+use sample::{Estimate, Motion};
+
+use crate::fusion::layout::{SIZE, TURN};
+use crate::fusion::{Belief, OUTPUTS};
+use crate::kinematics;
+use crate::motion::{STATES, Solution};
+use crate::trace::Operation;
+use adjoint::Adjoint;
+
+/// Steps after an instant that its smoothed estimate knows of at least: 10 s.
+pub const LAG_STEPS: usize = 1000;
+
+/// What a smoother needs of one step of the estimator.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// The causal estimate.
+    pub estimate: Estimate,
+    /// What the motion filter knew.
+    pub solution: Solution,
+    /// Its operations since the step before.
+    pub operations: Vec<Operation<STATES>>,
+    /// Whether the estimate's motion is the motion filter's, and not the single-track filter's.
+    pub navigated: bool,
+    /// What the force filter believed, where there is one.
+    pub forces: Option<Belief>,
+}
+
+/// The smoother.
+#[derive(Clone, Debug)]
+pub struct Smoother {
+    vehicle: Vehicle,
+    lag: usize,
+    steps: VecDeque<Step>,
+}
+
+impl Smoother {
+    /// A smoother that waits for `lag` steps, for all if there are fewer.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle, lag: usize) -> Self {
+        Self {
+            vehicle: vehicle.clone(),
+            lag: lag.max(1),
+            steps: VecDeque::new(),
+        }
+    }
+
+    /// Takes the next step in, and hands smoothed estimates out, `lag` of them at once.
+    pub fn push(&mut self, step: Step, out: &mut impl FnMut(Estimate)) {
+        self.steps.push_back(step);
+        if self.steps.len() >= self.lag.saturating_mul(2) {
+            self.smooth(self.lag, out);
+        }
+    }
+
+    /// Hands out what is left, after the last step.
+    pub fn finish(&mut self, out: &mut impl FnMut(Estimate)) {
+        self.smooth(self.steps.len(), out);
+    }
+
+    /// Hands out the first `count` steps and forgets them.
+    fn smooth(&mut self, count: usize, out: &mut impl FnMut(Estimate)) {
+        let mut smoothed = Vec::with_capacity(count);
+        let mut motion = Adjoint::default();
+        let mut forces = Adjoint::default();
+        for (k, step) in self.steps.iter().enumerate().rev() {
+            if k < count {
+                smoothed.push(self.estimate(step, &motion, &forces));
+            }
+            motion.pass(&step.operations);
+            if let Some(belief) = &step.forces {
+                forces.pass(&belief.operations);
+            }
+        }
+        self.steps.drain(..count);
+        smoothed.into_iter().rev().for_each(out);
+    }
+
+    fn estimate(&self, step: &Step, motion: &Adjoint<STATES>, forces: &Adjoint<SIZE>) -> Estimate {
+        let mut estimate = step.estimate.clone();
+        if step.navigated && step.solution.time.is_some() {
+            estimate.motion = self.motion(step, motion);
+        }
+        if let Some(belief) = &step.forces {
+            put_forces(&mut estimate, belief, forces, step.solution.inertial);
+        }
+        estimate
+    }
+
+    fn motion(&self, step: &Step, adjoint: &Adjoint<STATES>) -> Motion {
+        let filtered = &step.estimate.motion;
+        let known = &step.solution.covariance;
+        let solution = step
+            .solution
+            .clone()
+            .corrected(&adjoint.correction(known), known - adjoint.shrinkage(known));
+        let state = solution.state(step.estimate.time);
+        let motion = kinematics::motion(&state);
+        Motion {
+            steer_rad: filtered.steer_rad,
+            slip_angle_rad: kinematics::slip_angles(&self.vehicle, &state, filtered.steer_rad.0),
+            bank_rad: filtered.bank_rad + motion.roll_rad - filtered.roll_rad,
+            grade_rad: filtered.grade_rad + motion.pitch_rad - filtered.pitch_rad,
+            ..motion
+        }
+    }
+}
+
+/// Puts the smoothed forces and, where an inertial unit stands behind them, rates in.
+fn put_forces(estimate: &mut Estimate, belief: &Belief, adjoint: &Adjoint<SIZE>, inertial: bool) {
+    let correction = adjoint.correction(&belief.covariance);
+    let shrinkage = adjoint.shrinkage(&belief.covariance);
+    for (k, state) in OUTPUTS.into_iter().enumerate() {
+        let value = belief.state[state] + correction[k];
+        let variance = belief.covariance[(k, state)] - shrinkage[(k, k)];
+        if let Some(axis) = state.checked_sub(TURN) {
+            if inertial {
+                estimate.motion.rate_rad_s[axis] = value;
+            }
+        } else {
+            let force = &mut estimate.measured.0[state / 3];
+            force.force_n[state % 3] = value;
+            force.sigma_n[state % 3] = variance.max(0.0).sqrt();
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! What smoothing gains on an independent simulator's truth runs through the thesis's sensors.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test's helpers stand outside its functions"
+)]
+
+#[path = "truth/deviations.rs"]
+mod deviations;
+#[path = "truth/judge.rs"]
+mod judge;
+#[path = "truth/run.rs"]
+mod run;
+#[path = "truth/sensing.rs"]
+mod sensing;
+
+use deviations::deviations;
+use estimator::smoother::{LAG_STEPS, Smoother, Step};
+use estimator::{Calibration, Estimator, Output, Settings};
+use judge::{Result, estimate, force_errors, motion_errors};
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use run::Run;
+use sample::Sample;
+
+const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
+
+/// Rounding of a deviation, as a part of it.
+const ROUNDING: f64 = 1e-6;
+/// What smoothing may make of an angle's error that never changes, degrees: pitch on a steady
+/// circle is off by 0.08 from its first seconds to its last.
+const LASTING_DEG: f64 = 0.005;
+/// Largest mean square of smoothed forces' normalised errors: as sure of themselves as the causal
+/// ones may be.
+const NEES_MAX: f64 = 1.5;
+
+fn steps(vehicle: &Vehicle, sensors: &Sensors, samples: &[Sample]) -> Vec<Step> {
+    let calibration = Calibration::nominal(&vehicle.name);
+    let mut estimator = Estimator::new(vehicle, sensors, &calibration, Settings::default())
+        .unwrap()
+        .traced();
+    let mut steps = Vec::new();
+    for sample in samples {
+        estimator.advance(sample.log_time, &mut |output| {
+            if let Output::Step(step) = output {
+                steps.push(*step);
+            }
+        });
+        estimator.push(sample);
+    }
+    steps
+}
+
+fn smoothed(vehicle: &Vehicle, steps: &[Step], lag: usize) -> Result {
+    let mut smoother = Smoother::new(vehicle, lag);
+    let mut estimates = Vec::new();
+    for step in steps {
+        smoother.push(step.clone(), &mut |estimate| estimates.push(estimate));
+    }
+    smoother.finish(&mut |estimate| estimates.push(estimate));
+    Result {
+        estimates,
+        events: Vec::new(),
+    }
+}
+
+/// Errors of F_x, F_y, F_z in per cent and of sideslip, roll and pitch in degrees.
+fn errors(run: &Run, vehicle: &Vehicle, result: &Result) -> [f64; 6] {
+    let [x, y, z] = force_errors(run, vehicle, result);
+    let [sideslip, roll, pitch] = motion_errors(run, result);
+    [x, y, z, sideslip, roll, pitch]
+}
+
+#[test]
+fn what_came_after_makes_estimates_better() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    for name in RUNS {
+        let run = Run::load(name);
+        let samples = sensing::samples(&run, &vehicle, &sensors, 1);
+        let steps = steps(&vehicle, &sensors, &samples);
+        let filtered = Result {
+            estimates: steps.iter().map(|step| step.estimate.clone()).collect(),
+            events: Vec::new(),
+        };
+        let smoothed = smoothed(&vehicle, &steps, LAG_STEPS);
+        let [before, after] = [&filtered, &smoothed].map(|result| errors(&run, &vehicle, result));
+        let [loose, tight] = [&filtered, &smoothed].map(|result| deviations(&run, result));
+        eprintln!(
+            "{name}: Fx, Fy, Fz %, sideslip, roll, pitch deg: filtered {before:.3?}, smoothed \
+             {after:.3?}; NEES {:.2?} {:.2?}, inside {:.0} {:.0} %, surprise {:.2?} {:.2?}",
+            loose.axes,
+            tight.axes,
+            100.0 * loose.all.inside,
+            100.0 * tight.all.inside,
+            loose.surprise,
+            tight.surprise,
+        );
+        assert_narrower(&filtered, &smoothed);
+        for (i, (before, after)) in before.iter().zip(after).enumerate() {
+            let lasting = if i < 3 { 0.0 } else { LASTING_DEG };
+            assert!(after <= before + lasting, "{name} {i}: {before} {after}");
+        }
+        for axis in 0..3 {
+            assert!(tight.axes[axis] < NEES_MAX, "{name}: {:?}", tight.axes);
+        }
+    }
+}
+
+#[test]
+fn the_lag_loses_nothing_against_the_whole_run() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let run = Run::load("c_sine03");
+    let samples = sensing::samples(&run, &vehicle, &sensors, 1);
+    let steps = steps(&vehicle, &sensors, &samples);
+    let [lagged, whole] =
+        [LAG_STEPS, usize::MAX].map(|lag| errors(&run, &vehicle, &smoothed(&vehicle, &steps, lag)));
+    eprintln!("lag {lagged:.3?}, whole run {whole:.3?}");
+    for i in 0..4 {
+        assert!(lagged[i] < 1.1 * whole[i], "{lagged:?} {whole:?}");
+    }
+}
+
+/// A filter that takes its operations down gives the same bits.
+#[test]
+fn tracing_changes_no_bit() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    let run = Run::load("f_launch_brake");
+    let samples = sensing::samples(&run, &vehicle, &sensors, 1);
+    let samples = &samples[..samples.len() / 3];
+    let settings = Settings::default();
+    let plain = estimate(&vehicle, &sensors, &calibration, settings, samples);
+    let traced = steps(&vehicle, &sensors, samples);
+    assert_eq!(plain.estimates.len(), traced.len());
+    for (plain, traced) in plain.estimates.iter().zip(&traced) {
+        assert_eq!(format!("{plain:?}"), format!("{:?}", traced.estimate));
+    }
+    assert!(plain.events.is_empty(), "{:?}", plain.events);
+}
+
+/// No deviation of a smoothed estimate is larger than the causal one's.
+fn assert_narrower(filtered: &Result, smoothed: &Result) {
+    assert_eq!(filtered.estimates.len(), smoothed.estimates.len());
+    for (before, after) in filtered.estimates.iter().zip(&smoothed.estimates) {
+        assert_eq!(before.time, after.time);
+        for (before, after) in before.measured.0.iter().zip(&after.measured.0) {
+            for (before, after) in before.sigma_n.iter().zip(after.sigma_n) {
+                assert!(after <= before * (1.0 + ROUNDING), "{before} {after}");
+            }
+        }
+    }
+}

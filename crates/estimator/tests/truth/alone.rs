@@ -1,0 +1,63 @@
+//! What deflection alone and the vehicle model alone say of the forces.
+
+use estimator::Calibration;
+use estimator::calibration::Resolved;
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use sample::{Measurement, PerWheel, STANDARD_GRAVITY_M_S2, Sample};
+
+use super::judge::Result;
+
+/// The forces that the four-wheel model expects from steer and speed.
+pub fn model(result: &Result) -> Result {
+    let mut estimates = result.estimates.clone();
+    for estimate in &mut estimates {
+        estimate.measured = estimate.expected;
+    }
+    Result {
+        estimates,
+        events: Vec::new(),
+    }
+}
+
+/// F_z = static load + k lever (compression from the design length): the thesis's equations 2.25 to
+/// 2.27 with the lever the right way round. F_x and F_y are unknown.
+pub fn deflection(
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+    samples: &[Sample],
+    result: &Result,
+) -> Result {
+    let resolved = Resolved::new(sensors, &Calibration::nominal(&vehicle.name)).unwrap();
+    let body = &vehicle.body;
+    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+    let half = 0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 / (a + b);
+    let mut load_n = PerWheel([f64::NAN; 4]);
+    let mut samples = samples.iter().peekable();
+    let mut estimates = result.estimates.clone();
+    for estimate in &mut estimates {
+        while let Some(sample) = samples.next_if(|sample| sample.valid_time <= estimate.time) {
+            let Measurement::Corner(corner) = &sample.measurement else {
+                continue;
+            };
+            let (axle, arm) = if corner.wheel.is_front() {
+                (&vehicle.front, b)
+            } else {
+                (&vehicle.rear, a)
+            };
+            let strut = axle.strut.as_ref().unwrap();
+            let pot = &resolved.corners[corner.wheel].deflection;
+            if let Some(compression_m) = corner.deflection_counts.and_then(|c| pot.value(c)) {
+                let rate_n_m = strut.stiffness_n_m * strut.motion_ratio.unwrap();
+                load_n[corner.wheel] = half * arm + rate_n_m * compression_m;
+            }
+        }
+        for (force, load) in estimate.measured.0.iter_mut().zip(load_n.0) {
+            force.force_n = [f64::NAN, f64::NAN, load];
+        }
+    }
+    Result {
+        estimates,
+        events: Vec::new(),
+    }
+}
