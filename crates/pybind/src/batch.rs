@@ -55,6 +55,9 @@ impl<'a> Rows<'a> {
     ) -> PyResult<Self> {
         let numbers = input::rows("state", states, D::state_names())?;
         let input_numbers = input::rows("inputs", inputs, D::input_names())?;
+        for row in input_numbers.chunks_exact(D::input_names().len()) {
+            D::check_inputs(&D::inputs(row)).map_err(|e| errors::model(&e))?;
+        }
         let own_axes = if in_time { 2 } else { 1 };
         let (of_state, of_inputs) = (states.shape(), inputs.shape());
         if of_state.len() > 2 || of_inputs.len() > own_axes + 1 {

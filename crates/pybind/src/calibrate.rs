@@ -1,12 +1,12 @@
 //! Calibration of sensors from arrays.
 
+mod corners;
+mod motion;
+
 use estimator::calibration::Calibration;
-use estimator::calibration::gnss::Vectors;
-use estimator::calibration::imu::ImuSignal;
 use estimator::calibration::rest::{Rest, Signal};
 use estimator::calibration::steer::{PlateReading, steer};
 use estimator::calibration::weight::{ScaleReading, weight};
-use estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sample::PerWheel;
@@ -14,7 +14,8 @@ use sample::PerWheel;
 use crate::errors;
 use crate::findings::{column, dict, estimator, refusal, same_length, vectors};
 use crate::input::Doubles;
-use crate::vehicle::{Vehicle, to_python};
+use crate::tables::{to_python, to_toml};
+use crate::vehicle::Vehicle;
 
 type Found<'py> = PyResult<Bound<'py, PyDict>>;
 
@@ -84,12 +85,14 @@ pub fn calibrate_steer<'py>(
 /// Springs from a vehicle on scales under several loads: wheel loads, N, and strut compressions, m,
 /// each (n, 4).
 #[pyfunction]
+#[pyo3(signature = (vehicle, load_n, compression_m, *, known_calibration=None))]
 #[allow(clippy::needless_pass_by_value)]
 pub fn calibrate_weight<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     load_n: Doubles<'py>,
     compression_m: Doubles<'py>,
+    known_calibration: Option<&Bound<'py, PyDict>>,
 ) -> Found<'py> {
     let loads = vectors::<4>("load_n", &load_n)?;
     let compressions = vectors::<4>("compression_m", &compression_m)?;
@@ -105,73 +108,9 @@ pub fn calibrate_weight<'py>(
             compression_m: PerWheel(compression_m),
         })
         .collect();
-    let known = Calibration {
-        vehicle: vehicle.inner.name.clone(),
-        ..Calibration::default()
-    };
+    let known = known(vehicle, known_calibration)?;
     let found = weight(&vehicle.inner, &known, &readings).map_err(|e| estimator(&e))?;
     with_table(py, dict(py, &found.findings)?, &found.calibration)
-}
-
-/// Rolling radii from straight, even driving: an antenna's velocity east, north, up, m/s, (n, 3),
-/// the inertial unit's specific force and rate, (m, 3), wheel speeds, rad/s, (k, 4).
-#[pyfunction]
-#[pyo3(signature = (
-    velocity_time_s, velocity_m_s, imu_time_s, force_m_s2, rate_rad_s, wheel_time_s, wheel_rad_s,
-    *, latency_s=0.0,
-))]
-#[allow(clippy::too_many_arguments)]
-#[allow(clippy::needless_pass_by_value)]
-pub fn calibrate_wheel_radius<'py>(
-    py: Python<'py>,
-    velocity_time_s: Doubles<'py>,
-    velocity_m_s: Doubles<'py>,
-    imu_time_s: Doubles<'py>,
-    force_m_s2: Doubles<'py>,
-    rate_rad_s: Doubles<'py>,
-    wheel_time_s: Doubles<'py>,
-    wheel_rad_s: Doubles<'py>,
-    latency_s: f64,
-) -> Found<'py> {
-    let velocity_s = column("velocity_time_s", Some(&velocity_time_s))?;
-    let velocity = vectors::<3>("velocity_m_s", &velocity_m_s)?;
-    let imu_s = column("imu_time_s", Some(&imu_time_s))?;
-    let force = vectors::<3>("force_m_s2", &force_m_s2)?;
-    let rate = vectors::<3>("rate_rad_s", &rate_rad_s)?;
-    let wheel_s = column("wheel_time_s", Some(&wheel_time_s))?;
-    let wheels = vectors::<4>("wheel_rad_s", &wheel_rad_s)?;
-    same_length(&[
-        ("velocity_time_s", velocity_s.len()),
-        ("velocity_m_s", velocity.len()),
-    ])?;
-    same_length(&[
-        ("imu_time_s", imu_s.len()),
-        ("force_m_s2", force.len()),
-        ("rate_rad_s", rate.len()),
-    ])?;
-    same_length(&[
-        ("wheel_time_s", wheel_s.len()),
-        ("wheel_rad_s", wheels.len()),
-    ])?;
-    let turning =
-        [0, 1, 2, 3].map(|wheel| -> Vec<f64> { wheels.iter().map(|row| row[wheel]).collect() });
-    let found = wheel_radius(&RadiusInput {
-        velocity: Vectors {
-            time_s: &velocity_s,
-            value: &velocity,
-        },
-        latency_s,
-        imu: ImuSignal {
-            time_s: &imu_s,
-            force_m_s2: &force,
-            rate_rad_s: &rate,
-        },
-        wheels_rad_s: turning.each_ref().map(|value| Signal {
-            time_s: &wheel_s,
-            value,
-        }),
-    });
-    dict(py, &found.map_err(|e| refusal(&e))?.findings)
 }
 
 /// The findings with the calibration file's table beside them, as `calibration`.
@@ -180,9 +119,25 @@ fn with_table<'py>(
     found: Bound<'py, PyDict>,
     table: &impl serde::Serialize,
 ) -> Found<'py> {
-    let table = toml::Value::try_from(table).map_err(|e| errors::data(e.to_string()))?;
-    found.set_item("calibration", to_python(py, table)?)?;
+    found.set_item("calibration", self::table(py, table)?)?;
     Ok(found)
+}
+
+/// A table of a file as Python's own.
+fn table<'py>(py: Python<'py>, table: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let table = toml::Value::try_from(table).map_err(|e| errors::data(e.to_string()))?;
+    to_python(py, table)
+}
+
+/// What earlier steps found, as their `calibration` says it; nominal where there is none.
+fn known(vehicle: &Vehicle, calibration: Option<&Bound<'_, PyDict>>) -> PyResult<Calibration> {
+    let Some(calibration) = calibration else {
+        return Ok(Calibration::nominal(&vehicle.inner.name));
+    };
+    let table = to_toml("known_calibration", calibration)?;
+    table
+        .try_into()
+        .map_err(|e: toml::de::Error| errors::argument(format!("known_calibration: {e}")))
 }
 
 /// Adds this file's part to the extension module.
@@ -190,5 +145,9 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(calibrate_rest, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate_steer, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate_weight, module)?)?;
-    module.add_function(wrap_pyfunction!(calibrate_wheel_radius, module)?)
+    module.add_function(wrap_pyfunction!(corners::calibrate_zero, module)?)?;
+    module.add_function(wrap_pyfunction!(corners::calibrate_load_rig, module)?)?;
+    module.add_function(wrap_pyfunction!(motion::calibrate_imu, module)?)?;
+    module.add_function(wrap_pyfunction!(motion::calibrate_gnss, module)?)?;
+    module.add_function(wrap_pyfunction!(motion::calibrate_wheel_radius, module)?)
 }

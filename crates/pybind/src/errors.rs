@@ -4,6 +4,7 @@ use pyo3::exceptions::{PyException, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple, PyType};
+use report::score::ScoreError;
 
 /// The package's exceptions.
 struct Exceptions {
@@ -105,6 +106,14 @@ pub fn log(error: &store::Error) -> PyErr {
         return PyOSError::new_err((number, what, path.display().to_string()));
     }
     raise(|all| &all.log, error.to_string())
+}
+
+/// Why a log cannot be scored.
+pub fn score(error: &ScoreError) -> PyErr {
+    match error {
+        ScoreError::Log(error) => log(error),
+        other => raise(|all| &all.log, other.to_string()),
+    }
 }
 
 /// A vehicle file that cannot be used.

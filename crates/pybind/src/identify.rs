@@ -3,10 +3,9 @@
 use estimator::identification::{
     self, cornering, friction, inertia, response, roll_centre, roll_pitch, tyre, understeer,
 };
-use model::suspension::Corner;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sample::{PerWheel, Wheel};
+use sample::PerWheel;
 
 use crate::errors;
 use crate::findings::{column, dict, refusal, vectors};
@@ -17,7 +16,7 @@ type Found<'py> = PyResult<Bound<'py, PyDict>>;
 
 /// A drive on an even time grid, all columns (n,), NaN where unknown; what was not measured is left
 /// out. Accelerations are horizontal, of the centre of gravity; the steer angle is the mean of the
-/// front road wheels.
+/// front road wheels; wheel loads are (n, 4).
 #[pyclass(frozen, module = "atvrec.identify")]
 pub struct Drive {
     inner: identification::Drive,
@@ -28,7 +27,7 @@ impl Drive {
     #[new]
     #[pyo3(signature = (
         dt_s, *, speed_m_s=None, sideslip_rad=None, yaw_rate_rad_s=None, lateral_m_s2=None,
-        longitudinal_m_s2=None, steer_rad=None, roll_rad=None, pitch_rad=None,
+        longitudinal_m_s2=None, steer_rad=None, roll_rad=None, pitch_rad=None, load_n=None,
     ))]
     #[allow(clippy::too_many_arguments)]
     #[allow(clippy::needless_pass_by_value)]
@@ -42,7 +41,9 @@ impl Drive {
         steer_rad: Option<Doubles<'_>>,
         roll_rad: Option<Doubles<'_>>,
         pitch_rad: Option<Doubles<'_>>,
+        load_n: Option<Doubles<'_>>,
     ) -> PyResult<Self> {
+        let loads_n = load_n.map_or_else(|| Ok(Vec::new()), |n| vectors::<4>("load_n", &n))?;
         let inner = identification::Drive {
             dt_s,
             speed_m_s: column("speed_m_s", speed_m_s.as_ref())?,
@@ -53,6 +54,9 @@ impl Drive {
             steer_rad: column("steer_rad", steer_rad.as_ref())?,
             roll_rad: column("roll_rad", roll_rad.as_ref())?,
             pitch_rad: column("pitch_rad", pitch_rad.as_ref())?,
+            loads_n: PerWheel(
+                [0, 1, 2, 3].map(|wheel| loads_n.iter().map(|row| row[wheel]).collect()),
+            ),
         };
         inner
             .require("drive", &[])
@@ -71,7 +75,8 @@ impl Drive {
     }
 }
 
-/// Cornering stiffness of both axles, offsets of steer and sideslip angle.
+/// Cornering stiffness of both axles, offsets of steer and sideslip angle. With wheel loads the
+/// tyres' trail and the wheels' spin count.
 #[pyfunction]
 #[pyo3(signature = (drive, vehicle, *, lateral_max_m_s2=2.5, seed=1))]
 pub fn identify_cornering<'py>(
@@ -86,7 +91,7 @@ pub fn identify_cornering<'py>(
         seed,
         ..cornering::Options::default()
     };
-    let body = cornering::Body::of(&vehicle.inner);
+    let body = cornering::Body::of(&roll_centre::of_linkage(&vehicle.inner));
     let found = py.detach(|| cornering::identify(&drive.inner, &body, &options));
     dict(py, &found.map_err(|e| refusal(&e))?)
 }
@@ -109,34 +114,21 @@ pub fn identify_understeer<'py>(
     dict(py, &found.map_err(|e| refusal(&e))?)
 }
 
-/// Roll and pitch stiffness and damping; wheel loads, N, (n, 4), tell the axles' shares.
+/// Roll and pitch stiffness and damping; wheel loads tell the axles' shares.
 #[pyfunction]
-#[pyo3(signature = (drive, vehicle, *, load_n=None, seed=1))]
-#[allow(clippy::needless_pass_by_value)]
+#[pyo3(signature = (drive, vehicle, *, seed=1))]
 pub fn identify_roll_pitch<'py>(
     py: Python<'py>,
     drive: &Drive,
     vehicle: &Vehicle,
-    load_n: Option<Doubles<'py>>,
     seed: u64,
 ) -> Found<'py> {
-    let mut loads = PerWheel::<Vec<f64>>::default();
-    if let Some(array) = &load_n {
-        let rows = vectors::<4>("load_n", array)?;
-        loads = PerWheel([0, 1, 2, 3].map(|wheel| rows.iter().map(|row| row[wheel]).collect()));
-    }
-    let ratio = |wheel: Wheel| {
-        let corner = Corner::of(&vehicle.inner, wheel).ok()?;
-        let pose = corner.pose_at_jounce(0.0, 0.0).ok()?;
-        Some(corner.rates(&pose).motion_ratio())
-    };
-    let ratios = [ratio(Wheel::FrontLeft), ratio(Wheel::RearLeft)];
-    let body = roll_pitch::Body::of(&vehicle.inner, ratios);
+    let body = roll_pitch::Body::of(&roll_centre::of_linkage(&vehicle.inner));
     let options = roll_pitch::Options {
         seed,
         ..roll_pitch::Options::default()
     };
-    let found = py.detach(|| roll_pitch::identify(&drive.inner, &loads, &body, &options));
+    let found = py.detach(|| roll_pitch::identify(&drive.inner, &body, &options));
     dict(py, &found.map_err(|e| refusal(&e))?)
 }
 
@@ -259,6 +251,54 @@ pub fn identify_roll_centre<'py>(py: Python<'py>, vehicle: &Vehicle) -> Found<'p
     dict(py, &found.map_err(|e| refusal(&e))?)
 }
 
+/// Inertia from the swing of a pendulum: the rate about its axis, rad/s, (n,), on a grid of `dt_s`.
+/// What hangs is told by `mass_kg` with `distance_m` (compound), with `radius_m` and `length_m`
+/// (wires), or by `stiffness_n_m_rad` (springs).
+#[pyfunction]
+#[pyo3(signature = (
+    rate_rad_s, *, dt_s, mass_kg=None, distance_m=None, radius_m=None, length_m=None,
+    stiffness_n_m_rad=None, fixture_kg_m2=0.0, seed=1,
+))]
+#[allow(clippy::too_many_arguments)]
+#[allow(clippy::needless_pass_by_value)]
+pub fn identify_pendulum<'py>(
+    py: Python<'py>,
+    rate_rad_s: Doubles<'py>,
+    dt_s: f64,
+    mass_kg: Option<f64>,
+    distance_m: Option<f64>,
+    radius_m: Option<f64>,
+    length_m: Option<f64>,
+    stiffness_n_m_rad: Option<f64>,
+    fixture_kg_m2: f64,
+    seed: u64,
+) -> Found<'py> {
+    let rate = column("rate_rad_s", Some(&rate_rad_s))?;
+    let hung = match (mass_kg, distance_m, radius_m, length_m, stiffness_n_m_rad) {
+        (Some(mass_kg), Some(distance_m), None, None, None) => inertia::Pendulum::Compound {
+            mass_kg,
+            distance_m,
+        },
+        (Some(mass_kg), None, Some(radius_m), Some(length_m), None) => inertia::Pendulum::Wires {
+            mass_kg,
+            radius_m,
+            length_m,
+        },
+        (None, None, None, None, Some(stiffness_n_m_rad)) => {
+            inertia::Pendulum::Springs { stiffness_n_m_rad }
+        }
+        _ => {
+            return Err(errors::argument(
+                "give mass_kg and distance_m, or mass_kg, radius_m and length_m, or \
+                 stiffness_n_m_rad alone"
+                    .to_owned(),
+            ));
+        }
+    };
+    let found = py.detach(|| inertia::pendulum(&rate, dt_s, hung, fixture_kg_m2, seed));
+    dict(py, &found.map_err(|e| refusal(&e))?)
+}
+
 /// Adds this file's part to the extension module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Drive>()?;
@@ -270,5 +310,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(identify_tyre, module)?)?;
     module.add_function(wrap_pyfunction!(identify_friction, module)?)?;
     module.add_function(wrap_pyfunction!(identify_yaw_inertia, module)?)?;
+    module.add_function(wrap_pyfunction!(identify_pendulum, module)?)?;
     module.add_function(wrap_pyfunction!(identify_roll_centre, module)?)
 }

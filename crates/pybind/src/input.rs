@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use numpy::{AllowTypeChange, PyArrayLikeDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use sample::Wheel;
 
 use crate::errors;
 
@@ -70,6 +71,12 @@ pub fn positive(argument: &str, value: f64, unit: &str) -> PyResult<f64> {
             "{argument} = {value} {unit}: must be finite and greater than 0"
         )))
     }
+}
+
+/// The wheel of this name.
+pub fn wheel(name: &str) -> PyResult<Wheel> {
+    Wheel::from_abbreviation(name)
+        .ok_or_else(|| errors::argument(format!("wheel = {name:?}: must be fl, fr, rl or rr")))
 }
 
 /// One number for all wheels, or one for each.

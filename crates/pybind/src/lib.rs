@@ -14,9 +14,11 @@ mod fourteen_dof;
 mod identify;
 mod input;
 mod log;
+mod sensors;
 mod steering;
 mod strain;
 mod suspension;
+mod tables;
 mod tyre;
 mod vehicle;
 
@@ -31,6 +33,7 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     calibrate::register(module)?;
     module.add_class::<log::LogReader>()?;
     module.add_class::<vehicle::Vehicle>()?;
+    module.add_class::<sensors::Sensors>()?;
     module.add_class::<tyre::Tyre>()?;
     module.add_class::<tyre::SpringTyre>()?;
     module.add_class::<steering::Steering>()?;

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
+use report::score::{compare, score};
 use sample::LogTime;
-use store::Reader;
+use store::{Reader, Stage};
 
 use crate::{arrays, errors};
 
@@ -95,6 +96,30 @@ impl LogReader {
         }
         let missing = table.missing.iter().map(ToString::to_string).collect();
         Ok((columns, units, missing))
+    }
+
+    /// What `atvrec score --json` prints: against the truth in the log, or against another log's
+    /// estimates.
+    fn score_json(
+        &self,
+        py: Python<'_>,
+        against: Option<&Self>,
+        smoothed: bool,
+        from_s: f64,
+    ) -> PyResult<String> {
+        let stage = if smoothed {
+            Stage::Smoothed
+        } else {
+            Stage::Estimate
+        };
+        let found = py.detach(|| match against {
+            Some(other) => {
+                compare(&self.reader, &other.reader, stage, from_s).map(|found| found.to_json())
+            }
+            None => score(&self.reader, stage, from_s).map(|found| found.to_json()),
+        });
+        let json = found.map_err(|error| errors::score(&error))?;
+        Ok(json.to_string())
     }
 
     /// Names of an enumeration's values, by field, for the fields of a topic that are one.

@@ -1,6 +1,6 @@
 //! The strain chain.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use model::sensors::Sensors;
 use model::strain::{self, ChannelScale};
@@ -11,6 +11,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::batch;
 use crate::errors;
 use crate::input::{self, Doubles};
+use crate::sensors;
 
 /// One channel of the strain chain: counts = zero + gain * load.
 #[pyclass(frozen, module = "atvrec")]
@@ -24,8 +25,10 @@ impl StrainChannel {
     #[staticmethod]
     #[pyo3(signature = (sensors="thesis-10bit"))]
     fn axial(sensors: &str) -> PyResult<Self> {
-        let sensors = Sensors::builtin(sensors).map_err(|e| errors::model(&e))?;
-        let scale = sensors.strain.axial_scale();
+        let chain = Sensors::builtin(sensors)
+            .map_err(|e| errors::model(&e))?
+            .strain;
+        let scale = chain.axial_scale();
         scale
             .map(|scale| Self { scale })
             .map_err(|e| errors::model(&e))
@@ -47,7 +50,7 @@ impl StrainChannel {
     /// The axial channels of a sensors file of your own; all mistakes of the file are told at once.
     #[staticmethod]
     fn load_axial(path: PathBuf) -> PyResult<Self> {
-        let scale = own(&path)?.strain.axial_scale();
+        let scale = sensors::read(&path)?.strain.axial_scale();
         scale
             .map(|scale| Self { scale })
             .map_err(|e| errors::model(&e))
@@ -56,7 +59,7 @@ impl StrainChannel {
     /// The bending channels of a sensors file of your own.
     #[staticmethod]
     fn load_bending(path: PathBuf) -> PyResult<Self> {
-        let scale = own(&path)?.strain.bending_scale();
+        let scale = sensors::read(&path)?.strain.bending_scale();
         scale
             .map_err(|e| errors::model(&e))?
             .map(|scale| Self { scale })
@@ -102,11 +105,6 @@ impl StrainChannel {
         let loads = values.iter().map(|counts| self.scale.load(*counts));
         batch::shaped(py, counts.shape(), loads.collect())
     }
-}
-
-fn own(path: &Path) -> PyResult<Sensors> {
-    let text = std::fs::read_to_string(path)?;
-    Sensors::from_toml(&text, path).map_err(|error| errors::vehicle(error.to_string()))
 }
 
 /// Gain of the INA2126 amplifier with a gain resistor, ohm (equation 3.5).

@@ -10,7 +10,6 @@ use numpy::ndarray::Array2;
 use numpy::{Complex64, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sample::Wheel;
 
 use crate::input::{self, Doubles};
 use crate::vehicle::Vehicle;
@@ -45,7 +44,7 @@ impl Ride {
     /// Quarter car over one wheel (`fl`, `fr`, `rl`, `rr`): q = (z_s, z_u).
     #[staticmethod]
     fn quarter(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
-        let made = QuarterCar::of(&vehicle.inner, parse_wheel(wheel)?);
+        let made = QuarterCar::of(&vehicle.inner, input::wheel(wheel)?);
         made.map(|m| Self {
             kind: Kind::Quarter(Box::new(m)),
         })
@@ -65,7 +64,7 @@ impl Ride {
     /// Half car, lateral, over the axle of `wheel`: q = (z_s, phi right side down, z_left, z_right).
     #[staticmethod]
     fn half_lateral(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
-        let made = HalfCar::lateral_of(&vehicle.inner, parse_wheel(wheel)?);
+        let made = HalfCar::lateral_of(&vehicle.inner, input::wheel(wheel)?);
         made.map(|m| Self {
             kind: Kind::Half(Box::new(m)),
         })
@@ -211,7 +210,7 @@ impl Corner {
     /// The corner of a wheel: `fl`, `fr`, `rl` or `rr`.
     #[new]
     fn new(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
-        let wheel = parse_wheel(wheel)?;
+        let wheel = input::wheel(wheel)?;
         let axle = if wheel.is_front() {
             &vehicle.inner.front
         } else {
@@ -377,14 +376,6 @@ fn matrix<'py, const R: usize, const C: usize>(
     matrix: &SMatrix<f64, R, C>,
 ) -> Bound<'py, PyArray2<f64>> {
     Array2::from_shape_fn((R, C), |(r, c)| matrix[(r, c)]).into_pyarray(py)
-}
-
-fn parse_wheel(name: &str) -> PyResult<Wheel> {
-    let known = ["fl", "fr", "rl", "rr"];
-    let position = known.iter().position(|known| *known == name);
-    position
-        .map(|index| Wheel::ALL[index])
-        .ok_or_else(|| errors::argument(format!("wheel = {name:?}: must be fl, fr, rl or rr")))
 }
 
 fn suspension(error: &SuspensionError) -> PyErr {

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 
 use crate::errors;
+use crate::tables::{to_python, to_toml};
 
 /// A vehicle, as its file describes it: SI units and radians, ISO 8855 axes.
 ///
@@ -140,50 +140,6 @@ impl Vehicle {
     fn value(&self) -> PyResult<toml::Value> {
         toml::Value::try_from(&self.inner).map_err(|error| errors::vehicle(error.to_string()))
     }
-}
-
-/// A value of a file as Python's own.
-pub fn to_python(py: Python<'_>, value: toml::Value) -> PyResult<Bound<'_, PyAny>> {
-    match value {
-        toml::Value::String(text) => text.into_bound_py_any(py),
-        toml::Value::Integer(number) => number.into_bound_py_any(py),
-        toml::Value::Float(number) => number.into_bound_py_any(py),
-        toml::Value::Boolean(flag) => flag.into_bound_py_any(py),
-        toml::Value::Datetime(time) => time.to_string().into_bound_py_any(py),
-        toml::Value::Array(items) => {
-            let list = PyList::empty(py);
-            for item in items {
-                list.append(to_python(py, item)?)?;
-            }
-            list.into_bound_py_any(py)
-        }
-        toml::Value::Table(table) => {
-            let dict = PyDict::new(py);
-            for (key, value) in table {
-                dict.set_item(key, to_python(py, value)?)?;
-            }
-            dict.into_bound_py_any(py)
-        }
-    }
-}
-
-fn to_toml(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
-    if let Ok(flag) = value.cast::<pyo3::types::PyBool>() {
-        return Ok(toml::Value::Boolean(flag.is_true()));
-    }
-    if let Ok(number) = value.extract::<f64>() {
-        return Ok(toml::Value::Float(number));
-    }
-    if let Ok(text) = value.extract::<String>() {
-        return Ok(toml::Value::String(text));
-    }
-    let items = value.try_iter().map_err(|_| {
-        errors::vehicle(format!(
-            "{name}: give a number, a text, truth or a list of numbers"
-        ))
-    })?;
-    let items: PyResult<Vec<_>> = items.map(|item| to_toml(name, &item?)).collect();
-    Ok(toml::Value::Array(items?))
 }
 
 fn set(root: &mut toml::Value, name: &str, value: toml::Value) -> PyResult<()> {

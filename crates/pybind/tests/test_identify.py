@@ -1,4 +1,4 @@
-"""Identification and calibration through Python: parameters that are known, refusals, logs."""
+"""Identification through Python: parameters that are known, refusals, logs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import atvrec
-from atvrec import calibrate, identify
+from atvrec import identify
 
 
 @pytest.fixture
@@ -116,27 +116,13 @@ def test_a_log_is_a_drive(vehicle: atvrec.Vehicle) -> None:
         identify.cornering(drive, vehicle)
 
 
-def test_rest_tells_mean_noise_and_drift() -> None:
-    rng = np.random.default_rng(3)
-    time = np.arange(0.0, 10.0, 0.01)
-    rest = calibrate.rest(time, 500.0 + 0.5 * time + rng.normal(0.0, 2.0, time.size))
-    assert rest["mean"] == pytest.approx(502.5, abs=0.3)
-    assert rest["noise"] == pytest.approx(2.0, rel=0.15)
-    assert rest["slope_per_s"] == pytest.approx(0.5, abs=5 * rest["slope_sigma"])
-    assert not rest["unmoved"]
-    assert calibrate.rest(time, np.full(time.size, 7.0))["unmoved"]
-    with pytest.raises(atvrec.DataError, match="20"):
-        calibrate.rest(time[:5], time[:5])
-    with pytest.raises(atvrec.ArgumentError, match="as many"):
-        calibrate.rest(time, time[:-1])
-
-
-def test_steering_from_turning_plates() -> None:
-    hand = np.concatenate([np.linspace(-4.0, 4.0, 17), np.linspace(4.0, -4.0, 17)])
-    wheel = (hand - 0.1) / 9.16
-    found = calibrate.steer(hand, np.stack([wheel, wheel], axis=1), plate_sigma_rad=0.001)
-    assert found["calibration"]
-    centre = [one["value"] for one in found["findings"].values()]
-    assert any(value == pytest.approx(0.1, abs=0.01) for value in centre), found["findings"]
-    with pytest.raises(atvrec.DataError, match="sign"):
-        calibrate.steer(hand, -np.stack([wheel, wheel], axis=1), plate_sigma_rad=0.001)
+def test_a_pendulum_tells_its_inertia() -> None:
+    time = np.arange(0.0, 40.0, 0.02)
+    mass, arm, inertia = 300.0, 1.2, 120.0
+    omega = np.sqrt(mass * 9.80665 * arm / (inertia + mass * arm**2))
+    rate = 0.1 * np.exp(-0.01 * time) * np.cos(omega * time)
+    rate += np.random.default_rng(4).normal(0.0, 0.002, time.size)
+    found = identify.pendulum(rate, dt_s=0.02, mass_kg=mass, distance_m=arm)
+    assert found["findings"]["inertia"]["value"] == pytest.approx(inertia, rel=0.02)
+    with pytest.raises(atvrec.ArgumentError, match="stiffness_n_m_rad"):
+        identify.pendulum(rate, dt_s=0.02, mass_kg=mass)

@@ -215,6 +215,8 @@ def test_bad_input_is_named(vehicle: atvrec.Vehicle) -> None:
         model.steady_turn(30.0, 5.0)
     with pytest.raises(atvrec.ArgumentError, match="bank_rad = NaN"):
         model.inputs(bank_rad=float("nan"))
+    with pytest.raises(atvrec.ArgumentError, match="brake_n_m = -5 N m: must be 0 or greater"):
+        model.step(state, model.inputs(brake_n_m=-5.0), 0.001)
 
 
 def test_rest_is_physics_not_an_error(vehicle: atvrec.Vehicle) -> None:

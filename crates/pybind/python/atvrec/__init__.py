@@ -1,12 +1,14 @@
 """Vehicle dynamics and logs of atvrec, the recorder that estimates tyre forces.
 
 - :func:`open` reads logs into NumPy arrays, pandas or polars frames
+- :func:`score` judges a log's estimates by its truth, :func:`compare` by another log's
 - :class:`Vehicle` reads vehicle files
 - :class:`Bicycle` the linear vehicle model
 - :class:`FourWheel` the non-linear vehicle model, one run or thousands at once
 - :class:`FourteenDof` the same with wheels that lift
 - :class:`Tyre`, :class:`SpringTyre`, :class:`Steering`, :class:`Ride`, :class:`Corner`,
   :class:`StrainChannel` its parts
+- :class:`Sensors` reads sensors files
 - :mod:`atvrec.identify` finds parameters in drives, :mod:`atvrec.calibrate` calibrates sensors
 
 Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
@@ -24,6 +26,7 @@ from atvrec._atvrec import (
     FourWheel,
     LogError,
     Ride,
+    Sensors,
     SimulationError,
     SpringTyre,
     Steering,
@@ -38,11 +41,13 @@ from atvrec._atvrec import (
     strain_circuits,
 )
 from atvrec.log import Log, open
+from atvrec.scoring import Comparison, Score, compare, score
 
 __all__ = [
     "ArgumentError",
     "AtvrecError",
     "Bicycle",
+    "Comparison",
     "Corner",
     "DataError",
     "FourWheel",
@@ -50,6 +55,8 @@ __all__ = [
     "Log",
     "LogError",
     "Ride",
+    "Score",
+    "Sensors",
     "SimulationError",
     "SpringTyre",
     "Steering",
@@ -60,9 +67,11 @@ __all__ = [
     "__version__",
     "ackermann_rad",
     "calibrate",
+    "compare",
     "identify",
     "ina2126_gain",
     "open",
     "road_height_m",
+    "score",
     "strain_circuits",
 ]

@@ -5,7 +5,16 @@ from typing import Any, Literal, TypeAlias, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
-from atvrec.calibrate import Calibrated, Rest
+from atvrec.calibrate import (
+    Antennas,
+    Calibrated,
+    Counts,
+    Inertial,
+    InertialLog,
+    LoadRig,
+    Rest,
+    Zeros,
+)
 from atvrec.identify import Findings
 from atvrec.log import Info
 
@@ -26,6 +35,7 @@ __all__ = [
     "LogError",
     "LogReader",
     "Ride",
+    "Sensors",
     "SimulationError",
     "SpringTyre",
     "Steering",
@@ -35,13 +45,18 @@ __all__ = [
     "VehicleError",
     "__version__",
     "ackermann_rad",
+    "calibrate_gnss",
+    "calibrate_imu",
+    "calibrate_load_rig",
     "calibrate_rest",
     "calibrate_steer",
     "calibrate_weight",
     "calibrate_wheel_radius",
+    "calibrate_zero",
     "identify_cornering",
     "identify_frequency_response",
     "identify_friction",
+    "identify_pendulum",
     "identify_roll_centre",
     "identify_roll_pitch",
     "identify_step_response",
@@ -72,6 +87,7 @@ class LogReader:
         self, topic: str, start_ns: int, end_ns: int
     ) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str], list[str]]: ...
     def enums(self, topic: str) -> dict[str, dict[int, str]]: ...
+    def score_json(self, against: LogReader | None, smoothed: bool, from_s: float) -> str: ...
 
 @final
 class Vehicle:
@@ -375,6 +391,19 @@ class Corner:
     ) -> tuple[_Doubles, _Doubles]: ...
 
 @final
+class Sensors:
+    @staticmethod
+    def builtin(name: str = "thesis-10bit") -> Sensors: ...
+    @staticmethod
+    def builtin_names() -> list[str]: ...
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Sensors: ...
+    @staticmethod
+    def from_toml(text: str, name: str = "sensors.toml") -> Sensors: ...
+    @property
+    def name(self) -> str: ...
+
+@final
 class StrainChannel:
     @staticmethod
     def axial(sensors: str = "thesis-10bit") -> StrainChannel: ...
@@ -420,6 +449,7 @@ class Drive:
         steer_rad: npt.ArrayLike | None = None,
         roll_rad: npt.ArrayLike | None = None,
         pitch_rad: npt.ArrayLike | None = None,
+        load_n: npt.ArrayLike | None = None,
     ) -> Drive: ...
     @property
     def dt_s(self) -> float: ...
@@ -429,9 +459,7 @@ def identify_cornering(
     drive: Drive, vehicle: Vehicle, *, lateral_max_m_s2: float = 2.5, seed: int = 1
 ) -> Findings: ...
 def identify_understeer(drive: Drive, vehicle: Vehicle, *, seed: int = 1) -> Findings: ...
-def identify_roll_pitch(
-    drive: Drive, vehicle: Vehicle, *, load_n: npt.ArrayLike | None = None, seed: int = 1
-) -> Findings: ...
+def identify_roll_pitch(drive: Drive, vehicle: Vehicle, *, seed: int = 1) -> Findings: ...
 def identify_step_response(drive: Drive, *, step_min_rad: float = 0.02) -> Findings: ...
 def identify_frequency_response(
     drive: Drive, *, window_s: float = 10.0, seed: int = 1
@@ -464,6 +492,18 @@ def identify_yaw_inertia(
     moment_n_m: npt.ArrayLike, yaw_rate_rad_s: npt.ArrayLike, *, dt_s: float, seed: int = 1
 ) -> Findings: ...
 def identify_roll_centre(vehicle: Vehicle) -> Findings: ...
+def identify_pendulum(
+    rate_rad_s: npt.ArrayLike,
+    *,
+    dt_s: float,
+    mass_kg: float | None = None,
+    distance_m: float | None = None,
+    radius_m: float | None = None,
+    length_m: float | None = None,
+    stiffness_n_m_rad: float | None = None,
+    fixture_kg_m2: float = 0.0,
+    seed: int = 1,
+) -> Findings: ...
 def calibrate_rest(
     time_s: npt.ArrayLike, value: npt.ArrayLike, *, low: float = ..., high: float = ...
 ) -> Rest: ...
@@ -471,14 +511,51 @@ def calibrate_steer(
     hand_wheel_rad: npt.ArrayLike, wheels_rad: npt.ArrayLike, *, plate_sigma_rad: float
 ) -> Calibrated: ...
 def calibrate_weight(
-    vehicle: Vehicle, load_n: npt.ArrayLike, compression_m: npt.ArrayLike
+    vehicle: Vehicle,
+    load_n: npt.ArrayLike,
+    compression_m: npt.ArrayLike,
+    *,
+    known_calibration: Mapping[str, Any] | None = None,
 ) -> Calibrated: ...
+def calibrate_zero(
+    vehicle: Vehicle,
+    sensors: Sensors,
+    hanging: Counts,
+    standing: Counts | None = None,
+    *,
+    specific_force_m_s2: Sequence[float] = ...,
+    hand_wheel_rad: Sequence[float] = ...,
+    weight_sigma: float = 0.0,
+    known_calibration: Mapping[str, Any] | None = None,
+) -> Zeros: ...
+def calibrate_load_rig(
+    vehicle: Vehicle,
+    sensors: Sensors,
+    wheel: Sequence[str],
+    force_n: npt.ArrayLike,
+    compression_m: npt.ArrayLike,
+    counts: npt.ArrayLike,
+    counts_sigma: npt.ArrayLike,
+    *,
+    hand_wheel_rad: npt.ArrayLike | None = None,
+    known_calibration: Mapping[str, Any] | None = None,
+) -> LoadRig: ...
+def calibrate_imu(vehicle: Vehicle, logs: Sequence[InertialLog]) -> Calibrated: ...
+def calibrate_gnss(
+    sensors: Sensors,
+    imu: Inertial,
+    velocity_time_s: npt.ArrayLike,
+    velocity_m_s: npt.ArrayLike,
+    attitude_time_s: npt.ArrayLike,
+    attitude_rad: npt.ArrayLike,
+    *,
+    antenna_m: Sequence[float] | None = None,
+    imu_m: Sequence[float] | None = None,
+) -> Antennas: ...
 def calibrate_wheel_radius(
     velocity_time_s: npt.ArrayLike,
     velocity_m_s: npt.ArrayLike,
-    imu_time_s: npt.ArrayLike,
-    force_m_s2: npt.ArrayLike,
-    rate_rad_s: npt.ArrayLike,
+    imu: Inertial,
     wheel_time_s: npt.ArrayLike,
     wheel_rad_s: npt.ArrayLike,
     *,

@@ -7,7 +7,7 @@ data lack.
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from atvrec._atvrec import Drive
 from atvrec._atvrec import identify_cornering as cornering
 from atvrec._atvrec import identify_frequency_response as frequency_response
 from atvrec._atvrec import identify_friction as friction
+from atvrec._atvrec import identify_pendulum as pendulum
 from atvrec._atvrec import identify_roll_centre as roll_centre
 from atvrec._atvrec import identify_roll_pitch as roll_pitch
 from atvrec._atvrec import identify_step_response as step_response
@@ -32,6 +33,7 @@ __all__ = [
     "drive_of",
     "frequency_response",
     "friction",
+    "pendulum",
     "roll_centre",
     "roll_pitch",
     "step_response",
@@ -84,20 +86,32 @@ class Findings(TypedDict):
 
 
 def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Drive:
-    """The drive of a log's ``/estimate/motion``, from ``start_s`` to ``end_s`` of the log.
+    """The drive of a log's ``/estimate/motion``, from ``start_s`` to ``end_s`` of the log, with the
+    wheel loads of ``/estimate/tyre_forces`` where the log has them.
 
     Accelerations are turned from the body's axes into the horizontal. Estimates that are missing
     from the 100 Hz grid are NaN.
     """
     columns = log.read("/estimate/motion", start_s, end_s)
     row = np.rint(columns["t_s"] * 100.0).astype(np.int64)
-    row -= row[0] if row.size else 0
+    first = row[0] if row.size else 0
+    length = row[-1] - first + 1 if row.size else 0
 
-    def grid(name: str) -> npt.NDArray[np.float64]:
-        values = np.full(row[-1] + 1 if row.size else 0, np.nan)
-        values[row] = columns[name]
+    def grid_of(columns: dict[str, npt.NDArray[Any]], name: str) -> npt.NDArray[np.float64]:
+        row = np.rint(columns["t_s"] * 100.0).astype(np.int64) - first
+        known = (row >= 0) & (row < length)
+        values = np.full(length, np.nan)
+        values[row[known]] = columns[name][known]
         return values
 
+    def grid(name: str) -> npt.NDArray[np.float64]:
+        return grid_of(columns, name)
+
+    load = None
+    if "/estimate/tyre_forces" in log.topics:
+        forces = log.read("/estimate/tyre_forces", start_s, end_s)
+        wheels = ("fl", "fr", "rl", "rr")
+        load = np.column_stack([grid_of(forces, f"{wheel}.z_n") for wheel in wheels])
     forward, left = grid("velocity_x_m_s"), grid("velocity_y_m_s")
     along, across, up = (grid(f"acceleration_m_s2.{axis}") for axis in "xyz")
     roll, pitch = grid("roll_rad"), grid("pitch_rad")
@@ -111,4 +125,5 @@ def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Driv
         steer_rad=0.5 * (grid("steer_rad.fl") + grid("steer_rad.fr")),
         roll_rad=roll,
         pitch_rad=pitch,
+        load_n=load,
     )

@@ -1,0 +1,162 @@
+"""Estimates of a log against its truth, or against another log's."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any, TypedDict
+
+import numpy as np
+
+from atvrec._atvrec import ArgumentError
+from atvrec.log import Log, Path, open
+
+
+class Signal(TypedDict):
+    """Errors of one signal, estimate less truth."""
+
+    signal: str
+    """Its name: ``sideslip``, ``measured_force_z`` and so on."""
+    wheel: str | None
+    """``FL``, ``FR``, ``RL``, ``RR``; None for what no wheel has."""
+    unit: str
+    """Unit of the errors: ``rad``, ``rad/s``, ``m/s`` or ``N``."""
+    count: int
+    """Instants that were compared."""
+    mean: float
+    rmse: float
+    percentile_95: float
+    """Of the error's size."""
+    peak: float
+    """The same."""
+    normalised_percent: float | None
+    """Forces: 100 RMSE / max(peak of the truth, static wheel load)."""
+    delay_s: float | None
+    """How late the estimate is; None where the series have no common peak."""
+    nees: float | None
+    """Mean of ((estimate - truth)/sigma)^2; None without deviations."""
+    nees_inside: float | None
+    """Part of the windows whose mean lies within the 95 % bounds."""
+
+
+class Consistency(TypedDict):
+    """Whether the deviations of all forces hold."""
+
+    mean: float
+    """Mean of ((estimate - truth)/sigma)^2."""
+    windows: int
+    inside: float
+    """Part of the windows whose mean lies within the 95 % bounds."""
+    above: float
+    freedom: float
+    """Effective degrees of freedom of a window."""
+    bounds: list[float]
+
+
+class Lift(TypedDict, total=False):
+    """A lift in the truth: of a ``wheel``, or of both wheels of a ``side``."""
+
+    wheel: str
+    side: str
+    at_s: float
+    """From the start of the truth."""
+    declared_after_s: float | None
+    warned_before_s: float | None
+
+
+class Score(TypedDict):
+    """Estimates against truth: the keys of ``atvrec score --json``."""
+
+    seconds: float
+    """Time that was compared."""
+    signals: list[Signal]
+    forces_nees: Consistency | None
+    lifts: list[Lift]
+    false_lifts: int
+    two_wheel_lifts: list[Lift]
+    false_two_wheel_lifts: int
+    false_lift_warnings: int
+    events: dict[str, int]
+    """How many events of each kind were declared."""
+
+
+class Difference(TypedDict):
+    """How one signal differs, here less there."""
+
+    signal: str
+    wheel: str | None
+    unit: str
+    count: int
+    mean: float
+    rms: float
+    largest: float
+    largest_at_s: float
+    """From the first common estimate."""
+    one_sided: int
+    """Instants that one side alone knows."""
+
+
+class LoneEvent(TypedDict):
+    """An event that one log alone has."""
+
+    kind: str
+    at_s: float
+    text: str
+
+
+class Comparison(TypedDict):
+    """Two logs of the same drive: the keys of ``atvrec score --against --json``."""
+
+    common: int
+    only_here: int
+    only_there: int
+    identical: bool
+    signals: list[Difference]
+    same_events: int
+    events_only_here: list[LoneEvent]
+    events_only_there: list[LoneEvent]
+
+
+def score(
+    log: Log | Path | Iterable[Path], *, smoothed: bool = False, from_s: float = 2.0
+) -> Score:
+    """Errors of a log's estimates against the truth that it carries.
+
+    The first ``from_s`` seconds are left out. ``smoothed`` judges the estimates of
+    ``replay --smooth`` in the place of the causal ones.
+
+    Raises :class:`atvrec.LogError` where the log has no truth, estimate or vehicle.
+    """
+    found: Score = _scored(log, None, smoothed, from_s)
+    return found
+
+
+def compare(
+    log: Log | Path | Iterable[Path],
+    other: Log | Path | Iterable[Path],
+    *,
+    smoothed: bool = False,
+    from_s: float = 2.0,
+) -> Comparison:
+    """How the estimates of a log differ from those of another log of the same drive.
+
+    Raises :class:`atvrec.LogError` where they have no instant in common.
+    """
+    found: Comparison = _scored(log, other, smoothed, from_s)
+    return found
+
+
+def _scored(
+    log: Log | Path | Iterable[Path],
+    other: Log | Path | Iterable[Path] | None,
+    smoothed: bool,
+    from_s: float,
+) -> Any:
+    if not (np.isfinite(from_s) and from_s >= 0.0):
+        raise ArgumentError(f"from_s = {from_s} s: must be a finite number, not negative")
+    against = None if other is None else _opened(other)._reader
+    return json.loads(_opened(log)._reader.score_json(against, smoothed, from_s))
+
+
+def _opened(log: Log | Path | Iterable[Path]) -> Log:
+    return log if isinstance(log, Log) else open(log)

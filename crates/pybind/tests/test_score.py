@@ -1,0 +1,58 @@
+"""Scores in Python have the keys that their types promise, and say what the columns say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_type_hints
+
+import numpy as np
+import pytest
+
+import atvrec
+from atvrec import scoring
+
+
+def test_a_score_has_the_promised_keys(simulated_log: Path) -> None:
+    found = atvrec.score(simulated_log)
+    assert set(found) == set(get_type_hints(scoring.Score))
+    assert found["seconds"] > 1.0
+    for row in found["signals"]:
+        assert set(row) == set(get_type_hints(scoring.Signal))
+    assert found["forces_nees"] is not None
+    assert set(found["forces_nees"]) == set(get_type_hints(scoring.Consistency))
+    same = atvrec.score(atvrec.open(simulated_log), from_s=2.0)
+    assert same == found
+    assert atvrec.score(simulated_log, from_s=3.0)["seconds"] < found["seconds"]
+
+
+def test_a_score_is_that_of_the_columns(simulated_log: Path) -> None:
+    log = atvrec.open(simulated_log)
+    truth, told = log.read("/truth/tyre_forces"), log.read("/estimate/tyre_forces")
+    _, here, there = np.intersect1d(
+        told["log_time_ns"], truth["log_time_ns"], return_indices=True
+    )
+    begin_ns = truth["log_time_ns"][0] + 2_000_000_000
+    late = told["log_time_ns"][here] >= begin_ns
+    error = (told["fl.z_n"][here] - truth["fl.z_n"][there])[late]
+    rows = atvrec.score(log)["signals"]
+    row = next(r for r in rows if (r["signal"], r["wheel"]) == ("measured_force_z", "FL"))
+    assert row["count"] == error.size
+    assert row["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+
+
+def test_a_log_is_identical_to_itself(simulated_log: Path) -> None:
+    found = atvrec.compare(simulated_log, atvrec.open(simulated_log))
+    assert set(found) == set(get_type_hints(scoring.Comparison))
+    assert found["identical"]
+    for row in found["signals"]:
+        assert set(row) == set(get_type_hints(scoring.Difference))
+        assert row["largest"] == 0.0
+
+
+def test_what_cannot_be_scored_is_said(simulated_log: Path, reference_log: Path) -> None:
+    with pytest.raises(atvrec.LogError, match="vehicle"):
+        atvrec.score(reference_log)
+    with pytest.raises(atvrec.LogError, match="smooth"):
+        atvrec.score(simulated_log, smoothed=True)
+    with pytest.raises(atvrec.ArgumentError, match="from_s"):
+        atvrec.score(simulated_log, from_s=float("nan"))
