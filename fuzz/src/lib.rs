@@ -2,6 +2,7 @@
 //! headers) that let the fuzzer reach what stands behind them.
 
 use std::fmt::Debug;
+use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use crc::{Algorithm, CRC_16_XMODEM, CRC_32_ISO_HDLC, Crc, Table};
@@ -127,4 +128,49 @@ pub fn sbf(data: &[u8]) -> Vec<u8> {
     bytes.extend(CRC.checksum(&rest).to_le_bytes());
     bytes.extend(rest);
     bytes
+}
+
+/// A journal's entry with a right length and checksum.
+#[must_use]
+pub fn journal_entry(body: &[u8]) -> Vec<u8> {
+    let mut bytes = b"ATVJ".to_vec();
+    bytes.extend((body.len() as u32).to_le_bytes());
+    bytes.extend(crc32fast::hash(body).to_le_bytes());
+    bytes.extend(body);
+    bytes
+}
+
+/// Puts bytes where [`store::Reader`] finds them; in memory where the system has such a place.
+#[must_use]
+pub fn as_file(name: &str, bytes: &[u8]) -> PathBuf {
+    static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+        let memory = PathBuf::from("/dev/shm");
+        if memory.is_dir() {
+            memory
+        } else {
+            std::env::temp_dir()
+        }
+    });
+    let path = FOLDER.join(format!("atvrec-fuzz-{name}-{}", std::process::id()));
+    std::fs::write(&path, bytes).expect("there is room for a fuzzer's input");
+    path
+}
+
+/// Reads all that a log holds; whatever the bytes, it ends, and what it gives is consistent.
+pub fn read_all(path: &std::path::Path) {
+    let Ok(reader) = store::Reader::open([path]) else {
+        return;
+    };
+    let _ = reader.info();
+    let _ = reader.attachments();
+    let _ = reader.changed();
+    let mut last = None;
+    for arrival in reader.arrivals().flatten() {
+        assert!(last < Some(arrival.sequence), "sequences rise");
+        last = Some(arrival.sequence);
+    }
+    for message in reader.messages(store::Selection::default()).flatten() {
+        let _ = message.record();
+    }
+    let _ = reader.estimates().count();
 }
