@@ -4,7 +4,9 @@ mod identify;
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand};
+use sim::Manoeuvre;
 
 pub use identify::{
     IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, ResponseArgs, RollCentreArgs,
@@ -89,6 +91,8 @@ pub enum Command {
     Import(ImportCommand),
     /// Print a completion script for a shell.
     Completions(CompletionsArgs),
+    /// Write the manual pages, one for each command.
+    Man(ManArgs),
 }
 
 /// `atvrec record`.
@@ -120,6 +124,13 @@ pub struct ReplayArgs {
     /// Use this configuration instead of the one in the log.
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// What to tell the estimator otherwise than while recording.
+    #[command(flatten)]
+    pub changes: ReplayChanges,
+    /// Smooth too: estimates that also know the ten seconds and more after their instant, on
+    /// /smoothed/... of the new log.
+    #[arg(long, requires = "output")]
+    pub smooth: bool,
     /// Replay at this multiple of real time instead of at full speed.
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub rate: Option<f64>,
@@ -130,6 +141,28 @@ pub struct ReplayArgs {
     /// Print the result as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// What a replay tells the estimator in the place of what the log's configuration says.
+#[derive(Debug, Default, Args)]
+#[group(multiple = true, conflicts_with = "config")]
+pub struct ReplayChanges {
+    /// Take this vehicle file.
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: Option<PathBuf>,
+    /// Take this sensors file.
+    #[arg(long, value_name = "FILE")]
+    pub sensors: Option<PathBuf>,
+    /// Take this calibration.
+    #[arg(long, value_name = "FILE")]
+    pub calibration: Option<PathBuf>,
+    /// Leave these inputs out too, as if they were not fitted: strain, deflection, imu,
+    /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed.
+    #[arg(long, value_name = "INPUT", value_delimiter = ',')]
+    pub without: Vec<String>,
+    /// Estimate forces by this method: fusion or thesis.
+    #[arg(long)]
+    pub method: Option<String>,
 }
 
 /// `atvrec report`.
@@ -152,6 +185,9 @@ pub struct ScoreArgs {
     /// Compare with the estimates of these logs of the same drive instead of with the truth.
     #[arg(long, value_name = "LOG")]
     pub against: Vec<PathBuf>,
+    /// Judge the smoothed estimates of `replay --smooth` instead of the causal ones.
+    #[arg(long)]
+    pub smoothed: bool,
     /// Leave out the first seconds, while the estimator settles.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = positive)]
     pub from_s: f64,
@@ -167,7 +203,7 @@ pub struct DemoArgs {
     #[arg(short, long, default_value = "atvrec-demo", value_name = "DIR")]
     pub directory: PathBuf,
     /// Manoeuvre to drive.
-    #[arg(long, default_value = "slow-sine", value_name = "NAME")]
+    #[arg(long, default_value = "slow-sine", value_name = "NAME", value_parser = manoeuvres())]
     pub manoeuvre: String,
     /// Seconds to drive, in real time.
     #[arg(long = "for", default_value = "25", value_name = "SECONDS", value_parser = positive)]
@@ -180,12 +216,13 @@ pub struct DemoArgs {
 /// What a virtual vehicle drives.
 #[derive(Debug, Args)]
 pub struct DriveArgs {
-    /// Named manoeuvre; `--manoeuvre list` names them all.
+    /// Manoeuvre.
     #[arg(
         short,
         long,
         alias = "maneuver",
         value_name = "NAME",
+        value_parser = manoeuvres(),
         required_unless_present = "truth",
         conflicts_with = "truth"
     )]
@@ -545,6 +582,19 @@ pub struct IdentifyHandlingArgs {
 pub struct CompletionsArgs {
     /// The shell.
     pub shell: clap_complete::Shell,
+}
+
+/// `atvrec man`.
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// Where to; it is made if it is not there.
+    #[arg(value_name = "DIR")]
+    pub directory: PathBuf,
+}
+
+fn manoeuvres() -> PossibleValuesParser {
+    let value = |one: Manoeuvre| PossibleValue::new(one.name()).help(one.description());
+    PossibleValuesParser::new(Manoeuvre::ALL.map(value))
 }
 
 fn positive(text: &str) -> Result<f64, String> {

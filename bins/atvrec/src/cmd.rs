@@ -11,6 +11,7 @@ pub mod identify;
 pub mod import;
 pub mod info;
 pub mod link;
+pub mod man;
 pub mod record;
 pub mod recover;
 pub mod replay;

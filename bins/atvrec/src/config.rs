@@ -27,6 +27,7 @@ pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::Storage;
 pub use trigger::Trigger;
 
+use crate::exit::UsageError;
 use reader::{Gatherer, Section};
 
 /// Name of the configuration among a log's attachments.
@@ -51,11 +52,11 @@ impl Config {
     /// Reads a configuration file.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         let text = std::fs::read_to_string(path).with_context(|| {
-            format!(
+            UsageError(format!(
                 "cannot read the configuration {}; `atvrec virtual` writes one to begin with, \
                  docs/configuration.md explains every field",
                 path.display()
-            )
+            ))
         })?;
         let directory = path.parent().map(Path::to_owned).unwrap_or_default();
         let files = Files::on_disk(directory.clone());

@@ -10,11 +10,13 @@ mod source;
 
 use std::collections::BTreeSet;
 
+use estimator::smoother::{LAG_STEPS, Smoother};
 use estimator::{Estimator, Output};
 use sample::{
-    Arrival, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample, Severity, SourceId,
+    Arrival, Estimate, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample, Severity,
+    SourceId,
 };
-use store::{LogMessage, Record};
+use store::{LogMessage, Record, Stage};
 
 use crate::config::{self, Config};
 use source::{Silence, SourceState};
@@ -31,6 +33,7 @@ const STOPPED: &str = "stopped";
 pub struct Engine {
     sources: Vec<SourceState>,
     estimator: Option<Estimator>,
+    smoother: Option<Smoother>,
     samples: Vec<Sample>,
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
@@ -51,10 +54,27 @@ impl Engine {
         Ok(Self {
             sources,
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
+            smoother: None,
             samples: Vec::new(),
             next_watch: None,
             next_health: None,
         })
+    }
+
+    /// A machine that also smooths, as a replay may: [`Engine::finish`] hands out the last of it.
+    pub fn smoothing(config: &Config) -> anyhow::Result<Self> {
+        let mut engine = Self::new(config)?;
+        engine.estimator = engine.estimator.map(Estimator::traced);
+        let told = config.estimator.as_ref();
+        engine.smoother = told.map(|told| Smoother::new(&told.vehicle, LAG_STEPS));
+        Ok(engine)
+    }
+
+    /// Appends what waited for more arrivals than there are.
+    pub fn finish(&mut self, records: &mut Vec<Record>) {
+        if let Some(smoother) = &mut self.smoother {
+            smoother.finish(&mut |estimate| push_smoothed(records, &estimate));
+        }
     }
 
     /// Takes the next arrival and appends what follows from it to `records`.
@@ -77,11 +97,16 @@ impl Engine {
         let Some(estimator) = &mut self.estimator else {
             return;
         };
-        estimator.advance(now, &mut |output| {
-            records.push(match output {
-                Output::Estimate(estimate) => Record::Estimate(estimate),
-                Output::Event(event) => Record::Event(event),
-            });
+        let smoother = &mut self.smoother;
+        estimator.advance(now, &mut |output| match output {
+            Output::Estimate(estimate) => records.push(Record::Estimate(estimate)),
+            Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
+            Output::Event(event) => records.push(Record::Event(event)),
+            Output::Step(step) => {
+                if let Some(smoother) = smoother {
+                    smoother.push(*step, &mut |estimate| push_smoothed(records, &estimate));
+                }
+            }
         });
         for sample in &self.samples {
             estimator.push(sample);
@@ -174,6 +199,21 @@ fn new_estimator(config: &config::Estimator) -> anyhow::Result<Estimator> {
         config.settings.clone(),
     )?;
     Ok(estimator)
+}
+
+fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
+    let (time, stage) = (estimate.time, Stage::Smoothed);
+    let (motion, forces) = (estimate.motion, estimate.measured);
+    records.push(Record::Motion {
+        time,
+        stage,
+        motion,
+    });
+    records.push(Record::TyreForces {
+        time,
+        stage,
+        forces,
+    });
 }
 
 fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record {

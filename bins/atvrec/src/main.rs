@@ -1,5 +1,8 @@
 //! `atvrec`: a telemetry recorder and tyre-force estimator for rugged vehicle PCs.
 
+#[macro_use]
+mod output;
+
 mod board;
 mod cli;
 mod cmd;
@@ -64,5 +67,6 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Link(args) => cmd::link::run(&args),
         Command::Import(command) => cmd::import::run(&command),
         Command::Completions(args) => cmd::completions::run(&args),
+        Command::Man(args) => cmd::man::run(&args),
     }
 }

@@ -182,6 +182,10 @@ fn recover_unfinished(directory: &Path) {
     };
     for (path, result) in logs {
         match result {
+            Ok(recovered) if recovered.was_empty => tracing::info!(
+                log = %path.display(),
+                "an unfinished log in which nothing had been recorded yet was removed"
+            ),
             Ok(recovered) => tracing::warn!(
                 log = %recovered.path.display(),
                 messages = recovered.messages,

@@ -238,8 +238,7 @@ fn motion(args: &DriveArgs, vehicle: &Vehicle) -> anyhow::Result<(Motion, String
         return Ok((motion, format!("truth-{name}")));
     }
     let name = args.manoeuvre.as_deref().unwrap_or_default();
-    let manoeuvre = Manoeuvre::by_name(name).map_err(|_| UsageError(list_of_manoeuvres(name)))?;
-    let motion = manoeuvre
+    let motion = Manoeuvre::by_name(name)?
         .drive(vehicle)
         .with_context(|| format!("cannot drive {name}"))?;
     Ok((motion, name.to_owned()))
@@ -294,19 +293,6 @@ fn true_calibration(
     calibration.gnss_attitude.latency_s = Some(hidden.attitude_latency_s);
     calibration.gnss_attitude.attitude_offset_rad = hidden.attitude_offset_rad;
     Ok(calibration)
-}
-
-fn list_of_manoeuvres(name: &str) -> String {
-    let mut text = format!("\"{name}\" is no manoeuvre; there are:");
-    for manoeuvre in Manoeuvre::ALL {
-        let _ = write!(
-            text,
-            "\n  {:<20}{}",
-            manoeuvre.name(),
-            manoeuvre.description()
-        );
-    }
-    text
 }
 
 fn quoted(text: &str) -> String {

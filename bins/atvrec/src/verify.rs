@@ -11,6 +11,8 @@ use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection}
 const RAW: &str = "atvrec.Raw";
 /// Topics that the engine has no part in.
 const FOREIGN: [&str; 1] = ["/truth/"];
+/// Topics that only a log of a replay may have.
+const SMOOTHED: &str = "/smoothed/";
 /// Schemas of states that every file of a run repeats at its beginning.
 const REPEATED: [&str; 2] = ["atvrec.Health", "atvrec.ClockFit"];
 /// Differences that are told in full.
@@ -22,6 +24,8 @@ pub struct Verifier {
     recorded: std::iter::Peekable<MessageIter>,
     waiting: BTreeMap<String, Waiting>,
     states: BTreeMap<String, Message>,
+    /// Whether the log has smoothed estimates to compare with.
+    smoothed: bool,
     report: Report,
 }
 
@@ -63,6 +67,10 @@ impl Verifier {
             recorded: reader.messages(Selection::topics(topics)).peekable(),
             waiting: BTreeMap::new(),
             states: BTreeMap::new(),
+            smoothed: info
+                .channels
+                .keys()
+                .any(|topic| topic.starts_with(SMOOTHED)),
             report,
         }
     }
@@ -84,6 +92,9 @@ impl Verifier {
     }
 
     fn computed(&mut self, message: Encoded) {
+        if message.topic.starts_with(SMOOTHED) && !self.smoothed {
+            return;
+        }
         let waiting = self.waiting.entry(message.topic.clone()).or_default();
         match waiting.recorded.pop_front() {
             Some(recorded) => self.report.compare(&recorded, &message),

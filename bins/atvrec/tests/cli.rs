@@ -18,5 +18,7 @@ mod passenger_car;
 mod record;
 #[path = "suite/replay.rs"]
 mod replay;
+#[path = "suite/score.rs"]
+mod score;
 #[path = "suite/support.rs"]
 mod support;

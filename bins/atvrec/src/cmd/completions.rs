@@ -8,6 +8,8 @@ use crate::exit::Outcome;
 /// Prints the completion script of a shell.
 pub fn run(args: &CompletionsArgs) -> anyhow::Result<Outcome> {
     let mut command = Cli::command();
-    clap_complete::generate(args.shell, &mut command, "atvrec", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut command, "atvrec", &mut script);
+    print!("{}", String::from_utf8_lossy(&script));
     Ok(Outcome::Good)
 }

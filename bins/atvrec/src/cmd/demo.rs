@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 
 use super::{record, replay};
-use crate::cli::{DemoArgs, DriveArgs, ReplayArgs};
+use crate::cli::{DemoArgs, DriveArgs, ReplayArgs, ReplayChanges};
 use crate::config::Config;
 use crate::devices::{Devices, Sent};
 use crate::exit::Outcome;
@@ -130,6 +130,8 @@ fn replay_args(files: &[PathBuf]) -> ReplayArgs {
         output: None,
         config: None,
         rate: None,
+        changes: ReplayChanges::default(),
+        smooth: false,
         verify: true,
         json: false,
     }

@@ -13,11 +13,15 @@ use store::{Column, Reader};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
-use crate::missing;
+use crate::{missing, output};
 
 /// Exports.
 pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     let form = Form::of(args.output.as_deref())?;
+    if let Some((from_s, to_s)) = args.from_s.zip(args.to_s).filter(|(from, to)| from > to) {
+        let text = format!("--from {from_s} is later than --to {to_s}; nothing lies between them");
+        return Err(UsageError(text).into());
+    }
     let reader = Reader::open(&args.logs)?;
     let begin = reader.info().span.map_or(LogTime(0), |(first, _)| first);
     let start = args
@@ -31,12 +35,12 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         tracing::warn!("{line}");
     }
     match &args.output {
-        None => text::write(&table, std::io::stdout().lock())?,
+        None => text::write(&table, std::io::stdout().lock()).or_else(output::reader_left)?,
         Some(path) => {
             let file =
                 File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
             let write = match form {
-                Form::Csv => text::write(&table, BufWriter::new(file)),
+                Form::Csv => text::write(&table, BufWriter::new(file)).map_err(Into::into),
                 Form::Parquet => parquet::write(&table, file),
             };
             write.with_context(|| format!("cannot write {}", path.display()))?;

@@ -9,9 +9,7 @@ use estimator::finding::{Findings, Refusal};
 use estimator::identification::{
     cornering, friction, inertia, response, roll_centre, roll_pitch, tyre, understeer,
 };
-use model::suspension::Corner;
 use model::vehicle::Vehicle;
-use sample::Wheel;
 
 use crate::cli::{
     IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, ResponseArgs, RollCentreArgs,
@@ -91,7 +89,8 @@ fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
         ..cornering::Options::default()
     };
     let vehicle = &ride.vehicle;
-    let mut result = cornering::identify(&ride.drive, &cornering::Body::of(vehicle), &options)?;
+    let body = cornering::Body::of(&roll_centre::of_linkage(vehicle));
+    let mut result = cornering::identify(&ride.drive, &body, &options)?;
     let offset_rad = result.value("steer_offset")[0];
     if let Ok(gear) = model::steering::SteeringGear::from_vehicle(vehicle) {
         let hand_rad = gear.hand_wheel_rad(offset_rad) - gear.hand_wheel_rad(0.0);
@@ -184,33 +183,18 @@ fn tyre_overrides(overrides: &mut Overrides, axle: &str, result: &Findings) {
 fn roll_pitch(args: &IdentifyArgs) -> anyhow::Result<Found> {
     let ride = Ride::read(args)?;
     let mut found = Found::new("roll-pitch", &ride);
-    let mut vehicle = ride.vehicle.clone();
-    if let Ok(centres) = roll_centre::identify(&vehicle) {
-        // The moment acts about the roll axis that the linkage has.
-        let heights = AXLES.map(|name| centres.value(&format!("roll_centre_height_{name}"))[0]);
-        [
-            vehicle.front.roll_centre_height_m,
-            vehicle.rear.roll_centre_height_m,
-        ] = heights;
-        for (name, height_m) in AXLES.into_iter().zip(heights) {
-            found
-                .overrides
-                .set(&format!("{name}.roll_centre_height_m"), height_m);
-        }
+    // The moment acts about the roll axis that the linkage has.
+    let vehicle = &roll_centre::of_linkage(&ride.vehicle);
+    for (name, axle) in AXLES.into_iter().zip([&vehicle.front, &vehicle.rear]) {
+        let key = format!("{name}.roll_centre_height_m");
+        found.overrides.set(&key, axle.roll_centre_height_m);
     }
-    let vehicle = &vehicle;
-    let ratio = |wheel| {
-        let corner = Corner::of(vehicle, wheel).ok()?;
-        let pose = corner.pose_at_jounce(0.0, 0.0).ok()?;
-        Some(corner.rates(&pose).motion_ratio())
-    };
-    let ratios = [ratio(Wheel::FrontLeft), ratio(Wheel::RearLeft)];
-    let body = roll_pitch::Body::of(vehicle, ratios);
+    let body = roll_pitch::Body::of(vehicle);
     let options = roll_pitch::Options {
         seed: args.seed,
         ..roll_pitch::Options::default()
     };
-    let result = roll_pitch::identify(&ride.drive, &ride.loads_n, &body, &options)?;
+    let result = roll_pitch::identify(&ride.drive, &body, &options)?;
     roll_overrides(&mut found.overrides, vehicle, &result);
     found.results.push(result);
     Ok(found)

@@ -41,6 +41,10 @@ fn tell(recovered: &Recovered) {
         println!("{path}: whole, nothing to do");
         return;
     }
+    if recovered.was_empty {
+        println!("{path}: removed, nothing had been recorded in it yet");
+        return;
+    }
     println!(
         "{path}: {} messages saved, {} of them from a chunk that was cut",
         recovered.messages, recovered.messages_of_cut_chunk

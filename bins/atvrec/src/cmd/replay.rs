@@ -1,11 +1,13 @@
 //! `atvrec replay`: the estimate again, from the raw bytes alone.
 
+mod changes;
+
 use std::iter::Peekable;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime, Payload};
-use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Writer};
+use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Stage, Writer};
 
 use crate::cli::ReplayArgs;
 use crate::config::Config;
@@ -34,7 +36,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let config = match &args.config {
         Some(path) => Config::load(path)?,
-        None => Config::from_attachments(&reader.attachments()?)?,
+        None => Config::from_attachments(&changes::apply(&args.changes, reader.attachments()?)?)?,
     };
     let original = reader.session().clone();
     check_sources(&config, &original)?;
@@ -121,8 +123,13 @@ impl Replay {
             }
             false => None,
         };
+        let engine = if args.smooth || args.verify && holds_smoothed(reader) {
+            Engine::smoothing(config)?
+        } else {
+            Engine::new(config)?
+        };
         Ok(Self {
-            engine: Engine::new(config)?,
+            engine,
             records: Vec::new(),
             writer,
             verifier,
@@ -152,13 +159,27 @@ impl Replay {
         Ok(())
     }
 
-    fn finish(self) -> anyhow::Result<Option<Report>> {
+    fn finish(mut self) -> anyhow::Result<Option<Report>> {
+        const END: LogTime = LogTime(u64::MAX);
+        self.engine.finish(&mut self.records);
+        if let Some(verifier) = &mut self.verifier {
+            verifier.expect(&self.records, END)?;
+        }
         if let Some((mut writer, mut truth)) = self.writer {
-            copy_truth(&mut writer, &mut truth, LogTime(u64::MAX))?;
+            copy_truth(&mut writer, &mut truth, END)?;
+            for record in &self.records {
+                writer.record(record);
+            }
             writer.finish()?;
         }
         self.verifier.map(Verifier::finish).transpose()
     }
+}
+
+/// Whether the log is one of a replay that smoothed.
+fn holds_smoothed(reader: &Reader) -> bool {
+    let mut channels = reader.channels();
+    channels.any(|channel| Stage::from_topic(&channel.topic) == Some(Stage::Smoothed))
 }
 
 /// What a simulation knows to be true, which no engine computes.

@@ -2,7 +2,7 @@
 
 use report::score::{Comparison, Lift, Score, compare, score};
 use sample::Wheel;
-use store::Reader;
+use store::{Reader, Stage};
 
 use crate::cli::ScoreArgs;
 use crate::exit::Outcome;
@@ -10,9 +10,14 @@ use crate::exit::Outcome;
 /// Scores.
 pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
+    let stage = if args.smoothed {
+        Stage::Smoothed
+    } else {
+        Stage::Estimate
+    };
     if !args.against.is_empty() {
         let other = Reader::open(&args.against)?;
-        let found = compare(&reader, &other, args.from_s)?;
+        let found = compare(&reader, &other, stage, args.from_s)?;
         if args.json {
             println!("{:#}", found.to_json());
         } else {
@@ -20,7 +25,7 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
         }
         return Ok(Outcome::Good);
     }
-    let found = score(&reader, args.from_s)?;
+    let found = score(&reader, stage, args.from_s)?;
     if args.json {
         println!("{:#}", found.to_json());
     } else {
@@ -75,6 +80,17 @@ fn tell(found: &Score) {
             optional(row.delay_s.map(|delay_s| delay_s * 1e3), 1),
             optional(row.nees, 2),
             optional(row.nees_inside.map(|part| part * 100.0), 0),
+        );
+    }
+    if let Some(forces) = &found.forces {
+        println!(
+            "all forces: nees {:.2}, {:.0} % of {} windows inside {:.2} to {:.2}, {:.0} % above",
+            forces.mean,
+            100.0 * forces.inside,
+            forces.windows,
+            forces.bounds[0],
+            forces.bounds[1],
+            100.0 * forces.above,
         );
     }
     let lifts = &found.lifts;

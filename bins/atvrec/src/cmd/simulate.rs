@@ -75,9 +75,11 @@ struct Run {
     limits: Limits,
     /// When the limits are looked at next, on the log clock.
     look_at: LogTime,
-    /// More than this may not wait for the writer: nothing is to be lost because time is fast.
-    waiting_max: usize,
 }
+
+/// More arrivals and records than this may not wait for the writer: nothing is to be lost because time
+/// is fast, and as much memory is to be used as in a recording.
+const WAITING_MAX: usize = 2_048;
 
 /// Between two looks at the directory's limits, on the log clock.
 const LOOK_NANOS: i64 = 10 * NANOS_PER_SECOND;
@@ -91,7 +93,6 @@ impl Sink {
             let writer = Writer::create(output, session, options, 0)?;
             return Ok(Self::File(Box::new(writer)));
         }
-        let waiting_max = options.queue_capacity / 2;
         let look_at = session.started;
         let recorder = Recorder::start(output, &config.storage.name, session, options)?;
         Ok(Self::Run(Box::new(Run {
@@ -99,7 +100,6 @@ impl Sink {
             directory: output.to_owned(),
             limits: config.storage.limits,
             look_at,
-            waiting_max,
         })))
     }
 
@@ -139,7 +139,7 @@ impl Sink {
 
 impl Run {
     fn push(&mut self, arrival: Arrival) -> anyhow::Result<()> {
-        while self.recorder.waiting() > self.waiting_max {
+        while self.recorder.waiting() > WAITING_MAX {
             std::thread::sleep(WRITER_PAUSE);
         }
         if arrival.log_time >= self.look_at {

@@ -159,3 +159,71 @@ fn what_does_not_fit_is_refused_and_the_file_stays_as_it_was() {
         "{spring:?}"
     );
 }
+
+const WIRING: &str = r#"
+[hidden]
+bridge_offset_counts = 40.0
+bridge_gain_fraction = 0.03
+
+[[faults.channel]]
+wheel = "front_left"
+channel = "upper_front"
+kind = { swapped_with = { channel = "upper_rear" } }
+
+[[faults.channel]]
+wheel = "front_left"
+channel = "upper_rear"
+kind = { swapped_with = { channel = "upper_front" } }
+
+[[faults.channel]]
+wheel = "front_right"
+channel = "lower_rear"
+kind = "inverted"
+
+[[faults.channel]]
+wheel = "rear_left"
+channel = "lower_front"
+kind = "bending_wired"
+
+[[faults.channel]]
+wheel = "rear_right"
+channel = "upper_rear"
+kind = "dead"
+"#;
+
+#[test]
+fn the_load_rig_finds_gains_and_names_every_wrong_wire() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let at = |name: &str| directory.path().join(name);
+    simulate(directory.path(), "load-rig", WIRING, "rig.mcap");
+    let assert = atvrec(directory.path())
+        .args(["calibrate", "load-rig", "rig.mcap"])
+        .assert()
+        .success();
+    let told = stdout(&assert);
+    for fault in [
+        "FL upper_front reads upper_rear",
+        "FL upper_rear reads upper_front",
+        "FR lower_rear is wired the other way round",
+        "RL lower_front leaves its range under load",
+        "RR upper_rear gives no reading within its range",
+    ] {
+        assert!(told.contains(fault), "{fault}: {told}");
+    }
+    assert_eq!(told.matches("note:").count(), 5, "{told}");
+    let (found, truth) = (
+        calibration(&at("calibration.toml")),
+        calibration(&at("true.toml")),
+    );
+    for wheel in Wheel::ALL {
+        for (channel, found) in &found.corner[&wheel].strain {
+            if found.dead {
+                continue;
+            }
+            let gain = found.gain_per_count.expect("found");
+            let true_gain = truth.corner[&wheel].strain[channel].gain_per_count;
+            let miss = gain.abs() / true_gain.expect("true") - 1.0;
+            assert!(miss.abs() < 0.01, "{wheel} {}: {miss}", channel.name());
+        }
+    }
+}

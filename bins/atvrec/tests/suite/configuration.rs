@@ -85,13 +85,15 @@ fn syntax_errors_have_their_line() {
 #[test]
 fn a_missing_configuration_says_where_to_get_one() {
     let directory = tempfile::tempdir().expect("a directory");
-    let assert = atvrec(directory.path()).arg("record").assert().code(1);
-    let text = stderr(&assert);
-    assert!(
-        text.contains("cannot read the configuration atvrec.toml"),
-        "{text}"
-    );
-    assert!(text.contains("docs/configuration.md"), "{text}");
+    for verb in ["record", "check"] {
+        let assert = atvrec(directory.path()).arg(verb).assert().code(2);
+        let text = stderr(&assert);
+        assert!(
+            text.contains("cannot read the configuration atvrec.toml"),
+            "{text}"
+        );
+        assert!(text.contains("docs/configuration.md"), "{text}");
+    }
 }
 
 #[test]
@@ -124,6 +126,33 @@ fn wrong_usage_is_exit_code_2() {
     assert!(stderr(&assert).contains("step-steer"));
 }
 
+/// As under `| head -1` once `head` has its line.
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let directory = tempfile::tempdir().expect("a directory");
+    crate::support::simulate(directory.path(), "drive.mcap", 1);
+    for arguments in [
+        &["info", "drive.mcap"][..],
+        &["export", "drive.mcap", "--topic", "/estimate/tyre_forces"],
+        &["completions", "bash"],
+    ] {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let ended = std::process::Command::new(env!("CARGO_BIN_EXE_atvrec"))
+            .args(arguments)
+            .current_dir(directory.path())
+            .stdout(writer)
+            .output()
+            .expect("the program runs");
+        let told = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(
+            (ended.status.code(), &*told),
+            (Some(0), ""),
+            "{arguments:?}"
+        );
+    }
+}
+
 #[test]
 fn completions_are_printed_for_each_shell() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -133,6 +162,19 @@ fn completions_are_printed_for_each_shell() {
             .assert()
             .success();
         assert!(stdout(&assert).contains("replay"), "{shell}");
+    }
+}
+
+#[test]
+fn every_command_has_a_manual_page() {
+    let directory = tempfile::tempdir().expect("a directory");
+    atvrec(directory.path())
+        .args(["man", "pages"])
+        .assert()
+        .success();
+    for page in ["atvrec.1", "atvrec-record.1", "atvrec-calibrate-zero.1"] {
+        let text = fs::read_to_string(directory.path().join("pages").join(page)).expect(page);
+        assert!(text.contains(".SH SYNOPSIS"), "{page}: {text}");
     }
 }
 

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use sample::{Estimate, Wheel};
+use serde_json::Value;
 use store::Reader;
 
 use crate::support::{atvrec, stdout};
@@ -102,6 +103,67 @@ fn a_drive_that_begins_at_speed_begins_upright() {
                 "seed {seed}: {:.1} degrees at {after_s:.2} s",
                 tilt.to_degrees()
             );
+        }
+    }
+}
+
+/// Greatest errors of a tyre's force at 10 bit, 100 RMS / max(peak, static load), per cent.
+const FORCE_ERRORS_PERCENT: [(&str, f64); 3] = [
+    ("measured_force_x", 1.6),
+    ("measured_force_y", 2.5),
+    ("measured_force_z", 1.5),
+];
+
+/// The independent simulator's runs as a user drives them: parameters into a vehicle file, truth into
+/// bytes, the score of the log. Tyres are found, nothing is declared that was not.
+#[test]
+fn an_independent_simulators_runs_are_estimated_and_judged_end_to_end() {
+    let truth = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
+    if !std::path::Path::new(truth).exists() {
+        eprintln!("SKIPPED: {truth} is not there");
+        return;
+    }
+    let directory = tempfile::tempdir().expect("a directory");
+    let run = |arguments: &[&str]| {
+        let assert = atvrec(directory.path()).args(arguments).assert().success();
+        stdout(&assert)
+    };
+    let parameters = format!("{truth}/params.json");
+    run(&["-q", "import", "vehicle", &parameters, "-o", "vehicle.toml"]);
+    for (name, lifts, surfaces) in [
+        ("b_circle", 1, 0),
+        ("c_sine03", 0, 0),
+        ("d_sine_mu", 0, 2),
+        ("f_launch_brake", 0, 0),
+    ] {
+        let file = format!("{truth}/{name}.parquet");
+        let drive = ["-q", "simulate", "--truth", &file, "-o", "drive.mcap"];
+        run(&[&drive[..], &["--vehicle", "vehicle.toml"]].concat());
+        let told: Value = serde_json::from_str(&run(&["score", "drive.mcap", "--json"])).unwrap();
+        let declared = |kind: &str| told["events"][kind].as_u64().unwrap_or(0);
+        assert_eq!(declared("lift"), lifts, "{name}: {}", told["events"]);
+        assert_eq!(
+            declared("surface_change"),
+            surfaces,
+            "{name}: {}",
+            told["events"]
+        );
+        for none in ["filter_reset", "sensor_fault", "two_wheel_lift"] {
+            assert_eq!(declared(none), 0, "{name}: {}", told["events"]);
+        }
+        for lift in told["lifts"].as_array().unwrap() {
+            let after_s = lift["declared_after_s"].as_f64().unwrap();
+            let before_s = lift["warned_before_s"].as_f64().unwrap();
+            assert!(after_s < 0.3 && before_s > 1.0, "{lift}");
+        }
+        for signal in told["signals"].as_array().unwrap() {
+            for (force, most) in FORCE_ERRORS_PERCENT {
+                let error = signal["normalised_percent"].as_f64().unwrap_or(0.0);
+                assert!(
+                    signal["signal"] != force || error < most,
+                    "{name}: {signal}"
+                );
+            }
         }
     }
 }

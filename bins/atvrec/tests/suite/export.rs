@@ -81,4 +81,7 @@ fn what_cannot_be_exported_is_told() {
     assert!(stderr(&wrong).contains("/imu/imu"), "the topics are listed");
     let wrong = export(&["drive.mcap", "--topic", "/imu/imu", "-o", "imu.xlsx"]).code(2);
     assert!(stderr(&wrong).contains(".parquet"));
+    let stretch = ["--from", "20", "--to", "10"];
+    let wrong = export(&[&["drive.mcap", "--topic", "/imu/imu"], &stretch[..]].concat()).code(2);
+    assert!(stderr(&wrong).contains("--from 20 is later than --to 10"));
 }

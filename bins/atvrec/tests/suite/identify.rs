@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use model::chassis::bicycle::Bicycle;
+use model::vehicle::Vehicle;
 use serde_json::Value;
 
 use crate::support::atvrec;
@@ -37,6 +39,52 @@ fn value(found: &Value, name: &str) -> f64 {
         .unwrap_or(f64::NAN)
 }
 
+/// The vehicle file's tyres under their loads at rest, front and rear axle, N/rad.
+const CORNERING_N_RAD: [f64; 2] = [5975.0, 17_075.0];
+
+fn stiffness(found: &Value) -> [f64; 2] {
+    ["front", "rear"].map(|axle| value(found, &format!("cornering_stiffness_{axle}")))
+}
+
+/// Whether both cornering stiffnesses are within two per cent.
+fn near_truth(found: &Value) -> bool {
+    let pairs = stiffness(found).into_iter().zip(CORNERING_N_RAD);
+    pairs
+        .into_iter()
+        .all(|(value, truth)| (value / truth - 1.0).abs() < 0.02)
+}
+
+/// The estimator learns the offset of the hand wheel; what it leaves is found with the stiffnesses.
+#[test]
+fn two_degrees_of_steer_offset_in_a_log_leave_the_cornering_stiffness_as_it_is() {
+    let place = tempfile::tempdir().unwrap();
+    let here = place.path();
+    std::fs::write(
+        here.join("hidden.toml"),
+        "[hidden]\nsteer_offset_rad = 0.4\n",
+    )
+    .unwrap();
+    // Seeds that draw more than two degrees at the road wheels, to either side.
+    for seed in ["3", "7"] {
+        let drive = ["--manoeuvre", "slow-sine", "--seed", seed];
+        let hidden = [
+            "--options",
+            "hidden.toml",
+            "--true-calibration",
+            "true.toml",
+        ];
+        simulate(here, "off.mcap", &[drive, hidden].concat());
+        let calibration = std::fs::read_to_string(here.join("true.toml")).unwrap();
+        let calibration: toml::Table = calibration.parse().unwrap();
+        let hidden_rad = calibration["steer"]["offset_rad"].as_float().unwrap();
+        println!("{seed}: {:.2} degrees", (hidden_rad / 9.16).to_degrees());
+        let found = json(here, &["cornering", "off.mcap"]);
+        assert!(near_truth(&found), "seed {seed}: {:?}", stiffness(&found));
+        let left = value(&found, "steer_offset").to_degrees();
+        assert!(left.abs() < 0.3, "seed {seed}: {left}");
+    }
+}
+
 #[test]
 fn a_slow_sine_gives_cornering_stiffness_and_its_file_goes_into_the_configuration() {
     let place = tempfile::tempdir().unwrap();
@@ -51,11 +99,8 @@ fn a_slow_sine_gives_cornering_stiffness_and_its_file_goes_into_the_configuratio
         "page.html",
     ];
     let found = json(here, &arguments);
-    let [front, rear] =
-        ["front", "rear"].map(|axle| value(&found, &format!("cornering_stiffness_{axle}")));
-    // The vehicle file's tyres under their loads at rest: 5975 and 17075 N/rad.
-    assert!((front / 5975.0 - 1.0).abs() < 0.1, "{front}");
-    assert!((rear / 17075.0 - 1.0).abs() < 0.1, "{rear}");
+    let [front, rear] = stiffness(&found);
+    assert!(near_truth(&found), "{front} {rear}");
     let page = std::fs::read_to_string(here.join("page.html")).unwrap();
     assert!(page.contains("cornering_stiffness_front") && page.contains("slip angle"));
     let text = "[vehicle]\nfile = \"prowler\"\noverrides = [\"found.toml\"]\n";
@@ -114,4 +159,44 @@ fn roll_centres_come_from_the_vehicle_file() {
     let found = json(place.path(), &["roll-centre", "prowler"]);
     let height_m = value(&found, "roll_centre_height_front");
     assert!((0.05..0.3).contains(&height_m), "{height_m}");
+}
+
+/// Pneumatic trail of the virtual vehicle's tyres: a sixth of their contact's length, m.
+const TRAIL_M: f64 = 0.03;
+
+/// A vehicle whose stiffnesses hold the trail's effect: in a steady turn the front axle's force
+/// grows by (b + n)/b, the rear one's falls by (a - n)/a.
+fn trailing(mut vehicle: Vehicle) -> Vehicle {
+    let (a, b) = (
+        vehicle.body.front_axle_to_cg_m,
+        vehicle.body.cg_to_rear_axle_m,
+    );
+    vehicle.front.tyre.cornering_stiffness_n_rad *= b / (b + TRAIL_M);
+    vehicle.rear.tyre.cornering_stiffness_n_rad *= a / (a - TRAIL_M);
+    vehicle
+}
+
+#[test]
+fn a_steer_sweep_gives_the_yaw_response_that_the_bicycle_has() {
+    let place = tempfile::tempdir().unwrap();
+    simulate(place.path(), "sweep.mcap", &["--manoeuvre", "steer-sweep"]);
+    let found = json(place.path(), &["response", "sweep.mcap"]);
+    let bicycle = Bicycle::from_vehicle(&trailing(Vehicle::builtin("prowler").expect("sound")));
+    let [frequency_rad_s, damping] = bicycle
+        .yaw_mode(10.0)
+        .expect("sound")
+        .expect("it oscillates");
+    let gains = bicycle.steady_gains(10.0).expect("sound");
+    // The simulated vehicle rolls and shifts its load besides.
+    for (name, expected) in [
+        ("yaw_rate_gain", gains.yaw_rate_1_s),
+        ("natural_frequency", frequency_rad_s / std::f64::consts::TAU),
+        ("damping_ratio", damping),
+    ] {
+        let value = value(&found, name);
+        assert!(
+            (value / expected - 1.0).abs() < 0.15,
+            "{name} {value}, {expected}"
+        );
+    }
 }

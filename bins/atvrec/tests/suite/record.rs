@@ -12,10 +12,15 @@ struct Virtual(Child);
 
 impl Virtual {
     fn start(directory: &Path) -> Self {
+        Self::start_with(directory, &[])
+    }
+
+    fn start_with(directory: &Path, arguments: &[&str]) -> Self {
         let child = Self(
             Command::new(env!("CARGO_BIN_EXE_atvrec"))
                 .args(["virtual", "--manoeuvre", "step-steer", "--repeat"])
                 .args(["--directory", "ports"])
+                .args(arguments)
                 .current_dir(directory)
                 .stdout(Stdio::null())
                 .spawn()
@@ -480,6 +485,132 @@ fn a_trigger_keeps_what_was_before_it_and_what_comes_after() {
             .assert()
             .success();
     }
+}
+
+/// A SLCAN adapter that sends a frame every few milliseconds, and one that is asked for.
+struct Bus {
+    device: PathBuf,
+    ask: std::sync::mpsc::Sender<&'static [u8]>,
+    thread: JoinHandle<()>,
+}
+
+impl Bus {
+    fn start() -> Self {
+        let mut port = acq::VirtualPort::new().expect("a pseudo-terminal");
+        let device = port.path().to_owned();
+        let (ask, asked) = std::sync::mpsc::channel::<&'static [u8]>();
+        let thread = std::thread::spawn(move || {
+            let mut buffer = [0; 64];
+            loop {
+                let attended = !matches!(port.read(&mut buffer), Ok(acq::Heard::Nobody));
+                let line = match asked.recv_timeout(std::time::Duration::from_millis(4)) {
+                    Ok(line) => line,
+                    Err(std::sync::mpsc::RecvTimeoutError::Timeout) => b"t1232ABCD\r",
+                    Err(std::sync::mpsc::RecvTimeoutError::Disconnected) => return,
+                };
+                if attended {
+                    port.write(line).expect("write");
+                }
+            }
+        });
+        Self {
+            device,
+            ask,
+            thread,
+        }
+    }
+
+    fn send(&self, line: &'static [u8]) {
+        self.ask.send(line).expect("the adapter runs");
+    }
+
+    fn end(self) {
+        drop(self.ask);
+        self.thread.join().expect("the adapter ends");
+    }
+}
+
+/// Waits for the first log of a directory.
+fn first_log(directory: &Path) -> PathBuf {
+    for _ in 0..300 {
+        if let Some(log) = logs(directory).first() {
+            return log.clone();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    panic!("the trigger wrote no log");
+}
+
+#[test]
+fn a_frame_with_the_right_identifier_and_data_is_a_trigger() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let bus = Bus::start();
+    let config = format!(
+        "[source.can0]\nkind = \"slcan\"\ndevice = \"{}\"\n\
+         [storage.trigger]\npre_s = 0.6\npost_s = 0.5\n\
+         [storage.trigger.can.brake]\nsource = \"can0\"\nid = 0x321\ndata = \"01\"\n",
+        bus.device.display()
+    );
+    fs::write(directory.path().join("atvrec.toml"), config).expect("written");
+    let mut recorder = Recorder::start(directory.path());
+    let logs_there = directory.path().join("logs");
+    bus.send(b"t321102\r");
+    std::thread::sleep(std::time::Duration::from_millis(1_500));
+    assert_eq!(logs(&logs_there).len(), 0, "other data is no trigger");
+    bus.send(b"t321101\r");
+    let log = first_log(&logs_there);
+    recorder.terminate();
+    bus.end();
+    let arrivals = arrivals(&log);
+    let brake = |arrival: &sample::Arrival| match &arrival.payload {
+        sample::Payload::Can(frames) => frames.iter().any(|frame| frame.id == 0x321),
+        _ => false,
+    };
+    let met: Vec<_> = arrivals.iter().filter(|arrival| brake(arrival)).collect();
+    assert_eq!(met.len(), 1, "{met:?}");
+    let before_s = met[0].log_time.seconds_since(arrivals[0].log_time);
+    let after_s = arrivals[arrivals.len() - 1]
+        .log_time
+        .seconds_since(met[0].log_time);
+    assert!((0.5..=0.6).contains(&before_s), "{before_s} s before");
+    assert!((0.4..5.0).contains(&after_s), "{after_s} s after");
+    assert_eq!(logs(&logs_there), [log]);
+}
+
+#[test]
+fn an_event_of_the_estimator_is_a_trigger() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options =
+        "[[faults.channel]]\nwheel = \"front_left\"\nchannel = \"upper_front\"\nkind = \"dead\"\n";
+    fs::write(directory.path().join("faults.toml"), options).expect("written");
+    let ports = Virtual::start_with(directory.path(), &["--options", "faults.toml"]);
+    let config = fs::read_to_string(directory.path().join("ports/atvrec.toml")).expect("text");
+    let trigger = "[storage.trigger]\npre_s = 0.6\npost_s = 3\nevents = [\"sensor_fault\"]\n";
+    // Devices stand beside the configuration.
+    let folder = directory.path().join("ports");
+    fs::write(folder.join("atvrec.toml"), config + trigger).expect("written");
+    let mut recorder = Recorder::start(&folder);
+    let mut writing = String::new();
+    for _ in 0..300 {
+        let status = atvrec(&folder).arg("status").assert().success();
+        writing = stdout(&status);
+        if writing.contains("triggered by channel") {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    assert!(writing.contains("FL upper_front"), "{writing}");
+    recorder.terminate();
+    drop(ports);
+    let logs = logs(&folder.join("logs"));
+    let run = arrivals(&logs[0]);
+    let span_s = run[run.len() - 1].log_time.seconds_since(run[0].log_time);
+    assert!(span_s > 0.5, "{span_s} s");
+    atvrec(&folder)
+        .args(["replay", "--verify"])
+        .arg(&logs[0])
+        .assert()
+        .success();
 }
 
 fn signal(child: &Child, signal: &str) {

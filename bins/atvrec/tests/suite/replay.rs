@@ -44,6 +44,7 @@ fn a_replay_is_bit_identical_and_so_is_the_replay_of_its_output() {
             "{count} messages on {topic} in two seconds at 100 Hz"
         );
     }
+    assert!(compared["/estimate/parameters"].as_u64() >= Some(1));
 }
 
 #[test]
@@ -75,6 +76,104 @@ fn a_replay_takes_the_truth_along_and_scores_the_same() {
     let percent = load["normalised_percent"].as_f64().expect("a number");
     assert!((0.01..10.0).contains(&percent), "{load:#}");
     assert_eq!(score["false_lifts"], 0);
+}
+
+#[test]
+fn a_smoothing_replay_adds_better_estimates_and_changes_none() {
+    let directory = tempfile::tempdir().expect("a directory");
+    atvrec(directory.path())
+        .args(["simulate", "--manoeuvre", "slow-sine", "--for", "12"])
+        .args(["--output", "drive.mcap"])
+        .assert()
+        .success();
+    atvrec(directory.path())
+        .args(["replay", "drive.mcap", "--smooth", "--verify"])
+        .args(["-o", "smooth.mcap"])
+        .assert()
+        .success();
+    let assert = atvrec(directory.path())
+        .args(["replay", "smooth.mcap", "--verify", "--json"])
+        .assert()
+        .success();
+    let result: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    let compared = &result["verify"]["compared"];
+    for topic in ["motion", "tyre_forces"] {
+        let [causal, smoothed] =
+            ["estimate", "smoothed"].map(|stage| compared[format!("/{stage}/{topic}")].as_u64());
+        assert!(causal.is_some_and(|count| count > 1000), "{compared:#}");
+        assert_eq!(
+            causal, smoothed,
+            "one smoothed estimate for each causal one"
+        );
+    }
+    let rmse = |arguments: &[&str]| {
+        let mut all = vec!["score", "smooth.mcap", "--json"];
+        all.extend(arguments);
+        let assert = atvrec(directory.path()).args(all).assert().success();
+        let score: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+        let rows = score["signals"].as_array().expect("a list").clone();
+        ["measured_force_z", "sideslip"].map(|signal| {
+            let of_signal = rows.iter().filter(|row| row["signal"] == signal);
+            of_signal
+                .filter_map(|row| row["rmse"].as_f64())
+                .sum::<f64>()
+        })
+    };
+    let (causal, smoothed) = (rmse(&[]), rmse(&["--smoothed"]));
+    for (causal, smoothed) in causal.iter().zip(smoothed) {
+        assert!(smoothed < *causal, "{causal} {smoothed}");
+    }
+    atvrec(directory.path())
+        .args(["score", "drive.mcap", "--smoothed"])
+        .assert()
+        .code(1);
+    atvrec(directory.path())
+        .args(["replay", "drive.mcap", "--smooth"])
+        .assert()
+        .code(2);
+}
+
+#[test]
+fn a_replay_with_another_vehicle_or_fewer_inputs_is_compared_with_the_first() {
+    let directory = tempfile::tempdir().expect("a directory");
+    simulate(directory.path(), "drive.mcap", 1);
+    let reader = Reader::open([directory.path().join("drive.mcap")]).expect("the log opens");
+    let attachments = reader.attachments().expect("attachments");
+    let of_vehicle = attachments
+        .iter()
+        .find(|a| a.name == "prowler.vehicle.toml");
+    let text = String::from_utf8(of_vehicle.expect("a vehicle").data.clone()).expect("text");
+    let mass = text.lines().find(|line| line.starts_with("mass_kg"));
+    let heavier = text.replacen(mass.expect("a mass"), "mass_kg = 700.0", 1);
+    fs::write(directory.path().join("heavier.toml"), heavier).expect("written");
+    for (change, value) in [
+        ("--vehicle", "heavier.toml"),
+        ("--without", "strain,imu"),
+        ("--method", "thesis"),
+    ] {
+        atvrec(directory.path())
+            .args(["replay", "drive.mcap", "-o", "other.mcap", change, value])
+            .assert()
+            .success();
+        let assert = atvrec(directory.path())
+            .args(["score", "other.mcap", "--against", "drive.mcap", "--json"])
+            .args(["--from", "0.5"])
+            .assert()
+            .success();
+        let found: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+        assert_eq!(found["identical"], false, "{change}");
+        assert_eq!(found["only_here"], 0, "{change}");
+        // The new log replays by what it was told.
+        atvrec(directory.path())
+            .args(["replay", "other.mcap", "--verify"])
+            .assert()
+            .success();
+    }
+    let assert = atvrec(directory.path())
+        .args(["replay", "drive.mcap", "--without", "strian"])
+        .assert()
+        .code(2);
+    assert!(stderr(&assert).contains("strain"), "{}", stderr(&assert));
 }
 
 #[test]

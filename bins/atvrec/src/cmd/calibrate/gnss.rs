@@ -1,7 +1,7 @@
 //! `atvrec calibrate gnss`.
 
 use anyhow::Context;
-use estimator::calibration::gnss::{GnssInput, Vectors, gnss};
+use estimator::calibration::gnss::{GnssInput, Vectors, gnss, sigma_of};
 use estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
 use estimator::calibration::{GnssCalibration, Resolved};
 use estimator::finding::Findings;
@@ -36,12 +36,7 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
             imu: imu.signal(),
             velocity: vectors(velocity),
             attitude: vectors(attitude),
-            sigma: [
-                sensors.gnss_velocity.velocity_noise_m_s,
-                sensors.gnss_attitude.heading_noise_rad,
-                sensors.gnss_attitude.roll_pitch_noise_rad,
-                sensors.gnss_attitude.roll_pitch_noise_rad,
-            ],
+            sigma: sigma_of(sensors),
             imu_sigma: [sensors.imu.accel_noise_m_s2, sensors.imu.gyro_noise_rad_s],
             imu_m: resolved.imu_m.into(),
             antenna_m,

@@ -1,7 +1,7 @@
 //! Tables as comma-separated values.
 
 use std::fmt::Write as _;
-use std::io::Write;
+use std::io::{self, Write};
 
 use store::{Column, Table, Values};
 
@@ -9,7 +9,14 @@ use super::{heading, word};
 
 /// Writes a table: a line of names, then a line a row. Absent cells are empty, but numbers with a
 /// fraction `NaN`; the values of a list are separated by `;`.
-pub fn write(table: &Table, sink: impl Write) -> anyhow::Result<()> {
+pub fn write(table: &Table, sink: impl Write) -> io::Result<()> {
+    write_rows(table, sink).map_err(|error| match error.into_kind() {
+        csv::ErrorKind::Io(cause) => cause,
+        other => io::Error::other(format!("{other:?}")),
+    })
+}
+
+fn write_rows(table: &Table, sink: impl Write) -> csv::Result<()> {
     let mut lines = csv::Writer::from_writer(sink);
     lines.write_field("log_time_ns")?;
     lines.write_field("publish_time_ns")?;

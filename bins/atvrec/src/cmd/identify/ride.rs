@@ -27,8 +27,6 @@ pub struct Ride {
     pub logs: Vec<String>,
     /// Motion.
     pub drive: Drive,
-    /// Load of each wheel, N; empty where the log has no forces.
-    pub loads_n: PerWheel<Vec<f64>>,
     /// Whether the forces are the fusion filter's.
     pub fused: bool,
     forces_n: PerWheel<[Vec<f64>; 2]>,
@@ -72,6 +70,7 @@ impl Ride {
                 .collect(),
             roll_rad,
             pitch_rad,
+            loads_n: PerWheel::default(),
         };
         let mut ride = Self {
             vehicle,
@@ -83,7 +82,6 @@ impl Ride {
             slip_angles_rad: wheels("slip_angle_rad"),
             steer_rad,
             drive,
-            loads_n: PerWheel::default(),
             forces_n: PerWheel::default(),
             fused: false,
         };
@@ -109,7 +107,7 @@ impl Ride {
         for wheel in Wheel::ALL {
             let name = wheel.abbreviation().to_lowercase();
             let each = |axis: &str| forces.column(&format!("{name}.{axis}_n"));
-            self.loads_n[wheel] = each("z");
+            self.drive.loads_n[wheel] = each("z");
             self.forces_n[wheel] = [each("x"), each("y")];
         }
         let source = forces.table.columns.iter().find(|c| c.name == "fl.source");
@@ -130,7 +128,7 @@ impl Ride {
             let [_, lateral] = &self.forces_n.0[wheel];
             for row in (0..lateral.len()).step_by(TYRE_STRIDE) {
                 if self.drive.speed_m_s[row] > SLIP_SPEED_MIN_M_S {
-                    data.load_n.push(self.loads_n.0[wheel][row]);
+                    data.load_n.push(self.drive.loads_n.0[wheel][row]);
                     data.slip_angle_rad.push(self.slip_angles_rad.0[wheel][row]);
                     data.lateral_n.push(lateral[row]);
                 }
