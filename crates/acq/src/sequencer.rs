@@ -619,6 +619,30 @@ mod tests {
     }
 
     #[test]
+    fn a_notice_of_loss_that_is_itself_lost_is_told_again_and_counted_once() {
+        let (sequencer, mut streams) = sequencer(2, 0);
+        sequencer.push(PORT, bytes(0));
+        sequencer.push(PORT, bytes(0));
+        for _ in 0..NOTICE_RESERVE {
+            sequencer.mark("no room behind this");
+        }
+        let (place, count) = (LossPlace::Kernel, 5);
+        sequencer.notice(PORT, Notice::Lost { place, count });
+        let in_kernel = || sequencer.counters()[&PORT].lost[place as usize];
+        assert_eq!(in_kernel(), 0, "nobody knows of it yet");
+        assert_eq!(drain(&mut streams.recorder).len(), 2 + NOTICE_RESERVE);
+        sequencer.push(PORT, bytes(1));
+        let after = drain(&mut streams.recorder);
+        assert_eq!(
+            after[0].payload,
+            Payload::Notice(Notice::Lost { place, count })
+        );
+        assert_eq!(after[1].payload, bytes(1));
+        assert_eq!((after.len(), in_kernel()), (2, count));
+        assert_eq!(sequencer.counters()[&PORT].lost[queue_index()], 0);
+    }
+
+    #[test]
     fn notices_pass_a_full_queue() {
         let (sequencer, mut streams) = sequencer(1, 0);
         sequencer.push(PORT, bytes(0));

@@ -186,6 +186,7 @@ impl Drive {
                     Stage::Estimate => &mut self.measured,
                     Stage::Model => &mut self.expected,
                     Stage::Truth => &mut self.truth_forces,
+                    Stage::Smoothed => return,
                 };
                 series.push(seconds(time), forces);
             }

@@ -7,11 +7,12 @@ mod lifts;
 
 use std::collections::BTreeMap;
 
+use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::score;
 use model::vehicle::Vehicle;
 use sample::{Estimate, EventKind, LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 use serde_json::{Value, json};
-use store::{Attachment, Reader, Record, Selection};
+use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use compare::{Comparison, Difference, compare};
 pub use lifts::{Lift, Lifts};
@@ -22,13 +23,6 @@ const SIDESLIP_SPEED_MIN_M_S: f64 = 3.0;
 const INTERVAL_S: f64 = 0.01;
 /// Longest delay that is looked for, intervals.
 const DELAY_MAX: usize = 50;
-/// A window of the consistency test is this long, intervals, and every so many of its estimates
-/// are taken: neighbours err alike.
-const WINDOW: usize = 1000;
-const WINDOW_STRIDE: usize = 50;
-/// Fewest estimates of a window for it to count.
-const WINDOW_MIN: usize = 10;
-
 /// Why a log could not be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
@@ -42,7 +36,10 @@ pub enum ScoreError {
     )]
     NoTruth,
     /// No estimate at an instant of the truth.
-    #[error("no estimate stands at the same instant as a {0}; was the estimator switched off?")]
+    #[error(
+        "no estimate stands at the same instant as a {0}; was the estimator switched off, or are \
+         smoothed estimates asked for of a log that `replay --smooth` did not make?"
+    )]
     NoPair(&'static str),
     /// No vehicle.
     #[error("the log's configuration names no vehicle that can be read, so nothing was estimated")]
@@ -77,6 +74,8 @@ pub struct Score {
     pub seconds: f64,
     /// Signals of which both sides know something.
     pub signals: Vec<SignalScore>,
+    /// Whether the deviations of all forces together hold.
+    pub forces: Option<Consistency>,
     /// Lifts of wheels and of sides.
     pub lifts: Lifts,
     /// How many events of each kind the estimator declared.
@@ -89,17 +88,19 @@ type Pairs = Vec<(Estimate, Estimate)>;
 /// A signal of an estimate with its standard deviation (`NaN` if there is none).
 type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
 
-/// Scores a log, leaving out its first `from_s` seconds.
+/// Scores a log's estimates, causal (`Stage::Estimate`) or smoothed ones (`Stage::Smoothed`),
+/// leaving out its first `from_s` seconds.
 ///
 /// # Errors
 /// If the log cannot be read, has no truth, no estimate or no vehicle.
-pub fn score(reader: &Reader, from_s: f64) -> Result<Score, ScoreError> {
+pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreError> {
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
     let loads = static_loads(&vehicle);
-    let (start, pairs) = pairs(reader, from_s)?;
+    let (start, pairs) = pairs(reader, stage, from_s)?;
     Ok(Score {
         seconds: pairs.len() as f64 * INTERVAL_S,
         signals: signals(&pairs, &loads),
+        forces: forces(&pairs),
         lifts: lifts::find(reader, start, &loads)?,
         events: events(reader)?,
     })
@@ -130,7 +131,7 @@ fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
     })
 }
 
-fn pairs(reader: &Reader, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
+fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
     let mut truth = BTreeMap::new();
     for state in reader.truth() {
         let state = state?;
@@ -138,7 +139,7 @@ fn pairs(reader: &Reader, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
     }
     let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
     let mut pairs = Pairs::new();
-    for estimate in reader.estimates() {
+    for estimate in reader.of_stage(stage) {
         let estimate = estimate?;
         if estimate.time.seconds_since(start) < from_s {
             continue;
@@ -250,32 +251,26 @@ fn signals(pairs: &Pairs, loads: &PerWheel<f64>) -> Vec<SignalScore> {
     all
 }
 
-/// Part of the windows whose mean normalised square lies within its 95 % bounds.
+/// Whether the deviations of all forces together hold, window by window.
+fn forces(pairs: &Pairs) -> Option<Consistency> {
+    let normalised: Vec<Vec<f64>> = (0..12)
+        .map(|i| {
+            let (wheel, axis) = (i / 3, i % 3);
+            let of_pair = |(estimate, truth): &(Estimate, Estimate)| {
+                let [own, truth] = [estimate, truth].map(|e| e.measured.0[wheel]);
+                (own.force_n[axis] - truth.force_n[axis]) / own.sigma_n[axis]
+            };
+            pairs.iter().map(of_pair).collect()
+        })
+        .collect();
+    consistency(&normalised, WINDOW_STEPS)
+}
+
+/// Part of one signal's windows whose mean normalised square lies within its bounds.
 fn windows_inside(values: &[f64], truths: &[f64], sigmas: &[f64]) -> Option<f64> {
-    let (mut inside, mut windows) = (0.0, 0.0);
-    let every =
-        |series: &[f64]| -> Vec<f64> { series.iter().copied().step_by(WINDOW_STRIDE).collect() };
-    for ((v, t), s) in values
-        .chunks(WINDOW)
-        .zip(truths.chunks(WINDOW))
-        .zip(sigmas.chunks(WINDOW))
-    {
-        let (v, t, s) = (every(v), every(t), every(s));
-        let known = (0..v.len())
-            .filter(|i| ((v[*i] - t[*i]) / s[*i]).is_finite())
-            .count();
-        if known < WINDOW_MIN {
-            continue;
-        }
-        if let Some(mean) = score::normalised_square(&v, &t, &s) {
-            let [low, high] = score::normalised_square_bounds(known);
-            windows += 1.0;
-            if (low..=high).contains(&mean) {
-                inside += 1.0;
-            }
-        }
-    }
-    (windows > 0.0).then(|| inside / windows)
+    let triples = values.iter().zip(truths).zip(sigmas);
+    let normalised = triples.map(|((v, t), s)| (v - t) / s).collect();
+    consistency(&[normalised], WINDOW_STEPS).map(|found| found.inside)
 }
 
 impl Score {
@@ -314,6 +309,7 @@ impl Score {
         json!({
             "seconds": self.seconds,
             "signals": signals,
+            "forces_nees": self.forces.as_ref().map(consistency_json),
             "lifts": lifts,
             "false_lifts": self.lifts.false_wheels,
             "two_wheel_lifts": sides,
@@ -322,4 +318,15 @@ impl Score {
             "events": self.events,
         })
     }
+}
+
+fn consistency_json(found: &Consistency) -> Value {
+    json!({
+        "mean": found.mean,
+        "windows": found.windows,
+        "inside": found.inside,
+        "above": found.above,
+        "freedom": found.freedom,
+        "bounds": found.bounds,
+    })
 }

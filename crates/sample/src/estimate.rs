@@ -84,6 +84,49 @@ pub enum ForceSource {
     Model,
 }
 
+/// What the estimator finds of sensors, steering and tyres beside motion and forces, with standard
+/// deviations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Parameters {
+    /// Log clock of the instant that they are for.
+    pub time: LogTime,
+    /// Bias of the accelerometers beyond the calibration's, body axes, m/s^2.
+    pub accel_bias_m_s2: [f64; 3],
+    /// Its standard deviation, m/s^2.
+    pub accel_bias_sigma_m_s2: [f64; 3],
+    /// Bias of the gyros beyond the calibration's, body axes, rad/s.
+    pub gyro_bias_rad_s: [f64; 3],
+    /// Its standard deviation, rad/s.
+    pub gyro_bias_sigma_rad_s: [f64; 3],
+    /// How much further left the front road wheels stand than the hand wheel's zero has it, rad.
+    pub steer_offset_rad: f64,
+    /// Its standard deviation, rad.
+    pub steer_offset_sigma_rad: f64,
+    /// Tyres of the front axle.
+    pub front: AxleGrip,
+    /// Tyres of the rear axle.
+    pub rear: AxleGrip,
+}
+
+/// What the tyres of an axle have to do with the ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AxleGrip {
+    /// Factor on the vehicle file's cornering stiffness.
+    pub stiffness_factor: f64,
+    /// Its standard deviation.
+    pub stiffness_factor_sigma: f64,
+    /// Friction coefficient; `None` where too little of it has been used of late to see it.
+    pub friction: Option<f64>,
+    /// Its standard deviation; `None` as the coefficient.
+    pub friction_sigma: Option<f64>,
+    /// What the coefficient is at least: the largest part of the load that was lateral force of
+    /// late, less two deviations.
+    pub friction_min: f64,
+    /// That part over the friction coefficient as it is believed, which is the vehicle file's where
+    /// nothing else is known.
+    pub utilisation: f64,
+}
+
 /// Something that the estimator or a source declares.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {

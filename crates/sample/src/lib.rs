@@ -19,7 +19,8 @@ mod wheel;
 
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
 pub use estimate::{
-    Estimate, Event, EventKind, ForceSource, Health, Motion, Severity, SourceHealth, TyreForce,
+    AxleGrip, Estimate, Event, EventKind, ForceSource, Health, Motion, Parameters, Severity,
+    SourceHealth, TyreForce,
 };
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,

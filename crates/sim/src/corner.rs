@@ -176,7 +176,7 @@ impl Corner {
                     level += counts_per_s * (time_s - fault.from_s);
                 }
                 ChannelFaultKind::Step { counts } => level += counts,
-                ChannelFaultKind::BendingWired => {}
+                ChannelFaultKind::BendingWired | ChannelFaultKind::SwappedWith { .. } => {}
             }
         }
         let count = scale.convert(level);
@@ -194,12 +194,16 @@ impl Corner {
             let Some(channel) = &mut self.strain[kind.index()] else {
                 continue;
             };
-            let bending_wired = self
-                .faults
-                .of_channel(self.wheel, Some(kind), state.time_s)
-                .any(|fault| fault.kind == ChannelFaultKind::BendingWired);
+            let (mut read, mut bending_wired) = (kind, false);
+            for fault in self.faults.of_channel(self.wheel, Some(kind), state.time_s) {
+                match fault.kind {
+                    ChannelFaultKind::SwappedWith { channel } => read = channel,
+                    ChannelFaultKind::BendingWired => bending_wired = true,
+                    _ => {}
+                }
+            }
             let level = if bending_wired {
-                let moment = match kind {
+                let moment = match read {
                     StrainChannel::LowerFront | StrainChannel::LowerRear => {
                         loads[StrainChannel::LowerFrontBending.index()]
                     }
@@ -208,7 +212,7 @@ impl Corner {
                 let moment = if moment.is_nan() { 0.0 } else { moment };
                 channel.bending_wired.level(moment)
             } else {
-                channel.scale.level(loads[kind.index()])
+                channel.scale.level(loads[read.index()])
             };
             channel.lag.advance(dt_s, level + channel.offset_counts);
         }

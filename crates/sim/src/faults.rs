@@ -84,6 +84,12 @@ pub enum ChannelFaultKind {
     /// strain (thesis section 5.2.1). A lower tube's bending is that of its outboard part; upper
     /// tubes and tie rods hardly bend.
     BendingWired,
+    /// The plug is in another channel's place (`{ swapped_with = { channel = "upper_rear" } }`): it
+    /// reads that channel's member with its own amplifier.
+    SwappedWith {
+        /// The strain channel whose member is read.
+        channel: StrainChannel,
+    },
 }
 
 /// A fault of one axis of the inertial unit.

@@ -386,17 +386,11 @@ impl LinkedCorner {
         }))
     }
 
-    /// The tyre's force with its moments as told, else those that go with the force: the tread's
-    /// at this inclination, rolling resistance M_y = -f R_0 F_z, and the aligning moment of a trail
-    /// that vanishes as the tyre begins to slide, M_z = -n F_y, n = n_0 (1 - |F_y|/(mu F_z)).
+    /// The tyre's force with its moments as told; those that are not told go with the force: the
+    /// tread's at this inclination, rolling resistance M_y = -f R_0 F_z, and the aligning moment of a
+    /// trail that vanishes as the tyre begins to slide, M_z = -n F_y, n = n_0 (1 - |F_y|/(mu F_z)).
     fn wrench(&self, truth: &WheelTruth, inclination_rad: f64) -> Wrench {
         let [_, lateral_n, load_n] = truth.force_n;
-        if truth.moment_n_m.iter().all(|m| m.is_finite()) {
-            return Wrench {
-                force_n: truth.force_n.into(),
-                moment_n_m: truth.moment_n_m.into(),
-            };
-        }
         let load_n = load_n.max(0.0);
         let pressed_m = load_n / self.tyre.vertical_stiffness_n_m;
         let contact_length_m = 2.0 * (2.0 * self.tyre.unloaded_radius_m * pressed_m).sqrt();
@@ -407,9 +401,14 @@ impl LinkedCorner {
             * load_n
             * truth.angular_speed_rad_s.tanh();
         let tipping = -self.tyre.tread_moment_n_m(load_n, inclination_rad);
+        let own = [tipping, -rolling, -trail_m * lateral_n];
+        let moment = |axis: usize| match truth.moment_n_m[axis] {
+            told if told.is_finite() => told,
+            _ => own[axis],
+        };
         Wrench {
             force_n: truth.force_n.into(),
-            moment_n_m: Vector3::new(tipping, -rolling, -trail_m * lateral_n),
+            moment_n_m: Vector3::new(moment(0), moment(1), moment(2)),
         }
     }
 

@@ -13,6 +13,8 @@ pub enum Manoeuvre {
     SlowSine,
     /// Sine steer at 0.7 Hz.
     FastSine,
+    /// Sine steer of rising frequency.
+    SteerSweep,
     /// A step of the hand wheel.
     StepSteer,
     /// Sine steer from asphalt onto gravel.
@@ -35,10 +37,11 @@ pub enum Manoeuvre {
 
 impl Manoeuvre {
     /// All manoeuvres.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Circle,
         Self::SlowSine,
         Self::FastSine,
+        Self::SteerSweep,
         Self::StepSteer,
         Self::AsphaltToGravel,
         Self::LaunchBrake,
@@ -57,6 +60,7 @@ impl Manoeuvre {
             Self::Circle => "circle",
             Self::SlowSine => "slow-sine",
             Self::FastSine => "fast-sine",
+            Self::SteerSweep => "steer-sweep",
             Self::StepSteer => "step-steer",
             Self::AsphaltToGravel => "asphalt-to-gravel",
             Self::LaunchBrake => "launch-brake",
@@ -76,6 +80,9 @@ impl Manoeuvre {
             Self::Circle => "left turn of 15.24 m radius, speed rising until a wheel lifts",
             Self::SlowSine => "sine steer at 0.3 Hz",
             Self::FastSine => "sine steer at 0.7 Hz",
+            Self::SteerSweep => {
+                "sine steer of a frequency that rises from 0.2 to 2.5 Hz, three times"
+            }
             Self::StepSteer => "a step of the hand wheel at constant speed",
             Self::AsphaltToGravel => "sine steer, the surface changing from asphalt to gravel",
             Self::LaunchBrake => "launch from rest, then hard braking",
@@ -146,7 +153,7 @@ impl Manoeuvre {
                 ..plan(
                     54.0,
                     3.5,
-                    |t| (3.5 + 0.12 * t).min(9.5),
+                    |t| (3.5 + 0.13 * t).min(9.7),
                     Intent::Curvature(|t| smooth(t / 3.0) / CIRCLE_RADIUS_M),
                 )
             },
@@ -161,6 +168,12 @@ impl Manoeuvre {
                 8.0,
                 |_| 8.0,
                 Intent::HandWheel(|t| 2.0 * sine(t - 1.0, 0.7, 9.0)),
+            ),
+            Self::SteerSweep => plan(
+                3.0 * SWEEP_S + 2.0,
+                10.0,
+                |_| 10.0,
+                Intent::HandWheel(|t| 0.7 * sweep(t - 1.0)),
             ),
             Self::StepSteer => plan(
                 14.0,
@@ -225,8 +238,8 @@ const GRAVEL: SurfaceLine = SurfaceLine {
 /// they run out of steer before a wheel of this circle lifts, as it did in the thesis.
 const FRESH_ASPHALT: SurfaceLine = SurfaceLine {
     east_m: f64::NEG_INFINITY,
-    friction_scale: 1.1,
-    stiffness_scale: 1.8,
+    friction_scale: 1.3,
+    stiffness_scale: 2.2,
 };
 
 /// Straight driving before the minute of mixed driving begins.
@@ -279,6 +292,21 @@ fn sine(time_s: f64, frequency_hz: f64, periods: f64) -> f64 {
     } else {
         0.0
     }
+}
+
+/// Length of a sweep, and the frequencies at its ends.
+const SWEEP_S: f64 = 24.0;
+const SWEEP_HZ: [f64; 2] = [0.2, 2.5];
+
+/// Sweeps from time zero, the frequency rising evenly in its logarithm; each begins and ends at zero
+/// softly.
+fn sweep(time_s: f64) -> f64 {
+    let t = time_s.max(0.0) % SWEEP_S;
+    let [low, high] = SWEEP_HZ;
+    let octaves = (high / low).ln() / SWEEP_S;
+    let phase = low * ((octaves * t).exp() - 1.0) / octaves;
+    let edge = smooth(t) * smooth(SWEEP_S - t);
+    edge * (std::f64::consts::TAU * phase).sin()
 }
 
 #[cfg(test)]

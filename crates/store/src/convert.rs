@@ -12,7 +12,8 @@ use crate::{ClockFit, Pose, Record, Stage};
 use estimate::{
     clock_fit_to_proto, event_from_proto, event_to_proto, force_from_proto, forces_to_proto,
     health_from_proto, health_to_proto, log_from_proto, log_to_proto, motion_from_proto,
-    motion_to_proto, transform_from_proto, transform_to_proto,
+    motion_to_proto, parameters_from_proto, parameters_to_proto, transform_from_proto,
+    transform_to_proto,
 };
 use sensor::{decode_measurement, encode_sample};
 
@@ -100,6 +101,12 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
             forces,
         } => vec![forces_message(*stage, *time, forces)],
         Record::Pose { time, pose } => vec![pose_message(*time, pose)],
+        Record::Parameters(parameters) => vec![Encoded::new(
+            "/estimate/parameters".to_owned(),
+            parameters.time,
+            parameters.time,
+            &parameters_to_proto(parameters),
+        )],
         Record::Event(event) => vec![Encoded::new(
             "/estimate/events".to_owned(),
             event.time,
@@ -229,6 +236,9 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 roll_rad: pose.roll_rad,
             };
             Record::Pose { time, pose }
+        }
+        "atvrec.Parameters" => {
+            Record::Parameters(parameters_from_proto(time, pb::Parameters::decode(data)?))
         }
         "atvrec.Event" => Record::Event(event_from_proto(time, pb::Event::decode(data)?)?),
         "atvrec.Health" => Record::Health(health_from_proto(time, pb::Health::decode(data)?)?),

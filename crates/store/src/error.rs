@@ -149,6 +149,15 @@ impl Error {
         }
     }
 
+    /// There was no room: what the disk took before is safe.
+    pub(crate) fn is_full_disk(&self) -> bool {
+        use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+        let (Self::File { cause, .. } | Self::Sink(cause)) = self else {
+            return false;
+        };
+        matches!(cause.kind(), StorageFull | QuotaExceeded | FileTooLarge)
+    }
+
     pub(crate) fn file(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |cause| Self::File {

@@ -146,12 +146,13 @@ impl Writer {
             file,
             bytes: Arc::clone(&bytes),
         };
-        let log = LogWriter::new(sink, session, options, part).map_err(|error| {
-            // Nothing of worth is in it.
-            let _ = std::fs::remove_file(&active);
-            error.at(&active)
-        })?;
-        sync_directory(&active)?;
+        let log = LogWriter::new(sink, session, options, part)
+            .map_err(|error| error.at(&active))
+            .and_then(|log| sync_directory(&active).map(|()| log))
+            .inspect_err(|_| {
+                // Nothing of worth is in it.
+                let _ = std::fs::remove_file(&active);
+            })?;
         Ok(Self {
             log,
             unfinished: Unfinished {
@@ -253,6 +254,14 @@ impl Writer {
     /// Adds what was lost on the way to this file to its counters.
     pub(crate) fn lose(&mut self, items: &LostItems, records: u64) {
         self.log.lose(items, records);
+    }
+
+    pub(crate) fn keep_unsynced(&mut self) {
+        self.log.keep_unsynced();
+    }
+
+    pub(crate) fn reached_disk(&mut self, groups: u64) {
+        self.log.reached_disk(groups);
     }
 
     pub(crate) fn leave_disk_losses_to_recorder(&mut self) {

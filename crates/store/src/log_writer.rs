@@ -1,4 +1,4 @@
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
@@ -32,6 +32,8 @@ pub struct LogWriter<W: Write> {
     latched: Latched,
     last_log_time: Option<LogTime>,
     groups: u64,
+    /// The last groups in the log, which may not have reached the disk; `None` where nobody asks.
+    unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
     counts_disk_notices: bool,
 }
@@ -62,6 +64,8 @@ impl Latched {
 #[derive(Default)]
 pub(crate) struct Pending {
     pub arrivals: Vec<Arrival>,
+    /// What the log took before, but perhaps not the disk.
+    pub unsynced: Vec<Arrival>,
     pub messages: Vec<Encoded>,
 }
 
@@ -120,6 +124,7 @@ impl<W: Write> LogWriter<W> {
             latched: Latched::default(),
             last_log_time: None,
             groups: 0,
+            unsynced: None,
             counters: WriteCounters::default(),
             counts_disk_notices: true,
         })
@@ -160,6 +165,7 @@ impl<W: Write> LogWriter<W> {
         drop(self.mcap.into_inner());
         let pending = Pending {
             arrivals: self.group,
+            unsynced: self.unsynced.into_iter().flatten().flatten().collect(),
             messages: self.decoded,
         };
         (pending, self.latched)
@@ -168,6 +174,20 @@ impl<W: Write> LogWriter<W> {
     /// The arrivals that are not in the log yet.
     pub(crate) fn group(&self) -> &[Arrival] {
         &self.group
+    }
+
+    /// From now on groups are kept until [`LogWriter::reached_disk`] tells that they are safe.
+    pub(crate) fn keep_unsynced(&mut self) {
+        self.unsynced.get_or_insert_default();
+    }
+
+    /// The first `groups` groups have reached the disk.
+    pub(crate) fn reached_disk(&mut self, groups: u64) {
+        let waiting = usize::try_from(self.groups - groups).unwrap_or(usize::MAX);
+        if let Some(unsynced) = &mut self.unsynced {
+            let safe = unsynced.len().saturating_sub(waiting);
+            unsynced.drain(..safe);
+        }
     }
 
     /// Groups of raw data written so far.
@@ -311,8 +331,16 @@ impl<W: Write> LogWriter<W> {
         }
         self.mcap.flush()?;
         // Kept until here, so that a log which fails can hand its open group on.
-        self.group.clear();
+        let group = std::mem::take(&mut self.group);
         self.groups += 1;
+        if let Some(unsynced) = &mut self.unsynced {
+            unsynced.push_back(group);
+            // A disk that hangs syncs nothing for a while, and memory has an end.
+            let mut kept: usize = unsynced.iter().map(Vec::len).sum();
+            while kept > self.options.backlog_capacity {
+                kept -= unsynced.pop_front().map_or(kept, |group| group.len());
+            }
+        }
         Ok(())
     }
 
@@ -519,6 +547,31 @@ mod tests {
                     .filter(|a| a.sequence >= first.len() as u64),
             );
             assert_eq!(both, written[..=fitted], "{room} bytes");
+        }
+    }
+
+    /// What a sync that fails takes away was in the log already: it is handed on too.
+    #[test]
+    fn groups_are_handed_on_until_they_have_reached_the_disk() {
+        let options = Options {
+            raw_interval: Duration::from_millis(100),
+            ..Options::default()
+        };
+        let abandoned = |synced: u64| -> Vec<u64> {
+            let mut log = LogWriter::new(Vec::new(), Session::default(), options.clone(), 0)
+                .expect("a vector takes all");
+            log.keep_unsynced();
+            for sequence in 0..35 {
+                log.push(arrival(sequence)).expect("a vector takes all");
+            }
+            assert_eq!(log.groups(), 3);
+            log.reached_disk(synced);
+            let (pending, _) = log.abandon();
+            let all = pending.unsynced.into_iter().chain(pending.arrivals);
+            all.map(|arrival| arrival.sequence).collect()
+        };
+        for synced in 0..=3 {
+            assert!(abandoned(synced).into_iter().eq(10 * synced..35));
         }
     }
 }

@@ -312,17 +312,20 @@ impl Reader {
 
     /// The estimates of the log, put together from their channels.
     pub fn estimates(&self) -> impl Iterator<Item = Result<Estimate>> {
-        self.joined(Stage::Estimate)
+        self.of_stage(Stage::Estimate)
     }
 
     /// The truth of a simulated log: motion, and forces as `measured`; `expected` is unknown.
     pub fn truth(&self) -> impl Iterator<Item = Result<Estimate>> {
-        self.joined(Stage::Truth)
+        self.of_stage(Stage::Truth)
     }
 
-    fn joined(&self, stage: Stage) -> impl Iterator<Item = Result<Estimate>> {
+    /// What a stage says of each instant; only with the causal estimates stands what the vehicle
+    /// model expects.
+    pub fn of_stage(&self, stage: Stage) -> impl Iterator<Item = Result<Estimate>> {
         let topics = match stage {
             Stage::Truth => vec!["/truth/motion", "/truth/tyre_forces"],
+            Stage::Smoothed => vec!["/smoothed/motion", "/smoothed/tyre_forces"],
             Stage::Estimate | Stage::Model => vec![
                 "/estimate/motion",
                 "/estimate/tyre_forces",

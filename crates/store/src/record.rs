@@ -1,5 +1,6 @@
 use sample::{
-    Estimate, Event, Health, LogTime, Motion, PerWheel, Sample, Severity, SourceId, TyreForce,
+    Estimate, Event, Health, LogTime, Motion, Parameters, PerWheel, Sample, Severity, SourceId,
+    TyreForce,
 };
 
 /// One decoded datum of a log. What is read back is what was written, with these exceptions:
@@ -48,6 +49,8 @@ pub enum Record {
         /// The pose.
         pose: Pose,
     },
+    /// What the estimator finds beside motion and forces.
+    Parameters(Parameters),
     /// Something that the estimator or a source declares.
     Event(Event),
     /// The recorder's own state.
@@ -72,6 +75,9 @@ pub enum Record {
 pub enum Stage {
     /// The estimator's, from measurements: `/estimate/…`.
     Estimate,
+    /// The estimator's in a replay that smooths, from what came after the instant too:
+    /// `/smoothed/…`.
+    Smoothed,
     /// The vehicle model's, from steer and motion alone: `/model/…`.
     Model,
     /// The simulation's: `/truth/…`.
@@ -84,6 +90,7 @@ impl Stage {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Estimate => "estimate",
+            Self::Smoothed => "smoothed",
             Self::Model => "model",
             Self::Truth => "truth",
         }
@@ -93,7 +100,7 @@ impl Stage {
     #[must_use]
     pub fn from_topic(topic: &str) -> Option<Self> {
         let first = topic.strip_prefix('/')?.split('/').next()?;
-        [Self::Estimate, Self::Model, Self::Truth]
+        [Self::Estimate, Self::Smoothed, Self::Model, Self::Truth]
             .into_iter()
             .find(|stage| stage.name() == first)
     }

@@ -26,6 +26,8 @@ pub struct Recovered {
     pub path: PathBuf,
     /// It needed no more than its name.
     pub was_whole: bool,
+    /// It had been cut before its first arrival, as just behind a rotation, and was removed.
+    pub was_empty: bool,
     /// Messages saved.
     pub messages: u64,
     /// Those of them that were in a chunk which was cut.
@@ -73,7 +75,8 @@ pub fn recover_directory(directory: &Path) -> Result<Vec<(PathBuf, Result<Recove
 /// Makes a log whole in place: saves all intact chunks, and the intact messages of a chunk that is
 /// cut, writes summary and indexes, and takes the place of the old file in one step. Nothing is in
 /// the result that was not in the old file or its journals, except counters of what is saved and a
-/// metadata record that tells of the recovery.
+/// metadata record that tells of the recovery. An unfinished log without any arrival of its own is
+/// removed.
 ///
 /// # Errors
 /// If the file cannot be read, is no MCAP file, is being written, or the result cannot be written;
@@ -92,6 +95,7 @@ pub fn recover(path: &Path) -> Result<Recovered> {
         return Ok(Recovered {
             path: target,
             was_whole: true,
+            was_empty: false,
             messages: index.counts.values().sum(),
             messages_of_cut_chunk: 0,
             arrivals_of_journal: 0,
@@ -107,7 +111,12 @@ pub fn recover(path: &Path) -> Result<Recovered> {
             return Err(error);
         }
     };
-    std::fs::rename(&temporary, &target).map_err(Error::file("replace", &target))?;
+    let was_empty = target != path && saved.is_empty();
+    if was_empty {
+        std::fs::remove_file(&temporary).map_err(Error::file("remove", &temporary))?;
+    } else {
+        std::fs::rename(&temporary, &target).map_err(Error::file("replace", &target))?;
+    }
     if target != path {
         std::fs::remove_file(path).map_err(Error::file("remove", path))?;
     }
@@ -116,6 +125,7 @@ pub fn recover(path: &Path) -> Result<Recovered> {
     Ok(Recovered {
         path: target,
         was_whole: false,
+        was_empty,
         messages: saved.messages,
         messages_of_cut_chunk: saved.messages_of_cut_chunk,
         arrivals_of_journal: saved.arrivals_of_journal,
@@ -172,8 +182,19 @@ fn rewrite(
 #[derive(Default)]
 struct Saved {
     messages: u64,
+    /// Those of them that repeat the states of the file before.
+    messages_latched: u64,
     messages_of_cut_chunk: u64,
     arrivals_of_journal: u64,
+    /// The file's own counters were there, which may tell of losses.
+    counters: bool,
+}
+
+impl Saved {
+    /// Nothing of the file's own.
+    const fn is_empty(&self) -> bool {
+        self.messages == self.messages_latched && !self.counters
+    }
 }
 
 /// Writes all that is intact as a finished log.
@@ -339,6 +360,7 @@ impl<W: Write> Copy<W> {
             }
             Some(Record::Metadata(metadata)) if metadata.name == COUNTERS_METADATA => {
                 self.counters_before = metadata.metadata;
+                self.saved.counters = true;
                 Ok(())
             }
             Some(Record::Metadata(metadata)) => Ok(self.writer.write_metadata(&metadata)?),
@@ -402,10 +424,10 @@ impl<W: Write> Copy<W> {
         let Some((header, data)) = scan::message(body) else {
             return Ok(());
         };
-        if self.raw_channels.contains_key(&header.channel_id)
-            && let Some(group) = raw::group(data)
-            && !group.latched
-        {
+        let is_raw = self.raw_channels.contains_key(&header.channel_id);
+        let group = is_raw.then(|| raw::group(data)).flatten();
+        let latched = group.as_ref().is_some_and(|group| group.latched);
+        if let Some(group) = group.filter(|group| !group.latched) {
             if !self.in_cut_chunk {
                 self.next_sequence = self.next_sequence.max(group.end_sequence);
             } else if self
@@ -420,6 +442,7 @@ impl<W: Write> Copy<W> {
         match self.writer.write_to_known_channel(&header, data) {
             Ok(()) => {
                 self.saved.messages += 1;
+                self.saved.messages_latched += u64::from(latched);
                 match self.raw_channels.get(&header.channel_id) {
                     Some((schema, source)) => self.counters.count_batch(schema, *source, data),
                     None => self.counters.messages += 1,

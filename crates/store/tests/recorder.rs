@@ -69,6 +69,28 @@ fn rotation_can_be_asked_for() {
     assert_eq!(read(&paths(&summary)), written);
 }
 
+/// The file after a rotation begins with the states that last: they alone are not worth a log.
+#[test]
+fn a_file_cut_just_behind_its_rotation_is_removed() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder =
+        Recorder::start(directory.path(), "run", session(), Options::default()).expect("started");
+    push_all(&recorder, &arrivals(22, 200));
+    wait_until(|| recorder.status().waiting == 0);
+    recorder.rotate();
+    let second = store::part_path(directory.path(), "run", 1);
+    wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
+    let copies = tempfile::tempdir().expect("a directory");
+    let copy = copies.path().join("run_0001.mcap.active");
+    std::fs::copy(directory.path().join("run_0001.mcap.active"), &copy).expect("copied");
+    let begun = Reader::open([&copy]).expect("a log");
+    assert!(begun.info().channels["/notice"].1 >= 1);
+    assert!(store::recover(&copy).expect("recovered").was_empty);
+    let left = std::fs::read_dir(copies.path()).expect("readable");
+    assert_eq!(left.count(), 0);
+    recorder.finish().expect("finished");
+}
+
 /// A file that could not be given its name used to take the file after it down: that one was
 /// abandoned though nothing was wrong with it.
 #[test]
@@ -100,6 +122,29 @@ fn a_name_that_cannot_be_given_is_tried_again_and_the_next_file_goes_on() {
     assert_eq!(read(&paths(&summary)), written);
 }
 
+/// A disk that failed while a file was being made used to leave that file in the way of every further
+/// attempt.
+#[test]
+fn a_name_that_is_taken_is_passed_over() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = Options {
+        retry_interval: Duration::from_millis(10),
+        ..Options::default()
+    };
+    let recorder = Recorder::start(directory.path(), "run", session(), options).expect("started");
+    let taken = directory.path().join("run_0001.mcap.active");
+    std::fs::write(&taken, "").expect("written");
+    let written = arrivals(31, 200);
+    push_all(&recorder, &written[..100]);
+    recorder.rotate();
+    let next = store::part_path(directory.path(), "run", 2);
+    wait_until(|| recorder.status().disk == DiskState::Writing(next.clone()));
+    push_all(&recorder, &written[100..]);
+    let summary = recorder.finish().expect("finished");
+    assert_eq!(read(&paths(&summary)), written);
+    assert!(taken.exists());
+}
+
 /// The files that a killed process leaves are readable up to the last interval.
 #[test]
 fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {
@@ -121,6 +166,9 @@ fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {
             std::fs::copy(&path, copies.path().join(name)).expect("copied");
         }
         let recovered = store::recover(&copy).expect("recovered");
+        if recovered.was_empty {
+            return false;
+        }
         saved = read(&[recovered.path]);
         saved.len() == written.len()
     });

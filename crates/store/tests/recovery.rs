@@ -125,6 +125,10 @@ fn a_cut_log_reads_as_it_recovers() {
         let cut_arrivals = all_arrivals(&path);
         let recovered = recover(&path).expect("recovery never fails");
         assert!(!path.exists());
+        assert_eq!(recovered.was_empty, cut_messages.is_empty());
+        if recovered.was_empty {
+            continue;
+        }
         assert_eq!(all_messages(&recovered.path), cut_messages);
         assert_eq!(all_arrivals(&recovered.path), cut_arrivals);
         assert_eq!(cut_arrivals, written[..cut_arrivals.len()]);
@@ -287,6 +291,22 @@ fn a_whole_log_that_kept_its_unfinished_name_gets_its_own() {
     let recovered = results[0].1.as_ref().expect("recovered");
     assert!(recovered.was_whole);
     assert_eq!(std::fs::read(&recovered.path).expect("there"), bytes);
+}
+
+/// A power cut just behind a rotation used to leave a log without anything in it.
+#[test]
+fn a_log_cut_before_its_first_arrival_is_removed() {
+    let (_, bytes) = sample_log(20);
+    let before_first_chunk = bytes.len().min(200);
+    for length in [0, 8, before_first_chunk] {
+        let directory = tempfile::tempdir().expect("a directory");
+        write_active(directory.path(), &bytes[..length]);
+        std::fs::write(directory.path().join("log.mcap.journal-a"), b"").expect("written");
+        let results = recover_directory(directory.path()).expect("readable");
+        assert!(results[0].1.as_ref().expect("recovered").was_empty);
+        let left = std::fs::read_dir(directory.path()).expect("readable");
+        assert_eq!(left.count(), 0);
+    }
 }
 
 #[test]

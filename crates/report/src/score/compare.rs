@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sample::{Estimate, LogTime, Wheel};
 use serde_json::{Value, json};
-use store::{Reader, Record, Selection};
+use store::{Reader, Record, Selection, Stage};
 
 use super::{Pairs, ScoreError, each_signal, kind_name};
 
@@ -64,18 +64,24 @@ pub struct Comparison {
     pub events_only_there: Vec<LoneEvent>,
 }
 
-/// Compares the estimates of `here` with those of `there`, instant by instant.
+/// Compares the estimates of `here` with those of `there`, both causal or both smoothed, instant by
+/// instant.
 ///
 /// # Errors
 /// If a log cannot be read, or they have no instant in common.
-pub fn compare(here: &Reader, there: &Reader, from_s: f64) -> Result<Comparison, ScoreError> {
+pub fn compare(
+    here: &Reader,
+    there: &Reader,
+    stage: Stage,
+    from_s: f64,
+) -> Result<Comparison, ScoreError> {
     let mut others: BTreeMap<LogTime, Estimate> = BTreeMap::new();
-    for estimate in there.estimates() {
+    for estimate in there.of_stage(stage) {
         let estimate = estimate?;
         others.insert(estimate.time, estimate);
     }
     let (mut pairs, mut only_here, mut start) = (Pairs::new(), 0, None);
-    for estimate in here.estimates() {
+    for estimate in here.of_stage(stage) {
         let estimate = estimate?;
         match others.remove(&estimate.time) {
             Some(other) => {

@@ -97,7 +97,16 @@ pub(super) fn find(
         for wheel in Wheel::ALL {
             if begins(&mut up[wheel], part[wheel]) {
                 let (lifts, warnings) = (&declared.lifts, &declared.warnings);
-                let lift = lift(wheel.abbreviation(), at_s, lifts, warnings);
+                let name = wheel.abbreviation();
+                let earlier = found.wheels.iter().rev().find(|lift| lift.what == name);
+                let since_s = earlier.map_or(f64::NEG_INFINITY, |lift| lift.at_s);
+                // A warning is of the next lift.
+                let warnings: Vec<_> = warnings
+                    .iter()
+                    .filter(|(_, warned_s)| *warned_s > since_s)
+                    .copied()
+                    .collect();
+                let lift = lift(name, at_s, lifts, &warnings);
                 found.wheels.push(lift);
             }
         }

@@ -1,8 +1,9 @@
 //! A car by the model of 14 degrees of freedom: wheels that travel, and leave the ground.
 
 use model::chassis::four_wheel::Pose;
-use model::chassis::fourteen_dof::{Inputs, Parameters, State, at_rest, outputs, step};
+use model::chassis::fourteen_dof::{Inputs, Outputs, Parameters, State, at_rest, outputs, step};
 use model::suspension::Corner;
+use model::tyre::{Contact, Tyre};
 use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
@@ -10,6 +11,10 @@ use super::car::Commands;
 use crate::corner::cross;
 use crate::imu::{add3, rotate};
 use crate::{SimError, TruthState, WheelTruth};
+
+/// Adams' tyre width of a brush tyre, parts of its contact length: the trail is a third of the one
+/// and a sixth of the other.
+const WIDTH_OF_CONTACT_LENGTH: f64 = 0.5;
 
 /// The car under way.
 pub(super) struct FourteenDof {
@@ -38,9 +43,10 @@ impl FourteenDof {
     /// The car at a speed, straight ahead; `None` where the vehicle file has no unsprung masses or
     /// struts.
     pub(super) fn new(vehicle: &Vehicle, speed_m_s: f64) -> Result<Option<Self>, SimError> {
-        let Ok(parameters) = Parameters::from_vehicle(vehicle) else {
+        let Ok(mut parameters) = Parameters::from_vehicle(vehicle) else {
             return Ok(None);
         };
+        lay_on_contact_length(&mut parameters);
         let [x, y, z] = vehicle.sprung().cg_m;
         Ok(Some(Self {
             cg_m: [-x, -y, vehicle.body.cg_height_m - z],
@@ -93,6 +99,20 @@ impl FourteenDof {
         }
     }
 
+    /// Aligning moment of one tyre, as the model had it, N m.
+    fn aligning_n_m(&self, wheel: usize, told: &Outputs<f64>, commands: &Commands) -> f64 {
+        let contact = Contact {
+            load_n: told.load_n[wheel],
+            slip_tangent: told.slip_angle_rad[wheel].tan(),
+            slip_ratio: told.slip_ratio[wheel],
+            camber_rad: 0.0,
+            friction_scale: commands.friction_scale[wheel],
+            stiffness_scale: commands.stiffness_scale[wheel],
+        };
+        let tyre = &self.parameters.corners[wheel].tyre;
+        tyre.forces(&contact).aligning_n_m
+    }
+
     fn position_m(&self) -> [f64; 3] {
         let earth_from_body = self.attitude().earth_from_body();
         add3(
@@ -110,6 +130,7 @@ impl FourteenDof {
             let i = wheel.index();
             WheelTruth {
                 force_n: [told.longitudinal_n[i], told.lateral_n[i], told.load_n[i]],
+                moment_n_m: [f64::NAN, f64::NAN, self.aligning_n_m(i, &told, commands)],
                 angular_speed_rad_s: self.state.wheel_speed_rad_s[i],
                 steer_rad: commands.steer_rad[i],
                 slip_angle_rad: told.slip_angle_rad[i],
@@ -136,6 +157,19 @@ impl FourteenDof {
             acceleration_m_s2: [f64::NAN; 3],
             wheels: PerWheel::from_fn(wheel),
             ..self.attitude()
+        }
+    }
+}
+
+/// Gives the tyres the pneumatic trail of their contact length under the load at rest,
+/// 2 sqrt(2 R_0 d) pressed in by d: the same moment then turns the vehicle and pulls the tie rods.
+fn lay_on_contact_length(parameters: &mut Parameters) {
+    let wheels_n = 0.25 * parameters.mass_kg() * parameters.gravity_m_s2;
+    for corner in &mut parameters.corners {
+        let pressed_m = wheels_n / corner.vertical_stiffness_n_m;
+        if let Tyre::Physical(tyre) = &mut corner.tyre {
+            let contact_length_m = 2.0 * (2.0 * corner.unloaded_radius_m * pressed_m).sqrt();
+            tyre.contact_length_m = WIDTH_OF_CONTACT_LENGTH * contact_length_m;
         }
     }
 }

@@ -1,8 +1,8 @@
 //! What the estimator and the recorder say.
 
 use sample::{
-    Event, EventKind, ForceSource, Health, LogTime, LossPlace, Motion, PerWheel, Severity,
-    SourceHealth, SourceId, TyreForce, Wheel,
+    AxleGrip, Event, EventKind, ForceSource, Health, LogTime, LossPlace, Motion, Parameters,
+    PerWheel, Severity, SourceHealth, SourceId, TyreForce, Wheel,
 };
 
 use super::{array, narrow, timestamp, vector};
@@ -97,6 +97,56 @@ pub(super) fn force_from_proto(f: Option<pb::TyreForce>) -> TyreForce {
             pb::ForceSource::Fusion => ForceSource::Fusion,
             pb::ForceSource::Model => ForceSource::Model,
         },
+    }
+}
+
+pub(super) fn parameters_to_proto(parameters: &Parameters) -> pb::Parameters {
+    pb::Parameters {
+        accel_bias_m_s2: Some(vector(parameters.accel_bias_m_s2)),
+        accel_bias_sigma_m_s2: Some(vector(parameters.accel_bias_sigma_m_s2)),
+        gyro_bias_rad_s: Some(vector(parameters.gyro_bias_rad_s)),
+        gyro_bias_sigma_rad_s: Some(vector(parameters.gyro_bias_sigma_rad_s)),
+        steer_offset_rad: parameters.steer_offset_rad,
+        steer_offset_sigma_rad: parameters.steer_offset_sigma_rad,
+        front: Some(grip_to_proto(&parameters.front)),
+        rear: Some(grip_to_proto(&parameters.rear)),
+    }
+}
+
+pub(super) fn parameters_from_proto(time: LogTime, p: pb::Parameters) -> Parameters {
+    Parameters {
+        time,
+        accel_bias_m_s2: array(p.accel_bias_m_s2),
+        accel_bias_sigma_m_s2: array(p.accel_bias_sigma_m_s2),
+        gyro_bias_rad_s: array(p.gyro_bias_rad_s),
+        gyro_bias_sigma_rad_s: array(p.gyro_bias_sigma_rad_s),
+        steer_offset_rad: p.steer_offset_rad,
+        steer_offset_sigma_rad: p.steer_offset_sigma_rad,
+        front: grip_from_proto(p.front),
+        rear: grip_from_proto(p.rear),
+    }
+}
+
+fn grip_to_proto(grip: &AxleGrip) -> pb::AxleGrip {
+    pb::AxleGrip {
+        stiffness_factor: grip.stiffness_factor,
+        stiffness_factor_sigma: grip.stiffness_factor_sigma,
+        friction: grip.friction,
+        friction_sigma: grip.friction_sigma,
+        friction_min: grip.friction_min,
+        utilisation: grip.utilisation,
+    }
+}
+
+fn grip_from_proto(grip: Option<pb::AxleGrip>) -> AxleGrip {
+    let grip = grip.unwrap_or_default();
+    AxleGrip {
+        stiffness_factor: grip.stiffness_factor,
+        stiffness_factor_sigma: grip.stiffness_factor_sigma,
+        friction: grip.friction,
+        friction_sigma: grip.friction_sigma,
+        friction_min: grip.friction_min,
+        utilisation: grip.utilisation,
     }
 }
 

@@ -30,16 +30,25 @@ impl OpenFile {
     ) -> Result<Self> {
         let mut writer = Writer::create(path, session.clone(), options.clone(), part)?;
         writer.leave_disk_losses_to_recorder();
+        writer.keep_unsynced();
         let journal = options
             .journal_interval
             .map(|interval| Journal::create(path, session.clone(), interval))
-            .transpose()?;
-        Ok(Self {
-            writer,
-            since: None,
-            journal,
-            groups: Arc::default(),
-        })
+            .transpose();
+        match journal {
+            Ok(journal) => Ok(Self {
+                writer,
+                since: None,
+                journal,
+                groups: Arc::default(),
+            }),
+            Err(error) => {
+                let (_, _, unfinished) = writer.abandon();
+                // What cannot be removed is passed over by the next attempt.
+                let _ = unfinished.discard();
+                Err(error)
+            }
+        }
     }
 
     /// What the syncing thread has to do for it.
@@ -92,6 +101,7 @@ impl OpenFile {
         }
         self.groups.written.store(written, Ordering::Release);
         let synced = self.groups.synced.load(Ordering::Acquire);
+        self.writer.reached_disk(synced);
         self.journal
             .as_mut()
             .map_or(Ok(()), |journal| journal.turn(written, synced))

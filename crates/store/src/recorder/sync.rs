@@ -16,6 +16,8 @@ use crate::{Error, Result};
 pub(crate) enum Job {
     /// From now on sync this log and its journals.
     Watch(Watched),
+    /// The log that is watched is given up: a disk that is in use cannot be unmounted.
+    Forget,
     /// This file is closed: sync it and give it its name.
     Finish(Unfinished),
 }
@@ -25,6 +27,23 @@ pub(crate) struct Watched {
     /// The log, then its journals.
     pub files: Vec<File>,
     pub groups: Arc<Groups>,
+}
+
+impl Watched {
+    /// Syncs it; `false`, and told, if the disk refuses.
+    fn sync(&self, shared: &Shared) -> bool {
+        let written = self.groups.written.load(Ordering::Acquire);
+        match self.files.iter().try_for_each(File::sync_data) {
+            Ok(()) => {
+                self.groups.synced.store(written, Ordering::Release);
+                true
+            }
+            Err(error) => {
+                report(shared, &format!("cannot sync the log: {error}"));
+                false
+            }
+        }
+    }
 }
 
 /// Groups of raw data in a log.
@@ -70,7 +89,13 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
     let mut closed = Closed::default();
     loop {
         match queue.recv_timeout(interval) {
-            Ok(Job::Watch(log)) => watched = Some(log),
+            Ok(Job::Watch(log)) => {
+                // A power cut must not leave what came later without what came before.
+                if let Some(before) = watched.replace(log) {
+                    before.sync(shared);
+                }
+            }
+            Ok(Job::Forget) => watched = None,
             Ok(Job::Finish(file)) => {
                 closed.take(file);
                 continue;
@@ -81,15 +106,7 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
                 return closed.unfinished();
             }
         }
-        let Some(log) = &watched else { continue };
-        let written = log.groups.written.load(Ordering::Acquire);
-        match log.files.iter().try_for_each(File::sync_data) {
-            Ok(()) => log.groups.synced.store(written, Ordering::Release),
-            Err(error) => {
-                report(shared, &format!("cannot sync the log: {error}"));
-                watched = None;
-            }
-        }
+        watched = watched.filter(|log| log.sync(shared));
     }
 }
 

@@ -155,7 +155,7 @@ impl Worker {
         if let Some(reason) = refused
             && matches!(self.sink, Sink::Open(_))
         {
-            self.fail_because(reason);
+            self.fail_because(reason, true);
         }
         match &self.sink {
             Sink::Open(file) => {
@@ -234,7 +234,7 @@ impl Worker {
         let mut file = match OpenFile::create(&path, &self.session, &self.options, self.part) {
             Ok(file) => file,
             Err(error) => {
-                self.part -= 1;
+                self.take_part_back(&path);
                 return Err(Box::new((pending, error)));
             }
         };
@@ -249,9 +249,17 @@ impl Worker {
                 if let Err(error) = unfinished.discard() {
                     tracing::warn!(%error, "cannot remove an empty log");
                 }
-                self.part -= 1;
+                self.take_part_back(&path);
                 Err(Box::new((pending, error)))
             }
+        }
+    }
+
+    /// The next attempt bears the same number, unless a file of that name is there: one that a
+    /// failing disk made, but would not remove.
+    fn take_part_back(&mut self, path: &Path) {
+        if !crate::file::active_path(path).exists() {
+            self.part -= 1;
         }
     }
 
@@ -292,10 +300,13 @@ impl Worker {
     }
 
     fn fail(&mut self, error: &Error) {
-        self.fail_because(error.to_string());
+        // A full disk keeps what it took; any other may have refused what the system took for it.
+        self.fail_because(error.to_string(), !error.is_full_disk());
     }
 
-    fn fail_because(&mut self, reason: String) {
+    /// Gives the file up. `again` is whether what had not reached the disk goes into the next file
+    /// too; readers take what stands in both once.
+    fn fail_because(&mut self, reason: String, again: bool) {
         tracing::error!(reason, "the disk refuses the log; a new file will be tried");
         self.summary.last_failure = Some(reason.clone());
         self.shared.set_state(DiskState::Failing { reason });
@@ -306,7 +317,12 @@ impl Worker {
         };
         if let Sink::Open(file) = std::mem::replace(&mut self.sink, failing) {
             self.bytes_before += file.writer.bytes();
-            let (kept, last, file) = file.writer.abandon();
+            self.syncer.send(Job::Forget);
+            let (mut kept, last, file) = file.writer.abandon();
+            let unsynced = std::mem::take(&mut kept.unsynced);
+            if again {
+                kept.arrivals.splice(..0, unsynced);
+            }
             self.summary.unfinished.push(file.active);
             if let Sink::Failing {
                 pending, latched, ..

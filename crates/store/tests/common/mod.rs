@@ -2,11 +2,11 @@
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use sample::{
-    Arrival, Attitude, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime, Estimate,
-    Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, Health, ImuSample, LogTime, LossPlace, Measurement, Motion, Notice, Payload,
-    PerWheel, Sample, Severity, Signal, SignalFrame, SourceHealth, SourceId, SteerSample,
-    TyreForce, Wheel, WheelSpeedSample,
+    Arrival, Attitude, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
+    Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
+    GroundSpeedSample, Health, ImuSample, LogTime, LossPlace, Measurement, Motion, Notice,
+    Parameters, Payload, PerWheel, Sample, Severity, Signal, SignalFrame, SourceHealth, SourceId,
+    SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 use store::{
     Attachment, ClockFit, DynamicMessage, LogMessage, Pose, Record, Session, SignalSchema, Source,
@@ -186,6 +186,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
                 roll_rad: 0.3,
             },
         },
+        Record::Parameters(parameters(time)),
         Record::Health(health(time)),
         Record::ClockFit(ClockFit {
             source: SourceId(3),
@@ -215,6 +216,31 @@ pub fn records(time: LogTime) -> Vec<Record> {
         }),
     ]);
     records
+}
+
+fn parameters(time: LogTime) -> Parameters {
+    Parameters {
+        time,
+        accel_bias_m_s2: [0.05, -0.04, 0.03],
+        accel_bias_sigma_m_s2: [0.01, 0.02, 0.005],
+        gyro_bias_rad_s: [0.005, -0.004, 0.003],
+        gyro_bias_sigma_rad_s: [1e-4, 2e-4, 3e-4],
+        steer_offset_rad: -0.01,
+        steer_offset_sigma_rad: 0.002,
+        front: AxleGrip {
+            stiffness_factor: 0.8,
+            stiffness_factor_sigma: 0.1,
+            friction: Some(0.85),
+            friction_sigma: Some(0.05),
+            friction_min: 0.6,
+            utilisation: 0.7,
+        },
+        rear: AxleGrip {
+            stiffness_factor: 1.1,
+            friction_min: 0.1,
+            ..AxleGrip::default()
+        },
+    }
 }
 
 fn measurements(time: LogTime) -> Vec<Record> {
