@@ -59,9 +59,9 @@ def ours_single(kind: type, step_s: float) -> float:
     return best_ns(lambda: model.step(state, inputs, step_s, 1_000), 1_000, SINGLE_ROUNDS)
 
 
-def rust(program: str) -> dict[str, float]:
-    """The same batches by a Rust program."""
-    command = [program, str(RUNS), str(STEPS), str(ROUNDS)]
+def rust(program: str, runs: int, steps: int, rounds: int) -> dict[str, float]:
+    """The same runs by a Rust program."""
+    command = [program, str(runs), str(steps), str(rounds)]
     told = json.loads(subprocess.check_output(command))
     return {name: value for name, value in told.items() if name.endswith("step_ns")}
 
@@ -291,10 +291,13 @@ def main() -> None:
     four, fourteen, bicycle = "four-wheel", "14-DOF", "bicycle"
     rows: list[tuple[str, str, str, str, Callable[[], float]]] = []
     if len(sys.argv) > 1:
-        told = rust(sys.argv[1])
+        told = rust(sys.argv[1], RUNS, STEPS, ROUNDS)
+        alone = rust(sys.argv[1], 1, 1_000, SINGLE_ROUNDS)
         rows += [
             ("four-wheel, Rust batch", "19", "brush", four, lambda: told["step_ns"]),
             ("14-DOF, Rust batch", "32", "brush", fourteen, lambda: told["fourteen_dof_step_ns"]),
+            ("four-wheel, Rust, one run", "19", "brush", four, lambda: alone["step_ns"]),
+            ("14-DOF, Rust, one run", "32", "brush", fourteen, lambda: alone["fourteen_dof_step_ns"]),
             ("linear bicycle, Rust batch", "2", "linear", bicycle, lambda: told["bicycle_step_ns"]),
         ]
     rows += [

@@ -19,6 +19,8 @@ wait_for() { # what, command...
 
 say install
 if [ -e /rig/atvrec.deb ]; then
+    # The index of all manual pages takes minutes here.
+    rm -f /var/lib/man-db/auto-update
     dpkg -i /rig/atvrec.deb
     dpkg -L atvrec >/rig/package.list
 else
