@@ -70,19 +70,28 @@ impl Log {
         found.unwrap_or_else(|| panic!("no mark {text}"))
     }
 
-    /// Time from a mark to the wire's first frame after it, s; where the wire was closed behind the
-    /// mark, to the first frame after that.
-    fn frames_after_s(&self, mark: &str) -> f64 {
+    /// Time from a mark to the wire's first frame after it, s.
+    fn frame_after_s(&self, mark: &str) -> f64 {
         let mark = self.mark(mark);
-        let of_wire = || {
-            self.arrivals[mark..]
-                .iter()
-                .filter(|a| a.source == self.wire)
+        self.frame_from_s(mark, mark)
+    }
+
+    /// Time from a mark to the wire's first frame after its closing, which follows the mark, s: frames
+    /// on their way at the mark do not count.
+    fn frame_after_closing_s(&self, mark: &str) -> f64 {
+        let mark = self.mark(mark);
+        let is_closing = |a: &Arrival| {
+            a.source == self.wire && matches!(a.payload, Payload::Notice(Notice::Closed(_)))
         };
-        let closed = of_wire().find(|a| matches!(a.payload, Payload::Notice(Notice::Closed(_))));
-        let from = closed.map_or(0, |closed| closed.sequence);
-        let frame = of_wire().find(|a| a.sequence > from && matches!(a.payload, Payload::Can(_)));
-        let frame = frame.unwrap_or_else(|| panic!("no frames after arrival {mark}"));
+        let closing = self.arrivals[mark..].iter().position(is_closing);
+        let closing = mark + closing.expect("the wire is closed behind the mark");
+        self.frame_from_s(mark, closing)
+    }
+
+    fn frame_from_s(&self, mark: usize, from: usize) -> f64 {
+        let is_frame = |a: &&Arrival| a.source == self.wire && matches!(a.payload, Payload::Can(_));
+        let frame = self.arrivals[from..].iter().find(is_frame);
+        let frame = frame.unwrap_or_else(|| panic!("no frames after arrival {from}"));
         frame.log_time.seconds_since(self.arrivals[mark].log_time)
     }
 
@@ -166,10 +175,13 @@ fn sources_come_back_and_time_never_turns() {
     }
 
     let back_s = [
-        ("the interface was taken down", log.frames_after_s("down")),
+        (
+            "the interface was taken down",
+            log.frame_after_closing_s("down"),
+        ),
         (
             "the CAN adapter was plugged in",
-            log.frames_after_s("plugged"),
+            log.frame_after_s("plugged"),
         ),
         (
             "the USB adapter was plugged in",
