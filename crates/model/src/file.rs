@@ -164,6 +164,16 @@ impl<T> Checked<T> {
         });
     }
 
+    /// What was read, made into something else.
+    pub fn map<U>(self, make: impl FnOnce(T) -> U) -> Checked<U> {
+        Checked {
+            value: make(self.value),
+            lines: self.lines,
+            path: self.path,
+            problems: self.problems,
+        }
+    }
+
     /// The file, or all that is wrong with it.
     pub fn finish(self) -> Result<T, FileErrors> {
         if self.problems.is_empty() {

@@ -7,6 +7,7 @@
 mod builtin;
 mod check;
 mod derived;
+mod plain;
 mod rules;
 
 use std::collections::BTreeMap;

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use super::rules::SECTIONS;
-use super::{Axle, Strut, Vehicle, VehicleErrors};
+use super::{Axle, Strut, Vehicle, VehicleErrors, plain};
 use crate::file::{self, Checked};
 
 /// Something in a vehicle file that is possible, but so rare that it is worth a second look.
@@ -25,12 +25,17 @@ impl fmt::Display for Warning {
 }
 
 impl Vehicle {
-    /// Reads a vehicle file. `path` is only named in messages.
+    /// Reads a vehicle file. `path` is only named in messages. A file that speaks of no axle needs
+    /// mass and axle distances only.
     ///
     /// # Errors
     /// All mistakes at once, each with its line, field, value and remedy.
     pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, VehicleErrors> {
-        let mut checked: Checked<Self> = file::read(text, path.as_ref(), SECTIONS)?;
+        let mut checked: Checked<Self> = if plain::is_plain(text) {
+            file::read::<plain::Plain>(text, path.as_ref(), plain::SECTIONS)?.map(Self::from)
+        } else {
+            file::read(text, path.as_ref(), SECTIONS)?
+        };
         for (field, value, message, remedy) in contradictions(&checked.value) {
             checked.note(&field, value, message, remedy);
         }

@@ -5,8 +5,8 @@ use crate::file::Range::{Finite, NonNegative, Positive, Within};
 use crate::file::{Kind, Rule, Section, may, must};
 
 /// Lengths beyond this are taken for millimetres.
-const LENGTH: f64 = 30.0;
-const MASS: f64 = 1e5;
+pub(super) const LENGTH: f64 = 30.0;
+pub(super) const MASS: f64 = 1e5;
 const STIFFNESS: f64 = 1e8;
 const POINT: Kind = Vector(3, Within(-LENGTH, LENGTH));
 
@@ -169,7 +169,7 @@ const STEERING: &[Rule] = &[
     may("roll_steer", Vector(2, Finite)),
 ];
 
-const DRIVETRAIN: &[Rule] = &[
+pub(super) const DRIVETRAIN: &[Rule] = &[
     must("drive_split_front", Number(Within(0.0, 1.0))),
     must("brake_split_front", Number(Within(0.0, 1.0))),
     must("drive_reacted_by_chassis", Flag),
