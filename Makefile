@@ -56,8 +56,8 @@ kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each cos
 fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
 	@scripts/fuzz
 
-campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, do random faults upset the estimator?
-	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign -- --ignored --nocapture
+campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator?
+	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test car -- --ignored --nocapture
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench

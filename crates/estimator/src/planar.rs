@@ -10,29 +10,35 @@
 //! ```
 //!
 //! (Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge, single-track model; axle loads with the
-//! longitudinal load transfer m a_x h/(a + b)). g_b, a first-order Gauss-Markov process, is what a
-//! banked road and whatever the model leaves out add. Steer, yaw rate and lateral acceleration have
-//! offsets, which are states too. Tyre parameters do not wander: they come from the calibration
-//! (see [`crate::identification::handling`]) or from the vehicle file.
+//! longitudinal load transfer m a_x h/(a + b)). A tyre that drives or brakes has less left for the
+//! side: of mu F_z each axle keeps sqrt((mu F_z)^2 - F_x^2), F_x being its part of m a_x. Slip angles
+//! act late, s' = v (a - s)/sigma with the relaxation length sigma, in which roll and a compliant
+//! suspension are seen too. g_b, a first-order Gauss-Markov process, is what a banked road and
+//! whatever the model leaves out add. Steer, yaw rate and lateral acceleration have offsets, which
+//! are states too. Tyre parameters do not wander: they come from the calibration (see
+//! [`crate::identification::handling`]) or from the vehicle file.
 //!
 //! The accelerometer reads k (F_f cos d + F_r)/m + x r' + offset: k holds the part of gravity that a
 //! rolling body adds, x is the unit's distance ahead of the centre of gravity.
 
+mod handling;
 mod input;
 mod live;
+mod single_track;
 mod tyre;
 
-use model::vehicle::{Axle, Vehicle};
 use nalgebra::{SMatrix, SVector};
-use sample::STANDARD_GRAVITY_M_S2;
-use serde::{Deserialize, Serialize};
 
+use single_track::Driven;
+
+pub use handling::Handling;
 pub use input::{PlanarInput, PlanarReadings};
 pub use live::{Planar, PlanarMotion, PlanarRecorder};
+pub use single_track::PlanarModel;
 pub use tyre::{SHAPE_RANGE, normalised_force};
 
 /// Number of states.
-pub const STATES: usize = 6;
+pub const STATES: usize = 8;
 /// Leftward velocity of the centre of gravity, m/s.
 const LATERAL: usize = 0;
 /// Yaw rate, rad/s.
@@ -45,6 +51,8 @@ const GYRO: usize = 3;
 const ACCEL: usize = 4;
 /// Lateral acceleration that no tyre gives, m/s^2.
 const BANK: usize = 5;
+/// Slip angle that the tyres of each axle, front first, have built up, rad.
+const SLIP: [usize; 2] = [6, 7];
 
 /// Speed below which tyres hardly slip and the model is stiff, m/s.
 pub const SPEED_MIN_M_S: f64 = 3.0;
@@ -52,12 +60,10 @@ pub const SPEED_MIN_M_S: f64 = 3.0;
 const STANDSTILL_M_S: f64 = 0.2;
 /// Steps of the integration in one step of the filter.
 const SUBSTEPS: usize = 2;
-/// Correlation time of [`BANK`], s, and its standard deviation, m/s^2: 2 degrees of bank.
+/// Correlation time of [`BANK`], s.
 const BANK_TIME_S: f64 = 3.0;
-const BANK_SIGMA_M_S2: f64 = 0.35;
-/// Spectral densities of the forces that the model leaves out: m/s per root second, and rad/s.
-const LATERAL_NOISE: f64 = 0.05;
-const YAW_NOISE: f64 = 0.03;
+/// Variances of lateral velocity, yaw rate and built-up slip angles before anything is known.
+const MOTION_VARIANCE: [f64; 4] = [0.1, 0.003, 1e-3, 1e-3];
 /// Walk of the offsets: rad, rad/s and m/s^2 per root second.
 const OFFSET_WALK: [f64; 3] = [1e-6, 1e-6, 1e-3];
 /// Standard deviations of the offsets before anything is known, and after a calibration.
@@ -66,199 +72,12 @@ const OFFSET_SIGMA_CALIBRATED: [f64; 3] = [0.001, 0.0005, 0.05];
 /// Floor of the measurements' deviations: rad/s, and m/s^2 for what vibration and the model's
 /// errors add.
 const MEASURED_SIGMA_MIN: [f64; 2] = [0.002, 0.1];
-/// Part of the lateral acceleration that the model's errors are taken to be.
-const MODEL_ERROR: f64 = 0.03;
 /// Innovation, standard deviations, from which a value counts less than its noise says.
 const HUBER: f64 = 3.0;
 /// A step longer than this is a gap, behind which the motion is unknown, s.
 const GAP_S: f64 = 0.5;
 /// Standard deviation of a wheel's slip at walking pace, m/s.
 const SLOW_SIGMA_M_S: f64 = 0.1;
-
-/// How a vehicle handles: what [`crate::identification::handling`] finds, as it stands in a
-/// calibration file.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Handling {
-    /// Cornering stiffness of the front axle at its static load, steering and suspension included,
-    /// N/rad.
-    pub front_stiffness_n_rad: f64,
-    /// The same of the rear axle, N/rad.
-    pub rear_stiffness_n_rad: f64,
-    /// Greatest lateral force of the front axle over its load.
-    pub front_friction: f64,
-    /// The same of the rear axle.
-    pub rear_friction: f64,
-    /// Shape n of the tyre curve x/(1 + |x|^n)^(1/n).
-    pub shape: f64,
-    /// Yaw inertia, kg m^2.
-    pub yaw_inertia_kg_m2: f64,
-    /// What the accelerometer reads over the lateral acceleration: above 1, as the body rolls.
-    pub roll_gain: f64,
-    /// Road-wheel angle over the angle that the vehicle file's steering ratio gives.
-    pub steer_gain: f64,
-}
-
-impl Handling {
-    /// What the vehicle file alone tells.
-    #[must_use]
-    pub fn of_vehicle(vehicle: &Vehicle) -> Self {
-        let body = &vehicle.body;
-        let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-        let weight = body.mass_kg * STANDARD_GRAVITY_M_S2 / (a + b);
-        let stiffness = |axle: &Axle, load_n: f64| {
-            let tyre = &axle.tyre;
-            let ratio = 0.5 * load_n / tyre.reference_load_n;
-            2.0 * tyre.cornering_stiffness_n_rad * ratio.powf(tyre.load_exponent)
-        };
-        let roll: f64 = [&vehicle.front, &vehicle.rear]
-            .iter()
-            .map(|axle| axle.roll_stiffness_n_m_rad)
-            .sum();
-        let arm = body.cg_height_m
-            - (vehicle.front.roll_centre_height_m * b + vehicle.rear.roll_centre_height_m * a)
-                / (a + b);
-        let moment = body.mass_kg * arm.max(0.0);
-        let left = (roll - moment * STANDARD_GRAVITY_M_S2)
-            .max(0.2 * roll)
-            .max(1.0);
-        Self {
-            front_stiffness_n_rad: stiffness(&vehicle.front, weight * b),
-            rear_stiffness_n_rad: stiffness(&vehicle.rear, weight * a),
-            front_friction: vehicle.front.tyre.friction,
-            rear_friction: vehicle.rear.tyre.friction,
-            shape: 2.5,
-            yaw_inertia_kg_m2: body.inertia_kg_m2[2],
-            roll_gain: 1.0 + STANDARD_GRAVITY_M_S2 * moment / left,
-            steer_gain: 1.0,
-        }
-    }
-
-    /// Name and value of the first member that no vehicle has.
-    #[must_use]
-    pub fn implausible(&self) -> Option<(&'static str, f64)> {
-        [
-            (
-                "front_stiffness_n_rad",
-                self.front_stiffness_n_rad,
-                1e2,
-                1e7,
-            ),
-            ("rear_stiffness_n_rad", self.rear_stiffness_n_rad, 1e2, 1e7),
-            ("front_friction", self.front_friction, 0.05, 5.0),
-            ("rear_friction", self.rear_friction, 0.05, 5.0),
-            ("shape", self.shape, SHAPE_RANGE[0], SHAPE_RANGE[1]),
-            ("yaw_inertia_kg_m2", self.yaw_inertia_kg_m2, 1.0, 1e7),
-            ("roll_gain", self.roll_gain, 0.5, 2.0),
-            ("steer_gain", self.steer_gain, 0.2, 5.0),
-        ]
-        .into_iter()
-        .find(|(_, value, least, most)| !(*least..=*most).contains(value))
-        .map(|(name, value, _, _)| (name, value))
-    }
-}
-
-/// Everything that the model is made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanarModel {
-    handling: Handling,
-    mass_kg: f64,
-    front_m: f64,
-    rear_m: f64,
-    cg_height_m: f64,
-    imu_ahead_m: f64,
-}
-
-/// Forces of both axles with their slopes over the slip angle.
-#[derive(Clone, Copy, Debug)]
-struct AxleForces {
-    force_n: [f64; 2],
-    slope_n_rad: [f64; 2],
-    steer_cosine: f64,
-}
-
-impl PlanarModel {
-    /// A vehicle that handles like this; `imu_ahead_m` is the inertial unit's distance ahead of the
-    /// centre of gravity.
-    #[must_use]
-    pub fn new(vehicle: &Vehicle, handling: Handling, imu_ahead_m: f64) -> Self {
-        let body = &vehicle.body;
-        Self {
-            handling,
-            mass_kg: body.mass_kg,
-            front_m: body.front_axle_to_cg_m,
-            rear_m: body.cg_to_rear_axle_m,
-            cg_height_m: body.cg_height_m,
-            imu_ahead_m,
-        }
-    }
-
-    /// Loads of both axles, N, at this longitudinal acceleration; none falls below a tenth.
-    fn loads_n(&self, acceleration_m_s2: f64) -> [f64; 2] {
-        let length = self.front_m + self.rear_m;
-        let weight = self.mass_kg * STANDARD_GRAVITY_M_S2 / length;
-        let transfer = self.mass_kg * acceleration_m_s2 * self.cg_height_m / length;
-        let [front, rear] = [weight * self.rear_m, weight * self.front_m];
-        [
-            (front - transfer).max(0.1 * front),
-            (rear + transfer).max(0.1 * rear),
-        ]
-    }
-
-    fn forces(&self, state: &SVector<f64, STATES>, input: &Driven) -> AxleForces {
-        let h = &self.handling;
-        let steer = input.steer_rad + state[STEER];
-        let (v, lateral, yaw) = (input.speed_m_s, state[LATERAL], state[YAW_RATE]);
-        let slip = [
-            steer - ((lateral + self.front_m * yaw) / v).atan(),
-            -((lateral - self.rear_m * yaw) / v).atan(),
-        ];
-        let stiffness = [h.front_stiffness_n_rad, h.rear_stiffness_n_rad];
-        let friction = [h.front_friction, h.rear_friction];
-        let (mut force_n, mut slope_n_rad) = ([0.0; 2], [0.0; 2]);
-        for axle in 0..2 {
-            let most = friction[axle] * input.loads_n[axle];
-            let (value, slope) = normalised_force(stiffness[axle] * slip[axle] / most, h.shape);
-            force_n[axle] = most * value;
-            slope_n_rad[axle] = stiffness[axle] * slope;
-        }
-        AxleForces {
-            force_n,
-            slope_n_rad,
-            steer_cosine: steer.cos(),
-        }
-    }
-
-    /// Derivatives of lateral velocity and yaw rate, without the bank, and their slopes over the
-    /// states.
-    fn motion(&self, forces: &AxleForces, speed_m_s: f64) -> [(f64, SVector<f64, STATES>); 2] {
-        let [front, rear] = forces.force_n;
-        let c = forces.steer_cosine;
-        let [kf, kr] = forces.slope_n_rad;
-        let (a, b, v) = (self.front_m, self.rear_m, speed_m_s);
-        let (m, inertia) = (self.mass_kg, self.handling.yaw_inertia_kg_m2);
-        let mut side = SVector::<f64, STATES>::zeros();
-        side[LATERAL] = -(kf * c + kr) / (m * v);
-        side[YAW_RATE] = -(kf * c * a - kr * b) / (m * v);
-        side[STEER] = kf * c / m;
-        let mut turn = SVector::<f64, STATES>::zeros();
-        turn[LATERAL] = -(kf * c * a - kr * b) / (inertia * v);
-        turn[YAW_RATE] = -(kf * c * a * a + kr * b * b) / (inertia * v);
-        turn[STEER] = kf * c * a / inertia;
-        [
-            ((front * c + rear) / m, side),
-            ((a * front * c - b * rear) / inertia, turn),
-        ]
-    }
-}
-
-/// What drives the model in one step.
-#[derive(Clone, Copy, Debug)]
-struct Driven {
-    speed_m_s: f64,
-    steer_rad: f64,
-    loads_n: [f64; 2],
-}
 
 /// Noise of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -269,11 +88,42 @@ pub struct PlanarNoise {
     pub acceleration_m_s2: f64,
 }
 
+/// How far the model is believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanarDoubt {
+    /// Spectral density of lateral forces that the model leaves out, m/s per root second.
+    pub lateral: f64,
+    /// The same of yaw moments, rad/s per root second.
+    pub yaw: f64,
+    /// Standard deviation of what a banked road adds, m/s^2.
+    pub bank_m_s2: f64,
+    /// Part of the lateral acceleration that the accelerometer's model errs by.
+    pub part: f64,
+}
+
+impl PlanarDoubt {
+    /// A tyre curve that was identified: 0.9 degrees of bank.
+    pub const IDENTIFIED: Self = Self {
+        lateral: 0.015,
+        yaw: 0.02,
+        bank_m_s2: 0.15,
+        part: 0.02,
+    };
+    /// A vehicle file's tyre curve.
+    pub const FILE: Self = Self {
+        lateral: 0.08,
+        yaw: 0.08,
+        bank_m_s2: 0.4,
+        part: 0.06,
+    };
+}
+
 /// The filter.
 #[derive(Clone, Debug)]
 pub struct PlanarFilter {
     model: PlanarModel,
     noise: PlanarNoise,
+    doubt: PlanarDoubt,
     offset_sigma: [f64; 3],
     state: SVector<f64, STATES>,
     covariance: SMatrix<f64, STATES, STATES>,
@@ -321,13 +171,19 @@ impl Innovation {
 impl PlanarFilter {
     /// A filter that has seen nothing. `calibrated` says that offsets were taken off already.
     #[must_use]
-    pub fn new(model: PlanarModel, noise: PlanarNoise, calibrated: bool) -> Self {
+    pub fn new(
+        model: PlanarModel,
+        noise: PlanarNoise,
+        doubt: PlanarDoubt,
+        calibrated: bool,
+    ) -> Self {
         let mut filter = Self {
             model,
             noise: PlanarNoise {
                 yaw_rate_rad_s: noise.yaw_rate_rad_s.max(MEASURED_SIGMA_MIN[0]),
                 acceleration_m_s2: noise.acceleration_m_s2.max(MEASURED_SIGMA_MIN[1]),
             },
+            doubt,
             offset_sigma: if calibrated {
                 OFFSET_SIGMA_CALIBRATED
             } else {
@@ -358,18 +214,20 @@ impl PlanarFilter {
     fn forget(&mut self) {
         self.state = SVector::zeros();
         let [steer, gyro, accel] = self.offset_sigma.map(|sigma| sigma * sigma);
-        let bank = BANK_SIGMA_M_S2 * BANK_SIGMA_M_S2;
-        let diagonal = [0.1, 0.003, steer, gyro, accel, bank];
+        let bank = self.doubt.bank_m_s2.powi(2);
+        let [lateral, yaw, front, rear] = MOTION_VARIANCE;
+        let diagonal = [lateral, yaw, steer, gyro, accel, bank, front, rear];
         self.covariance = SMatrix::from_diagonal(&SVector::from(diagonal));
     }
 
     /// Motion is unknown, offsets stay.
     fn forget_motion(&mut self) {
-        for (i, variance) in [
-            (LATERAL, 0.1),
-            (YAW_RATE, 0.003),
-            (BANK, BANK_SIGMA_M_S2 * BANK_SIGMA_M_S2),
-        ] {
+        self.state[BANK] = 0.0;
+        self.decouple(BANK, self.doubt.bank_m_s2.powi(2));
+        for (i, variance) in [LATERAL, YAW_RATE, SLIP[0], SLIP[1]]
+            .into_iter()
+            .zip(MOTION_VARIANCE)
+        {
             self.state[i] = 0.0;
             self.decouple(i, variance);
         }
@@ -393,9 +251,7 @@ impl PlanarFilter {
         } else {
             let driven = self.driven(input);
             if (0.0..GAP_S).contains(&dt_s) {
-                for _ in 0..SUBSTEPS {
-                    self.predict(dt_s / SUBSTEPS as f64, &driven);
-                }
+                self.predict(dt_s, &driven);
             } else {
                 self.forget_motion();
             }
@@ -412,7 +268,7 @@ impl PlanarFilter {
         Driven {
             speed_m_s: input.speed_m_s.max(SPEED_MIN_M_S),
             steer_rad: self.model.handling.steer_gain * input.steer_rad,
-            loads_n: self.model.loads_n(self.acceleration_m_s2),
+            grip_n: self.model.grip_n(self.acceleration_m_s2),
         }
     }
 
@@ -431,35 +287,32 @@ impl PlanarFilter {
         for (i, variance) in [
             (LATERAL, SLOW_SIGMA_M_S.powi(2)),
             (YAW_RATE, self.noise.yaw_rate_rad_s.powi(2)),
+            (SLIP[0], MOTION_VARIANCE[2]),
+            (SLIP[1], MOTION_VARIANCE[3]),
         ] {
             self.decouple(i, variance);
         }
+        (self.state[SLIP[0]], self.state[SLIP[1]]) = (0.0, 0.0);
     }
 
     fn predict(&mut self, dt: f64, driven: &Driven) {
-        let forces = self.model.forces(&self.state, driven);
-        let v = driven.speed_m_s;
-        let [(side, side_slope), (turn, turn_slope)] = self.model.motion(&forces, v);
-        let mut slope = SMatrix::<f64, STATES, STATES>::zeros();
-        slope.set_row(LATERAL, &side_slope.transpose());
-        slope.set_row(YAW_RATE, &turn_slope.transpose());
-        slope[(LATERAL, YAW_RATE)] -= v;
-        slope[(LATERAL, BANK)] = 1.0;
-        slope[(BANK, BANK)] = -1.0 / BANK_TIME_S;
-        let mut rate = SVector::<f64, STATES>::zeros();
-        rate[LATERAL] = side - v * self.state[YAW_RATE] + self.state[BANK];
-        rate[YAW_RATE] = turn;
-        rate[BANK] = -self.state[BANK] / BANK_TIME_S;
-        self.state += rate * dt + slope * rate * (0.5 * dt * dt);
+        let (mut rate, mut slope) = self.model.rates(&self.state, driven);
         let transition = SMatrix::identity() + slope * dt + slope * slope * (0.5 * dt * dt);
         self.covariance = transition * self.covariance * transition.transpose();
+        let part = dt / SUBSTEPS as f64;
+        for step in 0..SUBSTEPS {
+            if step > 0 {
+                (rate, slope) = self.model.rates(&self.state, driven);
+            }
+            self.state += rate * part + slope * rate * (0.5 * part * part);
+        }
         let noise = [
-            LATERAL_NOISE,
-            YAW_NOISE,
+            self.doubt.lateral,
+            self.doubt.yaw,
             OFFSET_WALK[0],
             OFFSET_WALK[1],
             OFFSET_WALK[2],
-            BANK_SIGMA_M_S2 * (2.0 / BANK_TIME_S).sqrt(),
+            self.doubt.bank_m_s2 * (2.0 / BANK_TIME_S).sqrt(),
         ];
         for (i, density) in noise.into_iter().enumerate() {
             self.covariance[(i, i)] += density * density * dt;
@@ -476,15 +329,14 @@ impl PlanarFilter {
             innovations[0] = self.scalar(&h, residual, self.noise.yaw_rate_rad_s.powi(2));
         }
         if let Some(measured) = input.lateral_m_s2 {
-            let forces = self.model.forces(&self.state, driven);
             let [(side, side_slope), (turn, turn_slope)] =
-                self.model.motion(&forces, driven.speed_m_s);
+                self.model.pushed(&self.model.forces(&self.state, driven));
             let gain = self.model.handling.roll_gain;
             let ahead = self.model.imu_ahead_m;
             let mut h = side_slope * gain + turn_slope * ahead;
             h[ACCEL] = 1.0;
             let residual = measured - gain * side - ahead * turn - self.state[ACCEL];
-            let doubt = self.noise.acceleration_m_s2.powi(2) + (MODEL_ERROR * side).powi(2);
+            let doubt = self.noise.acceleration_m_s2.powi(2) + (self.doubt.part * side).powi(2);
             innovations[1] = self.scalar(&h, residual, doubt);
         }
         innovations
@@ -518,7 +370,7 @@ impl PlanarFilter {
     fn tell(&self, input: &PlanarInput, innovations: [Innovation; 2]) -> PlanarState {
         let driven = self.driven(input);
         let forces = self.model.forces(&self.state, &driven);
-        let [(side, _), _] = self.model.motion(&forces, driven.speed_m_s);
+        let [(side, _), _] = self.model.pushed(&forces);
         let rolls = input.speed_m_s >= SPEED_MIN_M_S;
         let force_n = if rolls { forces.force_n } else { [f64::NAN; 2] };
         PlanarState {

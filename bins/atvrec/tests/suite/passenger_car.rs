@@ -31,25 +31,13 @@ quantity = "truth.sideslip"
 unit = "deg"
 "#;
 
-/// A vehicle file with what the papers of a car tell; the rest is common, the tyres are guessed.
+/// A vehicle file with what the papers of a car tell.
 fn vehicle() -> String {
-    let mut text = format!(
-        "name = \"car\"\ndescription = \"a passenger car\"\n[body]\nmass_kg = {MASS_KG}\n\
-         front_axle_to_cg_m = {}\ncg_to_rear_axle_m = {}\ncg_height_m = 0.5\n\
-         inertia_kg_m2 = [600.0, 2200.0, 2400.0]\n[steering]\nratio = {STEERING_RATIO}\n",
+    format!(
+        "name = \"car\"\n[body]\nmass_kg = {MASS_KG}\nfront_axle_to_cg_m = {}\n\
+         cg_to_rear_axle_m = {}\n[steering]\nratio = {STEERING_RATIO}\n",
         AXLES_M[0], AXLES_M[1]
-    );
-    for axle in ["front", "rear"] {
-        let _ = write!(
-            text,
-            "[{axle}]\ntrack_m = 1.5\nroll_centre_height_m = 0.1\n\
-             roll_stiffness_n_m_rad = 40000.0\nroll_damping_n_m_s_rad = 3000.0\n[{axle}.tyre]\n\
-             unloaded_radius_m = 0.32\nvertical_stiffness_n_m = 200000.0\n\
-             cornering_stiffness_n_rad = 55000.0\nslip_stiffness_n = 60000.0\n\
-             reference_load_n = 3550.0\nfriction = 1.0\n"
-        );
-    }
-    text
+    )
 }
 
 /// Lateral force by the Magic Formula, its friction and stiffness falling with load.

@@ -8,28 +8,44 @@
 
 use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
+use sample::STANDARD_GRAVITY_M_S2;
 
 use crate::finding::Refusal;
 use crate::planar::{
-    Handling, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE, SPEED_MIN_M_S,
+    Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE,
+    SPEED_MIN_M_S,
 };
 
 /// Number of parameters.
-pub const PARAMETERS: usize = 8;
+pub const PARAMETERS: usize = 13;
 /// Names of the parameters, as in [`Handling`].
 pub const NAMES: [&str; PARAMETERS] = [
     "front_stiffness_n_rad",
     "rear_stiffness_n_rad",
     "front_friction",
     "rear_friction",
-    "shape",
+    "front_shape",
+    "rear_shape",
     "yaw_inertia_kg_m2",
     "roll_gain",
     "steer_gain",
+    "drive_split_front",
+    "brake_split_front",
+    "load_transfer_height_m",
+    "relaxation_length_m",
 ];
-/// How well the vehicle file is taken to know each parameter before the drive: stiffness, friction
-/// and inertia as natural logarithms, shape and gains as they are.
-pub const PRIOR_SIGMA: [f64; PARAMETERS] = [1.0, 1.0, 0.3, 0.3, 0.7, 0.15, 0.04, 0.02];
+/// How well the vehicle file is taken to know each parameter before the drive: those of
+/// [`LOGARITHMIC`] as natural logarithms, the others as they are.
+pub const PRIOR_SIGMA: [f64; PARAMETERS] = [
+    1.0, 1.0, 0.15, 0.15, 0.4, 0.4, 0.15, 0.04, 0.1, 0.1, 0.08, 0.2, 0.4,
+];
+/// Whether a parameter is searched for as its logarithm.
+const LOGARITHMIC: [bool; PARAMETERS] = [
+    true, true, true, true, false, false, true, false, false, false, false, true, true,
+];
+/// Friction over the greatest lateral acceleration of the drive over gravity, at least: nobody stays
+/// at the limit for long.
+const FRICTION_OVER_PEAK: f64 = 1.1;
 
 /// What is looked for, in messages.
 const WHAT: &str = "handling";
@@ -42,12 +58,18 @@ const PEAK_MIN_M_S2: f64 = 2.0;
 /// Innovation, standard deviations, beyond which the cost grows linearly.
 const HUBER: f64 = 3.0;
 /// A prior weighs as much as this many rows: neighbouring innovations err alike.
-const PRIOR_ROWS: f64 = 9.0;
-/// Rounds, in each of which the filter's expected deviations are held.
-const ROUNDS: usize = 3;
-/// Iterations in a round, and the relative fall of the cost at which it ends.
-const ITERATIONS: usize = 12;
+const PRIOR_ROWS: f64 = 100.0;
+/// The model's doubt in each round of the fit, and its iterations. A model that is doubted follows
+/// the measurements from anywhere; one that is believed tells its parameters apart.
+const ROUNDS: [(PlanarDoubt, usize); 3] = [
+    (PlanarDoubt::FILE, 8),
+    (PlanarDoubt::IDENTIFIED, 8),
+    (PlanarDoubt::IDENTIFIED, 6),
+];
+/// Relative fall of the cost at which a round ends.
 const AT_REST: f64 = 1e-5;
+/// Longest step of an iteration, in deviations of the prior: far away the slopes tell little.
+const STEP_MAX: f64 = 1.0;
 /// Stiffnesses that are tried first, as multiples of the vehicle file's.
 const STARTS: [f64; 3] = [0.5, 1.0, 2.0];
 /// Lags of the innovations' autocorrelation that widen the deviations.
@@ -116,19 +138,18 @@ pub fn identify(
             help: "drive tighter or faster bends".to_owned(),
         });
     }
-    let prior = to_theta(&Handling::of_vehicle(vehicle));
     let problem = Problem {
         inputs,
         vehicle,
         imu_ahead_m,
         noise: noise(inputs),
-        prior,
+        prior: to_theta(&before_the_drive(vehicle, peak_m_s2)),
     };
     let mut theta = problem.best_start();
     let mut fit = None;
-    for _ in 0..ROUNDS {
-        let held = problem.run(&theta).deviations;
-        let (found, information) = problem.descend(theta, &held);
+    for (doubt, iterations) in ROUNDS {
+        let held = problem.run(&theta, doubt).deviations;
+        let (found, information) = problem.descend(theta, &held, doubt, iterations);
         theta = found;
         fit = Some((held, information));
     }
@@ -143,7 +164,7 @@ pub fn identify(
                 .to_owned(),
         });
     }
-    let run = problem.run(&theta);
+    let run = problem.run(&theta, PlanarDoubt::IDENTIFIED);
     let (sigma, told) = match fit {
         Some((held, information)) => deviations(&theta, &information, inflation(&run, &held)),
         None => ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]),
@@ -163,34 +184,73 @@ pub fn identify(
     })
 }
 
-fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
-    [
-        h.front_stiffness_n_rad.ln(),
-        h.rear_stiffness_n_rad.ln(),
-        h.front_friction.ln(),
-        h.rear_friction.ln(),
-        h.shape,
-        h.yaw_inertia_kg_m2.ln(),
-        h.roll_gain,
-        h.steer_gain,
-    ]
-}
-
-fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
+/// What is thought of the vehicle before its drive is looked at.
+fn before_the_drive(vehicle: &Vehicle, peak_m_s2: f64) -> Handling {
+    let told = Handling::of_vehicle(vehicle);
+    let least = FRICTION_OVER_PEAK * peak_m_s2 / STANDARD_GRAVITY_M_S2;
     Handling {
-        front_stiffness_n_rad: theta[0].exp(),
-        rear_stiffness_n_rad: theta[1].exp(),
-        front_friction: theta[2].exp(),
-        rear_friction: theta[3].exp(),
-        shape: theta[4].clamp(SHAPE_RANGE[0], SHAPE_RANGE[1]),
-        yaw_inertia_kg_m2: theta[5].exp(),
-        roll_gain: theta[6],
-        steer_gain: theta[7],
+        front_friction: told.front_friction.max(least),
+        rear_friction: told.rear_friction.max(least),
+        ..told
     }
 }
 
-/// Whether a parameter is searched for as its logarithm.
-const LOGARITHMIC: [bool; PARAMETERS] = [true, true, true, true, false, true, false, false];
+/// Values in the order of [`NAMES`].
+#[must_use]
+pub fn values(h: &Handling) -> [f64; PARAMETERS] {
+    [
+        h.front_stiffness_n_rad,
+        h.rear_stiffness_n_rad,
+        h.front_friction,
+        h.rear_friction,
+        h.front_shape,
+        h.rear_shape,
+        h.yaw_inertia_kg_m2,
+        h.roll_gain,
+        h.steer_gain,
+        h.drive_split_front,
+        h.brake_split_front,
+        h.load_transfer_height_m,
+        h.relaxation_length_m,
+    ]
+}
+
+fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
+    let values = values(h);
+    std::array::from_fn(|j| {
+        if LOGARITHMIC[j] {
+            values[j].ln()
+        } else {
+            values[j]
+        }
+    })
+}
+
+fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
+    let at = |j: usize| {
+        if LOGARITHMIC[j] {
+            theta[j].exp()
+        } else {
+            theta[j]
+        }
+    };
+    let shape = |j: usize| at(j).clamp(SHAPE_RANGE[0], SHAPE_RANGE[1]);
+    Handling {
+        front_stiffness_n_rad: at(0),
+        rear_stiffness_n_rad: at(1),
+        front_friction: at(2),
+        rear_friction: at(3),
+        front_shape: shape(4),
+        rear_shape: shape(5),
+        yaw_inertia_kg_m2: at(6),
+        roll_gain: at(7),
+        steer_gain: at(8),
+        drive_split_front: at(9),
+        brake_split_front: at(10),
+        load_transfer_height_m: at(11),
+        relaxation_length_m: at(12),
+    }
+}
 
 /// A drive to be explained.
 struct Problem<'d> {
@@ -211,9 +271,9 @@ struct Run {
 }
 
 impl Problem<'_> {
-    fn run(&self, theta: &[f64; PARAMETERS]) -> Run {
+    fn run(&self, theta: &[f64; PARAMETERS], doubt: PlanarDoubt) -> Run {
         let model = PlanarModel::new(self.vehicle, from_theta(theta), self.imu_ahead_m);
-        let mut filter = PlanarFilter::new(model, self.noise, false);
+        let mut filter = PlanarFilter::new(model, self.noise, doubt, false);
         let mut run = Run {
             residuals: Vec::with_capacity(2 * self.inputs.len()),
             deviations: Vec::with_capacity(2 * self.inputs.len()),
@@ -237,8 +297,13 @@ impl Problem<'_> {
     }
 
     /// Residuals of the fit: innovations over held deviations, and the distance from the prior.
-    fn residuals(&self, theta: &[f64; PARAMETERS], held: &[f64]) -> DVector<f64> {
-        let run = self.run(theta);
+    fn residuals(
+        &self,
+        theta: &[f64; PARAMETERS],
+        held: &[f64],
+        doubt: PlanarDoubt,
+    ) -> DVector<f64> {
+        let run = self.run(theta, doubt);
         let data = run.residuals.iter().zip(held).map(|(r, s)| tame(r / s));
         let prior = (0..PARAMETERS)
             .map(|j| PRIOR_ROWS.sqrt() * (theta[j] - self.prior[j]) / PRIOR_SIGMA[j]);
@@ -247,14 +312,15 @@ impl Problem<'_> {
 
     /// The best of a few stiffnesses: from far away the fit can end in a spin.
     fn best_start(&self) -> [f64; PARAMETERS] {
-        let held = self.run(&self.prior).deviations;
+        let (doubt, _) = ROUNDS[0];
+        let held = self.run(&self.prior, doubt).deviations;
         let mut best = (f64::INFINITY, self.prior);
         for front in STARTS {
             for rear in STARTS {
                 let mut theta = self.prior;
                 theta[0] += f64::ln(front);
                 theta[1] += f64::ln(rear);
-                let cost = self.residuals(&theta, &held).norm_squared();
+                let cost = self.residuals(&theta, &held, doubt).norm_squared();
                 if cost < best.0 {
                     best = (cost, theta);
                 }
@@ -269,18 +335,20 @@ impl Problem<'_> {
         &self,
         mut theta: [f64; PARAMETERS],
         held: &[f64],
+        doubt: PlanarDoubt,
+        iterations: usize,
     ) -> ([f64; PARAMETERS], DMatrix<f64>) {
-        let mut residual = self.residuals(&theta, held);
+        let mut residual = self.residuals(&theta, held, doubt);
         let mut cost = residual.norm_squared();
         let mut damping = 1e-3;
         let mut information = DMatrix::zeros(PARAMETERS, PARAMETERS);
-        for _ in 0..ITERATIONS {
+        for _ in 0..iterations {
             let mut slopes = DMatrix::zeros(residual.len(), PARAMETERS);
             for j in 0..PARAMETERS {
                 let step = 1e-4 * PRIOR_SIGMA[j];
                 let mut moved = theta;
                 moved[j] += step;
-                let column = (self.residuals(&moved, held) - &residual) / step;
+                let column = (self.residuals(&moved, held, doubt) - &residual) / step;
                 slopes.set_column(j, &column);
             }
             information = slopes.transpose() * &slopes;
@@ -295,8 +363,12 @@ impl Problem<'_> {
                     damping *= 10.0;
                     continue;
                 };
-                let next: [f64; PARAMETERS] = std::array::from_fn(|j| theta[j] - step[j]);
-                let next_residual = self.residuals(&next, held);
+                let longest = (0..PARAMETERS)
+                    .map(|j| (step[j] / PRIOR_SIGMA[j]).abs())
+                    .fold(STEP_MAX, f64::max);
+                let next: [f64; PARAMETERS] =
+                    std::array::from_fn(|j| theta[j] - step[j] * STEP_MAX / longest);
+                let next_residual = self.residuals(&next, held, doubt);
                 let next_cost = next_residual.norm_squared();
                 if next_cost < cost {
                     (theta, residual, cost) = (next, next_residual, next_cost);

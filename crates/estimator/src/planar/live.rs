@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use sample::{LogTime, Measurement, Motion, STANDARD_GRAVITY_M_S2, Sample};
 
 use super::{
-    Handling, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, PlanarReadings, PlanarState,
-    SPEED_MIN_M_S,
+    Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, PlanarReadings,
+    PlanarState, SPEED_MIN_M_S,
 };
 use crate::calibration::Resolved;
 use crate::estimator::grid;
@@ -46,6 +46,11 @@ impl Planar {
             handling.unwrap_or_else(|| Handling::of_vehicle(vehicle)),
             calibration.imu_m.x,
         );
+        let doubt = if handling.is_some() {
+            PlanarDoubt::IDENTIFIED
+        } else {
+            PlanarDoubt::FILE
+        };
         let noise = PlanarNoise {
             yaw_rate_rad_s: calibration
                 .gyro_noise_rad_s
@@ -55,7 +60,7 @@ impl Planar {
                 .unwrap_or(sensors.imu.accel_noise_m_s2),
         };
         Self {
-            filter: PlanarFilter::new(model, noise, handling.is_some()),
+            filter: PlanarFilter::new(model, noise, doubt, handling.is_some()),
             readings: PlanarReadings::default(),
             steering_ratio: vehicle.steering.ratio,
             rolling_radius_m: rolling_radius_m(vehicle),

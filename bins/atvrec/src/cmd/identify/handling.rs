@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::Context;
 use estimator::Calibration;
 use estimator::calibration::Resolved;
-use estimator::identification::handling::{Identified, NAMES, identify};
+use estimator::identification::handling::{Identified, NAMES, identify, values};
 use estimator::planar::PlanarRecorder;
 use serde_json::json;
 use store::{Attachment, Reader, Record};
@@ -178,20 +178,6 @@ fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
     }
 }
 
-fn values(found: &Identified) -> [f64; NAMES.len()] {
-    let h = &found.handling;
-    [
-        h.front_stiffness_n_rad,
-        h.rear_stiffness_n_rad,
-        h.front_friction,
-        h.rear_friction,
-        h.shape,
-        h.yaw_inertia_kg_m2,
-        h.roll_gain,
-        h.steer_gain,
-    ]
-}
-
 fn tell(found: &Identified) {
     println!(
         "{:.0} s above 3 m/s, lateral acceleration up to {:.1} m/s^2",
@@ -202,7 +188,7 @@ fn tell(found: &Identified) {
         "{:<24}{:>14}{:>12}{:>8}",
         "parameter", "value", "sigma", "told"
     );
-    for (i, value) in values(found).into_iter().enumerate() {
+    for (i, value) in values(&found.handling).into_iter().enumerate() {
         println!(
             "{:<24}{value:>14.4}{:>12.4}{:>7.0}%",
             NAMES[i],
@@ -225,7 +211,7 @@ fn tell(found: &Identified) {
 }
 
 fn as_json(found: &Identified) -> serde_json::Value {
-    let parameters: Vec<serde_json::Value> = values(found)
+    let parameters: Vec<serde_json::Value> = values(&found.handling)
         .into_iter()
         .enumerate()
         .map(|(i, value)| {
