@@ -329,7 +329,8 @@ impl Estimator {
             corners.update(time, GRID_S, &mut self.readings, &state, &told);
         }
         let steer = self.steer_angles(steer_offset);
-        let push = kinematics::motion(&state).acceleration_m_s2[0];
+        let mut motion = kinematics::motion(&state);
+        let [push, _, _] = motion.acceleration_m_s2;
         let expected = self
             .expected
             .step(GRID_S, state.velocity_m_s.x, push, steer);
@@ -339,7 +340,6 @@ impl Estimator {
             .step(time, GRID_S, moving, &self.measured, &mut |event| {
                 out(Output::Event(event));
             });
-        let mut motion = kinematics::motion(&state);
         if let Some(fusion) = self.fusion.as_ref().filter(|_| state.inertial) {
             motion.rate_rad_s = fusion.rate_rad_s();
         }

@@ -401,7 +401,7 @@ impl Fusion {
         for i in 0..12 {
             self.state[FORCE + i] += dt * self.state[RATE + i];
         }
-        c.mirror();
+        c.complete_moved();
         // The turn rows need the covariance of the forces before these move: first order in dt.
         c.add_rows(TURN, &balance.jacobian, dt);
         for i in 0..3 {

@@ -30,6 +30,8 @@ pub fn motion(state: &MotionState) -> Motion {
 /// Slip angle of each wheel whose steer angle is `steer_rad`, rad.
 pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) -> PerWheel<f64> {
     let body = &vehicle.body;
+    let [u, v] = state.level_velocity();
+    let yaw_rate = state.rate_rad_s.z;
     PerWheel::from_fn(|wheel: Wheel| {
         let (x, track) = if wheel.is_front() {
             (body.front_axle_to_cg_m, vehicle.front.track_m)
@@ -37,8 +39,6 @@ pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) 
             (-body.cg_to_rear_axle_m, vehicle.rear.track_m)
         };
         let y = 0.5 * track * wheel.side();
-        let [u, v] = state.level_velocity();
-        let yaw_rate = state.rate_rad_s.z;
         let (along, across) = (u - yaw_rate * y, v + yaw_rate * x);
         if along.hypot(across) < SLIP_SPEED_MIN_M_S {
             return 0.0;

@@ -407,15 +407,10 @@ impl MotionFilter {
         self.earth_from_body *= Rotation3::new(turn);
         self.earth_from_body = orthonormal(&self.earth_from_body);
 
-        let rotation = middle.into_inner();
-        let mut f = SMatrix::<f64, STATES, STATES>::identity();
-        f.fixed_view_mut::<3, 3>(ATTITUDE, GYRO_BIAS)
-            .copy_from(&(-rotation * dt));
-        f.fixed_view_mut::<3, 3>(VELOCITY, ATTITUDE)
-            .copy_from(&(-earth_force.cross_matrix() * dt));
-        f.fixed_view_mut::<3, 3>(VELOCITY, ACCEL_BIAS)
-            .copy_from(&(-rotation * dt));
-        self.mix(&f);
+        self.flow(&Flow {
+            of_bias: -middle.into_inner() * dt,
+            of_attitude: -earth_force.cross_matrix() * dt,
+        });
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
                 self.add_noise(i, variance * dt);
@@ -428,19 +423,17 @@ impl MotionFilter {
         self.tidy();
     }
 
+    /// P = F P F' of the inertial equations.
+    fn flow(&mut self, flow: &Flow) {
+        let half = flow.times(self.covariance).transpose();
+        self.covariance = flow.times(half);
+        self.trace.note(|| mixed(&flow.times(SMatrix::identity())));
+    }
+
     /// P = F P F'.
     fn mix(&mut self, f: &SMatrix<f64, STATES, STATES>) {
         self.covariance = f * self.covariance * f.transpose();
-        self.trace.note(|| {
-            let change = f - SMatrix::identity();
-            let at = |k: usize| Term {
-                row: k % STATES,
-                column: k / STATES,
-                value: change[k],
-            };
-            let terms = (0..STATES * STATES).map(at);
-            Operation::Mix(terms.filter(|term| term.value != 0.0).collect())
-        });
+        self.trace.note(|| mixed(f));
     }
 
     fn add_noise(&mut self, i: usize, variance: f64) {
@@ -519,6 +512,42 @@ impl MotionFilter {
     pub fn take_operations(&mut self) -> Vec<Operation<STATES>> {
         self.trace.take()
     }
+}
+
+/// A step of the inertial equations: the blocks of F - I that are not zero.
+struct Flow {
+    /// Velocity by accelerometer bias, and attitude by gyro bias.
+    of_bias: Matrix3<f64>,
+    /// Velocity by attitude.
+    of_attitude: Matrix3<f64>,
+}
+
+impl Flow {
+    /// F times a matrix.
+    fn times(&self, mut matrix: SMatrix<f64, STATES, STATES>) -> SMatrix<f64, STATES, STATES> {
+        let velocity = self.of_attitude * matrix.fixed_rows::<3>(ATTITUDE)
+            + self.of_bias * matrix.fixed_rows::<3>(ACCEL_BIAS);
+        let attitude = self.of_bias * matrix.fixed_rows::<3>(GYRO_BIAS);
+        let mut add = |first, rows| {
+            let mut place = matrix.fixed_rows_mut::<3>(first);
+            place += rows;
+        };
+        add(VELOCITY, velocity);
+        add(ATTITUDE, attitude);
+        matrix
+    }
+}
+
+/// F as an operation.
+fn mixed(f: &SMatrix<f64, STATES, STATES>) -> Operation<STATES> {
+    let change = f - SMatrix::identity();
+    let at = |k: usize| Term {
+        row: k % STATES,
+        column: k / STATES,
+        value: change[k],
+    };
+    let terms = (0..STATES * STATES).map(at);
+    Operation::Mix(terms.filter(|term| term.value != 0.0).collect())
 }
 
 /// The angle within (-pi, pi].

@@ -4,6 +4,8 @@
 //! arrived before a step is taken in by the order of its own time, and what is alike in time by kind
 //! and content: within the time that the step is held back for, the order of arrival changes no bit.
 
+use std::cmp::Ordering;
+
 use nalgebra::Vector3;
 use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel};
 
@@ -42,29 +44,42 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// By time, then by kind and content.
-    fn key(&self) -> (LogTime, u8, u64) {
-        let (rank, content) = match &self.held {
-            Held::Inertial { force, rate } => (0, digest(force.iter().chain(rate.iter()).copied())),
-            Held::Velocity(gnss) => (1, digest(gnss.velocity_enu_m_s)),
+    /// By time, then by kind, then by content.
+    fn order(&self, other: &Self) -> Ordering {
+        let first = |entry: &Self| (entry.time, entry.rank());
+        let order = first(self).cmp(&first(other));
+        order.then_with(|| self.content().cmp(&other.content()))
+    }
+
+    fn rank(&self) -> u8 {
+        match &self.held {
+            Held::Inertial { .. } => 0,
+            Held::Velocity(_) => 1,
+            Held::Attitude(_) => 2,
+            Held::Corner(corner) => 3 + corner.wheel.index() as u8,
+            Held::HandWheel(_) => 7,
+            Held::WheelSpeed(_) => 8,
+        }
+    }
+
+    fn content(&self) -> u64 {
+        match &self.held {
+            Held::Inertial { force, rate } => digest(force.iter().chain(rate.iter()).copied()),
+            Held::Velocity(gnss) => digest(gnss.velocity_enu_m_s),
             Held::Attitude(gnss) => {
                 let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
-                (2, digest(angles.map(|angle| angle.unwrap_or(f64::NAN))))
+                digest(angles.map(|angle| angle.unwrap_or(f64::NAN)))
             }
             Held::Corner(corner) => {
                 let counts = corner
                     .strain_counts
                     .iter()
                     .chain([&corner.deflection_counts]);
-                let numbers = counts.map(|count| count.map_or(-1.0, f64::from));
-                (3 + corner.wheel.index() as u8, digest(numbers))
+                digest(counts.map(|count| count.map_or(-1.0, f64::from)))
             }
-            Held::HandWheel(angle) => (7, angle.to_bits()),
-            Held::WheelSpeed(speeds) => {
-                (8, digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))))
-            }
-        };
-        (self.time, rank, content)
+            Held::HandWheel(angle) => angle.to_bits(),
+            Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
+        }
     }
 }
 
@@ -101,7 +116,7 @@ impl Waiting {
     /// Brings all that waits into order, the first to be taken next.
     pub fn sort(&mut self) {
         self.taken = 0;
-        self.entries.sort_unstable_by_key(Entry::key);
+        self.entries.sort_unstable_by(Entry::order);
     }
 
     /// The next one in order; after the last, none waits any more.

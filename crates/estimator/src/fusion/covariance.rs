@@ -1,18 +1,48 @@
 //! A symmetric covariance matrix with the few operations that the filter needs.
 
+use std::ops::{Deref, DerefMut};
+
 use multiversion::multiversion;
 
 use nalgebra::SVector;
 
-use super::layout::{MOMENT, SIZE};
+use super::layout::{MOMENT, OFFSET, SIZE};
 use crate::trace::{Operation, Restart, Term, Trace};
 
 /// Largest variance of any state: keeps a blind filter's numbers tame.
 const VARIANCE_MAX: f64 = 1e10;
 /// Columns that are updated together; a power of two.
 const LANES: usize = 8;
+/// Numbers of a row in memory: whole vectors. Those past the states stay zero.
+const WIDTH: usize = SIZE.next_multiple_of(LANES);
 /// Measurements that are taken off together: each element is then loaded and stored once for all.
 const BATCH: usize = 6;
+
+/// States that move themselves or one another; those from here on only fade.
+const MOVED: usize = OFFSET;
+
+/// One number for each state.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Column([f64; WIDTH]);
+
+impl Column {
+    const ZERO: Self = Self([0.0; WIDTH]);
+}
+
+impl Deref for Column {
+    type Target = [f64; WIDTH];
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for Column {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
 
 /// A sparse row of a measurement equation: positions and values.
 #[derive(Clone, Copy, Debug)]
@@ -57,31 +87,45 @@ impl Row {
         index.zip(self.value[..self.length].iter().copied())
     }
 
-    /// The row times a state.
-    pub fn times(&self, state: &[f64; SIZE]) -> f64 {
-        self.terms().map(|(i, value)| value * state[i]).sum()
+    /// The row times a state or a column: four sums, so that no addition waits for all before it.
+    pub fn times(&self, state: &[f64]) -> f64 {
+        let mut sums = [0.0; 4];
+        for (k, (i, value)) in self.terms().enumerate() {
+            sums[k % 4] += value * state[i];
+        }
+        (sums[0] + sums[1]) + (sums[2] + sums[3])
     }
 }
 
-/// The matrix. Measurements change its upper half only (whole blocks of [`LANES`] columns), and wait
-/// until [`BATCH`] of them can be taken off together; [`Covariance::settle`] takes the rest off and
-/// [`Covariance::mirror`] completes the lower half before the prediction, which needs both.
+/// The matrix. Of a row i the columns from `first(i)` on always hold; those before it hold while
+/// bit i of `whole` is set, and are copied from the upper half where an operation asks for them.
+/// Measurements wait until [`BATCH`] of them can be taken off together; [`Covariance::settle`] takes
+/// the rest off.
 #[derive(Clone, Debug)]
 pub struct Covariance {
-    p: [[f64; SIZE]; SIZE],
+    p: Matrix,
+    whole: u128,
     /// What waits: P h' of measurements and 1/S, the first `waiting` of them.
-    taken: [[f64; SIZE]; BATCH],
+    taken: [Column; BATCH],
     weight: [f64; BATCH],
     waiting: usize,
     /// Every change of the matrix.
     pub trace: Trace<SIZE>,
 }
 
+type Matrix = [Column; SIZE];
+
+/// First column of a row that always holds: whole vectors of the upper half.
+const fn first(row: usize) -> usize {
+    row & !(LANES - 1)
+}
+
 impl Default for Covariance {
     fn default() -> Self {
         Self {
-            p: [[0.0; SIZE]; SIZE],
-            taken: [[0.0; SIZE]; BATCH],
+            p: [Column::ZERO; SIZE],
+            whole: 0,
+            taken: [Column::ZERO; BATCH],
             weight: [0.0; BATCH],
             waiting: 0,
             trace: Trace::default(),
@@ -99,7 +143,8 @@ impl Covariance {
             }))
         });
         self.waiting = 0;
-        self.p = [[0.0; SIZE]; SIZE];
+        self.whole = u128::MAX;
+        self.p = [Column::ZERO; SIZE];
         for (i, v) in variance.iter().enumerate() {
             self.p[i][i] = *v;
         }
@@ -108,18 +153,33 @@ impl Covariance {
     /// Takes off what waits.
     pub fn settle(&mut self) {
         if self.waiting > 0 {
-            self.taken[self.waiting..].fill([0.0; SIZE]);
+            self.taken[self.waiting..].fill(Column::ZERO);
             reduce(&mut self.p, &self.taken, &self.weight);
             self.waiting = 0;
+            self.whole = 0;
         }
     }
 
-    /// Copies the upper half to the lower one; nothing must wait.
-    pub fn mirror(&mut self) {
-        for i in 1..SIZE {
-            for j in 0..i {
-                self.p[i][j] = self.p[j][i];
+    fn is_whole(&self, row: usize) -> bool {
+        self.whole & (1 << row) != 0
+    }
+
+    /// Completes the rows of the states that move one another, which the prediction keeps whole; of
+    /// the others it keeps the upper half only. Nothing must wait.
+    pub fn complete_moved(&mut self) {
+        for row in 0..MOVED {
+            self.complete(row);
+        }
+        self.whole = (1 << MOVED) - 1;
+    }
+
+    /// Completes a row from the upper half.
+    fn complete(&mut self, row: usize) {
+        if !self.is_whole(row) {
+            for j in 0..first(row) {
+                self.p[row][j] = self.p[j][row];
             }
+            self.whole |= 1 << row;
         }
     }
 
@@ -134,7 +194,7 @@ impl Covariance {
         self.p[i][i] - taken.sum::<f64>()
     }
 
-    fn waiting(&self) -> impl Iterator<Item = (&[f64; SIZE], f64)> {
+    fn waiting(&self) -> impl Iterator<Item = (&Column, f64)> {
         let all = self.taken.iter().zip(self.weight.iter().copied());
         all.take(self.waiting)
     }
@@ -147,7 +207,7 @@ impl Covariance {
     /// Makes a state independent of all others, with this variance; nothing must wait.
     pub fn forget(&mut self, i: usize, variance: f64) {
         self.trace.note(|| Operation::Forget { index: i, variance });
-        self.p[i] = [0.0; SIZE];
+        self.p[i] = Column::ZERO;
         for row in &mut self.p {
             row[i] = 0.0;
         }
@@ -191,17 +251,7 @@ impl Covariance {
             });
             Operation::Mix(terms.collect())
         });
-        for k in 0..count {
-            let source = self.p[rate + k];
-            for (p, s) in self.p[value + k].iter_mut().zip(&source) {
-                *p += dt * s;
-            }
-        }
-        for row in &mut self.p {
-            for k in 0..count {
-                row[value + k] += dt * row[rate + k];
-            }
-        }
+        integrate(&mut self.p, value, rate, count, dt);
     }
 
     /// x[i] *= keep[i].
@@ -215,15 +265,10 @@ impl Covariance {
             });
             Operation::Mix(terms.collect())
         });
-        for (row, of_row) in self.p.iter_mut().zip(keep) {
-            for (p, of_column) in row.iter_mut().zip(keep) {
-                *p *= of_row * of_column;
-            }
-        }
+        scale(&mut self.p, keep);
     }
 
-    /// x[first + k] += dt sum_j jacobian[k][j] x[j] over forces and moments, k = 0..3. Both halves
-    /// must be there; the columns of the states that stay follow from the rows by symmetry.
+    /// x[first + k] += dt sum_j jacobian[k][j] x[j] over forces and moments, k = 0..3.
     pub fn add_rows(&mut self, first: usize, jacobian: &[[f64; 24]; 3], dt: f64) {
         self.trace.note(|| {
             let terms = jacobian.iter().enumerate().flat_map(|(k, gains)| {
@@ -235,45 +280,27 @@ impl Covariance {
             });
             Operation::Mix(terms.collect())
         });
-        let mut added = [[0.0; SIZE]; 3];
-        for (sum, gains) in added.iter_mut().zip(jacobian) {
-            for (j, gain) in gains.iter().enumerate() {
-                for (s, p) in sum.iter_mut().zip(&self.p[position(j)]) {
-                    *s += dt * gain * p;
-                }
-            }
-        }
-        for (k, sum) in added.iter().enumerate() {
-            for (p, s) in self.p[first + k].iter_mut().zip(sum) {
-                *p += s;
-            }
-        }
-        for (i, row) in self.p.iter_mut().enumerate() {
-            for (k, gains) in jacobian.iter().enumerate() {
-                row[first + k] += if (first..first + 3).contains(&i) {
-                    let gains = gains.iter().enumerate();
-                    dt * gains.map(|(j, gain)| gain * row[position(j)]).sum::<f64>()
-                } else {
-                    added[k][i]
-                };
-            }
-        }
+        add_rows(&mut self.p, first, jacobian, dt);
     }
 
     /// Covariance of the state with a row's value.
-    pub fn times(&self, row: &Row) -> [f64; SIZE] {
-        let mut sum = times(&self.p, row);
-        for (ph, weight) in self.waiting() {
-            let part = weight * row.times(ph);
-            for (s, p) in sum.iter_mut().zip(ph) {
-                *s -= part * p;
-            }
+    pub fn times(&mut self, row: &Row) -> Column {
+        for (i, _) in row.terms() {
+            self.complete(i);
         }
-        sum
+        let mut parts = [(&Column::ZERO, 0.0); Row::CAPACITY + BATCH];
+        let (of_row, of_waiting) = parts.split_at_mut(row.length);
+        for (part, (i, value)) in of_row.iter_mut().zip(row.terms()) {
+            *part = (&self.p[i], value);
+        }
+        for (part, (taken, weight)) in of_waiting.iter_mut().zip(self.waiting()) {
+            *part = (taken, -weight * row.times(&taken[..]));
+        }
+        sum(&parts[..row.length + self.waiting])
     }
 
     /// P -= ph ph' / total, soon.
-    pub fn reduce(&mut self, ph: &[f64; SIZE], total: f64) {
+    pub fn reduce(&mut self, ph: &Column, total: f64) {
         self.taken[self.waiting] = *ph;
         self.weight[self.waiting] = 1.0 / total;
         self.waiting += 1;
@@ -283,39 +310,116 @@ impl Covariance {
     }
 }
 
-// The two kernels take half of the filter's time. Wider registers do the same operations on the same
-// numbers, each rounded as ever, so every processor gives the same bits.
+// The kernels take half of the filter's time. Wider registers do the same operations on the same
+// numbers, each rounded as ever, so every processor gives the same bits. Plain loops: a closure is
+// compiled for the same registers as the kernel, and stays a call where an adapter's function that is
+// not stands between them.
 
-#[multiversion(targets("x86_64+avx+avx2"))]
-fn times(matrix: &[[f64; SIZE]; SIZE], row: &Row) -> [f64; SIZE] {
-    let mut sum = [0.0; SIZE];
-    for (i, value) in row.terms() {
-        let begin = i & !(LANES - 1);
-        for (s, p) in sum.iter_mut().zip(matrix).take(begin) {
-            *s += value * p[i];
-        }
-        for (s, p) in sum[begin..].iter_mut().zip(&matrix[i][begin..]) {
-            *s += value * p;
-        }
-    }
-    sum
+macro_rules! kernel {
+    (fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? $body:block) => {
+        #[multiversion(targets("x86_64+avx+avx2+avx512f", "x86_64+avx+avx2"))]
+        fn $name($($argument: $type),*) $(-> $result)? $body
+    };
 }
 
-#[allow(
-    clippy::needless_range_loop,
-    reason = "with iterators the compiler makes slower code of it"
-)]
-#[multiversion(targets("x86_64+avx+avx2"))]
-fn reduce(matrix: &mut [[f64; SIZE]; SIZE], taken: &[[f64; SIZE]; BATCH], weight: &[f64; BATCH]) {
-    for (i, row) in matrix.iter_mut().enumerate() {
-        let gains: [f64; BATCH] = std::array::from_fn(|m| taken[m][i] * weight[m]);
-        let begin = i & !(LANES - 1);
-        for j in begin..SIZE {
-            let mut left = row[j];
-            for m in 0..BATCH {
-                left -= gains[m] * taken[m][j];
+kernel! {
+    fn sum(parts: &[(&Column, f64)]) -> Column {
+        let mut all = Column::ZERO;
+        let mut rest = parts;
+        // Four at a time: what is summed is loaded and stored once for all.
+        while let [(a, p), (b, q), (c, r), (d, s), others @ ..] = rest {
+            for k in 0..WIDTH {
+                all[k] = all[k] + p * a[k] + q * b[k] + r * c[k] + s * d[k];
             }
-            row[j] = left;
+            rest = others;
+        }
+        for (a, p) in rest {
+            for k in 0..WIDTH {
+                all[k] += p * a[k];
+            }
+        }
+        all
+    }
+}
+
+kernel! {
+    fn reduce(matrix: &mut Matrix, taken: &[Column; BATCH], weight: &[f64; BATCH]) {
+        for i in 0..SIZE {
+            let row = &mut matrix[i];
+            let mut gains = [0.0; BATCH];
+            for m in 0..BATCH {
+                gains[m] = taken[m][i] * weight[m];
+            }
+            for j in first(i)..WIDTH {
+                let mut left = row[j];
+                for m in 0..BATCH {
+                    left -= gains[m] * taken[m][j];
+                }
+                row[j] = left;
+            }
+        }
+    }
+}
+
+kernel! {
+    fn integrate(matrix: &mut Matrix, value: usize, rate: usize, count: usize, dt: f64) {
+        for k in 0..count {
+            let source = matrix[rate + k];
+            for j in 0..WIDTH {
+                matrix[value + k][j] += dt * source[j];
+            }
+        }
+        for row in &mut matrix[..MOVED] {
+            for k in 0..count {
+                row[value + k] += dt * row[rate + k];
+            }
+        }
+    }
+}
+
+kernel! {
+    fn scale(matrix: &mut Matrix, keep: &[f64; SIZE]) {
+        let mut of_column = Column::ZERO;
+        of_column[..SIZE].copy_from_slice(keep);
+        for (i, row) in matrix.iter_mut().enumerate() {
+            let begin = if i < MOVED { 0 } else { first(i) };
+            for j in begin..WIDTH {
+                row[j] *= keep[i] * of_column[j];
+            }
+        }
+    }
+}
+
+kernel! {
+    fn add_rows(matrix: &mut Matrix, to: usize, jacobian: &[[f64; 24]; 3], dt: f64) {
+        let mut added = [Column::ZERO; 3];
+        for j in 0..24 {
+            let row = &matrix[position(j)];
+            for k in 0..3 {
+                let gain = dt * jacobian[k][j];
+                for column in 0..WIDTH {
+                    added[k][column] += gain * row[column];
+                }
+            }
+        }
+        for k in 0..3 {
+            for j in 0..WIDTH {
+                matrix[to + k][j] += added[k][j];
+            }
+        }
+        // The columns of the states that stay follow from the rows by symmetry.
+        for i in 0..SIZE {
+            let row = &mut matrix[i];
+            for k in 0..3 {
+                let mut column = added[k][i];
+                if (to..to + 3).contains(&i) {
+                    column = 0.0;
+                    for j in 0..24 {
+                        column += dt * jacobian[k][j] * row[position(j)];
+                    }
+                }
+                row[to + k] += column;
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ use model::suspension::CornerStatics;
 use nalgebra::{Matrix3, SVector, Vector3};
 use sample::{PerWheel, StrainChannel};
 
-use super::covariance::{Row, position};
+use super::covariance::{Column, Row, position};
 use super::moments::KnownMoment;
 use super::{
     ACCEL, Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, OFFSET, RATE, SIZE, StepInput,
@@ -366,7 +366,7 @@ impl Fusion {
         let row = &said.row;
         let model = self.health[wheel][i].model_variance(said.tolerance);
         let ph = self.covariance.times(row);
-        let spread = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>();
+        let spread = row.times(&ph[..]);
         let total = spread + said.variance + model;
         let innovation = said.value - row.times(&self.state);
         let doubt = FAULT_FLOOR * said.value;
@@ -387,7 +387,7 @@ impl Fusion {
     /// Takes a value in unless it is beyond the gate; returns its innovation in deviations.
     fn take(&mut self, row: &Row, value: f64, variance: f64, gate: f64) -> f64 {
         let ph = self.covariance.times(row);
-        let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
+        let total = row.times(&ph[..]) + variance;
         let innovation = value - row.times(&self.state);
         if self.settling() || innovation * innovation <= gate * total {
             self.apply(row, &ph, innovation, total);
@@ -395,23 +395,23 @@ impl Fusion {
         innovation / total.sqrt()
     }
 
-    fn apply(&mut self, row: &Row, ph: &[f64; SIZE], innovation: f64, total: f64) {
+    fn apply(&mut self, row: &Row, ph: &Column, innovation: f64, total: f64) {
         if total.is_nan() || total <= 0.0 || !innovation.is_finite() {
             return;
         }
         self.covariance.trace.note(|| {
-            let predicted: f64 = row.terms().map(|(i, h)| h * ph[i]).sum();
+            let predicted = row.times(&ph[..]);
             Operation::Update(Box::new(Update {
                 row: row.terms().collect(),
                 value: innovation + row.times(&self.state),
                 innovation,
                 variance: total - predicted,
                 total,
-                gain: SVector::from(*ph) / total,
+                gain: SVector::from_column_slice(&ph[..SIZE]) / total,
             }))
         });
         let gain = innovation / total;
-        for (x, p) in self.state.iter_mut().zip(ph) {
+        for (x, p) in self.state.iter_mut().zip(ph.iter()) {
             *x += gain * p;
         }
         self.covariance.reduce(ph, total);

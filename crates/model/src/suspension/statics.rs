@@ -136,7 +136,7 @@ impl CornerStatics {
         let line = |at: Vector3<f64>, direction: Vector3<f64>| {
             stack(direction, (at - contact).cross(&direction))
         };
-        let leg = |hinge: Vector3<f64>, ball: Vector3<f64>| line(ball, -(ball - hinge).normalize());
+        let leg = |hinge: Vector3<f64>, ball: Vector3<f64>| -(ball - hinge).normalize();
         let upper = Arm::new(
             p.upper_front,
             p.upper_rear,
@@ -163,27 +163,37 @@ impl CornerStatics {
         let on_upright = line(pose.lower_ball_m, -lower.normal);
         let mut known = corner_inertia(pose, contact, unsprung, motion)
             + line(pose.upper_ball_m, -upper.normal) * upper_weight;
-        let sixth_column = match sixth {
+        let sixth_gain = match sixth {
             ChannelKind::Strut => {
                 known += on_upright * lower_weight;
-                on_upright * strut_gain
+                strut_gain
             }
-            ChannelKind::BallNormal => on_upright,
+            ChannelKind::BallNormal => 1.0,
         };
-        let members = Matrix6::from_columns(&[
-            leg(p.upper_front, pose.upper_ball_m),
-            leg(p.upper_rear, pose.upper_ball_m),
-            leg(p.lower_front, pose.lower_ball_m),
-            leg(p.lower_rear, pose.lower_ball_m),
-            line(pose.tie_rod_outer_m, tie_rod),
-            sixth_column,
-        ]);
-        let to_tyre = -tyre_from_vehicle(&frame.vehicle_from_tyre);
-        let wrench_from_members = to_tyre * members;
-        let wrench_offset = to_tyre * known;
+        let members = Members {
+            at_lower: Matrix3::from_columns(&[
+                leg(p.lower_front, pose.lower_ball_m),
+                leg(p.lower_rear, pose.lower_ball_m),
+                -lower.normal * sixth_gain,
+            ]),
+            elsewhere: Matrix3::from_columns(&[
+                leg(p.upper_front, pose.upper_ball_m),
+                leg(p.upper_rear, pose.upper_ball_m),
+                tie_rod,
+            ]),
+            lower_m: pose.lower_ball_m - contact,
+            places_m: [pose.upper_ball_m, pose.upper_ball_m, pose.tie_rod_outer_m]
+                .map(|place| place - contact),
+        };
+        let from_vehicle = -frame.vehicle_from_tyre.transpose();
+        let wrench_from_members = members.wrench(&from_vehicle);
+        let wrench_offset = stack(
+            from_vehicle * known.fixed_rows::<3>(0),
+            from_vehicle * known.fixed_rows::<3>(3),
+        );
         let members_from_wrench =
-            wrench_from_members
-                .try_inverse()
+            members
+                .inverse(&frame.vehicle_from_tyre)
                 .ok_or(SuspensionError::Degenerate {
                     what: "the members' lines of action depend on each other",
                 })?;
@@ -324,13 +334,78 @@ fn corner_inertia(
     )
 }
 
-/// Turns a wrench's force and moment from vehicle to tyre axes.
-fn tyre_from_vehicle(vehicle_from_tyre: &Matrix3<f64>) -> Matrix6<f64> {
-    let mut both = Matrix6::zeros();
-    let inverse = vehicle_from_tyre.transpose();
-    both.fixed_view_mut::<3, 3>(0, 0).copy_from(&inverse);
-    both.fixed_view_mut::<3, 3>(3, 3).copy_from(&inverse);
-    both
+/// Directions and places of the six forces that hold the upright. Three of them (the lower legs and
+/// the sixth) go through the lower ball joint, so that the balance of moments about it tells the
+/// other three by themselves: two systems of three equations instead of one of six.
+struct Members {
+    /// Lower front leg, lower rear leg, sixth.
+    at_lower: Matrix3<f64>,
+    /// Upper front leg, upper rear leg, tie rod.
+    elsewhere: Matrix3<f64>,
+    /// The lower ball joint from the contact point.
+    lower_m: Vector3<f64>,
+    /// Where those elsewhere act, from the contact point.
+    places_m: [Vector3<f64>; 3],
+}
+
+/// Order of [`Members::at_lower`] and of [`Members::elsewhere`] among the members.
+const AT_LOWER: [usize; 3] = [2, 3, 5];
+const ELSEWHERE: [usize; 3] = [0, 1, 4];
+
+impl Members {
+    /// Forces and moments about the contact point, turned by `turn`.
+    fn wrench(&self, turn: &Matrix3<f64>) -> Matrix6<f64> {
+        let mut all = Matrix6::zeros();
+        let forces = [turn * self.at_lower, turn * self.elsewhere];
+        let moments = [
+            turn * self.lower_m.cross_matrix() * self.at_lower,
+            turn * self.moments(|k| self.places_m[k]),
+        ];
+        for (group, members) in [AT_LOWER, ELSEWHERE].iter().enumerate() {
+            for (k, member) in members.iter().enumerate() {
+                let mut column = all.column_mut(*member);
+                column
+                    .fixed_rows_mut::<3>(0)
+                    .copy_from(&forces[group].column(k));
+                column
+                    .fixed_rows_mut::<3>(3)
+                    .copy_from(&moments[group].column(k));
+            }
+        }
+        all
+    }
+
+    fn moments(&self, arm: impl Fn(usize) -> Vector3<f64>) -> Matrix3<f64> {
+        let of = |k: usize| arm(k).cross(&self.elsewhere.column(k));
+        Matrix3::from_columns(&[of(0), of(1), of(2)])
+    }
+
+    /// Inverse of [`Members::wrench`] turned by the negative inverse of `back`.
+    ///
+    /// With F and M in vehicle axes, the lower ball joint r and the moments A about it of those
+    /// elsewhere, these are A^-1 (r x F - M), and those through the joint balance what is left.
+    fn inverse(&self, back: &Matrix3<f64>) -> Option<Matrix6<f64>> {
+        let of_moments = self
+            .moments(|k| self.places_m[k] - self.lower_m)
+            .try_inverse()?;
+        let of_forces = self.at_lower.try_inverse()?;
+        let elsewhere_by_moment = -of_moments * back;
+        let elsewhere_by_force = of_moments * self.lower_m.cross_matrix() * back;
+        let lower_by_moment = -of_forces * self.elsewhere * elsewhere_by_moment;
+        let lower_by_force = -of_forces * (back + self.elsewhere * elsewhere_by_force);
+        let mut all = Matrix6::zeros();
+        for (members, by_force, by_moment) in [
+            (AT_LOWER, lower_by_force, lower_by_moment),
+            (ELSEWHERE, elsewhere_by_force, elsewhere_by_moment),
+        ] {
+            for (k, member) in members.into_iter().enumerate() {
+                let mut row = all.row_mut(member);
+                row.fixed_columns_mut::<3>(0).copy_from(&by_force.row(k));
+                row.fixed_columns_mut::<3>(3).copy_from(&by_moment.row(k));
+            }
+        }
+        Some(all)
+    }
 }
 
 fn stack(force: Vector3<f64>, moment: Vector3<f64>) -> Vector6<f64> {

@@ -16,7 +16,7 @@ use sample::Wheel;
 use super::{SuspensionError, finite};
 use crate::vehicle::{Axle, Vehicle};
 
-use circle::{Circle, branch};
+use circle::{Circle, Turn, branch};
 pub use points::HardPoints;
 
 /// The linkage of one corner in vehicle axes, left or right.
@@ -241,15 +241,15 @@ impl Corner {
     /// When no position of the linkage has this length or travel.
     pub fn pose(&self, strut_length_m: f64, rack_m: f64) -> Result<CornerPose, SuspensionError> {
         finite("strut length", strut_length_m, "m")?;
-        let angle = self
+        let turn = self
             .strut_circle
-            .angle_at(self.points.strut_chassis, strut_length_m)
+            .turn_to(self.points.strut_chassis, strut_length_m)
             .ok_or(SuspensionError::OutOfReach {
                 what: "strut length",
                 value: strut_length_m,
                 unit: "m",
             })?;
-        self.pose_at_angle(angle, rack_m)
+        self.pose_turned(turn, turn.angle_rad(), rack_m)
     }
 
     /// The pose in which the lower arm has turned by `angle_rad` about its hinge (rear to front,
@@ -263,20 +263,29 @@ impl Corner {
         rack_m: f64,
     ) -> Result<CornerPose, SuspensionError> {
         finite("lower arm angle", angle_rad, "rad")?;
+        self.pose_turned(Turn::by(angle_rad), angle_rad, rack_m)
+    }
+
+    fn pose_turned(
+        &self,
+        lower: Turn,
+        lower_angle_rad: f64,
+        rack_m: f64,
+    ) -> Result<CornerPose, SuspensionError> {
         finite("rack travel", rack_m, "m")?;
         let p = &self.points;
-        let turn_lower = |point| turn(p.lower_rear, self.lower_axis, angle_rad, point);
+        let turn_lower = |point| lower.carry(p.lower_rear, self.lower_axis, point);
         let lower_ball = turn_lower(p.lower_ball);
         let strut_arm = turn_lower(p.strut_arm);
-        let upper_angle = self
+        let upper = self
             .upper_circle
-            .angle_at(lower_ball, self.upright_length_m)
+            .turn_to(lower_ball, self.upright_length_m)
             .ok_or(SuspensionError::OutOfReach {
                 what: "lower arm angle",
-                value: angle_rad,
+                value: lower_angle_rad,
                 unit: "rad",
             })?;
-        let turn_upper = |point| turn(p.upper_rear, self.upper_axis, upper_angle, point);
+        let turn_upper = |point| upper.carry(p.upper_rear, self.upper_axis, point);
         let upper_ball = turn_upper(p.upper_ball);
         let inner = p.tie_rod_inner + Vector3::y() * (self.rack_direction * rack_m);
         let outer = self.tie_rod_outer(lower_ball, upper_ball, inner).ok_or(
@@ -293,8 +302,8 @@ impl Corner {
         Ok(CornerPose {
             strut_length_m,
             rack_m,
-            lower_angle_rad: angle_rad,
-            upper_angle_rad: upper_angle,
+            lower_angle_rad,
+            upper_angle_rad: upper.angle_rad(),
             lower_ball_m: lower_ball,
             upper_ball_m: upper_ball,
             tie_rod_inner_m: inner,
@@ -391,13 +400,6 @@ impl Corner {
         let e = radial / reach;
         Some(foot + (e * cosine + axis.cross(&e) * sine) * self.tie_rod_radius_m)
     }
-}
-
-/// `point` turned by `angle` about the line through `origin` along the unit vector `axis`.
-fn turn(origin: Vector3<f64>, axis: Vector3<f64>, angle: f64, point: Vector3<f64>) -> Vector3<f64> {
-    let r = point - origin;
-    let (sine, cosine) = angle.sin_cos();
-    origin + r * cosine + axis.cross(&r) * sine + axis * (axis.dot(&r) * (1.0 - cosine))
 }
 
 /// Orthonormal axes of the upright from its three joints.

@@ -30,18 +30,53 @@ impl Circle {
         }
     }
 
-    /// The angle at which the point is `distance` away from `target`.
-    pub(super) fn angle_at(&self, target: Vector3<f64>, distance: f64) -> Option<f64> {
+    /// The turn by which the point is `distance` away from `target`.
+    pub(super) fn turn_to(&self, target: Vector3<f64>, distance: f64) -> Option<Turn> {
         let to_target = target - self.centre;
         let a = to_target.dot(&self.start);
         let b = to_target.dot(&self.quarter);
         let c = 0.5 * (to_target.norm_squared() + self.start.norm_squared() - distance * distance);
-        let cosine = c / a.hypot(b);
-        if cosine.is_nan() || cosine.abs() > 1.0 {
+        // A cos + B sin = C: in the direction of (A, B) the point stands at C, across from it at D.
+        let square = a * a + b * b;
+        let rest = square - c * c;
+        if !(square > 0.0 && rest >= 0.0) {
             return None;
         }
-        let angle = b.atan2(a) + self.branch * cosine.acos();
-        Some(wrap(angle))
+        let d = self.branch * rest.sqrt();
+        Some(Turn {
+            cosine: (a * c - b * d) / square,
+            sine: (b * c + a * d) / square,
+        })
+    }
+}
+
+/// A turn about a hinge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    cosine: f64,
+    sine: f64,
+}
+
+impl Turn {
+    pub(super) fn by(angle_rad: f64) -> Self {
+        let (sine, cosine) = angle_rad.sin_cos();
+        Self { cosine, sine }
+    }
+
+    pub(super) fn angle_rad(self) -> f64 {
+        self.sine.atan2(self.cosine)
+    }
+
+    /// `point` turned about the line through `origin` along the unit vector `axis`.
+    pub(super) fn carry(
+        self,
+        origin: Vector3<f64>,
+        axis: Vector3<f64>,
+        point: Vector3<f64>,
+    ) -> Vector3<f64> {
+        let r = point - origin;
+        let along = axis * (axis.dot(&r) * (1.0 - self.cosine));
+        origin + r * self.cosine + axis.cross(&r) * self.sine + along
     }
 }
 
@@ -56,16 +91,5 @@ pub(super) fn branch(
         -1.0
     } else {
         1.0
-    }
-}
-
-fn wrap(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    if angle > PI {
-        angle - TAU
-    } else if angle <= -PI {
-        angle + TAU
-    } else {
-        angle
     }
 }
