@@ -176,7 +176,7 @@ impl Covariance {
     /// Completes a row from the upper half.
     fn complete(&mut self, row: usize) {
         if !self.is_whole(row) {
-            for j in 0..first(row) {
+            for j in 0..row {
                 self.p[row][j] = self.p[j][row];
             }
             self.whole |= 1 << row;
