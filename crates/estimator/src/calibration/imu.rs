@@ -26,7 +26,7 @@ use super::rest::{Signal, Stretch};
 use super::zero::axle_of;
 use super::{Calibration, ImuCalibration};
 use crate::finding::{Excitation, Finding, Findings, Refusal};
-use crate::regression::{Bootstrap, Fit, least_squares};
+use crate::regression::{Bootstrap, Fit};
 
 const WHAT: &str = "imu";
 /// What springs and tyres leave open of the body's roll and pitch in turns, as a turn of the unit, rad:
@@ -148,6 +148,7 @@ pub fn imu(
             "rad".to_owned(),
         ),
     ];
+    findings.notes.push(scale_refusal(&level).to_string());
     findings.figures = vec![turns.figure(), straight.figure()];
     Ok(ImuFound {
         findings,
@@ -158,6 +159,19 @@ pub fn imu(
             ..known.imu
         },
     })
+}
+
+/// Why scale factors are not looked for: rest leaves gravity on z, one number with the bias of z.
+fn scale_refusal(level: &Level) -> Refusal {
+    Refusal::NotExcited {
+        what: "scale factors".to_owned(),
+        quantity: "change of gravity along an axis between the headings at rest".to_owned(),
+        found: 2.0 * STANDARD_GRAVITY_M_S2 * level.slope_rad.sin(),
+        needed: STANDARD_GRAVITY_M_S2,
+        unit: "m/s^2".to_owned(),
+        help: "they are taken as 1; only the unit on its sides would tell them from its biases"
+            .to_owned(),
+    }
 }
 
 /// Roll (right side down) and pitch (nose down) of the body against flat ground by the compression

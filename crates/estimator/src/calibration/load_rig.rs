@@ -139,8 +139,11 @@ fn enough(wheel: Wheel, rows: &[&RigLoad]) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// What a load makes of each channel's member: N of tension, N m of bending.
-fn members(
+/// What a load makes of each channel's member, by the linkage: N of tension, N m of bending.
+///
+/// # Errors
+/// A vehicle without linkage, a strut or a rack beyond the linkage's reach.
+pub fn members(
     vehicle: &Vehicle,
     sensors: &Sensors,
     load: &RigLoad,

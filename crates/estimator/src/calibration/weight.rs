@@ -18,7 +18,7 @@ use super::zero::axle_of;
 use super::{Calibration, SpringCalibration};
 use crate::EstimatorError;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
-use crate::regression::{Fit, least_squares};
+use crate::regression::{Fit, least_squares, student};
 
 const WHAT: &str = "weight";
 /// Different loads that are needed, and how far apart two must be, N.
@@ -215,9 +215,11 @@ impl Weight {
         if with_friction {
             names.push(("friction", "N"));
         }
+        // A handful of loads tells its own scatter badly.
+        let widen = student(rows - fit.coefficients.len());
         for (k, (name, unit)) in names.into_iter().enumerate() {
             let value = fit.coefficients[k];
-            let sigma = fit.covariance_white[(k, k)].max(0.0).sqrt();
+            let sigma = fit.covariance_white[(k, k)].max(0.0).sqrt() * widen;
             self.findings.findings.push(Finding {
                 name: format!("{wheel} spring {name}"),
                 value,

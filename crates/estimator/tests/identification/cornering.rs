@@ -2,6 +2,7 @@ use estimator::finding::Refusal;
 use estimator::identification::cornering::{Body, Options, identify};
 use model::vehicle::Vehicle;
 
+use crate::coverage;
 use crate::rides::{self, Noise};
 
 fn body(vehicle: &Vehicle) -> Body {
@@ -81,7 +82,7 @@ fn coverage(seeds: u64) {
         (NAMES[1], truth[1]),
         ("steer_offset", offset),
     ];
-    rides::covers(0..seeds, &truths, find);
+    coverage::covers(0..seeds, &truths, find);
 }
 
 #[test]
@@ -90,7 +91,7 @@ fn intervals_hold_the_truth() {
 }
 
 #[test]
-#[ignore = "a campaign of minutes: `make campaigns`"]
+#[ignore = "200 seeds: `make campaigns`"]
 fn intervals_of_200_drives_hold_the_truth() {
     coverage(200);
 }

@@ -1,6 +1,7 @@
 //! Identification on drives whose truth is known: the four-wheel model's with the noise of the
 //! thesis's sensors, and the independent simulator's.
 
+mod coverage;
 mod rides;
 #[path = "../truth/run.rs"]
 #[allow(

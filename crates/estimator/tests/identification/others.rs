@@ -6,6 +6,7 @@ use model::chassis::four_wheel::Parameters;
 use model::tyre::{Contact, Tyre};
 use model::vehicle::Vehicle;
 
+use crate::coverage;
 use crate::rides::{self, DT_S, Noise};
 
 fn near(found: &Findings, name: &str, truth: f64, part: f64) {
@@ -88,9 +89,9 @@ fn roll_truth() -> f64 {
 }
 
 #[test]
-#[ignore = "a campaign of minutes: `make campaigns`"]
+#[ignore = "200 seeds: `make campaigns`"]
 fn intervals_of_200_roll_stiffnesses_hold_the_truth() {
-    rides::covers(0..200, &[("roll_stiffness", roll_truth())], roll_found);
+    coverage::covers(0..200, &[("roll_stiffness", roll_truth())], roll_found);
 }
 
 #[test]
@@ -98,7 +99,7 @@ fn roll_stiffness_is_within_five_per_cent_and_its_intervals_hold() {
     for seed in 0..5 {
         near(&roll_found(seed), "roll_stiffness", roll_truth(), 0.05);
     }
-    rides::covers(0..30, &[("roll_stiffness", roll_truth())], roll_found);
+    coverage::covers(0..30, &[("roll_stiffness", roll_truth())], roll_found);
     let found = roll_found(1);
     assert!(
         found.get("pitch_stiffness").is_none(),
@@ -277,7 +278,7 @@ fn a_pendulums_inertia_is_found_and_its_intervals_hold() {
         inertia::pendulum(&rate, 0.05, wires, 20.0, seed).expect("swings")
     };
     near(&find(1), "inertia", truth, 0.02);
-    rides::covers(0..60, &[("inertia", truth)], find);
+    coverage::covers(0..60, &[("inertia", truth)], find);
     let still = inertia::pendulum(&[0.0; 10], DT_S, wires, 0.0, 1);
     assert!(matches!(still, Err(Refusal::NotExcited { .. })));
 }
