@@ -32,7 +32,7 @@ const NEEDED_S: f64 = 20.0;
 const PLACE_SIGMA_M: f64 = 0.04;
 const LATENCY_SIGMA_S: f64 = 0.004;
 /// Deviation up to which the height of an antenna counts as found, m.
-const HEIGHT_SIGMA_M: f64 = 0.05;
+const HEIGHT_SIGMA_M: f64 = 0.015;
 
 /// Vectors at instants.
 #[derive(Clone, Copy, Debug, Default)]
@@ -56,6 +56,8 @@ pub struct GnssInput<'a> {
     pub attitude: Vectors<'a>,
     /// Standard deviation of a velocity component, m/s, and of yaw, pitch and roll, rad.
     pub sigma: [f64; 4],
+    /// Time that a velocity is the mean over, about the instant that it is of, s.
+    pub averaging_s: f64,
     /// Standard deviation of a reading of specific force, m/s^2, and of rate, rad/s.
     pub imu_sigma: [f64; 2],
     /// Place of the inertial unit from the centre of gravity, body axes, m.
@@ -181,16 +183,17 @@ impl Pass {
                 turned += rate.z * rate.z * (until_s - now_s);
                 now_s = until_s;
             }
-            let motion = Motion::at(imu, *time_s);
             match reading {
                 Reading::Velocity(velocity) => {
-                    match filter.push_velocity(velocity, &motion, input.sigma[0]) {
+                    let motion = Motion::at(imu, *time_s, input.averaging_s);
+                    let [sigma, rate_sigma] = [input.sigma[0], input.imu_sigma[1]];
+                    match filter.push_velocity(velocity, &motion, sigma, rate_sigma) {
                         Some([east, north]) => innovations.push([*time_s, east, north]),
                         None => left_out += 1,
                     }
                 }
                 Reading::Attitude(angles) => {
-                    filter.push_attitude(angles, &motion, input.sigma);
+                    filter.push_attitude(angles, &Motion::at(imu, *time_s, 0.0), input.sigma);
                 }
             }
             used += 1;
@@ -271,7 +274,7 @@ impl Pass {
             let found = finding(name, LEVER + axis, input.imu_m[axis], "m");
             if axis == 2 && found.sigma > HEIGHT_SIGMA_M {
                 findings.notes.push(format!(
-                    "{what}: the antenna's height is known to {:.2} m only (roll and pitch move it \
+                    "{what}: the antenna's height is known to {:.3} m only (roll and pitch move it \
                      little); the one that was known is kept",
                     found.sigma
                 ));

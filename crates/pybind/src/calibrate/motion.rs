@@ -220,6 +220,7 @@ pub fn calibrate_gnss<'py>(
             value: &attitude,
         },
         sigma: sigma_of(sensors),
+        averaging_s: sensors.gnss_velocity.averaging_s,
         imu_sigma: [sensors.imu.accel_noise_m_s2, sensors.imu.gyro_noise_rad_s],
         imu_m: imu_m.unwrap_or(sensors.imu.position_m),
         antenna_m: antenna_m.unwrap_or(sensors.gnss_velocity.antenna_m),

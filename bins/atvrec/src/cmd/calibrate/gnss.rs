@@ -31,12 +31,18 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
         } else {
             resolved.velocity_antenna_m.into()
         };
+        let averaging_s = if is_attitude {
+            1.0 / sensors.gnss_attitude.rate_hz
+        } else {
+            sensors.gnss_velocity.averaging_s
+        };
         let receiver = gnss(&GnssInput {
             receiver: name,
             imu: imu.signal(),
             velocity: vectors(velocity),
             attitude: vectors(attitude),
             sigma: sigma_of(sensors),
+            averaging_s,
             imu_sigma: [sensors.imu.accel_noise_m_s2, sensors.imu.gyro_noise_rad_s],
             imu_m: resolved.imu_m.into(),
             antenna_m,

@@ -123,20 +123,22 @@ impl Filter {
         }
     }
 
-    /// The horizontal normalised innovations; none where the reading is left out.
+    /// The horizontal normalised innovations; none where the reading is left out. `sigma` is the
+    /// reading's, `rate_sigma` that of one reading of the gyros.
     pub(super) fn push_velocity(
         &mut self,
         read: &[f64; 3],
         motion: &Motion,
         sigma: f64,
+        rate_sigma: f64,
     ) -> Option<[f64; 2]> {
         let body = self.earth_from_body.into_inner();
-        let rate = motion.rate - self.gyro_bias;
+        let rate = motion.rate - self.gyro_bias - self.misalignment.cross(&motion.rate);
         let swing = body * rate.cross(&self.lever);
         let push = body * (motion.force - self.accel_bias) - Vector3::z() * STANDARD_GRAVITY_M_S2;
         let whirl = motion.rate_dot.cross(&self.lever) + rate.cross(&rate.cross(&self.lever));
         let pull = push + body * whirl;
-        let expected = self.velocity + swing - pull * self.latency[0];
+        let expected = self.velocity + body * motion.rounding + swing - pull * self.latency[0];
         let mut h = SMatrix::<f64, 3, N>::zeros();
         h.fixed_view_mut::<3, 3>(0, VELOCITY)
             .copy_from(&Matrix3::identity());
@@ -145,6 +147,8 @@ impl Filter {
             .copy_from(&(body * cross(self.lever)));
         h.fixed_view_mut::<3, 3>(0, LEVER)
             .copy_from(&(body * cross(rate)));
+        h.fixed_view_mut::<3, 3>(0, MISALIGNMENT)
+            .copy_from(&-(body * cross(self.lever) * cross(rate)));
         h.fixed_view_mut::<3, 1>(0, VELOCITY_LATENCY)
             .copy_from(&-pull);
         let residual = Vector3::from(*read) - expected;
@@ -163,8 +167,24 @@ impl Filter {
             }
             self.scalar(&row, residual[axis], sigma * sigma, &mut delta);
         }
+        self.forget_noise(rate_sigma.powi(2) / motion.rate_readings, sigma, &mut delta);
         self.inject(&delta);
         Some(normalised)
+    }
+
+    /// Takes back what the gyros' noise n tells of the lever arm, being a part of w: it adds
+    /// E[(n x)^T (n x)] = 2 var(n) to the equations' matrix and nothing to their right side, and would
+    /// shorten the arm.
+    fn forget_noise(&mut self, rate_variance: f64, sigma: f64, delta: &mut SVector<f64, N>) {
+        if rate_variance <= 0.0 {
+            return;
+        }
+        for axis in 0..3 {
+            let mut row = SVector::<f64, N>::zeros();
+            row[LEVER + axis] = 1.0;
+            let variance = -sigma * sigma / (2.0 * rate_variance);
+            self.scalar(&row, -self.lever[axis], variance, delta);
+        }
     }
 
     pub(super) fn push_attitude(&mut self, read: &[f64; 3], motion: &Motion, sigma: [f64; 4]) {

@@ -1,12 +1,16 @@
 //! What is read when, and how the vehicle then moves.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use super::GnssInput;
 use crate::calibration::imu::ImuSignal;
 
-/// Half of the time that a rate is averaged over, s.
-const RATE_HALF_S: f64 = 0.025;
+/// Half of the time that a rate is averaged over where the receiver averages over less, s.
+const SHORTEST_HALF_S: f64 = 0.0125;
+/// Time to either side that a rate's derivative is taken over, s.
+const DERIVATIVE_S: f64 = 0.05;
 
 /// What is read when.
 #[derive(Clone, Copy)]
@@ -55,27 +59,47 @@ pub(super) fn between(imu: &ImuSignal<'_>, k: usize, at_s: f64) -> (Vector3<f64>
 /// Rate, its derivative and specific force about an instant.
 pub(super) struct Motion {
     pub(super) force: Vector3<f64>,
+    /// Mean over the receiver's averaging.
     pub(super) rate: Vector3<f64>,
+    /// Readings that this mean holds.
+    pub(super) rate_readings: f64,
     pub(super) rate_dot: Vector3<f64>,
+    /// What the receiver's averaging adds to the velocity of the inertial unit, m/s.
+    pub(super) rounding: Vector3<f64>,
 }
 
 impl Motion {
-    pub(super) fn at(imu: &ImuSignal<'_>, time_s: f64) -> Self {
-        let over = |from_s: f64, to_s: f64, values: &[[f64; 3]]| -> Vector3<f64> {
-            Vector3::from_fn(|axis, _| {
-                let first = imu.time_s.partition_point(|&t| t < from_s);
-                let last = imu.time_s.partition_point(|&t| t <= to_s).max(first + 1);
-                let rows = first.min(values.len() - 1)..last.min(values.len());
-                let count = rows.len().max(1) as f64;
-                rows.map(|k| values[k][axis]).sum::<f64>() / count
-            })
+    /// Around `time_s`, as a receiver feels it that averages over `averaging_s`:
+    ///
+    /// mean of v(t + s) over |s| < h = v(t) + 1/(2h) integral of (h - s) (a(t + s) - a(t - s)) ds
+    ///
+    /// with s from 0 to h.
+    pub(super) fn at(imu: &ImuSignal<'_>, time_s: f64, averaging_s: f64) -> Self {
+        let rows = |from_s: f64, to_s: f64| {
+            let first = imu.time_s.partition_point(|&t| t < from_s);
+            let last = imu.time_s.partition_point(|&t| t <= to_s).max(first + 1);
+            first.min(imu.time_s.len() - 1)..last.min(imu.time_s.len())
         };
-        let (before, after) = (time_s - 2.0 * RATE_HALF_S, time_s + 2.0 * RATE_HALF_S);
+        let over = |rows: Range<usize>, values: &[[f64; 3]], weight: &dyn Fn(usize) -> f64| {
+            let weights: f64 = rows.clone().map(weight).sum();
+            let sum: Vector3<f64> = rows.map(|k| Vector3::from(values[k]) * weight(k)).sum();
+            sum / weights.max(f64::MIN_POSITIVE)
+        };
+        let even = |_: usize| 1.0;
+        let half_s = (0.5 * averaging_s).max(SHORTEST_HALF_S);
+        let around = rows(time_s - half_s, time_s + half_s);
+        let (before_s, after_s) = (time_s - DERIVATIVE_S, time_s + DERIVATIVE_S);
+        let change = over(rows(time_s, after_s), imu.rate_rad_s, &even)
+            - over(rows(before_s, time_s), imu.rate_rad_s, &even);
+        let near = |k: usize| (half_s - (imu.time_s[k] - time_s).abs()).max(0.0);
+        let sides = over(rows(time_s, time_s + half_s), imu.force_m_s2, &near)
+            - over(rows(time_s - half_s, time_s), imu.force_m_s2, &near);
         Self {
-            force: over(time_s - RATE_HALF_S, time_s + RATE_HALF_S, imu.force_m_s2),
-            rate: over(time_s - RATE_HALF_S, time_s + RATE_HALF_S, imu.rate_rad_s),
-            rate_dot: (over(time_s, after, imu.rate_rad_s) - over(before, time_s, imu.rate_rad_s))
-                / (2.0 * RATE_HALF_S),
+            force: over(around.clone(), imu.force_m_s2, &even),
+            rate: over(around.clone(), imu.rate_rad_s, &even),
+            rate_readings: around.len() as f64,
+            rate_dot: change / DERIVATIVE_S,
+            rounding: sides * (averaging_s / 8.0),
         }
     }
 }
