@@ -4,11 +4,9 @@
 //!
 //! The Python tests compare the states with those of the Python package, the benchmark the times.
 
-use std::hint::black_box;
 use std::time::Instant;
 
 use model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};
-use model::integrate::rk4;
 use model::simulation::{Grid, Model, Rollout, rollouts};
 use model::vehicle::Vehicle;
 
@@ -49,33 +47,6 @@ fn run<M: Model>(
     Ok((last.take(16).collect(), best_ns))
 }
 
-/// Shortest time of a step of the linear bicycle (beta, r) at 6 m/s, ns.
-fn bicycle_ns(bicycle: &Bicycle, [runs, steps, rounds]: [usize; 3]) -> Result<f64, model::Error> {
-    let system = bicycle.system(6.0)?;
-    let (a, b) = (system.a, system.b);
-    let mut best_ns = f64::INFINITY;
-    for _ in 0..rounds {
-        let begin = Instant::now();
-        for run in 0..runs {
-            let steer = 0.1 * (run as f64) / (runs as f64);
-            let push = [b[0] * steer, b[1] * steer];
-            let mut state = [0.0; 2];
-            for _ in 0..steps {
-                state = rk4(&state, STEP_S, |x| {
-                    [
-                        a[(0, 0)] * x[0] + a[(0, 1)] * x[1] + push[0],
-                        a[(1, 0)] * x[0] + a[(1, 1)] * x[1] + push[1],
-                    ]
-                });
-            }
-            black_box(state);
-        }
-        let step_ns = begin.elapsed().as_secs_f64() * 1e9 / (runs * steps) as f64;
-        best_ns = best_ns.min(step_ns);
-    }
-    Ok(best_ns)
-}
-
 fn bits<const N: usize>(state: [f64; N]) -> Vec<String> {
     state
         .map(|value| format!("{:016x}", value.to_bits()))
@@ -103,10 +74,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = fourteen_dof::at_rest(&parameters)?.rolling(6.0, &parameters);
     let inputs = fourteen_dof::Inputs::steered;
     let (fourteen, fourteen_ns) = run(&parameters, start, inputs, size, 0.5 * STEP_S)?;
+    let bicycle = Bicycle::from_vehicle(&vehicle).system(6.0)?;
+    let (_, bicycle_ns) = run(&bicycle, [0.0; 2], |steer| steer, size, STEP_S)?;
     let text = serde_json::json!({
         "step_s": STEP_S,
         "step_ns": step_ns,
-        "bicycle_step_ns": bicycle_ns(&Bicycle::from_vehicle(&vehicle), size)?,
+        "bicycle_step_ns": bicycle_ns,
         "states": four.iter().map(|state| bits(state.to_array())).collect::<Vec<_>>(),
         "fourteen_dof_step_ns": fourteen_ns,
         "fourteen_dof": fourteen.iter().map(|state| bits(state.to_array())).collect::<Vec<_>>(),

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use sample::Wheel;
 
 use crate::Error;
-use crate::chassis::{four_wheel, fourteen_dof};
-use crate::error::require;
+use crate::chassis::{bicycle, four_wheel, fourteen_dof};
+use crate::error::{all_finite, require};
 use crate::integrate::{LANES, step_to_event};
 
 /// A chassis model that steps.
@@ -39,6 +39,36 @@ pub trait Model: Sync {
         step_s: f64,
         steps: usize,
     );
+}
+
+/// The linear bicycle at one speed: (beta, r) in rad and rad/s, steered by an angle in rad.
+impl Model for bicycle::StateSpace {
+    type State = [f64; 2];
+    type Inputs = f64;
+
+    fn check_state(state: &Self::State) -> Result<(), Error> {
+        all_finite("state.sideslip_rad", &state[..1], "rad")?;
+        all_finite("state.yaw_rate_rad_s", &state[1..], "rad/s")
+    }
+
+    fn check_inputs(steer_rad: &Self::Inputs) -> Result<(), Error> {
+        all_finite("inputs.steer_rad", &[*steer_rad], "rad")
+    }
+
+    #[inline]
+    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
+        self.step(state, *inputs, step_s)
+    }
+
+    fn advance(
+        &self,
+        states: &mut [Self::State; LANES],
+        inputs: &[Self::Inputs; LANES],
+        step_s: f64,
+        steps: usize,
+    ) {
+        self.advance(states, inputs, step_s, steps);
+    }
 }
 
 impl Model for four_wheel::Parameters {

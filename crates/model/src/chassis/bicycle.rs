@@ -1,5 +1,7 @@
 //! The linear bicycle model (section 2.1.1 of the thesis), in ISO 8855 signs.
 
+mod steps;
+
 use nalgebra::{Complex, Matrix2, Matrix4, Vector2, Vector4};
 
 use crate::Error;
