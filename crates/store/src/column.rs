@@ -43,8 +43,10 @@ fn best_order(mapped: &[u64]) -> u32 {
         None => 16 * u64::from(k + 1),
         Some(above) => 16 * u64::from(2 * bits - 1 - k) + (32 >> above.min(6)),
     };
+    let least = of_size.iter().position(|count| *count > 0).unwrap_or(0);
+    let most = of_size.iter().rposition(|count| *count > 0).unwrap_or(0);
     let total = |k: &u32| -> u64 {
-        let counts = (0_u32..).zip(of_size);
+        let counts = (least as u32..).zip(&of_size[least..=most]);
         counts.map(|(bits, count)| count * cost(bits, *k)).sum()
     };
     let middle = mapped.len() as u64 / 2;
@@ -73,7 +75,11 @@ pub(crate) fn encode(values: &[i64]) -> Option<Column> {
         .map(|value| zigzag(value.wrapping_sub(base)))
         .collect();
     let k = best_order(&mapped);
-    let mut writer = BitWriter::default();
+    let mut writer = BitWriter {
+        // Jitter of some microseconds.
+        bytes: Vec::with_capacity(2 * values.len()),
+        ..BitWriter::default()
+    };
     for value in mapped {
         writer.code(value, k);
     }
@@ -135,12 +141,16 @@ struct BitWriter {
 impl BitWriter {
     /// One zigzag-mapped value in the code of order `k`.
     fn code(&mut self, value: u64, k: u32) {
+        // What fits into a word at once, as nearly all does, is worked out in one.
+        if let Some(sum) = value.checked_add(1 << k) {
+            let width = 2 * (64 - sum.leading_zeros()) - 1 - k;
+            if width <= WORD {
+                return self.put(sum, width);
+            }
+        }
         let sum = u128::from(value) + (1 << k);
         let bits = 128 - sum.leading_zeros();
         let zeros = bits - 1 - k;
-        if zeros + bits <= WORD {
-            return self.put(sum as u64, zeros + bits);
-        }
         // Zeros, then the sum from its highest bit on, as many at once as there is room for.
         for width in pieces(zeros) {
             self.put(0, width);

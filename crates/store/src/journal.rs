@@ -85,7 +85,7 @@ impl Journal {
             paths,
             session,
             interval,
-            encoder: raw::Encoder::default(),
+            encoder: raw::Encoder::new(raw::Packing::Brief),
             kept: 0,
             chunks: 0,
         })

@@ -1,6 +1,7 @@
 //! Raw channels: arrivals in groups of columnar batches, and back.
 
 mod can;
+mod kinds;
 
 use std::collections::BTreeMap;
 
@@ -48,13 +49,27 @@ impl Lane {
     }
 }
 
+/// What a group is encoded for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    /// To stay: small.
+    Dense,
+    /// To be replaced soon: made fast.
+    Brief,
+}
+
 /// Encodes groups; keeps what costs time to make.
-#[derive(Default)]
 pub(crate) struct Encoder {
     packer: can::Packer,
 }
 
 impl Encoder {
+    pub(crate) fn new(packing: Packing) -> Self {
+        Self {
+            packer: can::Packer::new(packing),
+        }
+    }
+
     /// The messages of one group: `arrivals` in rising order of their sequences, the last of which
     /// is below `end_sequence`.
     pub(crate) fn encode_group(

@@ -114,7 +114,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             raw_interval: Duration::from_secs(1),
-            journal_interval: Some(Duration::from_millis(60)),
+            journal_interval: Some(Duration::from_millis(50)),
             decoded_interval: Duration::from_secs(1),
             decoded_chunk_bytes: 1 << 20,
             compression_level: 0,

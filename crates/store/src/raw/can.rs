@@ -1,64 +1,42 @@
 //! Frames of a CAN bus, by kind and column.
 
-use std::collections::BTreeMap;
-
 use sample::{Arrival, CanFlags, CanFrame, Payload, SourceId};
 
+use super::Packing;
+use super::kinds::Kinds;
 use crate::column::{self, bit, bits, deltas, expect_len, sums};
 use crate::error::MessageError;
 use crate::proto::atvrec as pb;
 
-/// Writes the batches of buses; keeps its compressor between them.
-#[derive(Default)]
-pub(super) struct Packer {
-    zstd: Option<zstd::bulk::Compressor<'static>>,
-}
-
-/// What frames of one kind share: identifier, flags, length.
-type Kind = (u32, u8, u8);
-
-/// The kinds of a batch, in the order in which they came.
-#[derive(Default)]
-struct Kinds {
-    order: Vec<Kind>,
-    index: BTreeMap<Kind, u32>,
-    last: usize,
-}
-
-impl Kinds {
-    /// Number of a frame's kind. Boxes send in turns, so that the kind behind the last one is tried
-    /// first.
-    fn of(&mut self, frame: &CanFrame) -> u32 {
-        let kind = (frame.id, frame.flags.to_bits(), frame.len.min(64));
-        let guess = if self.last + 1 < self.order.len() {
-            self.last + 1
-        } else {
-            0
-        };
-        if self.order.get(guess) == Some(&kind) {
-            self.last = guess;
-            return guess as u32;
-        }
-        let index = *self.index.entry(kind).or_insert_with(|| {
-            self.order.push(kind);
-            self.order.len() as u32 - 1
-        });
-        self.last = index as usize;
-        index
-    }
-}
-
 /// zstd level of the frames' data: higher ones gain nothing.
 const DATA_LEVEL: i32 = 1;
 
+/// Writes the batches of buses; keeps what costs time to make between them.
+pub(super) struct Packer {
+    packing: Packing,
+    zstd: Option<zstd::bulk::Compressor<'static>>,
+    kinds: Kinds,
+}
+
 impl Packer {
+    pub(super) fn new(packing: Packing) -> Self {
+        Self {
+            packing,
+            zstd: None,
+            kinds: Kinds::default(),
+        }
+    }
+
     /// The batch of a bus.
     pub(super) fn encode(
         &mut self,
         stamps: pb::ArrivalStamps,
         arrivals: &[&Arrival],
     ) -> pb::RawCan {
-        let mut message = pb::RawCan::default();
+        let mut message = pb::RawCan {
+            frames: Vec::with_capacity(arrivals.len()),
+            ..pb::RawCan::default()
+        };
         let mut frames: Vec<(&CanFrame, i64)> = Vec::with_capacity(arrivals.len());
         for arrival in arrivals {
             if let Payload::Can(list) = &arrival.payload {
@@ -69,18 +47,25 @@ impl Packer {
         if message.frames.iter().all(|count| *count == 1) {
             message.frames.clear();
         }
-        let mut kinds = Kinds::default();
-        message.kind = frames.iter().map(|(frame, _)| kinds.of(frame)).collect();
-        message.kind_id = kinds.order.iter().map(|kind| kind.0).collect();
-        message.kind_flags = kinds.order.iter().map(|kind| kind.1).collect();
-        message.kind_length = kinds.order.iter().map(|kind| kind.2).collect();
+        self.kinds.begin();
+        message.kind = frames
+            .iter()
+            .map(|(frame, _)| self.kinds.of(frame))
+            .collect();
+        let kinds = || self.kinds.in_batch();
+        message.kind_id = kinds().map(|kind| kind.0).collect();
+        message.kind_flags = kinds().map(|kind| kind.1).collect();
+        message.kind_length = kinds().map(|kind| kind.2).collect();
         add_stamps(&mut message, &frames);
-        message.data_zstd = self.pack(&transpose(kinds.order.len(), &message.kind, &frames));
+        message.data_zstd = self.pack(&transpose(&message, &frames));
         message.stamps = Some(stamps);
         message
     }
 
     fn pack(&mut self, data: &[u8]) -> Vec<u8> {
+        if self.packing == Packing::Brief {
+            return stored(data);
+        }
         if self.zstd.is_none() {
             self.zstd = zstd::bulk::Compressor::new(DATA_LEVEL).ok();
         }
@@ -90,12 +75,33 @@ impl Packer {
     }
 }
 
+/// A zstd frame that holds data as they are (RFC 8878, sections 3.1.1.1 and 3.1.1.2).
+fn stored(data: &[u8]) -> Vec<u8> {
+    const MAGIC: [u8; 4] = 0xFD2F_B528_u32.to_le_bytes();
+    /// One segment, whose length stands behind in 8 bytes; no checksum, no dictionary.
+    const DESCRIPTOR: u8 = 0b1110_0000;
+    const BLOCK_MAX: usize = 1 << 17;
+    let mut frame = Vec::with_capacity(data.len() + 32);
+    frame.extend(MAGIC);
+    frame.push(DESCRIPTOR);
+    frame.extend((data.len() as u64).to_le_bytes());
+    let last = data.len().div_ceil(BLOCK_MAX).max(1) - 1;
+    for block in 0..=last {
+        let start = block * BLOCK_MAX;
+        let bytes = &data[start..data.len().min(start + BLOCK_MAX)];
+        let header = (bytes.len() as u32) << 3 | u32::from(block == last);
+        frame.extend(&header.to_le_bytes()[..3]);
+        frame.extend(bytes);
+    }
+    frame
+}
+
 /// Adds the kernel's and the adapter's stamps.
 fn add_stamps(message: &mut pb::RawCan, frames: &[(&CanFrame, i64)]) {
-    let delays: Vec<i64> = frames
-        .iter()
-        .filter_map(|(frame, realtime)| Some(realtime.wrapping_sub(frame.kernel_ns?)))
-        .collect();
+    let mut delays: Vec<i64> = Vec::with_capacity(frames.len());
+    let delay =
+        |(frame, realtime): &(&CanFrame, i64)| Some(realtime.wrapping_sub(frame.kernel_ns?));
+    delays.extend(frames.iter().filter_map(delay));
     message.kernel_none = delays.is_empty();
     if !message.kernel_none && delays.len() < frames.len() {
         message.kernel_present = bits(frames.iter().map(|(frame, _)| frame.kernel_ns.is_some()));
@@ -115,20 +121,38 @@ fn unpack(data: &[u8], length: usize) -> Result<Vec<u8>, MessageError> {
     Ok(unpacked)
 }
 
-fn transpose(kinds: usize, kind: &[u32], frames: &[(&CanFrame, i64)]) -> Vec<u8> {
-    let mut by_kind: Vec<Vec<&[u8]>> = vec![Vec::new(); kinds];
-    for (kind, (frame, _)) in kind.iter().zip(frames) {
-        by_kind[*kind as usize].push(frame.bytes());
+/// The data column by column, kind by kind.
+fn transpose(message: &pb::RawCan, frames: &[(&CanFrame, i64)]) -> Vec<u8> {
+    // Frames in the order of their kinds: where each kind ends, after all of its frames are placed.
+    let mut end = vec![0_usize; message.kind_id.len() + 1];
+    for kind in &message.kind {
+        end[*kind as usize + 1] += 1;
     }
-    let mut data = Vec::new();
-    for rows in &by_kind {
+    for kind in 1..end.len() {
+        end[kind] += end[kind - 1];
+    }
+    let mut rows: Vec<&[u8]> = vec![&[]; frames.len()];
+    for (kind, (frame, _)) in message.kind.iter().zip(frames) {
+        let place = &mut end[*kind as usize];
+        rows[*place] = frame.bytes();
+        *place += 1;
+    }
+    let mut data = Vec::with_capacity(rows.iter().map(|row| row.len()).sum());
+    let mut start = 0;
+    for end in &end[..message.kind_id.len()] {
+        let rows = &rows[start..*end];
+        start = *end;
+        if let [row] = rows {
+            data.extend_from_slice(row);
+            continue;
+        }
         let width = rows.first().map_or(0, |row| row.len());
         for column in 0..width {
             let mut before = 0_u8;
-            for row in rows {
-                data.push(row[column].wrapping_sub(before));
-                before = row[column];
-            }
+            data.extend(rows.iter().map(|row| {
+                let value = row[column];
+                value.wrapping_sub(std::mem::replace(&mut before, value))
+            }));
         }
     }
     data
@@ -239,4 +263,17 @@ fn row_width(message: &pb::RawCan, kind: usize) -> Result<usize, MessageError> {
     }
     let remote = CanFlags::from_bits(message.kind_flags[kind]).remote;
     Ok(if remote { 0 } else { length.into() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_stored_as_it_is_is_a_zstd_frame() {
+        for length in [0_u64, 1, 1 << 17, (1 << 17) + 1, 300_000] {
+            let data: Vec<u8> = (0..length).map(|n| (n * n >> 3) as u8).collect();
+            assert_eq!(unpack(&stored(&data), data.len()).expect("a frame"), data);
+        }
+    }
 }
