@@ -236,7 +236,9 @@ impl Writer {
     pub fn finish(self) -> Result<Finished> {
         let counters = self.log.counters().clone();
         let bytes = Arc::clone(&self.bytes);
-        let path = self.close()?.finish()?;
+        let (file, closed) = self.close();
+        closed?;
+        let path = file.finish()?;
         Ok(Finished {
             path,
             bytes: bytes.load(Ordering::Relaxed),
@@ -244,11 +246,13 @@ impl Writer {
         })
     }
 
-    /// Closes the log, but leaves its unfinished name.
-    pub(crate) fn close(self) -> Result<Unfinished> {
+    /// Closes the log, if the disk lets it, but leaves its unfinished name.
+    pub(crate) fn close(self) -> (Unfinished, Result<()>) {
         let finished = self.log.finish(&BTreeMap::new());
-        drop(finished.map_err(|error| error.at(&self.unfinished.active))?);
-        Ok(self.unfinished)
+        let closed = finished
+            .map(drop)
+            .map_err(|error| error.at(&self.unfinished.active));
+        (self.unfinished, closed)
     }
 
     /// Adds what was lost on the way to this file to its counters.
@@ -258,6 +262,10 @@ impl Writer {
 
     pub(crate) fn keep_unsynced(&mut self) {
         self.log.keep_unsynced();
+    }
+
+    pub(crate) fn take_unsynced(&mut self) -> Vec<Arrival> {
+        self.log.take_unsynced()
     }
 
     pub(crate) fn reached_disk(&mut self, groups: u64) {

@@ -69,6 +69,15 @@ pub(crate) struct Pending {
     pub messages: Vec<Encoded>,
 }
 
+impl Pending {
+    /// What may not have reached the disk goes into the next log too.
+    pub(crate) fn with_unsynced(mut self) -> Self {
+        self.arrivals
+            .splice(..0, std::mem::take(&mut self.unsynced));
+        self
+    }
+}
+
 type ChannelKey = (String, String, Option<SourceId>);
 
 struct Channel {
@@ -116,7 +125,7 @@ impl<W: Write> LogWriter<W> {
             options,
             channels: HashMap::new(),
             dynamic,
-            encoder: raw::Encoder::default(),
+            encoder: raw::Encoder::new(raw::Packing::Dense),
             group: Vec::new(),
             decoded: Vec::new(),
             decoded_bytes: 0,
@@ -169,6 +178,16 @@ impl<W: Write> LogWriter<W> {
             messages: self.decoded,
         };
         (pending, self.latched)
+    }
+
+    /// What is in the log, but perhaps not on the disk.
+    pub(crate) fn take_unsynced(&mut self) -> Vec<Arrival> {
+        self.unsynced
+            .take()
+            .into_iter()
+            .flatten()
+            .flatten()
+            .collect()
     }
 
     /// The arrivals that are not in the log yet.

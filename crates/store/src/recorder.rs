@@ -14,6 +14,7 @@ use std::thread::JoinHandle;
 use sample::{Arrival, LossPlace, Notice, Payload, SourceId};
 
 use crate::{Error, Finished, Options, Record, Result, Session};
+use sync::Returned;
 use worker::Worker;
 
 /// Writes a run of log files on threads of its own. Feeding it never blocks: what cannot be taken
@@ -41,7 +42,7 @@ pub(crate) struct Shared {
     pub bytes: AtomicU64,
     pub dropped_records: AtomicU64,
     pub rotate: AtomicBool,
-    pub sync_failed: Mutex<Option<String>>,
+    returned: Mutex<Option<Returned>>,
     lost: Mutex<Lost>,
     state: Mutex<DiskState>,
 }
@@ -120,16 +121,7 @@ impl Recorder {
     /// If the first file cannot be made.
     pub fn start(directory: &Path, stem: &str, session: Session, options: Options) -> Result<Self> {
         let (commands, queue) = sync_channel(options.queue_capacity);
-        let shared = Arc::new(Shared {
-            capacity: options.queue_capacity,
-            waiting: AtomicUsize::new(0),
-            bytes: AtomicU64::new(0),
-            dropped_records: AtomicU64::new(0),
-            rotate: AtomicBool::new(false),
-            sync_failed: Mutex::new(None),
-            lost: Mutex::default(),
-            state: Mutex::new(DiskState::Closed),
-        });
+        let shared = Arc::new(Shared::new(options.queue_capacity));
         let worker = Worker::open(directory, stem, session, options, Arc::clone(&shared))?;
         let worker = std::thread::Builder::new()
             .name("store-write".to_owned())
@@ -245,6 +237,19 @@ impl Drop for Recorder {
 }
 
 impl Shared {
+    fn new(capacity: usize) -> Self {
+        Self {
+            capacity,
+            waiting: AtomicUsize::new(0),
+            bytes: AtomicU64::new(0),
+            dropped_records: AtomicU64::new(0),
+            rotate: AtomicBool::new(false),
+            returned: Mutex::new(None),
+            lost: Mutex::default(),
+            state: Mutex::new(DiskState::Closed),
+        }
+    }
+
     pub(crate) fn lose(&self, arrival: &Arrival) {
         let (place, items) = match &arrival.payload {
             Payload::Can(frames) => (LossPlace::Disk, frames.len() as u64),
@@ -266,6 +271,22 @@ impl Shared {
     pub(crate) fn lost(&self) -> (u64, LostItems) {
         let lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
         (lost.arrivals, lost.items.clone())
+    }
+
+    /// These arrivals did not reach the disk in a log that is closed.
+    fn give_back(&self, reason: String, arrivals: Vec<Arrival>) {
+        let mut returned = self.returned.lock().unwrap_or_else(PoisonError::into_inner);
+        match returned.as_mut() {
+            Some(before) => before.arrivals.extend(arrivals),
+            None => *returned = Some(Returned { reason, arrivals }),
+        }
+    }
+
+    fn take_returned(&self) -> Option<Returned> {
+        self.returned
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()
     }
 
     pub(crate) fn taken(&self) {

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 
 use sample::{Arrival, LogTime};
 
-use super::sync::{Groups, Job, Watched};
+use super::sync::{Groups, Left, Watched};
 use crate::file::Writer;
 use crate::journal::Journal;
 use crate::log_writer::{Latched, Pending};
@@ -51,16 +51,39 @@ impl OpenFile {
         }
     }
 
-    /// What the syncing thread has to do for it.
-    pub(crate) fn watch(&self) -> Result<Job> {
+    /// What the syncing thread needs of it.
+    pub(crate) fn watch(&self) -> Result<Watched> {
         let mut files = vec![self.writer.handle()?];
         if let Some(journal) = &self.journal {
             files.extend(journal.handles()?);
         }
-        Ok(Job::Watch(Watched {
+        Ok(Watched {
             files,
             groups: Arc::clone(&self.groups),
-        }))
+        })
+    }
+
+    /// Why the disk refused to sync it, if it did.
+    pub(crate) fn refused(&self) -> Option<&str> {
+        self.groups.refused()
+    }
+
+    #[cfg(test)]
+    pub(crate) fn refuse(&self, reason: String) {
+        self.groups.refuse(reason);
+    }
+
+    /// Closes it: `Left::whole` tells whether that was possible, an error why not.
+    pub(crate) fn close(mut self) -> (Left, Result<()>) {
+        let kept = self.writer.take_unsynced();
+        let (file, closed) = self.writer.close();
+        let left = Left {
+            file,
+            whole: closed.is_ok(),
+            groups: self.groups,
+            kept,
+        };
+        (left, closed)
     }
 
     /// Repeats the states that last, and takes what another file did not take.

@@ -4,9 +4,11 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+use sample::Arrival;
 
 use super::Shared;
 use crate::file::Unfinished;
@@ -18,8 +20,11 @@ pub(crate) enum Job {
     Watch(Watched),
     /// The log that is watched is given up: a disk that is in use cannot be unmounted.
     Forget,
-    /// This file is closed: sync it and give it its name.
-    Finish(Unfinished),
+    /// Nothing more goes into this log: sync it and give it its name. Then the one that follows it is
+    /// watched.
+    Leave(Box<Left>, Option<Watched>),
+    /// Say when all jobs before this one are done.
+    Settle(Sender<()>),
 }
 
 /// A log that is being written.
@@ -31,7 +36,7 @@ pub(crate) struct Watched {
 
 impl Watched {
     /// Syncs it; `false`, and told, if the disk refuses.
-    fn sync(&self, shared: &Shared) -> bool {
+    fn sync(&self) -> bool {
         let written = self.groups.written.load(Ordering::Acquire);
         match self.files.iter().try_for_each(File::sync_data) {
             Ok(()) => {
@@ -39,11 +44,38 @@ impl Watched {
                 true
             }
             Err(error) => {
-                report(shared, &format!("cannot sync the log: {error}"));
+                tracing::error!(%error, "the log did not reach the disk");
+                self.groups.refuse(format!("cannot sync the log: {error}"));
                 false
             }
         }
     }
+}
+
+/// A log that nothing more goes into.
+pub(crate) struct Left {
+    pub file: Unfinished,
+    /// It has its summary: its name can be given to it.
+    pub whole: bool,
+    pub groups: Arc<Groups>,
+    /// What it took, but perhaps not the disk.
+    pub kept: Vec<Arrival>,
+}
+
+impl Left {
+    fn sync(&self) -> std::result::Result<(), String> {
+        // The system tells of each refusal once only.
+        match self.groups.refused() {
+            Some(reason) => Err(reason.to_owned()),
+            None => self.file.sync().map_err(|error| error.to_string()),
+        }
+    }
+}
+
+/// What a closed log took, but not the disk.
+pub(crate) struct Returned {
+    pub reason: String,
+    pub arrivals: Vec<Arrival>,
 }
 
 /// Groups of raw data in a log.
@@ -53,6 +85,18 @@ pub(crate) struct Groups {
     pub written: AtomicU64,
     /// Those of them that have reached the disk.
     pub synced: AtomicU64,
+    refused: OnceLock<String>,
+}
+
+impl Groups {
+    /// Why the disk refused to sync them, if it did.
+    pub(crate) fn refused(&self) -> Option<&str> {
+        self.refused.get().map(String::as_str)
+    }
+
+    pub(crate) fn refuse(&self, reason: String) {
+        self.refused.get_or_init(|| reason);
+    }
 }
 
 /// The syncing thread.
@@ -77,6 +121,14 @@ impl Syncer {
         }
     }
 
+    /// Waits until all jobs so far are done.
+    pub(crate) fn settle(&self) {
+        let (done, wait) = channel();
+        self.send(Job::Settle(done));
+        // Nobody answers if the thread is gone, which has been told.
+        let _ = wait.recv();
+    }
+
     /// Waits until all is on the disk; gives the files that could not be finished.
     pub(crate) fn finish(self) -> Vec<PathBuf> {
         drop(self.jobs);
@@ -90,14 +142,20 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
     loop {
         match queue.recv_timeout(interval) {
             Ok(Job::Watch(log)) => {
-                // A power cut must not leave what came later without what came before.
-                if let Some(before) = watched.replace(log) {
-                    before.sync(shared);
-                }
+                closed.broken = false;
+                watched = Some(log);
             }
             Ok(Job::Forget) => watched = None,
-            Ok(Job::Finish(file)) => {
-                closed.take(file);
+            Ok(Job::Leave(log, next)) => {
+                // A power cut must not leave what came later without what came before.
+                let synced = closed.take(*log, shared);
+                watched = next.filter(|next| synced && next.sync());
+                closed.give_names();
+                continue;
+            }
+            Ok(Job::Settle(done)) => {
+                // Who asked may have gone.
+                let _ = done.send(());
                 continue;
             }
             Err(RecvTimeoutError::Timeout) => closed.give_names(),
@@ -106,31 +164,41 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
                 return closed.unfinished();
             }
         }
-        watched = watched.filter(|log| log.sync(shared));
+        watched = watched.filter(Watched::sync);
     }
 }
 
-/// Closed files that do not bear their names yet. The file that is being written goes on whatever
-/// becomes of them.
+/// Closed files that do not bear their names yet.
 #[derive(Default)]
 struct Closed {
     /// On the disk; the name is tried again and again.
     nameless: Vec<Unfinished>,
     /// Not known to be on the disk; left to the next recovery.
     unsynced: Vec<PathBuf>,
+    /// One did not reach the disk, so that what follows it has to come again with it.
+    broken: bool,
     last_failure: String,
 }
 
 impl Closed {
-    fn take(&mut self, file: Unfinished) {
-        match file.sync() {
-            Ok(()) => self.nameless.push(file),
-            Err(error) => {
-                tracing::error!(%error, "a closed log did not reach the disk");
-                self.unsynced.push(file.active);
-            }
+    /// Syncs a log; if the disk refuses, its arrivals are given back, and `false`.
+    fn take(&mut self, log: Left, shared: &Shared) -> bool {
+        let synced = if self.broken {
+            Err("the log before it did not reach the disk".to_owned())
+        } else {
+            log.sync()
+        };
+        let Err(reason) = synced else {
+            self.nameless.extend(log.whole.then_some(log.file));
+            return true;
+        };
+        tracing::error!(reason, "a closed log did not reach the disk");
+        self.broken = true;
+        if log.whole {
+            self.unsynced.push(log.file.active);
         }
-        self.give_names();
+        shared.give_back(reason, log.kept);
+        false
     }
 
     fn give_names(&mut self) {
@@ -152,12 +220,4 @@ impl Closed {
         let nameless = self.nameless.into_iter().map(|file| file.active);
         self.unsynced.into_iter().chain(nameless).collect()
     }
-}
-
-fn report(shared: &Shared, reason: &str) {
-    tracing::error!(reason, "the log did not reach the disk");
-    *shared
-        .sync_failed
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner) = Some(reason.to_owned());
 }

@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::sync::{Arc, PoisonError, atomic::Ordering};
+use std::sync::{Arc, atomic::Ordering};
 use std::time::Instant;
 
 use sample::Arrival;
 
 use super::open_file::OpenFile;
-use super::sync::{Job, Syncer};
+use super::sync::{Job, Syncer, Watched};
 use super::{Command, DiskState, LostItems, RecorderSummary, Shared, on_disk};
-use crate::file::{Writer, part_path};
+use crate::file::part_path;
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, Finished, Options, Record, Result, Session};
 
@@ -70,7 +70,7 @@ impl Worker {
         let syncer = Syncer::start(options.sync_interval, Arc::clone(&shared))?;
         let path = part_path(directory, stem, 0);
         let file = OpenFile::create(&path, &session, &options, 0)?;
-        syncer.send(file.watch()?);
+        syncer.send(Job::Watch(file.watch()?));
         shared.set_state(DiskState::Writing(path));
         Ok(Self {
             directory: directory.to_owned(),
@@ -146,17 +146,14 @@ impl Worker {
     }
 
     fn look_after_disk(&mut self) {
-        let refused = self
-            .shared
-            .sync_failed
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take();
-        if let Some(reason) = refused
-            && matches!(self.sink, Sink::Open(_))
-        {
+        let refused = match &self.sink {
+            Sink::Open(file) => file.refused().map(str::to_owned),
+            Sink::Failing { .. } => None,
+        };
+        if let Some(reason) = refused {
             self.fail_because(reason, true);
         }
+        self.take_back();
         match &self.sink {
             Sink::Open(file) => {
                 let bytes = self.bytes_before + file.writer.bytes();
@@ -197,10 +194,10 @@ impl Worker {
         // The new file is there before the old one is closed.
         let next = self.new_file(latched.clone(), Pending::default());
         match next {
-            Ok(next) => {
-                let old = std::mem::replace(&mut self.sink, next);
+            Ok((next, watched)) => {
+                let old = std::mem::replace(&mut self.sink, Sink::Open(next));
                 if let Sink::Open(file) = old {
-                    self.close(file.writer);
+                    self.close(*file, Some(watched));
                 }
             }
             Err(failed) => {
@@ -218,7 +215,7 @@ impl Worker {
                 self.summary.last_failure = Some(reason.clone());
                 self.shared.set_state(DiskState::Failing { reason });
                 if let Sink::Open(file) = old {
-                    self.close(file.writer);
+                    self.close(*file, None);
                 }
             }
         }
@@ -228,7 +225,7 @@ impl Worker {
         &mut self,
         latched: Latched,
         pending: Pending,
-    ) -> std::result::Result<Sink, Box<(Pending, Error)>> {
+    ) -> std::result::Result<(Box<OpenFile>, Watched), Box<(Pending, Error)>> {
         self.part += 1;
         let path = part_path(&self.directory, &self.stem, self.part);
         let mut file = match OpenFile::create(&path, &self.session, &self.options, self.part) {
@@ -239,10 +236,9 @@ impl Worker {
             }
         };
         match file.begin(latched, pending).and_then(|()| file.watch()) {
-            Ok(job) => {
-                self.syncer.send(job);
+            Ok(watched) => {
                 self.shared.set_state(DiskState::Writing(path));
-                Ok(Sink::Open(Box::new(file)))
+                Ok((Box::new(file), watched))
             }
             Err(error) => {
                 let (pending, _, unfinished) = file.writer.abandon();
@@ -250,7 +246,7 @@ impl Worker {
                     tracing::warn!(%error, "cannot remove an empty log");
                 }
                 self.take_part_back(&path);
-                Err(Box::new((pending, error)))
+                Err(Box::new((pending.with_unsynced(), error)))
             }
         }
     }
@@ -263,10 +259,12 @@ impl Worker {
         }
     }
 
-    fn close(&mut self, mut writer: Writer) {
+    /// Closes a log, which `next` follows.
+    fn close(&mut self, mut file: OpenFile, next: Option<Watched>) {
         // What was lost since the last file that could be closed: the sum over the files is all.
         let losses = self.losses();
         let own = losses.since(&self.told);
+        let writer = &mut file.writer;
         writer.lose(&own.items, own.records);
         self.bytes_before += writer.bytes();
         let finished = Finished {
@@ -274,23 +272,23 @@ impl Worker {
             bytes: writer.bytes(),
             counters: writer.counters().clone(),
         };
-        let active = crate::file::active_path(writer.path());
-        match writer.close() {
-            Ok(file) => {
+        let (left, closed) = file.close();
+        match closed {
+            Ok(()) => {
                 self.told = losses;
-                let size = file.file.metadata().map(|m| m.len());
+                let size = left.file.file.metadata().map(|m| m.len());
                 self.summary.files.push(Finished {
                     bytes: size.unwrap_or(finished.bytes),
                     ..finished
                 });
-                self.syncer.send(Job::Finish(file));
             }
             Err(error) => {
                 tracing::error!(%error, "cannot close the log; it waits for recovery");
                 self.summary.last_failure = Some(error.to_string());
-                self.summary.unfinished.push(active);
+                self.summary.unfinished.push(left.file.active.clone());
             }
         }
+        self.syncer.send(Job::Leave(Box::new(left), next));
     }
 
     fn losses(&self) -> Losses {
@@ -318,11 +316,8 @@ impl Worker {
         if let Sink::Open(file) = std::mem::replace(&mut self.sink, failing) {
             self.bytes_before += file.writer.bytes();
             self.syncer.send(Job::Forget);
-            let (mut kept, last, file) = file.writer.abandon();
-            let unsynced = std::mem::take(&mut kept.unsynced);
-            if again {
-                kept.arrivals.splice(..0, unsynced);
-            }
+            let (kept, last, file) = file.writer.abandon();
+            let kept = if again { kept.with_unsynced() } else { kept };
             self.summary.unfinished.push(file.active);
             if let Sink::Failing {
                 pending, latched, ..
@@ -343,9 +338,10 @@ impl Worker {
         };
         let (pending, latched) = (std::mem::take(pending), std::mem::take(latched));
         match self.new_file(latched.clone(), pending) {
-            Ok(sink) => {
+            Ok((file, watched)) => {
                 tracing::warn!("the disk takes the log again");
-                self.sink = sink;
+                self.syncer.send(Job::Watch(watched));
+                self.sink = Sink::Open(file);
             }
             Err(failed) => {
                 let (pending, error) = *failed;
@@ -363,26 +359,32 @@ impl Worker {
         }
     }
 
-    fn finish(mut self) -> RecorderSummary {
-        if matches!(self.sink, Sink::Failing { .. }) {
-            self.retry();
-        }
-        let closing = Sink::Failing {
-            pending: Pending::default(),
-            latched: Latched::default(),
-            retry_at: Instant::now(),
+    /// Takes what closed logs took, but not the disk, into the next one; `false` if there is nothing.
+    fn take_back(&mut self) -> bool {
+        let Some(returned) = self.shared.take_returned() else {
+            return false;
         };
-        match std::mem::replace(&mut self.sink, closing) {
-            Sink::Open(mut file) => match file.flush() {
-                Ok(()) => self.close(file.writer),
-                Err(error) => {
-                    self.summary.last_failure = Some(error.to_string());
-                    let (pending, _, file) = file.writer.abandon();
-                    self.summary.unfinished.push(file.active);
-                    self.give_up(&pending);
-                }
-            },
-            Sink::Failing { pending, .. } => self.give_up(&pending),
+        if matches!(self.sink, Sink::Open(_)) {
+            self.fail_because(returned.reason, true);
+        } else {
+            self.summary.last_failure = Some(returned.reason);
+        }
+        if let Sink::Failing { pending, .. } = &mut self.sink {
+            pending.arrivals.splice(..0, returned.arrivals);
+            // What two logs give back may come in two parts.
+            pending.arrivals.sort_by_key(|arrival| arrival.sequence);
+        }
+        true
+    }
+
+    fn finish(mut self) -> RecorderSummary {
+        self.close_last();
+        if self.take_back() {
+            self.close_last();
+            self.take_back();
+        }
+        if let Sink::Failing { pending, .. } = &self.sink {
+            self.give_up(pending);
         }
         self.shared.set_state(DiskState::Closed);
         let (lost_arrivals, lost_items) = self.shared.lost();
@@ -398,6 +400,33 @@ impl Worker {
         summary
     }
 
+    /// Writes what waits, in a new file if need be, closes it, and waits until it is known whether
+    /// the disk has taken it. What it has not taken stays in the sink.
+    fn close_last(&mut self) {
+        if matches!(self.sink, Sink::Failing { .. }) {
+            self.retry();
+        }
+        let flushed = match &mut self.sink {
+            Sink::Open(file) => file.flush(),
+            Sink::Failing { .. } => return,
+        };
+        if let Err(error) = flushed {
+            return self.fail(&error);
+        }
+        let closed = Sink::Failing {
+            pending: Pending::default(),
+            latched: Latched::default(),
+            retry_at: Instant::now(),
+        };
+        if let Sink::Open(file) = std::mem::replace(&mut self.sink, closed) {
+            if let Sink::Failing { latched, .. } = &mut self.sink {
+                *latched = file.writer.latched().clone();
+            }
+            self.close(*file, None);
+        }
+        self.syncer.settle();
+    }
+
     fn give_up(&self, pending: &Pending) {
         for arrival in &pending.arrivals {
             self.shared.lose(arrival);
@@ -407,3 +436,6 @@ impl Worker {
             .fetch_add(pending.messages.len() as u64, Ordering::Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests;
