@@ -188,6 +188,9 @@ pub struct ScoreArgs {
     /// Judge the smoothed estimates of `replay --smooth` instead of the causal ones.
     #[arg(long)]
     pub smoothed: bool,
+    /// Tell only how large the filters' innovations are, which needs no truth.
+    #[arg(long, conflicts_with_all = ["against", "smoothed"])]
+    pub innovations: bool,
     /// Leave out the first seconds, while the estimator settles.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = positive)]
     pub from_s: f64,

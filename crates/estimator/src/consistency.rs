@@ -48,7 +48,7 @@ pub fn consistency(normalised: &[Vec<f64>], window: usize) -> Option<Consistency
         return None;
     }
     let freedom = effective_freedom(&signals, window);
-    let bounds = bounds(freedom);
+    let bounds = chi_square_bounds(freedom);
     let count = (signals.len() * window) as f64;
     let means: Vec<f64> = (0..steps.len() / window)
         .map(|w| {
@@ -72,7 +72,8 @@ pub fn consistency(normalised: &[Vec<f64>], window: usize) -> Option<Consistency
 
 /// 95 % bounds of the mean of `freedom` independent squares of standard normal numbers (Wilson and
 /// Hilferty's approximation of chi-square).
-fn bounds(freedom: f64) -> [f64; 2] {
+#[must_use]
+pub fn chi_square_bounds(freedom: f64) -> [f64; 2] {
     let spread = 2.0 / (9.0 * freedom.max(1.0));
     [-1.959_964, 1.959_964].map(|z| (1.0 - spread + z * spread.sqrt()).max(0.0).powi(3))
 }
@@ -148,7 +149,7 @@ mod tests {
     #[test]
     fn bounds_hold_the_tabulated_chi_square() {
         // Chi-square with 100 degrees of freedom: 74.22 and 129.56.
-        let [low, high] = bounds(100.0);
+        let [low, high] = chi_square_bounds(100.0);
         assert!((low - 0.7422).abs() < 2e-3 && (high - 1.2956).abs() < 2e-3);
     }
 

@@ -3,8 +3,8 @@ use model::vehicle::{Axle, Vehicle};
 use nalgebra::Vector3;
 use sample::{
     Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssVelocity, ImuSample,
-    LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample, StrainChannel, TyreForce,
-    Wheel,
+    InnovationKind, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
+    StrainChannel, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -13,6 +13,7 @@ use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
 use crate::gyro::{self, GyroWatch};
+use crate::innovation::InnovationTally;
 use crate::inputs::{FrozenChange, Readings, finite3};
 use crate::kinematics;
 use crate::lift::LiftDetector;
@@ -387,7 +388,13 @@ impl Estimator {
         estimate
     }
 
-    fn parameters(&self, time: LogTime) -> Parameters {
+    fn parameters(&mut self, time: LogTime) -> Parameters {
+        let mut of_forces = InnovationTally::default();
+        let of_forces = self
+            .fusion
+            .as_mut()
+            .map_or(&mut of_forces, Fusion::innovations);
+        let innovations = self.motion.innovations.report(of_forces);
         let (steer_offset_rad, steer_offset_sigma_rad) = self.grip.steer_offset();
         Parameters {
             time,
@@ -399,6 +406,7 @@ impl Estimator {
             steer_offset_sigma_rad,
             front: self.grip.axle(0, time),
             rear: self.grip.axle(1, time),
+            innovations,
         }
     }
 
@@ -506,12 +514,13 @@ impl Estimator {
             forward = speed;
             let doubt = 0.1 + 0.03 * forward.abs();
             let centre = Vector3::zeros();
+            let kind = Some(InnovationKind::WheelSpeed);
             let _ = self
                 .motion
-                .push_body_velocity(ahead, centre, forward, doubt);
+                .push_body_velocity(ahead, centre, forward, doubt, kind);
             let _ = self
                 .motion
-                .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S);
+                .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S, None);
         }
         self.constrain_axles(forward, left);
     }
@@ -531,7 +540,9 @@ impl Estimator {
             let across = forward * (wheels + slip).tan();
             let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
             let place = Vector3::new(x, 0.0, 0.0);
-            let _ = self.motion.push_body_velocity(left, place, across, doubt);
+            let _ = self
+                .motion
+                .push_body_velocity(left, place, across, doubt, None);
         }
     }
 

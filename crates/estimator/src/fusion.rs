@@ -42,6 +42,7 @@ use sample::{ForceSource, LogTime, PerWheel, StrainChannel, TyreForce};
 
 use crate::calibration::CornerChannels;
 use crate::corners::CornerState;
+use crate::innovation::InnovationTally;
 use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
 use crate::trace::Operation;
@@ -94,6 +95,7 @@ pub struct Fusion {
     blind: bool,
     steps: u32,
     resets: u32,
+    innovations: InnovationTally,
 }
 
 /// What of the vehicle enters the balances.
@@ -212,6 +214,7 @@ impl Fusion {
             blind: false,
             steps: 0,
             resets: 0,
+            innovations: InnovationTally::default(),
         };
         fusion.restart(channels);
         fusion
@@ -385,6 +388,11 @@ impl Fusion {
     #[must_use]
     pub fn body_motion(&self) -> Option<[Vector3<f64>; 2]> {
         self.body_motion
+    }
+
+    /// Innovations since they were last reported.
+    pub(crate) fn innovations(&mut self) -> &mut InnovationTally {
+        &mut self.innovations
     }
 
     /// Rate of a wheel's load, N/s.

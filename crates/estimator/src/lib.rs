@@ -21,6 +21,7 @@ pub mod fusion;
 pub mod grip;
 mod gyro;
 pub mod identification;
+mod innovation;
 pub mod inputs;
 mod kinematics;
 pub mod lift;

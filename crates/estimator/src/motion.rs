@@ -22,6 +22,7 @@ mod update;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 
+use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
 use history::{History, Pose};
 pub use solution::Solution;
@@ -110,6 +111,8 @@ pub struct MotionFilter {
     velocity_misses: u32,
     attitude_misses: u32,
     resets: u32,
+    /// Innovations since they were last reported.
+    pub(crate) innovations: InnovationTally,
     trace: Trace<STATES>,
 }
 
@@ -183,6 +186,7 @@ impl MotionFilter {
             velocity_misses: 0,
             attitude_misses: 0,
             resets: 0,
+            innovations: InnovationTally::default(),
             trace: Trace::default(),
         };
         filter.restart();

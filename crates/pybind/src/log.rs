@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use report::score::{compare, score};
+use report::score::{compare, innovations, innovations_json, score};
 use sample::LogTime;
 use store::{Reader, Stage};
 
@@ -120,6 +120,13 @@ impl LogReader {
         });
         let json = found.map_err(|error| errors::score(&error))?;
         Ok(json.to_string())
+    }
+
+    /// The innovations of `atvrec score --innovations --json`.
+    fn innovations_json(&self, py: Python<'_>, from_s: f64) -> PyResult<String> {
+        let found = py.detach(|| innovations(&self.reader, from_s));
+        let found = found.map_err(|error| errors::score(&error))?;
+        Ok(innovations_json(&found).to_string())
     }
 
     /// Names of an enumeration's values, by field, for the fields of a topic that are one.

@@ -20,6 +20,11 @@ def test_a_score_has_the_promised_keys(simulated_log: Path) -> None:
         assert set(row) == set(get_type_hints(scoring.Signal))
     assert found["forces_nees"] is not None
     assert set(found["forces_nees"]) == set(get_type_hints(scoring.Consistency))
+    kinds = [row["kind"] for row in found["innovations"]]
+    assert {"strain", "strut", "accelerometer", "gyro", "gnss_velocity"} <= set(kinds)
+    for of_kind in found["innovations"]:
+        assert set(of_kind) == set(get_type_hints(scoring.Innovations))
+    assert atvrec.innovations(simulated_log) == found["innovations"]
     same = atvrec.score(atvrec.open(simulated_log), from_s=2.0)
     assert same == found
     assert atvrec.score(simulated_log, from_s=3.0)["seconds"] < found["seconds"]
@@ -56,3 +61,5 @@ def test_what_cannot_be_scored_is_said(simulated_log: Path, reference_log: Path)
         atvrec.score(simulated_log, smoothed=True)
     with pytest.raises(atvrec.ArgumentError, match="from_s"):
         atvrec.score(simulated_log, from_s=float("nan"))
+    with pytest.raises(atvrec.ArgumentError, match="from_s"):
+        atvrec.innovations(simulated_log, from_s=-1.0)

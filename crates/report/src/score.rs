@@ -3,6 +3,7 @@
 //! The keys of the JSON are a contract: see `docs/score.md`.
 
 mod compare;
+mod innovations;
 mod lifts;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use compare::{Comparison, Difference, compare};
+pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use lifts::{Lift, Lifts};
 
 /// Sideslip means little below this speed, m/s.
@@ -76,6 +78,8 @@ pub struct Score {
     pub signals: Vec<SignalScore>,
     /// Whether the deviations of all forces together hold.
     pub forces: Option<Consistency>,
+    /// Whether innovations are as large as the filters expect.
+    pub innovations: Vec<InnovationScore>,
     /// Lifts of wheels and of sides.
     pub lifts: Lifts,
     /// How many events of each kind the estimator declared.
@@ -101,6 +105,7 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
         seconds: pairs.len() as f64 * INTERVAL_S,
         signals: signals(&pairs, &loads),
         forces: forces(&pairs),
+        innovations: innovations(reader, from_s)?,
         lifts: lifts::find(reader, start, &loads)?,
         events: events(reader)?,
     })
@@ -310,6 +315,7 @@ impl Score {
             "seconds": self.seconds,
             "signals": signals,
             "forces_nees": self.forces.as_ref().map(consistency_json),
+            "innovations": innovations_json(&self.innovations),
             "lifts": lifts,
             "false_lifts": self.lifts.false_wheels,
             "two_wheel_lifts": sides,

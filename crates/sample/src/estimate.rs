@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{LogTime, LossPlace, PerWheel, SourceId, Wheel};
+use crate::{InnovationKind, Innovations, LogTime, LossPlace, PerWheel, SourceId, Wheel};
 
 /// What the estimator publishes at one instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,6 +106,8 @@ pub struct Parameters {
     pub front: AxleGrip,
     /// Tyres of the rear axle.
     pub rear: AxleGrip,
+    /// Innovations since the last report, by [`InnovationKind::index`].
+    pub innovations: [Innovations; InnovationKind::COUNT],
 }
 
 /// What the tyres of an axle have to do with the ground.

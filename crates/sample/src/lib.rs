@@ -13,6 +13,7 @@
 
 mod arrival;
 mod estimate;
+mod innovation;
 mod measurement;
 mod stamp;
 mod wheel;
@@ -22,6 +23,7 @@ pub use estimate::{
     AxleGrip, Estimate, Event, EventKind, ForceSource, Health, Motion, Parameters, Severity,
     SourceHealth, TyreForce,
 };
+pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
     GnssVelocity, GroundSpeedSample, ImuSample, Measurement, Sample, Signal, SignalFrame,

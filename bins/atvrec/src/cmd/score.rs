@@ -1,6 +1,8 @@
 //! `atvrec score`: estimates of a log against its truth, or against another log's.
 
-use report::score::{Comparison, Lift, Score, compare, score};
+use report::score::{
+    Comparison, InnovationScore, Lift, Score, compare, innovations, innovations_json, score,
+};
 use sample::Wheel;
 use store::{Reader, Stage};
 
@@ -22,6 +24,18 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
             println!("{:#}", found.to_json());
         } else {
             tell_comparison(&found);
+        }
+        return Ok(Outcome::Good);
+    }
+    if args.innovations {
+        let found = innovations(&reader, args.from_s)?;
+        if args.json {
+            println!(
+                "{:#}",
+                serde_json::json!({ "innovations": innovations_json(&found) })
+            );
+        } else {
+            tell_innovations(&found);
         }
         return Ok(Outcome::Good);
     }
@@ -93,6 +107,9 @@ fn tell(found: &Score) {
             100.0 * forces.above,
         );
     }
+    println!();
+    tell_innovations(&found.innovations);
+    println!();
     let lifts = &found.lifts;
     for lift in lifts.wheels.iter().chain(&lifts.sides) {
         tell_lift(lift);
@@ -110,6 +127,27 @@ fn tell(found: &Score) {
     );
     for (kind, count) in &found.events {
         println!("declared: {count} {kind}");
+    }
+}
+
+fn tell_innovations(found: &[InnovationScore]) {
+    println!(
+        "{:<20}{:>10}{:>10}{:>8}{:>10}{:>10}{:>9}  bounds",
+        "innovations", "count", "rejected", "nis", "inside %", "above %", "windows"
+    );
+    for row in found {
+        println!(
+            "{:<20}{:>10}{:>10}{:>8.2}{:>10.0}{:>10.0}{:>9}  {:.2} to {:.2}",
+            row.kind.name(),
+            row.count,
+            row.rejected,
+            row.mean,
+            100.0 * row.inside,
+            100.0 * row.above,
+            row.windows,
+            row.bounds[0],
+            row.bounds[1],
+        );
     }
 }
 

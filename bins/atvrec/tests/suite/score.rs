@@ -60,7 +60,15 @@ fn every_key_is_promised_and_every_promise_kept() {
         }
         assert_eq!(all, promised, "{section}");
     }
+    let promised = promised("Innovations");
+    let alone = scored(directory.path(), &["--innovations"]);
     let found = scored(directory.path(), &[]);
+    assert_eq!(alone["innovations"], found["innovations"]);
+    for row in found["innovations"].as_array().expect("a list") {
+        assert_eq!(keys(row), promised);
+        let mean = row["mean"].as_f64().expect("a number");
+        assert!((0.1..2.0).contains(&mean), "{row}");
+    }
     let lift = &found["lifts"][0];
     let promised = ["wheel", "at_s", "declared_after_s", "warned_before_s"];
     assert_eq!(keys(lift), promised.map(str::to_owned).into());

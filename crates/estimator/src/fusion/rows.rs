@@ -2,7 +2,7 @@
 
 use model::suspension::CornerStatics;
 use nalgebra::{Matrix3, SVector, Vector3};
-use sample::{PerWheel, StrainChannel};
+use sample::{InnovationKind, PerWheel, StrainChannel};
 
 use super::covariance::{Column, Row, position};
 use super::moments::KnownMoment;
@@ -31,6 +31,8 @@ const SURPRISE_N: f64 = 150.0;
 const SURPRISE_N_S: f64 = 4.0e3;
 /// Gate of rows that no channel answers for, squared.
 const GATE: f64 = 25.0;
+/// The same of a strut's force, whose level may be off.
+const STRUT_GATE: f64 = 100.0;
 /// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
 const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
 /// Strut's force where no strain tells what of it F_x and F_y carry, N.
@@ -131,6 +133,7 @@ impl Fusion {
             }
             row.add(ACCEL + axis, mass);
             let innovation = self.take(&row, sum[axis], variance, GATE);
+            self.count(InnovationKind::Accelerometer, innovation, GATE);
             agrees &= innovation * innovation <= GATE;
         }
         for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
@@ -142,7 +145,8 @@ impl Fusion {
             // The reading itself: the motion's rate is already carried on to now.
             let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
             let value = read + age * balance.constant[axis];
-            self.take(&row, value, gyro * gyro, GATE);
+            let innovation = self.take(&row, value, gyro * gyro, GATE);
+            self.count(InnovationKind::Gyro, innovation, GATE);
         }
         agrees
     }
@@ -266,7 +270,8 @@ impl Fusion {
             let value = corner.strut_n - members.offset_n[5];
             let length_mm = 1e3 * (value - row.times(&self.state)) / corner.strut_stiffness_n_m;
             let variance = corner.strut_sigma_n.powi(2) + blind * blind;
-            let innovation = self.take(&row, value, variance, 4.0 * GATE);
+            let innovation = self.take(&row, value, variance, STRUT_GATE);
+            self.count(InnovationKind::Strut, innovation, STRUT_GATE);
             if !self.settling() {
                 self.lengths[wheel].learn(innovation, length_mm);
             }
@@ -377,9 +382,17 @@ impl Fusion {
         }
         let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
         self.health[wheel][i].expect(total);
+        let kind = if i < AXIAL.len() {
+            InnovationKind::Strain
+        } else {
+            InnovationKind::Bending
+        };
         if good {
+            self.innovations.used(kind, innovation * innovation / total);
             self.health[wheel][i].learn(innovation, said.tolerance);
             self.apply(row, &ph, innovation, total);
+        } else {
+            self.innovations.rejected(kind);
         }
         change
     }
@@ -393,6 +406,18 @@ impl Fusion {
             self.apply(row, &ph, innovation, total);
         }
         innovation / total.sqrt()
+    }
+
+    /// Counts an innovation, in deviations, of a filter that has settled.
+    fn count(&mut self, kind: InnovationKind, innovation: f64, gate: f64) {
+        if self.settling() {
+            return;
+        }
+        if innovation * innovation <= gate {
+            self.innovations.used(kind, innovation * innovation);
+        } else {
+            self.innovations.rejected(kind);
+        }
     }
 
     fn apply(&mut self, row: &Row, ph: &Column, innovation: f64, total: f64) {

@@ -1,7 +1,7 @@
 //! Corrections of the motion filter.
 
 use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
-use sample::LogTime;
+use sample::{InnovationKind, LogTime};
 
 use crate::trace::{Operation, Update};
 
@@ -92,6 +92,9 @@ impl MotionFilter {
                 self.velocity_misses = 0;
                 self.velocity_time = None;
             }
+            for _ in 0..3 {
+                self.innovations.rejected(InnovationKind::GnssVelocity);
+            }
             return Verdict::Rejected;
         }
         let mut delta = SVector::<f64, STATES>::zeros();
@@ -101,7 +104,8 @@ impl MotionFilter {
             for j in 0..3 {
                 h[ATTITUDE + j] = slope[(axis, j)];
             }
-            self.scalar(&h, residual[axis], sigma[axis].powi(2), &mut delta);
+            let kind = Some(InnovationKind::GnssVelocity);
+            self.scalar(kind, &h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
         self.inject(&delta);
         self.velocity_misses = 0;
@@ -186,9 +190,11 @@ impl MotionFilter {
             let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
             if innovation.powi(2) > GATE * GATE * variance {
                 rejected = true;
+                self.innovations.rejected(InnovationKind::GnssAttitude);
                 continue;
             }
-            self.scalar(&h, value, sigma[axis].powi(2), &mut delta);
+            let kind = Some(InnovationKind::GnssAttitude);
+            self.scalar(kind, &h, value, sigma[axis].powi(2), &mut delta);
             used = true;
         }
         self.inject(&delta);
@@ -274,13 +280,15 @@ impl MotionFilter {
 
     /// What a road vehicle does: velocity along the unit vector `direction`, body axes, of a point
     /// `arm_m` from the centre of gravity: forwards from wheel speeds, leftwards because the
-    /// tyres' slip is small, along the ground's normal because it does not fly.
+    /// tyres' slip is small, along the ground's normal because it does not fly. Of what a sensor
+    /// tells, `kind` is what its innovation counts as.
     pub fn push_body_velocity(
         &mut self,
         direction: Vector3<f64>,
         arm_m: Vector3<f64>,
         value_m_s: f64,
         sigma_m_s: f64,
+        kind: Option<InnovationKind>,
     ) -> Verdict {
         if !value_m_s.is_finite() || self.time.is_none() {
             return Verdict::Unusable;
@@ -299,10 +307,13 @@ impl MotionFilter {
         h.fixed_rows_mut::<3>(GYRO_BIAS).copy_from(&bias);
         let variance = (h.transpose() * self.covariance * h)[0] + sigma_m_s * sigma_m_s;
         if residual * residual > GATE * GATE * variance {
+            if let Some(kind) = kind {
+                self.innovations.rejected(kind);
+            }
             return Verdict::Rejected;
         }
         let mut delta = SVector::<f64, STATES>::zeros();
-        self.scalar(&h, residual, sigma_m_s * sigma_m_s, &mut delta);
+        self.scalar(kind, &h, residual, sigma_m_s * sigma_m_s, &mut delta);
         self.inject(&delta);
         Verdict::Used
     }
@@ -310,6 +321,7 @@ impl MotionFilter {
     /// One scalar value; `residual` is against the nominal state, `delta` what was found so far.
     fn scalar(
         &mut self,
+        kind: Option<InnovationKind>,
         h: &SVector<f64, STATES>,
         residual: f64,
         variance: f64,
@@ -321,6 +333,9 @@ impl MotionFilter {
             return;
         }
         let innovation = residual - h.dot(delta);
+        if let Some(kind) = kind {
+            self.innovations.used(kind, innovation * innovation / total);
+        }
         *delta += ph * (innovation / total);
         self.covariance -= ph * ph.transpose() / total;
         self.trace.note(|| {

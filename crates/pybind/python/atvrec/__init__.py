@@ -1,7 +1,8 @@
 """Vehicle dynamics and logs of atvrec, the recorder that estimates tyre forces.
 
 - :func:`open` reads logs into NumPy arrays, pandas or polars frames
-- :func:`score` judges a log's estimates by its truth, :func:`compare` by another log's
+- :func:`score` judges a log's estimates by its truth, :func:`compare` by another log's,
+  :func:`innovations` by its own measurements
 - :class:`Vehicle` reads vehicle files
 - :class:`Bicycle` the linear vehicle model
 - :class:`FourWheel` the non-linear vehicle model, one run or thousands at once
@@ -41,7 +42,7 @@ from atvrec._atvrec import (
     strain_circuits,
 )
 from atvrec.log import Log, open
-from atvrec.scoring import Comparison, Score, compare, score
+from atvrec.scoring import Comparison, Innovations, Score, compare, innovations, score
 
 __all__ = [
     "ArgumentError",
@@ -52,6 +53,7 @@ __all__ = [
     "DataError",
     "FourWheel",
     "FourteenDof",
+    "Innovations",
     "Log",
     "LogError",
     "Ride",
@@ -70,6 +72,7 @@ __all__ = [
     "compare",
     "identify",
     "ina2126_gain",
+    "innovations",
     "open",
     "road_height_m",
     "score",

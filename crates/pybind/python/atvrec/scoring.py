@@ -53,6 +53,27 @@ class Consistency(TypedDict):
     bounds: list[float]
 
 
+class Innovations(TypedDict):
+    """Whether innovations of one kind of measurement are as large as the filter expects."""
+
+    kind: str
+    """``strain``, ``bending``, ``strut``, ``accelerometer``, ``gyro``, ``gnss_velocity``,
+    ``gnss_attitude`` or ``wheel_speed``."""
+    count: int
+    """Scalar measurements that were taken in."""
+    rejected: int
+    """Those that were left out because they contradicted the state."""
+    mean: float
+    """Mean of y^2/S over those taken in."""
+    windows: int
+    """Seconds in which any was taken in."""
+    inside: float
+    """Part of the windows whose mean lies within the 95 % bounds."""
+    above: float
+    bounds: list[float]
+    """Of a window with as many measurements as the windows have on the average."""
+
+
 class Lift(TypedDict, total=False):
     """A lift in the truth: of a ``wheel``, or of both wheels of a ``side``."""
 
@@ -71,6 +92,7 @@ class Score(TypedDict):
     """Time that was compared."""
     signals: list[Signal]
     forces_nees: Consistency | None
+    innovations: list[Innovations]
     lifts: list[Lift]
     false_lifts: int
     two_wheel_lifts: list[Lift]
@@ -146,16 +168,32 @@ def compare(
     return found
 
 
+def innovations(
+    log: Log | Path | Iterable[Path], *, from_s: float = 2.0
+) -> list[Innovations]:
+    """How large the innovations of a log's filters are; needs no truth.
+
+    Seconds that begin within ``from_s`` of the first report are left out, and kinds of measurement
+    of which the log has none.
+    """
+    found: list[Innovations] = json.loads(_opened(log)._reader.innovations_json(_checked(from_s)))
+    return found
+
+
 def _scored(
     log: Log | Path | Iterable[Path],
     other: Log | Path | Iterable[Path] | None,
     smoothed: bool,
     from_s: float,
 ) -> Any:
+    against = None if other is None else _opened(other)._reader
+    return json.loads(_opened(log)._reader.score_json(against, smoothed, _checked(from_s)))
+
+
+def _checked(from_s: float) -> float:
     if not (np.isfinite(from_s) and from_s >= 0.0):
         raise ArgumentError(f"from_s = {from_s} s: must be a finite number, not negative")
-    against = None if other is None else _opened(other)._reader
-    return json.loads(_opened(log)._reader.score_json(against, smoothed, from_s))
+    return from_s
 
 
 def _opened(log: Log | Path | Iterable[Path]) -> Log:

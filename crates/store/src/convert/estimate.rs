@@ -1,8 +1,8 @@
 //! What the estimator and the recorder say.
 
 use sample::{
-    AxleGrip, Event, EventKind, ForceSource, Health, LogTime, LossPlace, Motion, Parameters,
-    PerWheel, Severity, SourceHealth, SourceId, TyreForce, Wheel,
+    AxleGrip, Event, EventKind, ForceSource, Health, InnovationKind, Innovations, LogTime,
+    LossPlace, Motion, Parameters, PerWheel, Severity, SourceHealth, SourceId, TyreForce, Wheel,
 };
 
 use super::{array, narrow, timestamp, vector};
@@ -110,6 +110,7 @@ pub(super) fn parameters_to_proto(parameters: &Parameters) -> pb::Parameters {
         steer_offset_sigma_rad: parameters.steer_offset_sigma_rad,
         front: Some(grip_to_proto(&parameters.front)),
         rear: Some(grip_to_proto(&parameters.rear)),
+        innovations: Some(innovations_to_proto(&parameters.innovations)),
     }
 }
 
@@ -124,7 +125,50 @@ pub(super) fn parameters_from_proto(time: LogTime, p: pb::Parameters) -> Paramet
         steer_offset_sigma_rad: p.steer_offset_sigma_rad,
         front: grip_from_proto(p.front),
         rear: grip_from_proto(p.rear),
+        innovations: innovations_from_proto(p.innovations),
     }
+}
+
+fn innovations_to_proto(all: &[Innovations; InnovationKind::COUNT]) -> pb::Innovations {
+    let of = |kind: InnovationKind| {
+        let found = all[kind.index()];
+        (found != Innovations::default()).then_some(pb::InnovationStatistic {
+            count: found.count,
+            mean_square: found.mean_square,
+            rejected: found.rejected,
+        })
+    };
+    pb::Innovations {
+        strain: of(InnovationKind::Strain),
+        bending: of(InnovationKind::Bending),
+        strut: of(InnovationKind::Strut),
+        accelerometer: of(InnovationKind::Accelerometer),
+        gyro: of(InnovationKind::Gyro),
+        gnss_velocity: of(InnovationKind::GnssVelocity),
+        gnss_attitude: of(InnovationKind::GnssAttitude),
+        wheel_speed: of(InnovationKind::WheelSpeed),
+    }
+}
+
+fn innovations_from_proto(all: Option<pb::Innovations>) -> [Innovations; InnovationKind::COUNT] {
+    let all = all.unwrap_or_default();
+    InnovationKind::ALL.map(|kind| {
+        let found = match kind {
+            InnovationKind::Strain => all.strain,
+            InnovationKind::Bending => all.bending,
+            InnovationKind::Strut => all.strut,
+            InnovationKind::Accelerometer => all.accelerometer,
+            InnovationKind::Gyro => all.gyro,
+            InnovationKind::GnssVelocity => all.gnss_velocity,
+            InnovationKind::GnssAttitude => all.gnss_attitude,
+            InnovationKind::WheelSpeed => all.wheel_speed,
+        };
+        found.map_or_else(Innovations::default, |found| Innovations {
+            count: found.count,
+            mean_square: found.mean_square,
+            rejected: found.rejected,
+        })
+    })
 }
 
 fn grip_to_proto(grip: &AxleGrip) -> pb::AxleGrip {

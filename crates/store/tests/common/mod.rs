@@ -4,9 +4,9 @@
 use sample::{
     Arrival, Attitude, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
     Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, Health, ImuSample, LogTime, LossPlace, Measurement, Motion, Notice,
-    Parameters, Payload, PerWheel, Sample, Severity, Signal, SignalFrame, SourceHealth, SourceId,
-    SteerSample, TyreForce, Wheel, WheelSpeedSample,
+    GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime, LossPlace,
+    Measurement, Motion, Notice, Parameters, Payload, PerWheel, Sample, Severity, Signal,
+    SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 use store::{
     Attachment, ClockFit, DynamicMessage, LogMessage, Pose, Record, Session, SignalSchema, Source,
@@ -240,6 +240,11 @@ fn parameters(time: LogTime) -> Parameters {
             friction_min: 0.1,
             ..AxleGrip::default()
         },
+        innovations: InnovationKind::ALL.map(|kind| Innovations {
+            count: 100 * kind.index() as u32,
+            mean_square: 0.1 * kind.index() as f64,
+            rejected: 7 - kind.index() as u32,
+        }),
     }
 }
 
