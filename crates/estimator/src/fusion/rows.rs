@@ -33,6 +33,9 @@ const SURPRISE_N_S: f64 = 4.0e3;
 const GATE: f64 = 25.0;
 /// The same of a strut's force, whose level may be off.
 const STRUT_GATE: f64 = 100.0;
+/// Square of the forward accelerometer's normalised innovation that is a push: drive or brake that
+/// has just come.
+const PUSH: f64 = 8.0;
 /// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
 const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
 /// Strut's force where no strain tells what of it F_x and F_y carry, N.
@@ -132,6 +135,9 @@ impl Fusion {
                 row.add(position(j), gain);
             }
             row.add(ACCEL + axis, mass);
+            if axis == 0 && !self.settling() {
+                self.heed_push(&row, sum[axis], variance);
+            }
             let innovation = self.take(&row, sum[axis], variance, GATE);
             self.count(InnovationKind::Accelerometer, innovation, GATE);
             agrees &= innovation * innovation <= GATE;
@@ -149,6 +155,23 @@ impl Fusion {
             self.count(InnovationKind::Gyro, innovation, GATE);
         }
         agrees
+    }
+
+    /// Drive and brake come through all tyres at once, and the accelerometer feels them before the
+    /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
+    /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
+    /// they are. Beyond the gate it is the accelerometer that is doubted.
+    fn heed_push(&mut self, row: &Row, value: f64, variance: f64) {
+        let ph = self.covariance.times(row);
+        let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
+        let innovation = value - row.times(&self.state);
+        let square = innovation * innovation;
+        if (PUSH * total..GATE * total).contains(&square) {
+            let surplus = square / PUSH - total;
+            for wheel in 0..4 {
+                self.covariance.add_noise(FORCE + 3 * wheel, 0.25 * surplus);
+            }
+        }
     }
 
     pub(super) fn body_motion_ahead(
