@@ -14,6 +14,9 @@ use crate::file::part_path;
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, Finished, Options, Record, Result, Session};
 
+/// A file that was begun, or what waits for one and why there is none.
+type NewFile = std::result::Result<(Box<OpenFile>, Watched), Box<(Pending, Error)>>;
+
 pub(crate) struct Worker {
     directory: PathBuf,
     stem: String,
@@ -221,11 +224,7 @@ impl Worker {
         }
     }
 
-    fn new_file(
-        &mut self,
-        latched: Latched,
-        pending: Pending,
-    ) -> std::result::Result<(Box<OpenFile>, Watched), Box<(Pending, Error)>> {
+    fn new_file(&mut self, latched: Latched, pending: Pending) -> NewFile {
         self.part += 1;
         let path = part_path(&self.directory, &self.stem, self.part);
         let mut file = match OpenFile::create(&path, &self.session, &self.options, self.part) {
