@@ -13,6 +13,7 @@ macro_rules! print {
 
 /// As the standard library's, but silent once nobody reads.
 macro_rules! println {
+    () => { $crate::output::write_line(format_args!("")) };
     ($($text:tt)*) => { $crate::output::write_line(format_args!($($text)*)) };
 }
 

@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn what_is_stored_as_it_is_is_a_zstd_frame() {
         for length in [0_u64, 1, 1 << 17, (1 << 17) + 1, 300_000] {
-            let data: Vec<u8> = (0..length).map(|n| (n * n >> 3) as u8).collect();
+            let data: Vec<u8> = (0..length).map(|n| ((n * n) >> 3) as u8).collect();
             assert_eq!(unpack(&stored(&data), data.len()).expect("a frame"), data);
         }
     }
