@@ -34,8 +34,8 @@ pub const NAMES: [&str; PARAMETERS] = [
     "load_transfer_height_m",
     "relaxation_length_m",
 ];
-/// How well the vehicle file is taken to know each parameter before the drive: those of
-/// [`LOGARITHMIC`] as natural logarithms, the others as they are.
+/// How well the vehicle file is taken to know each parameter before the drive: stiffnesses,
+/// frictions, inertia, height and length as natural logarithms, the others as they are.
 pub const PRIOR_SIGMA: [f64; PARAMETERS] = [
     1.0, 1.0, 0.15, 0.15, 0.4, 0.4, 0.15, 0.04, 0.1, 0.1, 0.08, 0.2, 0.4,
 ];
