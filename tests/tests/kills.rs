@@ -227,7 +227,7 @@ fn a_killed_recorder_leaves_logs_that_are_whole_up_to_their_end() {
 /// `make kills`. `ATVREC_KILLS` says how many, `ATVREC_SEED` which, `ATVREC_KEEP` where the recovered
 /// logs go.
 #[test]
-#[ignore = "takes minutes, and a machine that has nothing else to do: make kills"]
+#[ignore = "minutes of an idle machine: `make kills`"]
 fn kills_cost_less_than_a_tenth_of_a_second() {
     let number = |name: &str, usual| {
         let text = std::env::var(name).ok();

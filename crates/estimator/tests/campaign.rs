@@ -90,7 +90,7 @@ fn a_few_drives_with_random_faults_do_not_diverge() {
 }
 
 #[test]
-#[ignore = "takes minutes; make campaigns"]
+#[ignore = "a campaign of minutes: `make campaigns`"]
 fn a_thousand_drives_with_random_faults_do_not_diverge() {
     campaign(WHOLE);
 }
