@@ -43,3 +43,4 @@ pub use motion::{Motion, TruthState, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
 pub use truth::{optional_columns, required_columns};
 pub use virtual_vehicle::VirtualVehicle;
+pub use workshop::RIG_N;

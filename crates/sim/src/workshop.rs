@@ -25,8 +25,8 @@ const FLOOR_RAD: [f64; 2] = [0.008, -0.006];
 const LOADS_KG: [f64; 7] = [0.0, 60.0, 120.0, 180.0, 120.0, 60.0, 0.0];
 const LOAD_AT_M: [f64; 2] = [-0.15, 0.08];
 
-/// Forces on a wheel in the rig, N.
-const RIG_N: [[f64; 3]; 9] = [
+/// Forces on a wheel in the rig, one after the other: forward, left and up, N.
+pub const RIG_N: [[f64; 3]; 9] = [
     [0.0, 0.0, 0.0],
     [0.0, 0.0, 1000.0],
     [0.0, 0.0, 2000.0],

@@ -21,14 +21,14 @@ use crate::coverage::covers;
 const FEW: std::ops::Range<u64> = 0..30;
 const ALL: std::ops::Range<u64> = 0..200;
 
-struct Noise(ChaCha8Rng);
+pub struct Noise(ChaCha8Rng);
 
 impl Noise {
-    fn new(seed: u64) -> Self {
+    pub fn new(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    fn of(&mut self, sigma: f64) -> f64 {
+    pub fn of(&mut self, sigma: f64) -> f64 {
         let unit: f64 = StandardNormal.sample(&mut self.0);
         sigma * unit
     }
@@ -91,26 +91,16 @@ fn gains(seed: u64) -> Findings {
     let (vehicle, nominal) = prowler();
     let sensors = Sensors::builtin("thesis-10bit").expect("sound");
     let mut noise = Noise::new(seed);
-    let mut loads: Vec<RigLoad> = [
-        [0.0, 0.0, 0.0],
-        [0.0, 0.0, 1000.0],
-        [0.0, 0.0, 2000.0],
-        [700.0, 0.0, 2000.0],
-        [-700.0, 0.0, 2000.0],
-        [0.0, 900.0, 2000.0],
-        [0.0, -900.0, 2000.0],
-        [400.0, 500.0, 1500.0],
-        [-400.0, -500.0, 1500.0],
-    ]
-    .into_iter()
-    .map(|force_n| RigLoad {
-        wheel: Wheel::FrontLeft,
-        force_n,
-        compression_m: 2e-5 * force_n[2] - 0.03,
-        hand_wheel_rad: 0.0,
-        counts: [None; StrainChannel::COUNT],
-    })
-    .collect();
+    let mut loads: Vec<RigLoad> = sim::RIG_N
+        .into_iter()
+        .map(|force_n| RigLoad {
+            wheel: Wheel::FrontLeft,
+            force_n,
+            compression_m: 2e-5 * force_n[2] - 0.03,
+            hand_wheel_rad: 0.0,
+            counts: [None; StrainChannel::COUNT],
+        })
+        .collect();
     let forces: Vec<_> = loads
         .iter()
         .map(|load| members(&vehicle, &sensors, load).expect("within reach"))
