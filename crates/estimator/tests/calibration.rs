@@ -7,6 +7,8 @@ mod coverage;
 mod gnss;
 #[path = "calibration/intervals.rs"]
 mod intervals;
+#[path = "calibration/mounting.rs"]
+mod mounting;
 #[path = "calibration/workshop.rs"]
 mod workshop;
 #[path = "calibration/zero.rs"]

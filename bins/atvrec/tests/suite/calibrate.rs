@@ -160,6 +160,37 @@ fn what_does_not_fit_is_refused_and_the_file_stays_as_it_was() {
     );
 }
 
+#[test]
+fn a_log_without_a_channel_is_refused_by_its_name() {
+    let directory = tempfile::tempdir().expect("a directory");
+    for (port, steps) in [
+        (
+            "imu",
+            ["imu", "gnss", "wheel-radius"].map(|step| (step, "inertial unit")),
+        ),
+        (
+            "can0",
+            [
+                ("zero", "spring deflection"),
+                ("wheel-radius", "wheel speed"),
+                ("weight", "deflection"),
+            ],
+        ),
+    ] {
+        let fault = format!("[[faults.unplugged]]\nport = \"{port}\"\nfrom_s = 0.0\nto_s = 99.0\n");
+        simulate(directory.path(), "weighed", &fault, "less.mcap");
+        for (step, channel) in steps {
+            let assert = atvrec(directory.path())
+                .args(["calibrate", step, "less.mcap"])
+                .assert()
+                .failure();
+            let told = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+            assert!(told.contains(&format!("no {channel}")), "{step}: {told}");
+            assert!(!directory.path().join("calibration.toml").exists());
+        }
+    }
+}
+
 const WIRING: &str = r#"
 [hidden]
 bridge_offset_counts = 40.0

@@ -10,15 +10,17 @@
 //! of f_x. Body axes are those of the vehicle file: how the body stands on its springs at rest is
 //! taken off.
 
+mod lean;
 mod level;
 mod straight;
 mod turns;
 mod windows;
 
 use model::vehicle::Vehicle;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
+pub use self::lean::{Lean, Leaning};
 use self::level::Level;
 use self::straight::straight;
 use self::turns::turns;
@@ -29,9 +31,9 @@ use crate::finding::{Excitation, Finding, Findings, Refusal};
 use crate::regression::{Bootstrap, Fit};
 
 const WHAT: &str = "imu";
-/// What springs and tyres leave open of the body's roll and pitch in turns, as a turn of the unit, rad:
-/// the tyres give way under other forces than the springs, which lift in turns by the links' pull.
-const LEAN_DOUBT_RAD: f64 = 5e-4;
+/// What springs and tyres leave open of the body's roll and pitch in turns, as a turn of the unit,
+/// rad: rolling resistance and the potentiometers' rounding are a part of it.
+const LEAN_DOUBT_RAD: f64 = 3e-4;
 
 /// Readings of an inertial unit in its own axes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,6 +46,41 @@ pub struct ImuSignal<'a> {
     pub rate_rad_s: &'a [[f64; 3]],
 }
 
+impl ImuSignal<'_> {
+    /// Specific force at the centre of gravity along x and y, m/s^2, as a unit at `position_m`
+    /// reads it next to an instant; 0 without readings.
+    ///
+    /// f = f_s - w' x d - w x (w x d), the acceleration w' of the rates w over a tenth of a second.
+    #[must_use]
+    pub fn force_near(&self, time_s: f64, position_m: [f64; 3]) -> [f64; 2] {
+        const AROUND: usize = 5;
+        let count = self.time_s.len().min(self.force_m_s2.len());
+        let count = count.min(self.rate_rad_s.len());
+        let Some(last) = count.checked_sub(1) else {
+            return [0.0; 2];
+        };
+        let next = self.time_s.partition_point(|&known_s| known_s < time_s);
+        let row = next.min(last);
+        let (before, after) = (row.saturating_sub(AROUND), (row + AROUND).min(last));
+        let [force, rate, start, end] = [
+            self.force_m_s2[row],
+            self.rate_rad_s[row],
+            self.rate_rad_s[before],
+            self.rate_rad_s[after],
+        ]
+        .map(Vector3::from);
+        let span_s = self.time_s[after] - self.time_s[before];
+        let change = if span_s > 0.0 {
+            (end - start) / span_s
+        } else {
+            Vector3::zeros()
+        };
+        let arm = Vector3::from(position_m);
+        let force = force - change.cross(&arm) - rate.cross(&rate.cross(&arm));
+        [force.x, force.y]
+    }
+}
+
 /// A log with stretches of rest in several headings, or a drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ImuLog<'a> {
@@ -51,7 +88,7 @@ pub struct ImuLog<'a> {
     pub imu: ImuSignal<'a>,
     /// Forward speed, m/s.
     pub speed_m_s: Signal<'a>,
-    /// Roll and pitch of the body against the ground by the springs, rad, see [`lean_rad`]. Empty
+    /// Roll and pitch of the body against the ground by the springs, rad, see [`Lean`]. Empty
     /// where there are no potentiometers; specific force stands in for them then, less well.
     pub lean_rad: [Signal<'a>; 2],
     /// Stretches of rest.
@@ -78,22 +115,29 @@ pub fn imu(
     known: &Calibration,
 ) -> Result<ImuFound, Refusal> {
     let level = Level::find(logs).map_err(|refusal| refusal.of(WHAT))?;
-    let turns = turns(logs, &level).map_err(|refusal| refusal.of(WHAT))?;
+    // Each needs a little of the other: the turn about z by itself is good enough for the gyros.
+    let refused = |refusal: Refusal| refusal.of(WHAT);
+    let alone = straight(logs, &level, [0.0; 2]);
+    let about_z_rad = alone.map_or(0.0, |straight| straight.fit.coefficients[1]);
+    let turns = turns(logs, &level, about_z_rad).map_err(refused)?;
     let (roll, pitch) = (&turns.fits[0], &turns.fits[1]);
-    let straight = straight(logs, &level).map_err(|refusal| refusal.of(WHAT))?;
-    let [roll_0, pitch_0] = rest_roll_pitch_rad;
     // p_s = ... + (b - theta_0) r, q_s = ... - (a - phi_0) r.
     let (b_eff, a_eff) = (roll.coefficients[1], -pitch.coefficients[1]);
-    let g = STANDARD_GRAVITY_M_S2;
+    let straight = straight(logs, &level, [a_eff, b_eff]).map_err(refused)?;
+    let [roll_0, pitch_0] = rest_roll_pitch_rad;
     let misalignment = [
         a_eff + roll_0,
         b_eff + pitch_0,
         straight.fit.coefficients[1],
     ];
+    // The turns follow each other, z last.
+    let (sine, cosine) = misalignment[2].sin_cos();
+    let across = [b_eff * cosine + a_eff * sine, a_eff * cosine - b_eff * sine];
+    let g = STANDARD_GRAVITY_M_S2;
     let upright = a_eff.cos() * b_eff.cos() * level.slope_rad.cos();
     let bias = [
-        level.force[0] - g * b_eff,
-        level.force[1] + g * a_eff,
+        level.force[0] - g * across[0],
+        level.force[1] + g * across[1],
         level.force[2] - g * upright,
     ];
     let [about_x, about_y] = [pitch, roll].map(|fit| fit.sigma(1).hypot(LEAN_DOUBT_RAD));
@@ -102,10 +146,7 @@ pub fn imu(
         level.force_sigma[1].hypot(g * about_x),
         level.force_sigma[2],
     ];
-    let about_z = straight
-        .interval
-        .map_or(0.0, |[low, high]| (high - low) / 3.92);
-    let sigma = [about_x, about_y, straight.fit.sigma(1).max(about_z)];
+    let sigma = [about_x, about_y, straight.fit.sigma(1)];
     let intervals = [
         turns.intervals[1]
             .map(|[low, high]| doubted([roll_0 - high, roll_0 - low], LEAN_DOUBT_RAD)),

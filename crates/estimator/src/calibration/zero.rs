@@ -21,8 +21,8 @@ use crate::EstimatorError;
 use crate::finding::{Figure, Finding, Findings, Refusal, Series};
 
 pub use faults::{ChannelFault, FaultKind};
-pub(crate) use loads::axle_of;
 pub use loads::rest_roll_pitch_rad;
+pub(crate) use loads::{axle_of, static_load_n};
 
 /// What is looked for, in messages.
 const WHAT: &str = "zero";

@@ -2,7 +2,7 @@
 
 use estimator::calibration::Calibration;
 use estimator::calibration::gnss::{GnssInput, Vectors, gnss, sigma_of};
-use estimator::calibration::imu::{ImuLog, ImuSignal, imu, lean_rad};
+use estimator::calibration::imu::{ImuLog, ImuSignal, Lean, Leaning, imu};
 use estimator::calibration::rest::{Signal, Stretch, stretches};
 use estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
 use estimator::calibration::zero::rest_roll_pitch_rad;
@@ -102,12 +102,17 @@ impl LogColumns {
             ("compression_time_s", columns.compression_s.len()),
             ("compression_m", columns.compression_m.len()),
         ])?;
-        for compression_m in &columns.compression_m {
-            let lean = lean_rad(&vehicle.inner, &PerWheel(*compression_m));
-            let lean = lean.ok_or_else(|| {
-                errors::vehicle(format!("{}: has no motion ratio", vehicle.inner.name))
-            })?;
-            for (column, angle) in columns.lean_rad.iter_mut().zip(lean) {
+        let lean = Lean::of(&vehicle.inner).ok_or_else(|| {
+            errors::vehicle(format!("{}: has no motion ratio", vehicle.inner.name))
+        })?;
+        let unknown = [f64::NAN; 2];
+        for (time_s, compression_m) in columns.compression_s.iter().zip(&columns.compression_m) {
+            let angles = lean.roll_pitch_rad(&Leaning {
+                compression_m: PerWheel(*compression_m),
+                force_m_s2: columns.imu.signal().force_near(*time_s, [0.0; 3]),
+                hand_wheel_rad: 0.0,
+            });
+            for (column, angle) in columns.lean_rad.iter_mut().zip(angles.unwrap_or(unknown)) {
                 column.push(angle);
             }
         }

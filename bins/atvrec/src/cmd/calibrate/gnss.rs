@@ -6,11 +6,12 @@ use estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
 use estimator::calibration::{GnssCalibration, Resolved};
 use estimator::finding::Findings;
 
-use super::recording::{self, Recording};
+use super::recording::{self, Column, Recording};
 use super::{Bench, one_log};
 
 pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     let recording = one_log(&bench.recordings, "gnss")?;
+    recording.require_imu()?;
     let resolved = Resolved::new(&recording.sensors, &bench.calibration)?;
     let imu = recording.body_imu(&resolved);
     let (attitude_name, attitude) = recording.attitude.iter().next().with_context(|| {
@@ -72,6 +73,9 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
 /// `atvrec calibrate wheel-radius`.
 pub fn wheels(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     let recording = one_log(&bench.recordings, "wheel-radius")?;
+    recording.require_imu()?;
+    let turning = recording.wheel_speed.0.iter().any(Column::is_known);
+    recording.require("wheel speed", turning)?;
     let resolved = Resolved::new(&recording.sensors, &bench.calibration)?;
     let imu = recording.body_imu(&resolved);
     let velocity = fastest(recording).with_context(|| {

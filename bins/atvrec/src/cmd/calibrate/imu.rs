@@ -1,5 +1,6 @@
 //! `atvrec calibrate imu`.
 
+use estimator::calibration::Resolved;
 use estimator::calibration::imu::{ImuLog, imu};
 use estimator::calibration::zero::rest_roll_pitch_rad;
 use estimator::finding::Findings;
@@ -8,9 +9,14 @@ use super::Bench;
 use super::recording::Column;
 
 pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
+    for recording in &bench.recordings {
+        recording.require_imu()?;
+    }
+    let resolved = Resolved::new(&bench.recordings[0].sensors, &bench.calibration)?;
     let rests: Vec<_> = bench.recordings.iter().map(|r| r.rest()).collect();
     let speeds: Vec<Column> = bench.recordings.iter().map(|r| r.rolling_speed()).collect();
-    let leans: Vec<[Column; 2]> = bench.recordings.iter().map(|r| r.lean()).collect();
+    let recordings = bench.recordings.iter();
+    let leans: Vec<[Column; 2]> = recordings.map(|r| r.lean(&resolved)).collect();
     let logs: Vec<ImuLog<'_>> = bench
         .recordings
         .iter()

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use estimator::calibration::Resolved;
-use estimator::calibration::imu::{ImuSignal, lean_rad};
+use estimator::calibration::imu::{ImuSignal, Lean, Leaning};
 use estimator::calibration::rest::{self, Signal, Stretch};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
@@ -48,6 +48,13 @@ impl Column {
             time_s: &self.time_s,
             value: &self.value,
         }
+    }
+
+    /// The value next to an instant.
+    fn near(&self, time_s: f64) -> Option<f64> {
+        let next = self.time_s.partition_point(|&known_s| known_s < time_s);
+        let last = self.value.len().checked_sub(1)?;
+        Some(self.value[next.min(last)])
     }
 
     /// Whether there is any value.
@@ -221,6 +228,21 @@ impl Recording {
         }
     }
 
+    /// Refuses a log without what a step cannot do without.
+    pub fn require(&self, channel: &str, is_known: bool) -> anyhow::Result<()> {
+        ensure!(
+            is_known,
+            "{}: the log has no {channel}; record it in the same log",
+            self.path.display()
+        );
+        Ok(())
+    }
+
+    /// Refuses a log without an inertial unit.
+    pub fn require_imu(&self) -> anyhow::Result<()> {
+        self.require("inertial unit", !self.imu.time_s.is_empty())
+    }
+
     /// The inertial unit's readings in its own axes.
     pub fn imu_signal(&self) -> ImuSignal<'_> {
         self.imu.signal()
@@ -270,28 +292,35 @@ impl Recording {
         rest::stretches(&steady, &wheels)
     }
 
-    /// Roll and pitch by the springs, potentiometers at their nominal gain, rad; empty unless all
-    /// four are measured.
-    pub fn lean(&self) -> [Column; 2] {
-        let pot = &self.sensors.deflection;
-        let gain = pot.span_m / f64::from(pot.adc_bits).exp2();
-        let mut lean = [Column::default(), Column::default()];
-        let columns = &self.deflection.0;
-        for (k, time_s) in columns[0].time_s.iter().enumerate() {
-            let counts: Vec<f64> = columns
-                .iter()
-                .filter_map(|column| column.value.get(k).copied())
-                .collect();
-            let Ok(counts) = <[f64; 4]>::try_from(counts) else {
+    /// Roll and pitch by the springs, rad; empty unless all four are measured.
+    pub fn lean(&self, calibration: &Resolved) -> [Column; 2] {
+        let mut column = [Column::default(), Column::default()];
+        let Some(lean) = Lean::of(&self.vehicle) else {
+            return column;
+        };
+        let pots = &self.deflection.0;
+        for (k, time_s) in pots[0].time_s.iter().enumerate() {
+            let compression = |wheel: Wheel| {
+                let counts = self.deflection[wheel].value.get(k)?;
+                let pot = &calibration.corners[wheel].deflection;
+                (!pot.dead).then(|| pot.gain * (counts - pot.offset_counts))
+            };
+            let [Some(fl), Some(fr), Some(rl), Some(rr)] = Wheel::ALL.map(compression) else {
                 continue;
             };
-            let compression_m = PerWheel(counts.map(|counts| gain * counts));
-            if let Some([roll, pitch]) = lean_rad(&self.vehicle, &compression_m) {
-                lean[0].push(*time_s, roll);
-                lean[1].push(*time_s, pitch);
+            let hand_wheel_rad = self.steer.near(*time_s).unwrap_or_default();
+            let angles = lean.roll_pitch_rad(&Leaning {
+                compression_m: PerWheel([fl, fr, rl, rr]),
+                force_m_s2: self
+                    .imu_signal()
+                    .force_near(*time_s, calibration.imu_m.into()),
+                hand_wheel_rad: hand_wheel_rad - calibration.steer_offset_rad,
+            });
+            for (column, angle) in column.iter_mut().zip(angles.into_iter().flatten()) {
+                column.push(*time_s, angle);
             }
         }
-        lean
+        column
     }
 
     /// Forward speed by the mean of the wheels, m/s: good enough to tell how fast, not to measure.

@@ -7,7 +7,7 @@ use estimator::calibration::zero::{CornerRest, ZeroInput, zero};
 use estimator::finding::Findings;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, StrainChannel};
 
-use super::recording::Recording;
+use super::recording::{Column, Recording};
 use super::{Bench, one_log};
 use crate::cli::ZeroArgs;
 
@@ -16,6 +16,8 @@ const ROLLED_RAD: f64 = 3.0;
 
 pub fn run(args: &ZeroArgs, bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     let recording = one_log(&bench.recordings, "zero")?;
+    let travelling = recording.deflection.0.iter().any(Column::is_known);
+    recording.require("spring deflection", travelling)?;
     let stretches = recording.rest();
     let hanging = hanging(recording, &stretches).with_context(|| {
         format!(

@@ -59,7 +59,7 @@ impl Level {
         let rested_s: f64 = stills
             .iter()
             .map(|s| s.stretch.to_s - s.stretch.from_s)
-            .sum();
+            .fold(0.0, |sum, length| sum + length);
         if rested_s < 2.0 * REST_NEEDED_S {
             return Err(Refusal::TooShort {
                 what: String::new(),

@@ -27,14 +27,21 @@ pub(super) struct Straight {
     pub(super) span: Span,
 }
 
-pub(super) fn straight(logs: &[ImuLog<'_>], level: &Level) -> Result<Straight, Refusal> {
-    straight_within(logs, level, STRAIGHT_RAD_S)
-        .or_else(|_| straight_within(logs, level, 2.5 * STRAIGHT_RAD_S))
+/// `turned_rad` are the turns about x and y: what f_y sees of the vertical force, which changes as
+/// braking pitches the body, is taken off.
+pub(super) fn straight(
+    logs: &[ImuLog<'_>],
+    level: &Level,
+    turned_rad: [f64; 2],
+) -> Result<Straight, Refusal> {
+    straight_within(logs, level, turned_rad, STRAIGHT_RAD_S)
+        .or_else(|_| straight_within(logs, level, turned_rad, 2.5 * STRAIGHT_RAD_S))
 }
 
 fn straight_within(
     logs: &[ImuLog<'_>],
     level: &Level,
+    turned_rad: [f64; 2],
     most_rad_s: f64,
 ) -> Result<Straight, Refusal> {
     let mut rows: Vec<[f64; 4]> = Vec::new();
@@ -61,8 +68,10 @@ fn straight_within(
                 continue;
             }
             let yaw_rate = over(imu.rate_rad_s, 2, window) - level.rate[2];
-            let force = [0, 1].map(|axis| over(imu.force_m_s2, axis, window));
-            rows.push([force[1], 1.0, force[0], speed * yaw_rate]);
+            let [along, across, up] = [0, 1, 2].map(|axis| over(imu.force_m_s2, axis, window));
+            let [about_x_rad, about_y_rad] = turned_rad;
+            let across = across + about_x_rad * (up + about_y_rad * along);
+            rows.push([across, 1.0, along, speed * yaw_rate]);
             extend(&mut span, from_s, to_s, 1);
         }
     }

@@ -7,12 +7,13 @@ use nalgebra::{DMatrix, DVector};
 use super::level::Level;
 use super::windows::{END_READINGS, extend, windows};
 use super::{ImuLog, interval};
-use crate::calibration::rest::mean;
 use crate::finding::{Figure, Refusal, Series, Span};
 use crate::regression::{Fit, least_squares};
 
 /// Length of the windows, s.
 const TURN_WINDOW_S: f64 = 1.0;
+/// Parts of a window that products of rate and lean are taken over.
+const PARTS: usize = 5;
 /// Least yaw rate (rms) that tells a mounting, rad/s.
 const YAW_RATE_NEEDED_RAD_S: f64 = 0.08;
 /// Least driving, s.
@@ -22,21 +23,28 @@ const DRIVE_NEEDED_S: f64 = 20.0;
 pub(super) struct Turns {
     /// Of the roll rate and of the pitch rate; columns as [`turn_row`] gives them.
     pub(super) fits: [Fit; 2],
-    pub(super) design: DMatrix<f64>,
     pub(super) intervals: [Option<[f64; 2]>; 2],
     pub(super) span: Span,
+    yaw_rate_rad_s: Vec<f64>,
 }
 
-pub(super) fn turns(logs: &[ImuLog<'_>], level: &Level) -> Result<Turns, Refusal> {
+/// A window: of the roll gyro and of the pitch gyro what they read, and the columns.
+type Row = [(f64, Vec<f64>); 2];
+
+/// `about_z_rad` is the turn about z, which is taken off both gyros.
+pub(super) fn turns(
+    logs: &[ImuLog<'_>],
+    level: &Level,
+    about_z_rad: f64,
+) -> Result<Turns, Refusal> {
     let leaning = logs
         .iter()
         .all(|log| log.lean_rad.iter().all(|lean| !lean.time_s.is_empty()));
-    let columns = if leaning { 5 } else { 6 };
-    let mut rows: Vec<Vec<f64>> = Vec::new();
+    let mut rows: Vec<Row> = Vec::new();
     let mut span = Span::default();
     for log in logs {
         for window in windows(log, TURN_WINDOW_S) {
-            let Some(row) = turn_row(log, level, &window, leaning) else {
+            let Some(row) = turn_row(log, level, about_z_rad, &window, leaning) else {
                 continue;
             };
             rows.push(row);
@@ -52,7 +60,9 @@ pub(super) fn turns(logs: &[ImuLog<'_>], level: &Level) -> Result<Turns, Refusal
             help: "add a log of a drive with turns to both sides and straight braking".to_owned(),
         });
     }
-    let yaw_rate = (rows.iter().map(|row| row[3] * row[3]).sum::<f64>() / rows.len() as f64).sqrt();
+    let yaw_rate_rad_s: Vec<f64> = rows.iter().map(|row| row[0].1[1]).collect();
+    let squares: f64 = yaw_rate_rad_s.iter().map(|rate| rate * rate).sum();
+    let yaw_rate = (squares / rows.len() as f64).sqrt();
     if yaw_rate < YAW_RATE_NEEDED_RAD_S {
         return Err(Refusal::NotExcited {
             what: String::new(),
@@ -63,69 +73,76 @@ pub(super) fn turns(logs: &[ImuLog<'_>], level: &Level) -> Result<Turns, Refusal
             help: "drive turns to both sides".to_owned(),
         });
     }
-    let design = DMatrix::from_fn(rows.len(), columns, |i, j| rows[i][j + 2]);
-    let responses = [0, 1].map(|axis| DVector::from_fn(rows.len(), |i, _| rows[i][axis]));
-    let fits = [
-        least_squares(&design, &responses[0])?,
-        least_squares(&design, &responses[1])?,
-    ];
-    let intervals = [0, 1].map(|axis| interval(&design, &responses[axis], &fits[axis]));
+    let of_axis = |axis: usize| -> Result<(Fit, Option<[f64; 2]>), Refusal> {
+        let columns = rows[0][axis].1.len();
+        let design = DMatrix::from_fn(rows.len(), columns, |i, j| rows[i][axis].1[j]);
+        let response = DVector::from_fn(rows.len(), |i, _| rows[i][axis].0);
+        let fit = least_squares(&design, &response)?;
+        let interval = interval(&design, &response, &fit);
+        Ok((fit, interval))
+    };
+    let ((roll, roll_interval), (pitch, pitch_interval)) = (of_axis(0)?, of_axis(1)?);
     Ok(Turns {
-        fits,
-        design,
-        intervals,
+        fits: [roll, pitch],
+        intervals: [roll_interval, pitch_interval],
         span,
+        yaw_rate_rad_s,
     })
 }
 
-/// Mean roll rate and pitch rate over a window, less what lean makes of the yaw rate, then the
-/// columns: 1, yaw rate, yaw rate times roll, and the changes of roll and pitch. Where they are not measured, of f_x and
-/// f_y each the change over the window and the mean product with the yaw rate.
+/// Mean roll rate and pitch rate over a window, less what lean makes of the yaw rate, and their
+/// columns: 1, yaw rate, and the change of roll or of pitch; for the pitch rate yaw rate times roll,
+/// since a twentieth that the springs' roll is wrong by would count. Where lean is not measured, of
+/// f_x and f_y each the change over the window and the mean product with the yaw rate.
 fn turn_row(
     log: &ImuLog<'_>,
     level: &Level,
+    about_z_rad: f64,
     window: &Range<usize>,
     leaning: bool,
-) -> Option<Vec<f64>> {
+) -> Option<Row> {
     let imu = &log.imu;
     let (first, last) = (window.start, window.end - 1);
     let time_s = imu.time_s[last] - imu.time_s[first];
     let over =
         |value: &dyn Fn(usize) -> f64| window.clone().map(value).sum::<f64>() / window.len() as f64;
     let rate = |k: usize, axis: usize| imu.rate_rad_s[k][axis] - level.rate[axis];
-    let yaw_rate = over(&|k| rate(k, 2));
-    let mut row = vec![over(&|k| rate(k, 0)), over(&|k| rate(k, 1)), 1.0, yaw_rate];
+    let [p_s, q_s, yaw_rate] = [0, 1, 2].map(|axis| over(&|k| rate(k, axis)));
+    let (sine, cosine) = about_z_rad.sin_cos();
+    let (p, q) = (cosine * p_s + sine * q_s, cosine * q_s - sine * p_s);
     if leaning {
         let at = |axis: usize, k: usize| {
             let half_s = 0.5 * END_READINGS as f64 * time_s / window.len() as f64;
             let (from_s, to_s) = (imu.time_s[k] - half_s, imu.time_s[k] + half_s);
             Some(log.lean_rad[axis].mean(from_s, to_s)? - level.lean[axis])
         };
-        // Lean changes slowly against the readings: the mean of a few places does.
-        let places = |axis: usize| -> Option<f64> {
-            let places = (0..=4).map(|part| at(axis, first + part * (last - first) / 4));
-            Some(mean(&places.collect::<Option<Vec<f64>>>()?))
-        };
         // p = phi' - r sin(theta), q = theta' + r sin(phi).
-        let roll = places(0)?;
-        row[0] += yaw_rate * places(1)?;
-        row[1] -= yaw_rate * roll;
-        // Roll is large in turns: a twentieth that the motion ratio is wrong by would count.
-        row.push(yaw_rate * roll);
-        for axis in 0..2 {
-            row.push((at(axis, last)? - at(axis, first)?) / time_s);
+        let [mut pitching, mut rolling] = [0.0; 2];
+        for part in 0..PARTS {
+            let [from, to] = [part, part + 1].map(|end| first + end * window.len() / PARTS);
+            let [from_s, to_s] = [from, to - 1].map(|k| imu.time_s[k]);
+            let turning = (from..to).map(|k| rate(k, 2)).sum::<f64>() / window.len() as f64;
+            let lean =
+                |axis: usize| Some(log.lean_rad[axis].mean(from_s, to_s)? - level.lean[axis]);
+            rolling += turning * lean(0)?;
+            pitching += turning * lean(1)?;
         }
-        return Some(row);
+        let change = |axis: usize| Some((at(axis, last)? - at(axis, first)?) / time_s);
+        return Some([
+            (p + pitching, vec![1.0, yaw_rate, change(0)?]),
+            (q - rolling, vec![1.0, yaw_rate, rolling, change(1)?]),
+        ]);
     }
+    let mut columns = vec![1.0, yaw_rate];
     for axis in 0..2 {
         let force = |k: usize| imu.force_m_s2[k][axis] - level.force[axis];
         let end = |start: usize| {
             (start..start + END_READINGS).map(force).sum::<f64>() / END_READINGS as f64
         };
-        row.push((end(last + 1 - END_READINGS) - end(first)) / time_s);
-        row.push(over(&|k| rate(k, 2) * force(k)));
+        columns.push((end(last + 1 - END_READINGS) - end(first)) / time_s);
+        columns.push(over(&|k| rate(k, 2) * force(k)));
     }
-    Some(row)
+    Some([(p, columns.clone()), (q, columns)])
 }
 
 impl Turns {
@@ -133,7 +150,7 @@ impl Turns {
     pub(super) fn figure(&self) -> Figure {
         let series = |axis: usize, name: &str| {
             let fit = &self.fits[axis];
-            let x: Vec<f64> = self.design.column(1).iter().copied().collect();
+            let x = self.yaw_rate_rad_s.clone();
             let y = x
                 .iter()
                 .zip(&fit.residuals)

@@ -94,7 +94,7 @@ pub(crate) fn axle_of(vehicle: &Vehicle, wheel: Wheel) -> &Axle {
 }
 
 /// Load of a wheel on level ground at rest, N.
-fn static_load_n(vehicle: &Vehicle, wheel: Wheel) -> f64 {
+pub(crate) fn static_load_n(vehicle: &Vehicle, wheel: Wheel) -> f64 {
     let body = &vehicle.body;
     let arm_m = if wheel.is_front() {
         body.cg_to_rear_axle_m
