@@ -33,6 +33,8 @@ const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 const MOTION_MAX_DEG: [f64; 3] = [0.2, 0.2, 0.2];
 /// Largest RMSE of an angular rate, degrees a second: the raw gyro's noise is 0.3.
 const RATE_MAX_DEG_S: f64 = 0.3;
+/// Largest error of the forces by statics alone (F_x, F_y, F_z, per cent, worst tyre).
+const STATICS_MAX: [f64; 3] = [3.0, 5.0, 3.5];
 /// When the front right wheel's load falls below 2 % of its static load (that of the vehicle file, as
 /// `score` has it: the run starts in the turn) in `b_circle`, s.
 const LIFT_S: f64 = 51.935;
@@ -77,6 +79,9 @@ fn judge_file(file: &str, force_max: [f64; 3], lift_within_s: f64) {
                 100.0 * found.all.inside
             );
             if method == Method::Thesis {
+                for (axis, most) in STATICS_MAX.into_iter().enumerate() {
+                    assert!(force[axis] <= most, "{name} statics {force:?}");
+                }
                 continue;
             }
             for (axis, name) in ["sideslip", "roll", "pitch"].iter().enumerate() {

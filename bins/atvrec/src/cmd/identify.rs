@@ -19,7 +19,11 @@ use crate::cmd::findings;
 use crate::exit::{Outcome, UsageError};
 
 use overrides::Overrides;
-use ride::Ride;
+use ride::{Ride, Sense};
+
+/// What a drive's slip angles rest on, and its tyre forces.
+const TURNS: [Sense; 3] = [Sense::Inertia, Sense::Velocity, Sense::Steer];
+const FORCES: [Sense; 4] = [Sense::Inertia, Sense::Velocity, Sense::Steer, Sense::Strain];
 
 /// Names of the axles, front first.
 const AXLES: [&str; 2] = ["front", "rear"];
@@ -82,7 +86,7 @@ impl Found {
 }
 
 fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
-    let ride = Ride::read(args)?;
+    let ride = Ride::read(args, "cornering stiffness", &TURNS)?;
     let mut found = Found::new("cornering", &ride);
     let options = cornering::Options {
         seed: args.seed,
@@ -119,7 +123,7 @@ fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
 
 fn tyre(args: &TyreArgs) -> anyhow::Result<Found> {
     let kinds = kinds(args.model.as_deref())?;
-    let ride = Ride::read(&args.shared)?;
+    let ride = Ride::read(&args.shared, "tyre model", &FORCES)?;
     let mut found = Found::new("tyre", &ride);
     let mut refusals = Vec::new();
     for (axle, name) in AXLES.into_iter().enumerate() {
@@ -181,7 +185,7 @@ fn tyre_overrides(overrides: &mut Overrides, axle: &str, result: &Findings) {
 }
 
 fn roll_pitch(args: &IdentifyArgs) -> anyhow::Result<Found> {
-    let ride = Ride::read(args)?;
+    let ride = Ride::read(args, "roll stiffness", &[Sense::Inertia])?;
     let mut found = Found::new("roll-pitch", &ride);
     // The moment acts about the roll axis that the linkage has.
     let vehicle = &roll_centre::of_linkage(&ride.vehicle);
@@ -240,7 +244,11 @@ fn inertia(args: &InertiaArgs) -> anyhow::Result<Found> {
     if let Some(kind) = args.pendulum {
         return pendulum(args, kind);
     }
-    let ride = Ride::read(&args.shared)?;
+    let ride = Ride::read(
+        &args.shared,
+        "moment of inertia",
+        &[Sense::Inertia, Sense::Strain],
+    )?;
     let mut found = Found::new("inertia", &ride);
     let drive = &ride.drive;
     let mut result = inertia::yaw(
@@ -325,7 +333,7 @@ fn roll_centre(args: &RollCentreArgs) -> anyhow::Result<Found> {
 }
 
 fn understeer(args: &IdentifyArgs) -> anyhow::Result<Found> {
-    let ride = Ride::read(args)?;
+    let ride = Ride::read(args, "understeer gradient", &TURNS)?;
     let mut found = Found::new("understeer", &ride);
     let body = understeer::Body::of(&ride.vehicle);
     let options = understeer::Options {
@@ -340,7 +348,7 @@ fn understeer(args: &IdentifyArgs) -> anyhow::Result<Found> {
 
 /// Step and frequency response, whichever the drive tells.
 fn response(args: &ResponseArgs) -> anyhow::Result<Found> {
-    let ride = Ride::read(&args.shared)?;
+    let ride = Ride::read(&args.shared, "response", &[Sense::Inertia, Sense::Steer])?;
     let mut found = Found::new("response", &ride);
     let step = response::step(&ride.drive, args.step_min_deg.to_radians());
     let frequency = response::frequency(&ride.drive, args.window_s, args.shared.seed);
@@ -358,7 +366,7 @@ fn response(args: &ResponseArgs) -> anyhow::Result<Found> {
 }
 
 fn friction(args: &IdentifyArgs) -> anyhow::Result<Found> {
-    let ride = Ride::read(args)?;
+    let ride = Ride::read(args, "friction", &FORCES)?;
     let mut found = Found::new("friction", &ride);
     let mut refusals: Vec<(&str, Refusal)> = Vec::new();
     for (axle, name) in AXLES.into_iter().enumerate() {

@@ -5,16 +5,19 @@
 //! delta = atan(L kappa) + K_us z(a_y) - offset,  z(a_y) -> a_y as a_y -> 0,
 //!
 //! where K_us is the understeer gradient at small lateral acceleration. Subtracting the measured
-//! curvature rather than a radius that was meant takes out what the driver strays. Offset,
-//! gradient and a free bend are hardly told apart on a circle, where a_y never comes near zero: the
-//! bend z is the vehicle file's, which its tyres' grip, the load's transfer and the moment between
+//! curvature rather than a radius that was meant takes out what the driver strays. Driven to both
+//! sides, as the standard asks, the circle tells the offset from the gradient: of the one the sign
+//! stays, of the other it turns. To one side only what a_y grows by does, and the findings say so.
+//! A free bend is hardly told apart on a circle, where a_y never comes near zero: the bend z is the
+//! vehicle file's, which its tyres' grip, the load's transfer and the moment between
 //! the sides make (see [`cornering`]), that of the front axle's slip angle less the rear one's at
 //! the file's stiffness,
 //!
 //! z = (b z_f/C_f - a z_r/C_r)/(b/C_f - a/C_r),
 //!
 //! and a_y where these nearly cancel (a neutral vehicle). It holds whatever the ground makes of the
-//! stiffness, as long as both axles have the same of it. The sideslip angle follows
+//! stiffness, as long as both axles have the same of it; what it makes of the grip (30 %) is in the
+//! deviations. The sideslip angle follows
 //! beta = b kappa - s z_r, the roll angle phi = g a_y, each with an offset.
 
 use model::vehicle::Vehicle;
@@ -31,12 +34,18 @@ use crate::regression::{Fit, least_squares};
 const WHAT: &str = "understeer gradient";
 const ADVICE: &str = "drive a circle of constant radius (ISO 4138) with the speed rising slowly from \
                       walking pace until 4 m/s^2 or more, such as the manoeuvre circle";
+const ONE_SIDE: &str = "the circle was driven to one side: an offset of the steer angle is told from \
+                        the gradient only by how the steer angle rises with lateral acceleration; \
+                        drive to the other side in the same log";
 /// Least usable data, s.
 const DATA_MIN_S: f64 = 10.0;
 /// Least range of lateral acceleration, m/s^2.
-const RANGE_MIN_M_S2: f64 = 1.5;
+const RANGE_MIN_M_S2: f64 = 1.2;
 /// Greatest standard deviation of the curvature, part of its mean.
 const STRAY_MAX: f64 = 0.1;
+/// What the grip's inverse may be off the vehicle file's by, part of it (standard deviation): the bend
+/// goes with it.
+const GRIP_DOUBT: f64 = 0.3;
 /// Below this part of the larger of b/C_f and a/C_r their difference has no bend of its own.
 const NEUTRAL: f64 = 0.1;
 
@@ -68,15 +77,28 @@ impl Body {
         }
     }
 
-    /// z of a lateral acceleration under a steer angle, m/s^2.
+    /// The same on ground that grips by its doubt less.
+    fn slipping(&self) -> Self {
+        let mut body = *self;
+        body.axles.grip_n = self.axles.grip_n.map(|grip_n| grip_n / (1.0 + GRIP_DOUBT));
+        body
+    }
+
+    /// z of a lateral acceleration under a steer angle of this size to the same side, m/s^2.
     fn bent(&self, lateral_m_s2: f64, steer_rad: f64) -> f64 {
         let front = self.axles.cg_to_rear_axle_m / self.stiffness_n_rad[0];
         let rear = self.axles.front_axle_to_cg_m / self.stiffness_n_rad[1];
         if (front - rear).abs() < NEUTRAL * front.max(rear) {
             return lateral_m_s2;
         }
-        let [by_front, by_rear] = [0, 1].map(|axle| self.axles.bent(axle, lateral_m_s2, steer_rad));
+        let [by_front, by_rear] = [0, 1].map(|axle| self.bent_axle(axle, lateral_m_s2, steer_rad));
         (front * by_front - rear * by_rear) / (front - rear)
+    }
+
+    /// z of an axle.
+    fn bent_axle(&self, axle: usize, lateral_m_s2: f64, steer_rad: f64) -> f64 {
+        let size = self.axles.bent(axle, lateral_m_s2.abs(), steer_rad);
+        size.copysign(lateral_m_s2)
     }
 }
 
@@ -120,6 +142,19 @@ struct Steady {
     span: Span,
 }
 
+impl Steady {
+    fn curvatures(&self) -> impl Iterator<Item = f64> {
+        self.curvature_1_m.iter().map(|curvature| curvature.abs())
+    }
+
+    /// Whether a tenth of the rows at least turns to either side.
+    fn to_both_sides(&self) -> bool {
+        let rows = self.curvature_1_m.len();
+        let left = self.curvature_1_m.iter().filter(|c| **c > 0.0).count();
+        10 * left.min(rows - left) >= rows
+    }
+}
+
 /// Finds the gradients of a vehicle.
 ///
 /// Findings: `understeer_gradient` (rad/(m/s^2), at the road wheels, at small lateral
@@ -140,16 +175,22 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
     let rear_m = body.axles.cg_to_rear_axle_m;
     let wheelbase_m = body.axles.front_axle_to_cg_m + rear_m;
     let straight = |lateral: f64| lateral;
-    let mean_rad = mean(steady.steer_rad.iter().copied());
-    let bent = |lateral: f64| body.bent(lateral, mean_rad);
-    let bent_rear = |lateral: f64| body.axles.bent(1, lateral, mean_rad);
+    let mean_rad = mean(steady.steer_rad.iter().map(|steer| steer.abs()));
+    let slipping = body.slipping();
+    let bent = [body, &slipping].map(|body| |lateral: f64| body.bent(lateral, mean_rad));
+    let bent_rear =
+        [body, &slipping].map(|body| |lateral: f64| body.bent_axle(1, lateral, mean_rad));
     let steer: Vec<f64> = steady
         .steer_rad
         .iter()
         .zip(&steady.curvature_1_m)
         .map(|(steer, curvature)| steer - (wheelbase_m * curvature).atan())
         .collect();
-    let main = Gradient::fit(&steady.lateral_m_s2, &steer, &bent)?;
+    let both_sides = steady.to_both_sides();
+    let fit = |values: &[f64], bent, other| {
+        Gradient::doubted(&steady.lateral_m_s2, values, bent, other, both_sides)
+    };
+    let main = fit(&steer, &bent[0], &bent[1])?;
     let mut found = Findings {
         what: WHAT.to_owned(),
         ..Findings::default()
@@ -167,19 +208,22 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
             .zip(&steady.curvature_1_m)
             .map(|(sideslip, curvature)| sideslip - (rear_m * curvature).atan())
             .collect();
-        let fit = Gradient::fit(&steady.lateral_m_s2, &turned, &bent_rear)?;
+        let fit = fit(&turned, &bent_rear[0], &bent_rear[1])?;
         let unit = "rad/(m/s^2)";
         found
             .findings
             .push(fit.finding("sideslip_gradient", unit, 1, -1.0, &steady, seed));
     }
     if let Some(roll) = &steady.roll_rad {
-        let fit = Gradient::fit(&steady.lateral_m_s2, roll, &straight)?;
+        let fit = Gradient::fit(&steady.lateral_m_s2, roll, &straight, false)?;
         found
             .findings
             .push(fit.finding("roll_gradient", "rad/(m/s^2)", 1, 1.0, &steady, seed));
     }
     beside(&mut found, &main, &steady, wheelbase_m);
+    if !both_sides {
+        found.notes.push(ONE_SIDE.to_owned());
+    }
     found.figures = vec![figure(&main, &steady, &steer)];
     Ok(found)
 }
@@ -235,17 +279,17 @@ fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
     Ok(steady)
 }
 
-/// Rows whose curvature is within a fifth of the middle one: what comes before and after the
-/// circle is left out.
+/// Rows whose curvature to either side is within a fifth of the middle one: what comes before and
+/// after the circle is left out.
 fn on_the_circle(rows: &[usize], curvature: &dyn Fn(usize) -> f64) -> Vec<usize> {
-    let mut sorted: Vec<f64> = rows.iter().map(|&row| curvature(row)).collect();
+    let mut sorted: Vec<f64> = rows.iter().map(|&row| curvature(row).abs()).collect();
     sorted.sort_by(f64::total_cmp);
     let Some(&middle) = sorted.get(sorted.len() / 2) else {
         return Vec::new();
     };
     rows.iter()
         .copied()
-        .filter(|&row| (curvature(row) - middle).abs() <= 0.2 * middle.abs())
+        .filter(|&row| (curvature(row).abs() - middle).abs() <= 0.2 * middle)
         .collect()
 }
 
@@ -268,7 +312,8 @@ fn check(steady: &Steady) -> Result<(), Refusal> {
             help: ADVICE.to_owned(),
         });
     }
-    let stray = spread(&steady.curvature_1_m) / mean(steady.curvature_1_m.iter().copied()).abs();
+    let curvatures: Vec<f64> = steady.curvatures().collect();
+    let stray = spread(&curvatures) / mean(curvatures.iter().copied());
     if stray > STRAY_MAX {
         return Err(Refusal::Value {
             what: WHAT.to_owned(),
@@ -287,10 +332,19 @@ struct Gradient<'a> {
 }
 
 impl<'a> Gradient<'a> {
-    fn fit(lateral: &[f64], values: &[f64], bent: &'a dyn Fn(f64) -> f64) -> Result<Self, Refusal> {
-        let design = DMatrix::from_fn(lateral.len(), 2, |i, j| match j {
+    /// Columns 1 and z; where both sides are driven, the side: what drag and rolling resistance turn
+    /// against the bend does not grow with it. To one side it cannot be told from the offset.
+    fn fit(
+        lateral: &[f64],
+        values: &[f64],
+        bent: &'a dyn Fn(f64) -> f64,
+        both_sides: bool,
+    ) -> Result<Self, Refusal> {
+        let columns = if both_sides { 3 } else { 2 };
+        let design = DMatrix::from_fn(lateral.len(), columns, |i, j| match j {
             0 => 1.0,
-            _ => bent(lateral[i]),
+            1 => bent(lateral[i]),
+            _ => lateral[i].signum(),
         });
         let response = DVector::from_column_slice(values);
         let fit =
@@ -298,8 +352,26 @@ impl<'a> Gradient<'a> {
         Ok(Self { fit, bent })
     }
 
+    /// The same, its deviations widened by what another bend makes of it.
+    fn doubted(
+        lateral: &[f64],
+        values: &[f64],
+        bent: &'a dyn Fn(f64) -> f64,
+        other: &'a dyn Fn(f64) -> f64,
+        both_sides: bool,
+    ) -> Result<Self, Refusal> {
+        let mut found = Self::fit(lateral, values, bent, both_sides)?;
+        let moved = Self::fit(lateral, values, other, both_sides)?;
+        let pairs = moved.fit.coefficients.iter().zip(&found.fit.coefficients);
+        let moved: Vec<f64> = pairs.map(|(moved, own)| moved - own).collect();
+        found.fit.doubt(&DVector::from_vec(moved));
+        Ok(found)
+    }
+
     fn at(&self, lateral: f64) -> f64 {
-        self.fit.coefficients[0] + self.fit.coefficients[1] * (self.bent)(lateral)
+        let [offset, gradient] = [self.fit.coefficients[0], self.fit.coefficients[1]];
+        let side = self.fit.coefficients.get(2).copied().unwrap_or(0.0);
+        offset + gradient * (self.bent)(lateral) + side * lateral.signum()
     }
 
     /// Slope at a lateral acceleration.
@@ -347,8 +419,7 @@ fn beside(found: &mut Findings, main: &Gradient<'_>, steady: &Steady, wheelbase_
         "critical_speed"
     };
     add(kind, speed, "m/s");
-    let curvature = mean(steady.curvature_1_m.iter().copied());
-    add("radius", curvature.recip().abs(), "m");
+    add("radius", mean(steady.curvatures()).recip(), "m");
     let most = steady
         .lateral_m_s2
         .iter()

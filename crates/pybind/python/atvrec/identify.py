@@ -89,8 +89,9 @@ def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Driv
     """The drive of a log's ``/estimate/motion``, from ``start_s`` to ``end_s`` of the log, with the
     wheel loads of ``/estimate/tyre_forces`` where the log has them.
 
-    Accelerations are turned from the body's axes into the horizontal. Estimates that are missing
-    from the 100 Hz grid are NaN.
+    Accelerations are turned from the body's axes into the horizontal. The steer angle is the
+    encoder's, without what the estimator has learnt of its zero. Estimates that are missing from
+    the 100 Hz grid are NaN.
     """
     columns = log.read("/estimate/motion", start_s, end_s)
     row = np.rint(columns["t_s"] * 100.0).astype(np.int64)
@@ -112,6 +113,12 @@ def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Driv
         forces = log.read("/estimate/tyre_forces", start_s, end_s)
         wheels = ("fl", "fr", "rl", "rr")
         load = np.column_stack([grid_of(forces, f"{wheel}.z_n") for wheel in wheels])
+    learnt = np.zeros(length)
+    if "/estimate/parameters" in log.topics:
+        told = log.read("/estimate/parameters")
+        if told["t_s"].size:
+            at = (first + np.arange(length)) / 100.0
+            learnt = np.interp(at, told["t_s"], told["steer_offset_rad"])
     forward, left = grid("velocity_x_m_s"), grid("velocity_y_m_s")
     along, across, up = (grid(f"acceleration_m_s2.{axis}") for axis in "xyz")
     roll, pitch = grid("roll_rad"), grid("pitch_rad")
@@ -122,7 +129,7 @@ def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Driv
         yaw_rate_rad_s=grid("yaw_rate_rad_s"),
         lateral_m_s2=across * np.cos(roll) - up * np.sin(roll),
         longitudinal_m_s2=along * np.cos(pitch) + up * np.sin(pitch),
-        steer_rad=0.5 * (grid("steer_rad.fl") + grid("steer_rad.fr")),
+        steer_rad=0.5 * (grid("steer_rad.fl") + grid("steer_rad.fr")) - learnt,
         roll_rad=roll,
         pitch_rad=pitch,
         load_n=load,

@@ -3,6 +3,7 @@
 use anyhow::Context;
 use estimator::finding::Refusal;
 use estimator::identification::{Drive, tyre};
+use model::steering::SteeringGear;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, Wheel};
 use store::{Reader, Table, Values};
@@ -18,6 +19,51 @@ const TYRE_STRIDE: usize = 10;
 const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 /// `source` of a tyre force that the fusion filter gave.
 const FUSION: i32 = 3;
+
+/// What of the sensors a drive's estimates rest on.
+#[derive(Clone, Copy, Debug)]
+pub enum Sense {
+    /// Rates and accelerations.
+    Inertia,
+    /// Speed over ground, and with it sideslip.
+    Velocity,
+    /// The hand wheel.
+    Steer,
+    /// The tyres' forces.
+    Strain,
+}
+
+impl Sense {
+    /// The schema of its channels, and what people call them.
+    fn channel(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Inertia => ("atvrec.Imu", "inertial unit"),
+            Self::Velocity => ("atvrec.GnssVelocity", "GNSS velocity"),
+            Self::Steer => ("atvrec.Steer", "steer angle"),
+            Self::Strain => ("atvrec.Strain", "strain"),
+        }
+    }
+}
+
+/// Refuses a log whose estimates of the motion or the forces are the model's alone.
+fn require(reader: &Reader, what: &str, senses: &[Sense]) -> Result<(), Refusal> {
+    let channels = reader.info().channels;
+    for sense in senses {
+        let (schema, channel) = sense.channel();
+        if !channels
+            .values()
+            .any(|(own, count)| own == schema && *count > 0)
+        {
+            return Err(Refusal::Missing {
+                what: what.to_owned(),
+                channel: channel.to_owned(),
+                help: "without it the estimates are the vehicle file's; record it in the drive"
+                    .to_owned(),
+            });
+        }
+    }
+    Ok(())
+}
 
 /// A log's drive.
 pub struct Ride {
@@ -35,9 +81,10 @@ pub struct Ride {
 }
 
 impl Ride {
-    /// Reads a run's logs.
-    pub fn read(args: &IdentifyArgs) -> anyhow::Result<Self> {
+    /// Reads a run's logs; those without what `what` needs are refused.
+    pub fn read(args: &IdentifyArgs, what: &str, senses: &[Sense]) -> anyhow::Result<Self> {
         let reader = Reader::open(&args.logs)?;
+        require(&reader, what, senses)?;
         let vehicle = vehicle(&reader, args)?;
         let motion = Grid::read(&reader, "/estimate/motion", args)?;
         let each = |name: &str| motion.column(name);
@@ -63,11 +110,7 @@ impl Ride {
             yaw_rate_rad_s: each("yaw_rate_rad_s"),
             lateral_m_s2: horizontal(&ay, &az, &roll_rad, -1.0),
             longitudinal_m_s2: horizontal(&ax, &az, &pitch_rad, 1.0),
-            steer_rad: steer_rad.0[0]
-                .iter()
-                .zip(&steer_rad.0[1])
-                .map(|(left, right)| 0.5 * (left + right))
-                .collect(),
+            steer_rad: as_read(&vehicle, &steer_rad, &learnt_offset(&reader, &motion)?),
             roll_rad,
             pitch_rad,
             loads_n: PerWheel::default(),
@@ -163,6 +206,42 @@ impl Ride {
     }
 }
 
+/// What the estimator has learnt of the hand wheel's zero, on the grid of the motion: how much
+/// further left the front wheels stand than the encoder says, rad.
+fn learnt_offset(reader: &Reader, motion: &Grid) -> anyhow::Result<Vec<f64>> {
+    const TOPIC: &str = "/estimate/parameters";
+    if !reader.info().channels.contains_key(TOPIC) {
+        return Ok(vec![0.0; motion.rows]);
+    }
+    let told = Grid {
+        table: reader.table(TOPIC, LogTime(0), LogTime(u64::MAX))?,
+        first_ns: motion.first_ns,
+        rows: motion.rows,
+    };
+    Ok(told.line("steer_offset_rad"))
+}
+
+/// Mean steer angle of the front wheels by the encoder alone. The estimator's zero of it wanders
+/// while it is learnt, and what tyres differ from the vehicle file's in a bend goes into it too.
+fn as_read(vehicle: &Vehicle, steer_rad: &PerWheel<Vec<f64>>, learnt_rad: &[f64]) -> Vec<f64> {
+    let gear = SteeringGear::from_vehicle(vehicle).ok();
+    let ratio = vehicle.steering.ratio;
+    let rows = steer_rad.0[0].iter().zip(&steer_rad.0[1]).zip(learnt_rad);
+    rows.map(|((left, right), learnt)| {
+        let mean = 0.5 * (left + right);
+        let Some(gear) = gear.as_ref().filter(|_| mean.is_finite()) else {
+            return mean - learnt;
+        };
+        let hand = gear.hand_wheel_rad(mean);
+        let front = |hand: f64| {
+            let [left, right, ..] = gear.road_wheels(hand, 0.0);
+            0.5 * (left + right)
+        };
+        mean + front(hand - learnt * ratio) - front(hand)
+    })
+    .collect()
+}
+
 /// A pendulum's record.
 pub struct Swing {
     /// The log's vehicle.
@@ -238,6 +317,31 @@ impl Grid {
             first_ns: from,
             rows,
         })
+    }
+
+    /// A column on straight lines between its rows, at either end as it was last; 0 without rows.
+    fn line(&self, name: &str) -> Vec<f64> {
+        let column = self.table.columns.iter().find(|column| column.name == name);
+        let Some(Values::F64(values)) = column.map(|column| &column.values) else {
+            return vec![0.0; self.rows];
+        };
+        let at = |time: &i64| (time - self.first_ns) as f64 * 1e-9 / DT_S;
+        let mut known = self.table.publish_time_ns.iter().map(at).zip(values);
+        let Some(mut before) = known.next() else {
+            return vec![0.0; self.rows];
+        };
+        let mut after = known.next();
+        let mut line = Vec::with_capacity(self.rows);
+        for row in 0..self.rows {
+            let row = row as f64;
+            while let Some(next) = after.filter(|next| next.0 <= row) {
+                before = next;
+                after = known.next();
+            }
+            let slope = after.map_or(0.0, |next| (next.1 - before.1) / (next.0 - before.0));
+            line.push(before.1 + slope * (row - before.0).max(0.0));
+        }
+        line
     }
 
     /// A column by its name; unknown where there is no row, or no such column.
