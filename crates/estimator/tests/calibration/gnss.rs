@@ -176,10 +176,20 @@ fn height(seed: u64) -> Findings {
 }
 
 #[test]
-fn roll_and_pitch_tell_the_height() {
+fn roll_and_pitch_tell_the_place_to_three_centimetres_and_latencies_to_two_milliseconds() {
     for seed in 0..3 {
-        let [value, sigma] = height(seed).value("test antenna z");
-        assert!((value - ANTENNA_M[2]).abs() < 0.03, "{value} +- {sigma}");
+        let found = height(seed);
+        let within = |name: &str, truth: f64, most: f64| {
+            let [value, sigma] = found.value(name);
+            println!("{name} {:.5} +- {sigma:.5}", value - truth);
+            assert!((value - truth).abs() < most, "{name} {value} +- {sigma}");
+        };
+        for (axis, truth) in ["x", "y", "z"].into_iter().zip(ANTENNA_M) {
+            within(&format!("test antenna {axis}"), truth, 0.03);
+        }
+        for (what, truth) in ["velocity", "attitude"].into_iter().zip(LATENCY_S) {
+            within(&format!("test {what} latency"), truth, 0.002);
+        }
     }
 }
 
