@@ -18,6 +18,8 @@ mod passenger_car;
 mod record;
 #[path = "suite/replay.rs"]
 mod replay;
+#[path = "suite/report.rs"]
+mod report;
 #[path = "suite/score.rs"]
 mod score;
 #[path = "suite/support.rs"]

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use sample::{
-    Event, FixQuality, Health, LogTime, Measurement, Motion, PerWheel, Sample, TyreForce,
+    Event, FixQuality, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Sample,
+    TyreForce,
 };
 use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage};
 
@@ -47,6 +48,8 @@ pub struct Drive {
     pub truth: Series<Motion>,
     /// True forces, of a simulation.
     pub truth_forces: Series<PerWheel<TyreForce>>,
+    /// What the estimator has learnt, with the tyres' grip.
+    pub learnt: Series<Parameters>,
     /// Hand-wheel angle, rad.
     pub hand_wheel_rad: Series<f64>,
     /// Horizontal speed of the GNSS antenna, m/s, by source.
@@ -135,6 +138,7 @@ impl Drive {
             expected: Series::default(),
             truth: Series::default(),
             truth_forces: Series::default(),
+            learnt: Series::default(),
             hand_wheel_rad: Series::default(),
             gnss_speed_m_s: BTreeMap::new(),
             track_m: BTreeMap::new(),
@@ -195,6 +199,9 @@ impl Drive {
                 self.take_sample(&sample, name, origins);
             }
             Record::Event(event) => self.events.push(event),
+            Record::Parameters(parameters) => {
+                self.learnt.push(seconds(parameters.time), parameters);
+            }
             Record::Health(health) => self.health = Some(health),
             Record::ClockFit(fit) => {
                 self.clocks.insert(session.source_name(fit.source), fit);

@@ -1,6 +1,6 @@
 //! Which figures a report has.
 
-use sample::{Motion, PerWheel, TyreForce, Wheel};
+use sample::{AxleGrip, Motion, Parameters, PerWheel, TyreForce, Wheel};
 
 use crate::drive::{Drive, Series};
 use crate::plot::{Figure, Panel, Pen, Trace};
@@ -41,6 +41,7 @@ pub fn all(drive: &Drive) -> Vec<Figure> {
         ),
         roll_pitch(drive),
         acceleration(drive),
+        grip(drive),
         track(drive),
     ];
     figures.retain(Figure::has_data);
@@ -237,6 +238,40 @@ fn acceleration(drive: &Drive) -> Figure {
         "Acceleration",
         "Of the centre of gravity, without gravity.",
         "acceleration (m/s²)",
+        traces,
+    )
+}
+
+fn grip(drive: &Drive) -> Figure {
+    type Axle = fn(&Parameters) -> &AxleGrip;
+    let axles: [(&str, Axle); 2] = [("front", |p| &p.front), ("rear", |p| &p.rear)];
+    let mut traces = Vec::new();
+    for (index, (name, axle)) in axles.into_iter().enumerate() {
+        let mut curve = |what: &str, pen, number: fn(&AxleGrip) -> f64| {
+            traces.push(Trace {
+                name: format!("{what}, {name}"),
+                pen,
+                x: drive.learnt.time_s.clone(),
+                y: drive.learnt.map(|learnt| number(axle(learnt))),
+            });
+        };
+        curve("stiffness factor", Pen::Other(index), |grip| {
+            grip.stiffness_factor
+        });
+        curve("friction", Pen::Other(index + 2), |grip| {
+            grip.friction.unwrap_or(f64::NAN)
+        });
+        curve("friction, at least", Pen::Points(index + 2), |grip| {
+            grip.friction.map_or(grip.friction_min, |_| f64::NAN)
+        });
+    }
+    traces.retain(|trace| trace.y.iter().any(|value| value.is_finite()));
+    single(
+        "grip",
+        "Grip",
+        "Factors on the vehicle file's cornering stiffnesses, and the friction coefficient. While \
+         too little of it is used to see it, points say what it is at least.",
+        "factor, coefficient (–)",
         traces,
     )
 }

@@ -28,6 +28,7 @@ pub fn render(drive: &Drive, figures: &[Figure]) -> String {
         );
     }
     events(drive, &mut body);
+    learnt(drive, &mut body);
     sources(drive, &mut body);
     clocks(drive, &mut body);
     files(drive, &mut body);
@@ -143,7 +144,8 @@ fn navigation(figures: &[Figure], body: &mut String) {
         let _ = write!(body, "<a href=\"#{}\">{}</a>", figure.id, figure.title);
     }
     body.push_str(
-        "<a href=\"#events\">Events</a><a href=\"#sources\">Sources</a>\
+        "<a href=\"#events\">Events</a><a href=\"#learnt\">Learnt</a>\
+         <a href=\"#sources\">Sources</a>\
          <a href=\"#files\">Files</a></nav>",
     );
 }
@@ -193,6 +195,46 @@ fn event_text(event: &Event) -> String {
         Some(probability) => format!("{} (probability {probability:.2})", event.text),
         None => event.text.clone(),
     }
+}
+
+fn learnt(drive: &Drive, body: &mut String) {
+    let Some(learnt) = drive.learnt.values.last() else {
+        return;
+    };
+    body.push_str(
+        "<h2 id=\"learnt\">Learnt</h2><p class=\"caption\">What the estimator had found of the \
+         sensors by the drive's end, beyond the calibration, with standard deviations.</p>\
+         <div class=\"wide\"><table><tr><th></th><th class=\"n\">value</th>\
+         <th class=\"n\">deviation</th><th></th></tr>",
+    );
+    let mut row = |name: &str, value: f64, sigma: f64, unit: &str| {
+        let _ = write!(
+            body,
+            "<tr><td>{name}</td><td class=\"n\">{value:.3}</td><td class=\"n\">{sigma:.3}</td>\
+             <td>{unit}</td></tr>"
+        );
+    };
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        row(
+            &format!("accelerometer bias, {name}"),
+            learnt.accel_bias_m_s2[axis],
+            learnt.accel_bias_sigma_m_s2[axis],
+            "m/s²",
+        );
+        row(
+            &format!("gyro bias, {name}"),
+            learnt.gyro_bias_rad_s[axis].to_degrees(),
+            learnt.gyro_bias_sigma_rad_s[axis].to_degrees(),
+            "deg/s",
+        );
+    }
+    row(
+        "steer offset at the road wheels, left positive",
+        learnt.steer_offset_rad.to_degrees(),
+        learnt.steer_offset_sigma_rad.to_degrees(),
+        "deg",
+    );
+    body.push_str("</table></div>");
 }
 
 fn sources(drive: &Drive, body: &mut String) {
