@@ -32,7 +32,7 @@ const NEEDED_S: f64 = 20.0;
 const PLACE_SIGMA_M: f64 = 0.04;
 const LATENCY_SIGMA_S: f64 = 0.004;
 /// Deviation up to which the height of an antenna counts as found, m.
-const HEIGHT_SIGMA_M: f64 = 0.015;
+const HEIGHT_SIGMA_M: f64 = 0.016;
 
 /// Vectors at instants.
 #[derive(Clone, Copy, Debug, Default)]
