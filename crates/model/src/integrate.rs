@@ -7,11 +7,13 @@
 mod adaptive;
 mod event;
 mod lanes;
+mod running;
 
 pub use adaptive::{Tolerance, adaptive};
 pub use event::{Advance, step_to_event};
 pub use lanes::LANES;
 pub(crate) use lanes::{StraightRate, rk4_lanes};
+pub(crate) use running::{Running, RunningRate, rk4_steps};
 
 use crate::Scalar;
 

@@ -12,8 +12,10 @@ pub mod strain;
 pub mod suspension;
 pub mod truth_params;
 pub mod tyre;
+mod values;
 pub mod vehicle;
 
 pub use error::Error;
 pub use file::{FileErrors, Problem};
 pub use scalar::Scalar;
+pub use values::Values;

@@ -21,8 +21,8 @@ pub use spring::{RadialSpringTyre, SpringForce};
 pub use stiffness::Stiffness;
 pub(crate) use tread::tread_moment;
 
-use crate::Scalar;
-use crate::vehicle;
+use crate::values::Values;
+use crate::{Scalar, vehicle};
 
 /// State of one contact patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,14 +148,16 @@ pub fn relaxed_rate<T: Scalar>(slip: T, slip_speed: T, rolling_speed: T, length_
 /// Slip s = v_slip/|v_x| without relaxation. Below `low_m_s` the denominator blends smoothly to
 /// half that speed, so that the slip stays finite at rest.
 #[inline(always)]
-pub fn steady_slip<T: Scalar>(slip_speed: T, rolling_speed: T, low_m_s: f64) -> T {
-    let speed = rolling_speed.magnitude();
-    let denominator = if speed < low_m_s {
-        (speed * speed + low_m_s * low_m_s) / (2.0 * low_m_s)
-    } else {
-        speed
-    };
-    slip_speed / denominator
+pub fn steady_slip<V: Values>(slip_speed: V, rolling_speed: V, low_m_s: f64) -> V {
+    slip_speed / slip_base(rolling_speed, low_m_s)
+}
+
+/// What a slip speed is divided by: see [`steady_slip`].
+#[inline(always)]
+pub(crate) fn slip_base<V: Values>(rolling_speed: V, low_m_s: f64) -> V {
+    let speed = rolling_speed.absolute();
+    let blended = (speed * speed).scaled(0.5 / low_m_s).plus(0.5 * low_m_s);
+    speed.if_less(V::constant(low_m_s), blended, speed)
 }
 
 /// Rolling resistance moment M_y = -c F_z R sgn(omega), N m, fading smoothly around standstill.
@@ -175,12 +177,13 @@ const STICTION_RAD_S: f64 = 0.3;
 /// Sign of a wheel's spin, smooth around standstill: (15 x - 10 x^3 + 3 x^5)/8 with
 /// x = omega/0.3 rad/s held within +-1, twice continuously differentiable.
 #[inline(always)]
-pub fn saturated<T: Scalar>(wheel_speed_rad_s: T) -> T {
-    let part = (wheel_speed_rad_s * (1.0 / STICTION_RAD_S))
-        .at_least(-1.0)
-        .at_most(1.0);
+pub fn saturated<V: Values>(wheel_speed_rad_s: V) -> V {
+    let part = wheel_speed_rad_s
+        .scaled(1.0 / STICTION_RAD_S)
+        .not_below(-1.0)
+        .not_above(1.0);
     let square = part * part;
-    part * (square * (square * 0.375 - 1.25) + 1.875)
+    part * (square * square.scaled(0.375).plus(-1.25)).plus(1.875)
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
 //! Questions about a vehicle's axles that kernels have answered at compile time.
 
+use crate::scalar::each;
+use crate::values::PerWheelValues;
+
 /// What an axle is asked on the way, told at compile time where all axles answer alike.
 pub(crate) trait Form {
     /// Whether the loop between loads and forces takes two passes.
@@ -7,6 +10,8 @@ pub(crate) trait Form {
 
     /// Whether the tyres' slips relax.
     fn relaxes(length_m: f64) -> bool;
+    /// What relaxing wheels have, and what the others have.
+    fn relaxing<V: PerWheelValues>(length_m: &[f64; 4], relaxing: V, others: V) -> V;
     /// Whether roll steers the wheels.
     fn roll_steers(gain: f64) -> bool;
 }
@@ -26,6 +31,10 @@ impl Form for Relaxing {
         true
     }
     #[inline(always)]
+    fn relaxing<V: PerWheelValues>(_: &[f64; 4], relaxing: V, _: V) -> V {
+        relaxing
+    }
+    #[inline(always)]
     fn roll_steers(_: f64) -> bool {
         false
     }
@@ -39,6 +48,10 @@ impl Form for Immediate {
         false
     }
     #[inline(always)]
+    fn relaxing<V: PerWheelValues>(_: &[f64; 4], _: V, others: V) -> V {
+        others
+    }
+    #[inline(always)]
     fn roll_steers(_: f64) -> bool {
         false
     }
@@ -50,6 +63,17 @@ impl Form for Mixed {
     #[inline(always)]
     fn relaxes(length_m: f64) -> bool {
         length_m > 0.0
+    }
+    #[inline(always)]
+    fn relaxing<V: PerWheelValues>(length_m: &[f64; 4], relaxing: V, others: V) -> V {
+        let (relaxing, others) = (relaxing.list(), others.list());
+        V::of(each(|i| {
+            if Self::relaxes(length_m[i]) {
+                relaxing[i]
+            } else {
+                others[i]
+            }
+        }))
     }
     #[inline(always)]
     fn roll_steers(gain: f64) -> bool {

@@ -3,47 +3,54 @@
 //! become vector code.
 
 use super::{Law, Stiffness, Tyre};
-use crate::Scalar;
+use crate::values::Values;
 
 /// A brush tyre whose stiffnesses do not depend on the load, or grow with its power of 3/4: both
-/// need square roots only. Which of the two is the constant `GROWS` of the functions.
+/// need square roots only. Which of the two is the constant `GROWS` of the functions. The numbers
+/// are one tyre's, or lists for four.
 ///
 /// With q = F_z/F_z0, C = C_0 q^n and the slip s = (C_kappa/C_alpha kappa, -tan alpha) the law of
-/// [`Law::Brush`] is F = C s f with f = 1 - h + h^2/3 and h = C |s|/(mu F_z), F = mu F_z s/|s| from
-/// h = 3 on.
+/// [`Law::Brush`] is F = C s (1 - h + h^2/3) with h = C |s|/(3 mu F_z), and F = mu F_z s/|s| from
+/// h = 1 on. With p = C_0 |s|/(3 mu F_z0), which no load enters, h = p q^(n-1) and
+///
+/// | n | h < 1 | F/(C_0 s) there | beyond |
+/// |---|---|---|---|
+/// | 3/4 | p < q^(1/4) | q^(1/4) (q^(1/2) + p^2/3) - q^(1/2) p | q/(3 p) |
+/// | 0 | p < q | 1 - p/q + (p/q)^2/3 | q/(3 p) |
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Brush {
+pub(crate) struct Brush<C = f64> {
     /// C_0, N/rad.
-    cornering_n_rad: f64,
+    cornering_n_rad: C,
     /// C_kappa/C_alpha.
-    slip_over_cornering: f64,
+    slip_over_cornering: C,
     /// mu F_z0, N.
-    grip_n: f64,
+    grip_n: C,
     /// 1/F_z0, 1/N; 1 for stiffnesses that do not grow.
-    inverse_load_1_n: f64,
+    inverse_load_1_n: C,
 }
 
 /// A brush tyre on a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OnSurface<T> {
-    /// C_0 times the stiffness factor.
+    /// C_0 with the stiffness factor, N/rad.
     pub stiffness: T,
-    /// C_0/(3 mu F_z0): with the factors.
+    /// p/|s| = C_0/(3 mu F_z0), with the factors.
     pub slope: T,
-    /// mu F_z0/C_0, with the factors.
+    /// |s|/(3 p) = mu F_z0/C_0, with the factors.
     pub slide: T,
 }
 
 /// A brush tyre's slip.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slipping<T> {
-    /// s along the wheel: C_kappa/C_alpha kappa.
+    /// C_0 s along the wheel, N.
     pub along: T,
-    /// s to the left: -tan alpha.
+    /// C_0 s to the left, N.
     pub across: T,
-    /// |s| C_0/(3 mu F_z0): h/3 at the reference load.
+    /// p and p^2/3.
     part: T,
-    /// mu F_z0/(C_0 |s|): 1/h at the reference load.
+    third: T,
+    /// 1/(3 p).
     sliding: T,
 }
 
@@ -52,6 +59,9 @@ const LEAST_SQUARE: f64 = 1e-60;
 
 /// Least F_z/F_z0 that the powers see.
 const LEAST_LOAD: f64 = 1e-12;
+
+/// Least grip and stiffness that are divided by, N and N/rad: without either nothing pulls.
+const LEAST_DIVISOR: f64 = 1e-100;
 
 impl Brush {
     /// The tyre in this form and whether its stiffness grows, if it can be brought to it: no
@@ -96,71 +106,85 @@ impl Brush {
         (cornering > 0.0 && slip > 0.0).then_some((brush, grows))
     }
 
+    /// The tyres of four wheels, by axle.
+    pub(crate) fn of_wheels([front, rear]: [Self; 2]) -> Brush<[f64; 4]> {
+        let of = |number: fn(&Self) -> f64| {
+            let (front, rear) = (number(&front), number(&rear));
+            [front, front, rear, rear]
+        };
+        Brush {
+            cornering_n_rad: of(|brush| brush.cornering_n_rad),
+            slip_over_cornering: of(|brush| brush.slip_over_cornering),
+            grip_n: of(|brush| brush.grip_n),
+            inverse_load_1_n: of(|brush| brush.inverse_load_1_n),
+        }
+    }
+}
+
+impl<C: Copy> Brush<C> {
     /// On a surface with factors on friction and stiffness.
     #[inline(always)]
-    pub(crate) fn on_surface<T: Scalar>(&self, friction: T, stiffness: T) -> OnSurface<T> {
-        let stiffness = stiffness * self.cornering_n_rad;
-        let grip = friction * self.grip_n;
+    pub(crate) fn on_surface<V: Values<Constants = C>>(
+        &self,
+        friction: V,
+        stiffness: V,
+    ) -> OnSurface<V> {
+        let stiffness = stiffness.times(self.cornering_n_rad);
+        let grip = friction.times(self.grip_n).not_below(LEAST_DIVISOR);
         OnSurface {
             stiffness,
-            slope: stiffness / (grip * 3.0),
-            slide: grip / stiffness,
+            slope: stiffness / grip.scaled(3.0),
+            slide: grip / stiffness.not_below(LEAST_DIVISOR),
         }
     }
 
     /// With a slip.
     #[inline(always)]
-    pub(crate) fn slipping<T: Scalar>(
+    pub(crate) fn slipping<V: Values<Constants = C>>(
         &self,
-        surface: &OnSurface<T>,
-        slip_tangent: T,
-        slip_ratio: T,
-    ) -> Slipping<T> {
-        let along = slip_ratio * self.slip_over_cornering;
-        let square = (along * along + slip_tangent * slip_tangent).at_least(LEAST_SQUARE);
-        let amount = square.sqrt();
+        surface: &OnSurface<V>,
+        slip_tangent: V,
+        slip_ratio: V,
+    ) -> Slipping<V> {
+        let along = slip_ratio.times(self.slip_over_cornering);
+        let square = (along * along + slip_tangent * slip_tangent).not_below(LEAST_SQUARE);
+        let amount = square.root();
+        let part = amount * surface.slope;
         Slipping {
-            along,
-            across: -slip_tangent,
-            part: amount * surface.slope,
-            sliding: surface.slide / amount,
+            along: along * surface.stiffness,
+            across: -slip_tangent * surface.stiffness,
+            part,
+            third: (part * part).scaled(1.0 / 3.0),
+            // The division waits for no root.
+            sliding: surface.slide / square * amount,
         }
     }
 
-    /// Force for each unit of slip s under a load, N, as stiffness C and factor f; C is zero where
-    /// the tyre is airborne.
+    /// F/(C_0 s) under a load; zero where the tyre is airborne.
     #[inline(always)]
-    pub(crate) fn pull<T: Scalar, const GROWS: bool>(
+    pub(crate) fn pull<V: Values<Constants = C>, const GROWS: bool>(
         &self,
-        surface: &OnSurface<T>,
-        slipping: &Slipping<T>,
-        load_n: T,
-    ) -> [T; 2] {
-        let share = (load_n * self.inverse_load_1_n).at_least(LEAST_LOAD);
-        // q^n and q^(1-n). The division waits for no root.
-        let inverse = share.recip();
-        let (grown, rest) = if GROWS {
-            let root = share.sqrt();
-            let fourth = root.sqrt();
-            (root * fourth, fourth)
+        slipping: &Slipping<V>,
+        load_n: V,
+    ) -> V {
+        let Slipping {
+            part,
+            third,
+            sliding,
+            ..
+        } = *slipping;
+        let q = load_n.times(self.inverse_load_1_n).not_below(LEAST_LOAD);
+        let (limit, sticking) = if GROWS {
+            let half = q.root();
+            let fourth = half.root();
+            (fourth, fourth * (half + third) - half * part)
         } else {
-            (T::from(1.0), share)
+            let inverse = V::constant(1.0) / q;
+            (q, (inverse * (inverse * third - part)).plus(1.0))
         };
-        // h/3 and 1/h.
-        let part = grown * (slipping.part * inverse);
-        let sliding = rest * slipping.sliding;
-        let factor = if part < 1.0 {
-            part * part * (1.0 / 3.0) + (-part + 1.0)
-        } else {
-            sliding
-        };
-        let stiffness = grown * surface.stiffness;
-        let stiffness = if load_n > 0.0 {
-            stiffness
-        } else {
-            T::from(0.0)
-        };
-        [stiffness, factor]
+        let pull = part.if_less(limit, sticking, q * sliding);
+        let nothing = V::constant(0.0);
+        nothing.if_less(load_n, pull, nothing)
     }
 }
 
@@ -198,7 +222,7 @@ mod tests {
                 for slip_tangent in [-3.0, -0.1, 0.0, 1e-9, 0.02, 0.4] {
                     for slip_ratio in [-1.0, -0.01, 0.0, 0.3] {
                         for (friction_scale, stiffness_scale) in
-                            [(1.0, 1.0), (0.3, 0.7), (0.0, 1.0)]
+                            [(1.0, 1.0), (0.3, 0.7), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)]
                         {
                             let contact = Contact {
                                 load_n,
@@ -211,16 +235,16 @@ mod tests {
                             let law = tyre.forces(&contact);
                             let surface = brush.on_surface(friction_scale, stiffness_scale);
                             let slipping = brush.slipping(&surface, slip_tangent, slip_ratio);
-                            let [c, f] = if grows {
-                                brush.pull::<_, true>(&surface, &slipping, load_n)
+                            let pull = if grows {
+                                brush.pull::<_, true>(&slipping, load_n)
                             } else {
-                                brush.pull::<_, false>(&surface, &slipping, load_n)
+                                brush.pull::<_, false>(&slipping, load_n)
                             };
                             let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs());
                             assert!(
-                                near(c * f * slipping.along, law.longitudinal_n)
-                                    && near(c * f * slipping.across, law.lateral_n),
-                                "{contact:?} {law:?} {c} {f}"
+                                near(pull * slipping.along, law.longitudinal_n)
+                                    && near(pull * slipping.across, law.lateral_n),
+                                "{contact:?} {law:?} {pull}"
                             );
                         }
                     }

@@ -3,55 +3,55 @@
 
 use super::dynamics::{Constants, Wheels};
 use super::{Inputs, Parameters};
-use crate::Scalar;
 use crate::scalar::each;
 use crate::tyre::{Brush, Contact, OnSurface, Slipping};
+use crate::values::PerWheelValues;
 
-/// One tyre's force.
+/// The four tyres' forces.
 #[derive(Clone, Copy)]
-pub(super) struct Force<T> {
+pub(super) struct Forces<V> {
     /// Longitudinal and lateral force and aligning moment in the wheel's frame, N and N m.
-    pub wheel: [T; 3],
+    pub wheel: [V; 3],
     /// Force ahead and to the left, and moment about the centre of gravity, body axes, N and N m.
-    pub body: [T; 3],
+    pub body: [V; 3],
 }
 
 /// Tyres at given slips.
-pub(super) trait Contacts<T> {
-    /// Force of a wheel's tyre.
-    fn force(&self, wheel: usize, load_n: T) -> Force<T>;
+pub(super) trait Contacts<V> {
+    /// Forces of the tyres.
+    fn forces(&self, load_n: V) -> Forces<V>;
 }
 
-/// A force in the wheel's frame turned into body axes, with its moment about the centre of gravity.
+/// Forces in the wheels' frames turned into body axes, with their moments about the centre of
+/// gravity.
 #[inline(always)]
-fn body<T: Scalar>(
+fn body<V: PerWheelValues>(
     constants: &Constants,
-    wheels: &Wheels<T>,
-    i: usize,
-    along: T,
-    across: T,
-) -> [T; 3] {
-    let (ahead_m, left_m) = (constants.ahead[i], constants.left[i]);
-    let (sin, cos) = (wheels.sin[i], wheels.cos[i]);
+    wheels: &Wheels<V>,
+    along: V,
+    across: V,
+) -> [V; 3] {
+    let (sin, cos) = (wheels.sin, wheels.cos);
     let ahead = along * cos - across * sin;
     let left = along * sin + across * cos;
-    [ahead, left, left * ahead_m - ahead * left_m]
+    let turning = left.times(constants.ahead) - ahead.times(constants.left);
+    [ahead, left, turning]
 }
 
 /// Tyres of any kind, through [`Tyre::forces`](crate::tyre::Tyre::forces).
-pub(super) struct AnyContacts<'a, T> {
+pub(super) struct AnyContacts<'a, V: PerWheelValues> {
     parameters: &'a Parameters,
     constants: &'a Constants,
-    inputs: &'a Inputs<T>,
-    wheels: Wheels<T>,
+    inputs: &'a Inputs<V::Number>,
+    wheels: Wheels<V>,
 }
 
-impl<'a, T: Scalar> AnyContacts<'a, T> {
+impl<'a, V: PerWheelValues> AnyContacts<'a, V> {
     pub(super) fn new(
         parameters: &'a Parameters,
         constants: &'a Constants,
-        inputs: &'a Inputs<T>,
-        wheels: &Wheels<T>,
+        inputs: &'a Inputs<V::Number>,
+        wheels: &Wheels<V>,
     ) -> Self {
         Self {
             parameters,
@@ -62,21 +62,26 @@ impl<'a, T: Scalar> AnyContacts<'a, T> {
     }
 }
 
-impl<T: Scalar> Contacts<T> for AnyContacts<'_, T> {
+impl<V: PerWheelValues> Contacts<V> for AnyContacts<'_, V> {
     #[inline]
-    fn force(&self, wheel: usize, load_n: T) -> Force<T> {
-        let forces = self.parameters.axle(wheel).tyre.forces(&Contact {
-            load_n,
-            slip_tangent: self.wheels.tangent[wheel],
-            slip_ratio: self.wheels.ratio[wheel],
-            camber_rad: T::from(0.0),
-            friction_scale: self.inputs.friction_scale[wheel],
-            stiffness_scale: self.inputs.stiffness_scale[wheel],
+    fn forces(&self, load_n: V) -> Forces<V> {
+        let load_n = load_n.list();
+        let (tangent, ratio) = (self.wheels.tangent.list(), self.wheels.ratio.list());
+        let forces = each(|i| {
+            self.parameters.axle(i).tyre.forces(&Contact {
+                load_n: load_n[i],
+                slip_tangent: tangent[i],
+                slip_ratio: ratio[i],
+                camber_rad: V::Number::from(0.0),
+                friction_scale: self.inputs.friction_scale[i],
+                stiffness_scale: self.inputs.stiffness_scale[i],
+            })
         });
-        let (along, across) = (forces.longitudinal_n, forces.lateral_n);
-        let aligning = forces.aligning_n_m;
-        let [ahead, left, turning] = body(self.constants, &self.wheels, wheel, along, across);
-        Force {
+        let along = V::of(each(|i| forces[i].longitudinal_n));
+        let across = V::of(each(|i| forces[i].lateral_n));
+        let aligning = V::of(each(|i| forces[i].aligning_n_m));
+        let [ahead, left, turning] = body(self.constants, &self.wheels, along, across);
+        Forces {
             wheel: [along, across, aligning],
             body: [ahead, left, turning + aligning],
         }
@@ -85,29 +90,29 @@ impl<T: Scalar> Contacts<T> for AnyContacts<'_, T> {
 
 /// Brush tyres under the inputs of one step.
 #[derive(Clone, Copy)]
-pub(super) struct BrushTyres<T> {
-    axles: [Brush; 2],
-    surfaces: [OnSurface<T>; 4],
+pub(super) struct BrushTyres<V: PerWheelValues> {
+    brush: Brush<[f64; 4]>,
+    surface: OnSurface<V>,
 }
 
-impl<T: Scalar> BrushTyres<T> {
+impl<V: PerWheelValues> BrushTyres<V> {
     #[inline(always)]
-    pub(super) fn new(axles: [Brush; 2], inputs: &Inputs<T>) -> Self {
-        let surfaces =
-            each(|i| axles[i / 2].on_surface(inputs.friction_scale[i], inputs.stiffness_scale[i]));
-        Self { axles, surfaces }
+    pub(super) fn new(brush: Brush<[f64; 4]>, inputs: &Inputs<V::Number>) -> Self {
+        let friction = V::of(inputs.friction_scale);
+        let surface = brush.on_surface(friction, V::of(inputs.stiffness_scale));
+        Self { brush, surface }
     }
 
-    /// The same tyres on surfaces that are known.
+    /// The same tyres on a surface that is known.
     #[inline(always)]
-    pub(super) fn on(axles: [Brush; 2], surfaces: [OnSurface<T>; 4]) -> Self {
-        Self { axles, surfaces }
+    pub(super) fn on(brush: Brush<[f64; 4]>, surface: OnSurface<V>) -> Self {
+        Self { brush, surface }
     }
 
-    /// Surfaces under the wheels.
+    /// Surface under the wheels.
     #[inline(always)]
-    pub(super) fn surfaces(&self) -> &[OnSurface<T>; 4] {
-        &self.surfaces
+    pub(super) fn surface(&self) -> &OnSurface<V> {
+        &self.surface
     }
 
     /// At the slips of one instant.
@@ -115,51 +120,36 @@ impl<T: Scalar> BrushTyres<T> {
     pub(super) fn at<const GROWS: bool>(
         &self,
         constants: &Constants,
-        wheels: &Wheels<T>,
-    ) -> BrushContacts<T, GROWS> {
-        let slipping = each(|i| {
-            let (tangent, ratio) = (wheels.tangent[i], wheels.ratio[i]);
-            self.axles[i / 2].slipping(&self.surfaces[i], tangent, ratio)
-        });
-        let directions = each(|i| {
-            let slip = &slipping[i];
-            body(constants, wheels, i, slip.along, slip.across)
-        });
+        wheels: &Wheels<V>,
+    ) -> BrushContacts<V, GROWS> {
+        let slipping = self
+            .brush
+            .slipping(&self.surface, wheels.tangent, wheels.ratio);
         BrushContacts {
-            tyres: *self,
+            brush: self.brush,
+            directions: body(constants, wheels, slipping.along, slipping.across),
             slipping,
-            directions,
         }
     }
 }
 
 /// Brush tyres at the slips of one instant: their forces keep their directions at every load.
-pub(super) struct BrushContacts<T, const GROWS: bool> {
-    tyres: BrushTyres<T>,
-    slipping: [Slipping<T>; 4],
-    /// Body-axes force and moment for each unit of C f.
-    directions: [[T; 3]; 4],
+pub(super) struct BrushContacts<V, const GROWS: bool> {
+    brush: Brush<[f64; 4]>,
+    slipping: Slipping<V>,
+    /// C_0 s in body axes with its moment about the centre of gravity, N and N m.
+    directions: [V; 3],
 }
 
-impl<T: Scalar, const GROWS: bool> Contacts<T> for BrushContacts<T, GROWS> {
+impl<V: PerWheelValues, const GROWS: bool> Contacts<V> for BrushContacts<V, GROWS> {
     #[inline(always)]
-    fn force(&self, wheel: usize, load_n: T) -> Force<T> {
-        let slip = &self.slipping[wheel];
-        let brush = &self.tyres.axles[wheel / 2];
-        let [stiffness, factor] = brush.pull::<T, GROWS>(&self.tyres.surfaces[wheel], slip, load_n);
-        let [ahead, left, turning] = self.directions[wheel];
-        // The factor comes last: it is what the loop waits for.
-        Force {
-            wheel: [
-                stiffness * slip.along * factor,
-                stiffness * slip.across * factor,
-                T::from(0.0),
-            ],
-            body: [
-                stiffness * ahead * factor,
-                stiffness * left * factor,
-                stiffness * turning * factor,
-            ],
+    fn forces(&self, load_n: V) -> Forces<V> {
+        let slip = &self.slipping;
+        let pull = self.brush.pull::<V, GROWS>(slip, load_n);
+        let [ahead, left, turning] = self.directions;
+        Forces {
+            wheel: [slip.along * pull, slip.across * pull, V::constant(0.0)],
+            body: [ahead * pull, left * pull, turning * pull],
         }
     }
 }

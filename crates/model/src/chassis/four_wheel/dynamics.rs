@@ -1,33 +1,35 @@
 //! Equations of motion of the four-wheel model.
 
-use super::contacts::{Contacts, Force};
+use super::contacts::{Contacts, Forces};
 use super::{AxleParameters, Inputs, Parameters, State};
 use crate::Scalar;
 use crate::chassis::form::Form;
 use crate::scalar::{each, sin_cos};
-use crate::tyre::{saturated, steady_slip};
+use crate::tyre::{saturated, slip_base};
+use crate::values::PerWheelValues;
 
 /// Wheels' motion, before any force.
 #[derive(Clone, Copy)]
-pub(super) struct Wheels<T> {
+pub(super) struct Wheels<V> {
     /// Sine and cosine of the steer angles.
-    pub sin: [T; 4],
-    pub cos: [T; 4],
-    /// Speeds of the wheel centres along and across the wheels, m/s.
-    pub rolling: [T; 4],
-    pub sliding: [T; 4],
+    pub sin: V,
+    pub cos: V,
+    /// Speed of the wheel centres along the wheels, m/s.
+    rolling: V,
+    /// Slip speeds to the left and along, m/s.
+    slip: [V; 2],
     /// Slips that the tyres see.
-    pub tangent: [T; 4],
-    pub ratio: [T; 4],
+    pub tangent: V,
+    pub ratio: V,
 }
 
 /// Forces and accelerations.
 #[derive(Clone, Copy)]
-pub(super) struct Solution<T> {
-    pub load: [T; 4],
-    pub forces: [Force<T>; 4],
+pub(super) struct Solution<V: PerWheelValues> {
+    pub load: V,
+    pub forces: Forces<V>,
     /// u', v', r', phi'', theta''.
-    pub accelerations: [T; 5],
+    accelerations: [V::Number; 5],
 }
 
 /// What the parameters come to, worked out once a step.
@@ -127,71 +129,74 @@ impl Constants {
 
 /// What the inputs come to, the same for all stages of a step.
 #[derive(Clone, Copy)]
-pub(super) struct Held<T> {
-    pub steer: [T; 4],
-    pub sin: [T; 4],
-    pub cos: [T; 4],
-    pub drive: [T; 4],
-    pub brake: [T; 4],
+pub(super) struct Held<V: PerWheelValues> {
+    pub steer: [V::Number; 4],
+    pub sin: V,
+    pub cos: V,
+    pub drive: V,
+    pub brake: V,
     /// m g cos(bank) cos(grade), g sin(bank), g sin(grade).
-    pub road: [T; 3],
+    pub road: [V::Number; 3],
 }
 
-impl<T: Scalar> Held<T> {
+impl<V: PerWheelValues> Held<V> {
     #[inline(always)]
-    pub(super) fn of(p: &Parameters, inputs: &Inputs<T>) -> Self {
+    pub(super) fn of(p: &Parameters, inputs: &Inputs<V::Number>) -> Self {
         let turned = each(|i| sin_cos(inputs.steer_rad[i]));
         let (sb, cb) = sin_cos(inputs.bank_rad);
         let (sg, cg) = sin_cos(inputs.grade_rad);
         let g = p.gravity_m_s2;
         Self {
             steer: inputs.steer_rad,
-            sin: each(|i| turned[i].0),
-            cos: each(|i| turned[i].1),
-            drive: inputs.drive_n_m,
-            brake: inputs.brake_n_m,
+            sin: V::of(each(|i| turned[i].0)),
+            cos: V::of(each(|i| turned[i].1)),
+            drive: V::of(inputs.drive_n_m),
+            brake: V::of(inputs.brake_n_m),
             road: [cb * cg * (p.mass_kg * g), sb * g, sg * g],
         }
+    }
+
+    /// Sine and cosine of the steer angles, roll steer included.
+    #[inline(always)]
+    fn turned<F: Form>(&self, constants: &Constants, roll_rad: V::Number) -> [V; 2] {
+        if !constants
+            .roll_steer
+            .iter()
+            .any(|gain| F::roll_steers(*gain))
+        {
+            return [self.sin, self.cos];
+        }
+        let turned = each(|i| sin_cos(self.steer[i] + roll_rad * constants.roll_steer[i]));
+        [V::of(each(|i| turned[i].0)), V::of(each(|i| turned[i].1))]
     }
 }
 
 #[inline(always)]
-pub(super) fn wheels<T: Scalar, F: Form>(
+pub(super) fn wheels<V: PerWheelValues, F: Form>(
     constants: &Constants,
-    state: &State<T>,
-    held: &Held<T>,
-) -> Wheels<T> {
-    let moving = each(|i| {
-        let (x, y) = (constants.ahead[i], constants.left[i]);
-        let along = state.longitudinal_m_s - state.yaw_rate_rad_s * y;
-        let across = state.lateral_m_s + state.yaw_rate_rad_s * x;
-        let (sin, cos) = if F::roll_steers(constants.roll_steer[i]) {
-            sin_cos(held.steer[i] + state.roll_rad * constants.roll_steer[i])
-        } else {
-            (held.sin[i], held.cos[i])
-        };
-        let rolling = along * cos + across * sin;
-        let sliding = across * cos - along * sin;
-        let (tangent, ratio) = if F::relaxes(constants.length[i]) {
-            (state.slip_tangent[i], state.slip_ratio[i])
-        } else {
-            let low = constants.low_speed;
-            let slip = state.wheel_speed_rad_s[i] * constants.radius[i] - rolling;
-            (
-                steady_slip(sliding, rolling, low),
-                steady_slip(slip, rolling, low),
-            )
-        };
-        [sin, cos, rolling, sliding, tangent, ratio]
-    });
-    let part = |k: usize| each(|i| moving[i][k]);
+    state: &State<V::Number>,
+    held: &Held<V>,
+) -> Wheels<V> {
+    let c = constants;
+    let yaw_rate = V::all(state.yaw_rate_rad_s);
+    let along = V::all(state.longitudinal_m_s) - yaw_rate.times(c.left);
+    let across = V::all(state.lateral_m_s) + yaw_rate.times(c.ahead);
+    let [sin, cos] = held.turned::<F>(c, state.roll_rad);
+    let rolling = along * cos + across * sin;
+    let slip = [
+        across * cos - along * sin,
+        V::of(state.wheel_speed_rad_s).times(c.radius) - rolling,
+    ];
+    let inverse = V::constant(1.0) / slip_base(rolling, c.low_speed);
+    let relaxing =
+        |relaxed: [V::Number; 4], slip: V| F::relaxing(&c.length, V::of(relaxed), slip * inverse);
     Wheels {
-        sin: part(0),
-        cos: part(1),
-        rolling: part(2),
-        sliding: part(3),
-        tangent: part(4),
-        ratio: part(5),
+        sin,
+        cos,
+        rolling,
+        slip,
+        tangent: relaxing(state.slip_tangent, slip[0]),
+        ratio: relaxing(state.slip_ratio, slip[1]),
     }
 }
 
@@ -210,12 +215,12 @@ struct Sums<T> {
 
 /// Loads from roll, pitch and the axles' forces.
 #[inline(always)]
-fn loads<T: Scalar>(
+fn loads<V: PerWheelValues>(
     constants: &Constants,
-    state: &State<T>,
-    held: &Held<T>,
-    sums: &Sums<T>,
-) -> [T; 4] {
+    state: &State<V::Number>,
+    held: &Held<V>,
+    sums: &Sums<V::Number>,
+) -> V {
     let c = constants;
     let down = held.road[0];
     let pitch =
@@ -223,7 +228,7 @@ fn loads<T: Scalar>(
     // An axle that would pull hangs; the other carries the vehicle.
     let front = (down * c.front_share + pitch - sums.longitudinal * c.pitch_lift).at_least(0.0);
     let front = if front > down { down } else { front };
-    let axle = |k: usize, sum: T| {
+    let axle = |k: usize, sum: V::Number| {
         let [stiffness, damping, height, unsprung] = c.transfer[k];
         let transfer = state.roll_rad * stiffness
             + state.roll_rate_rad_s * damping
@@ -231,29 +236,28 @@ fn loads<T: Scalar>(
         let half = sum * 0.5;
         // A wheel that would pull hangs; its neighbour carries the axle.
         let transfer = if transfer > half { half } else { transfer };
-        let transfer = if -transfer > half { -half } else { transfer };
+        let transfer = if transfer < -half { -half } else { transfer };
         [half - transfer, half + transfer]
     };
     let ([fl, fr], [rl, rr]) = (axle(0, front), axle(1, down - front));
-    [fl, fr, rl, rr]
+    V::of([fl, fr, rl, rr])
 }
 
 /// One pass of the loop between loads and forces.
 #[inline(always)]
-fn pass<T: Scalar>(
+fn pass<V: PerWheelValues>(
     constants: &Constants,
-    load: [T; 4],
-    rolling: T,
-    contacts: &impl Contacts<T>,
-) -> ([Force<T>; 4], Sums<T>) {
-    let forces = each(|i| contacts.force(i, load[i]));
-    let [[x0, y0, m0], [x1, y1, m1], [x2, y2, m2], [x3, y3, m3]] = each(|i| forces[i].body);
-    let lateral = [y0 + y1, y2 + y3];
-    let turning = (m0 + m1) + (m2 + m3);
+    load: V,
+    rolling: V::Number,
+    contacts: &impl Contacts<V>,
+) -> (Forces<V>, Sums<V::Number>) {
+    let forces = contacts.forces(load);
+    let [ahead, lateral, turning] = forces.body.map(V::axles);
+    let turning = turning[0] + turning[1];
     let [by_side, by_turning, by_roll] = constants.inverse[0];
     let sums = Sums {
         lateral,
-        longitudinal: (x0 + x1) + (x2 + x3),
+        longitudinal: ahead[0] + ahead[1],
         turning,
         // Solved for a_y + g sin(bank), which is what springs and gauges feel.
         felt: (lateral[0] + lateral[1]) * by_side + (turning * by_turning + rolling * by_roll),
@@ -263,12 +267,12 @@ fn pass<T: Scalar>(
 
 /// Closes the loop between loads and forces.
 #[inline(always)]
-pub(super) fn solve<T: Scalar, F: Form>(
+pub(super) fn solve<V: PerWheelValues, F: Form>(
     constants: &Constants,
-    state: &State<T>,
-    held: &Held<T>,
-    contacts: &impl Contacts<T>,
-) -> Solution<T> {
+    state: &State<V::Number>,
+    held: &Held<V>,
+    contacts: &impl Contacts<V>,
+) -> Solution<V> {
     let c = constants;
     let [_, bank, grade] = held.road;
     let (u, v, r) = (
@@ -284,8 +288,8 @@ pub(super) fn solve<T: Scalar, F: Form>(
     let felt = u * r + bank;
     let start = Sums {
         lateral: [felt * c.masses[0], felt * c.masses[1]],
-        longitudinal: T::from(0.0),
-        turning: T::from(0.0),
+        longitudinal: V::Number::from(0.0),
+        turning: V::Number::from(0.0),
         felt,
     };
     let (mut forces, mut sums) = pass(c, loads(c, state, held, &start), rolling, contacts);
@@ -317,32 +321,24 @@ pub(super) fn solve<T: Scalar, F: Form>(
 
 /// Rate of the state from what was solved.
 #[inline(always)]
-pub(super) fn rate<T: Scalar, F: Form>(
+pub(super) fn rate<V: PerWheelValues, F: Form>(
     constants: &Constants,
-    state: &State<T>,
-    held: &Held<T>,
-    wheels: &Wheels<T>,
-    solution: &Solution<T>,
-) -> State<T> {
+    state: &State<V::Number>,
+    held: &Held<V>,
+    wheels: &Wheels<V>,
+    solution: &Solution<V>,
+) -> State<V::Number> {
+    let c = constants;
     let [u, v, r, roll, pitch] = solution.accelerations;
-    let rolling = each(|i| {
-        let radius = constants.radius[i];
-        let spin = state.wheel_speed_rad_s[i];
-        let (tangent_rate, ratio_rate) = if F::relaxes(constants.length[i]) {
-            let slip = spin * radius - wheels.rolling[i];
-            let speed = wheels.rolling[i].magnitude();
-            (
-                (wheels.sliding[i] - speed * state.slip_tangent[i]) * constants.inverse_length[i],
-                (slip - speed * state.slip_ratio[i]) * constants.inverse_length[i],
-            )
-        } else {
-            (T::from(0.0), T::from(0.0))
-        };
-        let resisting = held.brake[i] + solution.load[i] * constants.resistance[i];
-        let torque =
-            held.drive[i] - resisting * saturated(spin) - solution.forces[i].wheel[0] * radius;
-        [tangent_rate, ratio_rate, torque * constants.inverse_spin[i]]
-    });
+    let speed = wheels.rolling.absolute();
+    let relaxing = |relaxed: [V::Number; 4], slip: V| {
+        let rate = (slip - speed * V::of(relaxed)).times(c.inverse_length);
+        F::relaxing(&c.length, rate, V::constant(0.0)).list()
+    };
+    let resisting = held.brake + solution.load.times(c.resistance);
+    let torque = held.drive
+        - resisting * saturated(V::of(state.wheel_speed_rad_s))
+        - solution.forces.wheel[0].times(c.radius);
     State {
         longitudinal_m_s: u,
         lateral_m_s: v,
@@ -351,8 +347,8 @@ pub(super) fn rate<T: Scalar, F: Form>(
         roll_rate_rad_s: roll,
         pitch_rad: state.pitch_rate_rad_s,
         pitch_rate_rad_s: pitch,
-        slip_tangent: each(|i| rolling[i][0]),
-        slip_ratio: each(|i| rolling[i][1]),
-        wheel_speed_rad_s: each(|i| rolling[i][2]),
+        slip_tangent: relaxing(state.slip_tangent, wheels.slip[0]),
+        slip_ratio: relaxing(state.slip_ratio, wheels.slip[1]),
+        wheel_speed_rad_s: torque.times(c.inverse_spin).list(),
     }
 }

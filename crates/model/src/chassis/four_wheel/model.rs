@@ -9,6 +9,7 @@ use crate::Scalar;
 use crate::chassis::form::{Form, Mixed};
 use crate::chassis::slopes::{self, Sloped};
 use crate::tyre::Brush;
+use crate::values::{Listed, PerWheelValues};
 
 /// What the model tells besides the derivative.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,12 +34,12 @@ pub struct Outputs<T> {
     pub lateral_m_s2: T,
 }
 
-/// Brush tyres of both axles and whether their stiffnesses grow with the load, where both axles
+/// Brush tyres of the wheels and whether their stiffnesses grow with the load, where both axles
 /// have such tyres.
-pub(super) fn brushes(parameters: &Parameters) -> Option<([Brush; 2], bool)> {
+pub(super) fn brushes(parameters: &Parameters) -> Option<(Brush<[f64; 4]>, bool)> {
     let (front, grows) = Brush::of(&parameters.front.tyre)?;
     let (rear, grows_too) = Brush::of(&parameters.rear.tyre)?;
-    (grows == grows_too).then_some(([front, rear], grows))
+    (grows == grows_too).then(|| (Brush::of_wheels([front, rear]), grows))
 }
 
 /// The form that both axles share, if they do.
@@ -62,45 +63,52 @@ pub(super) fn shared_form(p: &Parameters) -> Shared {
 
 /// Rate of the state with brush tyres.
 #[inline(always)]
-pub(super) fn brush_rate<T: Scalar, F: Form, const GROWS: bool>(
+pub(super) fn brush_rate<V: PerWheelValues, F: Form, const GROWS: bool>(
     constants: &Constants,
-    held: &Held<T>,
-    tyres: &BrushTyres<T>,
-    state: &State<T>,
-) -> State<T> {
-    let wheels = wheels::<T, F>(constants, state, held);
+    held: &Held<V>,
+    tyres: &BrushTyres<V>,
+    state: &State<V::Number>,
+) -> State<V::Number> {
+    let wheels = wheels::<V, F>(constants, state, held);
     let contacts = tyres.at::<GROWS>(constants, &wheels);
-    let solution = solve::<T, F>(constants, state, held, &contacts);
-    rate::<T, F>(constants, state, held, &wheels, &solution)
+    let solution = solve::<V, F>(constants, state, held, &contacts);
+    rate::<V, F>(constants, state, held, &wheels, &solution)
+}
+
+/// All of one instant.
+struct Instant<T: Scalar> {
+    wheels: Wheels<Listed<T>>,
+    solution: Solution<Listed<T>>,
+    rate: State<T>,
 }
 
 /// All of one instant, with tyres of any kind and axles of any form.
-fn instant<T: Scalar>(
-    parameters: &Parameters,
-    state: &State<T>,
-    inputs: &Inputs<T>,
-) -> (Wheels<T>, Solution<T>, State<T>) {
+fn instant<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Instant<T> {
     let constants = Constants::of(parameters);
     let held = Held::of(parameters, inputs);
-    let wheels = wheels::<T, Mixed>(&constants, state, &held);
+    let wheels = wheels::<Listed<T>, Mixed>(&constants, state, &held);
     let solution = match brushes(parameters) {
-        Some((axles, grows)) => {
-            let tyres = BrushTyres::new(axles, inputs);
+        Some((brush, grows)) => {
+            let tyres = BrushTyres::new(brush, inputs);
             if grows {
                 let contacts = tyres.at::<true>(&constants, &wheels);
-                solve::<T, Mixed>(&constants, state, &held, &contacts)
+                solve::<_, Mixed>(&constants, state, &held, &contacts)
             } else {
                 let contacts = tyres.at::<false>(&constants, &wheels);
-                solve::<T, Mixed>(&constants, state, &held, &contacts)
+                solve::<_, Mixed>(&constants, state, &held, &contacts)
             }
         }
         None => {
             let contacts = AnyContacts::new(parameters, &constants, inputs, &wheels);
-            solve::<T, Mixed>(&constants, state, &held, &contacts)
+            solve::<_, Mixed>(&constants, state, &held, &contacts)
         }
     };
-    let rate = rate::<T, Mixed>(&constants, state, &held, &wheels, &solution);
-    (wheels, solution, rate)
+    let rate = rate::<_, Mixed>(&constants, state, &held, &wheels, &solution);
+    Instant {
+        wheels,
+        solution,
+        rate,
+    }
 }
 
 /// Rate of the state.
@@ -109,7 +117,7 @@ pub fn derivative<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> State<T> {
-    instant(parameters, state, inputs).2
+    instant(parameters, state, inputs).rate
 }
 
 /// Rate of the state with loads, forces, slips and accelerations.
@@ -118,16 +126,20 @@ pub fn outputs<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> Outputs<T> {
-    let (wheels, solution, rate) = instant(parameters, state, inputs);
-    let force = |part: usize| solution.forces.map(|force| force.wheel[part]);
+    let Instant {
+        wheels,
+        solution,
+        rate,
+    } = instant(parameters, state, inputs);
+    let [longitudinal, lateral, aligning] = solution.forces.wheel;
     Outputs {
         rate,
-        load_n: solution.load,
-        longitudinal_n: force(0),
-        lateral_n: force(1),
-        aligning_n_m: force(2),
-        slip_angle_rad: wheels.tangent.map(|tangent| tangent.atan()),
-        slip_ratio: wheels.ratio,
+        load_n: solution.load.list(),
+        longitudinal_n: longitudinal.list(),
+        lateral_n: lateral.list(),
+        aligning_n_m: aligning.list(),
+        slip_angle_rad: wheels.tangent.list().map(|tangent| tangent.atan()),
+        slip_ratio: wheels.ratio.list(),
         longitudinal_m_s2: rate.longitudinal_m_s - state.lateral_m_s * state.yaw_rate_rad_s,
         lateral_m_s2: rate.lateral_m_s + state.longitudinal_m_s * state.yaw_rate_rad_s,
     }
@@ -139,11 +151,10 @@ pub fn tyre_forces<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> [[T; 3]; 4] {
-    let (_, solution, _) = instant(parameters, state, inputs);
-    std::array::from_fn(|i| {
-        let [x, y, _] = solution.forces[i].wheel;
-        [x, y, solution.load[i]]
-    })
+    let solution = instant(parameters, state, inputs).solution;
+    let [x, y, _] = solution.forces.wheel.map(Listed::list);
+    let load = solution.load.list();
+    std::array::from_fn(|i| [x[i], y[i], load[i]])
 }
 
 /// Exact Jacobian of the rate by the state, by dual numbers: row i, column j is
