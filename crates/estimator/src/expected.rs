@@ -3,6 +3,7 @@
 //! roll, pitch and forces are its own.
 
 use model::chassis::four_wheel::{self, Inputs, Parameters, State};
+use model::simulation::Model;
 use model::vehicle::Vehicle;
 use sample::{ForceSource, PerWheel, TyreForce};
 
@@ -85,12 +86,13 @@ impl ExpectedForces {
                 self.state.wheel_speed_rad_s[i] =
                     (along + slip * along.abs()) / axle.rolling_radius_m;
             }
-            let next =
-                four_wheel::step(&self.parameters, &self.state, &inputs, dt / SUBSTEPS as f64);
-            let sound = next.to_array().iter().all(|x| x.abs() < 1e4)
-                && next.lateral_m_s.abs() < 2.0 * speed_m_s.abs() + 5.0
-                && next.roll_rad.abs() < 1.0;
-            self.state = if sound { next } else { State::at_rest() };
+            let next = (self.parameters).step(&self.state, &inputs, dt / SUBSTEPS as f64);
+            let sound = |next: &State<f64>| {
+                next.to_array().iter().all(|x| x.abs() < 1e4)
+                    && next.lateral_m_s.abs() < 2.0 * speed_m_s.abs() + 5.0
+                    && next.roll_rad.abs() < 1.0
+            };
+            self.state = next.ok().filter(sound).unwrap_or_else(State::at_rest);
             self.state.longitudinal_m_s = speed_m_s;
         }
         self.forces(&inputs)

@@ -42,7 +42,9 @@ fn single<M: Model>(name: &str, model: &M, start: M::State, inputs: &M::Inputs, 
             if count.is_multiple_of(2000) {
                 state = start;
             }
-            state = model.step(black_box(&state), inputs, step_s);
+            if let Ok(next) = model.step(black_box(&state), inputs, step_s) {
+                state = next;
+            }
         }
     });
     tell(name, best / f64::from(STEPS));

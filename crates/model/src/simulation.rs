@@ -28,10 +28,34 @@ pub trait Model: Sync {
     /// [`Error::Argument`] with the first of them.
     fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error>;
 
-    /// One step with inputs held.
-    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State;
+    /// One step of the classical fourth-order Runge-Kutta rule with inputs held. Allocates nothing.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where a number of the state or the inputs is not finite or out of range,
+    /// or the step is not above zero.
+    #[inline]
+    fn step(
+        &self,
+        state: &Self::State,
+        inputs: &Self::Inputs,
+        step_s: f64,
+    ) -> Result<Self::State, Error> {
+        check_step(step_s)?;
+        Self::check_state(state)?;
+        Self::check_inputs(inputs)?;
+        Ok(self.steps(state, inputs, step_s, 1))
+    }
 
-    /// Steps runs side by side with inputs held, each to the bits of [`Model::step`].
+    /// Steps with inputs held, of numbers that were checked before.
+    fn steps(
+        &self,
+        state: &Self::State,
+        inputs: &Self::Inputs,
+        step_s: f64,
+        steps: usize,
+    ) -> Self::State;
+
+    /// The same of runs side by side, each to the bits of [`Model::steps`].
     fn advance(
         &self,
         states: &mut [Self::State; LANES],
@@ -39,6 +63,10 @@ pub trait Model: Sync {
         step_s: f64,
         steps: usize,
     );
+}
+
+fn check_step(step_s: f64) -> Result<(), Error> {
+    require(step_s > 0.0, "step_s", step_s, "s", "greater than 0")
 }
 
 /// The linear bicycle at one speed: (beta, r) in rad and rad/s, steered by an angle in rad.
@@ -56,8 +84,14 @@ impl Model for bicycle::StateSpace {
     }
 
     #[inline]
-    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
-        self.step(state, *inputs, step_s)
+    fn steps(
+        &self,
+        state: &Self::State,
+        inputs: &Self::Inputs,
+        step_s: f64,
+        steps: usize,
+    ) -> Self::State {
+        bicycle::stepped(self, state, *inputs, step_s, steps)
     }
 
     fn advance(
@@ -67,65 +101,50 @@ impl Model for bicycle::StateSpace {
         step_s: f64,
         steps: usize,
     ) {
-        self.advance(states, inputs, step_s, steps);
+        bicycle::advance(self, states, inputs, step_s, steps);
     }
 }
 
-impl Model for four_wheel::Parameters {
-    type State = four_wheel::State<f64>;
-    type Inputs = four_wheel::Inputs<f64>;
+macro_rules! chassis_model {
+    ($model:ident) => {
+        impl Model for $model::Parameters {
+            type State = $model::State<f64>;
+            type Inputs = $model::Inputs<f64>;
 
-    fn check_state(state: &Self::State) -> Result<(), Error> {
-        state.check()
-    }
+            fn check_state(state: &Self::State) -> Result<(), Error> {
+                state.check()
+            }
 
-    fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error> {
-        inputs.check()
-    }
+            fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error> {
+                inputs.check()
+            }
 
-    #[inline]
-    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
-        four_wheel::step(self, state, inputs, step_s)
-    }
+            #[inline]
+            fn steps(
+                &self,
+                state: &Self::State,
+                inputs: &Self::Inputs,
+                step_s: f64,
+                steps: usize,
+            ) -> Self::State {
+                $model::stepped(self, state, inputs, step_s, steps)
+            }
 
-    fn advance(
-        &self,
-        states: &mut [Self::State; LANES],
-        inputs: &[Self::Inputs; LANES],
-        step_s: f64,
-        steps: usize,
-    ) {
-        four_wheel::advance(self, states, inputs, step_s, steps);
-    }
+            fn advance(
+                &self,
+                states: &mut [Self::State; LANES],
+                inputs: &[Self::Inputs; LANES],
+                step_s: f64,
+                steps: usize,
+            ) {
+                $model::advance(self, states, inputs, step_s, steps);
+            }
+        }
+    };
 }
 
-impl Model for fourteen_dof::Parameters {
-    type State = fourteen_dof::State<f64>;
-    type Inputs = fourteen_dof::Inputs<f64>;
-
-    fn check_state(state: &Self::State) -> Result<(), Error> {
-        state.check()
-    }
-
-    fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error> {
-        inputs.check()
-    }
-
-    #[inline]
-    fn step(&self, state: &Self::State, inputs: &Self::Inputs, step_s: f64) -> Self::State {
-        fourteen_dof::step(self, state, inputs, step_s)
-    }
-
-    fn advance(
-        &self,
-        states: &mut [Self::State; LANES],
-        inputs: &[Self::Inputs; LANES],
-        step_s: f64,
-        steps: usize,
-    ) {
-        fourteen_dof::advance(self, states, inputs, step_s, steps);
-    }
-}
+chassis_model!(four_wheel);
+chassis_model!(fourteen_dof);
 
 /// One trajectory of a batch.
 #[derive(Clone, Copy, Debug)]
@@ -157,13 +176,7 @@ impl Grid {
     }
 
     fn check(&self) -> Result<(), Error> {
-        require(
-            self.step_s > 0.0,
-            "step_s",
-            self.step_s,
-            "s",
-            "greater than 0",
-        )?;
+        check_step(self.step_s)?;
         require(
             self.every > 0,
             "every",
@@ -208,9 +221,7 @@ pub fn side_by_side<M: Model>(
             next_kept.min(grid.steps) - done
         };
         if last == 0 {
-            for _ in 0..stretch {
-                states[0] = model.step(&states[0], &inputs[0], grid.step_s);
-            }
+            states[0] = model.steps(&states[0], &inputs[0], grid.step_s, stretch);
         } else {
             model.advance(&mut states, &inputs, grid.step_s, stretch);
         }
@@ -222,7 +233,7 @@ pub fn side_by_side<M: Model>(
 }
 
 /// Runs trajectories on all cores, those that share a model side by side; the result is the same on
-/// any number of cores, and that of [`Model::step`]. Row i of the answer, [`Grid::kept`] states
+/// any number of cores, and that of [`Model::steps`]. Row i of the answer, [`Grid::kept`] states
 /// long, is trajectory i.
 ///
 /// # Errors
@@ -306,7 +317,8 @@ pub struct ContactEvent {
 /// contact by bisection and going on from it. `observe` sees time and state after every step.
 ///
 /// # Errors
-/// Where step or duration are out of range.
+/// [`Error::Argument`] where the start, the inputs, the step or the duration are not finite or out
+/// of range.
 pub fn with_events(
     parameters: &fourteen_dof::Parameters,
     start: &fourteen_dof::State<f64>,
@@ -317,7 +329,7 @@ pub fn with_events(
 ) -> Result<(fourteen_dof::State<f64>, Vec<ContactEvent>), Error> {
     type State = fourteen_dof::State<f64>;
     start.check()?;
-    require(step_s > 0.0, "step_s", step_s, "s", "greater than 0")?;
+    check_step(step_s)?;
     require(
         duration_s >= 0.0,
         "duration_s",
@@ -329,10 +341,14 @@ pub fn with_events(
     let mut events = Vec::new();
     while duration_s - time > 1e-9 {
         let held = inputs(time);
+        held.check()?;
         let advance = step_to_event(
             &state.to_array(),
             step_s.min(duration_s - time),
-            |x, h| fourteen_dof::step(parameters, &State::from_array(*x), &held, h).to_array(),
+            |x, h| {
+                let state = State::from_array(*x);
+                fourteen_dof::stepped(parameters, &state, &held, h, 1).to_array()
+            },
             |x| fourteen_dof::guards(parameters, &State::from_array(*x), &held),
         );
         time += advance.taken_s;
@@ -405,7 +421,7 @@ mod tests {
         for (row, rollout) in kept.chunks(6).zip(&batch) {
             let mut state = rollout.start;
             for index in 0..50 {
-                state = four_wheel::step(rollout.model, &state, &inputs[index.min(1)], 1e-3);
+                state = (rollout.model.step(&state, &inputs[index.min(1)], 1e-3)).unwrap();
             }
             assert_eq!(row[5], state);
         }
@@ -440,7 +456,7 @@ mod tests {
             assert_eq!(row[0], state);
             for step in 0..60 {
                 let inputs = &rollout.inputs[step.min(rollout.inputs.len() - 1)];
-                state = model.step(&state, inputs, 1e-3);
+                state = model.step(&state, inputs, 1e-3).unwrap();
                 if (step + 1) % 7 == 0 {
                     assert_eq!(row[(step + 1) / 7], state);
                 }
@@ -550,15 +566,43 @@ mod tests {
         let said = refusal(start, pushing);
         assert_eq!(said, "inputs.brake_n_m = -5 N m: must be 0 or greater");
         assert!(with_events(&p, &lost, 0.1, 1e-3, |_| still, |_, _| {}).is_err());
+        let late = |time_s: f64| if time_s < 0.05 { still } else { pushing };
+        assert!(with_events(&p, &start, 0.1, 1e-3, late, |_, _| {}).is_err());
+        single_steps_say_what_is_wrong(&p, &start, &still);
 
         let p = four_wheel::Parameters::from_vehicle(&Vehicle::builtin("prowler").unwrap());
         let mut state = four_wheel::State::rolling(5.0, &p);
         state.yaw_rate_rad_s = f64::INFINITY;
-        let said = state.check().unwrap_err().to_string();
-        assert_eq!(said, "state.yaw_rate_rad_s = inf rad/s: must be finite");
         let mut inputs = four_wheel::Inputs::coasting();
-        inputs.friction_scale[0] = -1.0;
-        assert!(inputs.check().is_err());
+        let said = p.step(&state, &inputs, 1e-3).unwrap_err().to_string();
+        assert_eq!(said, "state.yaw_rate_rad_s = inf rad/s: must be finite");
+        state.yaw_rate_rad_s = 0.0;
+        single_steps_say_what_is_wrong(&p, &state, &inputs);
+        inputs.friction_scale[3] = -1.0;
+        let said = p.step(&state, &inputs, 1e-3).unwrap_err().to_string();
+        assert_eq!(said, "inputs.friction_scale = -1 : must be 0 or greater");
+        let bicycle = bicycle::Bicycle::from_vehicle(&Vehicle::builtin("prowler").unwrap());
+        let system = bicycle.system(5.0).unwrap();
+        let said = system.step(&[0.0, f64::NAN], &0.0, 1e-3).unwrap_err();
+        assert_eq!(
+            said.to_string(),
+            "state.yaw_rate_rad_s = NaN rad/s: must be finite"
+        );
+        single_steps_say_what_is_wrong(&system, &[0.0; 2], &0.0);
+    }
+
+    /// Of good numbers a step is refused by its length only.
+    fn single_steps_say_what_is_wrong<M: Model<State: std::fmt::Debug>>(
+        model: &M,
+        state: &M::State,
+        inputs: &M::Inputs,
+    ) {
+        for step_s in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
+            let said = model.step(state, inputs, step_s).unwrap_err().to_string();
+            let expected = format!("step_s = {step_s} s: must be greater than 0");
+            assert_eq!(said, expected);
+        }
+        assert!(model.step(state, inputs, 1e-3).is_ok());
     }
 
     #[test]
@@ -574,7 +618,7 @@ mod tests {
         let free = adaptive(&start.to_array(), 0.0, 0.5, &limits, rate, |_, _| {}).unwrap();
         let mut fixed = start;
         for _ in 0..5000 {
-            fixed = fourteen_dof::step(&p, &fixed, &inputs, 1e-4);
+            fixed = p.step(&fixed, &inputs, 1e-4).unwrap();
         }
         for (a, b) in free.into_iter().zip(fixed.to_array()) {
             assert!((a - b).abs() < 1e-6, "{a} {b}");

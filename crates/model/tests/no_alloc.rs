@@ -6,6 +6,7 @@ use std::hint::black_box;
 
 use model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};
 use model::integrate::{LANES, Tolerance, adaptive, step_to_event};
+use model::simulation::Model;
 use model::steering::{Lash, SteeringGear};
 use model::suspension::{Corner, QuarterCar};
 use model::tyre::{Contact, Law, MagicFormula52, MagicFormula89, Physical, RadialSpringTyre, Tyre};
@@ -80,9 +81,9 @@ fn four_wheel_steps_ask_for_no_memory() {
         let inputs = four_wheel::Inputs::steered(0.1);
         let mut states = [state; LANES];
         asks_for_nothing(name, || {
-            black_box(four_wheel::step(&p, &state, &inputs, 1e-3));
+            black_box(p.step(&state, &inputs, 1e-3).is_ok());
             black_box(four_wheel::outputs(&p, &state, &inputs));
-            four_wheel::advance(&p, &mut states, &[inputs; LANES], 1e-3, 3);
+            p.advance(&mut states, &[inputs; LANES], 1e-3, 3);
         });
         asks_for_nothing("jacobian", || {
             black_box(four_wheel::jacobian(&p, &state, &inputs));
@@ -106,15 +107,15 @@ fn fourteen_dof_steps_and_events_ask_for_no_memory() {
             fourteen_dof::derivative(&p, &state, &inputs).to_array()
         };
         asks_for_nothing(name, || {
-            black_box(fourteen_dof::step(&p, &state, &inputs, 5e-4));
+            black_box(p.step(&state, &inputs, 5e-4).is_ok());
             black_box(fourteen_dof::outputs(&p, &state, &inputs));
-            fourteen_dof::advance(&p, &mut states, &[inputs; LANES], 5e-4, 3);
+            p.advance(&mut states, &[inputs; LANES], 5e-4, 3);
             black_box(step_to_event(
                 &state.to_array(),
                 5e-4,
                 |x, h| {
                     let state = fourteen_dof::State::from_array(*x);
-                    fourteen_dof::step(&p, &state, &inputs, h).to_array()
+                    p.steps(&state, &inputs, h, 1).to_array()
                 },
                 |x| fourteen_dof::guards(&p, &fourteen_dof::State::from_array(*x), &inputs),
             ));

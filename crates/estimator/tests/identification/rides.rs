@@ -1,7 +1,8 @@
 //! Drives of the four-wheel model as arrays, and sensors' noise on them.
 
 use estimator::identification::Drive;
-use model::chassis::four_wheel::{Inputs, Parameters, State, outputs, step};
+use model::chassis::four_wheel::{Inputs, Parameters, State, outputs};
+use model::simulation::Model;
 use model::vehicle::Vehicle;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -68,7 +69,7 @@ pub fn drive(
                 drive.roll_rad.push(state.roll_rad);
                 drive.pitch_rad.push(state.pitch_rad);
             }
-            state = step(&parameters, &state, &inputs, h);
+            state = parameters.steps(&state, &inputs, h, 1);
         }
     }
     drive

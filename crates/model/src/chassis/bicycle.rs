@@ -2,6 +2,8 @@
 
 mod steps;
 
+pub(crate) use steps::{advance, stepped};
+
 use nalgebra::{Complex, Matrix2, Matrix4, Vector2, Vector4};
 
 use crate::Error;

@@ -36,4 +36,4 @@ pub use model::{Outputs, derivative, jacobian, outputs, tyre_forces};
 pub use parameters::{AxleParameters, Parameters};
 pub use state::{INPUTS, Inputs, Pose, STATES, State};
 pub use steady::{Drive, SteadyState, steady_turn};
-pub use steps::{advance, step, steps};
+pub(crate) use steps::{advance, stepped};

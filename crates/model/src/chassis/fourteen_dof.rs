@@ -36,4 +36,4 @@ pub use model::{Outputs, derivative, guards, jacobian, outputs};
 pub use parameters::{CornerParameters, Parameters, StrutParameters};
 pub use rest::at_rest;
 pub use state::{INPUTS, Inputs, STATES, State};
-pub use steps::{advance, step};
+pub(crate) use steps::{advance, stepped};

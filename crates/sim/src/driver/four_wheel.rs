@@ -1,6 +1,7 @@
 //! A car by the four-wheel model.
 
-use model::chassis::four_wheel::{Inputs, Outputs, Parameters, Pose, State, outputs, step};
+use model::chassis::four_wheel::{Inputs, Outputs, Parameters, Pose, State, outputs};
+use model::simulation::Model;
 use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
@@ -44,7 +45,7 @@ impl FourWheel {
     }
 
     pub(super) fn advance(&mut self, commands: &Commands, step_s: f64) {
-        let next = step(&self.parameters, &self.state, &inputs(commands), step_s);
+        let next = (self.parameters).steps(&self.state, &inputs(commands), step_s, 1);
         self.pose = self.pose.advanced(&self.state, &next, step_s);
         self.state = next;
     }

@@ -1,7 +1,8 @@
 //! A car by the model of 14 degrees of freedom: wheels that travel, and leave the ground.
 
 use model::chassis::four_wheel::Pose;
-use model::chassis::fourteen_dof::{Inputs, Outputs, Parameters, State, at_rest, outputs, step};
+use model::chassis::fourteen_dof::{Inputs, Outputs, Parameters, State, at_rest, outputs};
+use model::simulation::Model;
 use model::suspension::Corner;
 use model::tyre::{Contact, Tyre};
 use model::vehicle::Vehicle;
@@ -58,7 +59,7 @@ impl FourteenDof {
     }
 
     pub(super) fn advance(&mut self, commands: &Commands, step_s: f64) {
-        self.state = step(&self.parameters, &self.state, &inputs(commands), step_s);
+        self.state = (self.parameters).steps(&self.state, &inputs(commands), step_s, 1);
     }
 
     pub(super) fn speed_m_s(&self) -> f64 {

@@ -5,30 +5,23 @@ use multiversion::multiversion;
 use super::StateSpace;
 use crate::integrate::{LANES, StraightRate, rk4, rk4_lanes};
 
-impl StateSpace {
-    /// One step of the classical fourth-order Runge-Kutta rule from (beta, r), rad and rad/s, with
-    /// the steer angle held, rad. Allocates nothing.
-    #[must_use]
-    pub fn step(&self, state: &[f64; 2], steer_rad: f64, step_s: f64) -> [f64; 2] {
-        let held = self.hold(&steer_rad);
-        rk4(state, step_s, |x| self.rate(&held, x))
-    }
-
-    /// Steps runs side by side with their steer angles held: the bits of [`StateSpace::step`] for
-    /// each of them.
-    pub fn advance(
-        &self,
-        states: &mut [[f64; 2]; LANES],
-        steer_rad: &[f64; LANES],
-        step_s: f64,
-        steps: usize,
-    ) {
-        advance(self, states, steer_rad, step_s, steps);
-    }
+/// Steps from (beta, r), rad and rad/s, with the steer angle held, rad.
+pub(crate) fn stepped(
+    system: &StateSpace,
+    state: &[f64; 2],
+    steer_rad: f64,
+    step_s: f64,
+    steps: usize,
+) -> [f64; 2] {
+    let held = system.hold(&steer_rad);
+    (0..steps).fold(*state, |state, _| {
+        rk4(&state, step_s, |x| system.rate(&held, x))
+    })
 }
 
+/// Steps runs side by side with their steer angles held: the bits of [`stepped`] for each of them.
 #[multiversion(targets("x86_64+avx+avx2"))]
-fn advance(
+pub(crate) fn advance(
     system: &StateSpace,
     states: &mut [[f64; 2]; LANES],
     steer_rad: &[f64; LANES],
@@ -72,6 +65,7 @@ impl StraightRate<2, 2> for StateSpace {
 mod tests {
     use super::*;
     use crate::chassis::bicycle::Bicycle;
+    use crate::simulation::Model;
     use crate::vehicle::Vehicle;
 
     #[test]
@@ -82,12 +76,12 @@ mod tests {
         let system = bicycle.system(speed_m_s).unwrap();
         let steer_rad: [f64; LANES] = std::array::from_fn(|run| 0.01 * (run as f64 - 3.0));
         let mut states = [[0.0; 2]; LANES];
-        system.advance(&mut states, &steer_rad, step_s, steps);
+        advance(&system, &mut states, &steer_rad, step_s, steps);
         let gains = bicycle.steady_gains(speed_m_s).unwrap();
         for (state, steer) in states.iter().zip(steer_rad) {
             let mut single = [0.0; 2];
             for _ in 0..steps {
-                single = system.step(&single, steer, step_s);
+                single = system.step(&single, &steer, step_s).unwrap();
             }
             assert_eq!(*state, single);
             let settled = [gains.sideslip, gains.yaw_rate_1_s].map(|gain| gain * steer);

@@ -16,19 +16,8 @@ use crate::values::{Listed, PerWheelValues, Together, Values};
 /// Numbers of [`Held`] and the surfaces that the kernels read.
 const HELD: usize = 31;
 
-/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
-#[must_use]
-pub fn step(
-    parameters: &Parameters,
-    state: &State<f64>,
-    inputs: &Inputs<f64>,
-    step_s: f64,
-) -> State<f64> {
-    steps(parameters, state, inputs, step_s, 1)
-}
-
-/// Steps, inputs held.
-pub fn steps(
+/// Steps of one run, inputs held.
+pub(crate) fn stepped(
     parameters: &Parameters,
     state: &State<f64>,
     inputs: &Inputs<f64>,
@@ -43,12 +32,12 @@ pub fn steps(
     next
 }
 
-/// Steps runs of one model side by side, inputs held: the bits of [`step`] for each of them.
+/// Steps runs of one model side by side, inputs held: the bits of [`stepped`] for each of them.
 ///
 /// Kernels of vector code serve brush tyres, what vehicle files give, without roll steer and with
 /// two load passes: relaxing ones whose stiffness grows with the load to the power of 3/4, and ones
 /// that do neither.
-pub fn advance(
+pub(crate) fn advance(
     parameters: &Parameters,
     states: &mut [State<f64>; LANES],
     inputs: &[Inputs<f64>; LANES],

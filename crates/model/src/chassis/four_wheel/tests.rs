@@ -69,7 +69,7 @@ fn a_driven_turn_is_an_equilibrium_of_the_whole_model() {
     let found = steady_turn(&parameters, 6.0, -15.24, Drive::Torque { front: 0.4 }).unwrap();
     let mut state = found.state;
     for _ in 0..2000 {
-        state = step(&parameters, &state, &found.inputs, 1e-3);
+        state = stepped(&parameters, &state, &found.inputs, 1e-3, 1);
     }
     let drift = (state.to_vector() - found.state.to_vector()).amax();
     assert!(drift < 1e-7, "{drift}");
@@ -253,14 +253,14 @@ fn standing_and_locked_and_spinning_wheels_are_physics() {
     inputs.brake_n_m = [5e3; 4];
     state = State::rolling(10.0, &p);
     for _ in 0..4000 {
-        state = step(&p, &state, &inputs, 1e-3);
+        state = stepped(&p, &state, &inputs, 1e-3, 1);
         assert!(state.to_vector().iter().all(|value| value.is_finite()));
     }
     assert!(state.longitudinal_m_s.abs() < 0.2, "{state:?}");
     inputs.brake_n_m = [0.0; 4];
     inputs.drive_n_m = [0.0, 0.0, 3e3, 3e3];
     for _ in 0..1000 {
-        state = step(&p, &state, &inputs, 1e-3);
+        state = stepped(&p, &state, &inputs, 1e-3, 1);
     }
     assert!(state.to_vector().iter().all(|value| value.is_finite()));
 }
@@ -305,7 +305,7 @@ fn at_small_angles_it_is_the_bicycle() {
         let inputs = Inputs::steered(steer);
         let h = 1e-3;
         for _ in 0..300 {
-            state = step(&p, &state, &inputs, h);
+            state = stepped(&p, &state, &inputs, h, 1);
             let rate = |x: nalgebra::Vector2<f64>| space.a * x + space.b * steer;
             let k1 = rate(line);
             let k2 = rate(line + k1 * (h / 2.0));
@@ -355,7 +355,7 @@ fn friction_and_dampers_take_energy_and_give_none() {
     // Over windows longer than the roll's swing, which stores and gives back.
     for _ in 0..8 {
         for _ in 0..500 {
-            state = step(&p, &state, &inputs, 1e-3);
+            state = stepped(&p, &state, &inputs, 1e-3, 1);
         }
         let after = energy(&state);
         assert!(after < before, "{after} {before}");
@@ -375,7 +375,7 @@ fn the_fixed_step_converges_with_fourth_order() {
     let run = |steps: usize| {
         let mut state = start.state;
         for _ in 0..steps {
-            state = step(&p, &state, &inputs, 0.4 / steps as f64);
+            state = stepped(&p, &state, &inputs, 0.4 / steps as f64, 1);
         }
         state.to_vector()
     };

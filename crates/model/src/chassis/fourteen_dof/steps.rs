@@ -12,26 +12,26 @@ use crate::tyre::{Brush, OnSurface};
 /// Numbers of [`Held`] and the surfaces.
 const HELD: usize = 39;
 
-/// One step of the classical fourth-order Runge-Kutta rule, inputs held. Allocates nothing.
-#[must_use]
-pub fn step(
+/// Steps of one run, inputs held.
+pub(crate) fn stepped(
     parameters: &Parameters,
     state: &State<f64>,
     inputs: &Inputs<f64>,
     step_s: f64,
+    steps: usize,
 ) -> State<f64> {
     let mut next = *state;
     let inputs = std::array::from_ref(inputs);
     let states = std::array::from_mut(&mut next);
-    run(parameters, states, inputs, step_s, 1, relaxing_growing);
+    run(parameters, states, inputs, step_s, steps, relaxing_growing);
     next
 }
 
-/// Steps runs of one model side by side, inputs held: the bits of [`step`] for each of them.
+/// Steps runs of one model side by side, inputs held: the bits of [`stepped`] for each of them.
 ///
 /// A kernel of vector code serves relaxing brush tyres whose stiffness grows with the load to the
 /// power of 3/4, what vehicle files with struts give.
-pub fn advance(
+pub(crate) fn advance(
     parameters: &Parameters,
     states: &mut [State<f64>; LANES],
     inputs: &[Inputs<f64>; LANES],

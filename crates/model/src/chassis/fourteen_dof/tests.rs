@@ -109,7 +109,7 @@ fn without_dampers_and_friction_energy_stays_even_when_wheels_lift_and_stops_tou
     let (_, _, start) = mechanics(&p, &state);
     let (mut lifted, mut stopped) = (false, false);
     for _ in 0..20_000 {
-        state = step(&p, &state, &inputs, 5e-5);
+        state = stepped(&p, &state, &inputs, 5e-5, 1);
         let out = outputs(&p, &state, &inputs);
         lifted |= out.load_n.contains(&0.0);
         stopped |= (0..4).any(|i| {
@@ -245,7 +245,7 @@ fn an_inner_wheel_lifts_in_a_hard_turn_and_the_rest_carries_the_weight() {
     inputs.friction_scale = [1.4; 4];
     let mut lifted = false;
     for _ in 0..2000 {
-        state = step(&p, &state, &inputs, 5e-4);
+        state = stepped(&p, &state, &inputs, 5e-4, 1);
         let out = outputs(&p, &state, &inputs);
         assert!(out.load_n.iter().all(|load| *load >= 0.0));
         lifted |= out.load_n[0] == 0.0 && out.deflection_m[0] < -1e-3;
@@ -260,6 +260,7 @@ fn an_inner_wheel_lifts_in_a_hard_turn_and_the_rest_carries_the_weight() {
 #[test]
 fn a_gentle_turn_agrees_with_the_four_wheel_model() {
     use crate::chassis::four_wheel;
+    use crate::simulation::Model;
     let vehicle = Vehicle::builtin("prowler").unwrap();
     let p = prowler();
     let mut state = at_rest(&p).unwrap().rolling(5.0, &p);
@@ -267,8 +268,10 @@ fn a_gentle_turn_agrees_with_the_four_wheel_model() {
     let other = four_wheel::Parameters::from_vehicle(&vehicle);
     let mut planar = four_wheel::State::rolling(5.0, &other);
     for _ in 0..3000 {
-        state = step(&p, &state, &inputs, 5e-4);
-        planar = four_wheel::step(&other, &planar, &four_wheel::Inputs::steered(0.03), 5e-4);
+        state = stepped(&p, &state, &inputs, 5e-4, 1);
+        planar = other
+            .step(&planar, &four_wheel::Inputs::steered(0.03), 5e-4)
+            .unwrap();
     }
     let ratio = state.rate_rad_s[2] / planar.yaw_rate_rad_s;
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
@@ -283,13 +286,13 @@ fn the_fixed_step_converges_with_fourth_order() {
     // Into the turn first: no slip changes sign afterwards.
     let mut turned = start;
     for _ in 0..2000 {
-        turned = step(&p, &turned, &inputs, 5e-4);
+        turned = stepped(&p, &turned, &inputs, 5e-4, 1);
     }
     let tighter = Inputs::steered(0.06);
     let run = |steps: usize| {
         let mut state = turned;
         for _ in 0..steps {
-            state = step(&p, &state, &tighter, 0.2 / steps as f64);
+            state = stepped(&p, &state, &tighter, 0.2 / steps as f64, 1);
         }
         state.to_vector()
     };
