@@ -86,35 +86,44 @@ pub(crate) fn require(
     }
 }
 
-/// Refuses an argument with a number that is not finite.
+/// Whether all numbers are finite: without a branch for each, since they mostly are.
 #[inline]
+pub(crate) fn sound<const N: usize>(values: &[f64; N]) -> bool {
+    let mut sound = true;
+    for value in values {
+        sound &= value.is_finite();
+    }
+    sound
+}
+
+/// Whether no number is negative.
+#[inline]
+pub(crate) fn not_negative<const N: usize>(values: &[f64; N]) -> bool {
+    let mut held = true;
+    for value in values {
+        held &= *value >= 0.0;
+    }
+    held
+}
+
+/// Refuses an argument with a number that is not finite.
 pub(crate) fn all_finite(
     argument: &'static str,
     values: &[f64],
     unit: &'static str,
 ) -> Result<(), Error> {
-    first_unsound(values, |value| value.is_finite()).map_or(Ok(()), |value| {
-        require(false, argument, value, unit, "finite")
-    })
+    values
+        .iter()
+        .try_for_each(|value| require(true, argument, *value, unit, "finite"))
 }
 
 /// Refuses an argument with a number that is below zero or not finite.
-#[inline]
 pub(crate) fn none_negative(
     argument: &'static str,
     values: &[f64],
     unit: &'static str,
 ) -> Result<(), Error> {
-    first_unsound(values, |value| (value >= 0.0) & value.is_finite()).map_or(Ok(()), |value| {
-        require(false, argument, value, unit, "0 or greater")
-    })
-}
-
-/// The first value that is not sound; without a branch for each where all are, as they mostly are.
-#[inline]
-fn first_unsound(values: &[f64], sound: impl Fn(f64) -> bool) -> Option<f64> {
-    if values.iter().fold(true, |all, value| all & sound(*value)) {
-        return None;
-    }
-    values.iter().copied().find(|value| !sound(*value))
+    values
+        .iter()
+        .try_for_each(|value| require(*value >= 0.0, argument, *value, unit, "0 or greater"))
 }

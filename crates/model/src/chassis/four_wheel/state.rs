@@ -1,6 +1,6 @@
 use nalgebra::SVector;
 
-use crate::error::{all_finite, none_negative};
+use crate::error::{all_finite, none_negative, not_negative, sound};
 use crate::{Error, Scalar};
 
 /// Number of states.
@@ -136,7 +136,16 @@ impl State<f64> {
     ///
     /// # Errors
     /// [`Error::Argument`] with the first of them.
+    #[inline]
     pub fn check(&self) -> Result<(), Error> {
+        if sound(&self.to_array()) {
+            return Ok(());
+        }
+        self.name_unsound()
+    }
+
+    #[cold]
+    fn name_unsound(&self) -> Result<(), Error> {
         let single = [
             ("state.longitudinal_m_s", self.longitudinal_m_s, "m/s"),
             ("state.lateral_m_s", self.lateral_m_s, "m/s"),
@@ -205,7 +214,17 @@ impl Inputs<f64> {
     ///
     /// # Errors
     /// [`Error::Argument`] with the first of them.
+    #[inline]
     pub fn check(&self) -> Result<(), Error> {
+        let never_negative = [self.brake_n_m, self.friction_scale, self.stiffness_scale];
+        if sound(&self.to_array()) && never_negative.iter().all(not_negative) {
+            return Ok(());
+        }
+        self.name_unsound()
+    }
+
+    #[cold]
+    fn name_unsound(&self) -> Result<(), Error> {
         all_finite("inputs.steer_rad", &self.steer_rad, "rad")?;
         all_finite("inputs.drive_n_m", &self.drive_n_m, "N m")?;
         none_negative("inputs.brake_n_m", &self.brake_n_m, "N m")?;
