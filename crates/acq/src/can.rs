@@ -1,16 +1,16 @@
 //! SocketCAN interfaces.
 
 use std::io;
-use std::time::Duration;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use sample::{CanFrame, LossPlace, Notice, Payload};
 use socketcan::{CanSocket, ShouldRetry as _, Socket, SocketOptions};
-use tokio::io::Interest;
-use tokio::io::unix::AsyncFd;
 use tokio::sync::watch;
 use tokio::time::MissedTickBehavior;
 
 use crate::datagram::{DropCounter, controller_event, is_controller_overflow, take_apart};
+use crate::pace::{Pace, Pacer, Wake};
 use crate::port::Owner;
 use crate::supervisor::{pause, stopped};
 use crate::sys::{self, Datagrams};
@@ -72,11 +72,21 @@ fn explain(error: &io::Error, interface: &str) -> String {
     }
 }
 
+/// What one system call gave.
+#[derive(Clone, Copy, Default)]
+struct Batch {
+    frames: usize,
+    /// More may be waiting.
+    more: bool,
+}
+
 /// One opening of an interface.
 struct Session<'a> {
     owner: &'a Owner,
     spec: &'a CanSpec,
-    socket: AsyncFd<CanSocket>,
+    socket: Arc<CanSocket>,
+    wake: Wake,
+    pacer: Pacer,
     settings: String,
     datagrams: Datagrams,
     drops: DropCounter,
@@ -91,10 +101,12 @@ impl<'a> Session<'a> {
         let socket = CanSocket::open(&spec.interface)?;
         let settings = configure(&socket, spec)?;
         let drops = DropCounter::new(kernel_drops(&socket).unwrap_or(0));
-        let socket = sys::watch_socket(socket)?;
+        let socket = Arc::new(socket);
         Ok(Self {
             owner,
             spec,
+            wake: Wake::new(&socket, Pace::Awaited)?,
+            pacer: Pacer::new(Instant::now()),
             socket,
             settings,
             datagrams: Datagrams::new(),
@@ -109,38 +121,52 @@ impl<'a> Session<'a> {
     async fn run(&mut self, shutdown: &mut watch::Receiver<bool>) -> io::Result<()> {
         let mut look = tokio::time::interval(LOOK_PERIOD);
         look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut stopped = std::pin::pin!(stopped(shutdown));
         loop {
             tokio::select! {
                 biased;
-                () = stopped(shutdown) => break,
+                () = &mut stopped => break,
                 _ = look.tick() => {
                     self.look().await?;
                     // Also finds an error that came between two datagrams and woke nobody.
-                    self.receive()?;
+                    self.receive_all()?;
                 }
-                ready = self.socket.ready(Interest::READABLE | Interest::ERROR) => {
-                    let mut ready = ready?;
-                    // Cleared before the read: what comes after it wakes again.
-                    ready.clear_ready();
-                    drop(ready);
-                    while self.receive()? {}
+                woken = self.wake.wait() => {
+                    woken?;
+                    self.receive_all()?;
                 }
             }
         }
-        while self.receive().unwrap_or(false) {}
+        while self.receive().unwrap_or_default().more {}
         self.look_at_drops();
         self.owner.notice(Notice::Closed("stopped".to_owned()));
         Ok(())
     }
 
-    /// Takes one batch into the stream; `true` if more may be waiting.
-    fn receive(&mut self) -> io::Result<bool> {
-        let more = match self.datagrams.receive(self.socket.get_ref()) {
+    /// Takes what waits into the stream, and sets when to look again by how much it was.
+    fn receive_all(&mut self) -> io::Result<()> {
+        let mut count = 0;
+        loop {
+            let batch = self.receive()?;
+            count += batch.frames;
+            if !batch.more {
+                break;
+            }
+        }
+        if let Some(pace) = self.pacer.looked(Instant::now(), count) {
+            self.wake = Wake::new(&self.socket, pace)?;
+        }
+        Ok(())
+    }
+
+    /// Takes one batch into the stream.
+    fn receive(&mut self) -> io::Result<Batch> {
+        let more = match self.datagrams.receive(&*self.socket) {
             Ok(more) => more,
-            Err(error) if error.should_retry() => return Ok(false),
+            Err(error) if error.should_retry() => return Ok(Batch::default()),
             Err(error) if error.raw_os_error() == Some(libc::ENETDOWN) => {
                 self.tell_state(false);
-                return Ok(false);
+                return Ok(Batch::default());
             }
             Err(error) => return Err(error),
         };
@@ -158,20 +184,24 @@ impl<'a> Session<'a> {
         }
         self.owner.lost(LossPlace::Kernel, kernel);
         self.owner.lost(LossPlace::Device, device);
+        let batch = Batch {
+            frames: frames.len(),
+            more,
+        };
         if !frames.is_empty() {
             self.tell_state(true);
             let payload = Payload::Can(frames);
             self.owner.sequencer.push(self.owner.id, payload);
         }
-        Ok(more)
+        Ok(batch)
     }
 
     async fn look(&mut self) -> io::Result<()> {
         let interface = &self.spec.interface;
-        let mut up = sys::interface_is_up(self.socket.get_ref(), interface)?;
+        let mut up = sys::interface_is_up(&*self.socket, interface)?;
         if !up && self.spec.link.is_some() {
             self.bring_up().await;
-            up = sys::interface_is_up(self.socket.get_ref(), interface)?;
+            up = sys::interface_is_up(&*self.socket, interface)?;
         }
         self.tell_state(up);
         self.look_at_drops();
@@ -201,7 +231,7 @@ impl<'a> Session<'a> {
 
     /// Reports drops that no later frame has told of.
     fn look_at_drops(&mut self) {
-        if let Some(now) = kernel_drops(self.socket.get_ref()) {
+        if let Some(now) = kernel_drops(&self.socket) {
             self.owner.lost(LossPlace::Kernel, self.drops.since(now));
         }
     }

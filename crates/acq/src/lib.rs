@@ -11,6 +11,7 @@ pub mod clock;
 mod datagram;
 mod dialogue;
 pub mod link;
+mod pace;
 mod port;
 mod ring;
 pub mod sequencer;

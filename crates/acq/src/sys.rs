@@ -4,7 +4,9 @@
 use std::fs::File;
 use std::io;
 use std::mem::MaybeUninit;
-use std::os::fd::{AsRawFd, BorrowedFd};
+use std::os::fd::{AsRawFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::sync::Arc;
+use std::time::Duration;
 
 use libc::{c_int, c_uchar, c_uint, c_ulong, c_ushort};
 use socketcan::CanSocket;
@@ -129,8 +131,6 @@ struct Slot {
 pub struct Datagrams {
     slots: Box<[Slot]>,
     count: usize,
-    /// Many datagrams come at once.
-    crowded: bool,
 }
 
 /// One datagram.
@@ -144,10 +144,11 @@ pub struct Datagram<'a> {
 }
 
 impl Datagrams {
-    /// The most that one call takes.
-    const CAPACITY: usize = 64;
-    /// The most that a call takes while frames come one by one: each place costs time, used or not.
+    /// The most that a call takes: each place costs time, used or not, and a call that fills them
+    /// all is followed by another one.
     const FEW: usize = 4;
+    const SOME: usize = 16;
+    const CAPACITY: usize = 64;
 
     pub fn new() -> Self {
         let empty = Slot {
@@ -160,21 +161,23 @@ impl Datagrams {
         Self {
             slots: vec![empty; Self::CAPACITY].into_boxed_slice(),
             count: 0,
-            crowded: false,
         }
     }
 
     /// Takes what waits on `socket`, without waiting for more; `true` if more may be waiting.
     pub fn receive(&mut self, socket: &impl AsRawFd) -> io::Result<bool> {
-        self.count = 0;
-        let most = if self.crowded {
-            self.count = self.receive_most::<{ Self::CAPACITY }>(socket)?;
-            Self::CAPACITY
-        } else {
+        // About as many come as the last time; one more is no surprise.
+        let likely = std::mem::take(&mut self.count) + 1;
+        let most = if likely < Self::FEW {
             self.count = self.receive_most::<{ Self::FEW }>(socket)?;
             Self::FEW
+        } else if likely < Self::SOME {
+            self.count = self.receive_most::<{ Self::SOME }>(socket)?;
+            Self::SOME
+        } else {
+            self.count = self.receive_most::<{ Self::CAPACITY }>(socket)?;
+            Self::CAPACITY
         };
-        self.crowded = self.count > Self::FEW || self.count == most;
         Ok(self.count == most)
     }
 
@@ -232,12 +235,60 @@ impl Datagrams {
 }
 
 /// Watches a socket for data, and for errors: an interface that goes down wakes without data.
-pub fn watch_socket(socket: CanSocket) -> io::Result<AsyncFd<CanSocket>> {
+pub fn watch_socket(socket: Arc<CanSocket>) -> io::Result<AsyncFd<Arc<CanSocket>>> {
     // SAFETY: the socket owns its descriptor, gives the same one at every call and closes it only
-    // when it is dropped, which `AsyncFd` does after it has stopped watching.
+    // when its last owner drops it, which `AsyncFd` does after it has stopped watching.
     let watched =
         unsafe { AsyncFd::register_with_interest(socket, Interest::READABLE | Interest::ERROR) };
     Ok(watched?)
+}
+
+/// A timer that can be read once every `period`, first at once, then at multiples of the period on
+/// the monotonic clock, so that timers of like periods go off together.
+pub fn watch_timer(period: Duration) -> io::Result<AsyncFd<OwnedFd>> {
+    let flags = libc::TFD_NONBLOCK | libc::TFD_CLOEXEC;
+    // SAFETY: timerfd_create has no memory arguments.
+    let timer = check(unsafe { libc::timerfd_create(libc::CLOCK_MONOTONIC, flags) })?;
+    // SAFETY: the descriptor was made above and nothing else owns it.
+    let timer = unsafe { OwnedFd::from_raw_fd(timer) };
+    // SAFETY: zero is a valid value of all of its fields.
+    let mut times: libc::itimerspec = unsafe { std::mem::zeroed() };
+    times.it_interval.tv_sec = period.as_secs() as _;
+    times.it_interval.tv_nsec = period.subsec_nanos() as _;
+    // Long ago: one period after the machine started.
+    times.it_value = times.it_interval;
+    // SAFETY: `timer` is open; timerfd_settime only reads the structure.
+    check(unsafe {
+        libc::timerfd_settime(
+            timer.as_raw_fd(),
+            libc::TFD_TIMER_ABSTIME,
+            &raw const times,
+            std::ptr::null_mut(),
+        )
+    })?;
+    // SAFETY: the descriptor is owned, and closed after `AsyncFd` has stopped watching it.
+    let watched = unsafe { AsyncFd::register_with_interest(timer, Interest::READABLE) };
+    Ok(watched?)
+}
+
+/// Lets a timer that went off go on. The kernel winds it up with this read.
+pub fn read_timer(timer: &OwnedFd) -> io::Result<()> {
+    let mut times = 0_u64;
+    // SAFETY: `timer` is open; a timer gives eight bytes, which `times` has room for.
+    let read = unsafe {
+        libc::read(
+            timer.as_raw_fd(),
+            (&raw mut times).cast(),
+            size_of_val(&times),
+        )
+    };
+    let error = io::Error::last_os_error();
+    // It has been read since it told that it went off.
+    if read >= 0 || error.kind() == io::ErrorKind::WouldBlock {
+        Ok(())
+    } else {
+        Err(error)
+    }
 }
 
 /// Whether a network interface is up. An error if there is none of this name.

@@ -186,6 +186,60 @@ async fn an_interface_that_goes_down_or_away_comes_back() {
     link.delete().map_err(|(_, error)| error).expect("deleted");
 }
 
+/// The next so many frames, all of which have to come in order: in how many arrivals they came.
+async fn arrivals_of(streams: &mut Streams, count: u32) -> usize {
+    let (mut due, mut arrivals) = (0, 0);
+    while due < count {
+        match &next(streams).await.payload {
+            Payload::Can(frames) => {
+                for frame in frames {
+                    assert_eq!(frame.data[..4], due.to_be_bytes());
+                    due += 1;
+                }
+                arrivals += 1;
+            }
+            payload => panic!("{payload:?} between the frames"),
+        }
+    }
+    assert_eq!(due, count);
+    arrivals
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_busy_bus_is_read_by_time_and_still_falls_silent_and_fails() {
+    const NAME: &str = "vcanacq4";
+    const COUNT: u32 = 4_000;
+    let Some(link) = interface(NAME) else {
+        return;
+    };
+    let (supervisor, sequencer, mut streams) = start(CanSpec::new(NAME));
+    until(&mut streams, is_opened).await;
+    for _ in 0..2 {
+        std::thread::spawn(|| {
+            let socket = CanFdSocket::open(NAME).expect("a socket");
+            for index in 0..COUNT {
+                let frame = frame(index);
+                socket.write_frame_insist(&frame).expect("taken");
+                std::thread::sleep(Duration::from_micros(200));
+            }
+        });
+        let arrivals = arrivals_of(&mut streams, COUNT).await;
+        println!("{COUNT} frames in {arrivals} arrivals");
+        assert!(arrivals < COUNT as usize * 2 / 3);
+        // Long enough to be watched again.
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        send(NAME, 1);
+        assert_eq!(arrivals_of(&mut streams, 1).await, 1);
+    }
+    std::thread::spawn(|| send(NAME, COUNT));
+    arrivals_of(&mut streams, COUNT).await;
+    link.bring_down().expect("the interface goes down");
+    until(&mut streams, is_closed).await;
+    assert_eq!(sequencer.counters()[&BUS].lost, [0; LossPlace::ALL.len()]);
+    supervisor.stop(PATIENCE).await.expect("the source stops");
+    link.delete().map_err(|(_, error)| error).expect("deleted");
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_source_brings_its_interface_up_and_filters() {
     const NAME: &str = "vcanacq3";
