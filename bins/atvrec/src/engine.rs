@@ -70,6 +70,11 @@ impl Engine {
         Ok(engine)
     }
 
+    /// Whether it estimates, or decodes only.
+    pub const fn estimates(&self) -> bool {
+        self.estimator.is_some()
+    }
+
     /// Appends what waited for more arrivals than there are.
     pub fn finish(&mut self, records: &mut Vec<Record>) {
         if let Some(smoother) = &mut self.smoother {

@@ -63,6 +63,8 @@ pub(crate) struct Journal {
     encoder: raw::Encoder,
     /// How many arrivals of the open group are in the journal.
     kept: usize,
+    /// Log clock of the last arrival in it.
+    kept_until: LogTime,
     /// Chunks written; the open group stands in the file of this number's parity.
     chunks: u64,
 }
@@ -87,6 +89,7 @@ impl Journal {
             interval,
             encoder: raw::Encoder::new(raw::Packing::Brief),
             kept: 0,
+            kept_until: LogTime::default(),
             chunks: 0,
         })
     }
@@ -101,20 +104,31 @@ impl Journal {
         Ok([again(0)?, again(1)?])
     }
 
-    /// Writes what is new in the open group if its first arrival waited long enough.
-    pub(crate) fn keep_up(&mut self, group: &[Arrival]) -> Result<()> {
-        let waiting = group.get(self.kept..).unwrap_or_default();
-        let (Some(first), Some(last)) = (waiting.first(), waiting.last()) else {
-            return Ok(());
-        };
-        if last.log_time - first.log_time < self.interval.as_nanos() as i64 {
-            return Ok(());
+    /// Whether something of the open group is not in it.
+    pub(crate) const fn lags(&self, group: &[Arrival]) -> bool {
+        group.len() > self.kept
+    }
+
+    /// Writes what is new in the open group, unless that was done a moment ago, by the log clock and
+    /// by the host's, `since` then: says when to come again in that case.
+    pub(crate) fn keep_up(
+        &mut self,
+        group: &[Arrival],
+        since: Duration,
+    ) -> Result<Option<Duration>> {
+        let left = self.interval.saturating_sub(since);
+        let gone = group
+            .last()
+            .map_or(0, |last| last.log_time - self.kept_until);
+        if !left.is_zero() && gone < self.interval.as_nanos() as i64 {
+            return Ok(Some(left));
         }
-        self.flush(group)
+        self.flush(group)?;
+        Ok(None)
     }
 
     /// Writes what is new in the open group.
-    pub(crate) fn flush(&mut self, group: &[Arrival]) -> Result<()> {
+    fn flush(&mut self, group: &[Arrival]) -> Result<()> {
         let waiting = group.get(self.kept..).unwrap_or_default();
         let Some(last) = waiting.last() else {
             return Ok(());
@@ -143,6 +157,7 @@ impl Journal {
             .write_all(&entry)
             .map_err(Error::file("write", &self.paths[turn]))?;
         self.kept = group.len();
+        self.kept_until = last.log_time;
         Ok(())
     }
 

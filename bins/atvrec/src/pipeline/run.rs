@@ -21,11 +21,16 @@ const BACKLOG_WAITING_MAX: usize = 8_192;
 /// Pause while more wait.
 const BACKLOG_PAUSE: Duration = Duration::from_millis(2);
 /// The recorder and the engine look this often for what has come: to be woken for each arrival would
-/// cost several times the work on it. Stamps are set before, in the sources.
-const RECORDER_PAUSE: Duration = Duration::from_millis(10);
-const ENGINE_PAUSE: Duration = Duration::from_millis(5);
-/// Arrivals taken at once; while so many wait, there is no pause.
-const ARRIVALS_MAX: usize = 1_024;
+/// cost several times the work on it. Stamps are set before, in the sources. A kill loses what was
+/// not handed over, and what the journal has not taken in hand since.
+const RECORDER_PAUSE: Duration = Duration::from_millis(25);
+/// The pause of an engine that estimates, and of one that only decodes.
+const ESTIMATOR_PAUSE: Duration = Duration::from_millis(5);
+const DECODER_PAUSE: Duration = Duration::from_millis(50);
+/// Arrivals taken at once.
+const ARRIVALS_MAX: usize = 4_096;
+/// While so many wait, there is no pause.
+const ARRIVALS_MANY: usize = 1_024;
 /// Between two notices of what was lost on the way to the disk.
 const LOSSES_TOLD_EACH: Duration = Duration::from_secs(1);
 
@@ -167,7 +172,7 @@ fn take_what_came(
     taken: &mut Vec<Arc<Arrival>>,
     pause: Duration,
 ) -> bool {
-    if !queue.is_closed() && queue.len() < ARRIVALS_MAX {
+    if !queue.is_closed() && queue.len() < ARRIVALS_MANY {
         thread::sleep(pause);
     }
     queue.blocking_recv_many(taken, ARRIVALS_MAX) > 0
@@ -192,7 +197,12 @@ impl Estimates {
             self.step(&arrival, &mut records, &mut progress);
         }
         let mut taken = Vec::new();
-        while take_what_came(&mut self.queue, &mut taken, ENGINE_PAUSE) {
+        let pause = if self.engine.estimates() {
+            ESTIMATOR_PAUSE
+        } else {
+            DECODER_PAUSE
+        };
+        while take_what_came(&mut self.queue, &mut taken, pause) {
             for arrival in taken.drain(..) {
                 self.step(&arrival, &mut records, &mut progress);
             }

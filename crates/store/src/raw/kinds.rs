@@ -1,6 +1,6 @@
 //! The kinds of frames of a batch, numbered in the order in which they come.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use sample::CanFrame;
 
@@ -14,7 +14,7 @@ const KNOWN_MAX: usize = 4_096;
 #[derive(Default)]
 pub(super) struct Kinds {
     known: Vec<Known>,
-    index: BTreeMap<Kind, usize>,
+    index: HashMap<Kind, usize>,
     /// Kind of the last frame.
     last: usize,
     /// Those of this batch, as places in `known`.

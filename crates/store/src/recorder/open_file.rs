@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime};
 
@@ -18,6 +19,8 @@ pub(crate) struct OpenFile {
     /// Log clock of the first arrival in it.
     pub since: Option<LogTime>,
     journal: Option<Journal>,
+    /// When the journal was last written.
+    kept_at: Instant,
     groups: Arc<Groups>,
 }
 
@@ -40,6 +43,7 @@ impl OpenFile {
                 writer,
                 since: None,
                 journal,
+                kept_at: Instant::now(),
                 groups: Arc::default(),
             }),
             Err(error) => {
@@ -97,17 +101,26 @@ impl OpenFile {
     pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
         self.since.get_or_insert(arrival.log_time);
         self.writer.push(arrival)?;
-        self.turn_journal()?;
-        match &mut self.journal {
-            Some(journal) => journal.keep_up(self.writer.group()),
-            None => Ok(()),
-        }
+        self.turn_journal()
     }
 
-    /// Nothing came for a while: what waits for the journal goes there.
+    /// What was pushed goes into the journal; if that has to wait for a moment, says how long.
+    pub(crate) fn keep_up(&mut self) -> Result<Option<Duration>> {
+        let group = self.writer.group();
+        let Some(journal) = self.journal.as_mut().filter(|j| j.lags(group)) else {
+            return Ok(None);
+        };
+        let wait = journal.keep_up(group, self.kept_at.elapsed())?;
+        if wait.is_none() {
+            self.kept_at = Instant::now();
+        }
+        Ok(wait)
+    }
+
+    /// Nothing came for a while: without a journal, what waits goes into the log.
     pub(crate) fn idle(&mut self) -> Result<()> {
-        match &mut self.journal {
-            Some(journal) => journal.flush(self.writer.group()),
+        match self.journal {
+            Some(_) => Ok(()),
             None => self.writer.flush(),
         }
     }

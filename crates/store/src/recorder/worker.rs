@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, atomic::Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use sample::Arrival;
 
@@ -24,6 +24,8 @@ pub(crate) struct Worker {
     options: Options,
     shared: Arc<Shared>,
     syncer: Syncer,
+    /// How long to wait for a command before what came goes to the journal.
+    patience: Duration,
     part: u32,
     sink: Sink,
     summary: RecorderSummary,
@@ -79,6 +81,7 @@ impl Worker {
             directory: directory.to_owned(),
             stem: stem.to_owned(),
             session,
+            patience: options.raw_interval,
             options,
             shared,
             syncer,
@@ -92,8 +95,7 @@ impl Worker {
 
     pub(crate) fn run(mut self, queue: &Receiver<Command>) -> RecorderSummary {
         loop {
-            let patience = self.options.journal_interval;
-            match queue.recv_timeout(patience.unwrap_or(self.options.raw_interval)) {
+            match queue.recv_timeout(self.patience) {
                 Ok(Command::Arrivals(arrivals)) => {
                     for arrival in arrivals {
                         self.shared.taken();
@@ -108,6 +110,7 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) => self.idle(),
                 Ok(Command::Finish) | Err(RecvTimeoutError::Disconnected) => break,
             }
+            self.keep_up();
             self.look_after_disk();
         }
         self.finish()
@@ -127,6 +130,19 @@ impl Worker {
         };
         if let Some(error) = failed {
             self.fail(&error);
+        }
+    }
+
+    /// Brings what came to the journal, or sets how long that may wait.
+    fn keep_up(&mut self) {
+        self.patience = self.options.raw_interval;
+        let Sink::Open(file) = &mut self.sink else {
+            return;
+        };
+        match file.keep_up() {
+            Ok(Some(wait)) => self.patience = wait,
+            Ok(None) => {}
+            Err(error) => self.fail(&error),
         }
     }
 

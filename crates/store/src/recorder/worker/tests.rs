@@ -19,9 +19,9 @@ fn arrival(sequence: u64) -> Arrival {
 /// A worker whose logs take a group each 100 ms, and are never synced but when they are closed.
 fn worker(directory: &Path) -> Worker {
     let options = Options {
-        raw_interval: std::time::Duration::from_millis(100),
-        sync_interval: std::time::Duration::from_secs(3600),
-        retry_interval: std::time::Duration::ZERO,
+        raw_interval: Duration::from_millis(100),
+        sync_interval: Duration::from_secs(3600),
+        retry_interval: Duration::ZERO,
         ..Options::default()
     };
     let shared = Arc::new(Shared::new(options.queue_capacity));
