@@ -106,7 +106,7 @@ impl<'a> Session<'a> {
             owner,
             spec,
             wake: Wake::new(&socket, Pace::Awaited)?,
-            pacer: Pacer::new(Instant::now()),
+            pacer: Pacer::new(Instant::now(), spec.read_within),
             socket,
             settings,
             datagrams: Datagrams::new(),

@@ -16,13 +16,14 @@ use tokio::io::unix::AsyncFd;
 
 use crate::sys;
 
-/// Times between two looks. The longest is within what the estimator waits for a sample (5 ms), the
-/// shortest, that of a full bus of 1 Mbit/s, within what a frame may wait to be read (1 ms).
-const PERIODS: [Duration; 4] = [
+/// Times between two looks. The shortest, that of a full bus of 1 Mbit/s, is within what a frame may
+/// wait to be read (1 ms).
+const PERIODS: [Duration; 5] = [
     Duration::from_micros(500),
     Duration::from_micros(1_000),
     Duration::from_micros(2_000),
     Duration::from_micros(4_000),
+    Duration::from_micros(6_000),
 ];
 /// Frames at one look: more are too many, fewer too few.
 const FRAMES_MOST: f64 = 6.5;
@@ -47,15 +48,17 @@ pub(crate) enum Pace {
 #[derive(Debug)]
 pub(crate) struct Pacer {
     pace: Pace,
+    longest: Duration,
     frames: usize,
     since: Instant,
 }
 
 impl Pacer {
-    /// A bus that is watched from `now` on.
-    pub fn new(now: Instant) -> Self {
+    /// A bus that is watched from `now` on, and of which no frame may wait longer than `longest`.
+    pub fn new(now: Instant, longest: Duration) -> Self {
         Self {
             pace: Pace::Awaited,
+            longest,
             frames: 0,
             since: now,
         }
@@ -84,7 +87,7 @@ impl Pacer {
             }
             _ => {}
         }
-        let fits = |period: &&Duration| each(**period) <= FRAMES_MOST;
+        let fits = |period: &&Duration| **period <= self.longest && each(**period) <= FRAMES_MOST;
         let longest = PERIODS.iter().rev().find(fits);
         Pace::Every(*longest.unwrap_or(&PERIODS[0]))
     }
@@ -135,10 +138,10 @@ mod tests {
     }
 
     impl Bus {
-        fn new() -> Self {
+        fn new(longest: Duration) -> Self {
             let now = Instant::now();
             Self {
-                pacer: Pacer::new(now),
+                pacer: Pacer::new(now, longest),
                 pace: Pace::Awaited,
                 now,
                 changes: 0,
@@ -175,18 +178,20 @@ mod tests {
 
     #[test]
     fn a_busy_bus_is_looked_at_and_a_quiet_one_watched() {
-        let mut bus = Bus::new();
+        let mut bus = Bus::new(PERIODS[3]);
         assert_eq!(bus.run(100, SECOND), Pace::Awaited);
         assert_eq!(bus.run(8_000, SECOND), Pace::Every(PERIODS[0]));
         assert_eq!(bus.run(900, SECOND), Pace::Every(PERIODS[3]));
         assert_eq!(bus.run(0, SECOND / 8), Pace::Awaited);
         assert_eq!(bus.run(400, SECOND), Pace::Awaited);
+        let mut patient = Bus::new(PERIODS[4]);
+        assert_eq!(patient.run(900, SECOND), Pace::Every(PERIODS[4]));
     }
 
     #[test]
     fn a_steady_bus_keeps_its_pace() {
         for frames_s in (20..20_000).step_by(37) {
-            let mut bus = Bus::new();
+            let mut bus = Bus::new(PERIODS[4]);
             bus.run(frames_s, SECOND);
             let (pace, changes) = (bus.pace, bus.changes);
             assert!(changes <= 2, "{frames_s} frames/s: {changes} changes");
@@ -197,7 +202,7 @@ mod tests {
 
     #[test]
     fn a_bus_that_fills_up_is_looked_at_more_often_within_some_milliseconds() {
-        let mut bus = Bus::new();
+        let mut bus = Bus::new(PERIODS[3]);
         assert_eq!(bus.run(900, SECOND), Pace::Every(PERIODS[3]));
         let pace = bus.run(8_000, Duration::from_millis(20));
         assert_eq!(pace, Pace::Every(PERIODS[0]));

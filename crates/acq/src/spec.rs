@@ -53,6 +53,8 @@ pub struct CanSpec {
     /// Size of the kernel's receive queue, bytes (the kernel doubles it). One classic frame takes
     /// about 1 KiB of it, bookkeeping included.
     pub receive_buffer_bytes: usize,
+    /// How long a frame of a busy bus may wait to be read; its stamp is the kernel's all the same.
+    pub read_within: Duration,
     /// Bring the interface up like this whenever it is found down, replugged ones included; `None`
     /// leaves that to the system.
     pub link: Option<LinkSpec>,
@@ -60,7 +62,7 @@ pub struct CanSpec {
 
 impl CanSpec {
     /// All frames of `interface`, with errors and hardware stamps and a queue of about a second of
-    /// a full bus.
+    /// a full bus, read within what the estimator waits for a sample.
     #[must_use]
     pub fn new(interface: impl Into<String>) -> Self {
         Self {
@@ -70,6 +72,7 @@ impl CanSpec {
             errors: true,
             hardware_stamps: true,
             receive_buffer_bytes: 8 << 20,
+            read_within: Duration::from_millis(4),
             link: None,
         }
     }

@@ -11,6 +11,7 @@ directory = "/tmp/logs"
 [source.bus]
 kind = "can"
 interface = "vcan0"
+dbc = []
 CONFIG
 
 # Time that a process's threads have run so far, ns.

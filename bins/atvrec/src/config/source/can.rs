@@ -1,6 +1,7 @@
 //! `kind = "can"` and `kind = "slcan"`.
 
 use std::ops::RangeInclusive;
+use std::time::Duration;
 
 use acq::{CanSpec, LinkSpec, SlcanSpec, SourceKind};
 use wire::dbc::Database;
@@ -10,6 +11,9 @@ use super::{CanMeaning, Meaning, Read, read_port};
 use crate::config::files::{FileKind, Files, PROJECT_DBC};
 use crate::config::reader::{Field, Gatherer, Problem, Section};
 use crate::config::roles;
+
+/// How long a frame may wait to be read that nothing decodes: only the disk waits for it.
+const RECORDED_WITHIN: Duration = Duration::from_millis(6);
 
 pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
     let interface = section.required::<String>(
@@ -34,13 +38,19 @@ pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gathe
     let link = read_link(section, fd, gather);
     let meaning = can_meaning(section, files, gather);
     let kind = interface.map(|interface| {
+        let usual = CanSpec::new(interface.value);
+        let read_within = match &meaning {
+            Meaning::Can(can) if can.databases.is_empty() => RECORDED_WITHIN,
+            _ => usual.read_within,
+        };
         SourceKind::Can(CanSpec {
             fd,
             link,
             errors,
             hardware_stamps,
             receive_buffer_bytes: (buffer * f64::from(1 << 20)) as usize,
-            ..CanSpec::new(interface.value)
+            read_within,
+            ..usual
         })
     });
     (kind, Some(meaning), 1.0)
