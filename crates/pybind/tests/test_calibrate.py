@@ -179,17 +179,22 @@ def test_unit_receivers_and_wheels_of_a_drive_are_the_commands(
         pot_s, pots = deflection_of(log)
         known = [np.isfinite(pots[:, wheel]) for wheel in range(4)]
         columns = [pots[rows, wheel] for wheel, rows in enumerate(known)]
+        hand = log.read("/steer")
         radius = vehicle.to_dict()["front"]["tyre"]["unloaded_radius_m"]
         return {
             "imu": inertial_of(log),
             "speed_time_s": speed_s,
             "speed_m_s": radius * wheels.mean(axis=1),
             "compression_time_s": pot_s[known[0]],
-            "compression_m": 0.15 / 1024 * np.stack(columns, axis=1),
+            "compression_m": 0.15 / 1024 * (np.stack(columns, axis=1) - 512.0),
+            "hand_wheel_time_s": hand["t_s"],
+            "hand_wheel_rad": hand["hand_wheel_rad"],
         }
 
     by_command = calibrated(program, tmp_path, "imu", turned_path, path)["imu"]
-    found = calibrate.imu(vehicle, [inertial_log(turned), inertial_log(drive)])["calibration"]
+    place = tomllib.loads(drive.attachments["thesis-10bit.sensors.toml"].decode())["imu"]["position_m"]
+    logs = [inertial_log(turned), inertial_log(drive)]
+    found = calibrate.imu(vehicle, logs, imu_m=place)["calibration"]
     for name, size in (("accel_bias_m_s2", 0.003), ("misalignment_rad", 0.0003)):
         assert found[name] == pytest.approx(by_command[name], abs=size), name
 

@@ -26,6 +26,7 @@ __all__ = [
     "Antennas",
     "Calibrated",
     "Counts",
+    "HandWheel",
     "Inertial",
     "InertialLog",
     "LoadRig",
@@ -65,7 +66,16 @@ class Inertial(TypedDict):
     """Angular rate, rad/s, (n, 3)."""
 
 
-class InertialLog(TypedDict):
+class HandWheel(TypedDict, total=False):
+    """The hand wheel, where it is measured."""
+
+    hand_wheel_time_s: npt.ArrayLike
+    """Instants, s, (l,)."""
+    hand_wheel_rad: npt.ArrayLike
+    """Angle from straight ahead, rad, (l,)."""
+
+
+class InertialLog(HandWheel):
     """What :func:`imu` reads of a log."""
 
     imu: Inertial
@@ -77,7 +87,7 @@ class InertialLog(TypedDict):
     compression_time_s: npt.ArrayLike
     """Instants of the compressions, s, (k,); empty where they are not measured."""
     compression_m: npt.ArrayLike
-    """Compression of the four springs, m, (k, 4)."""
+    """Compression of the four springs from their design length, m, (k, 4)."""
 
 
 class Calibrated(Findings):

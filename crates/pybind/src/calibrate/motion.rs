@@ -65,6 +65,10 @@ pub struct InertialLog<'py> {
     speed_m_s: Doubles<'py>,
     compression_time_s: Doubles<'py>,
     compression_m: Doubles<'py>,
+    #[pyo3(default)]
+    hand_wheel_time_s: Option<Doubles<'py>>,
+    #[pyo3(default)]
+    hand_wheel_rad: Option<Doubles<'py>>,
 }
 
 /// The same as columns.
@@ -73,13 +77,14 @@ struct LogColumns {
     speed: [Vec<f64>; 2],
     compression_s: Vec<f64>,
     compression_m: Vec<[f64; 4]>,
+    hand_wheel: [Vec<f64>; 2],
     lean_rad: [Vec<f64>; 2],
     turning_rad_s: Vec<f64>,
     rest: Vec<Stretch>,
 }
 
 impl LogColumns {
-    fn of(vehicle: &Vehicle, log: &InertialLog<'_>) -> PyResult<Self> {
+    fn of(vehicle: &Vehicle, log: &InertialLog<'_>, imu_m: [f64; 3]) -> PyResult<Self> {
         let mut columns = Self {
             imu: Columns::of("imu", &log.imu)?,
             speed: [
@@ -88,6 +93,10 @@ impl LogColumns {
             ],
             compression_s: column("compression_time_s", Some(&log.compression_time_s))?,
             compression_m: vectors("compression_m", &log.compression_m)?,
+            hand_wheel: [
+                column("hand_wheel_time_s", log.hand_wheel_time_s.as_ref())?,
+                column("hand_wheel_rad", log.hand_wheel_rad.as_ref())?,
+            ],
             lean_rad: [Vec::new(), Vec::new()],
             turning_rad_s: Vec::new(),
             rest: Vec::new(),
@@ -102,6 +111,10 @@ impl LogColumns {
             ("compression_time_s", columns.compression_s.len()),
             ("compression_m", columns.compression_m.len()),
         ])?;
+        same_length(&[
+            ("hand_wheel_time_s", columns.hand_wheel[0].len()),
+            ("hand_wheel_rad", columns.hand_wheel[1].len()),
+        ])?;
         let lean = Lean::of(&vehicle.inner).ok_or_else(|| {
             errors::vehicle(format!("{}: has no motion ratio", vehicle.inner.name))
         })?;
@@ -109,8 +122,8 @@ impl LogColumns {
         for (time_s, compression_m) in columns.compression_s.iter().zip(&columns.compression_m) {
             let angles = lean.roll_pitch_rad(&Leaning {
                 compression_m: PerWheel(*compression_m),
-                force_m_s2: columns.imu.signal().force_near(*time_s, [0.0; 3]),
-                hand_wheel_rad: 0.0,
+                force_m_s2: columns.imu.signal().force_near(*time_s, imu_m),
+                hand_wheel_rad: columns.hand_wheel_near(*time_s),
             });
             for (column, angle) in columns.lean_rad.iter_mut().zip(angles.unwrap_or(unknown)) {
                 column.push(angle);
@@ -118,6 +131,14 @@ impl LogColumns {
         }
         columns.rest = columns.stretches();
         Ok(columns)
+    }
+
+    /// The hand wheel next to an instant, rad; straight ahead where it is not told.
+    fn hand_wheel_near(&self, time_s: f64) -> f64 {
+        let [times, angles] = &self.hand_wheel;
+        let next = times.partition_point(|&known_s| known_s < time_s);
+        let last = angles.len().saturating_sub(1);
+        angles.get(next.min(last)).copied().unwrap_or_default()
     }
 
     /// The stretches of rest.
@@ -159,15 +180,18 @@ impl LogColumns {
     }
 }
 
-/// Biases and mounting of the inertial unit: rests on one floor in two headings, and a drive.
+/// Biases and mounting of the inertial unit, at `imu_m` from the vehicle file's origin, m: rests on
+/// one floor in two headings, and a drive.
 #[pyfunction]
+#[pyo3(signature = (vehicle, logs, *, imu_m=[0.0; 3]))]
 #[allow(clippy::needless_pass_by_value)]
 pub fn calibrate_imu<'py>(
     py: Python<'py>,
     vehicle: &Vehicle,
     logs: Vec<InertialLog<'py>>,
+    imu_m: [f64; 3],
 ) -> Found<'py> {
-    let columns = logs.iter().map(|log| LogColumns::of(vehicle, log));
+    let columns = logs.iter().map(|log| LogColumns::of(vehicle, log, imu_m));
     let columns = columns.collect::<PyResult<Vec<_>>>()?;
     let logs: Vec<ImuLog<'_>> = columns.iter().map(LogColumns::log).collect();
     let standing = rest_roll_pitch_rad(&vehicle.inner).map_err(|e| estimator(&e))?;
