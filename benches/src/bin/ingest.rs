@@ -7,7 +7,7 @@
 //! The buses are SLCAN adapters on pseudo-terminals, because those exist on every machine; a
 //! SocketCAN frame costs the recorder less, having no text to parse.
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -158,13 +158,25 @@ fn speak(mut master: TTYPort, stop: &AtomicBool) -> Vec<Burst> {
             count += 1;
         }
         let realtime_ns = realtime_ns();
-        if master.write_all(text.as_bytes()).is_err() {
+        if write_all(&mut master, text.as_bytes(), stop).is_err() {
             break;
         }
         writes.push(Burst { count, realtime_ns });
         std::thread::sleep(WRITE_INTERVAL);
     }
     writes
+}
+
+/// Writes all of the bytes, however long the line is full.
+fn write_all(line: &mut TTYPort, mut bytes: &[u8], stop: &AtomicBool) -> std::io::Result<()> {
+    while !bytes.is_empty() && !stop.load(Ordering::Relaxed) {
+        match line.write(bytes) {
+            Ok(written) => bytes = &bytes[written..],
+            Err(error) if error.kind() == ErrorKind::TimedOut => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 /// Identifiers of the project's DBC, so that the recorder decodes every frame and feeds the
