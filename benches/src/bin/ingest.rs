@@ -96,7 +96,7 @@ fn start_virtual_vehicle(atvrec: &str, folder: &Path) -> anyhow::Result<Running>
 struct Bus {
     device: String,
     thread: JoinHandle<Vec<Burst>>,
-    _slave: TTYPort,
+    slave: TTYPort,
 }
 
 /// What an adapter sent in one write.
@@ -123,11 +123,15 @@ impl Bus {
         Ok(Self {
             device,
             thread,
-            _slave: slave,
+            slave,
         })
     }
 
-    fn finish(self) -> Vec<Burst> {
+    /// What it sent. Reads in the recorder's place until a write that found no room ends.
+    fn finish(mut self) -> Vec<Burst> {
+        while !self.thread.is_finished() {
+            let _ = self.slave.read(&mut [0; 4096]);
+        }
         self.thread.join().unwrap_or_default()
     }
 }
