@@ -69,6 +69,8 @@ const OFFSET_WALK: [f64; 3] = [1e-6, 1e-6, 1e-3];
 /// Standard deviations of the offsets before anything is known, and after a calibration.
 const OFFSET_SIGMA: [f64; 3] = [0.01, 0.01, 0.2];
 const OFFSET_SIGMA_CALIBRATED: [f64; 3] = [0.001, 0.0005, 0.05];
+/// An offset further out, deviations, is not kept when the filter starts anew.
+const OFFSET_SIGMAS_MAX: f64 = 4.0;
 /// Floor of the measurements' deviations: rad/s, and m/s^2 for what vibration and the model's
 /// errors add.
 const MEASURED_SIGMA_MIN: [f64; 2] = [0.002, 0.1];
@@ -220,6 +222,18 @@ impl PlanarFilter {
         self.covariance = SMatrix::from_diagonal(&SVector::from(diagonal));
     }
 
+    /// Motion and offsets are open again; offsets begin where they were, if a sensor can have them.
+    fn start_anew(&mut self) {
+        let before = self.state;
+        self.forget();
+        for (i, sigma) in [STEER, GYRO, ACCEL].into_iter().zip(self.offset_sigma) {
+            if before[i].abs() < OFFSET_SIGMAS_MAX * sigma {
+                self.state[i] = before[i];
+            }
+        }
+        self.resets += 1;
+    }
+
     /// Motion is unknown, offsets stay.
     fn forget_motion(&mut self) {
         self.state[BANK] = 0.0;
@@ -258,8 +272,7 @@ impl PlanarFilter {
             innovations = self.correct(&driven, input);
         }
         if !self.is_sound(input.speed_m_s) {
-            self.forget();
-            self.resets += 1;
+            self.start_anew();
         }
         self.tell(input, innovations)
     }

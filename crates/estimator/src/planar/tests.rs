@@ -182,3 +182,17 @@ fn standing_still_shows_the_gyros_offset_and_rubbish_never_poisons_the_state() {
         assert!(found.lateral_m_s.is_finite() && found.lateral_sigma_m_s > 0.0);
     }
 }
+
+#[test]
+fn a_lost_motion_does_not_cost_the_offsets_unless_no_sensor_has_such() {
+    for (gyro, kept) in [(0.007, 0.007), (0.3, 0.0)] {
+        let mut filter = PlanarFilter::new(model(), NOISE, PlanarDoubt::IDENTIFIED, false);
+        filter.state[GYRO] = gyro;
+        filter.state[LATERAL] = 100.0;
+        let _ = filter.step(0.01, &input(0.0, 15.0, 0.0));
+        assert_eq!(filter.resets(), 1);
+        assert!((filter.offsets()[1] - kept).abs() < 1e-9);
+        let sigma = filter.covariance[(GYRO, GYRO)].sqrt();
+        assert!((sigma - OFFSET_SIGMA[1]).abs() < 1e-9);
+    }
+}

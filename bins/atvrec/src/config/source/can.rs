@@ -177,3 +177,28 @@ fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gather
     let roles = roles::read(roles, &databases, gather);
     Meaning::Can(CanMeaning { databases, roles })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::Config;
+
+    fn read_within(dbc: &str) -> Duration {
+        let text = format!("[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n{dbc}");
+        let config = Config::from_text(&text, Path::new(".")).expect("a configuration");
+        match &config.sources[0].spec.kind {
+            SourceKind::Can(can) => can.read_within,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn frames_that_something_decodes_are_read_sooner() {
+        let decoded = CanSpec::new(String::new()).read_within;
+        assert_eq!(read_within(""), decoded);
+        assert_eq!(read_within("dbc = []\n"), RECORDED_WITHIN);
+        assert!(decoded < RECORDED_WITHIN);
+    }
+}
