@@ -1,6 +1,7 @@
 //! What a vehicle does: chassis, suspension, tyres, strain chain, steering and vehicle files.
 
 pub mod chassis;
+mod checks;
 mod error;
 mod file;
 pub mod integrate;

@@ -1,5 +1,7 @@
 use num_dual::DualNum;
 
+use crate::values::Values;
+
 /// A number that the models calculate with: `f64`, or a dual number that carries exact
 /// derivatives along.
 pub trait Scalar: DualNum<Primitive = f64> + Copy {
@@ -7,7 +9,13 @@ pub trait Scalar: DualNum<Primitive = f64> + Copy {
     #[must_use]
     #[inline(always)]
     fn magnitude(self) -> Self {
-        if self < 0.0 { -self } else { self }
+        if Self::NDERIV == 0 {
+            Self::from(self.re().abs())
+        } else if self < 0.0 {
+            -self
+        } else {
+            self
+        }
     }
 
     /// -1 below zero, +1 otherwise.
@@ -60,39 +68,8 @@ pub(crate) fn sin_cos<T: Scalar>(angle: T) -> (T, T) {
     if T::NDERIV > 0 {
         return angle.sin_cos();
     }
-    /// Added to a number of less than 2^51, it leaves the nearest integer in the last bits.
-    const ROUND: f64 = 6_755_399_441_055_744.0;
-    const PARTS: [f64; 3] = [
-        1.570_796_326_734_125_6,
-        6.077_100_506_303_966e-11,
-        2.022_266_248_795_950_7e-21,
-    ];
-    let angle = angle.re();
-    let rounded = angle * std::f64::consts::FRAC_2_PI + ROUND;
-    let quarter = rounded.to_bits();
-    let turns = rounded - ROUND;
-    let rest = angle - turns * PARTS[0] - turns * PARTS[1] - turns * PARTS[2];
-    let z = rest * rest;
-    let sine = (((((1.589_690_995_211_55e-10 * z - 2.505_076_025_340_686_3e-8) * z
-        + 2.755_731_370_707_006_8e-6)
-        * z
-        - 1.984_126_982_985_795e-4)
-        * z
-        + 8.333_333_333_322_49e-3)
-        * z
-        - 1.666_666_666_666_663_2e-1)
-        * (z * rest)
-        + rest;
-    let cosine = (((((-1.135_964_755_778_819_5e-11 * z + 2.087_572_321_298_175e-9) * z
-        - 2.755_731_435_139_066_3e-7)
-        * z
-        + 2.480_158_728_947_673e-5)
-        * z
-        - 1.388_888_888_887_411e-3)
-        * z
-        + 4.166_666_666_666_66e-2)
-        * (z * z)
-        + (1.0 - 0.5 * z);
+    let (quarter, sine, cosine) = in_quarter(angle.re());
+    let quarter = quarter.to_bits();
     // In odd quarters the two change places: where their bits differ, both are turned over.
     let (sine, cosine) = (sine.to_bits(), cosine.to_bits());
     let change = (sine ^ cosine) & 0_u64.wrapping_sub(quarter & 1);
@@ -102,6 +79,51 @@ pub(crate) fn sin_cos<T: Scalar>(angle: T) -> (T, T) {
         T::from(f64::from_bits(sine)),
         T::from(f64::from_bits(cosine)),
     )
+}
+
+/// Of an angle, the number whose last bits count its quarters of a turn, and sine and cosine of what
+/// is left of it beyond the nearest quarter.
+#[inline(always)]
+pub(crate) fn in_quarter<V: Values>(angle: V) -> (V, V, V) {
+    /// Added to a number of less than 2^51, it leaves the nearest integer in the last bits.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    const PARTS: [f64; 3] = [
+        1.570_796_326_734_125_6,
+        6.077_100_506_303_966e-11,
+        2.022_266_248_795_950_7e-21,
+    ];
+    const SINE: [f64; 6] = [
+        1.589_690_995_211_55e-10,
+        -2.505_076_025_340_686_3e-8,
+        2.755_731_370_707_006_8e-6,
+        -1.984_126_982_985_795e-4,
+        8.333_333_333_322_49e-3,
+        -1.666_666_666_666_663_2e-1,
+    ];
+    const COSINE: [f64; 6] = [
+        -1.135_964_755_778_819_5e-11,
+        2.087_572_321_298_175e-9,
+        -2.755_731_435_139_066_3e-7,
+        2.480_158_728_947_673e-5,
+        -1.388_888_888_887_411e-3,
+        4.166_666_666_666_66e-2,
+    ];
+    let quarter = angle.scaled(std::f64::consts::FRAC_2_PI).plus(ROUND);
+    let turns = quarter.plus(-ROUND);
+    let rest = angle - turns.scaled(PARTS[0]) - turns.scaled(PARTS[1]) - turns.scaled(PARTS[2]);
+    let z = rest * rest;
+    let square = z * z;
+    let fourth = square * square;
+    let sine = polynomial(&SINE, z, square, fourth) * (z * rest) + rest;
+    let cosine = polynomial(&COSINE, z, square, fourth) * square + z.scaled(-0.5).plus(1.0);
+    (quarter, sine, cosine)
+}
+
+/// Coefficients from the highest power on; pairs of them do not wait for each other.
+#[inline(always)]
+fn polynomial<V: Values>(c: &[f64; 6], x: V, square: V, fourth: V) -> V {
+    x.scaled(c[0]).plus(c[1]) * fourth
+        + (x.scaled(c[2]).plus(c[3]) * square + x.scaled(c[4]).plus(c[5]))
 }
 
 #[cfg(test)]

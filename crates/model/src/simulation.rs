@@ -6,7 +6,7 @@ use sample::Wheel;
 
 use crate::Error;
 use crate::chassis::{bicycle, four_wheel, fourteen_dof};
-use crate::error::{all_finite, require};
+use crate::error::require;
 use crate::integrate::{LANES, step_to_event};
 
 /// A chassis model that steps.
@@ -69,54 +69,20 @@ fn check_step(step_s: f64) -> Result<(), Error> {
     require(step_s > 0.0, "step_s", step_s, "s", "greater than 0")
 }
 
-/// The linear bicycle at one speed: (beta, r) in rad and rad/s, steered by an angle in rad.
-impl Model for bicycle::StateSpace {
-    type State = [f64; 2];
-    type Inputs = f64;
-
-    fn check_state(state: &Self::State) -> Result<(), Error> {
-        all_finite("state.sideslip_rad", &state[..1], "rad")?;
-        all_finite("state.yaw_rate_rad_s", &state[1..], "rad/s")
-    }
-
-    fn check_inputs(steer_rad: &Self::Inputs) -> Result<(), Error> {
-        all_finite("inputs.steer_rad", &[*steer_rad], "rad")
-    }
-
-    #[inline]
-    fn steps(
-        &self,
-        state: &Self::State,
-        inputs: &Self::Inputs,
-        step_s: f64,
-        steps: usize,
-    ) -> Self::State {
-        bicycle::stepped(self, state, *inputs, step_s, steps)
-    }
-
-    fn advance(
-        &self,
-        states: &mut [Self::State; LANES],
-        inputs: &[Self::Inputs; LANES],
-        step_s: f64,
-        steps: usize,
-    ) {
-        bicycle::advance(self, states, inputs, step_s, steps);
-    }
-}
-
 macro_rules! chassis_model {
-    ($model:ident) => {
-        impl Model for $model::Parameters {
-            type State = $model::State<f64>;
-            type Inputs = $model::Inputs<f64>;
+    ($chassis:ident::$model:ident, $state:ty, $inputs:ty, $check_state:path, $check_inputs:path) => {
+        impl Model for $chassis::$model {
+            type State = $state;
+            type Inputs = $inputs;
 
+            #[inline]
             fn check_state(state: &Self::State) -> Result<(), Error> {
-                state.check()
+                $check_state(state)
             }
 
+            #[inline]
             fn check_inputs(inputs: &Self::Inputs) -> Result<(), Error> {
-                inputs.check()
+                $check_inputs(inputs)
             }
 
             #[inline]
@@ -127,7 +93,7 @@ macro_rules! chassis_model {
                 step_s: f64,
                 steps: usize,
             ) -> Self::State {
-                $model::stepped(self, state, inputs, step_s, steps)
+                $chassis::stepped(self, state, inputs, step_s, steps)
             }
 
             fn advance(
@@ -137,14 +103,34 @@ macro_rules! chassis_model {
                 step_s: f64,
                 steps: usize,
             ) {
-                $model::advance(self, states, inputs, step_s, steps);
+                $chassis::advance(self, states, inputs, step_s, steps);
             }
         }
     };
 }
 
-chassis_model!(four_wheel);
-chassis_model!(fourteen_dof);
+// The linear bicycle at one speed: (beta, r) in rad and rad/s, steered by an angle in rad.
+chassis_model!(
+    bicycle::StateSpace,
+    [f64; 2],
+    f64,
+    bicycle::check_state,
+    bicycle::check_steer
+);
+chassis_model!(
+    four_wheel::Parameters,
+    four_wheel::State<f64>,
+    four_wheel::Inputs<f64>,
+    four_wheel::State::check,
+    four_wheel::Inputs::check
+);
+chassis_model!(
+    fourteen_dof::Parameters,
+    fourteen_dof::State<f64>,
+    fourteen_dof::Inputs<f64>,
+    fourteen_dof::State::check,
+    fourteen_dof::Inputs::check
+);
 
 /// One trajectory of a batch.
 #[derive(Clone, Copy, Debug)]
@@ -479,6 +465,7 @@ mod tests {
             side_by_side_is_alone(&p, |v| four_wheel::State::rolling(v, &p), inputs);
             let mut odd = p.clone();
             odd.front.roll_steer = 0.1;
+            odd.prepare();
             side_by_side_is_alone(&odd, |v| four_wheel::State::rolling(v, &odd), inputs);
             let Ok(p) = fourteen_dof::Parameters::from_vehicle(&vehicle) else {
                 continue;

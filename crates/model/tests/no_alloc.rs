@@ -77,6 +77,7 @@ fn four_wheel_steps_ask_for_no_memory() {
         let mut p = four_wheel::Parameters::from_vehicle(&vehicle);
         p.front.tyre = tyre.clone();
         p.rear.tyre = tyre;
+        p.prepare();
         let state = four_wheel::State::<f64>::rolling(7.0, &p);
         let inputs = four_wheel::Inputs::steered(0.1);
         let mut states = [state; LANES];

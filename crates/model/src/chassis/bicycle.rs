@@ -2,7 +2,7 @@
 
 mod steps;
 
-pub(crate) use steps::{advance, stepped};
+pub(crate) use steps::{advance, check_state, check_steer, stepped};
 
 use nalgebra::{Complex, Matrix2, Matrix4, Vector2, Vector4};
 

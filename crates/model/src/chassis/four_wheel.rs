@@ -22,9 +22,11 @@
 //! is held at zero and taken off its neighbour, which keeps vertical balance but not the roll
 //! balance: for wheel lift use the 14-degree-of-freedom model.
 
+mod constants;
 mod contacts;
 mod dynamics;
 mod model;
+mod motion;
 mod parameters;
 mod state;
 mod steady;

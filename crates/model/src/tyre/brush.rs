@@ -9,43 +9,42 @@ use crate::values::Values;
 /// need square roots only. Which of the two is the constant `GROWS` of the functions. The numbers
 /// are one tyre's, or lists for four.
 ///
-/// With q = F_z/F_z0, C = C_0 q^n and the slip s = (C_kappa/C_alpha kappa, -tan alpha) the law of
-/// [`Law::Brush`] is F = C s (1 - h + h^2/3) with h = C |s|/(3 mu F_z), and F = mu F_z s/|s| from
-/// h = 1 on. With p = C_0 |s|/(3 mu F_z0), which no load enters, h = p q^(n-1) and
+/// With C = C_1 F_z^n (C_1 is the stiffness under a load of 1 N) and the slip
+/// s = (C_kappa/C_alpha kappa, -tan alpha) the law of [`Law::Brush`] is F = C s (1 - h + h^2/3) with
+/// h = C |s|/(3 mu F_z), and F = mu F_z s/|s| from h = 1 on. With p = C_1 |s|/(3 mu), which no load
+/// enters, h = p F_z^(n-1) and
 ///
-/// | n | h < 1 | F/(C_0 s) there | beyond |
+/// | n | h < 1 | F/(C_1 s) there | beyond |
 /// |---|---|---|---|
-/// | 3/4 | p < q^(1/4) | q^(1/4) (q^(1/2) + p^2/3) - q^(1/2) p | q/(3 p) |
-/// | 0 | p < q | 1 - p/q + (p/q)^2/3 | q/(3 p) |
-#[derive(Clone, Copy, Debug)]
+/// | 3/4 | p < F_z^(1/4) | F_z^(1/4) (F_z^(1/2) + p^2/3) - F_z^(1/2) p | F_z/(3 p) |
+/// | 0 | p < F_z | 1 - p/F_z + (p/F_z)^2/3 | F_z/(3 p) |
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Brush<C = f64> {
-    /// C_0, N/rad.
-    cornering_n_rad: C,
+    /// C_1.
+    cornering: C,
     /// C_kappa/C_alpha.
     slip_over_cornering: C,
-    /// mu F_z0, N.
-    grip_n: C,
-    /// 1/F_z0, 1/N; 1 for stiffnesses that do not grow.
-    inverse_load_1_n: C,
+    /// mu.
+    friction: C,
 }
 
 /// A brush tyre on a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OnSurface<T> {
-    /// C_0 with the stiffness factor, N/rad.
+    /// C_1 with the stiffness factor.
     pub stiffness: T,
-    /// p/|s| = C_0/(3 mu F_z0), with the factors.
+    /// p/|s| = C_1/(3 mu), with the factors.
     pub slope: T,
-    /// |s|/(3 p) = mu F_z0/C_0, with the factors.
+    /// |s|/(3 p) = mu/C_1, with the factors.
     pub slide: T,
 }
 
 /// A brush tyre's slip.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slipping<T> {
-    /// C_0 s along the wheel, N.
+    /// C_1 s along the wheel.
     pub along: T,
-    /// C_0 s to the left, N.
+    /// C_1 s to the left.
     pub across: T,
     /// p and p^2/3.
     part: T,
@@ -57,10 +56,7 @@ pub(crate) struct Slipping<T> {
 /// Slip below which |s| is held, squared: there f is 1 to the last bit.
 const LEAST_SQUARE: f64 = 1e-60;
 
-/// Least F_z/F_z0 that the powers see.
-const LEAST_LOAD: f64 = 1e-12;
-
-/// Least grip and stiffness that are divided by, N and N/rad: without either nothing pulls.
+/// Least grip and stiffness that are divided by: without either nothing pulls.
 const LEAST_DIVISOR: f64 = 1e-100;
 
 impl Brush {
@@ -98,10 +94,13 @@ impl Brush {
             _ => return None,
         };
         let brush = Self {
-            cornering_n_rad: cornering,
+            cornering: if grows {
+                cornering / reference_load_n.powf(0.75)
+            } else {
+                cornering
+            },
             slip_over_cornering: slip / cornering,
-            grip_n: physical.friction * reference_load_n,
-            inverse_load_1_n: reference_load_n.recip(),
+            friction: physical.friction,
         };
         (cornering > 0.0 && slip > 0.0).then_some((brush, grows))
     }
@@ -113,10 +112,9 @@ impl Brush {
             [front, front, rear, rear]
         };
         Brush {
-            cornering_n_rad: of(|brush| brush.cornering_n_rad),
+            cornering: of(|brush| brush.cornering),
             slip_over_cornering: of(|brush| brush.slip_over_cornering),
-            grip_n: of(|brush| brush.grip_n),
-            inverse_load_1_n: of(|brush| brush.inverse_load_1_n),
+            friction: of(|brush| brush.friction),
         }
     }
 }
@@ -129,12 +127,13 @@ impl<C: Copy> Brush<C> {
         friction: V,
         stiffness: V,
     ) -> OnSurface<V> {
-        let stiffness = stiffness.times(self.cornering_n_rad);
-        let grip = friction.times(self.grip_n).not_below(LEAST_DIVISOR);
+        let stiffness = stiffness.times(self.cornering);
+        let grip = friction.times(self.friction).not_below(LEAST_DIVISOR);
+        let held = stiffness.not_below(LEAST_DIVISOR);
         OnSurface {
             stiffness,
-            slope: stiffness / grip.scaled(3.0),
-            slide: grip / stiffness.not_below(LEAST_DIVISOR),
+            slope: held / grip.scaled(3.0),
+            slide: grip / held,
         }
     }
 
@@ -159,32 +158,28 @@ impl<C: Copy> Brush<C> {
             sliding: surface.slide / square * amount,
         }
     }
+}
 
-    /// F/(C_0 s) under a load; zero where the tyre is airborne.
+impl<V: Values> Slipping<V> {
+    /// F/(C_1 s) under a load; zero where the tyre is airborne.
     #[inline(always)]
-    pub(crate) fn pull<V: Values<Constants = C>, const GROWS: bool>(
-        &self,
-        slipping: &Slipping<V>,
-        load_n: V,
-    ) -> V {
-        let Slipping {
+    pub(crate) fn pull<const GROWS: bool>(&self, load_n: V) -> V {
+        let Self {
             part,
             third,
             sliding,
             ..
-        } = *slipping;
-        let q = load_n.times(self.inverse_load_1_n).not_below(LEAST_LOAD);
+        } = *self;
         let (limit, sticking) = if GROWS {
-            let half = q.root();
+            let half = load_n.root();
             let fourth = half.root();
             (fourth, fourth * (half + third) - half * part)
         } else {
-            let inverse = V::constant(1.0) / q;
-            (q, (inverse * (inverse * third - part)).plus(1.0))
+            let inverse = V::constant(1.0) / load_n;
+            (load_n, (inverse * (inverse * third - part)).plus(1.0))
         };
-        let pull = part.if_less(limit, sticking, q * sliding);
-        let nothing = V::constant(0.0);
-        nothing.if_less(load_n, pull, nothing)
+        // In the air it slides, whatever the root of its load may be.
+        part.if_less(limit, sticking, load_n.not_below(0.0) * sliding)
     }
 }
 
@@ -236,9 +231,9 @@ mod tests {
                             let surface = brush.on_surface(friction_scale, stiffness_scale);
                             let slipping = brush.slipping(&surface, slip_tangent, slip_ratio);
                             let pull = if grows {
-                                brush.pull::<_, true>(&slipping, load_n)
+                                slipping.pull::<true>(load_n)
                             } else {
-                                brush.pull::<_, false>(&slipping, load_n)
+                                slipping.pull::<false>(load_n)
                             };
                             let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs());
                             assert!(

@@ -3,17 +3,32 @@
 use multiversion::multiversion;
 
 use super::StateSpace;
+use crate::Error;
+use crate::checks::FINITE;
 use crate::integrate::{LANES, StraightRate, rk4, rk4_lanes};
+
+/// Refuses (beta, r) that is not finite, by name.
+#[inline]
+pub(crate) fn check_state([sideslip_rad, yaw_rate_rad_s]: &[f64; 2]) -> Result<(), Error> {
+    FINITE.require("state.sideslip_rad", sideslip_rad, "rad")?;
+    FINITE.require("state.yaw_rate_rad_s", yaw_rate_rad_s, "rad/s")
+}
+
+/// Refuses a steer angle that is not finite, by name.
+#[inline]
+pub(crate) fn check_steer(steer_rad: &f64) -> Result<(), Error> {
+    FINITE.require("inputs.steer_rad", steer_rad, "rad")
+}
 
 /// Steps from (beta, r), rad and rad/s, with the steer angle held, rad.
 pub(crate) fn stepped(
     system: &StateSpace,
     state: &[f64; 2],
-    steer_rad: f64,
+    steer_rad: &f64,
     step_s: f64,
     steps: usize,
 ) -> [f64; 2] {
-    let held = system.hold(&steer_rad);
+    let held = system.hold(steer_rad);
     (0..steps).fold(*state, |state, _| {
         rk4(&state, step_s, |x| system.rate(&held, x))
     })

@@ -1,7 +1,8 @@
 //! The tyres as the loop between loads and forces asks them: at the slips of one instant, for their
 //! forces at one load after another.
 
-use super::dynamics::{Constants, Wheels};
+use super::constants::Constants;
+use super::dynamics::Wheels;
 use super::{Inputs, Parameters};
 use crate::scalar::each;
 use crate::tyre::{Brush, Contact, OnSurface, Slipping};
@@ -12,37 +13,59 @@ use crate::values::PerWheelValues;
 pub(super) struct Forces<V> {
     /// Longitudinal and lateral force and aligning moment in the wheel's frame, N and N m.
     pub wheel: [V; 3],
-    /// Force ahead and to the left, and moment about the centre of gravity, body axes, N and N m.
-    pub body: [V; 3],
+    pub effects: Effects<V>,
+}
+
+/// What each tyre's force does to the vehicle.
+#[derive(Clone, Copy)]
+pub(super) struct Effects<V> {
+    /// The force ahead and to the left, body axes, N.
+    pub ahead: V,
+    pub left: V,
+    /// What it adds to v' + u r + g sin(bank) and to r'.
+    pub felt: V,
+    pub yaw: V,
+}
+
+impl<V: PerWheelValues> Effects<V> {
+    /// Of forces along and across the wheels.
+    #[inline(always)]
+    fn of(constants: &Constants, wheels: &Wheels<V>, along: V, across: V) -> Self {
+        let (sin, cos) = (wheels.sin, wheels.cos);
+        let ahead = along * cos - across * sin;
+        let left = along * sin + across * cos;
+        let ([felt_left, felt_ahead], [yaw_left, yaw_ahead]) = (constants.felt, constants.yaw);
+        Self {
+            ahead,
+            left,
+            felt: left.times(felt_left) - ahead.times(felt_ahead),
+            yaw: left.times(yaw_left) - ahead.times(yaw_ahead),
+        }
+    }
+
+    /// Of forces that many times as large.
+    #[inline(always)]
+    fn times(&self, pull: V) -> Self {
+        Self {
+            ahead: self.ahead * pull,
+            left: self.left * pull,
+            felt: self.felt * pull,
+            yaw: self.yaw * pull,
+        }
+    }
 }
 
 /// Tyres at given slips.
 pub(super) trait Contacts<V> {
-    /// Forces of the tyres.
+    /// Forces of the tyres; none where the load is not above zero.
     fn forces(&self, load_n: V) -> Forces<V>;
-}
-
-/// Forces in the wheels' frames turned into body axes, with their moments about the centre of
-/// gravity.
-#[inline(always)]
-fn body<V: PerWheelValues>(
-    constants: &Constants,
-    wheels: &Wheels<V>,
-    along: V,
-    across: V,
-) -> [V; 3] {
-    let (sin, cos) = (wheels.sin, wheels.cos);
-    let ahead = along * cos - across * sin;
-    let left = along * sin + across * cos;
-    let turning = left.times(constants.ahead) - ahead.times(constants.left);
-    [ahead, left, turning]
 }
 
 /// Tyres of any kind, through [`Tyre::forces`](crate::tyre::Tyre::forces).
 pub(super) struct AnyContacts<'a, V: PerWheelValues> {
     parameters: &'a Parameters,
     constants: &'a Constants,
-    inputs: &'a Inputs<V::Number>,
+    inputs: &'a Inputs<V::Raw>,
     wheels: Wheels<V>,
 }
 
@@ -50,7 +73,7 @@ impl<'a, V: PerWheelValues> AnyContacts<'a, V> {
     pub(super) fn new(
         parameters: &'a Parameters,
         constants: &'a Constants,
-        inputs: &'a Inputs<V::Number>,
+        inputs: &'a Inputs<V::Raw>,
         wheels: &Wheels<V>,
     ) -> Self {
         Self {
@@ -72,7 +95,7 @@ impl<V: PerWheelValues> Contacts<V> for AnyContacts<'_, V> {
                 load_n: load_n[i],
                 slip_tangent: tangent[i],
                 slip_ratio: ratio[i],
-                camber_rad: V::Number::from(0.0),
+                camber_rad: V::Raw::from(0.0),
                 friction_scale: self.inputs.friction_scale[i],
                 stiffness_scale: self.inputs.stiffness_scale[i],
             })
@@ -80,10 +103,13 @@ impl<V: PerWheelValues> Contacts<V> for AnyContacts<'_, V> {
         let along = V::of(each(|i| forces[i].longitudinal_n));
         let across = V::of(each(|i| forces[i].lateral_n));
         let aligning = V::of(each(|i| forces[i].aligning_n_m));
-        let [ahead, left, turning] = body(self.constants, &self.wheels, along, across);
+        let mut effects = Effects::of(self.constants, &self.wheels, along, across);
+        let [to_felt, to_yaw] = self.constants.aligning;
+        effects.felt = effects.felt + aligning.scaled(to_felt);
+        effects.yaw = effects.yaw + aligning.scaled(to_yaw);
         Forces {
             wheel: [along, across, aligning],
-            body: [ahead, left, turning + aligning],
+            effects,
         }
     }
 }
@@ -97,7 +123,7 @@ pub(super) struct BrushTyres<V: PerWheelValues> {
 
 impl<V: PerWheelValues> BrushTyres<V> {
     #[inline(always)]
-    pub(super) fn new(brush: Brush<[f64; 4]>, inputs: &Inputs<V::Number>) -> Self {
+    pub(super) fn new(brush: Brush<[f64; 4]>, inputs: &Inputs<V::Raw>) -> Self {
         let friction = V::of(inputs.friction_scale);
         let surface = brush.on_surface(friction, V::of(inputs.stiffness_scale));
         Self { brush, surface }
@@ -126,8 +152,7 @@ impl<V: PerWheelValues> BrushTyres<V> {
             .brush
             .slipping(&self.surface, wheels.tangent, wheels.ratio);
         BrushContacts {
-            brush: self.brush,
-            directions: body(constants, wheels, slipping.along, slipping.across),
+            effects: Effects::of(constants, wheels, slipping.along, slipping.across),
             slipping,
         }
     }
@@ -135,21 +160,19 @@ impl<V: PerWheelValues> BrushTyres<V> {
 
 /// Brush tyres at the slips of one instant: their forces keep their directions at every load.
 pub(super) struct BrushContacts<V, const GROWS: bool> {
-    brush: Brush<[f64; 4]>,
     slipping: Slipping<V>,
-    /// C_0 s in body axes with its moment about the centre of gravity, N and N m.
-    directions: [V; 3],
+    /// Of the forces that [`Slipping::pull`] multiplies.
+    effects: Effects<V>,
 }
 
 impl<V: PerWheelValues, const GROWS: bool> Contacts<V> for BrushContacts<V, GROWS> {
     #[inline(always)]
     fn forces(&self, load_n: V) -> Forces<V> {
         let slip = &self.slipping;
-        let pull = self.brush.pull::<V, GROWS>(slip, load_n);
-        let [ahead, left, turning] = self.directions;
+        let pull = slip.pull::<GROWS>(load_n);
         Forces {
             wheel: [slip.along * pull, slip.across * pull, V::constant(0.0)],
-            body: [ahead * pull, left * pull, turning * pull],
+            effects: self.effects.times(pull),
         }
     }
 }

@@ -2,13 +2,14 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::constants::Constants;
 use super::contacts::{AnyContacts, BrushTyres};
-use super::dynamics::{Constants, Held, Solution, Wheels, rate, solve, wheels};
+use super::dynamics::{Held, Solution, Wheels, rate, solve, wheels};
+use super::motion::Motion;
 use super::{Inputs, Parameters, STATES, State};
 use crate::Scalar;
 use crate::chassis::form::{Form, Mixed};
 use crate::chassis::slopes::{self, Sloped};
-use crate::tyre::Brush;
 use crate::values::{Listed, PerWheelValues};
 
 /// What the model tells besides the derivative.
@@ -34,76 +35,48 @@ pub struct Outputs<T> {
     pub lateral_m_s2: T,
 }
 
-/// Brush tyres of the wheels and whether their stiffnesses grow with the load, where both axles
-/// have such tyres.
-pub(super) fn brushes(parameters: &Parameters) -> Option<(Brush<[f64; 4]>, bool)> {
-    let (front, grows) = Brush::of(&parameters.front.tyre)?;
-    let (rear, grows_too) = Brush::of(&parameters.rear.tyre)?;
-    (grows == grows_too).then(|| (Brush::of_wheels([front, rear]), grows))
-}
-
-/// The form that both axles share, if they do.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shared {
-    Relaxing,
-    Immediate,
-    Mixed,
-}
-
-pub(super) fn shared_form(p: &Parameters) -> Shared {
-    if p.front.roll_steer != 0.0 || p.rear.roll_steer != 0.0 || p.load_passes != 2 {
-        return Shared::Mixed;
-    }
-    match [&p.front, &p.rear].map(|axle| axle.relaxation_length_m > 0.0) {
-        [true, true] => Shared::Relaxing,
-        [false, false] => Shared::Immediate,
-        _ => Shared::Mixed,
-    }
-}
-
 /// Rate of the state with brush tyres.
 #[inline(always)]
 pub(super) fn brush_rate<V: PerWheelValues, F: Form, const GROWS: bool>(
     constants: &Constants,
     held: &Held<V>,
     tyres: &BrushTyres<V>,
-    state: &State<V::Number>,
-) -> State<V::Number> {
-    let wheels = wheels::<V, F>(constants, state, held);
+    at: &Motion<V>,
+) -> Motion<V> {
+    let wheels = wheels::<V, F>(constants, at, held);
     let contacts = tyres.at::<GROWS>(constants, &wheels);
-    let solution = solve::<V, F>(constants, state, held, &contacts);
-    rate::<V, F>(constants, state, held, &wheels, &solution)
+    let solution = solve::<V, F>(constants, at, held, &contacts);
+    rate::<V, F>(constants, at, held, &wheels, &solution)
 }
 
 /// All of one instant.
 struct Instant<T: Scalar> {
     wheels: Wheels<Listed<T>>,
     solution: Solution<Listed<T>>,
-    rate: State<T>,
+    rate: Motion<Listed<T>>,
 }
 
 /// All of one instant, with tyres of any kind and axles of any form.
 fn instant<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Instant<T> {
-    let constants = Constants::of(parameters);
+    let constants = &parameters.prepared.constants;
+    let at = Motion::<Listed<T>>::of(state);
     let held = Held::of(parameters, inputs);
-    let wheels = wheels::<Listed<T>, Mixed>(&constants, state, &held);
-    let solution = match brushes(parameters) {
-        Some((brush, grows)) => {
-            let tyres = BrushTyres::new(brush, inputs);
-            if grows {
-                let contacts = tyres.at::<true>(&constants, &wheels);
-                solve::<_, Mixed>(&constants, state, &held, &contacts)
-            } else {
-                let contacts = tyres.at::<false>(&constants, &wheels);
-                solve::<_, Mixed>(&constants, state, &held, &contacts)
-            }
+    let wheels = wheels::<_, Mixed>(constants, &at, &held);
+    let solution = match parameters.prepared.brushes {
+        Some((brush, true)) => {
+            let contacts = BrushTyres::new(brush, inputs).at::<true>(constants, &wheels);
+            solve::<_, Mixed>(constants, &at, &held, &contacts)
+        }
+        Some((brush, false)) => {
+            let contacts = BrushTyres::new(brush, inputs).at::<false>(constants, &wheels);
+            solve::<_, Mixed>(constants, &at, &held, &contacts)
         }
         None => {
-            let contacts = AnyContacts::new(parameters, &constants, inputs, &wheels);
-            solve::<_, Mixed>(&constants, state, &held, &contacts)
+            let contacts = AnyContacts::new(parameters, constants, inputs, &wheels);
+            solve::<_, Mixed>(constants, &at, &held, &contacts)
         }
     };
-    let rate = rate::<_, Mixed>(&constants, state, &held, &wheels, &solution);
+    let rate = rate::<_, Mixed>(constants, &at, &held, &wheels, &solution);
     Instant {
         wheels,
         solution,
@@ -117,7 +90,7 @@ pub fn derivative<T: Scalar>(
     state: &State<T>,
     inputs: &Inputs<T>,
 ) -> State<T> {
-    instant(parameters, state, inputs).rate
+    instant(parameters, state, inputs).rate.state()
 }
 
 /// Rate of the state with loads, forces, slips and accelerations.
@@ -131,6 +104,7 @@ pub fn outputs<T: Scalar>(
         solution,
         rate,
     } = instant(parameters, state, inputs);
+    let rate = rate.state();
     let [longitudinal, lateral, aligning] = solution.forces.wheel;
     Outputs {
         rate,

@@ -1,6 +1,7 @@
 use nalgebra::Matrix3;
 
-use crate::tyre::Tyre;
+use super::constants::Constants;
+use crate::tyre::{Brush, Tyre};
 use crate::vehicle::{Axle, Vehicle};
 
 /// One axle, as the four-wheel model sees it.
@@ -34,8 +35,7 @@ pub struct AxleParameters {
     pub rolling_resistance: f64,
 }
 
-/// Parameters of the four-wheel model. After changing a mass, an inertia, a length or an
-/// arm, call [`Parameters::prepare`].
+/// Parameters of the four-wheel model. After changing any of them, call [`Parameters::prepare`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     /// Total mass m, kg.
@@ -77,11 +77,27 @@ pub struct Parameters {
     pub rear: AxleParameters,
     /// Inverse of the mass matrix of (v' + u r, r', phi'').
     pub(super) inverse: Matrix3<f64>,
-    pub(super) inverse_mass: f64,
-    pub(super) inverse_wheelbase: f64,
-    pub(super) inverse_track: [f64; 2],
-    pub(super) inverse_pitch_inertia: f64,
-    pub(super) inverse_spin_inertia: [f64; 2],
+    pub(super) prepared: Prepared,
+}
+
+/// What the equations take from the parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Prepared {
+    pub constants: Constants,
+    /// Brush tyres of the wheels and whether their stiffnesses grow with the load, where both
+    /// axles have such tyres.
+    pub brushes: Option<(Brush<[f64; 4]>, bool)>,
+    /// The form that both axles share, if they do.
+    pub shared: Shared,
+}
+
+/// A form of both axles for which there is a kernel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Shared {
+    Relaxing,
+    Immediate,
+    #[default]
+    Mixed,
 }
 
 impl Parameters {
@@ -116,17 +132,13 @@ impl Parameters {
             front: axle(vehicle, &vehicle.front, a, static_load(b), 0),
             rear: axle(vehicle, &vehicle.rear, -b, static_load(a), 1),
             inverse: Matrix3::zeros(),
-            inverse_mass: 0.0,
-            inverse_wheelbase: 0.0,
-            inverse_track: [0.0; 2],
-            inverse_pitch_inertia: 0.0,
-            inverse_spin_inertia: [0.0; 2],
+            prepared: Prepared::default(),
         };
         parameters.prepare();
         parameters
     }
 
-    /// Brings what is derived from masses, inertias and arms up to date.
+    /// Brings what is derived from the parameters up to date.
     pub fn prepare(&mut self) {
         let lever = self.sprung_mass_kg * self.roll_arm_m;
         let matrix = Matrix3::new(
@@ -141,13 +153,29 @@ impl Parameters {
             self.roll_inertia_kg_m2 + lever * self.roll_arm_m,
         );
         self.inverse = matrix.try_inverse().unwrap_or_else(Matrix3::zeros);
+        self.prepared = Prepared {
+            constants: Constants::of(self),
+            brushes: self.brushes(),
+            shared: self.shared_form(),
+        };
+    }
+
+    fn brushes(&self) -> Option<(Brush<[f64; 4]>, bool)> {
+        let (front, grows) = Brush::of(&self.front.tyre)?;
+        let (rear, grows_too) = Brush::of(&self.rear.tyre)?;
+        (grows == grows_too).then(|| (Brush::of_wheels([front, rear]), grows))
+    }
+
+    fn shared_form(&self) -> Shared {
         let axles = [&self.front, &self.rear];
-        self.inverse_mass = self.mass_kg.recip();
-        self.inverse_wheelbase = self.wheelbase_m().recip();
-        self.inverse_track = axles.map(|axle| axle.track_m.recip());
-        self.inverse_spin_inertia = axles.map(|axle| axle.spin_inertia_kg_m2.recip());
-        let pitch_lever = self.sprung_mass_kg * self.pitch_arm_m * self.pitch_arm_m;
-        self.inverse_pitch_inertia = (self.pitch_inertia_kg_m2 + pitch_lever).recip();
+        if axles.iter().any(|axle| axle.roll_steer != 0.0) || self.load_passes != 2 {
+            return Shared::Mixed;
+        }
+        match axles.map(|axle| axle.relaxation_length_m > 0.0) {
+            [true, true] => Shared::Relaxing,
+            [false, false] => Shared::Immediate,
+            _ => Shared::Mixed,
+        }
     }
 
     /// Lateral acceleration at which a rigid vehicle tips, g t/(2 h) with the track weighted by

@@ -1,7 +1,6 @@
 use nalgebra::SVector;
 
-use crate::error::{all_finite, none_negative, not_negative, sound};
-use crate::{Error, Scalar};
+use crate::Scalar;
 
 /// Number of states.
 pub const STATES: usize = 19;
@@ -131,38 +130,19 @@ impl<T: Scalar> State<T> {
     }
 }
 
-impl State<f64> {
-    /// Refuses numbers that are not finite, by name.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] with the first of them.
-    #[inline]
-    pub fn check(&self) -> Result<(), Error> {
-        if sound(&self.to_array()) {
-            return Ok(());
-        }
-        self.name_unsound()
-    }
-
-    #[cold]
-    fn name_unsound(&self) -> Result<(), Error> {
-        let single = [
-            ("state.longitudinal_m_s", self.longitudinal_m_s, "m/s"),
-            ("state.lateral_m_s", self.lateral_m_s, "m/s"),
-            ("state.yaw_rate_rad_s", self.yaw_rate_rad_s, "rad/s"),
-            ("state.roll_rad", self.roll_rad, "rad"),
-            ("state.roll_rate_rad_s", self.roll_rate_rad_s, "rad/s"),
-            ("state.pitch_rad", self.pitch_rad, "rad"),
-            ("state.pitch_rate_rad_s", self.pitch_rate_rad_s, "rad/s"),
-        ];
-        for (name, value, unit) in single {
-            all_finite(name, &[value], unit)?;
-        }
-        all_finite("state.slip_tangent", &self.slip_tangent, "")?;
-        all_finite("state.slip_ratio", &self.slip_ratio, "")?;
-        all_finite("state.wheel_speed_rad_s", &self.wheel_speed_rad_s, "rad/s")
-    }
-}
+crate::checks::checked!(
+    State, "state",
+    longitudinal_m_s: "m/s" FINITE,
+    lateral_m_s: "m/s" FINITE,
+    yaw_rate_rad_s: "rad/s" FINITE,
+    roll_rad: "rad" FINITE,
+    roll_rate_rad_s: "rad/s" FINITE,
+    pitch_rad: "rad" FINITE,
+    pitch_rate_rad_s: "rad/s" FINITE,
+    slip_tangent: "" FINITE,
+    slip_ratio: "" FINITE,
+    wheel_speed_rad_s: "rad/s" FINITE
+);
 
 /// What acts on the vehicle from outside and from the driver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -209,31 +189,9 @@ impl<T: Scalar> Inputs<T> {
     }
 }
 
+crate::checks::checked_inputs!();
+
 impl Inputs<f64> {
-    /// Refuses numbers that are not finite, brake torques and factors below zero, by name.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] with the first of them.
-    #[inline]
-    pub fn check(&self) -> Result<(), Error> {
-        let never_negative = [self.brake_n_m, self.friction_scale, self.stiffness_scale];
-        if sound(&self.to_array()) && never_negative.iter().all(not_negative) {
-            return Ok(());
-        }
-        self.name_unsound()
-    }
-
-    #[cold]
-    fn name_unsound(&self) -> Result<(), Error> {
-        all_finite("inputs.steer_rad", &self.steer_rad, "rad")?;
-        all_finite("inputs.drive_n_m", &self.drive_n_m, "N m")?;
-        none_negative("inputs.brake_n_m", &self.brake_n_m, "N m")?;
-        all_finite("inputs.bank_rad", &[self.bank_rad], "rad")?;
-        all_finite("inputs.grade_rad", &[self.grade_rad], "rad")?;
-        none_negative("inputs.friction_scale", &self.friction_scale, "")?;
-        none_negative("inputs.stiffness_scale", &self.stiffness_scale, "")
-    }
-
     /// The numbers in order of the fields.
     #[must_use]
     pub fn to_array(&self) -> [f64; INPUTS] {

@@ -3,15 +3,21 @@
 use std::marker::PhantomData;
 
 use multiversion::multiversion;
+use multiversion::target::match_target;
 
+use super::constants::Constants;
 use super::contacts::BrushTyres;
-use super::dynamics::{Constants, Held};
-use super::model::{Shared, brush_rate, brushes, derivative, shared_form};
+use super::dynamics::Held;
+use super::model::{brush_rate, derivative};
+use super::motion::Motion;
+use super::parameters::Shared;
 use super::{Inputs, Parameters, STATES, State};
 use crate::chassis::form::{Form, Immediate, Relaxing};
-use crate::integrate::{LANES, Running, RunningRate, StraightRate, rk4, rk4_lanes, rk4_steps};
+use crate::integrate::{LANES, RunningRate, StraightRate, rk4, rk4_lanes, rk4_steps};
 use crate::tyre::{Brush, OnSurface};
-use crate::values::{Listed, PerWheelValues, Together, Values};
+#[cfg(target_arch = "x86_64")]
+use crate::values::Quad;
+use crate::values::{Listed, PerWheelValues, Values};
 
 /// Numbers of [`Held`] and the surfaces that the kernels read.
 const HELD: usize = 31;
@@ -24,12 +30,29 @@ pub(crate) fn stepped(
     step_s: f64,
     steps: usize,
 ) -> State<f64> {
-    let mut next = *state;
-    let kernels = [relaxing_growing, immediate_constant];
-    let inputs = std::array::from_ref(inputs);
-    let states = std::array::from_mut(&mut next);
-    run(parameters, states, inputs, step_s, steps, kernels);
-    next
+    let prepared = &parameters.prepared;
+    match (prepared.shared, &prepared.brushes) {
+        (Shared::Relaxing, Some((brush, true))) => {
+            relaxing_growing(parameters, brush, state, inputs, step_s, steps)
+        }
+        (Shared::Immediate, Some((brush, false))) => {
+            immediate_constant(parameters, brush, state, inputs, step_s, steps)
+        }
+        _ => of_any_kind(parameters, state, inputs, step_s, steps),
+    }
+}
+
+/// Steps of one run with tyres of any kind and axles of any form.
+fn of_any_kind(
+    parameters: &Parameters,
+    state: &State<f64>,
+    inputs: &Inputs<f64>,
+    step_s: f64,
+    steps: usize,
+) -> State<f64> {
+    let rate = |x: &_| derivative(parameters, &State::from_array(*x), inputs).to_array();
+    let start = state.to_array();
+    State::from_array((0..steps).fold(start, |state, _| rk4(&state, step_s, rate)))
 }
 
 /// Steps runs of one model side by side, inputs held: the bits of [`stepped`] for each of them.
@@ -44,40 +67,21 @@ pub(crate) fn advance(
     step_s: f64,
     steps: usize,
 ) {
-    let kernels = [relaxing_growing_lanes, immediate_constant_lanes];
-    run(parameters, states, inputs, step_s, steps, kernels);
-}
-
-/// Steps runs by the kernel that serves the parameters, or one by one where none does.
-fn run<const L: usize>(
-    parameters: &Parameters,
-    states: &mut [State<f64>; L],
-    inputs: &[Inputs<f64>; L],
-    step_s: f64,
-    steps: usize,
-    [relaxing_growing, immediate_constant]: [Kernel<L>; 2],
-) {
-    match (shared_form(parameters), brushes(parameters)) {
+    let prepared = &parameters.prepared;
+    match (prepared.shared, &prepared.brushes) {
         (Shared::Relaxing, Some((brush, true))) => {
-            relaxing_growing(parameters, brush, states, inputs, step_s, steps);
+            relaxing_growing_lanes(parameters, brush, states, inputs, step_s, steps);
         }
         (Shared::Immediate, Some((brush, false))) => {
-            immediate_constant(parameters, brush, states, inputs, step_s, steps);
+            immediate_constant_lanes(parameters, brush, states, inputs, step_s, steps);
         }
         _ => {
             for (state, inputs) in states.iter_mut().zip(inputs) {
-                let rate =
-                    |x: &_| derivative(parameters, &State::from_array(*x), inputs).to_array();
-                for _ in 0..steps {
-                    *state = State::from_array(rk4(&state.to_array(), step_s, rate));
-                }
+                *state = of_any_kind(parameters, state, inputs, step_s, steps);
             }
         }
     }
 }
-
-type Kernel<const L: usize> =
-    fn(&Parameters, Brush<[f64; 4]>, &mut [State<f64>; L], &[Inputs<f64>; L], f64, usize);
 
 macro_rules! kernels {
     ($alone:ident, $lanes:ident, $form:ty, $grows:literal) => {
@@ -85,26 +89,24 @@ macro_rules! kernels {
         #[multiversion(targets("x86_64+avx+avx2"))]
         fn $alone(
             parameters: &Parameters,
-            brush: Brush<[f64; 4]>,
-            [state]: &mut [State<f64>; 1],
-            [inputs]: &[Inputs<f64>; 1],
+            brush: &Brush<[f64; 4]>,
+            state: &State<f64>,
+            inputs: &Inputs<f64>,
             step_s: f64,
             steps: usize,
-        ) {
-            let rate = Alone::<$form, $grows> {
-                constants: &Constants::of(parameters),
-                held: Held::of(parameters, inputs),
-                tyres: BrushTyres::new(brush, inputs),
-                form: PhantomData,
-            };
-            *state = rk4_steps(&rate, Wheelwise::of(state), step_s, steps).state();
+        ) -> State<f64> {
+            let rate = (parameters, brush, inputs);
+            match_target! {
+                "x86_64+avx+avx2" => alone::<Quad, $form, $grows>(rate, state, step_s, steps),
+                _ => alone::<Listed<f64>, $form, $grows>(rate, state, step_s, steps),
+            }
         }
 
         /// Of several runs the runs make vectors.
         #[multiversion(targets("x86_64+avx+avx2"))]
         fn $lanes(
             parameters: &Parameters,
-            brush: Brush<[f64; 4]>,
+            brush: &Brush<[f64; 4]>,
             states: &mut [State<f64>; LANES],
             inputs: &[Inputs<f64>; LANES],
             step_s: f64,
@@ -112,8 +114,8 @@ macro_rules! kernels {
         ) {
             let rate = InLanes::<$form, $grows> {
                 parameters,
-                constants: &Constants::of(parameters),
-                brush,
+                constants: &parameters.prepared.constants,
+                brush: *brush,
                 form: PhantomData,
             };
             rk4_lanes(&rate, states, inputs, step_s, steps);
@@ -129,84 +131,37 @@ kernels!(
     false
 );
 
-/// A state, or a rate, with vectors over the wheels.
-#[derive(Clone, Copy)]
-struct Wheelwise {
-    /// Slip tangents, slip ratios and spins.
-    wheels: [Together; 3],
-    /// The other numbers, in order of the fields.
-    body: [f64; 7],
-}
-
-impl Wheelwise {
-    #[inline(always)]
-    fn of(state: &State<f64>) -> Self {
-        Self {
-            wheels: [
-                Together::of(state.slip_tangent),
-                Together::of(state.slip_ratio),
-                Together::of(state.wheel_speed_rad_s),
-            ],
-            body: [
-                state.longitudinal_m_s,
-                state.lateral_m_s,
-                state.yaw_rate_rad_s,
-                state.roll_rad,
-                state.roll_rate_rad_s,
-                state.pitch_rad,
-                state.pitch_rate_rad_s,
-            ],
-        }
-    }
-
-    #[inline(always)]
-    fn state(&self) -> State<f64> {
-        let [u, v, r, roll, roll_rate, pitch, pitch_rate] = self.body;
-        State {
-            longitudinal_m_s: u,
-            lateral_m_s: v,
-            yaw_rate_rad_s: r,
-            roll_rad: roll,
-            roll_rate_rad_s: roll_rate,
-            pitch_rad: pitch,
-            pitch_rate_rad_s: pitch_rate,
-            slip_tangent: self.wheels[0].list(),
-            slip_ratio: self.wheels[1].list(),
-            wheel_speed_rad_s: self.wheels[2].list(),
-        }
-    }
-}
-
-impl Running for Wheelwise {
-    #[inline(always)]
-    fn plus(&self, rate: &Self, by: f64) -> Self {
-        let mut sum = *self;
-        for (sum, rate) in sum.wheels.iter_mut().zip(rate.wheels) {
-            *sum = *sum + rate.scaled(by);
-        }
-        for (sum, rate) in sum.body.iter_mut().zip(rate.body) {
-            *sum += rate * by;
-        }
-        sum
-    }
+/// Steps of one run with brush tyres.
+#[inline(always)]
+fn alone<V: PerWheelValues<Raw = f64>, F: Form, const GROWS: bool>(
+    (parameters, brush, inputs): (&Parameters, &Brush<[f64; 4]>, &Inputs<f64>),
+    state: &State<f64>,
+    step_s: f64,
+    steps: usize,
+) -> State<f64> {
+    let rate = Alone::<V, F, GROWS> {
+        constants: &parameters.prepared.constants,
+        held: Held::of(parameters, inputs),
+        tyres: BrushTyres::new(*brush, inputs),
+        form: PhantomData,
+    };
+    rk4_steps(&rate, Motion::of(state), step_s, steps).state()
 }
 
 /// The rate of one run with brush tyres.
-struct Alone<'a, F, const GROWS: bool> {
+struct Alone<'a, V: PerWheelValues, F, const GROWS: bool> {
     constants: &'a Constants,
-    held: Held<Together>,
-    tyres: BrushTyres<Together>,
+    held: Held<V>,
+    tyres: BrushTyres<V>,
     form: PhantomData<F>,
 }
 
-impl<F: Form, const GROWS: bool> RunningRate for Alone<'_, F, GROWS> {
-    type State = Wheelwise;
+impl<V: PerWheelValues, F: Form, const GROWS: bool> RunningRate for Alone<'_, V, F, GROWS> {
+    type State = Motion<V>;
 
     #[inline(always)]
-    fn rate(&self, state: &Wheelwise) -> Wheelwise {
-        let (constants, held, tyres) = (self.constants, &self.held, &self.tyres);
-        let rate = brush_rate::<_, F, GROWS>(constants, held, tyres, &state.state());
-        Wheelwise::of(&rate)
+    fn rate(&self, at: &Motion<V>) -> Motion<V> {
+        brush_rate::<V, F, GROWS>(self.constants, &self.held, &self.tyres, at)
     }
 }
 
@@ -242,8 +197,9 @@ impl<F: Form, const GROWS: bool> StraightRate<STATES, HELD> for InLanes<'_, F, G
     fn rate(&self, held: &[f64; HELD], x: &[f64; STATES]) -> [f64; STATES] {
         let (held, surface) = unpack(held);
         let tyres = BrushTyres::on(self.brush, surface);
-        let state = State::from_array(*x);
-        brush_rate::<_, F, GROWS>(self.constants, &held, &tyres, &state).to_array()
+        let at = Motion::of(&State::from_array(*x));
+        let rate = brush_rate::<_, F, GROWS>(self.constants, &held, &tyres, &at);
+        rate.state().to_array()
     }
 }
 
@@ -272,7 +228,7 @@ fn unpack(row: &[f64; HELD]) -> (Held<Listed<f64>>, OnSurface<Listed<f64>>) {
     let four = |k: usize| [row[k], row[k + 1], row[k + 2], row[k + 3]];
     let values = |k: usize| Listed::of(four(4 * k));
     let held = Held {
-        steer: [0.0; 4],
+        steer: Listed::constant(0.0),
         sin: values(0),
         cos: values(1),
         drive: values(2),

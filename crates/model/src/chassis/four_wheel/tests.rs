@@ -13,9 +13,9 @@ fn noted(name: &str) -> Parameters {
     parameters.load_passes = 6;
     parameters.pitch_arm_m = 0.0;
     parameters.pitch_centre_height_m = 0.0;
-    parameters.prepare();
     parameters.front.tyre = Tyre::Physical(Physical::from_vehicle(&vehicle.front.tyre, Law::Fiala));
     parameters.rear.tyre = Tyre::Physical(Physical::from_vehicle(&vehicle.rear.tyre, Law::Fiala));
+    parameters.prepare();
     parameters
 }
 

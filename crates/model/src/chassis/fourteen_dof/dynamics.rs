@@ -56,7 +56,7 @@ impl<T: Scalar, const GROWS: bool> Tyres<T> for BrushTyres<'_, T, GROWS> {
     fn force(&self, wheel: usize, load_n: T, slip_tangent: T, slip_ratio: T, _: T) -> [T; 3] {
         let (brush, surface) = (&self.corners[wheel], &self.surfaces[wheel]);
         let slip = brush.slipping(surface, slip_tangent, slip_ratio);
-        let pull = brush.pull::<T, GROWS>(&slip, load_n);
+        let pull = slip.pull::<GROWS>(load_n);
         [slip.along * pull, slip.across * pull, T::from(0.0)]
     }
 }

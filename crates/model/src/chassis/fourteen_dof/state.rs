@@ -1,7 +1,6 @@
 use nalgebra::SVector;
 
-use crate::error::{all_finite, none_negative, not_negative, sound};
-use crate::{Error, Scalar};
+use crate::Scalar;
 
 /// Number of states.
 pub const STATES: usize = 32;
@@ -102,32 +101,20 @@ impl State<f64> {
         }
         self
     }
-
-    /// Refuses numbers that are not finite, by name.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] with the first of them.
-    #[inline]
-    pub fn check(&self) -> Result<(), Error> {
-        if sound(&self.to_array()) {
-            return Ok(());
-        }
-        self.name_unsound()
-    }
-
-    #[cold]
-    fn name_unsound(&self) -> Result<(), Error> {
-        all_finite("state.position_m", &self.position_m, "m")?;
-        all_finite("state.attitude_rad", &self.attitude_rad, "rad")?;
-        all_finite("state.velocity_m_s", &self.velocity_m_s, "m/s")?;
-        all_finite("state.rate_rad_s", &self.rate_rad_s, "rad/s")?;
-        all_finite("state.jounce_m", &self.jounce_m, "m")?;
-        all_finite("state.jounce_rate_m_s", &self.jounce_rate_m_s, "m/s")?;
-        all_finite("state.wheel_speed_rad_s", &self.wheel_speed_rad_s, "rad/s")?;
-        all_finite("state.slip_tangent", &self.slip_tangent, "")?;
-        all_finite("state.slip_ratio", &self.slip_ratio, "")
-    }
 }
+
+crate::checks::checked!(
+    State, "state",
+    position_m: "m" FINITE,
+    attitude_rad: "rad" FINITE,
+    velocity_m_s: "m/s" FINITE,
+    rate_rad_s: "rad/s" FINITE,
+    jounce_m: "m" FINITE,
+    jounce_rate_m_s: "m/s" FINITE,
+    wheel_speed_rad_s: "rad/s" FINITE,
+    slip_tangent: "" FINITE,
+    slip_ratio: "" FINITE
+);
 
 /// What acts on the vehicle from outside and from the driver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -180,33 +167,9 @@ impl<T: Scalar> Inputs<T> {
     }
 }
 
+crate::checks::checked_inputs!(road_m: "m" FINITE, road_rate_m_s: "m/s" FINITE);
+
 impl Inputs<f64> {
-    /// Refuses numbers that are not finite, brake torques and factors below zero, by name.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] with the first of them.
-    #[inline]
-    pub fn check(&self) -> Result<(), Error> {
-        let never_negative = [self.brake_n_m, self.friction_scale, self.stiffness_scale];
-        if sound(&self.to_array()) && never_negative.iter().all(not_negative) {
-            return Ok(());
-        }
-        self.name_unsound()
-    }
-
-    #[cold]
-    fn name_unsound(&self) -> Result<(), Error> {
-        all_finite("inputs.steer_rad", &self.steer_rad, "rad")?;
-        all_finite("inputs.drive_n_m", &self.drive_n_m, "N m")?;
-        none_negative("inputs.brake_n_m", &self.brake_n_m, "N m")?;
-        all_finite("inputs.road_m", &self.road_m, "m")?;
-        all_finite("inputs.road_rate_m_s", &self.road_rate_m_s, "m/s")?;
-        all_finite("inputs.bank_rad", &[self.bank_rad], "rad")?;
-        all_finite("inputs.grade_rad", &[self.grade_rad], "rad")?;
-        none_negative("inputs.friction_scale", &self.friction_scale, "")?;
-        none_negative("inputs.stiffness_scale", &self.stiffness_scale, "")
-    }
-
     /// The numbers in order of the fields.
     #[must_use]
     pub fn to_array(&self) -> [f64; INPUTS] {
