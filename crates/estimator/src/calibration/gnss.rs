@@ -31,6 +31,8 @@ const NEEDED_S: f64 = 20.0;
 /// Greatest deviations with which a place (x, y) and a latency count as found, m and s.
 const PLACE_SIGMA_M: f64 = 0.04;
 const LATENCY_SIGMA_S: f64 = 0.004;
+/// Deviation above which a latency may well be off by two milliseconds, s: a third of that.
+const LATENCY_SURE_S: f64 = 0.0007;
 /// Deviation up to which the height of an antenna counts as found, m.
 const HEIGHT_SIGMA_M: f64 = 0.016;
 
@@ -96,12 +98,11 @@ pub struct GnssFound {
 pub fn gnss(input: &GnssInput<'_>) -> Result<GnssFound, Refusal> {
     let what = format!("gnss {}", input.receiver);
     check(input).map_err(|refusal| refusal.of(&what))?;
-    let mut pass = Pass::run(input, [0.0; 2], [0.0; 3])?;
+    let mut pass = Pass::run(input, [0.0; 2]);
     for _ in 1..PASSES {
         let state = pass.parameters;
         let latency = [state[VELOCITY_LATENCY], state[ATTITUDE_LATENCY]];
-        let lever = [state[LEVER], state[LEVER + 1], state[LEVER + 2]];
-        pass = Pass::run(input, latency, lever)?;
+        pass = Pass::run(input, latency);
     }
     pass.found(input, &what)
 }
@@ -159,7 +160,8 @@ struct Pass {
 }
 
 impl Pass {
-    fn run(input: &GnssInput<'_>, latency_s: [f64; 2], lever_m: [f64; 3]) -> Result<Self, Refusal> {
+    fn run(input: &GnssInput<'_>, latency_s: [f64; 2]) -> Self {
+        let lever_m = [0, 1, 2].map(|axis| input.antenna_m[axis] - input.imu_m[axis]);
         let events = events(input, latency_s);
         let start = first_attitude(&events);
         let mut filter = Filter::new(start, &events, lever_m);
@@ -199,15 +201,15 @@ impl Pass {
             used += 1;
         }
         let begin_s = imu.time_s[0].max(start.0);
-        Ok(Self {
+        Self {
             parameters: filter.parameters(latency_s),
-            covariance: filter.covariance,
+            covariance: filter.covariance_at_end(),
             innovations,
             left_out,
             used,
             span_s: [begin_s, now_s],
             yaw_rate_rms: (turned / (now_s - begin_s).max(1e-9)).sqrt(),
-        })
+        }
     }
 
     fn sigma(&self, state: usize) -> f64 {
@@ -290,6 +292,7 @@ impl Pass {
             finding("attitude pitch offset", OFFSET + 1, 0.0, "rad"),
             finding("attitude roll offset", OFFSET + 2, 0.0, "rad"),
         ]);
+        findings.notes.extend(self.unsure_latencies(what));
         findings.beside = vec![
             (
                 "velocities left out".to_owned(),
@@ -316,6 +319,25 @@ impl Pass {
                 attitude_offset_rad: [p[OFFSET], p[OFFSET + 1], p[OFFSET + 2]],
             },
         })
+    }
+
+    /// Notes on the latencies that a longer drive would tell better.
+    fn unsure_latencies(&self, what: &str) -> Vec<String> {
+        [
+            (VELOCITY_LATENCY, "velocity"),
+            (ATTITUDE_LATENCY, "attitude"),
+        ]
+        .into_iter()
+        .map(|(state, name)| (self.sigma(state), name))
+        .filter(|(sigma_s, _)| *sigma_s > LATENCY_SURE_S)
+        .map(|(sigma_s, name)| {
+            format!(
+                "{what}: the latency of the {name} is known to {:.1} ms (one deviation); a longer \
+                 drive, or one that turns more, tells it better",
+                1e3 * sigma_s
+            )
+        })
+        .collect()
     }
 
     /// Condition number of the correlation of place and latency.

@@ -1,5 +1,7 @@
 //! The filter that carries attitude, velocity and the constants through a drive.
 
+use std::ops::AddAssign;
+
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
@@ -9,6 +11,8 @@ use super::readings::{Motion, Reading};
 /// velocity and of attitude, what the mounting adds to yaw, pitch and roll, what is left of the
 /// inertial unit's misalignment.
 pub(super) const N: usize = 23;
+/// The first of them, turn and velocity, move; the others are constants.
+const MOVING: usize = 6;
 const TURN: usize = 0;
 const VELOCITY: usize = 3;
 const ACCEL_BIAS: usize = 6;
@@ -36,7 +40,9 @@ pub(super) struct Filter {
     /// Small turn m from body to sensor axes beyond the one that is taken off: f + m x f, w + m x w
     /// are read.
     pub(super) misalignment: Vector3<f64>,
-    pub(super) covariance: SMatrix<f64, N, N>,
+    covariance: SMatrix<f64, N, N>,
+    /// What the gyros' noise seemed to tell of each axis of the lever arm, 1/m^2.
+    told_by_noise: f64,
 }
 
 impl Filter {
@@ -71,6 +77,7 @@ impl Filter {
             offset: Vector3::zeros(),
             misalignment: Vector3::zeros(),
             covariance,
+            told_by_noise: 0.0,
         }
     }
 
@@ -100,20 +107,29 @@ impl Filter {
         let push = (self.earth_from_body * half) * force;
         self.velocity += (push - Vector3::z() * STANDARD_GRAVITY_M_S2) * dt;
         self.earth_from_body *= Rotation3::new(rate * dt);
-        let mut step = SMatrix::<f64, N, N>::identity();
         let bias = -body * dt;
-        step.fixed_view_mut::<3, 3>(TURN, GYRO_BIAS)
-            .copy_from(&bias);
-        step.fixed_view_mut::<3, 3>(VELOCITY, ACCEL_BIAS)
-            .copy_from(&bias);
         // d(-m x w) = w x dm.
-        step.fixed_view_mut::<3, 3>(TURN, MISALIGNMENT)
-            .copy_from(&(body * cross(rate) * dt));
-        step.fixed_view_mut::<3, 3>(VELOCITY, MISALIGNMENT)
-            .copy_from(&(body * cross(force) * dt));
+        let [turned, pushed] = [rate, force].map(|felt| body * cross(felt) * dt);
         let lean = -cross(push) * dt;
-        step.fixed_view_mut::<3, 3>(VELOCITY, TURN).copy_from(&lean);
-        self.covariance = step * self.covariance * step.transpose();
+        let own = |state: usize| self.covariance.fixed_columns::<3>(state);
+        let turn = own(GYRO_BIAS) * bias.transpose() + own(MISALIGNMENT) * turned.transpose();
+        let velocity = own(TURN) * lean.transpose()
+            + own(ACCEL_BIAS) * bias.transpose()
+            + own(MISALIGNMENT) * pushed.transpose();
+        let mut moved = self.covariance.fixed_columns::<MOVING>(0).into_owned();
+        moved.fixed_columns_mut::<3>(TURN).add_assign(turn);
+        moved.fixed_columns_mut::<3>(VELOCITY).add_assign(velocity);
+        let own = |state: usize| moved.fixed_rows::<3>(state);
+        let turn = bias * own(GYRO_BIAS) + turned * own(MISALIGNMENT);
+        let velocity = lean * own(TURN) + bias * own(ACCEL_BIAS) + pushed * own(MISALIGNMENT);
+        self.covariance
+            .fixed_rows_mut::<MOVING>(0)
+            .copy_from(&moved.transpose());
+        moved.fixed_rows_mut::<3>(TURN).add_assign(turn);
+        moved.fixed_rows_mut::<3>(VELOCITY).add_assign(velocity);
+        self.covariance
+            .fixed_columns_mut::<MOVING>(0)
+            .copy_from(&moved);
         // A reading stands for the time until the next: its noise adds up as a random walk.
         let interval_s = 0.01_f64.max(dt);
         for axis in 0..3 {
@@ -179,12 +195,21 @@ impl Filter {
         if rate_variance <= 0.0 {
             return;
         }
+        let told = 2.0 * rate_variance / (sigma * sigma);
+        self.told_by_noise += told;
         for axis in 0..3 {
             let mut row = SVector::<f64, N>::zeros();
             row[LEVER + axis] = 1.0;
-            let variance = -sigma * sigma / (2.0 * rate_variance);
-            self.scalar(&row, -self.lever[axis], variance, delta);
+            self.scalar(&row, -self.lever[axis], -told.recip(), delta);
         }
+    }
+
+    /// Covariance of the constants at the end. The right side of the equations holds noise times
+    /// noise as well, which the covariance P of a filter does not know: P + P D P, where D is what
+    /// [`Self::forget_noise`] took back.
+    pub(super) fn covariance_at_end(&self) -> SMatrix<f64, N, N> {
+        let arm = self.covariance.fixed_columns::<3>(LEVER);
+        self.covariance + arm * arm.transpose() * self.told_by_noise
     }
 
     pub(super) fn push_attitude(&mut self, read: &[f64; 3], motion: &Motion, sigma: [f64; 4]) {
@@ -231,7 +256,7 @@ impl Filter {
         let total = row.dot(&gain) + variance;
         let innovation = residual - row.dot(delta);
         *delta += gain * (innovation / total);
-        self.covariance -= gain * gain.transpose() / total;
+        self.covariance.ger(-total.recip(), &gain, &gain, 1.0);
     }
 
     fn inject(&mut self, delta: &SVector<f64, N>) {

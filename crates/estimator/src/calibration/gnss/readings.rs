@@ -1,7 +1,5 @@
 //! What is read when, and how the vehicle then moves.
 
-use std::ops::Range;
-
 use nalgebra::Vector3;
 
 use super::GnssInput;
@@ -75,31 +73,61 @@ impl Motion {
     ///
     /// with s from 0 to h.
     pub(super) fn at(imu: &ImuSignal<'_>, time_s: f64, averaging_s: f64) -> Self {
-        let rows = |from_s: f64, to_s: f64| {
-            let first = imu.time_s.partition_point(|&t| t < from_s);
-            let last = imu.time_s.partition_point(|&t| t <= to_s).max(first + 1);
-            first.min(imu.time_s.len() - 1)..last.min(imu.time_s.len())
-        };
-        let over = |rows: Range<usize>, values: &[[f64; 3]], weight: &dyn Fn(usize) -> f64| {
-            let weights: f64 = rows.clone().map(weight).sum();
-            let sum: Vector3<f64> = rows.map(|k| Vector3::from(values[k]) * weight(k)).sum();
-            sum / weights.max(f64::MIN_POSITIVE)
-        };
-        let even = |_: usize| 1.0;
+        let even = |_: f64| 1.0;
         let half_s = (0.5 * averaging_s).max(SHORTEST_HALF_S);
-        let around = rows(time_s - half_s, time_s + half_s);
-        let (before_s, after_s) = (time_s - DERIVATIVE_S, time_s + DERIVATIVE_S);
-        let change = over(rows(time_s, after_s), imu.rate_rad_s, &even)
-            - over(rows(before_s, time_s), imu.rate_rad_s, &even);
-        let near = |k: usize| (half_s - (imu.time_s[k] - time_s).abs()).max(0.0);
-        let sides = over(rows(time_s, time_s + half_s), imu.force_m_s2, &near)
-            - over(rows(time_s - half_s, time_s), imu.force_m_s2, &near);
+        let around = Mean::over(imu, time_s - half_s, time_s + half_s, &even);
+        let before = Mean::over(imu, time_s - DERIVATIVE_S, time_s, &even);
+        let after = Mean::over(imu, time_s, time_s + DERIVATIVE_S, &even);
+        let near = |at_s: f64| half_s - (at_s - time_s).abs();
+        let sides = Mean::over(imu, time_s, time_s + half_s, &near).force
+            - Mean::over(imu, time_s - half_s, time_s, &near).force;
         Self {
-            force: over(around.clone(), imu.force_m_s2, &even),
-            rate: over(around.clone(), imu.rate_rad_s, &even),
-            rate_readings: around.len() as f64,
-            rate_dot: change / DERIVATIVE_S,
+            force: around.force,
+            rate: around.rate,
+            rate_readings: around.readings,
+            rate_dot: (after.rate - before.rate) / DERIVATIVE_S,
             rounding: sides * (averaging_s / 8.0),
         }
+    }
+}
+
+/// Weighted means over a stretch of time of what runs linearly from sample to sample.
+#[derive(Default)]
+struct Mean {
+    force: Vector3<f64>,
+    rate: Vector3<f64>,
+    /// How many samples, evenly weighted, would be as certain.
+    readings: f64,
+}
+
+impl Mean {
+    fn over(imu: &ImuSignal<'_>, from_s: f64, to_s: f64, weight: &dyn Fn(f64) -> f64) -> Self {
+        let last = imu.time_s.len() - 2;
+        let first = imu.time_s.partition_point(|&t| t <= from_s).max(1) - 1;
+        let mut mean = Self::default();
+        // Of the sample before, of all, and of their squares.
+        let (mut shared, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for k in first.min(last)..=last {
+            let (begin_s, end_s) = (imu.time_s[k].max(from_s), imu.time_s[k + 1].min(to_s));
+            if end_s <= begin_s {
+                break;
+            }
+            let middle_s = 0.5 * (begin_s + end_s);
+            let own = weight(middle_s) * (end_s - begin_s);
+            let (force, rate) = between(imu, k, middle_s);
+            mean.force += force * own;
+            mean.rate += rate * own;
+            let part = (middle_s - imu.time_s[k]) / (imu.time_s[k + 1] - imu.time_s[k]);
+            let of_first: f64 = shared + own * (1.0 - part);
+            squares += of_first * of_first;
+            shared = own * part;
+            sum += own;
+        }
+        squares += shared * shared;
+        let sum = f64::max(sum, f64::MIN_POSITIVE);
+        mean.force /= sum;
+        mean.rate /= sum;
+        mean.readings = sum * sum / f64::max(squares, f64::MIN_POSITIVE);
+        mean
     }
 }
