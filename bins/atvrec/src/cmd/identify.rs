@@ -7,8 +7,9 @@ mod ride;
 use anyhow::Context;
 use estimator::finding::{Findings, Refusal};
 use estimator::identification::{
-    cornering, friction, inertia, response, roll_centre, roll_pitch, tyre, understeer,
+    Drive, cornering, friction, inertia, response, roll_centre, roll_pitch, tyre, understeer,
 };
+use model::steering::SteeringGear;
 use model::vehicle::Vehicle;
 
 use crate::cli::{
@@ -27,6 +28,8 @@ const FORCES: [Sense; 4] = [Sense::Inertia, Sense::Velocity, Sense::Steer, Sense
 
 /// Names of the axles, front first.
 const AXLES: [&str; 2] = ["front", "rear"];
+/// Rounds in which the steer angle is freed of the hand wheel's offset.
+const OFFSET_ROUNDS: usize = 2;
 
 /// What a command found.
 struct Found {
@@ -86,7 +89,7 @@ impl Found {
 }
 
 fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
-    let ride = Ride::read(args, "cornering stiffness", &TURNS)?;
+    let mut ride = Ride::read(args, "cornering stiffness", &TURNS)?;
     let mut found = Found::new("cornering", &ride);
     let options = cornering::Options {
         seed: args.seed,
@@ -95,15 +98,10 @@ fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
     let vehicle = &ride.vehicle;
     let body = cornering::Body::of(&roll_centre::of_linkage(vehicle));
     let mut result = cornering::identify(&ride.drive, &body, &options)?;
-    let offset_rad = result.value("steer_offset")[0];
-    if let Ok(gear) = model::steering::SteeringGear::from_vehicle(vehicle) {
-        let hand_rad = gear.hand_wheel_rad(offset_rad) - gear.hand_wheel_rad(0.0);
-        let hand = (
-            "steer_offset_at_hand_wheel".to_owned(),
-            hand_rad,
-            "rad".to_owned(),
-        );
-        result.beside.push(hand);
+    if let Ok(gear) = SteeringGear::from_vehicle(vehicle) {
+        result = free_of_offset(&mut ride.drive, &gear, result, |drive| {
+            cornering::identify(drive, &body, &options)
+        })?;
     }
     let body = &vehicle.body;
     let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
@@ -119,6 +117,48 @@ fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
     }
     found.results.push(result);
     Ok(found)
+}
+
+/// Finds again what the hand wheel's own offset bends: the gear makes more of it at one angle than at
+/// another, where the regression knows one offset of the road wheels. What other methods find stays
+/// that of the steer angle as it was read.
+fn free_of_offset(
+    drive: &mut Drive,
+    gear: &SteeringGear,
+    mut result: Findings,
+    find: impl Fn(&Drive) -> Result<Findings, Refusal>,
+) -> Result<Findings, Refusal> {
+    let road = |hand_rad: f64| {
+        let [left, right, ..] = gear.road_wheels(hand_rad, 0.0);
+        0.5 * (left + right)
+    };
+    let middle_rad = gear.hand_wheel_rad(0.0);
+    let mut beside = std::mem::take(&mut result.beside);
+    let mut offset_rad = 0.0;
+    for _ in 0..OFFSET_ROUNDS {
+        let left_rad = result.value("steer_offset")[0];
+        let more_rad = gear.hand_wheel_rad(left_rad) - middle_rad;
+        offset_rad += more_rad;
+        for steer_rad in &mut drive.steer_rad {
+            let hand_rad = gear.hand_wheel_rad(*steer_rad);
+            *steer_rad += road(hand_rad - more_rad) - road(hand_rad);
+        }
+        result = find(drive)?;
+    }
+    let taken_rad = road(middle_rad + offset_rad);
+    for finding in &mut result.findings {
+        if finding.name == "steer_offset" {
+            finding.value += taken_rad;
+            finding.interval = finding.interval.map(|ends| ends.map(|end| end + taken_rad));
+            let hand_rad = gear.hand_wheel_rad(finding.value) - middle_rad;
+            beside.push((
+                "steer_offset_at_hand_wheel".to_owned(),
+                hand_rad,
+                "rad".to_owned(),
+            ));
+        }
+    }
+    Ok(Findings { beside, ..result })
 }
 
 fn tyre(args: &TyreArgs) -> anyhow::Result<Found> {

@@ -1,6 +1,7 @@
 //! Calibration as a user runs it: on logs of the virtual vehicle whose truth is known, with faults
 //! that must be named, and on logs that must be refused.
 
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 
 use sample::{StrainChannel, Wheel};
@@ -189,6 +190,41 @@ fn a_log_without_a_channel_is_refused_by_its_name() {
             assert!(!directory.path().join("calibration.toml").exists());
         }
     }
+}
+
+/// The system kills a program that writes past its limit of a file's size: here in the middle of the new
+/// file, whatever the machine's speed.
+#[test]
+fn a_kill_in_the_middle_of_writing_leaves_the_earlier_file_whole() {
+    const LIMITED: &str = "ulimit -f 1; exec \"$0\" calibrate steer plates.mcap";
+    let directory = tempfile::tempdir().expect("a directory");
+    simulate(directory.path(), "turn-plates", "", "plates.mcap");
+    let path = directory.path().join("calibration.toml");
+    let steer = ["calibrate", "steer", "plates.mcap"];
+    atvrec(directory.path()).args(steer).assert().success();
+    let whole = std::fs::read_to_string(&path).expect("written");
+    let earlier = format!("# earlier\n{whole}");
+    std::fs::write(&path, &earlier).expect("written");
+    let killed = std::process::Command::new("sh")
+        .args(["-c", LIMITED, env!("CARGO_BIN_EXE_atvrec")])
+        .current_dir(directory.path())
+        .output()
+        .expect("it runs");
+    assert!(killed.status.signal().is_some(), "{:?}", killed.status);
+    let begun = directory
+        .path()
+        .read_dir()
+        .expect("listed")
+        .find_map(|entry| {
+            let path = entry.expect("an entry").path();
+            let is_new = path.extension().is_some_and(|end| end == "new");
+            is_new.then(|| std::fs::read_to_string(path).expect("text"))
+        });
+    let begun = begun.expect("a file that was begun");
+    assert!(!begun.is_empty() && begun.len() < earlier.len(), "{begun}");
+    assert_eq!(std::fs::read_to_string(&path).expect("there"), earlier);
+    atvrec(directory.path()).args(steer).assert().success();
+    assert_eq!(std::fs::read_to_string(&path).expect("there"), whole);
 }
 
 const WIRING: &str = r#"

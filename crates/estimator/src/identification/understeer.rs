@@ -2,22 +2,24 @@
 //!
 //! On a path of curvature kappa = r/V the front wheels need the angle
 //!
-//! delta = atan(L kappa) + K_us z(a_y) - offset,  z(a_y) -> a_y as a_y -> 0,
+//! delta = atan(L kappa) + K_us z(a_y) - offset,  dz/da_y -> 1 as a_y -> 0,
 //!
 //! where K_us is the understeer gradient at small lateral acceleration. Subtracting the measured
 //! curvature rather than a radius that was meant takes out what the driver strays. Driven to both
 //! sides, as the standard asks, the circle tells the offset from the gradient: of the one the sign
 //! stays, of the other it turns. To one side only what a_y grows by does, and the findings say so.
 //! A free bend is hardly told apart on a circle, where a_y never comes near zero: the bend z is the
-//! vehicle file's, which its tyres' grip, the load's transfer and the moment between
-//! the sides make (see [`cornering`]), that of the front axle's slip angle less the rear one's at
-//! the file's stiffness,
+//! vehicle file's, which its tyres' grip and trail, the load's transfer, rolling resistance and the
+//! moment between the sides make (see [`cornering`]): that of the front axle's slip angle less the
+//! rear one's at the file's stiffness,
 //!
-//! z = (b z_f/C_f - a z_r/C_r)/(b/C_f - a/C_r),
+//! z = q(a_y)/q'(0),  q = b z_f/C_f - a z_r/C_r,
 //!
-//! and a_y where these nearly cancel (a neutral vehicle). It holds whatever the ground makes of the
-//! stiffness, as long as both axles have the same of it; what it makes of the grip (30 %) is in the
-//! deviations. The sideslip angle follows
+//! and a_y where these nearly cancel (a neutral vehicle). A trail that shortens as the tyre begins to
+//! slide takes back what the grip bends. z is not zero at a_y = 0: the front wheels' rolling
+//! resistance is steered against at any. It holds whatever the ground makes of the stiffness, as long
+//! as both axles have the same of it; what grip (30 %), trail (20 %) and load transfer (5 %) may be off
+//! by is in the deviations. The sideslip angle follows
 //! beta = b kappa - s z_r, the roll angle phi = g a_y, each with an offset.
 
 use model::vehicle::Vehicle;
@@ -46,6 +48,9 @@ const STRAY_MAX: f64 = 0.1;
 /// What the grip's inverse may be off the vehicle file's by, part of it (standard deviation): the bend
 /// goes with it.
 const GRIP_DOUBT: f64 = 0.3;
+/// The same of the tyres' trail and of the lateral acceleration at which wheels would lift.
+const TRAIL_DOUBT: f64 = 0.2;
+const TRANSFER_DOUBT: f64 = 0.05;
 /// Below this part of the larger of b/C_f and a/C_r their difference has no bend of its own.
 const NEUTRAL: f64 = 0.1;
 
@@ -77,11 +82,18 @@ impl Body {
         }
     }
 
-    /// The same on ground that grips by its doubt less.
-    fn slipping(&self) -> Self {
-        let mut body = *self;
-        body.axles.grip_n = self.axles.grip_n.map(|grip_n| grip_n / (1.0 + GRIP_DOUBT));
-        body
+    /// The same with a value off by its doubt: the ground's grip, the tyres' trail, the load's transfer.
+    fn doubted(&self) -> [Self; 3] {
+        let with = |change: &dyn Fn(&mut cornering::Body)| {
+            let mut body = *self;
+            change(&mut body.axles);
+            body
+        };
+        [
+            with(&|axles| axles.grip_n = axles.grip_n.map(|n| n / (1.0 + GRIP_DOUBT))),
+            with(&|axles| axles.trail_m = axles.trail_m.map(|m| m * (1.0 + TRAIL_DOUBT))),
+            with(&|axles| axles.lift_m_s2 = axles.lift_m_s2.map(|a| a * (1.0 + TRANSFER_DOUBT))),
+        ]
     }
 
     /// z of a lateral acceleration under a steer angle of this size to the same side, m/s^2.
@@ -91,15 +103,25 @@ impl Body {
         if (front - rear).abs() < NEUTRAL * front.max(rear) {
             return lateral_m_s2;
         }
-        let [by_front, by_rear] = [0, 1].map(|axle| self.bent_axle(axle, lateral_m_s2, steer_rad));
-        (front * by_front - rear * by_rear) / (front - rear)
+        of_slope_one(lateral_m_s2, |size| {
+            let pull = |axle| self.axles.steady_pull_m_s2(axle, size, steer_rad);
+            front * pull(0) - rear * pull(1)
+        })
     }
 
     /// z of an axle.
     fn bent_axle(&self, axle: usize, lateral_m_s2: f64, steer_rad: f64) -> f64 {
-        let size = self.axles.bent(axle, lateral_m_s2.abs(), steer_rad);
-        size.copysign(lateral_m_s2)
+        of_slope_one(lateral_m_s2, |size| {
+            self.axles.steady_pull_m_s2(axle, size, steer_rad)
+        })
     }
+}
+
+/// What becomes of the size of a lateral acceleration, to its side, over its slope where that is small.
+fn of_slope_one(lateral_m_s2: f64, bent: impl Fn(f64) -> f64) -> f64 {
+    const STEP_M_S2: f64 = 1e-3;
+    let slope = (bent(STEP_M_S2) - bent(0.0)) / STEP_M_S2;
+    bent(lateral_m_s2.abs()) / slope * lateral_m_s2.signum()
 }
 
 /// Which rows count as steady.
@@ -176,10 +198,8 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
     let wheelbase_m = body.axles.front_axle_to_cg_m + rear_m;
     let straight = |lateral: f64| lateral;
     let mean_rad = mean(steady.steer_rad.iter().map(|steer| steer.abs()));
-    let slipping = body.slipping();
-    let bent = [body, &slipping].map(|body| |lateral: f64| body.bent(lateral, mean_rad));
-    let bent_rear =
-        [body, &slipping].map(|body| |lateral: f64| body.bent_axle(1, lateral, mean_rad));
+    let bent = |body: Body| move |lateral: f64| body.bent(lateral, mean_rad);
+    let bent_rear = |body: Body| move |lateral: f64| body.bent_axle(1, lateral, mean_rad);
     let steer: Vec<f64> = steady
         .steer_rad
         .iter()
@@ -187,10 +207,9 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
         .map(|(steer, curvature)| steer - (wheelbase_m * curvature).atan())
         .collect();
     let both_sides = steady.to_both_sides();
-    let fit = |values: &[f64], bent, other| {
-        Gradient::doubted(&steady.lateral_m_s2, values, bent, other, both_sides)
-    };
-    let main = fit(&steer, &bent[0], &bent[1])?;
+    let own = bent(*body);
+    let others = body.doubted().map(bent);
+    let main = Gradient::doubted(&steady.lateral_m_s2, &steer, &own, &others, both_sides)?;
     let mut found = Findings {
         what: WHAT.to_owned(),
         ..Findings::default()
@@ -208,7 +227,9 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
             .zip(&steady.curvature_1_m)
             .map(|(sideslip, curvature)| sideslip - (rear_m * curvature).atan())
             .collect();
-        let fit = fit(&turned, &bent_rear[0], &bent_rear[1])?;
+        let own = bent_rear(*body);
+        let others = body.doubted().map(bent_rear);
+        let fit = Gradient::doubted(&steady.lateral_m_s2, &turned, &own, &others, both_sides)?;
         let unit = "rad/(m/s^2)";
         found
             .findings
@@ -352,19 +373,22 @@ impl<'a> Gradient<'a> {
         Ok(Self { fit, bent })
     }
 
-    /// The same, its deviations widened by what another bend makes of it.
+    /// The same, its deviations widened by what each other bend makes of it.
     fn doubted(
         lateral: &[f64],
         values: &[f64],
         bent: &'a dyn Fn(f64) -> f64,
-        other: &'a dyn Fn(f64) -> f64,
+        others: &[impl Fn(f64) -> f64],
         both_sides: bool,
     ) -> Result<Self, Refusal> {
         let mut found = Self::fit(lateral, values, bent, both_sides)?;
-        let moved = Self::fit(lateral, values, other, both_sides)?;
-        let pairs = moved.fit.coefficients.iter().zip(&found.fit.coefficients);
-        let moved: Vec<f64> = pairs.map(|(moved, own)| moved - own).collect();
-        found.fit.doubt(&DVector::from_vec(moved));
+        let own = found.fit.coefficients.clone();
+        for other in others {
+            let moved = Gradient::fit(lateral, values, other, both_sides)?;
+            let pairs = moved.fit.coefficients.iter().zip(&own);
+            let moved: Vec<f64> = pairs.map(|(moved, own)| moved - own).collect();
+            found.fit.doubt(&DVector::from_vec(moved));
+        }
         Ok(found)
     }
 

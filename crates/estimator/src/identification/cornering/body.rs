@@ -139,24 +139,31 @@ impl Body {
         0.5 * self.mass_kg * STANDARD_GRAVITY_M_S2 * arm / self.wheelbase_m()
     }
 
-    /// An axle's slip angle times its stiffness in a steady turn, over the mass and the axle's
-    /// share of it: nearly the lateral acceleration while that is small, more beyond, as the moment
-    /// M_z, the load's transfer and the grip have it.
-    pub(in crate::identification) fn bent(
+    /// An axle's slip angle times its stiffness in a steady turn, over the mass that it carries: as
+    /// the tyres' trail and rolling resistance, the load's transfer and the grip have it.
+    pub(in crate::identification) fn steady_pull_m_s2(
         &self,
         axle: usize,
         lateral_m_s2: f64,
         steer_rad: f64,
     ) -> f64 {
-        let arm = [self.cg_to_rear_axle_m, self.front_axle_to_cg_m][axle];
-        let carried_kg = self.mass_kg * arm / self.wheelbase_m();
-        let roll_n_m = self.mass_kg * lateral_m_s2 * self.cg_height_m;
-        let turning =
-            self.between_sides_n_m(lateral_m_s2, roll_n_m, steer_rad.sin()) / self.wheelbase_m();
-        let force_n = carried_kg * lateral_m_s2 + [turning, -turning][axle];
-        let parts = self.parts_by_transfer(axle, lateral_m_s2);
-        let pull = self.pull(axle, force_n, parts, self.grip_n[axle].recip());
-        pull.n / carried_kg
+        let parts = [0, 1].map(|axle| self.parts_by_transfer(axle, lateral_m_s2));
+        let load_n = |axle: usize, side: usize| self.rest_n(axle) * parts[axle][side];
+        let loads_n = [load_n(0, 0), load_n(0, 1), load_n(1, 0), load_n(1, 1)];
+        let now = Instant {
+            speed_m_s: 0.0,
+            lateral_m_s2,
+            yaw_acceleration_rad_s2: 0.0,
+            roll_rad: 0.0,
+            roll_rate_rad_s: 0.0,
+            steer_rad,
+            loads_n: Some(loads_n),
+        };
+        let force_n = self.axle_forces_n(&now)[axle];
+        let carried_kg = 2.0 * self.rest_n(axle) / STANDARD_GRAVITY_M_S2;
+        self.pull(axle, force_n, parts[axle], self.grip_n[axle].recip())
+            .n
+            / carried_kg
     }
 
     /// -M_z: what rolling resistance under the roll moment on the ground, and the steered front
