@@ -294,3 +294,49 @@ fn the_load_rig_finds_gains_and_names_every_wrong_wire() {
         }
     }
 }
+
+const MOUNTING: &str = r#"
+[hidden]
+velocity_antenna_m = 0.1
+velocity_latency_s = 0.02
+attitude_latency_s = 0.02
+attitude_offset_rad = 0.02
+"#;
+
+#[test]
+#[ignore = "eight drives of eight minutes: `make campaigns`"]
+fn campaign_of_antennas_and_latencies() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    std::fs::write(here.join("options.toml"), MOUNTING).expect("written");
+    let mut worst = [0.0_f64; 5];
+    for seed in 1..=8 {
+        atvrec(here)
+            .args(["--quiet", "simulate", "--manoeuvre", "mixed-driving"])
+            .args(["--for", "480", "--seed", &seed.to_string()])
+            .args(["--options", "options.toml", "--output", "drive.mcap"])
+            .args(["--true-calibration", "true.toml"])
+            .assert()
+            .success();
+        let _ = std::fs::remove_file(here.join("calibration.toml"));
+        atvrec(here)
+            .args(["calibrate", "gnss", "drive.mcap"])
+            .assert()
+            .success();
+        let [found, truth] = ["calibration.toml", "true.toml"].map(|name| {
+            let found = calibration(&here.join(name));
+            let antenna_m = found.gnss_velocity.antenna_m.expect("known");
+            let latency = [found.gnss_velocity, found.gnss_attitude].map(|g| g.latency_s);
+            let [velocity_s, attitude_s] = latency.map(|latency_s| latency_s.expect("known"));
+            let [x, y, z] = antenna_m;
+            [x, y, z, velocity_s, attitude_s]
+        });
+        for ((worst, found), truth) in worst.iter_mut().zip(found).zip(truth) {
+            *worst = worst.max((found - truth).abs());
+        }
+        std::fs::remove_file(here.join("drive.mcap")).expect("removed");
+    }
+    println!("worst of place (m) and latencies (s): {worst:?}");
+    assert!(worst[..3].iter().all(|m| *m < 0.03), "{worst:?}");
+    assert!(worst[3..].iter().all(|s| *s < 0.002), "{worst:?}");
+}
