@@ -60,7 +60,8 @@ impl Constants {
             |value: fn(&AxleParameters) -> f64| each(|i| value(p.axle(i)) / p.axle(i).track_m);
         let shares = [-p.rear.ahead_m, p.front.ahead_m].map(|arm| arm / p.wheelbase_m());
         let share = each(|i| shares[i / 2]);
-        let row = |i: usize| [p.inverse[(i, 0)], p.inverse[(i, 1)], p.inverse[(i, 2)]];
+        let inverse = p.inverse_mass_matrix();
+        let row = |i: usize| [inverse[(i, 0)], inverse[(i, 1)], inverse[(i, 2)]];
         let [felt, yaw, roll] = [row(0), row(1), row(2)];
         let position = each(|i| p.wheel_position_m(i));
         let by_forces = |row: [f64; 3]| {

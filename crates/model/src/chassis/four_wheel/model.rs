@@ -58,11 +58,12 @@ struct Instant<T: Scalar> {
 
 /// All of one instant, with tyres of any kind and axles of any form.
 fn instant<T: Scalar>(parameters: &Parameters, state: &State<T>, inputs: &Inputs<T>) -> Instant<T> {
-    let constants = &parameters.prepared.constants;
+    let prepared = parameters.prepared();
+    let constants = &prepared.constants;
     let at = Motion::<Listed<T>>::of(state);
     let held = Held::of(parameters, inputs);
     let wheels = wheels::<_, Mixed>(constants, &at, &held);
-    let solution = match parameters.prepared.brushes {
+    let solution = match prepared.brushes {
         Some((brush, true)) => {
             let contacts = BrushTyres::new(brush, inputs).at::<true>(constants, &wheels);
             solve::<_, Mixed>(constants, &at, &held, &contacts)

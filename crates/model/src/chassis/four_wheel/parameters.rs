@@ -75,9 +75,7 @@ pub struct Parameters {
     pub front: AxleParameters,
     /// Rear axle.
     pub rear: AxleParameters,
-    /// Inverse of the mass matrix of (v' + u r, r', phi'').
-    pub(super) inverse: Matrix3<f64>,
-    pub(super) prepared: Prepared,
+    prepared: Prepared,
 }
 
 /// What the equations take from the parameters.
@@ -98,6 +96,16 @@ pub(super) enum Shared {
     Immediate,
     #[default]
     Mixed,
+}
+
+impl Prepared {
+    fn of(parameters: &Parameters) -> Self {
+        Self {
+            constants: Constants::of(parameters),
+            brushes: parameters.brushes(),
+            shared: parameters.shared_form(),
+        }
+    }
 }
 
 impl Parameters {
@@ -131,7 +139,6 @@ impl Parameters {
             load_passes: 2,
             front: axle(vehicle, &vehicle.front, a, static_load(b), 0),
             rear: axle(vehicle, &vehicle.rear, -b, static_load(a), 1),
-            inverse: Matrix3::zeros(),
             prepared: Prepared::default(),
         };
         parameters.prepare();
@@ -140,6 +147,21 @@ impl Parameters {
 
     /// Brings what is derived from the parameters up to date.
     pub fn prepare(&mut self) {
+        self.prepared = Prepared::of(self);
+    }
+
+    /// What is derived from the parameters. In debug builds it must be up to date.
+    #[inline]
+    pub(super) fn prepared(&self) -> &Prepared {
+        debug_assert!(
+            self.prepared == Prepared::of(self),
+            "four-wheel parameters were changed without Parameters::prepare"
+        );
+        &self.prepared
+    }
+
+    /// Inverse of the mass matrix of (v' + u r, r', phi''); zeros where there is none.
+    pub(super) fn inverse_mass_matrix(&self) -> Matrix3<f64> {
         let lever = self.sprung_mass_kg * self.roll_arm_m;
         let matrix = Matrix3::new(
             self.mass_kg,
@@ -152,12 +174,7 @@ impl Parameters {
             -self.inertia_xz_kg_m2,
             self.roll_inertia_kg_m2 + lever * self.roll_arm_m,
         );
-        self.inverse = matrix.try_inverse().unwrap_or_else(Matrix3::zeros);
-        self.prepared = Prepared {
-            constants: Constants::of(self),
-            brushes: self.brushes(),
-            shared: self.shared_form(),
-        };
+        matrix.try_inverse().unwrap_or_else(Matrix3::zeros)
     }
 
     fn brushes(&self) -> Option<(Brush<[f64; 4]>, bool)> {

@@ -30,7 +30,7 @@ pub(crate) fn stepped(
     step_s: f64,
     steps: usize,
 ) -> State<f64> {
-    let prepared = &parameters.prepared;
+    let prepared = parameters.prepared();
     match (prepared.shared, &prepared.brushes) {
         (Shared::Relaxing, Some((brush, true))) => {
             relaxing_growing(parameters, brush, state, inputs, step_s, steps)
@@ -67,7 +67,7 @@ pub(crate) fn advance(
     step_s: f64,
     steps: usize,
 ) {
-    let prepared = &parameters.prepared;
+    let prepared = parameters.prepared();
     match (prepared.shared, &prepared.brushes) {
         (Shared::Relaxing, Some((brush, true))) => {
             relaxing_growing_lanes(parameters, brush, states, inputs, step_s, steps);
@@ -114,7 +114,7 @@ macro_rules! kernels {
         ) {
             let rate = InLanes::<$form, $grows> {
                 parameters,
-                constants: &parameters.prepared.constants,
+                constants: &parameters.prepared().constants,
                 brush: *brush,
                 form: PhantomData,
             };
@@ -140,7 +140,7 @@ fn alone<V: PerWheelValues<Raw = f64>, F: Form, const GROWS: bool>(
     steps: usize,
 ) -> State<f64> {
     let rate = Alone::<V, F, GROWS> {
-        constants: &parameters.prepared.constants,
+        constants: &parameters.prepared().constants,
         held: Held::of(parameters, inputs),
         tyres: BrushTyres::new(*brush, inputs),
         form: PhantomData,
@@ -241,4 +241,45 @@ fn unpack(row: &[f64; HELD]) -> (Held<Listed<f64>>, OnSurface<Listed<f64>>) {
         slide: values(6),
     };
     (held, surface)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::Vehicle;
+
+    /// What the processor at hand runs comes to the bits that one without vectors gets.
+    #[test]
+    fn vectors_of_the_processor_change_no_bit() {
+        let mut tried = [false; 2];
+        for name in ["prowler", "prowler-table-2.3"] {
+            let parameters = Parameters::from_vehicle(&Vehicle::builtin(name).unwrap());
+            let prepared = parameters.prepared();
+            let (brush, grows) = prepared.brushes.as_ref().unwrap();
+            let mut inputs = Inputs::steered(0.12);
+            inputs.drive_n_m = [0.0, 0.0, 30.0, 40.0];
+            inputs.bank_rad = 0.03;
+            let start = State::rolling(9.0, &parameters);
+            let rate = (&parameters, brush, &inputs);
+            let (found, expected) = match (prepared.shared, grows) {
+                (Shared::Relaxing, true) => (
+                    relaxing_growing(&parameters, brush, &start, &inputs, 1e-3, 2000),
+                    alone::<Listed<f64>, Relaxing, true>(rate, &start, 1e-3, 2000),
+                ),
+                (Shared::Immediate, false) => (
+                    immediate_constant(&parameters, brush, &start, &inputs, 1e-3, 2000),
+                    alone::<Listed<f64>, Immediate, false>(rate, &start, 1e-3, 2000),
+                ),
+                other => panic!("{name} has no kernel: {other:?}"),
+            };
+            tried[usize::from(*grows)] = true;
+            assert!(found.roll_rad.abs() > 1e-3, "{name} turns");
+            assert_eq!(
+                found.to_array().map(f64::to_bits),
+                expected.to_array().map(f64::to_bits),
+                "{name}"
+            );
+        }
+        assert_eq!(tried, [true; 2]);
+    }
 }

@@ -383,3 +383,13 @@ fn the_fixed_step_converges_with_fourth_order() {
     let order: f64 = ((run(200) - exact).amax() / (run(400) - exact).amax()).log2();
     assert!((3.7..4.6).contains(&order), "{order}");
 }
+
+#[test]
+#[cfg(debug_assertions)]
+#[should_panic(expected = "without Parameters::prepare")]
+fn parameters_that_were_changed_and_not_prepared_are_no_quiet_guess() {
+    let mut parameters = noted("prowler-table-2.3");
+    parameters.front.track_m *= 1.1;
+    let state = State::rolling(7.0, &parameters);
+    let _ = derivative(&parameters, &state, &Inputs::steered(0.1));
+}
