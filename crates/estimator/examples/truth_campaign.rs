@@ -38,12 +38,12 @@ const FILES: [&str; 3] = [
     "full-bridge-16bit-bending",
 ];
 
-fn main() {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     if run::directory().is_none() {
-        return;
+        return Ok(());
     }
     let mut arguments = std::env::args().skip(1);
-    let seeds: u64 = arguments.next().map_or(1, |text| text.parse().unwrap());
+    let seeds: u64 = arguments.next().map_or(Ok(1), |text| text.parse())?;
     let mut files: Vec<String> = arguments.collect();
     if files.is_empty() {
         files = FILES.map(str::to_owned).into();
@@ -53,7 +53,7 @@ fn main() {
     let runs: Vec<(&str, Run)> = RUNS.map(|name| (name, Run::load(name))).into();
     let mut surprise = 0.0;
     for file in &files {
-        let sensors = Sensors::builtin(file).unwrap();
+        let sensors = Sensors::builtin(file)?;
         for (name, run) in &runs {
             for seed in 1..=seeds {
                 let samples = sensing::samples(run, &vehicle, &sensors, seed);
@@ -88,4 +88,5 @@ fn main() {
         }
     }
     println!("surprise in all {surprise:.3}");
+    Ok(())
 }

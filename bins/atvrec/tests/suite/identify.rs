@@ -75,30 +75,35 @@ fn near_truth(found: &Value) -> bool {
         .all(|(value, truth)| (value / truth - 1.0).abs() < 0.02)
 }
 
+/// Simulates a slow sine whose hand wheel reads wrongly by as much as the seed draws; by how much, rad.
+fn slow_sine_with_hidden_offset(here: &Path, seed: u32, name: &str) -> f64 {
+    let options = "[hidden]\nsteer_offset_rad = 0.4\n";
+    std::fs::write(here.join("hidden.toml"), options).expect("written");
+    let seed = seed.to_string();
+    let drive = ["--manoeuvre", "slow-sine", "--seed", &seed];
+    let hidden = [
+        "--options",
+        "hidden.toml",
+        "--true-calibration",
+        "true.toml",
+    ];
+    simulate(here, name, &[drive, hidden].concat());
+    let calibration = std::fs::read_to_string(here.join("true.toml")).expect("written");
+    let calibration: toml::Table = calibration.parse().expect("TOML");
+    calibration["steer"]["offset_rad"]
+        .as_float()
+        .expect("a number")
+}
+
 /// The offset is found with the stiffnesses, in the hand wheel as read and not as the estimator has
 /// learnt to read it.
 #[test]
 fn two_degrees_of_steer_offset_in_a_log_leave_the_cornering_stiffness_as_it_is() {
     let place = tempfile::tempdir().unwrap();
     let here = place.path();
-    std::fs::write(
-        here.join("hidden.toml"),
-        "[hidden]\nsteer_offset_rad = 0.4\n",
-    )
-    .unwrap();
     // Seeds that draw more than two degrees at the road wheels, to either side.
-    for seed in ["3", "7"] {
-        let drive = ["--manoeuvre", "slow-sine", "--seed", seed];
-        let hidden = [
-            "--options",
-            "hidden.toml",
-            "--true-calibration",
-            "true.toml",
-        ];
-        simulate(here, "off.mcap", &[drive, hidden].concat());
-        let calibration = std::fs::read_to_string(here.join("true.toml")).unwrap();
-        let calibration: toml::Table = calibration.parse().unwrap();
-        let hidden_rad = calibration["steer"]["offset_rad"].as_float().unwrap();
+    for seed in [3, 7] {
+        let hidden_rad = slow_sine_with_hidden_offset(here, seed, "off.mcap");
         let offset = (hidden_rad / STEERING_RATIO).to_degrees();
         assert!(offset.abs() > 2.0, "seed {seed}: {offset}");
         let found = json(here, &["cornering", "off.mcap"]);
@@ -198,23 +203,10 @@ fn campaign_of_slow_sines() {
     const SEEDS: u32 = 24;
     let place = tempfile::tempdir().unwrap();
     let here = place.path();
-    let hidden = "[hidden]\nsteer_offset_rad = 0.4\n";
-    std::fs::write(here.join("hidden.toml"), hidden).unwrap();
     let mut held = [0; 3];
     let mut errors = [[f64::INFINITY, f64::NEG_INFINITY]; 4];
     for seed in 1..=SEEDS {
-        let seed = seed.to_string();
-        let drive = ["--manoeuvre", "slow-sine", "--seed", &seed];
-        let options = [
-            "--options",
-            "hidden.toml",
-            "--true-calibration",
-            "true.toml",
-        ];
-        simulate(here, "sine.mcap", &[drive, options].concat());
-        let calibration = std::fs::read_to_string(here.join("true.toml")).unwrap();
-        let calibration: toml::Table = calibration.parse().unwrap();
-        let hidden_rad = calibration["steer"]["offset_rad"].as_float().unwrap();
+        let hidden_rad = slow_sine_with_hidden_offset(here, seed, "sine.mcap");
         let found = json(here, &["cornering", "sine.mcap"]);
         let offset_rad = (at_hand_wheel(&found) - hidden_rad) / STEERING_RATIO;
         let [front, rear] = stiffness(&found);
