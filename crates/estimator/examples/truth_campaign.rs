@@ -1,5 +1,5 @@
 //! The fusion filter over truth runs, sensors files and seeds: errors, consistency of the stated
-//! deviations, events.
+//! deviations, events; and the same over MINUTES (ten) of the virtual vehicle's mixed driving.
 //!
 //! `cargo run --example truth_campaign -- [SEEDS] [SENSORS...]`
 
@@ -11,6 +11,8 @@
 
 #[path = "../tests/truth/deviations.rs"]
 mod deviations;
+#[path = "../tests/truth/drive.rs"]
+mod drive;
 #[path = "../tests/truth/judge.rs"]
 mod judge;
 #[path = "../tests/truth/run.rs"]
@@ -22,6 +24,7 @@ use deviations::deviations;
 use estimator::{Calibration, Settings};
 use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
+use model::vehicle::Vehicle;
 use run::Run;
 
 const RUNS: [&str; 5] = [
@@ -48,18 +51,25 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if files.is_empty() {
         files = FILES.map(str::to_owned).into();
     }
-    let vehicle = run::vehicle();
-    let calibration = Calibration::nominal(&vehicle.name);
-    let runs: Vec<(&str, Run)> = RUNS.map(|name| (name, Run::load(name))).into();
+    let minutes = std::env::var("MINUTES").map_or(Ok(10.0), |text| text.parse())?;
+    let mut runs: Vec<(&str, Vehicle, Run)> = RUNS
+        .map(|name| (name, run::vehicle(), Run::load(name)))
+        .into();
+    if minutes > 0.0 {
+        let prowler = Vehicle::builtin("prowler")?;
+        let drive = drive::mixed_driving(&prowler, 60.0 * minutes);
+        runs.push(("mixed_driving", prowler, drive));
+    }
     let mut surprise = 0.0;
     for file in &files {
         let sensors = Sensors::builtin(file)?;
-        for (name, run) in &runs {
+        for (name, vehicle, run) in &runs {
+            let calibration = Calibration::nominal(&vehicle.name);
             for seed in 1..=seeds {
-                let samples = sensing::samples(run, &vehicle, &sensors, seed);
+                let samples = sensing::samples(run, vehicle, &sensors, seed);
                 let settings = Settings::default();
-                let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
-                let force = force_errors(run, &vehicle, &result);
+                let result = estimate(vehicle, &sensors, &calibration, settings, &samples);
+                let force = force_errors(run, vehicle, &result);
                 let motion = motion_errors(run, &result);
                 let found = deviations(run, &result);
                 let all = &found.all;

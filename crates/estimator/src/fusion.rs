@@ -12,8 +12,8 @@
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
 //! | [`layout::LENGTH`] | how much longer each strut is than its potentiometer says | mm |
 //!
-//! The forces walk as integrated white noise; moments, torques and biases fade to zero with a time
-//! constant. The body turns as the moments of all tyres about the centre of gravity tell it:
+//! The forces walk as integrated white noise; moments, torques, biases and offsets fade to zero with
+//! a time constant. The body turns as the moments of all tyres about the centre of gravity tell it:
 //!
 //! I w' = sum(r_i x R_i F_i + R_i M_i) - w x (I w + h) - h'
 //!
@@ -65,7 +65,10 @@ const TURN_NOISE_N_M: [f64; 3] = [20.0, 20.0, 15.0];
 /// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
 const ACCEL_TIME_S: f64 = 30.0;
 const ACCEL_SIGMA: f64 = 0.015;
-/// Walk of a strain channel's offset, N/sqrt(s).
+/// How fast what was learnt of a strain channel's offset fades to the calibrated zero, s, and its
+/// walk, N/sqrt(s). Moments, torques and geometry are wrong by little, but for long: an offset that
+/// only walked would within minutes take their errors for its own, and be sure of them.
+const OFFSET_TIME_S: f64 = 100.0;
 const OFFSET_WALK: f64 = 0.05;
 
 /// Speed from which a body stands on its tyres alone, m/s.
@@ -277,15 +280,18 @@ impl Fusion {
         }
         let balance = self.balance(input);
         self.predict(input.dt, &balance, input.channels);
+        let members: [_; 4] = std::array::from_fn(|wheel| self.members(input, &balance, wheel));
+        let said: [_; 4] =
+            std::array::from_fn(|wheel| self.said(input, &members[wheel], &readings.0[wheel]));
         if !self.settling() {
-            self.heed_surprise(input, &balance, readings);
+            self.heed_surprise(&said);
         }
         let before = self.rates();
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
-        for wheel in 0..4 {
-            self.take_corner(input, &balance, wheel, &mut readings.0[wheel], changes);
+        for (wheel, readings) in readings.0.iter_mut().enumerate() {
+            self.take_corner(input, &members[wheel], &said[wheel], readings, changes);
         }
         self.covariance.settle();
         if !self.settling() {
@@ -428,6 +434,7 @@ impl Fusion {
         let moment_gain = fade(MOMENT, 12, MOMENT_TIME_S);
         let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
         let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
+        let offset_gain = fade(OFFSET, 20, OFFSET_TIME_S);
         let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
             let start = lengths::start_variance(&channels.0[wheel].deflection);
             let (kept, gained) = self.lengths[wheel].fading(start, dt);
@@ -463,7 +470,8 @@ impl Fusion {
             c.add_noise(LENGTH + wheel, gained);
         }
         for i in 0..20 {
-            c.add_noise(OFFSET + i, OFFSET_WALK.powi(2) * dt);
+            let start = channels.0[i / 5].strain[i % 5].offset_sigma.powi(2);
+            c.add_noise(OFFSET + i, offset_gain * start + OFFSET_WALK.powi(2) * dt);
         }
     }
 }

@@ -7,7 +7,7 @@ use multiversion::multiversion;
 use nalgebra::SVector;
 
 use super::layout::{MOMENT, OFFSET, SIZE};
-use crate::trace::{Operation, Restart, Term, Trace};
+use crate::trace::{Operation, Restart, Term, Trace, Update};
 
 /// Largest variance of any state: keeps a blind filter's numbers tame.
 const VARIANCE_MAX: f64 = 1e10;
@@ -44,29 +44,28 @@ impl DerefMut for Column {
     }
 }
 
-/// A sparse row of a measurement equation: positions and values.
+/// A sparse row of a measurement equation: positions and values, `N` of them at most.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
-    index: [u8; Self::CAPACITY],
-    value: [f64; Self::CAPACITY],
+pub struct Row<const N: usize> {
+    index: [u8; N],
+    value: [f64; N],
     length: usize,
 }
 
-impl Row {
-    const CAPACITY: usize = 48;
-
+impl<const N: usize> Row<N> {
     /// A row of zeros.
     pub fn new() -> Self {
         Self {
-            index: [0; Self::CAPACITY],
-            value: [0.0; Self::CAPACITY],
+            index: [0; N],
+            value: [0.0; N],
             length: 0,
         }
     }
 
-    /// Adds a term. A row never has more than its capacity: 36 of the balances and a few more.
+    /// Adds a term; there must be room for it.
     pub fn add(&mut self, index: usize, value: f64) {
-        if self.length < Self::CAPACITY && value != 0.0 {
+        debug_assert!(self.length < N, "a row of more than {N} terms");
+        if self.length < N && value != 0.0 {
             self.index[self.length] = index as u8;
             self.value[self.length] = value;
             self.length += 1;
@@ -83,17 +82,35 @@ impl Row {
 
     /// Positions and values.
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
-        let index = self.index[..self.length].iter().map(|i| usize::from(*i));
-        index.zip(self.value[..self.length].iter().copied())
+        let index = self.indices().iter().map(|i| usize::from(*i));
+        index.zip(self.values().iter().copied())
     }
 
     /// The row times a state or a column: four sums, so that no addition waits for all before it.
     pub fn times(&self, state: &[f64]) -> f64 {
         let mut sums = [0.0; 4];
-        for (k, (i, value)) in self.terms().enumerate() {
-            sums[k % 4] += value * state[i];
+        let fours = self.indices().chunks(4).zip(self.values().chunks(4));
+        for (index, value) in fours {
+            if let ([a, b, c, d], [p, q, r, s]) = (index, value) {
+                sums[0] += p * state[usize::from(*a)];
+                sums[1] += q * state[usize::from(*b)];
+                sums[2] += r * state[usize::from(*c)];
+                sums[3] += s * state[usize::from(*d)];
+            } else {
+                for (sum, (i, value)) in sums.iter_mut().zip(index.iter().zip(value)) {
+                    *sum += value * state[usize::from(*i)];
+                }
+            }
         }
         (sums[0] + sums[1]) + (sums[2] + sums[3])
+    }
+
+    fn indices(&self) -> &[u8] {
+        &self.index[..self.length]
+    }
+
+    fn values(&self) -> &[f64] {
+        &self.value[..self.length]
     }
 }
 
@@ -283,25 +300,48 @@ impl Covariance {
         add_rows(&mut self.p, first, jacobian, dt);
     }
 
-    /// Covariance of the state with a row's value.
-    pub fn times(&mut self, row: &Row) -> Column {
+    /// Finds the covariance P h' of the state with a row's value, for [`Covariance::reduce`], and
+    /// returns the variance h P h' of that value.
+    pub fn project<const N: usize>(&mut self, row: &Row<N>) -> f64 {
         for (i, _) in row.terms() {
             self.complete(i);
         }
-        let mut parts = [(&Column::ZERO, 0.0); Row::CAPACITY + BATCH];
-        let (of_row, of_waiting) = parts.split_at_mut(row.length);
-        for (part, (i, value)) in of_row.iter_mut().zip(row.terms()) {
-            *part = (&self.p[i], value);
+        let mut weight = [0.0; BATCH];
+        for (weight, (taken, of_taken)) in weight.iter_mut().zip(self.waiting()) {
+            *weight = -of_taken * row.times(&taken[..]);
         }
-        for (part, (taken, weight)) in of_waiting.iter_mut().zip(self.waiting()) {
-            *part = (taken, -weight * row.times(&taken[..]));
-        }
-        sum(&parts[..row.length + self.waiting])
+        let (taken, next) = self.taken.split_at_mut(self.waiting);
+        let to = &mut next[0];
+        *to = Column::ZERO;
+        project(to, &self.p, row.indices(), row.values());
+        shift(to, taken, &weight);
+        row.times(&to[..])
     }
 
-    /// P -= ph ph' / total, soon.
-    pub fn reduce(&mut self, ph: &Column, total: f64) {
-        self.taken[self.waiting] = *ph;
+    /// Takes the value of the row that was projected last in: x += (P h') innovation/total at once,
+    /// P -= (P h')(P h')'/total soon.
+    pub fn reduce<const N: usize>(
+        &mut self,
+        row: &Row<N>,
+        state: &mut [f64; SIZE],
+        innovation: f64,
+        total: f64,
+    ) {
+        let ph = &self.taken[self.waiting];
+        self.trace.note(|| {
+            Operation::Update(Box::new(Update {
+                row: row.terms().collect(),
+                value: innovation + row.times(state),
+                innovation,
+                variance: total - row.times(&ph[..]),
+                total,
+                gain: SVector::from_column_slice(&ph[..SIZE]) / total,
+            }))
+        });
+        let gain = innovation / total;
+        for (x, p) in state.iter_mut().zip(ph.iter()) {
+            *x += gain * p;
+        }
         self.weight[self.waiting] = 1.0 / total;
         self.waiting += 1;
         if self.waiting == BATCH {
@@ -323,22 +363,33 @@ macro_rules! kernel {
 }
 
 kernel! {
-    fn sum(parts: &[(&Column, f64)]) -> Column {
-        let mut all = Column::ZERO;
-        let mut rest = parts;
+    fn project(to: &mut Column, matrix: &Matrix, index: &[u8], value: &[f64]) {
         // Four at a time: what is summed is loaded and stored once for all.
-        while let [(a, p), (b, q), (c, r), (d, s), others @ ..] = rest {
-            for k in 0..WIDTH {
-                all[k] = all[k] + p * a[k] + q * b[k] + r * c[k] + s * d[k];
+        for (index, value) in index.chunks(4).zip(value.chunks(4)) {
+            if let ([a, b, c, d], [p, q, r, s]) = (index, value) {
+                let [a, b, c, d] = [a, b, c, d].map(|i| &matrix[usize::from(*i)]);
+                for k in 0..WIDTH {
+                    to[k] = to[k] + p * a[k] + q * b[k] + r * c[k] + s * d[k];
+                }
+            } else {
+                for (i, p) in index.iter().zip(value) {
+                    let a = &matrix[usize::from(*i)];
+                    for k in 0..WIDTH {
+                        to[k] += p * a[k];
+                    }
+                }
             }
-            rest = others;
         }
-        for (a, p) in rest {
+    }
+}
+
+kernel! {
+    fn shift(to: &mut Column, columns: &[Column], factors: &[f64; BATCH]) {
+        for (a, p) in columns.iter().zip(factors) {
             for k in 0..WIDTH {
-                all[k] += p * a[k];
+                to[k] += p * a[k];
             }
         }
-        all
     }
 }
 

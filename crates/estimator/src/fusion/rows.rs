@@ -1,10 +1,10 @@
 //! Measurement equations.
 
 use model::suspension::CornerStatics;
-use nalgebra::{Matrix3, SVector, Vector3};
-use sample::{InnovationKind, PerWheel, StrainChannel};
+use nalgebra::{Matrix3, Vector3};
+use sample::{InnovationKind, StrainChannel};
 
-use super::covariance::{Column, Row, position};
+use super::covariance::{Row, position};
 use super::moments::KnownMoment;
 use super::{
     ACCEL, Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, OFFSET, RATE, SIZE, StepInput,
@@ -12,7 +12,6 @@ use super::{
 };
 use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
-use crate::trace::{Operation, Update};
 
 /// Error of geometry and model on a member's force, N, and as a part of it.
 const MEMBER_FLOOR_N: f64 = 1.5;
@@ -42,6 +41,11 @@ const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
 const BLIND_STRUT_N: f64 = 70.0;
 /// How long one such guess lasts, s.
 const BLIND_TIME_S: f64 = 0.1;
+
+/// Of one corner's channel: force, rate, moment, torque and one more.
+type CornerRow = Row<11>;
+/// Of the inertial unit: forces, their rates, moments and a bias.
+type InertialRow = Row<37>;
 
 /// The balance of moments at one instant: w' = jacobian (F, M) + constant.
 #[derive(Clone, Debug)]
@@ -124,7 +128,7 @@ impl Fusion {
         let variance = (mass * accel).powi(2) + SUM_FLOOR_N.powi(2);
         let mut agrees = true;
         for axis in 0..3 {
-            let mut row = Row::new();
+            let mut row = InertialRow::new();
             for j in 0..24 {
                 let turning = (0..3).map(|k| swing[(axis, k)] * balance.jacobian[k][j]);
                 let mut gain: f64 = turning.sum();
@@ -143,7 +147,7 @@ impl Fusion {
             agrees &= innovation * innovation <= GATE;
         }
         for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
-            let mut row = Row::new();
+            let mut row = InertialRow::new();
             row.add(TURN + axis, 1.0);
             for (j, gain) in balance.jacobian[axis].iter().enumerate() {
                 row.add(position(j), -age * gain);
@@ -161,9 +165,8 @@ impl Fusion {
     /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
     /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
     /// they are. Beyond the gate it is the accelerometer that is doubted.
-    fn heed_push(&mut self, row: &Row, value: f64, variance: f64) {
-        let ph = self.covariance.times(row);
-        let total: f64 = row.terms().map(|(j, h)| h * ph[j]).sum::<f64>() + variance;
+    fn heed_push(&mut self, row: &InertialRow, value: f64, variance: f64) {
+        let total = self.covariance.project(row) + variance;
         let innovation = value - row.times(&self.state);
         let square = innovation * innovation;
         if (PUSH * total..GATE * total).contains(&square) {
@@ -190,7 +193,12 @@ impl Fusion {
         [sum / self.body.mass_kg, turn]
     }
 
-    fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
+    pub(super) fn members<'a>(
+        &self,
+        input: &StepInput<'a>,
+        balance: &Balance,
+        wheel: usize,
+    ) -> Members<'a> {
         let corner = &input.corners[wheel];
         let speed_m_s = input.motion.velocity_m_s.x;
         let known = balance.known[wheel].moment_n_m;
@@ -209,46 +217,38 @@ impl Fusion {
         input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s
     }
 
-    /// What axial channel i says, and what the state foretells of it.
-    fn axial(
+    /// What the axial channels of a corner say that have a new reading.
+    pub(super) fn said(
         &self,
         input: &StepInput<'_>,
         members: &Members<'_>,
-        i: usize,
-        reading: &Reading,
-    ) -> Expected {
-        let wheel = members.wheel;
-        let mut row = members.row(i, self.age_s(input, reading));
-        row.add(OFFSET + 5 * wheel + i, 1.0);
-        let noise = input.channels.0[wheel].strain[AXIAL[i].index()].noise_sigma;
-        let posed = input.corners[wheel].strut_sigma_n.is_finite();
-        Expected {
-            row,
-            value: reading.value - members.offset_n[i],
-            variance: noise * noise,
-            tolerance: member_tolerance_n(posed, reading.value),
-        }
+        readings: &CornerReadings,
+    ) -> [Option<Expected>; AXIAL.len()] {
+        std::array::from_fn(|i| {
+            let reading = readings.strain[AXIAL[i].index()].filter(|reading| !reading.taken)?;
+            let wheel = members.wheel;
+            let mut row = members.row(i, self.age_s(input, &reading));
+            row.add(OFFSET + 5 * wheel + i, 1.0);
+            let noise = input.channels.0[wheel].strain[AXIAL[i].index()].noise_sigma;
+            let posed = input.corners[wheel].strut_sigma_n.is_finite();
+            Some(Expected {
+                row,
+                value: reading.value - members.offset_n[i],
+                variance: noise * noise,
+                tolerance: member_tolerance_n(posed, reading.value),
+            })
+        })
     }
 
     /// Whether the strain channels together contradict what the state foretells: where they do the
     /// forces are set free before the readings are taken in.
-    pub(super) fn heed_surprise(
-        &mut self,
-        input: &StepInput<'_>,
-        balance: &Balance,
-        readings: &PerWheel<CornerReadings>,
-    ) {
-        for wheel in 0..4 {
-            let members = self.members(input, balance, wheel);
-            for (i, channel) in AXIAL.into_iter().enumerate() {
-                let reading = readings.0[wheel].strain[channel.index()];
-                let Some(reading) = reading.filter(|reading| !reading.taken) else {
-                    continue;
-                };
-                let said = self.axial(input, &members, i, &reading);
-                let innovation = said.value - said.row.times(&self.state);
-                let health = &self.health[wheel][i];
-                if let Some(square) = health.foretold_square(innovation) {
+    pub(super) fn heed_surprise(&mut self, said: &[[Option<Expected>; AXIAL.len()]; 4]) {
+        for (wheel, said) in said.iter().enumerate() {
+            for (said, health) in said.iter().zip(&self.health[wheel]) {
+                let square = said.as_ref().and_then(|said| {
+                    health.foretold_square(said.value - said.row.times(&self.state))
+                });
+                if let Some(square) = square {
                     self.agility.surprise(wheel, square);
                 }
             }
@@ -267,13 +267,14 @@ impl Fusion {
     pub(super) fn take_corner(
         &mut self,
         input: &StepInput<'_>,
-        balance: &Balance,
-        wheel: usize,
+        members: &Members<'_>,
+        said: &[Option<Expected>; AXIAL.len()],
         readings: &mut CornerReadings,
         changes: &mut impl FnMut(ChannelChange),
     ) {
+        let wheel = members.wheel;
         let corner = &input.corners[wheel];
-        let members = self.members(input, balance, wheel);
+        let of_strut = members.row(5, 0.0);
         let strained = AXIAL
             .iter()
             .filter_map(|channel| readings.strain[channel.index()])
@@ -288,7 +289,7 @@ impl Fusion {
         }
         if corner.strut_sigma_n.is_finite() {
             // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
-            let mut row = members.row(5, 0.0);
+            let mut row = of_strut;
             row.add(LENGTH + wheel, 1e-3 * corner.strut_stiffness_n_m);
             let value = corner.strut_n - members.offset_n[5];
             let length_mm = 1e3 * (value - row.times(&self.state)) / corner.strut_stiffness_n_m;
@@ -305,12 +306,11 @@ impl Fusion {
                 continue;
             };
             alive += u32::from(reading.fresh(input.now).is_some());
-            if reading.taken {
-                continue;
-            }
             reading.taken = true;
-            let said = self.axial(input, &members, i, reading);
-            let change = self.take_channel(&said, wheel, i);
+            let Some(said) = &said[i] else {
+                continue;
+            };
+            let change = self.take_channel(said, wheel, i);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -319,8 +319,8 @@ impl Fusion {
                 });
             }
         }
-        self.take_bending(input, &members, readings, changes);
-        self.strut_n[wheel] = members.row(5, 0.0).times(&self.state) + members.offset_n[5];
+        self.take_bending(input, members, readings, changes);
+        self.strut_n[wheel] = of_strut.times(&self.state) + members.offset_n[5];
         if alive < 4 {
             self.blind = true;
             self.take_expected(input, wheel);
@@ -383,7 +383,7 @@ impl Fusion {
             let variance = sigma * sigma * (BLIND_TIME_S / input.dt).max(1.0);
             let expected = input.expected.0[wheel].force_n[axis];
             if expected.is_finite() {
-                let mut row = Row::new();
+                let mut row = CornerRow::new();
                 row.add(FORCE + 3 * wheel + axis, 1.0);
                 self.take(&row, expected, variance, f64::INFINITY);
             }
@@ -393,14 +393,12 @@ impl Fusion {
     fn take_channel(&mut self, said: &Expected, wheel: usize, i: usize) -> Change {
         let row = &said.row;
         let model = self.health[wheel][i].model_variance(said.tolerance);
-        let ph = self.covariance.times(row);
-        let spread = row.times(&ph[..]);
-        let total = spread + said.variance + model;
+        let total = self.covariance.project(row) + said.variance + model;
         let innovation = said.value - row.times(&self.state);
         let doubt = FAULT_FLOOR * said.value;
         let square = innovation * innovation / (total + doubt * doubt);
         if self.settling() {
-            self.apply(row, &ph, innovation, total);
+            self.apply(row, innovation, total);
             return Change::None;
         }
         let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
@@ -413,7 +411,7 @@ impl Fusion {
         if good {
             self.innovations.used(kind, innovation * innovation / total);
             self.health[wheel][i].learn(innovation, said.tolerance);
-            self.apply(row, &ph, innovation, total);
+            self.apply(row, innovation, total);
         } else {
             self.innovations.rejected(kind);
         }
@@ -421,12 +419,11 @@ impl Fusion {
     }
 
     /// Takes a value in unless it is beyond the gate; returns its innovation in deviations.
-    fn take(&mut self, row: &Row, value: f64, variance: f64, gate: f64) -> f64 {
-        let ph = self.covariance.times(row);
-        let total = row.times(&ph[..]) + variance;
+    fn take<const N: usize>(&mut self, row: &Row<N>, value: f64, variance: f64, gate: f64) -> f64 {
+        let total = self.covariance.project(row) + variance;
         let innovation = value - row.times(&self.state);
         if self.settling() || innovation * innovation <= gate * total {
-            self.apply(row, &ph, innovation, total);
+            self.apply(row, innovation, total);
         }
         innovation / total.sqrt()
     }
@@ -443,32 +440,19 @@ impl Fusion {
         }
     }
 
-    fn apply(&mut self, row: &Row, ph: &Column, innovation: f64, total: f64) {
+    /// Takes in the value of a row that was projected last.
+    fn apply<const N: usize>(&mut self, row: &Row<N>, innovation: f64, total: f64) {
         if total.is_nan() || total <= 0.0 || !innovation.is_finite() {
             return;
         }
-        self.covariance.trace.note(|| {
-            let predicted = row.times(&ph[..]);
-            Operation::Update(Box::new(Update {
-                row: row.terms().collect(),
-                value: innovation + row.times(&self.state),
-                innovation,
-                variance: total - predicted,
-                total,
-                gain: SVector::from_column_slice(&ph[..SIZE]) / total,
-            }))
-        });
-        let gain = innovation / total;
-        for (x, p) in self.state.iter_mut().zip(ph.iter()) {
-            *x += gain * p;
-        }
-        self.covariance.reduce(ph, total);
+        self.covariance
+            .reduce(row, &mut self.state, innovation, total);
     }
 }
 
 /// What a strain channel says, and its row.
-struct Expected {
-    row: Row,
+pub(super) struct Expected {
+    row: CornerRow,
     value: f64,
     /// Of the converter's noise.
     variance: f64,
@@ -488,7 +472,7 @@ fn member_tolerance_n(posed: bool, force_n: f64) -> f64 {
 
 /// The members' forces of one corner: A (F - age F') + B (M, with rolling resistance and half-shaft
 /// torque) + offset.
-struct Members<'a> {
+pub(super) struct Members<'a> {
     wheel: usize,
     statics: &'a CornerStatics,
     /// M_y of a newton of load.
@@ -500,9 +484,9 @@ struct Members<'a> {
 
 impl Members<'_> {
     /// Row of member i as it was `age` ago.
-    fn row(&self, i: usize, age: f64) -> Row {
+    fn row(&self, i: usize, age: f64) -> CornerRow {
         let gains = self.statics.members_from_wrench.row(i);
-        let mut row = Row::new();
+        let mut row = CornerRow::new();
         for k in 0..3 {
             let mut gain = gains[k];
             if k == 2 {

@@ -1,12 +1,12 @@
-//! What deflection alone and the vehicle model alone say of the forces.
+//! What deflection alone, the vehicle model alone and the thesis's own method say of the forces.
 
-use estimator::Calibration;
 use estimator::calibration::Resolved;
+use estimator::{Calibration, Method, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{Measurement, PerWheel, STANDARD_GRAVITY_M_S2, Sample};
 
-use super::judge::Result;
+use super::judge::{Result, estimate};
 
 /// The forces that the four-wheel model expects from steer and speed.
 pub fn model(result: &Result) -> Result {
@@ -60,4 +60,19 @@ pub fn deflection(
         estimates,
         events: Vec::new(),
     }
+}
+
+/// Each corner by itself from its strain and its spring, as the thesis has it: the spring's stiffness
+/// times its deflection is all that the strut carries (section 3.1). Ours takes the damper in.
+pub fn thesis(vehicle: &Vehicle, sensors: &Sensors, samples: &[Sample]) -> Result {
+    let mut springs = vehicle.clone();
+    for axle in [&mut springs.front, &mut springs.rear] {
+        axle.strut.as_mut().unwrap().damping_n_s_m = 0.0;
+    }
+    let settings = Settings {
+        method: Method::Thesis,
+        ..Settings::default()
+    };
+    let calibration = Calibration::nominal(&vehicle.name);
+    estimate(&springs, sensors, &calibration, settings, samples)
 }

@@ -28,7 +28,7 @@ pub fn directory() -> Option<PathBuf> {
 /// The columns of one run.
 pub struct Run {
     pub rows: usize,
-    columns: HashMap<String, Vec<f64>>,
+    pub columns: HashMap<String, Vec<f64>>,
 }
 
 impl Run {
