@@ -44,7 +44,11 @@ impl DerefMut for Column {
     }
 }
 
-/// A sparse row of a measurement equation: positions and values, `N` of them at most.
+/// Terms of a row that are summed together.
+const FOUR: usize = 4;
+
+/// A sparse row of a measurement equation: positions and values, `N` of them at most, a multiple of
+/// four; those past the last are zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<const N: usize> {
     index: [u8; N],
@@ -55,6 +59,7 @@ pub struct Row<const N: usize> {
 impl<const N: usize> Row<N> {
     /// A row of zeros.
     pub fn new() -> Self {
+        const { assert!(N.is_multiple_of(FOUR)) };
         Self {
             index: [0; N],
             value: [0.0; N],
@@ -74,7 +79,7 @@ impl<const N: usize> Row<N> {
 
     /// The row times a factor.
     pub fn scaled(mut self, factor: f64) -> Self {
-        for value in &mut self.value[..self.length] {
+        for value in &mut self.value {
             *value *= factor;
         }
         self
@@ -82,35 +87,27 @@ impl<const N: usize> Row<N> {
 
     /// Positions and values.
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
-        let index = self.indices().iter().map(|i| usize::from(*i));
-        index.zip(self.values().iter().copied())
+        let index = self.index[..self.length].iter().map(|i| usize::from(*i));
+        index.zip(self.value[..self.length].iter().copied())
+    }
+
+    /// The same, four at a time.
+    fn fours(&self) -> (&[[u8; FOUR]], &[[f64; FOUR]]) {
+        let fours = self.length.div_ceil(FOUR);
+        let (index, value) = (self.index.as_chunks().0, self.value.as_chunks().0);
+        (&index[..fours], &value[..fours])
     }
 
     /// The row times a state or a column: four sums, so that no addition waits for all before it.
     pub fn times(&self, state: &[f64]) -> f64 {
-        let mut sums = [0.0; 4];
-        let fours = self.indices().chunks(4).zip(self.values().chunks(4));
-        for (index, value) in fours {
-            if let ([a, b, c, d], [p, q, r, s]) = (index, value) {
-                sums[0] += p * state[usize::from(*a)];
-                sums[1] += q * state[usize::from(*b)];
-                sums[2] += r * state[usize::from(*c)];
-                sums[3] += s * state[usize::from(*d)];
-            } else {
-                for (sum, (i, value)) in sums.iter_mut().zip(index.iter().zip(value)) {
-                    *sum += value * state[usize::from(*i)];
-                }
+        let mut sums = [0.0; FOUR];
+        let (index, value) = self.fours();
+        for (index, value) in index.iter().zip(value) {
+            for k in 0..FOUR {
+                sums[k] += value[k] * state[usize::from(index[k])];
             }
         }
         (sums[0] + sums[1]) + (sums[2] + sums[3])
-    }
-
-    fn indices(&self) -> &[u8] {
-        &self.index[..self.length]
-    }
-
-    fn values(&self) -> &[f64] {
-        &self.value[..self.length]
     }
 }
 
@@ -313,7 +310,8 @@ impl Covariance {
         let (taken, next) = self.taken.split_at_mut(self.waiting);
         let to = &mut next[0];
         *to = Column::ZERO;
-        project(to, &self.p, row.indices(), row.values());
+        let (index, value) = row.fours();
+        project(to, &self.p, index, value);
         shift(to, taken, &weight);
         row.times(&to[..])
     }
@@ -363,21 +361,12 @@ macro_rules! kernel {
 }
 
 kernel! {
-    fn project(to: &mut Column, matrix: &Matrix, index: &[u8], value: &[f64]) {
+    fn project(to: &mut Column, matrix: &Matrix, index: &[[u8; FOUR]], value: &[[f64; FOUR]]) {
         // Four at a time: what is summed is loaded and stored once for all.
-        for (index, value) in index.chunks(4).zip(value.chunks(4)) {
-            if let ([a, b, c, d], [p, q, r, s]) = (index, value) {
-                let [a, b, c, d] = [a, b, c, d].map(|i| &matrix[usize::from(*i)]);
-                for k in 0..WIDTH {
-                    to[k] = to[k] + p * a[k] + q * b[k] + r * c[k] + s * d[k];
-                }
-            } else {
-                for (i, p) in index.iter().zip(value) {
-                    let a = &matrix[usize::from(*i)];
-                    for k in 0..WIDTH {
-                        to[k] += p * a[k];
-                    }
-                }
+        for (index, [p, q, r, s]) in index.iter().zip(value) {
+            let [a, b, c, d] = index.map(|i| &matrix[usize::from(i)]);
+            for k in 0..WIDTH {
+                to[k] = to[k] + p * a[k] + q * b[k] + r * c[k] + s * d[k];
             }
         }
     }

@@ -43,9 +43,9 @@ const BLIND_STRUT_N: f64 = 70.0;
 const BLIND_TIME_S: f64 = 0.1;
 
 /// Of one corner's channel: force, rate, moment, torque and one more.
-type CornerRow = Row<11>;
+type CornerRow = Row<12>;
 /// Of the inertial unit: forces, their rates, moments and a bias.
-type InertialRow = Row<37>;
+type InertialRow = Row<40>;
 
 /// The balance of moments at one instant: w' = jacobian (F, M) + constant.
 #[derive(Clone, Debug)]
