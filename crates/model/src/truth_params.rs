@@ -26,8 +26,6 @@ const SLIP_PER_LOAD: f64 = 12.0;
 /// atan(F_z/(2 F_z0))) has 0.88 at half of the nominal load and 0.60 at all of it (Tyre and Vehicle
 /// Dynamics, 3rd edition, section 4.3).
 const LOAD_EXPONENT: f64 = 0.75;
-/// Relaxation length over the tyre's radius, assumed.
-const RELAXATION_PER_RADIUS: f64 = 2.0 / 3.0;
 /// Friction coefficient of dry firm ground.
 const FRICTION: f64 = 0.85;
 /// Rolling resistance of a low-pressure tyre on firm ground.
@@ -301,7 +299,7 @@ impl Params {
                 reference_load_n: round_to(load_n, 1.0),
                 load_exponent: LOAD_EXPONENT,
                 friction: FRICTION,
-                relaxation_length_m: round_to(RELAXATION_PER_RADIUS * tyre.unloaded_radius_m, 0.01),
+                relaxation_length_m: 0.0,
                 rolling_resistance: ROLLING_RESISTANCE,
                 camber_stiffness_n_rad: 0.0,
             },
