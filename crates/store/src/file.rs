@@ -65,6 +65,7 @@ impl Unfinished {
     pub(crate) fn sync(&self) -> Result<()> {
         self.file
             .sync_all()
+            .and_then(|()| can_be_written(&self.file))
             .map_err(Error::file("sync", &self.active))
     }
 
@@ -78,6 +79,23 @@ impl Unfinished {
         sync_directory(&self.path)?;
         journal::remove(&self.path)
     }
+}
+
+/// Whether the file's system takes what is written. One that an error has turned read-only under an
+/// open file says yes to each sync, and writes nothing.
+#[cfg(unix)]
+pub(crate) fn can_be_written(file: &File) -> std::io::Result<()> {
+    use rustix::fs::{StatVfsMountFlags, fstatvfs};
+    if fstatvfs(file)?.f_flag.contains(StatVfsMountFlags::RDONLY) {
+        return Err(rustix::io::Errno::ROFS.into());
+    }
+    Ok(())
+}
+
+/// Whether the file's system takes what is written: not known here.
+#[cfg(not(unix))]
+pub(crate) fn can_be_written(_: &File) -> std::io::Result<()> {
+    Ok(())
 }
 
 /// Makes a file's directory entry last.

@@ -74,8 +74,13 @@ echo "pulled out"
 device=$(basename "$(readlink -f /sys/block/vda/device)")
 echo "$device" >/sys/bus/virtio/drivers/virtio_blk/unbind
 until_disk_is failing
-# Nothing of the recorder holds the dead disk.
-umount /tmp/disk
+# Soon nothing of the recorder holds the dead disk.
+tries=0
+until umount /tmp/disk; do
+    tries=$((tries + 1))
+    [ "$tries" -lt 20 ] || exit 1
+    sleep 0.1
+done
 dmsetup remove disk
 while_failing pulled
 echo "$device" >/sys/bus/virtio/drivers/virtio_blk/bind
