@@ -67,8 +67,13 @@ fn what_a_log_that_was_rotated_away_did_not_bring_to_the_disk_comes_again() {
     assert_eq!(read(&summary), (0..130).collect::<Vec<_>>());
     assert_eq!(summary.lost_arrivals, 0);
     assert!(!summary.unfinished.is_empty());
+    // By when each of the two logs is given back, the first's reason or the second's is the last.
     let reason = summary.last_failure.expect("a reason");
-    assert!(reason.contains("the disk is broken"), "{reason}");
+    let reasons = [
+        "the disk is broken",
+        "the log before it did not reach the disk",
+    ];
+    assert!(reasons.iter().any(|r| reason.contains(r)), "{reason}");
 }
 
 #[test]
