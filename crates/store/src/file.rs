@@ -63,10 +63,7 @@ impl Unfinished {
     /// Syncs the file. Once this has failed, the system holds what did not reach the disk for
     /// written: a second attempt says nothing.
     pub(crate) fn sync(&self) -> Result<()> {
-        self.file
-            .sync_all()
-            .and_then(|()| can_be_written(&self.file))
-            .map_err(Error::file("sync", &self.active))
+        sync(&self.file).map_err(Error::file("sync", &self.active))
     }
 
     /// Gives the file its final name and syncs the directory; may be tried again.
@@ -81,20 +78,17 @@ impl Unfinished {
     }
 }
 
-/// Whether the file's system takes what is written. One that an error has turned read-only under an
-/// open file says yes to each sync, and writes nothing.
-#[cfg(unix)]
-pub(crate) fn can_be_written(file: &File) -> std::io::Result<()> {
-    use rustix::fs::{StatVfsMountFlags, fstatvfs};
-    if fstatvfs(file)?.f_flag.contains(StatVfsMountFlags::RDONLY) {
-        return Err(rustix::io::Errno::ROFS.into());
+/// Brings what was written to a file to the disk. A file system that an error has turned read-only
+/// under an open file says yes to each sync and writes nothing: that is a refusal.
+pub(crate) fn sync(file: &File) -> std::io::Result<()> {
+    file.sync_data()?;
+    #[cfg(unix)]
+    {
+        use rustix::fs::{StatVfsMountFlags, fstatvfs};
+        if fstatvfs(file)?.f_flag.contains(StatVfsMountFlags::RDONLY) {
+            return Err(rustix::io::Errno::ROFS.into());
+        }
     }
-    Ok(())
-}
-
-/// Whether the file's system takes what is written: not known here.
-#[cfg(not(unix))]
-pub(crate) fn can_be_written(_: &File) -> std::io::Result<()> {
     Ok(())
 }
 
@@ -223,10 +217,7 @@ impl Writer {
     /// If the disk refuses.
     pub fn sync(&mut self) -> Result<()> {
         self.flush()?;
-        self.unfinished
-            .file
-            .sync_data()
-            .map_err(Error::file("sync", &self.unfinished.active))
+        self.unfinished.sync()
     }
 
     /// Bytes written so far.
@@ -330,5 +321,36 @@ impl Writer {
             .file
             .try_clone()
             .map_err(Error::file("open again", &self.unfinished.active))
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    /// A file on a file system that is mounted read-only, if there is one.
+    fn on_read_only() -> Option<File> {
+        let mounts = std::fs::read_to_string("/proc/mounts").ok()?;
+        let read_only = mounts.lines().filter_map(|line| {
+            let mut words = line.split(' ').skip(1);
+            let (place, options) = (words.next()?, words.nth(1)?);
+            options.split(',').any(|o| o == "ro").then_some(place)
+        });
+        let entries = read_only.filter_map(|place| std::fs::read_dir(place).ok());
+        let mut files = entries.flatten().flatten().map(|entry| entry.path());
+        let file = files.find(|path| path.is_file())?;
+        File::open(file).ok()
+    }
+
+    #[test]
+    fn a_sync_that_cannot_have_written_is_refused() {
+        sync(&tempfile::tempfile().unwrap()).unwrap();
+        match on_read_only() {
+            Some(file) => {
+                let refusal = sync(&file).unwrap_err();
+                assert_eq!(refusal.kind(), ErrorKind::ReadOnlyFilesystem);
+            }
+            None => eprintln!("SKIPPED: no file on a read-only file system"),
+        }
     }
 }

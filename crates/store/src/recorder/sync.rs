@@ -11,7 +11,7 @@ use std::time::Duration;
 use sample::Arrival;
 
 use super::Shared;
-use crate::file::{Unfinished, can_be_written};
+use crate::file::{Unfinished, sync};
 use crate::{Error, Result};
 
 /// What the syncing thread is asked to do.
@@ -38,8 +38,7 @@ impl Watched {
     /// Syncs it; `false`, and told, if the disk refuses.
     fn sync(&self) -> bool {
         let written = self.groups.written.load(Ordering::Acquire);
-        let synced = self.files.iter().try_for_each(File::sync_data);
-        match synced.and_then(|()| self.files.first().map_or(Ok(()), can_be_written)) {
+        match self.files.iter().try_for_each(sync) {
             Ok(()) => {
                 self.groups.synced.store(written, Ordering::Release);
                 true
