@@ -110,12 +110,10 @@ fn judge_file(file: &str, force_max: [f64; 3], lift_within_s: f64) {
             let others = others.map(|other| force_errors(&run, &vehicle, &other));
             eprintln!("{file} {name:15} model, deflection, thesis alone {others:.2?} %");
             for (axis, found) in force.iter().enumerate() {
-                // On a steady circle potentiometers alone tell the loads, the same to all.
-                let times = if axis == 2 && name == "b_circle" {
-                    1.5
-                } else {
-                    2.0
-                };
+                // On a steady circle potentiometers alone tell the loads, the same to all; at 10 bit
+                // the bridges' zeros are worse than they, and bending tells the loads.
+                let alike = axis == 2 && name == "b_circle" && file == "full-bridge-16bit";
+                let times = if alike { 1.5 } else { 2.0 };
                 // An error of zero is a force that the method does not tell.
                 let told = others
                     .iter()
@@ -201,23 +199,28 @@ fn bending_bridges_meet_their_floors() {
     judge_file("full-bridge-16bit-bending", [0.7, 0.4, 0.2], 0.1);
 }
 
+/// What the estimator makes of a run through the thesis's sensors.
+fn at_ten_bit(vehicle: &Vehicle, run: &Run) -> Result {
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let samples = sensing::samples(run, vehicle, &sensors, 1);
+    let calibration = Calibration::nominal(&vehicle.name);
+    estimate(
+        vehicle,
+        &sensors,
+        &calibration,
+        Settings::default(),
+        &samples,
+    )
+}
+
 #[test]
 fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
     if run::directory().is_none() {
         return;
     }
     let vehicle = run::vehicle();
-    let sensors = Sensors::builtin("thesis-10bit").unwrap();
-    let calibration = Calibration::nominal(&vehicle.name);
     let run = Run::load("h_jack");
-    let samples = sensing::samples(&run, &vehicle, &sensors, 1);
-    let result = estimate(
-        &vehicle,
-        &sensors,
-        &calibration,
-        Settings::default(),
-        &samples,
-    );
+    let result = at_ten_bit(&vehicle, &run);
     let force = force_errors(&run, &vehicle, &result);
     eprintln!("h_jack Fx, Fy, Fz {force:.2?} %");
     assert!(result.events.is_empty(), "{:?}", result.events);
@@ -228,17 +231,8 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
 #[test]
 fn forces_and_deviations_hold_on_a_long_drive() {
     let vehicle = Vehicle::builtin("prowler").unwrap();
-    let sensors = Sensors::builtin("thesis-10bit").unwrap();
     let run = drive::mixed_driving(&vehicle, LONG_DRIVE_S);
-    let samples = sensing::samples(&run, &vehicle, &sensors, 1);
-    let calibration = Calibration::nominal(&vehicle.name);
-    let result = estimate(
-        &vehicle,
-        &sensors,
-        &calibration,
-        Settings::default(),
-        &samples,
-    );
+    let result = at_ten_bit(&vehicle, &run);
     let force = force_errors(&run, &vehicle, &result);
     let found = deviations(&run, &result);
     let (axes, inside) = (found.axes, found.all.inside);
