@@ -8,6 +8,7 @@ mod disk;
 mod drive;
 
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -113,11 +114,48 @@ fn without_errors(frames: &[CanFrame]) -> Vec<&CanFrame> {
     frames.iter().filter(|frame| !frame.flags.error).collect()
 }
 
-/// Ends the virtual vehicle when the test ends, however it ends.
-struct Running(Child);
+/// A virtual vehicle on this machine. It ends when the test ends, however that ends.
+struct Vehicle(Child);
 
-impl Drop for Running {
+impl Vehicle {
+    /// Drives with its ports in `directory`, for longer than a test takes.
+    fn start(directory: &Path) -> Self {
+        let vehicle = Command::new(atvrec())
+            .args([
+                "virtual",
+                "--manoeuvre",
+                "mixed-driving",
+                "--for",
+                "1200",
+                "-q",
+            ])
+            .arg("--directory")
+            .arg(directory)
+            .stdout(Stdio::piped())
+            .spawn();
+        Self(vehicle.expect("the virtual vehicle starts"))
+    }
+
+    /// Ends the drive. For each port, the messages that it left out while its line had no room.
+    fn stop(mut self) -> BTreeMap<String, u64> {
+        let id = self.0.id().to_string();
+        let told = Command::new("kill").args(["-TERM", &id]).status();
+        assert!(told.expect("kill starts").success());
+        let mut text = String::new();
+        let mut output = self.0.stdout.take().expect("piped");
+        output.read_to_string(&mut text).expect("what it says");
+        let counts = text.lines().filter_map(|line| {
+            let (sent, left_out) = line.split_once(" messages sent, ")?;
+            let left_out = left_out.split_once(' ')?.0.parse().ok()?;
+            Some((sent.split_whitespace().next()?.to_owned(), left_out))
+        });
+        counts.collect()
+    }
+}
+
+impl Drop for Vehicle {
     fn drop(&mut self) {
+        // It may have ended by itself.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -127,40 +165,21 @@ impl Drop for Running {
 fn bytes_through_real_uarts_decode_without_an_error() {
     let ports = project().join("target/rig-out/ports");
     let _ = std::fs::remove_dir_all(&ports);
-    let vehicle = Command::new(atvrec())
-        .args([
-            "virtual",
-            "--manoeuvre",
-            "slow-sine",
-            "--repeat",
-            "-q",
-            "--directory",
-        ])
-        .arg(&ports)
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("the virtual vehicle starts");
-    let _vehicle = Running(vehicle);
-    let port = |name: &str| ports.join(name).display().to_string();
-    for name in ["imu", "novatel", "septentrio"] {
+    let vehicle = Vehicle::start(&ports);
+    let names = ["imu", "novatel", "septentrio"];
+    let mut uarts = Vec::new();
+    for name in names {
         wait_for(&ports.join(name));
+        uarts.extend(["--uart".to_owned(), ports.join(name).display().to_string()]);
     }
-    let out = boot(
-        "uart",
-        &[
-            "--uart",
-            &port("imu"),
-            "--uart",
-            &port("novatel"),
-            "--uart",
-            &port("septentrio"),
-        ],
-    );
+    let uarts: Vec<&str> = uarts.iter().map(String::as_str).collect();
+    let out = boot("uart", &uarts);
+    let left_out = vehicle.stop();
     let logs = logs_in(&out.join("logs"));
     let reports = atvrec_tests::health_reports(&logs);
     // What the ports held before they were opened is old and cut: it ends within the first seconds.
     let (settled, last) = (&reports[4], &reports[reports.len() - 1]);
-    for (name, least_messages) in [("imu", 500), ("novatel", 200), ("septentrio", 200)] {
+    for (name, least_messages) in names.into_iter().zip([500, 200, 200]) {
         let of = |report: &Health| -> SourceHealth {
             let found = report.sources.iter().find(|source| source.name == name);
             found
@@ -168,19 +187,19 @@ fn bytes_through_real_uarts_decode_without_an_error() {
                 .clone()
         };
         let (settled, last) = (of(settled), of(last));
-        assert!(
-            last.messages > settled.messages + least_messages,
-            "{settled:?} {last:?}"
-        );
-        // While the emulated port stands still the virtual vehicle leaves messages out and the
-        // guest may lose bytes: each such place may cost a message, and none is damaged elsewhere.
-        let gaps = last.gaps - settled.gaps;
+        let case = format!("{} left out: {settled:?} {last:?}", left_out[name]);
+        let messages = last.messages - settled.messages;
+        assert!(messages >= least_messages, "{case}");
+        // While this machine leaves the guest no time, a device leaves messages out and the guest's
+        // UART may be overrun. Both are counted, and nothing is missing or damaged besides.
+        let [overrun, kernel, queue, disk] = last.lost;
+        assert_eq!([kernel, queue, disk], [0; 3], "{case}");
+        assert!(last.gaps <= left_out[name] + overrun, "{case}");
         let errors = last.checksum_errors - settled.checksum_errors;
-        assert!(gaps <= 5 && errors <= gaps, "{settled:?} {last:?}");
-        if errors == 0 {
-            assert_eq!(last.skipped_bytes, settled.skipped_bytes, "{last:?}");
+        assert!(errors <= overrun, "{case}");
+        if overrun == 0 {
+            assert_eq!(last.skipped_bytes, settled.skipped_bytes, "{case}");
         }
-        assert_eq!(last.lost, [0; 4], "{last:?}");
     }
     let verified = Command::new(atvrec())
         .args(["replay", "--verify"])

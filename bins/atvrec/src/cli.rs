@@ -245,7 +245,7 @@ pub struct DriveArgs {
     /// Further settings of the virtual vehicle (TOML): hidden errors, faults, delays.
     #[arg(long, value_name = "FILE")]
     pub options: Option<PathBuf>,
-    /// Drive for this long instead of the manoeuvre's own duration.
+    /// Drive for this long; beyond the manoeuvre's own duration only mixed-driving goes on.
     #[arg(long = "for", value_name = "SECONDS", value_parser = positive)]
     pub duration_s: Option<f64>,
 }

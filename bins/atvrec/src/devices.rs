@@ -1,6 +1,7 @@
 //! The virtual vehicle's devices on pseudo-terminals: they send on their own and answer what a
 //! recorder says to them.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -33,8 +34,10 @@ struct Device {
     port: VirtualPort,
     manner: Manner,
     attended: bool,
+    /// What is begun and waits for room on the line.
+    begun: Vec<u8>,
     sent: u64,
-    cut: u64,
+    left_out: u64,
 }
 
 /// How a device behaves.
@@ -68,10 +71,24 @@ struct Adapter {
 pub struct Sent {
     /// Which.
     pub name: &'static str,
-    /// Messages that went out whole.
+    /// Messages that went out.
     pub messages: u64,
-    /// Messages that the line could not take.
-    pub cut: u64,
+    /// Messages that found no room on the line.
+    pub left_out: u64,
+}
+
+impl fmt::Display for Sent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            name,
+            messages,
+            left_out,
+        } = self;
+        write!(
+            f,
+            "{name:<14}{messages:>10} messages sent, {left_out} left out: no room on the line"
+        )
+    }
 }
 
 impl Devices {
@@ -146,7 +163,7 @@ impl Devices {
             .map(|device| Sent {
                 name: device.name.name(),
                 messages: device.sent,
-                cut: device.cut,
+                left_out: device.left_out,
             })
             .collect()
     }
@@ -184,8 +201,9 @@ impl Device {
             port,
             manner,
             attended: false,
+            begun: Vec::new(),
             sent: 0,
-            cut: 0,
+            left_out: 0,
         })
     }
 
@@ -194,6 +212,7 @@ impl Device {
         let count = match self.port.read(&mut buffer)? {
             Heard::Nobody => {
                 self.attended = false;
+                self.begun.clear();
                 return Ok(());
             }
             Heard::Bytes(count) => count,
@@ -206,10 +225,8 @@ impl Device {
             Manner::Inertial(unit) => unit.hear(heard, &mut answers),
             Manner::Adapter(adapter) => adapter.hear(heard, &mut answers),
         }
-        if !answers.is_empty() {
-            self.port.write(&answers)?;
-        }
-        Ok(())
+        self.begun.extend(answers);
+        self.push()
     }
 
     fn send(&mut self, output: &Output, time_s: f64) -> anyhow::Result<()> {
@@ -222,10 +239,21 @@ impl Device {
         let Some(bytes) = bytes.filter(|_| self.attended) else {
             return Ok(());
         };
-        if self.port.write(&bytes)? == bytes.len() {
-            self.sent += 1;
-        } else {
-            self.cut += 1;
+        self.push()?;
+        if !self.begun.is_empty() {
+            self.left_out += 1;
+            return Ok(());
+        }
+        self.begun = bytes;
+        self.sent += 1;
+        self.push()
+    }
+
+    /// Sends of what is begun as much as the line takes.
+    fn push(&mut self) -> anyhow::Result<()> {
+        if !self.begun.is_empty() {
+            let gone = self.port.write(&self.begun)?;
+            self.begun.drain(..gone);
         }
         Ok(())
     }

@@ -34,13 +34,8 @@ pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
         "a virtual vehicle on pseudo-terminals and SLCAN, recorded in real time",
     );
     let (summary, sent) = drive_and_record(args, &directory, &config_path)?;
-    for Sent {
-        name,
-        messages,
-        cut,
-    } in &sent
-    {
-        println!("  {name:<14}{messages:>10} messages sent, {cut} that the line could not take");
+    for sent in &sent {
+        println!("  {sent}");
     }
     print!("{}", record::as_text(&summary));
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Context;
 
 use crate::cli::VirtualArgs;
-use crate::devices::{Devices, Sent};
+use crate::devices::Devices;
 use crate::exit::Outcome;
 use crate::rig::{Ports, Rig};
 
@@ -41,13 +41,8 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
         }
         rig = Rig::new(&args.drive)?;
     }
-    for Sent {
-        name,
-        messages,
-        cut,
-    } in devices.sent()
-    {
-        println!("  {name:<14}{messages:>10} messages sent, {cut} that the line could not take");
+    for sent in devices.sent() {
+        println!("  {sent}");
     }
     Ok(Outcome::Good)
 }
