@@ -20,8 +20,12 @@ use length::LengthFilter;
 
 /// Load under which a wheel's contact point says nothing about the ground, N.
 const CONTACT_N: f64 = 60.0;
-/// Model error of a strut's force beside what its length's error makes, N.
+/// Model error of a strut's force beside what its length's error makes, N: as one smoothed reading
+/// tells it, and as one of many that do.
 const STRUT_FLOOR_N: f64 = 8.0;
+const READING_FLOOR_N: f64 = 4.0;
+/// How many times the variance of a strut's rate counts in one of many readings: its error lasts.
+const RATE_LASTS: f64 = 2.5;
 
 /// Part of the way to the length that a force calls for that is gone in one step, and the most, m.
 const FORCED_PART: f64 = 0.1;
@@ -40,6 +44,9 @@ pub struct CornerState {
     pub strut_n: f64,
     /// Its standard deviation, N; infinite while no deflection is measured.
     pub strut_sigma_n: f64,
+    /// The same force with the spring where the potentiometer's new reading alone puts it, and its
+    /// deviation, N; none without a new reading. Its noise is new with every reading.
+    pub strut_read: Option<[f64; 2]>,
     /// Its stiffness where it stands, N/m.
     pub strut_stiffness_n_m: f64,
     /// Whether its potentiometer has just jumped.
@@ -313,9 +320,7 @@ impl Linkage {
         belief: StrutBelief,
     ) {
         self.length.predict(dt);
-        if belief.jolted {
-            self.length.jolt();
-        }
+        self.length.jolt(belief.jolt_m_s2);
         if let Some(reading) = reading
             && !reading.taken
         {
@@ -389,13 +394,21 @@ impl Linkage {
         )?;
         let stiffness = self.strut.stiffness_at(length);
         let damping = self.strut.damping_n_s_m;
+        let strut_n = self.strut.force(length, rate).total_n();
+        let strut_read = self.length.reading().map(|read| {
+            let spring = stiffness * stiffness * read.variance;
+            let damper = RATE_LASTS * damping * damping * read.rate_variance;
+            let variance = spring + damper + READING_FLOOR_N.powi(2);
+            [strut_n - stiffness * read.longer_m, variance.sqrt()]
+        });
         Ok(CornerState {
             pose,
             frame,
             statics,
             strut_stiffness_n_m: stiffness,
             strut_jumped: self.length.jumped(),
-            strut_n: self.strut.force(length, rate).total_n(),
+            strut_n,
+            strut_read,
             strut_sigma_n: self
                 .length
                 .force_variance(stiffness, damping)

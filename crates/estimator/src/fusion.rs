@@ -58,13 +58,15 @@ const MOMENT_TIME_S: f64 = 1.0;
 /// Standard deviation of a half-shaft's torque, N m, and its time constant, s. Both axles have
 /// one, whatever the vehicle file's split: where four-wheel drive can be switched on, taking the
 /// front wheels for undriven would cost 12 % of F_x, while the state costs 0.3 % where they are.
-const TORQUE_SIGMA: f64 = 200.0;
+const TORQUE_SIGMA: f64 = 50.0;
 const TORQUE_TIME_S: f64 = 0.5;
 /// Moment that the rigid-body balance does not know of, N m/sqrt(Hz).
-const TURN_NOISE_N_M: [f64; 3] = [20.0, 20.0, 15.0];
+const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 7.5];
+/// Variance of the body's rate where the tyres' moments do not tell it, (rad/s)^2.
+const TURN_VARIANCE: f64 = 0.1;
 /// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
 const ACCEL_TIME_S: f64 = 30.0;
-const ACCEL_SIGMA: f64 = 0.015;
+const ACCEL_SIGMA: f64 = 0.0075;
 /// How fast what was learnt of a strain channel's offset fades to the calibrated zero, s, and its
 /// walk, N/sqrt(s). Moments, torques and geometry are wrong by little, but for long: an offset that
 /// only walked would within minutes take their errors for its own, and be sure of them.
@@ -73,6 +75,10 @@ const OFFSET_WALK: f64 = 0.05;
 
 /// Speed from which a body stands on its tyres alone, m/s.
 const ALONE_M_S: f64 = 1.0;
+
+/// Change of a strut's acceleration by a blow and by a push, m/s^2.
+const BLOW_M_S2: f64 = 2.0;
+const PUSH_M_S2: f64 = 0.3;
 
 /// Density of the noise of the forces' rates while a corner's strain is missing, (N/s)^2/s.
 const BLIND_DENSITY: f64 = 6.0e3 * 6.0e3;
@@ -95,6 +101,10 @@ pub struct Fusion {
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
     turn_dot: Vector3<f64>,
+    /// Whether drive or brake came with this step.
+    pushed: bool,
+    /// Whether something besides the tyres carries the vehicle: stands, a jack.
+    held: bool,
     blind: bool,
     steps: u32,
     resets: u32,
@@ -146,8 +156,8 @@ pub struct StrutBelief {
     pub longer_m: f64,
     /// Its force, N, once the filter has settled.
     pub force_n: Option<f64>,
-    /// Whether a blow has just changed the forces.
-    pub jolted: bool,
+    /// How far a blow or a push may just have changed its acceleration, m/s^2.
+    pub jolt_m_s2: f64,
 }
 
 /// A channel that was found faulty (`true`) or good again.
@@ -214,6 +224,8 @@ impl Fusion {
             strut_n: [f64::NAN; 4],
             body_motion: None,
             turn_dot: Vector3::zeros(),
+            pushed: false,
+            held: false,
             blind: false,
             steps: 0,
             resets: 0,
@@ -260,7 +272,7 @@ impl Fusion {
             variance[TORQUE + axle] = TORQUE_SIGMA.powi(2);
         }
         for axis in 0..3 {
-            variance[TURN + axis] = 0.1;
+            variance[TURN + axis] = TURN_VARIANCE;
             variance[ACCEL + axis] = ACCEL_SIGMA.powi(2);
         }
         self.state[OFFSET..].fill(0.0);
@@ -287,6 +299,7 @@ impl Fusion {
             self.heed_surprise(&said);
         }
         let before = self.rates();
+        self.pushed = false;
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
@@ -384,7 +397,13 @@ impl Fusion {
                 0.0
             },
             force_n: (!self.settling()).then_some(self.strut_n[wheel]),
-            jolted: self.agility.open(),
+            jolt_m_s2: if self.agility.open() {
+                BLOW_M_S2
+            } else if self.pushed {
+                PUSH_M_S2
+            } else {
+                0.0
+            },
         }
     }
 
@@ -445,14 +464,14 @@ impl Fusion {
             *x *= kept;
         }
         c.scale(&keep);
+        // What the vehicle model guesses teaches nothing of how fast the forces change.
+        let density = if self.blind {
+            [BLIND_DENSITY; 3]
+        } else {
+            self.agility.densities()
+        };
         for i in 0..12 {
-            // What the vehicle model guesses teaches nothing of how fast the forces change.
-            let q = if self.blind {
-                BLIND_DENSITY
-            } else {
-                self.agility.density(i % 3)
-            };
-            c.add_noise_pair(FORCE + i, RATE + i, q, dt);
+            c.add_noise_pair(FORCE + i, RATE + i, density[i % 3], dt);
             c.add_noise(
                 MOMENT + i,
                 moment_gain * balance.known[i / 3].sigma_n_m[i % 3].powi(2),

@@ -10,7 +10,8 @@
 //!   shrinks where it is below (Mehra, On the identification of variances and adaptive Kalman
 //!   filtering, IEEE Transactions on Automatic Control 15 (1970), judges by the same correlation).
 //! - At once, and only as long as it lasts: s^2 beyond what white corrections give multiplies the
-//!   density, so that a manoeuvre that begins need not wait for the slow part.
+//!   density, so that a manoeuvre that begins need not wait for the slow part. A half of the states
+//!   that is corrected alone, as one axle is, counts almost as if all were.
 
 /// Weight of one step in the fading mean of corrections: about five steps.
 const RECENT: f64 = 0.2;
@@ -22,6 +23,8 @@ const PRODUCT_MAX: f64 = 0.2;
 const COLOUR: f64 = 0.05;
 /// Most that a density shrinks and grows in one step.
 const STEP: [f64; 2] = [0.03, 0.1];
+/// Weight of that half of the states whose s^2 is larger.
+const HALF: f64 = 0.85;
 /// Deviations that one correction counts at most.
 const CORRECTION_MAX: f64 = 5.0;
 
@@ -59,13 +62,14 @@ impl<const N: usize> ProcessNoise<N> {
 
     /// Takes in one step's corrections, in stated deviations.
     pub fn learn(&mut self, corrections: [f64; N]) {
-        let (mut product, mut square) = (0.0, 0.0);
-        for (recent, z) in self.recent.iter_mut().zip(corrections) {
+        let mut product = 0.0;
+        let mut squares = [0.0; 2];
+        for (i, (recent, z)) in self.recent.iter_mut().zip(corrections).enumerate() {
             let z = if z.is_finite() { z } else { 0.0 };
             let z = z.clamp(-CORRECTION_MAX, CORRECTION_MAX);
             product += z * *recent / N as f64;
             *recent += RECENT * (z - *recent);
-            square += *recent * *recent / N as f64;
+            squares[2 * i / N] += *recent * *recent / N as f64;
         }
         self.product += SLOW * (product.clamp(-PRODUCT_MAX, PRODUCT_MAX) - self.product);
         let [down, up] = STEP;
@@ -74,7 +78,9 @@ impl<const N: usize> ProcessNoise<N> {
         self.slow = (self.slow * (1.0 + step)).clamp(least, most);
         // A deviation above the mean of chi-square over N.
         let usual = (1.0 + (2.0 / N as f64).sqrt()) * RECENT / (2.0 - RECENT);
-        self.boost = (square / usual).max(1.0).powi(3);
+        let half = HALF * 2.0 * squares[0].max(squares[1]);
+        let square = (squares[0] + squares[1]).max(half);
+        self.boost = (square / usual).max(1.0).powi(4);
     }
 }
 

@@ -8,9 +8,7 @@ use crate::process_noise::ProcessNoise;
 
 /// Density of a strut's jerk at the start, and its bounds, (m/s^3)^2/Hz.
 const JERK: f64 = 5.0 * 5.0;
-const JERK_BOUNDS: [f64; 2] = [0.5 * 0.5, 300.0 * 300.0];
-/// Change of a strut's acceleration by a blow, m/s^2.
-const JOLT: f64 = 2.0;
+const JERK_BOUNDS: [f64; 2] = [0.16 * 0.16, 300.0 * 300.0];
 /// Innovation, standard deviations, beyond which a reading is left out.
 const GATE: f64 = 8.0;
 /// Readings left out in a row after which the filter, not the potentiometer, is taken to be wrong.
@@ -30,6 +28,18 @@ pub struct LengthFilter {
     misses: u32,
     jumped: bool,
     jerk: ProcessNoise<1>,
+    longer_m: Option<f64>,
+}
+
+/// What a reading says by itself.
+#[derive(Clone, Copy, Debug)]
+pub struct NewReading {
+    /// How much longer the strut is by it than by all readings, m.
+    pub longer_m: f64,
+    /// Variance of its noise, m^2.
+    pub variance: f64,
+    /// Variance of the strut's rate by all readings, m^2/s^2.
+    pub rate_variance: f64,
 }
 
 impl LengthFilter {
@@ -45,6 +55,7 @@ impl LengthFilter {
             misses: 0,
             jumped: false,
             jerk: ProcessNoise::new(JERK, JERK_BOUNDS),
+            longer_m: None,
         }
     }
 
@@ -52,6 +63,7 @@ impl LengthFilter {
     pub fn predict(&mut self, dt: f64) {
         self.silent_s += dt;
         self.jumped = false;
+        self.longer_m = None;
         if self.silent_s > SILENCE_S {
             if self.time.is_none() {
                 self.state = Vector3::new(self.design_m, 0.0, 0.0);
@@ -79,9 +91,9 @@ impl LengthFilter {
         self.covariance = f * self.covariance * f.transpose() + noise * q;
     }
 
-    /// A blow has changed the acceleration.
-    pub fn jolt(&mut self) {
-        self.covariance[(2, 2)] += JOLT * JOLT;
+    /// Something may have changed the acceleration by `jolt_m_s2`.
+    pub fn jolt(&mut self, jolt_m_s2: f64) {
+        self.covariance[(2, 2)] += jolt_m_s2 * jolt_m_s2;
     }
 
     /// Takes a length in that was true at `valid`.
@@ -105,6 +117,7 @@ impl LengthFilter {
         } else {
             self.jerk.learn([innovation / total.sqrt()]);
             self.state += ph * (innovation / total);
+            self.longer_m = Some(length_m - h.dot(&self.state));
             self.covariance -= ph * ph.transpose() / total;
             self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         }
@@ -127,6 +140,15 @@ impl LengthFilter {
     pub fn known(&self, now: LogTime) -> bool {
         self.time
             .is_some_and(|time| now.seconds_since(time) <= SILENCE_S)
+    }
+
+    /// The reading that came since the last prediction, if any did and was believed.
+    pub fn reading(&self) -> Option<NewReading> {
+        self.longer_m.map(|longer_m| NewReading {
+            longer_m,
+            variance: self.variance,
+            rate_variance: self.covariance[(1, 1)],
+        })
     }
 
     /// Variance of -k l - c l', N^2; `None` while nothing is measured.

@@ -11,7 +11,10 @@ use crate::process_noise::ProcessNoise;
 
 /// Density at the start, and its bounds, (N/s)^2/s.
 const START: f64 = 3.0e3 * 3.0e3;
-const BOUNDS: [f64; 2] = [100.0 * 100.0, 2.0e4 * 2.0e4];
+const BOUNDS: [f64; 2] = [32.0 * 32.0, 2.0e4 * 2.0e4];
+/// Part of the largest density that every axis has at least: a tyre that is steered or braked
+/// pushes along all of them.
+const SHARED: f64 = 0.02;
 
 /// Square of a normalised innovation that surprises, and how many of one corner's channels it takes.
 const SURPRISE: f64 = 20.0;
@@ -46,9 +49,11 @@ impl Default for Agility {
 }
 
 impl Agility {
-    /// Density of the noise of the rate along an axis, (N/s)^2/s.
-    pub fn density(&self, axis: usize) -> f64 {
-        self.noise[axis].density()
+    /// Densities of the noise of the rates along x, y, z, (N/s)^2/s.
+    pub fn densities(&self) -> [f64; 3] {
+        let own = self.noise.map(|noise| noise.density());
+        let shared = SHARED * own.into_iter().fold(0.0, f64::max);
+        own.map(|density| density.max(shared))
     }
 
     /// Takes the normalised square of a strain channel's innovation in.

@@ -2,13 +2,13 @@
 
 use model::suspension::CornerStatics;
 use nalgebra::{Matrix3, Vector3};
-use sample::{InnovationKind, StrainChannel};
+use sample::{InnovationKind, STANDARD_GRAVITY_M_S2, StrainChannel};
 
 use super::covariance::{Row, position};
 use super::moments::KnownMoment;
 use super::{
     ACCEL, Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, OFFSET, RATE, SIZE, StepInput,
-    TORQUE, TURN,
+    TORQUE, TURN, TURN_VARIANCE,
 };
 use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
@@ -35,6 +35,13 @@ const STRUT_GATE: f64 = 100.0;
 /// Square of the forward accelerometer's normalised innovation that is a push: drive or brake that
 /// has just come.
 const PUSH: f64 = 8.0;
+/// The same beyond which it is the accelerometer that is doubted.
+const PUSH_MAX: f64 = 400.0;
+/// Rate of the loads after a push, N/s of a newton of its surplus: the body begins to pitch.
+const PUSH_RATE: f64 = 3.0;
+/// Part of the weight within which the tyres must carry it before a vehicle that was held counts as
+/// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
+const HELD_PART: f64 = 0.05;
 /// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
 const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
 /// Strut's force where no strain tells what of it F_x and F_y carry, N.
@@ -127,7 +134,8 @@ impl Fusion {
         let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
         let variance = (mass * accel).powi(2) + SUM_FLOOR_N.powi(2);
         let mut agrees = true;
-        for axis in 0..3 {
+        // Upward first: what carries a part of the weight pushes along the other axes, too.
+        for axis in [2, 0, 1] {
             let mut row = InertialRow::new();
             for j in 0..24 {
                 let turning = (0..3).map(|k| swing[(axis, k)] * balance.jacobian[k][j]);
@@ -142,9 +150,21 @@ impl Fusion {
             if axis == 0 && !self.settling() {
                 self.heed_push(&row, sum[axis], variance);
             }
-            let innovation = self.take(&row, sum[axis], variance, GATE);
-            self.count(InnovationKind::Accelerometer, innovation, GATE);
-            agrees &= innovation * innovation <= GATE;
+            if axis == 2 {
+                let missing = sum[axis] - row.times(&self.state);
+                self.held &= missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
+            }
+            let gate = if self.held { 0.0 } else { GATE };
+            let innovation = self.take(&row, sum[axis], variance, gate);
+            self.count(InnovationKind::Accelerometer, innovation, gate);
+            agrees &= innovation * innovation <= gate;
+            if axis == 2 && !agrees {
+                self.held = true;
+                for axis in 0..3 {
+                    self.covariance.add_noise(TURN + axis, TURN_VARIANCE);
+                }
+                break;
+            }
         }
         for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
             let mut row = InertialRow::new();
@@ -164,15 +184,19 @@ impl Fusion {
     /// Drive and brake come through all tyres at once, and the accelerometer feels them before the
     /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
     /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
-    /// they are. Beyond the gate it is the accelerometer that is doubted.
+    /// they are, and in the rates of the loads that follow.
     fn heed_push(&mut self, row: &InertialRow, value: f64, variance: f64) {
         let total = self.covariance.project(row) + variance;
         let innovation = value - row.times(&self.state);
         let square = innovation * innovation;
-        if (PUSH * total..GATE * total).contains(&square) {
+        self.pushed = (PUSH * total..PUSH_MAX * total).contains(&square);
+        if self.pushed {
             let surplus = square / PUSH - total;
             for wheel in 0..4 {
-                self.covariance.add_noise(FORCE + 3 * wheel, 0.25 * surplus);
+                let (forward, load_rate) = (FORCE + 3 * wheel, RATE + 3 * wheel + 2);
+                self.covariance.add_noise(forward, 0.25 * surplus);
+                self.covariance
+                    .add_noise(load_rate, PUSH_RATE * PUSH_RATE * surplus);
             }
         }
     }
@@ -287,13 +311,13 @@ impl Fusion {
         if corner.strut_jumped {
             self.doubt_length(wheel);
         }
-        if corner.strut_sigma_n.is_finite() {
+        if let Some([force_n, sigma_n]) = corner.strut_read {
             // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
             let mut row = of_strut;
             row.add(LENGTH + wheel, 1e-3 * corner.strut_stiffness_n_m);
-            let value = corner.strut_n - members.offset_n[5];
+            let value = force_n - members.offset_n[5];
             let length_mm = 1e3 * (value - row.times(&self.state)) / corner.strut_stiffness_n_m;
-            let variance = corner.strut_sigma_n.powi(2) + blind * blind;
+            let variance = sigma_n * sigma_n + blind * blind;
             let innovation = self.take(&row, value, variance, STRUT_GATE);
             self.count(InnovationKind::Strut, innovation, STRUT_GATE);
             if !self.settling() {
