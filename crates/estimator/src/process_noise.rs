@@ -69,7 +69,7 @@ impl<const N: usize> ProcessNoise<N> {
             let z = z.clamp(-CORRECTION_MAX, CORRECTION_MAX);
             product += z * *recent / N as f64;
             *recent += RECENT * (z - *recent);
-            squares[2 * i / N] += *recent * *recent / N as f64;
+            squares[i / N.div_ceil(2)] += *recent * *recent / N as f64;
         }
         self.product += SLOW * (product.clamp(-PRODUCT_MAX, PRODUCT_MAX) - self.product);
         let [down, up] = STEP;
@@ -78,7 +78,8 @@ impl<const N: usize> ProcessNoise<N> {
         self.slow = (self.slow * (1.0 + step)).clamp(least, most);
         // A deviation above the mean of chi-square over N.
         let usual = (1.0 + (2.0 / N as f64).sqrt()) * RECENT / (2.0 - RECENT);
-        let half = HALF * 2.0 * squares[0].max(squares[1]);
+        let halves = N as f64 / N.div_ceil(2) as f64;
+        let half = HALF * halves * squares[0].max(squares[1]);
         let square = (squares[0] + squares[1]).max(half);
         self.boost = (square / usual).max(1.0).powi(4);
     }
@@ -129,5 +130,21 @@ mod tests {
         assert!(noise.density() < 50.0);
         noise.learn([f64::NAN]);
         assert!(noise.density().is_finite());
+    }
+
+    #[test]
+    fn one_axle_alone_is_followed_almost_as_all_are() {
+        let density_after = |corrections: [f64; 4]| {
+            let mut noise = ProcessNoise::<4>::new(10.0, BOUNDS);
+            for _ in 0..10 {
+                noise.learn(corrections);
+            }
+            noise.density()
+        };
+        let [none, rear, all] = [[0.0; 4], [0.0, 0.0, 2.0, 2.0], [2.0; 4]].map(density_after);
+        assert!(
+            rear > 10.0 * none && rear > 0.3 * all && rear < all,
+            "{none} {rear} {all}"
+        );
     }
 }

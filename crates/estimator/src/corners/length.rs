@@ -8,7 +8,7 @@ use crate::process_noise::ProcessNoise;
 
 /// Density of a strut's jerk at the start, and its bounds, (m/s^3)^2/Hz.
 const JERK: f64 = 5.0 * 5.0;
-const JERK_BOUNDS: [f64; 2] = [0.16 * 0.16, 300.0 * 300.0];
+const JERK_BOUNDS: [f64; 2] = [0.2 * 0.2, 300.0 * 300.0];
 /// Innovation, standard deviations, beyond which a reading is left out.
 const GATE: f64 = 8.0;
 /// Readings left out in a row after which the filter, not the potentiometer, is taken to be wrong.

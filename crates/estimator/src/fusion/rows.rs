@@ -134,6 +134,7 @@ impl Fusion {
         let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
         let variance = (mass * accel).powi(2) + SUM_FLOOR_N.powi(2);
         let mut agrees = true;
+        let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
         // Upward first: what carries a part of the weight pushes along the other axes, too.
         for axis in [2, 0, 1] {
             let mut row = InertialRow::new();
@@ -152,13 +153,13 @@ impl Fusion {
             }
             if axis == 2 {
                 let missing = sum[axis] - row.times(&self.state);
-                self.held &= missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
+                self.held &= posed && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
             }
             let gate = if self.held { 0.0 } else { GATE };
             let innovation = self.take(&row, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
             agrees &= innovation * innovation <= gate;
-            if axis == 2 && !agrees {
+            if axis == 2 && !agrees && posed {
                 self.held = true;
                 for axis in 0..3 {
                     self.covariance.add_noise(TURN + axis, TURN_VARIANCE);
