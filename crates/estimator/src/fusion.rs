@@ -61,7 +61,7 @@ const MOMENT_TIME_S: f64 = 1.0;
 const TORQUE_SIGMA: f64 = 50.0;
 const TORQUE_TIME_S: f64 = 0.5;
 /// Moment that the rigid-body balance does not know of, N m/sqrt(Hz).
-const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 7.5];
+const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 15.0];
 /// Variance of the body's rate where the tyres' moments do not tell it, (rad/s)^2.
 const TURN_VARIANCE: f64 = 0.1;
 /// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
