@@ -57,7 +57,7 @@ use lengths::LengthWatch;
 const MOMENT_TIME_S: f64 = 1.0;
 /// Standard deviation of a half-shaft's torque, N m, and its time constant, s. Both axles have
 /// one, whatever the vehicle file's split: where four-wheel drive can be switched on, taking the
-/// front wheels for undriven would cost 12 % of F_x, while the state costs 0.3 % where they are.
+/// front wheels for undriven would cost 12 % of F_x.
 const TORQUE_SIGMA: f64 = 50.0;
 const TORQUE_TIME_S: f64 = 0.5;
 /// Moment that the rigid-body balance does not know of, N m/sqrt(Hz).
