@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use sample::LogTime;
 use serde_json::json;
 use store::{Info, Reader, Session};
 
@@ -12,13 +13,21 @@ use crate::missing;
 /// Tells what a log holds.
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
-    let info = reader.info();
+    let mut info = reader.info();
+    info.span = info.span.map(|span| recorded(&reader, span));
     if args.json {
         println!("{:#}", as_json(&info, reader.session()));
     } else {
         print!("{}", as_text(&info, reader.session()));
     }
     Ok(Outcome::Good)
+}
+
+/// From when on the log tells what came. A part of a run repeats the states that last with their own
+/// time, which may be that of the run's first second; its first arrival is no such repetition.
+fn recorded(reader: &Reader, (first, last): (LogTime, LogTime)) -> (LogTime, LogTime) {
+    let arrival = reader.arrivals().find_map(Result::ok);
+    (arrival.map_or(first, |arrival| arrival.log_time), last)
 }
 
 fn seconds(info: &Info) -> f64 {

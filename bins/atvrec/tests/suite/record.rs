@@ -139,6 +139,21 @@ fn parts_of_a_run_replay_as_one_log() {
     drop(ports);
     let logs = logs(&directory.path().join("ports/logs"));
     assert!(logs.len() >= 3, "{logs:?}");
+    // Each part begins where it was begun, though it repeats what lasts from the run's start.
+    let begin_s = logs.iter().map(|log| {
+        let info = atvrec(directory.path())
+            .args(["info", "--json"])
+            .arg(log)
+            .assert()
+            .success();
+        let info: serde_json::Value = serde_json::from_str(&stdout(&info)).expect("JSON");
+        1e-9 * info["start_ns"].as_f64().expect("a time")
+    });
+    let begin_s: Vec<f64> = begin_s.collect();
+    assert!(
+        begin_s.windows(2).all(|pair| pair[1] > pair[0] + 0.5),
+        "{begin_s:?}"
+    );
     let assert = atvrec(directory.path())
         .arg("replay")
         .args(&logs)
