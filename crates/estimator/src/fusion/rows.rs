@@ -41,7 +41,7 @@ const PUSH_MAX: f64 = 400.0;
 const PUSH_RATE: f64 = 3.0;
 /// Part of the weight within which the tyres must carry it before a vehicle that was held counts as
 /// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
-const HELD_PART: f64 = 0.1;
+const HELD_PART: f64 = 0.05;
 /// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
 const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
 /// Strut's force where no strain tells what of it F_x and F_y carry, N.
