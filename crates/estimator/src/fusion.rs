@@ -64,6 +64,8 @@ const TORQUE_TIME_S: f64 = 0.5;
 const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 15.0];
 /// Variance of the body's rate where the tyres' moments do not tell it, (rad/s)^2.
 const TURN_VARIANCE: f64 = 0.1;
+/// Rate beyond which the balance of moments has run away, rad/s.
+const TURN_MAX_RAD_S: f64 = 10.0;
 /// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
 const ACCEL_TIME_S: f64 = 30.0;
 const ACCEL_SIGMA: f64 = 0.0075;
@@ -333,9 +335,11 @@ impl Fusion {
         self.steps < SETTLING_STEPS
     }
 
-    /// Whether all numbers are finite and no variance negative.
+    /// Whether all numbers are finite, no variance negative, and the body's rate one that a body has.
     fn sound(&self) -> bool {
-        self.state.iter().all(|x| x.abs() < 1e8) && self.covariance.sound()
+        let finite = self.state.iter().all(|x| x.abs() < 1e8);
+        let turn = &self.state[TURN..TURN + 3];
+        finite && turn.iter().all(|rate| rate.abs() < TURN_MAX_RAD_S) && self.covariance.sound()
     }
 
     fn output(&self) -> PerWheel<TyreForce> {
