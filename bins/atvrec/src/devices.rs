@@ -381,3 +381,45 @@ impl Adapter {
         slcan::encode_frame(frame, stamp_ms)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::io::Read;
+
+    use super::*;
+
+    #[test]
+    fn a_line_without_room_gets_whole_messages_or_none() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let mut device = Device::new(Port::Novatel, directory.path()).expect("a port");
+        let mut program = File::open(device.port.path()).expect("it opens");
+        device.listen().expect("it listens");
+        // Lengths that no buffer is a multiple of; the program reads now and then.
+        let mut received = Vec::new();
+        let mut buffer = [0; 1000];
+        for k in 0..4000 {
+            let message = format!("message {k:04} {}\n", "x".repeat(k % 97));
+            let output = Output::Bytes(message.into_bytes());
+            device.send(&output, 0.0).expect("it sends");
+            if k % 200 == 199 {
+                let count = program.read(&mut buffer).expect("it reads");
+                received.extend_from_slice(&buffer[..count]);
+            }
+        }
+        assert!(device.left_out > 100, "{} left out", device.left_out);
+        let mut wanted = device.sent as usize;
+        let lines = |bytes: &[u8]| bytes.iter().filter(|byte| **byte == b'\n').count();
+        wanted -= lines(&received);
+        while wanted > 0 {
+            device.listen().expect("it listens");
+            let count = program.read(&mut buffer).expect("it reads");
+            received.extend_from_slice(&buffer[..count]);
+            wanted -= lines(&buffer[..count]);
+        }
+        for line in String::from_utf8(received).expect("text").lines() {
+            let k: usize = line[8..12].parse().expect("its number");
+            assert_eq!(line.len(), 13 + k % 97, "{line}");
+        }
+    }
+}

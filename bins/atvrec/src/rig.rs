@@ -61,6 +61,9 @@ impl Rig {
         let motion = repeated(motion, args.duration_s);
         let own_s = motion.duration_s();
         let duration_s = args.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
+        if let Some(asked_s) = args.duration_s.filter(|asked_s| *asked_s > own_s) {
+            tracing::warn!("{drive} ends after {own_s:.1} s, before the {asked_s} s of --for");
+        }
         let truth = vehicle.name.clone();
         let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, args.seed)?;
         Ok(Self {

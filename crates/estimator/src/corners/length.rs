@@ -158,3 +158,28 @@ impl LengthFilter {
             .then(|| (gain.transpose() * self.covariance * gain)[0])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reading_counts_once_and_stands_where_the_potentiometer_put_it() {
+        let mut filter = LengthFilter::new(0.4, 1e-4);
+        let mut length_m = 0.0;
+        for k in 0..200 {
+            let now = LogTime(10_000_000 * k);
+            filter.predict(0.01);
+            assert!(filter.reading().is_none());
+            length_m = 0.4 + if k % 2 == 0 { 1e-4 } else { -1e-4 };
+            filter.update(now, now, length_m);
+        }
+        let read = filter.reading().unwrap();
+        assert!((filter.value()[0] + read.longer_m - length_m).abs() < 1e-12);
+        // What is smoothed follows noise by little; the reading alone has all of it.
+        assert!(read.longer_m < -0.5e-4, "{read:?}");
+        assert_eq!(read.variance, 1e-8);
+        filter.predict(0.01);
+        assert!(filter.reading().is_none());
+    }
+}

@@ -121,7 +121,9 @@ impl Fusion {
     /// Specific force of the inertial unit and angular rate. With r from the centre of gravity to
     /// the unit, m f = sum R F + m (w' x r + w x (w x r)): the angular acceleration comes from the
     /// balance of moments, since a differentiated gyro would be three times noisier than the
-    /// accelerometers. Tells whether the unit agrees with the forces.
+    /// accelerometers. Where the upward axis contradicts the loads of wheels whose struts are known,
+    /// the vehicle is held: then the other axes tell nothing, and the gyro alone tells how the body
+    /// turns. Tells whether the unit agrees with the forces.
     pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, balance: &Balance) -> bool {
         let age = input.motion.inertial_age_s.max(0.0);
         let [gyro, accel] = input.imu_sigma;
