@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
 //! | [`layout::RATE`] | their rates | N/s |
-//! | [`layout::MOMENT`] | M_x, M_y, M_z of each tyre beyond what tread, rolling and trail make | contact frame, N m |
+//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond what tread and trail make | contact frame, N m |
 //! | [`layout::TORQUE`] | half-shaft torque of a wheel, front and rear (alike left and right) | N m |
 //! | [`layout::TURN`] | angular rate of the body | body axes, rad/s |
 //! | [`layout::ACCEL`] | what is left of the accelerometers' bias | body axes, m/s^2 |
@@ -22,14 +22,16 @@
 //! was read `age` ago shows y = A (F - (age + tau) F') + B M + c_0 + offset.
 //!
 //! Every equation is linear in the states once geometry, attitude and inertia forces are taken
-//! from the motion filter, so that no iteration is needed. Measurements are scalars, taken one
-//! after another, each gated by its own innovation. The covariance is kept as a full symmetric
-//! matrix: the square root of 64 states would cost more than the step may take, and the
-//! states are scaled so that the condition number stays far from what doubles can hold.
+//! from the motion filter, so that no iteration is needed. Measurements are scalars, judged one
+//! after another, each by its own innovation, and taken in together where they see the same states
+//! ([`joint`]). The covariance is kept as a full symmetric matrix: the square root of 64 states would
+//! cost more than the step may take, and the states are scaled so that the condition number stays
+//! far from what doubles can hold.
 
 mod agility;
 mod channel;
 mod covariance;
+mod joint;
 pub mod layout;
 mod lengths;
 mod moments;
@@ -262,8 +264,9 @@ impl Fusion {
             for axis in 0..3 {
                 variance[FORCE + 3 * wheel + axis] = 2000.0_f64.powi(2);
                 variance[RATE + 3 * wheel + axis] = 1e4_f64.powi(2);
-                variance[MOMENT + 3 * wheel + axis] =
-                    self.body.moment_sigma_n_m(wheel, axis).powi(2);
+            }
+            for i in 0..2 {
+                variance[MOMENT + 2 * wheel + i] = self.body.moment_sigma_n_m(wheel)[i].powi(2);
             }
             variance[LENGTH + wheel] = lengths::start_variance(&c.deflection);
             for i in 0..5 {
@@ -294,9 +297,9 @@ impl Fusion {
         }
         let balance = self.balance(input);
         self.predict(input.dt, &balance, input.channels);
-        let members: [_; 4] = std::array::from_fn(|wheel| self.members(input, &balance, wheel));
-        let said: [_; 4] =
-            std::array::from_fn(|wheel| self.said(input, &members[wheel], &readings.0[wheel]));
+        let said: [_; 4] = std::array::from_fn(|wheel| {
+            self.corner_says(input, &balance, wheel, &mut readings.0[wheel])
+        });
         if !self.settling() {
             self.heed_surprise(&said);
         }
@@ -305,10 +308,9 @@ impl Fusion {
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
-        for (wheel, readings) in readings.0.iter_mut().enumerate() {
-            self.take_corner(input, &members[wheel], &said[wheel], readings, changes);
+        for (wheel, said) in said.iter().enumerate() {
+            self.take_corner(input, said, wheel, changes);
         }
-        self.covariance.settle();
         if !self.settling() {
             self.agility.learn(&before, &self.rates());
         }
@@ -438,23 +440,22 @@ impl Fusion {
         for i in 0..12 {
             self.state[FORCE + i] += dt * self.state[RATE + i];
         }
-        c.complete_moved();
         // The turn rows need the covariance of the forces before these move: first order in dt.
-        c.add_rows(TURN, &balance.jacobian, dt);
+        c.turn(&balance.jacobian, dt);
         for i in 0..3 {
             c.trace.note(|| Operation::Shift {
                 index: TURN + i,
                 by: dt * balance.constant[i],
             });
         }
-        c.integrate(FORCE, RATE, 12, dt);
+        c.integrate(dt);
         let mut keep = [1.0; SIZE];
         let mut fade = |first: usize, count: usize, time_s: f64| {
             let kept = (-dt / time_s).exp();
             keep[first..first + count].fill(kept);
             1.0 - kept * kept
         };
-        let moment_gain = fade(MOMENT, 12, MOMENT_TIME_S);
+        let moment_gain = fade(MOMENT, TORQUE - MOMENT, MOMENT_TIME_S);
         let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
         let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
         let offset_gain = fade(OFFSET, 20, OFFSET_TIME_S);
@@ -476,10 +477,10 @@ impl Fusion {
         };
         for i in 0..12 {
             c.add_noise_pair(FORCE + i, RATE + i, density[i % 3], dt);
-            c.add_noise(
-                MOMENT + i,
-                moment_gain * balance.known[i / 3].sigma_n_m[i % 3].powi(2),
-            );
+        }
+        for i in 0..TORQUE - MOMENT {
+            let sigma = balance.known[i / 2].sigma_n_m[i % 2];
+            c.add_noise(MOMENT + i, moment_gain * sigma * sigma);
         }
         for axle in 0..2 {
             c.add_noise(TORQUE + axle, torque_gain * TORQUE_SIGMA.powi(2));

@@ -1,20 +1,20 @@
 //! Where each state stands. Wheels in the order of [`sample::Wheel::ALL`].
 
 /// Number of states.
-pub const SIZE: usize = 68;
+pub const SIZE: usize = 64;
 /// Force of wheel w along axis a at `FORCE + 3 w + a`; contact frame, N.
 pub const FORCE: usize = 0;
 /// Rate of the force, N/s.
 pub const RATE: usize = 12;
-/// Moment of wheel w about axis a at `MOMENT + 3 w + a`; contact frame, N m.
+/// Moments of wheel w about x and z at `MOMENT + 2 w` and one further; contact frame, N m.
 pub const MOMENT: usize = 24;
 /// Half-shaft torque of each wheel of the front and of the rear axle, N m.
-pub const TORQUE: usize = 36;
+pub const TORQUE: usize = 32;
 /// Angular rate of the body, body axes, rad/s.
-pub const TURN: usize = 38;
+pub const TURN: usize = 34;
 /// Bias that is left of the specific force, body axes, m/s^2.
-pub const ACCEL: usize = 41;
+pub const ACCEL: usize = 37;
 /// Offset of axial channel i of wheel w at `OFFSET + 5 w + i`, N.
-pub const OFFSET: usize = 44;
+pub const OFFSET: usize = 40;
 /// How much longer the strut of wheel w is than its potentiometer says at `LENGTH + w`, mm.
-pub const LENGTH: usize = 64;
+pub const LENGTH: usize = 60;

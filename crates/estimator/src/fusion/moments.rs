@@ -7,9 +7,9 @@ use super::layout::FORCE;
 use super::{Body, Fusion};
 use crate::corners::CornerState;
 
-/// Standard deviations of M_x, M_y, M_z beside what the tread, rolling and the trail make, N m: of
-/// upright wheels without side force, and of M_x where the tread's width is unknown.
-const SIGMA: [f64; 3] = [1.0, 1.0, 1.0];
+/// Standard deviation of M_x and M_z beside what the tread and the trail make, N m: of upright wheels
+/// without side force, and of M_x where the tread's width is unknown.
+const SIGMA: f64 = 1.0;
 const UNTREADED_SIGMA: f64 = 28.0;
 /// Errors of the tread's moment, as parts of it: of its width and stiffness, and more the less of
 /// the width touches, where the rim's edge carries what a row of equal springs would not.
@@ -23,18 +23,15 @@ const TRAIL_ERROR: f64 = 0.2;
 pub(super) struct KnownMoment {
     /// The moment beside rolling resistance, N m.
     pub moment_n_m: Vector3<f64>,
-    /// Deviations of what it leaves out, N m.
-    pub sigma_n_m: [f64; 3],
+    /// Deviations of what it leaves out about x and z, N m.
+    pub sigma_n_m: [f64; 2],
 }
 
 impl Body {
-    /// Deviation of a moment of which nothing is known yet, N m.
-    pub(super) fn moment_sigma_n_m(&self, wheel: usize, axis: usize) -> f64 {
-        if axis == 0 && self.tyres[wheel].width_m <= 0.0 {
-            UNTREADED_SIGMA
-        } else {
-            SIGMA[axis]
-        }
+    /// Deviations of M_x and M_z of which nothing is known yet, N m.
+    pub(super) fn moment_sigma_n_m(&self, wheel: usize) -> [f64; 2] {
+        let treaded = self.tyres[wheel].width_m > 0.0;
+        [if treaded { SIGMA } else { UNTREADED_SIGMA }, SIGMA]
     }
 }
 
@@ -62,14 +59,12 @@ impl Fusion {
         let lifted = 1.0 - tyre.tread_carrying(load, inclination);
         let errors = [
             (TREAD_ERROR + TREAD_LIFTED_ERROR * lifted) * tipping,
-            0.0,
             TRAIL_ERROR * turning,
         ];
+        let unknown = self.body.moment_sigma_n_m(wheel);
         KnownMoment {
             moment_n_m: Vector3::new(tipping, 0.0, turning),
-            sigma_n_m: std::array::from_fn(|axis| {
-                self.body.moment_sigma_n_m(wheel, axis).hypot(errors[axis])
-            }),
+            sigma_n_m: std::array::from_fn(|i| unknown[i].hypot(errors[i])),
         }
     }
 }

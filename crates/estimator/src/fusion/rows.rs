@@ -1,10 +1,10 @@
 //! Measurement equations.
 
-use model::suspension::CornerStatics;
 use nalgebra::{Matrix3, Vector3};
 use sample::{InnovationKind, STANDARD_GRAVITY_M_S2, StrainChannel};
 
-use super::covariance::{Row, position};
+use super::covariance::{BALANCED, position};
+use super::joint::{Joint, Rows};
 use super::moments::KnownMoment;
 use super::{
     ACCEL, Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, OFFSET, RATE, SIZE, StepInput,
@@ -49,15 +49,27 @@ const BLIND_STRUT_N: f64 = 70.0;
 /// How long one such guess lasts, s.
 const BLIND_TIME_S: f64 = 0.1;
 
-/// Of one corner's channel: force, rate, moment, torque and one more.
-type CornerRow = Row<12>;
-/// Of the inertial unit: forces, their rates, moments and a bias.
-type InertialRow = Row<40>;
+/// Of one corner: force, rate, moments and torque.
+type CornerRows = Rows<9>;
+/// Of the inertial unit: all forces, their rates and moments, as the states begin.
+type InertialRows = Rows<TORQUE>;
+/// Axes of the moments.
+const MOMENT_AXES: [usize; 2] = [0, 2];
+/// A corner's strut, and the first of its strain channels, among its rows.
+const STRUT: usize = 0;
+const STRAIN: usize = 1;
+/// Order in which the accelerometer's axes are taken in. Upward first: what carries a part of the
+/// weight pushes along the other axes, too.
+const UPWARD_FIRST: [usize; 3] = [2, 0, 1];
+/// Where the forward one comes.
+const FORWARD: usize = 1;
+/// The gyro's first axis among the inertial unit's rows.
+const GYRO: usize = 3;
 
 /// The balance of moments at one instant: w' = jacobian (F, M) + constant.
 #[derive(Clone, Debug)]
 pub(super) struct Balance {
-    pub(super) jacobian: [[f64; 24]; 3],
+    pub(super) jacobian: [[f64; BALANCED]; 3],
     pub(super) constant: [f64; 3],
     directions: [Matrix3<f64>; 4],
     /// The tyres' moments that go with the forces of the last step.
@@ -76,7 +88,7 @@ impl Fusion {
     pub(super) fn balance(&self, input: &StepInput<'_>) -> Balance {
         let body = &self.body;
         let cg = Vector3::new(0.0, 0.0, body.cg_height_m);
-        let mut jacobian = [[0.0; 24]; 3];
+        let mut jacobian = [[0.0; BALANCED]; 3];
         let mut of_known = Vector3::zeros();
         let mut momentum = Vector3::zeros();
         let mut momentum_dot = Vector3::zeros();
@@ -98,7 +110,9 @@ impl Fusion {
             for axis in 0..3 {
                 for k in 0..3 {
                     jacobian[axis][3 * i + k] = of_force[(axis, k)];
-                    jacobian[axis][12 + 3 * i + k] = of_moment[(axis, k)];
+                }
+                for (k, about) in MOMENT_AXES.into_iter().enumerate() {
+                    jacobian[axis][12 + 2 * i + k] = of_moment[(axis, about)];
                 }
             }
             let spindle = corner.pose.spindle;
@@ -135,30 +149,42 @@ impl Fusion {
             input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
         let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
         let variance = (mass * accel).powi(2) + SUM_FLOOR_N.powi(2);
-        let mut agrees = true;
         let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
-        // Upward first: what carries a part of the weight pushes along the other axes, too.
-        for axis in [2, 0, 1] {
-            let mut row = InertialRow::new();
-            for j in 0..24 {
+        let mut rows = InertialRows::new(std::array::from_fn(|i| i));
+        for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
+            let mut gains = [0.0; TORQUE];
+            for j in 0..BALANCED {
                 let turning = (0..3).map(|k| swing[(axis, k)] * balance.jacobian[k][j]);
-                let mut gain: f64 = turning.sum();
+                let turning: f64 = turning.sum();
                 if j < 12 {
-                    gain += balance.directions[j / 3][(axis, j % 3)];
-                    row.add(RATE + j, -age * gain);
+                    let gain = turning + balance.directions[j / 3][(axis, j % 3)];
+                    gains[FORCE + j] = gain;
+                    gains[RATE + j] = -age * gain;
+                } else {
+                    gains[position(j)] = turning;
                 }
-                row.add(position(j), gain);
             }
-            row.add(ACCEL + axis, mass);
+            rows.set(m, gains, (ACCEL + axis, mass));
+        }
+        for axis in 0..3 {
+            let mut gains = [0.0; TORQUE];
+            for (j, gain) in balance.jacobian[axis].iter().enumerate() {
+                gains[position(j)] = -age * gain;
+            }
+            rows.set(GYRO + axis, gains, (TURN + axis, 1.0));
+        }
+        let mut joint = self.covariance.project(&rows, &self.state);
+        let mut agrees = true;
+        for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
             if axis == 0 && !self.settling() {
-                self.heed_push(&row, sum[axis], variance);
+                self.heed_push(&rows, &mut joint, sum[axis], variance);
             }
             if axis == 2 {
-                let missing = sum[axis] - row.times(&self.state);
+                let missing = sum[axis] - joint.value(m);
                 self.held &= posed && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
             }
             let gate = if self.held { 0.0 } else { GATE };
-            let innovation = self.take(&row, sum[axis], variance, gate);
+            let innovation = self.take(&mut joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
             agrees &= innovation * innovation <= gate;
             if axis == 2 && !agrees && posed {
@@ -166,21 +192,18 @@ impl Fusion {
                 for axis in 0..3 {
                     self.covariance.add_noise(TURN + axis, TURN_VARIANCE);
                 }
+                joint = self.covariance.project(&rows, &self.state);
                 break;
             }
         }
         for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
-            let mut row = InertialRow::new();
-            row.add(TURN + axis, 1.0);
-            for (j, gain) in balance.jacobian[axis].iter().enumerate() {
-                row.add(position(j), -age * gain);
-            }
             // The reading itself: the motion's rate is already carried on to now.
             let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
             let value = read + age * balance.constant[axis];
-            let innovation = self.take(&row, value, gyro * gyro, GATE);
+            let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
             self.count(InnovationKind::Gyro, innovation, GATE);
         }
+        self.covariance.apply(&rows, &joint, &mut self.state);
         agrees
     }
 
@@ -188,12 +211,13 @@ impl Fusion {
     /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
     /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
     /// they are, and in the rates of the loads that follow.
-    fn heed_push(&mut self, row: &InertialRow, value: f64, variance: f64) {
-        let total = self.covariance.project(row) + variance;
-        let innovation = value - row.times(&self.state);
+    fn heed_push(&mut self, rows: &InertialRows, joint: &mut Joint, value: f64, variance: f64) {
+        let total = joint.variance(FORWARD) + variance;
+        let innovation = value - joint.value(FORWARD);
         let square = innovation * innovation;
         self.pushed = (PUSH * total..PUSH_MAX * total).contains(&square);
         if self.pushed {
+            self.covariance.apply(rows, joint, &mut self.state);
             let surplus = square / PUSH - total;
             for wheel in 0..4 {
                 let (forward, load_rate) = (FORCE + 3 * wheel, RATE + 3 * wheel + 2);
@@ -201,6 +225,7 @@ impl Fusion {
                 self.covariance
                     .add_noise(load_rate, PUSH_RATE * PUSH_RATE * surplus);
             }
+            *joint = self.covariance.project(rows, &self.state);
         }
     }
 
@@ -220,60 +245,118 @@ impl Fusion {
         [sum / self.body.mass_kg, turn]
     }
 
-    pub(super) fn members<'a>(
-        &self,
-        input: &StepInput<'a>,
-        balance: &Balance,
-        wheel: usize,
-    ) -> Members<'a> {
-        let corner = &input.corners[wheel];
-        let speed_m_s = input.motion.velocity_m_s.x;
-        let known = balance.known[wheel].moment_n_m;
-        let of_known = corner.statics.members_from_wrench.fixed_columns::<3>(3) * known;
-        Members {
-            wheel,
-            statics: &corner.statics,
-            rolling_m: -self.body.rolling[wheel] * speed_m_s.clamp(-1.0, 1.0),
-            torque: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
-            offset_n: std::array::from_fn(|i| corner.statics.members_offset[i] + of_known[i]),
-        }
-    }
-
     /// How long ago the force stood that a strain channel's lagged reading tells, s.
     fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
         input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s
     }
 
-    /// What the axial channels of a corner say that have a new reading.
-    pub(super) fn said(
+    /// What strut and strain channels of a corner say that have a new reading: a member's force is
+    /// A (F - age F') + B (M, with rolling resistance and half-shaft torque) + offset.
+    pub(super) fn corner_says(
         &self,
         input: &StepInput<'_>,
-        members: &Members<'_>,
-        readings: &CornerReadings,
-    ) -> [Option<Expected>; AXIAL.len()] {
-        std::array::from_fn(|i| {
-            let reading = readings.strain[AXIAL[i].index()].filter(|reading| !reading.taken)?;
-            let wheel = members.wheel;
-            let mut row = members.row(i, self.age_s(input, &reading));
-            row.add(OFFSET + 5 * wheel + i, 1.0);
-            let noise = input.channels.0[wheel].strain[AXIAL[i].index()].noise_sigma;
-            let posed = input.corners[wheel].strut_sigma_n.is_finite();
-            Some(Expected {
-                row,
-                value: reading.value - members.offset_n[i],
-                variance: noise * noise,
-                tolerance: member_tolerance_n(posed, reading.value),
-            })
-        })
+        balance: &Balance,
+        wheel: usize,
+        readings: &mut CornerReadings,
+    ) -> CornerSays {
+        let corner = &input.corners[wheel];
+        let statics = &corner.statics;
+        let known =
+            statics.members_from_wrench.fixed_columns::<3>(3) * balance.known[wheel].moment_n_m;
+        let offset_n: [f64; 6] = std::array::from_fn(|i| statics.members_offset[i] + known[i]);
+        // M_y of a newton of load, and the spindle in the contact frame.
+        let rolling_m = -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
+        let spindle = corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle;
+        let of_member = |i: usize, age: f64, factor: f64| {
+            let wrench = statics.members_from_wrench.row(i);
+            let mut gains = [0.0; 9];
+            for k in 0..3 {
+                gains[k] = factor * wrench[k];
+                gains[8] += factor * wrench[3 + k] * spindle[k];
+            }
+            gains[2] += factor * rolling_m * wrench[4];
+            for k in 0..3 {
+                gains[3 + k] = -age * gains[k];
+            }
+            for (k, about) in MOMENT_AXES.into_iter().enumerate() {
+                gains[6 + k] = factor * wrench[3 + about];
+            }
+            gains
+        };
+        let [force, rate] = [FORCE, RATE].map(|first| first + 3 * wheel);
+        let moment = MOMENT + 2 * wheel;
+        let mut rows = CornerRows::new(std::array::from_fn(|i| match i {
+            0..3 => force + i,
+            3..6 => rate + i - 3,
+            6..8 => moment + i - 6,
+            _ => TORQUE + wheel / 2,
+        }));
+        // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
+        let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
+        rows.set(
+            STRUT,
+            of_member(5, 0.0, 1.0),
+            (LENGTH + wheel, stiffness_n_mm),
+        );
+        let strut = corner.strut_read.map(|[force_n, sigma_n]| Said {
+            value: force_n - offset_n[5],
+            variance: sigma_n * sigma_n,
+            tolerance: 0.0,
+        });
+        let posed = corner.strut_sigma_n.is_finite();
+        // Each of the lower arm's tubes carries one half of the ball-normal force, so that its
+        // bending gauges see M = F_n d/2, whatever spring and damper do.
+        let arm = 0.5 * self.bending_distance_m;
+        let bending = arm * statics.ball_normal_per_strut;
+        let mut alive = 0;
+        let strain = StrainChannel::ALL.map(|channel| {
+            let i = channel.index();
+            let reading = readings.strain[i].as_mut()?;
+            let axial = i < AXIAL.len();
+            alive += usize::from(axial && reading.fresh(input.now).is_some());
+            if std::mem::replace(&mut reading.taken, true) || !axial && bending == 0.0 {
+                return None;
+            }
+            let age = self.age_s(input, reading);
+            let c = &input.channels.0[wheel].strain[i];
+            if axial {
+                rows.set(
+                    STRAIN + i,
+                    of_member(i, age, 1.0),
+                    (OFFSET + 5 * wheel + i, 1.0),
+                );
+                Some(Said {
+                    value: reading.value - offset_n[i],
+                    variance: c.noise_sigma.powi(2),
+                    tolerance: member_tolerance_n(posed, reading.value),
+                })
+            } else {
+                rows.set(STRAIN + i, of_member(5, age, bending), (0, 0.0));
+                let known = bending * offset_n[5] + arm * statics.ball_normal_offset_n;
+                Some(Said {
+                    value: reading.value - known,
+                    variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
+                    tolerance: arm * BENDING_FLOOR_N,
+                })
+            }
+        });
+        CornerSays {
+            rows,
+            strut,
+            strut_offset_n: offset_n[5],
+            strain,
+            alive,
+        }
     }
 
     /// Whether the strain channels together contradict what the state foretells: where they do the
     /// forces are set free before the readings are taken in.
-    pub(super) fn heed_surprise(&mut self, said: &[[Option<Expected>; AXIAL.len()]; 4]) {
-        for (wheel, said) in said.iter().enumerate() {
-            for (said, health) in said.iter().zip(&self.health[wheel]) {
-                let square = said.as_ref().and_then(|said| {
-                    health.foretold_square(said.value - said.row.times(&self.state))
+    pub(super) fn heed_surprise(&mut self, said: &[CornerSays; 4]) {
+        for (wheel, corner) in said.iter().enumerate() {
+            let foretold = corner.rows.view().times(&self.state);
+            for i in 0..AXIAL.len() {
+                let square = corner.strain[i].and_then(|said| {
+                    self.health[wheel][i].foretold_square(said.value - foretold[STRAIN + i])
                 });
                 if let Some(square) = square {
                     self.agility.surprise(wheel, square);
@@ -290,54 +373,32 @@ impl Fusion {
         }
     }
 
-    /// Strut and strain channels of one corner.
+    /// Takes strut and strain channels of one corner in.
     pub(super) fn take_corner(
         &mut self,
         input: &StepInput<'_>,
-        members: &Members<'_>,
-        said: &[Option<Expected>; AXIAL.len()],
-        readings: &mut CornerReadings,
+        says: &CornerSays,
+        wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
     ) {
-        let wheel = members.wheel;
         let corner = &input.corners[wheel];
-        let of_strut = members.row(5, 0.0);
-        let strained = AXIAL
-            .iter()
-            .filter_map(|channel| readings.strain[channel.index()])
-            .filter(|reading| reading.fresh(input.now).is_some());
-        let blind = if strained.count() < 4 {
-            BLIND_STRUT_N
-        } else {
-            0.0
-        };
         if corner.strut_jumped {
             self.doubt_length(wheel);
         }
-        if let Some([force_n, sigma_n]) = corner.strut_read {
-            // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
-            let mut row = of_strut;
-            row.add(LENGTH + wheel, 1e-3 * corner.strut_stiffness_n_m);
-            let value = force_n - members.offset_n[5];
-            let length_mm = 1e3 * (value - row.times(&self.state)) / corner.strut_stiffness_n_m;
-            let variance = sigma_n * sigma_n + blind * blind;
-            let innovation = self.take(&row, value, variance, STRUT_GATE);
+        let mut joint = self.covariance.project(&says.rows, &self.state);
+        if let Some(said) = says.strut {
+            let blind = if says.alive < 4 { BLIND_STRUT_N } else { 0.0 };
+            let length_mm = 1e3 * (said.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
+            let variance = said.variance + blind * blind;
+            let innovation = self.take(&mut joint, STRUT, said.value, variance, STRUT_GATE);
             self.count(InnovationKind::Strut, innovation, STRUT_GATE);
             if !self.settling() {
                 self.lengths[wheel].learn(innovation, length_mm);
             }
         }
-        let mut alive = 0;
-        for (i, channel) in AXIAL.into_iter().enumerate() {
-            let Some(reading) = &mut readings.strain[channel.index()] else {
-                continue;
-            };
-            alive += u32::from(reading.fresh(input.now).is_some());
-            reading.taken = true;
-            let Some(said) = &said[i] else {
-                continue;
-            };
-            let change = self.take_channel(said, wheel, i);
+        for (channel, said) in StrainChannel::ALL.into_iter().zip(&says.strain) {
+            let Some(said) = said else { continue };
+            let change = self.take_channel(&mut joint, said, wheel, channel);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -346,86 +407,47 @@ impl Fusion {
                 });
             }
         }
-        self.take_bending(input, members, readings, changes);
-        self.strut_n[wheel] = of_strut.times(&self.state) + members.offset_n[5];
-        if alive < 4 {
+        self.covariance.apply(&says.rows, &joint, &mut self.state);
+        self.strut_n[wheel] = says.rows.view().of_shared(&self.state)[STRUT] + says.strut_offset_n;
+        if says.alive < 4 {
             self.blind = true;
             self.take_expected(input, wheel);
-        }
-    }
-
-    /// Bending bridges between strut mount and ball joint: each tube carries one half of the
-    /// ball-normal force, so that its gauges see M = F_n d/2, whatever spring and damper do.
-    fn take_bending(
-        &mut self,
-        input: &StepInput<'_>,
-        members: &Members<'_>,
-        readings: &mut CornerReadings,
-        changes: &mut impl FnMut(ChannelChange),
-    ) {
-        let (wheel, statics) = (members.wheel, members.statics);
-        let arm = 0.5 * self.bending_distance_m;
-        let gain = arm * statics.ball_normal_per_strut;
-        if gain == 0.0 {
-            return;
-        }
-        for channel in [
-            StrainChannel::LowerFrontBending,
-            StrainChannel::LowerRearBending,
-        ] {
-            let i = channel.index();
-            let Some(reading) = &mut readings.strain[i] else {
-                continue;
-            };
-            if reading.taken {
-                continue;
-            }
-            reading.taken = true;
-            let row = members.row(5, self.age_s(input, reading)).scaled(gain);
-            let known = gain * members.offset_n[5] + arm * statics.ball_normal_offset_n;
-            let c = &input.channels.0[wheel].strain[i];
-            let said = Expected {
-                row,
-                value: reading.value - known,
-                variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
-                tolerance: arm * BENDING_FLOOR_N,
-            };
-            let change = self.take_channel(&said, wheel, i);
-            if change != Change::None {
-                changes(ChannelChange {
-                    wheel,
-                    channel: Some(channel),
-                    faulty: change == Change::Faulty,
-                });
-            }
         }
     }
 
     /// Without strain nothing tells the forces of one axle apart: the vehicle model has to.
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
         let load = self.state[FORCE + 3 * wheel + 2].abs();
+        let mut rows = Rows::new([FORCE + 3 * wheel, FORCE + 3 * wheel + 1]);
+        rows.set(0, [1.0, 0.0], (0, 0.0));
+        rows.set(1, [0.0, 1.0], (0, 0.0));
+        let mut joint = self.covariance.project(&rows, &self.state);
         for axis in 0..2 {
             // The same guess every step is one piece of knowledge, not many.
             let sigma = BLIND_FORCE[axis] * load + 30.0;
             let variance = sigma * sigma * (BLIND_TIME_S / input.dt).max(1.0);
             let expected = input.expected.0[wheel].force_n[axis];
-            if expected.is_finite() {
-                let mut row = CornerRow::new();
-                row.add(FORCE + 3 * wheel + axis, 1.0);
-                self.take(&row, expected, variance, f64::INFINITY);
-            }
+            self.take(&mut joint, axis, expected, variance, f64::INFINITY);
         }
+        self.covariance.apply(&rows, &joint, &mut self.state);
     }
 
-    fn take_channel(&mut self, said: &Expected, wheel: usize, i: usize) -> Change {
-        let row = &said.row;
+    fn take_channel(
+        &mut self,
+        joint: &mut Joint,
+        said: &Said,
+        wheel: usize,
+        channel: StrainChannel,
+    ) -> Change {
+        let i = channel.index();
+        let m = STRAIN + i;
         let model = self.health[wheel][i].model_variance(said.tolerance);
-        let total = self.covariance.project(row) + said.variance + model;
-        let innovation = said.value - row.times(&self.state);
+        let total = joint.variance(m) + said.variance + model;
+        let innovation = said.value - joint.value(m);
         let doubt = FAULT_FLOOR * said.value;
         let square = innovation * innovation / (total + doubt * doubt);
         if self.settling() {
-            self.apply(row, innovation, total);
+            joint.take(m, said.value, total);
             return Change::None;
         }
         let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
@@ -438,19 +460,19 @@ impl Fusion {
         if good {
             self.innovations.used(kind, innovation * innovation / total);
             self.health[wheel][i].learn(innovation, said.tolerance);
-            self.apply(row, innovation, total);
+            joint.take(m, said.value, total);
         } else {
             self.innovations.rejected(kind);
         }
         change
     }
 
-    /// Takes a value in unless it is beyond the gate; returns its innovation in deviations.
-    fn take<const N: usize>(&mut self, row: &Row<N>, value: f64, variance: f64, gate: f64) -> f64 {
-        let total = self.covariance.project(row) + variance;
-        let innovation = value - row.times(&self.state);
+    /// Takes a row's value in unless it is beyond the gate; returns its innovation in deviations.
+    fn take(&self, joint: &mut Joint, m: usize, value: f64, variance: f64, gate: f64) -> f64 {
+        let total = joint.variance(m) + variance;
+        let innovation = value - joint.value(m);
         if self.settling() || innovation * innovation <= gate * total {
-            self.apply(row, innovation, total);
+            joint.take(m, value, total);
         }
         innovation / total.sqrt()
     }
@@ -466,20 +488,22 @@ impl Fusion {
             self.innovations.rejected(kind);
         }
     }
-
-    /// Takes in the value of a row that was projected last.
-    fn apply<const N: usize>(&mut self, row: &Row<N>, innovation: f64, total: f64) {
-        if total.is_nan() || total <= 0.0 || !innovation.is_finite() {
-            return;
-        }
-        self.covariance
-            .reduce(row, &mut self.state, innovation, total);
-    }
 }
 
-/// What a strain channel says, and its row.
-pub(super) struct Expected {
-    row: CornerRow,
+/// What one corner's sensors say that have a new reading.
+pub(super) struct CornerSays {
+    rows: CornerRows,
+    strut: Option<Said>,
+    /// Strut's force without any on the tyre.
+    strut_offset_n: f64,
+    strain: [Option<Said>; StrainChannel::COUNT],
+    /// How many axial channels are read.
+    alive: usize,
+}
+
+/// Value of a row.
+#[derive(Clone, Copy)]
+struct Said {
     value: f64,
     /// Of the converter's noise.
     variance: f64,
@@ -494,38 +518,5 @@ fn member_tolerance_n(posed: bool, force_n: f64) -> f64 {
         MEMBER_FLOOR_N + MEMBER_FLOOR * force_n.abs()
     } else {
         UNPOSED_FLOOR_N + UNPOSED_FLOOR * force_n.abs()
-    }
-}
-
-/// The members' forces of one corner: A (F - age F') + B (M, with rolling resistance and half-shaft
-/// torque) + offset.
-pub(super) struct Members<'a> {
-    wheel: usize,
-    statics: &'a CornerStatics,
-    /// M_y of a newton of load.
-    rolling_m: f64,
-    /// The spindle in the contact frame.
-    torque: Vector3<f64>,
-    offset_n: [f64; 6],
-}
-
-impl Members<'_> {
-    /// Row of member i as it was `age` ago.
-    fn row(&self, i: usize, age: f64) -> CornerRow {
-        let gains = self.statics.members_from_wrench.row(i);
-        let mut row = CornerRow::new();
-        for k in 0..3 {
-            let mut gain = gains[k];
-            if k == 2 {
-                gain += self.rolling_m * gains[4];
-            }
-            row.add(FORCE + 3 * self.wheel + k, gain);
-            row.add(RATE + 3 * self.wheel + k, -age * gain);
-            row.add(MOMENT + 3 * self.wheel + k, gains[3 + k]);
-        }
-        let of_torque =
-            gains[3] * self.torque.x + gains[4] * self.torque.y + gains[5] * self.torque.z;
-        row.add(TORQUE + self.wheel / 2, of_torque);
-        row
     }
 }

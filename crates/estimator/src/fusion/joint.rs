@@ -1,0 +1,168 @@
+//! Measurements of one instant that are taken in together.
+//!
+//! Rows that see the same states share the passes over the covariance that make P h' and take it
+//! off again. Each is still judged by itself, after those before it: taking in a row m, whose
+//! innovation y has the variance S, tells of every later one k
+//!
+//! h_k x ← h_k x + B_km y/S, B_kj ← B_kj - B_km B_mj/S, P h_k' ← P h_k' - P h_m' B_mk/S
+//!
+//! with B = H P H'. The first two are small and done at once; the columns follow when all rows are
+//! judged. In exact arithmetic it is what one scalar update after another gives (Bierman,
+//! Factorization Methods for Discrete Sequential Estimation, 1977).
+
+use super::layout::SIZE;
+
+/// Rows that are taken in together at most: a corner's strut and its seven strain channels.
+pub const TOGETHER: usize = 8;
+
+/// Rows of measurement equations that share `K` states, and see one more of their own each.
+#[derive(Clone, Debug)]
+pub struct Rows<const K: usize> {
+    shared: [u8; K],
+    /// Of each shared state in all rows.
+    gains: [[f64; TOGETHER]; K],
+    own: [u8; TOGETHER],
+    own_gain: [f64; TOGETHER],
+    count: usize,
+}
+
+impl<const K: usize> Rows<K> {
+    /// No rows yet.
+    pub fn new(shared: [usize; K]) -> Self {
+        Self {
+            shared: shared.map(|i| i as u8),
+            gains: [[0.0; TOGETHER]; K],
+            own: [0; TOGETHER],
+            own_gain: [0.0; TOGETHER],
+            count: 0,
+        }
+    }
+
+    /// Sets row `m` to the gains of the shared states and of one more.
+    pub fn set(&mut self, m: usize, gains: [f64; K], (own, own_gain): (usize, f64)) {
+        for (to, gain) in self.gains.iter_mut().zip(gains) {
+            to[m] = gain;
+        }
+        self.own[m] = own as u8;
+        self.own_gain[m] = own_gain;
+        self.count = self.count.max(m + 1);
+    }
+
+    /// The same, of any number of shared states.
+    pub fn view(&self) -> RowsView<'_> {
+        RowsView {
+            shared: &self.shared,
+            gains: &self.gains,
+            own: &self.own,
+            own_gain: &self.own_gain,
+            count: self.count,
+        }
+    }
+
+    /// Positions and values of row `m`.
+    pub fn terms(&self, m: usize) -> Vec<(usize, f64)> {
+        let shared = self.shared.iter().zip(&self.gains);
+        shared
+            .map(|(index, gains)| (usize::from(*index), gains[m]))
+            .chain([(usize::from(self.own[m]), self.own_gain[m])])
+            .filter(|(_, gain)| *gain != 0.0)
+            .collect()
+    }
+}
+
+/// Rows of any number of shared states.
+#[derive(Clone, Copy, Debug)]
+pub struct RowsView<'a> {
+    pub(super) shared: &'a [u8],
+    pub(super) gains: &'a [[f64; TOGETHER]],
+    pub(super) own: &'a [u8; TOGETHER],
+    pub(super) own_gain: &'a [f64; TOGETHER],
+    pub(super) count: usize,
+}
+
+impl RowsView<'_> {
+    /// What the shared states alone say of each row.
+    #[inline(always)]
+    pub fn of_shared(&self, state: &[f64]) -> [f64; TOGETHER] {
+        let mut sums = [0.0; TOGETHER];
+        for (index, gains) in self.shared.iter().zip(self.gains) {
+            let x = state[usize::from(*index)];
+            for m in 0..TOGETHER {
+                sums[m] += gains[m] * x;
+            }
+        }
+        sums
+    }
+
+    /// All rows times a state or a column.
+    #[inline(always)]
+    pub fn times(&self, state: &[f64]) -> [f64; TOGETHER] {
+        let mut sums = self.of_shared(state);
+        for m in 0..TOGETHER {
+            sums[m] += self.own_gain[m] * state[usize::from(self.own[m])];
+        }
+        sums
+    }
+}
+
+/// What a state says of rows while they are judged.
+#[derive(Clone, Debug)]
+pub struct Joint {
+    pub(super) value: [f64; TOGETHER],
+    /// H P H'; of a row that was judged, as it stood then.
+    pub(super) between: [[f64; TOGETHER]; TOGETHER],
+    pub(super) taken: [Option<Taken>; TOGETHER],
+}
+
+/// How a row was taken in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taken {
+    pub(super) measured: f64,
+    pub(super) innovation: f64,
+    pub(super) total: f64,
+}
+
+impl Joint {
+    pub(super) fn new(value: [f64; TOGETHER], between: [[f64; TOGETHER]; TOGETHER]) -> Self {
+        Self {
+            value,
+            between,
+            taken: [None; TOGETHER],
+        }
+    }
+
+    /// h x of row `m`.
+    pub fn value(&self, m: usize) -> f64 {
+        self.value[m]
+    }
+
+    /// h P h' of row `m`.
+    pub fn variance(&self, m: usize) -> f64 {
+        self.between[m][m]
+    }
+
+    /// Takes in that row `m` was `measured`, where innovations have the variance `total`; later rows
+    /// only can be taken in after it. What is no number changes nothing.
+    pub fn take(&mut self, m: usize, measured: f64, total: f64) {
+        let innovation = measured - self.value[m];
+        if total.is_nan() || total <= 0.0 || !innovation.is_finite() {
+            return;
+        }
+        let of_taken = self.between[m];
+        for k in m + 1..TOGETHER {
+            let gain = of_taken[k] / total;
+            self.value[k] += gain * innovation;
+            for (b, of_taken) in self.between[k].iter_mut().zip(of_taken) {
+                *b -= gain * of_taken;
+            }
+        }
+        self.taken[m] = Some(Taken {
+            measured,
+            innovation,
+            total,
+        });
+    }
+}
+
+/// One number for each of the states.
+pub type State = [f64; SIZE];
