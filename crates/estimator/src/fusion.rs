@@ -6,7 +6,7 @@
 //! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
 //! | [`layout::RATE`] | their rates | N/s |
 //! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond what tread and trail make | contact frame, N m |
-//! | [`layout::TORQUE`] | half-shaft torque of a wheel, front and rear (alike left and right) | N m |
+//! | [`layout::TORQUE`] | torques of the half-shafts, front and rear: their mean and half their difference | N m |
 //! | [`layout::TURN`] | angular rate of the body | body axes, rad/s |
 //! | [`layout::ACCEL`] | what is left of the accelerometers' bias | body axes, m/s^2 |
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
@@ -24,7 +24,7 @@
 //! Every equation is linear in the states once geometry, attitude and inertia forces are taken
 //! from the motion filter, so that no iteration is needed. Measurements are scalars, judged one
 //! after another, each by its own innovation, and taken in together where they see the same states
-//! ([`joint`]). The covariance is kept as a full symmetric matrix: the square root of 64 states would
+//! ([`joint`]). The covariance is kept as a full symmetric matrix: the square root of 66 states would
 //! cost more than the step may take, and the states are scaled so that the condition number stays
 //! far from what doubles can hold.
 
@@ -47,6 +47,7 @@ use crate::corners::CornerState;
 use crate::innovation::InnovationTally;
 use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
+use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
 
 use agility::Agility;
@@ -57,11 +58,15 @@ use lengths::LengthWatch;
 
 /// How fast moments that the tyres' model does not know of fade, s.
 const MOMENT_TIME_S: f64 = 1.0;
-/// Standard deviation of a half-shaft's torque, N m, and its time constant, s. Both axles have
-/// one, whatever the vehicle file's split: where four-wheel drive can be switched on, taking the
-/// front wheels for undriven would cost 12 % of F_x.
-const TORQUE_SIGMA: f64 = 50.0;
-const TORQUE_TIME_S: f64 = 0.5;
+/// Half-shafts' torques: standard deviation of the mean and of half the difference of left and right
+/// at the start, N m, and how fast they fade, s. Both axles have them, whatever the vehicle file's
+/// split: where four-wheel drive can be switched on, taking the front wheels for undriven would cost
+/// 12 % of F_x.
+const TORQUE_SIGMA: [f64; 2] = [50.0, 1.0];
+const TORQUE_TIME_S: [f64; 2] = [50.0, 1.0];
+/// Density of the noise of the mean at the start, and its bounds, (N m)^2/s.
+const TORQUE_DENSITY: f64 = 1.0e4;
+const TORQUE_BOUNDS: [f64; 2] = [10.0, 1.0e6];
 /// Moment that the rigid-body balance does not know of, N m/sqrt(Hz).
 const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 15.0];
 /// Variance of the body's rate where the tyres' moments do not tell it, (rad/s)^2.
@@ -101,6 +106,7 @@ pub struct Fusion {
     bending_distance_m: f64,
     health: [[ChannelHealth; StrainChannel::COUNT]; 4],
     agility: Agility,
+    torque: ProcessNoise<2>,
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
@@ -224,6 +230,7 @@ impl Fusion {
                 .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
             health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
             agility: Agility::default(),
+            torque: ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS),
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
@@ -250,6 +257,7 @@ impl Fusion {
         self.steps = 0;
         self.lengths = [LengthWatch::default(); 4];
         self.agility = Agility::default();
+        self.torque = ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS);
         for (wheel, load) in self.body.static_load.into_iter().enumerate() {
             self.state[FORCE + 3 * wheel + 2] = load;
         }
@@ -274,7 +282,8 @@ impl Fusion {
             }
         }
         for axle in 0..2 {
-            variance[TORQUE + axle] = TORQUE_SIGMA.powi(2);
+            variance[TORQUE + axle] = TORQUE_SIGMA[0].powi(2);
+            variance[TORQUE + 2 + axle] = TORQUE_SIGMA[1].powi(2);
         }
         for axis in 0..3 {
             variance[TURN + axis] = TURN_VARIANCE;
@@ -303,7 +312,8 @@ impl Fusion {
         if !self.settling() {
             self.heed_surprise(&said);
         }
-        let before = self.rates();
+        let rates = self.believed::<12>(RATE);
+        let torques = self.believed::<2>(TORQUE);
         self.pushed = false;
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
@@ -312,7 +322,10 @@ impl Fusion {
             self.take_corner(input, said, wheel, changes);
         }
         if !self.settling() {
-            self.agility.learn(&before, &self.rates());
+            self.agility
+                .learn(corrections(&rates, &self.believed(RATE)));
+            self.torque
+                .learn(corrections(&torques, &self.believed(TORQUE)));
         }
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
@@ -328,9 +341,9 @@ impl Fusion {
         self.output()
     }
 
-    /// Values and variances of the forces' rates.
-    fn rates(&self) -> [[f64; 2]; 12] {
-        std::array::from_fn(|i| [self.state[RATE + i], self.covariance.variance(RATE + i)])
+    /// Values and variances of some states.
+    fn believed<const N: usize>(&self, first: usize) -> [[f64; 2]; N] {
+        std::array::from_fn(|i| [self.state[first + i], self.covariance.variance(first + i)])
     }
 
     fn settling(&self) -> bool {
@@ -456,7 +469,8 @@ impl Fusion {
             1.0 - kept * kept
         };
         let moment_gain = fade(MOMENT, TORQUE - MOMENT, MOMENT_TIME_S);
-        let torque_gain = fade(TORQUE, 2, TORQUE_TIME_S);
+        fade(TORQUE, 2, TORQUE_TIME_S[0]);
+        let torque_gain = fade(TORQUE + 2, 2, TORQUE_TIME_S[1]);
         let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
         let offset_gain = fade(OFFSET, 20, OFFSET_TIME_S);
         let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
@@ -483,7 +497,8 @@ impl Fusion {
             c.add_noise(MOMENT + i, moment_gain * sigma * sigma);
         }
         for axle in 0..2 {
-            c.add_noise(TORQUE + axle, torque_gain * TORQUE_SIGMA.powi(2));
+            c.add_noise(TORQUE + axle, self.torque.density() * dt);
+            c.add_noise(TORQUE + 2 + axle, torque_gain * TORQUE_SIGMA[1].powi(2));
         }
         for (axis, noise) in TURN_NOISE_N_M.into_iter().enumerate() {
             let turn = noise * self.body.inverse[(axis, axis)];
@@ -498,6 +513,15 @@ impl Fusion {
             c.add_noise(OFFSET + i, offset_gain * start + OFFSET_WALK.powi(2) * dt);
         }
     }
+}
+
+/// What one step's measurements have changed in values of which this was known, in deviations: a
+/// correction's variance is what they have taken away, P- - P+.
+fn corrections<const N: usize>(before: &[[f64; 2]; N], after: &[[f64; 2]; N]) -> [f64; N] {
+    std::array::from_fn(|i| {
+        let taken = before[i][1] - after[i][1];
+        (after[i][0] - before[i][0]) / taken.max(f64::MIN_POSITIVE).sqrt()
+    })
 }
 
 impl Body {

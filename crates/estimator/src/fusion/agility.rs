@@ -11,7 +11,7 @@ use crate::process_noise::ProcessNoise;
 
 /// Density at the start, and its bounds, (N/s)^2/s.
 const START: f64 = 3.0e3 * 3.0e3;
-const BOUNDS: [f64; 2] = [32.0 * 32.0, 2.0e4 * 2.0e4];
+const BOUNDS: [f64; 2] = [20.0 * 20.0, 2.0e4 * 2.0e4];
 /// Part of the largest density that every axis has at least: a tyre that is steered or braked
 /// pushes along all of them.
 const SHARED: f64 = 0.02;
@@ -84,15 +84,10 @@ impl Agility {
         found
     }
 
-    /// Takes in values and variances of the twelve rates before and after the measurements of one
-    /// step: a correction's variance is what the measurements have taken away, P- - P+.
-    pub fn learn(&mut self, before: &[[f64; 2]; 12], after: &[[f64; 2]; 12]) {
+    /// Takes in one step's corrections of the twelve rates, in deviations.
+    pub fn learn(&mut self, corrections: [f64; 12]) {
         for (axis, noise) in self.noise.iter_mut().enumerate() {
-            noise.learn(std::array::from_fn(|wheel| {
-                let i = 3 * wheel + axis;
-                let taken = before[i][1] - after[i][1];
-                (after[i][0] - before[i][0]) / taken.max(f64::MIN_POSITIVE).sqrt()
-            }));
+            noise.learn(std::array::from_fn(|wheel| corrections[3 * wheel + axis]));
         }
     }
 }

@@ -1,20 +1,21 @@
 //! Where each state stands. Wheels in the order of [`sample::Wheel::ALL`].
 
 /// Number of states.
-pub const SIZE: usize = 64;
+pub const SIZE: usize = 66;
 /// Force of wheel w along axis a at `FORCE + 3 w + a`; contact frame, N.
 pub const FORCE: usize = 0;
 /// Rate of the force, N/s.
 pub const RATE: usize = 12;
 /// Moments of wheel w about x and z at `MOMENT + 2 w` and one further; contact frame, N m.
 pub const MOMENT: usize = 24;
-/// Half-shaft torque of each wheel of the front and of the rear axle, N m.
+/// Torque of the half-shafts of axle a, N m: at `TORQUE + a` what left and right have alike, at
+/// `TORQUE + 2 + a` what the left one has more and the right one less.
 pub const TORQUE: usize = 32;
 /// Angular rate of the body, body axes, rad/s.
-pub const TURN: usize = 34;
+pub const TURN: usize = 36;
 /// Bias that is left of the specific force, body axes, m/s^2.
-pub const ACCEL: usize = 37;
+pub const ACCEL: usize = 39;
 /// Offset of axial channel i of wheel w at `OFFSET + 5 w + i`, N.
-pub const OFFSET: usize = 40;
+pub const OFFSET: usize = 42;
 /// How much longer the strut of wheel w is than its potentiometer says at `LENGTH + w`, mm.
-pub const LENGTH: usize = 60;
+pub const LENGTH: usize = 62;

@@ -49,8 +49,9 @@ const BLIND_STRUT_N: f64 = 70.0;
 /// How long one such guess lasts, s.
 const BLIND_TIME_S: f64 = 0.1;
 
-/// Of one corner: force, rate, moments and torque.
-type CornerRows = Rows<9>;
+/// Of one corner: force, rate, moments and torques.
+const CORNER: usize = 10;
+type CornerRows = Rows<CORNER>;
 /// Of the inertial unit: all forces, their rates and moments, as the states begin.
 type InertialRows = Rows<TORQUE>;
 /// Axes of the moments.
@@ -269,11 +270,12 @@ impl Fusion {
         let spindle = corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle;
         let of_member = |i: usize, age: f64, factor: f64| {
             let wrench = statics.members_from_wrench.row(i);
-            let mut gains = [0.0; 9];
+            let mut gains = [0.0; CORNER];
             for k in 0..3 {
                 gains[k] = factor * wrench[k];
                 gains[8] += factor * wrench[3 + k] * spindle[k];
             }
+            gains[9] = if wheel % 2 == 0 { gains[8] } else { -gains[8] };
             gains[2] += factor * rolling_m * wrench[4];
             for k in 0..3 {
                 gains[3 + k] = -age * gains[k];
@@ -289,7 +291,8 @@ impl Fusion {
             0..3 => force + i,
             3..6 => rate + i - 3,
             6..8 => moment + i - 6,
-            _ => TORQUE + wheel / 2,
+            8 => TORQUE + wheel / 2,
+            _ => TORQUE + 2 + wheel / 2,
         }));
         // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
         let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
