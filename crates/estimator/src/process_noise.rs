@@ -6,7 +6,7 @@
 //! corrections over their stated deviations and s = (1 - a) s + a z their fading mean, white
 //! corrections have E[z s] = 0 (s of the step before) and E[s^2] = a/(2 - a).
 //!
-//! - Slowly: the density grows where z s is above zero on the average of about half a second and
+//! - Slowly: the density grows where z s is above zero on the average of about a quarter second and
 //!   shrinks where it is below (Mehra, On the identification of variances and adaptive Kalman
 //!   filtering, IEEE Transactions on Automatic Control 15 (1970), judges by the same correlation).
 //! - At once, and only as long as it lasts: s^2 beyond what white corrections give multiplies the
@@ -15,14 +15,14 @@
 
 /// Weight of one step in the fading mean of corrections: about five steps.
 const RECENT: f64 = 0.2;
-/// Weight of one step in the mean of the products: about half a second.
-const SLOW: f64 = 0.02;
+/// Weight of one step in the mean of the products: about a quarter of a second.
+const SLOW: f64 = 0.04;
 /// Largest product that counts: what lasts teaches, not one great correction.
 const PRODUCT_MAX: f64 = 0.2;
 /// Correlation that is left to the measurements' own colour.
-const COLOUR: f64 = 0.05;
+const COLOUR: f64 = 0.03;
 /// Most that a density shrinks and grows in one step.
-const STEP: [f64; 2] = [0.03, 0.1];
+const STEP: [f64; 2] = [0.045, 0.15];
 /// Weight of that half of the states whose s^2 is larger.
 const HALF: f64 = 0.85;
 /// Deviations that one correction counts at most.
