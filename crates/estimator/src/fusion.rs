@@ -75,7 +75,7 @@ const TURN_VARIANCE: f64 = 0.1;
 const TURN_MAX_RAD_S: f64 = 10.0;
 /// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
 const ACCEL_TIME_S: f64 = 30.0;
-const ACCEL_SIGMA: f64 = 0.004;
+const ACCEL_SIGMA: f64 = 0.0075;
 /// How fast what was learnt of a strain channel's offset fades to the calibrated zero, s, and its
 /// walk, N/sqrt(s). Moments, torques and geometry are wrong by little, but for long: an offset that
 /// only walked would within minutes take their errors for its own, and be sure of them.
