@@ -14,7 +14,7 @@ use crate::calibration::{Channel, CornerChannels};
 use sample::PerWheel;
 
 /// Error of a strut's length beside the potentiometer's zero, mm.
-const SIGMA_MM: f64 = 0.05;
+const SIGMA_MM: f64 = 0.02;
 /// How fast it fades, s.
 const FADE_S: f64 = 0.5;
 /// Its walk while it is doubted, mm/sqrt(s).
