@@ -371,22 +371,22 @@ impl Linkage {
         let [rack_rate, spin, spin_dot, gravity] = rolling;
         let [length, rate] = self.length.value();
         let length = length + self.design_shift_m();
-        let pose = self.pose;
+        let pose = &self.pose;
         let frame = TyreFrame::new(
-            &pose,
+            pose,
             normal,
             self.radius_m,
             load_n / self.tyre_stiffness_n_m,
         );
-        let mut motion = CornerMotion::on_body(&self.corner, &pose, body, rate, rack_rate);
+        let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack_rate);
         if load_n > CONTACT_N {
-            motion = motion.on_ground(&self.corner, &pose, normal, gravity);
+            motion = motion.on_ground(&self.corner, pose, normal, gravity);
         }
         motion.spin_rad_s = spin;
         motion.spin_dot_rad_s2 = spin_dot;
         let statics = CornerStatics::new(
             &self.corner,
-            &pose,
+            pose,
             &frame,
             &self.unsprung,
             &motion,
@@ -402,7 +402,7 @@ impl Linkage {
             [strut_n - stiffness * read.longer_m, variance.sqrt()]
         });
         Ok(CornerState {
-            pose,
+            pose: *pose,
             frame,
             statics,
             strut_stiffness_n_m: stiffness,
