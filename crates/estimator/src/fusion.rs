@@ -30,17 +30,18 @@
 
 mod agility;
 mod channel;
+mod corner;
 mod covariance;
+mod inertial;
 mod joint;
 pub mod layout;
 mod lengths;
 mod moments;
-mod rows;
 
 use model::sensors::StrainChain;
 use model::vehicle::{Tyre, Vehicle};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use sample::{ForceSource, LogTime, PerWheel, StrainChannel, TyreForce};
+use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce};
 
 use crate::calibration::CornerChannels;
 use crate::corners::CornerState;
@@ -53,6 +54,7 @@ use crate::trace::Operation;
 use agility::Agility;
 use channel::{Change, ChannelHealth};
 use covariance::Covariance;
+use joint::Joint;
 use layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
 use lengths::LengthWatch;
 
@@ -91,6 +93,12 @@ const PUSH_M_S2: f64 = 0.3;
 
 /// Density of the noise of the forces' rates while a corner's strain is missing, (N/s)^2/s.
 const BLIND_DENSITY: f64 = 6.0e3 * 6.0e3;
+
+/// Gate of rows that no channel answers for, squared.
+const GATE: f64 = 25.0;
+
+/// Axes of the moments that are states.
+const MOMENT_AXES: [usize; 2] = [0, 2];
 
 /// Steps after a start in which the corners alone find their forces, all of their readings
 /// believed: the balance of all would mislead a vehicle that stands on jacks.
@@ -445,7 +453,34 @@ impl Fusion {
         self.state[RATE + 3 * wheel + 2]
     }
 
-    fn predict(&mut self, dt: f64, balance: &rows::Balance, channels: &PerWheel<CornerChannels>) {
+    /// Takes a row's value in unless it is beyond the gate; returns its innovation in deviations.
+    fn take(&self, joint: &mut Joint, m: usize, value: f64, variance: f64, gate: f64) -> f64 {
+        let total = joint.variance(m) + variance;
+        let innovation = value - joint.value(m);
+        if self.settling() || innovation * innovation <= gate * total {
+            joint.take(m, value, total);
+        }
+        innovation / total.sqrt()
+    }
+
+    /// Counts an innovation, in deviations, of a filter that has settled.
+    fn count(&mut self, kind: InnovationKind, innovation: f64, gate: f64) {
+        if self.settling() {
+            return;
+        }
+        if innovation * innovation <= gate {
+            self.innovations.used(kind, innovation * innovation);
+        } else {
+            self.innovations.rejected(kind);
+        }
+    }
+
+    fn predict(
+        &mut self,
+        dt: f64,
+        balance: &inertial::Balance,
+        channels: &PerWheel<CornerChannels>,
+    ) {
         let c = &mut self.covariance;
         for i in 0..3 {
             self.state[TURN + i] += dt * balance.turn_rate(i, &self.state);

@@ -1,0 +1,331 @@
+//! Measurement equations of strut and strain channels.
+
+use model::suspension::CornerStatics;
+use nalgebra::Vector3;
+use sample::{InnovationKind, StrainChannel, Wheel};
+
+use super::inertial::Balance;
+use super::joint::{Joint, Rows};
+use super::{
+    Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
+    TORQUE,
+};
+use crate::inputs::{CornerReadings, Reading};
+use crate::statics::AXIAL;
+
+/// Error of geometry and model on a member's force, N, and as a part of it.
+const MEMBER_FLOOR_N: f64 = 1.5;
+const MEMBER_FLOOR: f64 = 0.003;
+const UNPOSED_FLOOR_N: f64 = 60.0;
+const UNPOSED_FLOOR: f64 = 0.15;
+/// The same on the ball-normal force that bending tells, N.
+const BENDING_FLOOR_N: f64 = 1.5;
+/// Error of a channel's gain that is no fault.
+const FAULT_FLOOR: f64 = 0.02;
+/// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
+/// The lag's inverse would make a wild rate of a jump that the force itself may not make.
+const SURPRISE_N: f64 = 150.0;
+const SURPRISE_N_S: f64 = 4.0e3;
+/// Gate of a strut's force, whose level may be off, squared.
+const STRUT_GATE: f64 = 100.0;
+/// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
+const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
+/// Strut's force where no strain tells what of it F_x and F_y carry, N.
+const BLIND_STRUT_N: f64 = 70.0;
+/// How long one such guess lasts, s.
+const BLIND_TIME_S: f64 = 0.1;
+
+/// Of one corner: force, rate, moments and torques.
+const CORNER: usize = 10;
+type CornerRows = Rows<CORNER>;
+/// A corner's strut, and the first of its strain channels, among its rows.
+const STRUT: usize = 0;
+const STRAIN: usize = 1;
+
+impl Fusion {
+    /// How long ago the force stood that a strain channel's lagged reading tells, s.
+    fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
+        input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s
+    }
+
+    /// How the members of a corner hang on the states.
+    fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
+        let corner = &input.corners[wheel];
+        let statics = &corner.statics;
+        let known = balance.known[wheel].moment_n_m;
+        let of_known = statics.members_from_wrench.fixed_columns::<3>(3) * known;
+        Members {
+            wheel,
+            statics,
+            rolling_m: -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0),
+            spindle: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
+            offset_n: std::array::from_fn(|i| statics.members_offset[i] + of_known[i]),
+        }
+    }
+
+    /// What strut and strain channels of a corner say that have a new reading.
+    pub(super) fn corner_says(
+        &self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+        wheel: usize,
+        readings: &mut CornerReadings,
+    ) -> CornerSays {
+        let corner = &input.corners[wheel];
+        let statics = &corner.statics;
+        let members = self.members(input, balance, wheel);
+        let offset_n = &members.offset_n;
+        let mut rows = CornerRows::new(members.states());
+        // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
+        let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
+        rows.set(
+            STRUT,
+            members.gains(5, 0.0),
+            (LENGTH + wheel, stiffness_n_mm),
+        );
+        let strut = corner.strut_read.map(|[force_n, sigma_n]| Said {
+            value: force_n - offset_n[5],
+            variance: sigma_n * sigma_n,
+            tolerance: 0.0,
+        });
+        let posed = corner.strut_sigma_n.is_finite();
+        // Each of the lower arm's tubes carries one half of the ball-normal force, so that its
+        // bending gauges see M = F_n d/2, whatever spring and damper do.
+        let arm = 0.5 * self.bending_distance_m;
+        let bending = arm * statics.ball_normal_per_strut;
+        let mut alive = 0;
+        let strain = StrainChannel::ALL.map(|channel| {
+            let i = channel.index();
+            let reading = readings.strain[i].as_mut()?;
+            let axial = i < AXIAL.len();
+            alive += usize::from(axial && reading.fresh(input.now).is_some());
+            if std::mem::replace(&mut reading.taken, true) || !axial && bending == 0.0 {
+                return None;
+            }
+            let age = self.age_s(input, reading);
+            let c = &input.channels.0[wheel].strain[i];
+            if axial {
+                rows.set(
+                    STRAIN + i,
+                    members.gains(i, age),
+                    (OFFSET + 5 * wheel + i, 1.0),
+                );
+                Some(Said {
+                    value: reading.value - offset_n[i],
+                    variance: c.noise_sigma.powi(2),
+                    tolerance: member_tolerance_n(posed, reading.value),
+                })
+            } else {
+                let gains = members.gains(5, age).map(|gain| bending * gain);
+                rows.set(STRAIN + i, gains, (0, 0.0));
+                let known = bending * offset_n[5] + arm * statics.ball_normal_offset_n;
+                Some(Said {
+                    value: reading.value - known,
+                    variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
+                    tolerance: arm * BENDING_FLOOR_N,
+                })
+            }
+        });
+        CornerSays {
+            rows,
+            strut,
+            strut_offset_n: offset_n[5],
+            strain,
+            alive,
+        }
+    }
+
+    /// Whether the strain channels together contradict what the state foretells: where they do the
+    /// forces are set free before the readings are taken in.
+    pub(super) fn heed_surprise(&mut self, said: &[CornerSays; 4]) {
+        for (wheel, corner) in said.iter().enumerate() {
+            let foretold = corner.rows.view().times(&self.state);
+            for i in 0..AXIAL.len() {
+                let square = corner.strain[i].and_then(|said| {
+                    self.health[wheel][i].foretold_square(said.value - foretold[STRAIN + i])
+                });
+                if let Some(square) = square {
+                    self.agility.surprise(wheel, square);
+                }
+            }
+        }
+        if self.agility.surprised() {
+            for i in 0..12 {
+                self.covariance
+                    .add_noise(FORCE + i, SURPRISE_N * SURPRISE_N);
+                self.covariance
+                    .add_noise(RATE + i, SURPRISE_N_S * SURPRISE_N_S);
+            }
+        }
+    }
+
+    /// Takes strut and strain channels of one corner in.
+    pub(super) fn take_corner(
+        &mut self,
+        input: &StepInput<'_>,
+        says: &CornerSays,
+        wheel: usize,
+        changes: &mut impl FnMut(ChannelChange),
+    ) {
+        let corner = &input.corners[wheel];
+        if corner.strut_jumped {
+            self.doubt_length(wheel);
+        }
+        let mut joint = self.covariance.project(&says.rows, &self.state);
+        if let Some(said) = says.strut {
+            let blind = if says.alive < 4 { BLIND_STRUT_N } else { 0.0 };
+            let length_mm = 1e3 * (said.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
+            let variance = said.variance + blind * blind;
+            let innovation = self.take(&mut joint, STRUT, said.value, variance, STRUT_GATE);
+            self.count(InnovationKind::Strut, innovation, STRUT_GATE);
+            if !self.settling() {
+                self.lengths[wheel].learn(innovation, length_mm);
+            }
+        }
+        for (channel, said) in StrainChannel::ALL.into_iter().zip(&says.strain) {
+            let Some(said) = said else { continue };
+            let change = self.take_channel(&mut joint, said, wheel, channel);
+            if change != Change::None {
+                changes(ChannelChange {
+                    wheel,
+                    channel: Some(channel),
+                    faulty: change == Change::Faulty,
+                });
+            }
+        }
+        self.covariance.apply(&says.rows, &joint, &mut self.state);
+        self.strut_n[wheel] = says.rows.view().of_shared(&self.state)[STRUT] + says.strut_offset_n;
+        if says.alive < 4 {
+            self.blind = true;
+            self.take_expected(input, wheel);
+        }
+    }
+
+    /// Without strain nothing tells the forces of one axle apart: the vehicle model has to.
+    fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
+        let load = self.state[FORCE + 3 * wheel + 2].abs();
+        let mut rows = Rows::new([FORCE + 3 * wheel, FORCE + 3 * wheel + 1]);
+        rows.set(0, [1.0, 0.0], (0, 0.0));
+        rows.set(1, [0.0, 1.0], (0, 0.0));
+        let mut joint = self.covariance.project(&rows, &self.state);
+        for axis in 0..2 {
+            // The same guess every step is one piece of knowledge, not many.
+            let sigma = BLIND_FORCE[axis] * load + 30.0;
+            let variance = sigma * sigma * (BLIND_TIME_S / input.dt).max(1.0);
+            let expected = input.expected.0[wheel].force_n[axis];
+            self.take(&mut joint, axis, expected, variance, f64::INFINITY);
+        }
+        self.covariance.apply(&rows, &joint, &mut self.state);
+    }
+
+    fn take_channel(
+        &mut self,
+        joint: &mut Joint,
+        said: &Said,
+        wheel: usize,
+        channel: StrainChannel,
+    ) -> Change {
+        let i = channel.index();
+        let m = STRAIN + i;
+        let model = self.health[wheel][i].model_variance(said.tolerance);
+        let total = joint.variance(m) + said.variance + model;
+        let innovation = said.value - joint.value(m);
+        let doubt = FAULT_FLOOR * said.value;
+        let square = innovation * innovation / (total + doubt * doubt);
+        if self.settling() {
+            joint.take(m, said.value, total);
+            return Change::None;
+        }
+        let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
+        self.health[wheel][i].expect(total);
+        let kind = if i < AXIAL.len() {
+            InnovationKind::Strain
+        } else {
+            InnovationKind::Bending
+        };
+        if good {
+            self.innovations.used(kind, innovation * innovation / total);
+            self.health[wheel][i].learn(innovation, said.tolerance);
+            joint.take(m, said.value, total);
+        } else {
+            self.innovations.rejected(kind);
+        }
+        change
+    }
+}
+
+/// The members' forces of one corner: A (F - age F') + B (M, with rolling resistance and half-shaft
+/// torque) + offset.
+struct Members<'a> {
+    wheel: usize,
+    statics: &'a CornerStatics,
+    /// M_y of a newton of load.
+    rolling_m: f64,
+    /// The spindle in the contact frame.
+    spindle: Vector3<f64>,
+    offset_n: [f64; 6],
+}
+
+impl Members<'_> {
+    fn states(&self) -> [usize; CORNER] {
+        let wheel = self.wheel;
+        std::array::from_fn(|i| match i {
+            0..3 => FORCE + 3 * wheel + i,
+            3..6 => RATE + 3 * wheel + i - 3,
+            6..8 => MOMENT + 2 * wheel + i - 6,
+            8 => TORQUE + wheel / 2,
+            _ => TORQUE + 2 + wheel / 2,
+        })
+    }
+
+    /// Gains of [`Self::states`] in the force of member `i` as it was `age` ago.
+    fn gains(&self, i: usize, age: f64) -> [f64; CORNER] {
+        let wrench = self.statics.members_from_wrench.row(i);
+        let mut gains = [0.0; CORNER];
+        for k in 0..3 {
+            gains[k] = wrench[k];
+            gains[8] += wrench[3 + k] * self.spindle[k];
+        }
+        gains[2] += self.rolling_m * wrench[4];
+        for k in 0..3 {
+            gains[3 + k] = -age * gains[k];
+        }
+        for (k, about) in MOMENT_AXES.into_iter().enumerate() {
+            gains[6 + k] = wrench[3 + about];
+        }
+        let left = Wheel::ALL[self.wheel].is_left();
+        gains[9] = if left { gains[8] } else { -gains[8] };
+        gains
+    }
+}
+
+/// What one corner's sensors say that have a new reading.
+pub(super) struct CornerSays {
+    rows: CornerRows,
+    strut: Option<Said>,
+    /// Strut's force without any on the tyre.
+    strut_offset_n: f64,
+    strain: [Option<Said>; StrainChannel::COUNT],
+    /// How many axial channels are read.
+    alive: usize,
+}
+
+/// Value of a row.
+#[derive(Clone, Copy)]
+struct Said {
+    value: f64,
+    /// Of the converter's noise.
+    variance: f64,
+    /// Deviation that the model may have.
+    tolerance: f64,
+}
+
+/// Error of the linkage's model on a member's force, N: where no deflection tells the pose, the
+/// design position stands in for it and is far off.
+fn member_tolerance_n(posed: bool, force_n: f64) -> f64 {
+    if posed {
+        MEMBER_FLOOR_N + MEMBER_FLOOR * force_n.abs()
+    } else {
+        UNPOSED_FLOOR_N + UNPOSED_FLOOR * force_n.abs()
+    }
+}

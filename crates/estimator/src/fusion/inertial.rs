@@ -1,0 +1,214 @@
+//! The balances of forces and moments, and the inertial unit that sees them.
+
+use nalgebra::{Matrix3, Vector3};
+use sample::{InnovationKind, STANDARD_GRAVITY_M_S2};
+
+use super::covariance::{BALANCED, position};
+use super::joint::{Joint, Rows};
+use super::moments::KnownMoment;
+use super::{
+    ACCEL, FORCE, Fusion, GATE, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE, TURN, TURN_VARIANCE,
+};
+
+/// Error of the model on the sum of all forces, N.
+const SUM_FLOOR_N: f64 = 10.0;
+/// Square of the forward accelerometer's normalised innovation that is a push: drive or brake that
+/// has just come.
+const PUSH: f64 = 8.0;
+/// The same beyond which it is the accelerometer that is doubted.
+const PUSH_MAX: f64 = 400.0;
+/// Rate of the loads after a push, N/s of a newton of its surplus: the body begins to pitch.
+const PUSH_RATE: f64 = 3.0;
+/// Part of the weight within which the tyres must carry it before a vehicle that was held counts as
+/// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
+const HELD_PART: f64 = 0.05;
+
+/// Of the inertial unit: all forces, their rates and moments, as the states begin.
+type InertialRows = Rows<TORQUE>;
+/// Order in which the accelerometer's axes are taken in. Upward first: what carries a part of the
+/// weight pushes along the other axes, too.
+const UPWARD_FIRST: [usize; 3] = [2, 0, 1];
+/// Where the forward one comes.
+const FORWARD: usize = 1;
+/// The gyro's first axis among the inertial unit's rows.
+const GYRO: usize = 3;
+
+/// The balance of moments at one instant: w' = jacobian (F, M) + constant.
+#[derive(Clone, Debug)]
+pub(super) struct Balance {
+    pub(super) jacobian: [[f64; BALANCED]; 3],
+    pub(super) constant: [f64; 3],
+    directions: [Matrix3<f64>; 4],
+    /// The tyres' moments that go with the forces of the last step.
+    pub(super) known: [KnownMoment; 4],
+}
+
+impl Balance {
+    pub(super) fn turn_rate(&self, axis: usize, state: &[f64; SIZE]) -> f64 {
+        let gains = self.jacobian[axis].iter().enumerate();
+        let sum: f64 = gains.map(|(j, gain)| gain * state[position(j)]).sum();
+        sum + self.constant[axis]
+    }
+}
+
+impl Fusion {
+    pub(super) fn balance(&self, input: &StepInput<'_>) -> Balance {
+        let body = &self.body;
+        let cg = Vector3::new(0.0, 0.0, body.cg_height_m);
+        let mut jacobian = [[0.0; BALANCED]; 3];
+        let mut of_known = Vector3::zeros();
+        let mut momentum = Vector3::zeros();
+        let mut momentum_dot = Vector3::zeros();
+        let mut directions = [Matrix3::zeros(); 4];
+        let known = std::array::from_fn(|wheel| {
+            self.known_moment(wheel, &input.corners[wheel], input.motion.velocity_m_s.x)
+        });
+        let backward = input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
+        for (i, corner) in input.corners.iter().enumerate() {
+            let turn = corner.frame.vehicle_from_tyre;
+            let arm = corner.frame.contact_m - cg;
+            let mut of_force = body.inverse * arm.cross_matrix() * turn;
+            let of_moment = body.inverse * turn;
+            // Rolling resistance: M_y = -c R F_z of a wheel that rolls forward, about the
+            // contact point, where the load stands ahead of the wheel's centre.
+            let rolling = of_moment.column(1) * (-body.rolling[i] * backward);
+            let with_rolling = of_force.column(2) + rolling;
+            of_force.set_column(2, &with_rolling);
+            for axis in 0..3 {
+                for k in 0..3 {
+                    jacobian[axis][3 * i + k] = of_force[(axis, k)];
+                }
+                for (k, about) in MOMENT_AXES.into_iter().enumerate() {
+                    jacobian[axis][12 + 2 * i + k] = of_moment[(axis, about)];
+                }
+            }
+            let spindle = corner.pose.spindle;
+            momentum += spindle * (body.spin_inertia[i] * corner.spin_rad_s);
+            momentum_dot += spindle * (body.spin_inertia[i] * corner.spin_dot_rad_s2);
+            of_known += of_moment * known[i].moment_n_m;
+            directions[i] = turn;
+        }
+        let rate = input.motion.rate_rad_s;
+        let constant = of_known
+            - (body.inverse * (rate.cross(&(body.inertia * rate + momentum)) + momentum_dot));
+        Balance {
+            jacobian,
+            constant: constant.into(),
+            directions,
+            known,
+        }
+    }
+
+    /// Specific force of the inertial unit and angular rate. With r from the centre of gravity to
+    /// the unit, m f = sum R F + m (w' x r + w x (w x r)): the angular acceleration comes from the
+    /// balance of moments, since a differentiated gyro would be three times noisier than the
+    /// accelerometers. Where the upward axis contradicts the loads of wheels whose struts are known,
+    /// the vehicle is held: then the other axes tell nothing, and the gyro alone tells how the body
+    /// turns. Tells whether the unit agrees with the forces.
+    pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, balance: &Balance) -> bool {
+        let age = input.motion.inertial_age_s.max(0.0);
+        let [gyro, accel] = input.imu_sigma;
+        let mass = self.body.mass_kg;
+        let u = input.motion.velocity_m_s.x;
+        let drag = Vector3::new(self.body.drag * u * u.abs(), 0.0, 0.0);
+        let swing = -input.imu_m.cross_matrix() * mass;
+        let at_unit =
+            input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
+        let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
+        let variance = (mass * accel).powi(2) + SUM_FLOOR_N.powi(2);
+        let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
+        let mut rows = InertialRows::new(std::array::from_fn(|i| i));
+        for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
+            let mut gains = [0.0; TORQUE];
+            for j in 0..BALANCED {
+                let turning = (0..3).map(|k| swing[(axis, k)] * balance.jacobian[k][j]);
+                let turning: f64 = turning.sum();
+                if j < 12 {
+                    let gain = turning + balance.directions[j / 3][(axis, j % 3)];
+                    gains[FORCE + j] = gain;
+                    gains[RATE + j] = -age * gain;
+                } else {
+                    gains[position(j)] = turning;
+                }
+            }
+            rows.set(m, gains, (ACCEL + axis, mass));
+        }
+        for axis in 0..3 {
+            let mut gains = [0.0; TORQUE];
+            for (j, gain) in balance.jacobian[axis].iter().enumerate() {
+                gains[position(j)] = -age * gain;
+            }
+            rows.set(GYRO + axis, gains, (TURN + axis, 1.0));
+        }
+        let mut joint = self.covariance.project(&rows, &self.state);
+        let mut agrees = true;
+        for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
+            if axis == 0 && !self.settling() {
+                self.heed_push(&rows, &mut joint, sum[axis], variance);
+            }
+            if axis == 2 {
+                let missing = sum[axis] - joint.value(m);
+                self.held &= posed && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
+            }
+            let gate = if self.held { 0.0 } else { GATE };
+            let innovation = self.take(&mut joint, m, sum[axis], variance, gate);
+            self.count(InnovationKind::Accelerometer, innovation, gate);
+            agrees &= innovation * innovation <= gate;
+            if axis == 2 && !agrees && posed {
+                self.held = true;
+                for axis in 0..3 {
+                    self.covariance.add_noise(TURN + axis, TURN_VARIANCE);
+                }
+                joint = self.covariance.project(&rows, &self.state);
+                break;
+            }
+        }
+        for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
+            // The reading itself: the motion's rate is already carried on to now.
+            let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
+            let value = read + age * balance.constant[axis];
+            let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
+            self.count(InnovationKind::Gyro, innovation, GATE);
+        }
+        self.covariance.apply(&rows, &joint, &mut self.state);
+        agrees
+    }
+
+    /// Drive and brake come through all tyres at once, and the accelerometer feels them before the
+    /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
+    /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
+    /// they are, and in the rates of the loads that follow.
+    fn heed_push(&mut self, rows: &InertialRows, joint: &mut Joint, value: f64, variance: f64) {
+        let total = joint.variance(FORWARD) + variance;
+        let innovation = value - joint.value(FORWARD);
+        let square = innovation * innovation;
+        self.pushed = (PUSH * total..PUSH_MAX * total).contains(&square);
+        if self.pushed {
+            self.covariance.apply(rows, joint, &mut self.state);
+            let surplus = square / PUSH - total;
+            for wheel in 0..4 {
+                let (forward, load_rate) = (FORCE + 3 * wheel, RATE + 3 * wheel + 2);
+                self.covariance.add_noise(forward, 0.25 * surplus);
+                self.covariance
+                    .add_noise(load_rate, PUSH_RATE * PUSH_RATE * surplus);
+            }
+            *joint = self.covariance.project(rows, &self.state);
+        }
+    }
+
+    pub(super) fn body_motion_ahead(
+        &self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+    ) -> [Vector3<f64>; 2] {
+        let ahead = |j: usize| self.state[FORCE + j] + input.dt * self.state[RATE + j];
+        let mut sum = Vector3::zeros();
+        for (i, direction) in balance.directions.iter().enumerate() {
+            sum += direction * Vector3::from_fn(|k, _| ahead(3 * i + k));
+        }
+        let u = input.motion.velocity_m_s.x;
+        sum.x -= self.body.drag * u * u.abs();
+        let turn = Vector3::from_fn(|axis, _| balance.turn_rate(axis, &self.state));
+        [sum / self.body.mass_kg, turn]
+    }
+}
