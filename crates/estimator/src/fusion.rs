@@ -24,7 +24,7 @@
 //! Every equation is linear in the states once geometry, attitude and inertia forces are taken
 //! from the motion filter, so that no iteration is needed. Measurements are scalars, judged one
 //! after another, each by its own innovation, and taken in together where they see the same states
-//! ([`joint`]). The covariance is kept as a full symmetric matrix: the square root of 66 states would
+//! (`fusion/joint.rs`). The covariance is kept as a full symmetric matrix: the square root of 66 states would
 //! cost more than the step may take, and the states are scaled so that the condition number stays
 //! far from what doubles can hold.
 

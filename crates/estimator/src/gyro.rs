@@ -19,7 +19,7 @@ const GATE: f64 = 25.0;
 /// Readings in a row, 100 a second, that make a fault of it, and after which the forces may as well
 /// be what is wrong.
 const FAULTY: u32 = 20;
-const DOUBTFUL: u32 = 300;
+const DOUBTFUL: u32 = 500;
 
 /// Memory of one axis.
 #[derive(Clone, Copy, Debug, Default)]
