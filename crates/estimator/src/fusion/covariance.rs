@@ -274,3 +274,72 @@ pub fn position(j: usize) -> usize {
         MOMENT + j - (RATE - FORCE)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three rows that share a force and its rate, each with an offset of its own.
+    fn rows(gains: [[f64; 2]; 3]) -> Rows<2> {
+        let mut rows = Rows::new([FORCE, RATE]);
+        for (m, gains) in gains.into_iter().enumerate() {
+            rows.set(m, gains, (SIZE - 3 + m, 1.0));
+        }
+        rows
+    }
+
+    fn start() -> (Covariance, State) {
+        let mut covariance = Covariance::default();
+        let state = [1.0; SIZE];
+        covariance.reset(&[4.0; SIZE], &state);
+        covariance.integrate(0.5);
+        (covariance, state)
+    }
+
+    const GAINS: [[f64; 2]; 3] = [[1.0, -0.1], [0.5, 0.2], [-2.0, 0.3]];
+    const MEASURED: [f64; 3] = [3.0, -1.0, 2.0];
+    const NOISE: f64 = 0.5;
+
+    #[test]
+    fn rows_together_are_rows_one_after_another() {
+        let rows = rows(GAINS);
+        let (mut covariance, mut state) = start();
+        let mut joint = covariance.project(&rows, &state);
+        for (m, measured) in MEASURED.into_iter().enumerate() {
+            joint.take(m, measured, joint.variance(m) + NOISE);
+        }
+        covariance.apply(&rows, &joint, &mut state);
+        let (mut alone, mut state_alone) = start();
+        for (m, measured) in MEASURED.into_iter().enumerate() {
+            let mut joint = alone.project(&rows, &state_alone);
+            joint.take(m, measured, joint.variance(m) + NOISE);
+            alone.apply(&rows, &joint, &mut state_alone);
+        }
+        for i in 0..SIZE {
+            assert!((state[i] - state_alone[i]).abs() < 1e-12);
+            assert!((covariance.row(i) - alone.row(i)).amax() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_row_that_is_no_number_spoils_no_other() {
+        let mut broken = GAINS;
+        broken[1][0] = f64::NAN;
+        let [without, with] = [rows(GAINS), rows(broken)].map(|rows| {
+            let (mut covariance, mut state) = start();
+            let mut joint = covariance.project(&rows, &state);
+            for (m, measured) in MEASURED.into_iter().enumerate() {
+                let total = joint.variance(m) + NOISE;
+                if m != 1 || total.is_nan() {
+                    joint.take(m, measured, total);
+                }
+            }
+            covariance.apply(&rows, &joint, &mut state);
+            (state, covariance)
+        });
+        assert_eq!(with.0, without.0);
+        for i in 0..SIZE {
+            assert_eq!(with.1.row(i), without.1.row(i));
+        }
+    }
+}
