@@ -218,14 +218,21 @@ impl Corners {
         };
         let up = motion.earth_from_body.inverse() * Vector3::z();
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
-        let forward = specific_force_m_s2.x - STANDARD_GRAVITY_M_S2 * up.x;
+        // How fast the velocity's components along the turning body axes grow. The body's turning
+        // spins no wheel that stands.
+        let gained = specific_force_m_s2
+            - up * STANDARD_GRAVITY_M_S2
+            - motion.rate_rad_s.cross(&motion.velocity_m_s);
+        let yaw_dot = rate_dot_rad_s2.z * motion.velocity_m_s.x.abs().min(1.0);
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
             let spin = readings.wheel_speed_rad_s.0[i]
                 .and_then(|reading| reading.fresh(now))
                 .unwrap_or(motion.velocity_m_s.x / radius);
             let rack_rate = if i < 2 { rack_rate } else { 0.0 };
-            let rolling = [rack_rate, spin, forward / radius, gravity];
+            let pose = &linkage.pose;
+            let along = along_heading(pose.wheel_centre_m, pose.spindle, gained, yaw_dot);
+            let rolling = [rack_rate, spin, along / radius, gravity];
             // A linkage whose map is singular keeps the last one.
             if let Ok(state) = linkage.state(self.normal, &body, rolling, load[i]) {
                 self.states[i] = state;
@@ -271,6 +278,19 @@ impl Corners {
     pub fn sixth(&self) -> ChannelKind {
         self.sixth
     }
+}
+
+/// How fast the velocity of a wheel at `at`, m, along its heading grows, m/s^2, from what the body's
+/// velocity gains and from its yaw acceleration. The spindle points left.
+fn along_heading(
+    at: Vector3<f64>,
+    spindle: Vector3<f64>,
+    gained_m_s2: Vector3<f64>,
+    yaw_dot_rad_s2: f64,
+) -> f64 {
+    let x = gained_m_s2.x - yaw_dot_rad_s2 * at.y;
+    let y = gained_m_s2.y + yaw_dot_rad_s2 * at.x;
+    x * spindle.y - y * spindle.x
 }
 
 impl Linkage {
@@ -418,5 +438,23 @@ impl Linkage {
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wheel_speeds_up_with_the_body_and_as_it_turns() {
+        let at = Vector3::new(0.8, 0.5, 0.0);
+        let gained = Vector3::new(1.0, 3.0, 0.0);
+        // Body turning left ever faster: the left wheel falls behind.
+        let straight = along_heading(at, Vector3::y(), gained, 2.0);
+        assert!((straight - 0.0).abs() < 1e-12);
+        // Steered left by delta: forward is (cos, sin), the spindle (-sin, cos).
+        let (sin, cos) = 0.3_f64.sin_cos();
+        let steered = along_heading(at, Vector3::new(-sin, cos, 0.0), gained, 2.0);
+        assert!((steered - (3.0 + 1.6) * sin).abs() < 1e-12);
     }
 }
