@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use sample::{InnovationKind, StrainChannel, Wheel};
 
 use super::inertial::Balance;
-use super::joint::{Joint, Rows};
+use super::joint::{Joint, NO_OWN, Rows};
 use super::{
     Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
     TORQUE,
@@ -117,7 +117,7 @@ impl Fusion {
                 })
             } else {
                 let gains = members.gains(5, age).map(|gain| bending * gain);
-                rows.set(STRAIN + i, gains, (0, 0.0));
+                rows.set(STRAIN + i, gains, NO_OWN);
                 let known = bending * offset_n[5] + arm * statics.ball_normal_offset_n;
                 Some(Said {
                     value: reading.value - known,
@@ -205,8 +205,8 @@ impl Fusion {
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
         let load = self.state[FORCE + 3 * wheel + 2].abs();
         let mut rows = Rows::new([FORCE + 3 * wheel, FORCE + 3 * wheel + 1]);
-        rows.set(0, [1.0, 0.0], (0, 0.0));
-        rows.set(1, [0.0, 1.0], (0, 0.0));
+        rows.set(0, [1.0, 0.0], NO_OWN);
+        rows.set(1, [0.0, 1.0], NO_OWN);
         let mut joint = self.covariance.project(&rows, &self.state);
         for axis in 0..2 {
             // The same guess every step is one piece of knowledge, not many.

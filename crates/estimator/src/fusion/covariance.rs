@@ -6,8 +6,8 @@ use std::ops::{Deref, DerefMut};
 
 use nalgebra::SVector;
 
-use super::joint::{Joint, Rows, State, TOGETHER};
-use super::layout::{FORCE, MOMENT, RATE, SIZE, TORQUE, TURN};
+use super::joint::{Joint, Rows, TOGETHER};
+use super::layout::{FORCE, MOMENT, RATE, SIZE, State, TORQUE, TURN};
 use crate::trace::{Operation, Restart, Term, Trace, Update};
 
 /// Largest variance of any state: keeps a blind filter's numbers tame.

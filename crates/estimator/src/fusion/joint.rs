@@ -10,10 +10,11 @@
 //! judged. In exact arithmetic it is what one scalar update after another gives (Bierman,
 //! Factorization Methods for Discrete Sequential Estimation, 1977).
 
-use super::layout::SIZE;
-
 /// Rows that are taken in together at most: a corner's strut and its seven strain channels.
 pub const TOGETHER: usize = 8;
+
+/// Of a row that sees no state of its own.
+pub const NO_OWN: (usize, f64) = (0, 0.0);
 
 /// Rows of measurement equations that share `K` states, and see one more of their own each.
 #[derive(Clone, Debug)]
@@ -163,6 +164,3 @@ impl Joint {
         });
     }
 }
-
-/// One number for each of the states.
-pub type State = [f64; SIZE];

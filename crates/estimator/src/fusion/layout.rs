@@ -2,6 +2,8 @@
 
 /// Number of states.
 pub const SIZE: usize = 66;
+/// One number for each state.
+pub type State = [f64; SIZE];
 /// Force of wheel w along axis a at `FORCE + 3 w + a`; contact frame, N.
 pub const FORCE: usize = 0;
 /// Rate of the force, N/s.
