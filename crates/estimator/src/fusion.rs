@@ -75,9 +75,13 @@ const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 15.0];
 const TURN_VARIANCE: f64 = 0.1;
 /// Rate beyond which the balance of moments has run away, rad/s.
 const TURN_MAX_RAD_S: f64 = 10.0;
-/// Time constant of what is left of the accelerometers' bias, s, and its size, m/s^2.
+/// Time constant of what is left of the accelerometers' bias, s, and its standard deviation at the
+/// start and at its bounds, m/s^2. Where mass and centre of gravity are known but to a workshop's
+/// per cent, the error grows with the acceleration, to tens of times what exact ones leave: how
+/// much of it there is, is learnt.
 const ACCEL_TIME_S: f64 = 30.0;
-const ACCEL_SIGMA: f64 = 0.0075;
+const ACCEL_SIGMA: f64 = 0.004;
+const ACCEL_BOUNDS: [f64; 2] = [0.002, 0.03];
 /// How fast what was learnt of a strain channel's offset fades to the calibrated zero, s, and its
 /// walk, N/sqrt(s). Moments, torques and geometry are wrong by little, but for long: an offset that
 /// only walked would within minutes take their errors for its own, and be sure of them.
@@ -115,6 +119,7 @@ pub struct Fusion {
     health: [[ChannelHealth; StrainChannel::COUNT]; 4],
     agility: Agility,
     torque: ProcessNoise<2>,
+    accel: ProcessNoise<3>,
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
@@ -238,7 +243,8 @@ impl Fusion {
                 .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
             health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
             agility: Agility::default(),
-            torque: ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS),
+            torque: torque_noise(),
+            accel: accel_noise(),
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
@@ -265,7 +271,8 @@ impl Fusion {
         self.steps = 0;
         self.lengths = [LengthWatch::default(); 4];
         self.agility = Agility::default();
-        self.torque = ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS);
+        self.torque = torque_noise();
+        self.accel = accel_noise();
         for (wheel, load) in self.body.static_load.into_iter().enumerate() {
             self.state[FORCE + 3 * wheel + 2] = load;
         }
@@ -322,6 +329,7 @@ impl Fusion {
         }
         let rates = self.believed::<12>(RATE);
         let torques = self.believed::<2>(TORQUE);
+        let accels = self.believed::<3>(ACCEL);
         self.pushed = false;
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
@@ -334,6 +342,8 @@ impl Fusion {
                 .learn(corrections(&rates, &self.believed(RATE)));
             self.torque
                 .learn(corrections(&torques, &self.believed(TORQUE)));
+            self.accel
+                .learn(corrections(&accels, &self.believed(ACCEL)));
         }
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
@@ -506,7 +516,7 @@ impl Fusion {
         let moment_gain = fade(MOMENT, TORQUE - MOMENT, MOMENT_TIME_S);
         fade(TORQUE, 2, TORQUE_TIME_S[0]);
         let torque_gain = fade(TORQUE + 2, 2, TORQUE_TIME_S[1]);
-        let accel_gain = fade(ACCEL, 3, ACCEL_TIME_S);
+        fade(ACCEL, 3, ACCEL_TIME_S);
         let offset_gain = fade(OFFSET, 20, OFFSET_TIME_S);
         let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
             let start = lengths::start_variance(&channels.0[wheel].deflection);
@@ -538,7 +548,7 @@ impl Fusion {
         for (axis, noise) in TURN_NOISE_N_M.into_iter().enumerate() {
             let turn = noise * self.body.inverse[(axis, axis)];
             c.add_noise(TURN + axis, turn * turn * dt);
-            c.add_noise(ACCEL + axis, accel_gain * ACCEL_SIGMA.powi(2));
+            c.add_noise(ACCEL + axis, self.accel.density() * dt);
         }
         for (wheel, gained) in length_gain.into_iter().enumerate() {
             c.add_noise(LENGTH + wheel, gained);
@@ -548,6 +558,16 @@ impl Fusion {
             c.add_noise(OFFSET + i, offset_gain * start + OFFSET_WALK.powi(2) * dt);
         }
     }
+}
+
+fn torque_noise() -> ProcessNoise<2> {
+    ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS)
+}
+
+/// The density that keeps a state of these deviations from fading.
+fn accel_noise() -> ProcessNoise<3> {
+    let density = |sigma: f64| 2.0 * sigma * sigma / ACCEL_TIME_S;
+    ProcessNoise::new(density(ACCEL_SIGMA), ACCEL_BOUNDS.map(density))
 }
 
 /// What one step's measurements have changed in values of which this was known, in deviations: a
