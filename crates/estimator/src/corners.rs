@@ -115,6 +115,9 @@ pub struct Corners {
     linkages: [Linkage; 4],
     states: [CornerState; 4],
     normal: Vector3<f64>,
+    /// The normal that the wheels' contact points told at the last step.
+    seen: Option<Vector3<f64>>,
+    turn_over_ground: Option<[f64; 2]>,
     cg_height_m: f64,
     rack_m_rad: f64,
     hand_wheel: HandWheel,
@@ -161,6 +164,8 @@ impl Corners {
             linkages,
             states,
             normal: Vector3::z(),
+            seen: None,
+            turn_over_ground: None,
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
             hand_wheel: HandWheel::default(),
@@ -178,6 +183,14 @@ impl Corners {
     #[must_use]
     pub fn normal(&self) -> Vector3<f64> {
         self.normal
+    }
+
+    /// How fast the body rolls and pitches over the ground, rad/s, by what the struts and the tyres'
+    /// compression have changed since the last step. None where these are not known or too few
+    /// wheels stand.
+    #[must_use]
+    pub fn turn_over_ground(&self) -> Option<[f64; 2]> {
+        self.turn_over_ground
     }
 
     /// Puts the corners where the readings say at `now`, `dt` after the last time.
@@ -258,9 +271,17 @@ impl Corners {
             load_n[i] / self.linkages[i].tyre_stiffness_n_m
         }));
         let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
-        if known && let Some(plane) = ground_plane(&poses, &radius, &compression, &weight) {
-            self.normal = plane.normal;
-        }
+        let plane = if known {
+            ground_plane(&poses, &radius, &compression, &weight)
+        } else {
+            None
+        };
+        let seen = plane.map(|plane| plane.normal);
+        self.turn_over_ground = seen
+            .zip(self.seen)
+            .map(|(now, before)| turn_from_normals(before, now, motion.rate_rad_s.z, dt));
+        self.seen = seen;
+        self.normal = seen.unwrap_or(self.normal);
         if self.normal.z < 0.3 || !self.normal.iter().all(|n| n.is_finite()) {
             self.normal = Vector3::z();
         }
@@ -278,6 +299,20 @@ impl Corners {
     pub fn sixth(&self) -> ChannelKind {
         self.sixth
     }
+}
+
+/// Roll and pitch rate, rad/s, of a body that turns about `yaw_rate` besides and has seen the normal
+/// n of the ground move in its axes: n' = n x w.
+fn turn_from_normals(
+    before: Vector3<f64>,
+    now: Vector3<f64>,
+    yaw_rate_rad_s: f64,
+    dt: f64,
+) -> [f64; 2] {
+    let moved = (now - before) / dt;
+    let roll = (moved.y + now.x * yaw_rate_rad_s) / now.z;
+    let pitch = (now.y * yaw_rate_rad_s - moved.x) / now.z;
+    [roll, pitch]
 }
 
 /// How fast the velocity of a wheel at `at`, m, along its heading grows, m/s^2, from what the body's
@@ -444,6 +479,19 @@ impl Linkage {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_body_turns_as_it_sees_the_ground_turn() {
+        let rate = Vector3::new(0.4, -0.3, 0.7);
+        let normal = Vector3::new(0.1, -0.05, 1.0).normalize();
+        let dt = 1e-6;
+        let later = nalgebra::Rotation3::new(-rate * dt) * normal;
+        let [roll, pitch] = turn_from_normals(normal, later, rate.z, dt);
+        assert!(
+            (roll - rate.x).abs() < 1e-5 && (pitch - rate.y).abs() < 1e-5,
+            "{roll} {pitch}"
+        );
+    }
 
     #[test]
     fn a_wheel_speeds_up_with_the_body_and_as_it_turns() {

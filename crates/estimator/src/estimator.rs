@@ -431,6 +431,7 @@ impl Estimator {
                 imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
                 gyro_believed: self.gyro.believed(),
+                turn_over_ground: corners.turn_over_ground(),
             };
             let resets = fusion.resets();
             let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {

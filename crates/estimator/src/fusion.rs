@@ -169,6 +169,8 @@ pub struct StepInput<'a> {
     pub imu_sigma: [f64; 2],
     /// Which axes of the gyro are believed; the others tell nothing.
     pub gyro_believed: [bool; 3],
+    /// How fast the body rolls and pitches over the ground, rad/s, which stands in for them.
+    pub turn_over_ground: Option<[f64; 2]>,
 }
 
 /// What the filter knows of a strut, for the linkage's pose.

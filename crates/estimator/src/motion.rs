@@ -110,6 +110,8 @@ pub struct MotionFilter {
     levelled: bool,
     velocity_misses: u32,
     attitude_misses: u32,
+    /// Yaw, pitch and roll as the receiver told them last.
+    told_angles: [Option<f64>; 3],
     resets: u32,
     /// Innovations since they were last reported.
     pub(crate) innovations: InnovationTally,
@@ -185,6 +187,7 @@ impl MotionFilter {
             levelled: false,
             velocity_misses: 0,
             attitude_misses: 0,
+            told_angles: [None; 3],
             resets: 0,
             innovations: InnovationTally::default(),
             trace: Trace::default(),

@@ -19,6 +19,8 @@ const PUSH: f64 = 8.0;
 const PUSH_MAX: f64 = 400.0;
 /// Rate of the loads after a push, N/s of a newton of its surplus: the body begins to pitch.
 const PUSH_RATE: f64 = 3.0;
+/// Deviation of the roll and pitch rate that struts tell, rad/s: the ground turns, too.
+const OVER_GROUND_RAD_S: f64 = 0.2;
 /// Part of the weight within which the tyres must carry it before a vehicle that was held counts as
 /// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
 const HELD_PART: f64 = 0.05;
@@ -169,6 +171,15 @@ impl Fusion {
             let value = read + age * balance.constant[axis];
             let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
             self.count(InnovationKind::Gyro, innovation, GATE);
+        }
+        // A gyro that is not believed leaves the balance to itself: an error of the moments would
+        // grow into any rate. The struts see how the body turns, but for the ground's own turning.
+        for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
+            if !input.gyro_believed[axis] {
+                let value = over_ground + age * balance.constant[axis];
+                let variance = OVER_GROUND_RAD_S * OVER_GROUND_RAD_S;
+                self.take(&mut joint, GYRO + axis, value, variance, GATE);
+            }
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
         agrees

@@ -160,7 +160,11 @@ impl MotionFilter {
                 }
             }
         }
-        let (mut used, mut rejected) = (false, false);
+        // A receiver that hangs says the same again, and contradicts ever more as the body turns: it
+        // is left out, but what it says is not adopted.
+        let hangs: [bool; 3] = std::array::from_fn(|axis| angles[axis] == self.told_angles[axis]);
+        self.told_angles = angles;
+        let (mut used, mut rejected, mut contradicted) = (false, false, false);
         if self.attitude_time.is_none()
             && let Some(turn) = residuals[0].take()
         {
@@ -190,6 +194,7 @@ impl MotionFilter {
             let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
             if innovation.powi(2) > GATE * GATE * variance {
                 rejected = true;
+                contradicted |= !hangs[axis];
                 self.innovations.rejected(InnovationKind::GnssAttitude);
                 continue;
             }
@@ -199,7 +204,7 @@ impl MotionFilter {
         }
         self.inject(&delta);
         if rejected {
-            self.attitude_misses += 1;
+            self.attitude_misses += u32::from(contradicted);
             if self.is_contradicted() {
                 self.doubt();
             } else if self.attitude_misses > MISSES_MAX {
