@@ -75,13 +75,11 @@ const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 15.0];
 const TURN_VARIANCE: f64 = 0.1;
 /// Rate beyond which the balance of moments has run away, rad/s.
 const TURN_MAX_RAD_S: f64 = 10.0;
-/// Time constant of what is left of the accelerometers' bias, s, and its standard deviation at the
-/// start and at its bounds, m/s^2. Where mass and centre of gravity are known but to a workshop's
-/// per cent, the error grows with the acceleration, to tens of times what exact ones leave: how
-/// much of it there is, is learnt.
+/// Time constant of what is left of the accelerometers' bias, s, and its least and most standard
+/// deviation, m/s^2. Where mass and centre of gravity are known but to a workshop's per cent, it
+/// grows with the acceleration to several times what exact ones leave: how much there is, is learnt.
 const ACCEL_TIME_S: f64 = 30.0;
-const ACCEL_SIGMA: f64 = 0.004;
-const ACCEL_BOUNDS: [f64; 2] = [0.002, 0.03];
+const ACCEL_SIGMA: [f64; 2] = [0.004, 0.03];
 /// How fast what was learnt of a strain channel's offset fades to the calibrated zero, s, and its
 /// walk, N/sqrt(s). Moments, torques and geometry are wrong by little, but for long: an offset that
 /// only walked would within minutes take their errors for its own, and be sure of them.
@@ -304,7 +302,7 @@ impl Fusion {
         }
         for axis in 0..3 {
             variance[TURN + axis] = TURN_VARIANCE;
-            variance[ACCEL + axis] = ACCEL_SIGMA.powi(2);
+            variance[ACCEL + axis] = ACCEL_SIGMA[0].powi(2);
         }
         self.state[OFFSET..].fill(0.0);
         self.covariance.reset(&variance, &self.state);
@@ -568,8 +566,8 @@ fn torque_noise() -> ProcessNoise<2> {
 
 /// The density that keeps a state of these deviations from fading.
 fn accel_noise() -> ProcessNoise<3> {
-    let density = |sigma: f64| 2.0 * sigma * sigma / ACCEL_TIME_S;
-    ProcessNoise::new(density(ACCEL_SIGMA), ACCEL_BOUNDS.map(density))
+    let bounds = ACCEL_SIGMA.map(|sigma| 2.0 * sigma * sigma / ACCEL_TIME_S);
+    ProcessNoise::new(bounds[0], bounds)
 }
 
 /// What one step's measurements have changed in values of which this was known, in deviations: a
