@@ -1,5 +1,6 @@
 //! The fusion filter over truth runs, sensors files and seeds: errors, consistency of the stated
-//! deviations, events; and the same over MINUTES (ten) of the virtual vehicle's mixed driving.
+//! deviations, events; and the same over the virtual vehicle's manoeuvres and MINUTES (ten) of its
+//! mixed driving.
 //!
 //! `cargo run --example truth_campaign -- [SEEDS] [SENSORS...]`
 
@@ -26,6 +27,7 @@ use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use run::Run;
+use sim::Manoeuvre;
 
 const RUNS: [&str; 5] = [
     "b_circle",
@@ -33,6 +35,16 @@ const RUNS: [&str; 5] = [
     "d_sine_mu",
     "f_launch_brake",
     "h_jack",
+];
+
+const MANOEUVRES: [Manoeuvre; 7] = [
+    Manoeuvre::Circle,
+    Manoeuvre::SlowSine,
+    Manoeuvre::FastSine,
+    Manoeuvre::StepSteer,
+    Manoeuvre::AsphaltToGravel,
+    Manoeuvre::LaunchBrake,
+    Manoeuvre::MixedDriving,
 ];
 
 const FILES: [&str; 3] = [
@@ -55,10 +67,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut runs: Vec<(&str, Vehicle, Run)> = RUNS
         .map(|name| (name, run::vehicle(), Run::load(name)))
         .into();
-    if minutes > 0.0 {
+    for manoeuvre in MANOEUVRES.into_iter().filter(|_| minutes > 0.0) {
         let prowler = Vehicle::builtin("prowler")?;
-        let drive = drive::mixed_driving(&prowler, 60.0 * minutes);
-        runs.push(("mixed_driving", prowler, drive));
+        let span_s = match manoeuvre {
+            Manoeuvre::MixedDriving => 60.0 * minutes,
+            _ => 0.0,
+        };
+        let drive = drive::virtual_drive(&prowler, manoeuvre, span_s);
+        runs.push((manoeuvre.name(), prowler, drive));
     }
     let mut surprise = 0.0;
     for file in &files {
@@ -74,7 +90,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let found = deviations(run, &result);
                 let all = &found.all;
                 println!(
-                    "{file:25} {name:14} {seed:2}: {force:4.2?} %, motion {motion:.3?} deg, NEES \
+                    "{file:25} {name:17} {seed:2}: {force:4.2?} %, motion {motion:.3?} deg, NEES \
                      {:.2?}, {:3.0} % of {} windows inside, {:.0} % above ({:.0} dof, {:.2?}), \
                      surprise {:.3?}",
                     found.axes,

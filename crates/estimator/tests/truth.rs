@@ -233,7 +233,7 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
 #[test]
 fn forces_and_deviations_hold_on_a_long_drive() {
     let vehicle = Vehicle::builtin("prowler").unwrap();
-    let run = drive::mixed_driving(&vehicle, LONG_DRIVE_S);
+    let run = drive::virtual_drive(&vehicle, Manoeuvre::MixedDriving, LONG_DRIVE_S);
     let result = through("thesis-10bit", &vehicle, &run);
     let force = force_errors(&run, &vehicle, &result);
     let found = deviations(&run, &result);

@@ -8,10 +8,10 @@ use sim::{Manoeuvre, TruthState};
 
 use super::run::{RATE_HZ, Run};
 
-/// Mixed driving on end for at least `span_s`.
-pub fn mixed_driving(vehicle: &Vehicle, span_s: f64) -> Run {
-    let lap = Manoeuvre::MixedDriving.drive(vehicle).unwrap();
-    let laps = (span_s / lap.duration_s()).ceil();
+/// A manoeuvre once, or on end for at least `span_s` where its end joins its beginning.
+pub fn virtual_drive(vehicle: &Vehicle, manoeuvre: Manoeuvre, span_s: f64) -> Run {
+    let lap = manoeuvre.drive(vehicle).unwrap();
+    let laps = (span_s / lap.duration_s()).ceil().max(1.0);
     let motion = lap.repeated(laps as u32);
     let rows = (motion.duration_s() * RATE_HZ) as usize;
     let mut columns: HashMap<String, Vec<f64>> = HashMap::new();
