@@ -92,6 +92,24 @@ struct Stance {
     wrench: Wrench,
 }
 
+/// What of a corner's motion takes two instants to tell.
+#[derive(Clone, Copy)]
+struct Turning {
+    /// Rate of the wheel's spin.
+    spin_rad_s2: f64,
+    /// Rate of the hand wheel, which turns the spinning wheel about.
+    hand_wheel_rad_s: f64,
+}
+
+impl Turning {
+    fn at(states: &[TruthState], row: usize, wheel: Wheel) -> Self {
+        Self {
+            spin_rad_s2: slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s),
+            hand_wheel_rad_s: slope(states, row, |s| s.hand_wheel_rad),
+        }
+    }
+}
+
 impl Stance {
     fn members(&self) -> MemberForces {
         self.statics.members(&self.wrench)
@@ -141,12 +159,12 @@ impl Linkage {
                     continue;
                 }
                 let rate_m_s = slope(states, row, |s| s.wheels[wheel].strut_length_m);
-                let spin_dot = slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s);
+                let turning = Turning::at(states, row, wheel);
                 let state = &states[row];
                 let length_m = state.wheels[wheel].strut_length_m;
                 let kind = ChannelKind::BallNormal;
                 let stance = self
-                    .stance(state, wheel, length_m, rate_m_s, spin_dot, kind)
+                    .stance(state, wheel, length_m, rate_m_s, turning, kind)
                     .map_err(|cause| linkage_error(state, wheel, cause))?;
                 let (members, steer_rad) = (stance.members(), stance.pose.steer_rad());
                 fill(&mut states[row], wheel, &members, steer_rad);
@@ -256,10 +274,10 @@ impl Linkage {
         let mut previous: Option<(f64, f64)> = None;
         for row in 0..states.len() {
             if states[row].wheels[wheel].strut_length_m.is_nan() {
-                let spin_dot = slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s);
+                let turning = Turning::at(states, row, wheel);
                 let state = &states[row];
                 let length_m = self
-                    .balanced_length(corner, state, wheel, previous, spin_dot)
+                    .balanced_length(corner, state, wheel, previous, turning)
                     .map_err(|cause| linkage_error(state, wheel, cause))?;
                 states[row].wheels[wheel].strut_length_m = length_m;
             }
@@ -277,7 +295,7 @@ impl Linkage {
         state: &TruthState,
         wheel: Wheel,
         previous: Option<(f64, f64)>,
-        spin_dot: f64,
+        turning: Turning,
     ) -> Result<f64, SuspensionError> {
         let strut = &corner.strut;
         let mut length_m = previous.map_or(strut.design_length_m, |(_, length)| length);
@@ -286,7 +304,7 @@ impl Linkage {
                 (length_m - last_m) / (state.time_s - time_s)
             });
             let kind = ChannelKind::Strut;
-            let stance = self.stance(state, wheel, length_m, rate_m_s, spin_dot, kind)?;
+            let stance = self.stance(state, wheel, length_m, rate_m_s, turning, kind)?;
             let missing_n = stance.members().sixth_n - strut.force(length_m, rate_m_s).total_n();
             let damping = previous.map_or(0.0, |(time_s, _)| {
                 strut.damping_n_s_m / (state.time_s - time_s)
@@ -307,7 +325,7 @@ impl Linkage {
         wheel: Wheel,
         length_m: f64,
         rate_m_s: f64,
-        spin_dot: f64,
+        turning: Turning,
         kind: ChannelKind,
     ) -> Result<Stance, SuspensionError> {
         let corner = &self.corners[wheel];
@@ -326,14 +344,16 @@ impl Linkage {
             rate_rad_s: state.rate_rad_s.into(),
             rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
         };
-        let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, 0.0);
+        let rack_rate_m_s = corner.rack_m_rad * turning.hand_wheel_rad_s;
+        let mut motion =
+            CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack_rate_m_s);
         if load_n > OFF_GROUND_N {
             motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
         }
         let wrench = corner.wrench(truth, pose.spindle.dot(&normal).asin());
         motion.spin_rad_s = truth.angular_speed_rad_s;
-        motion.spin_dot_rad_s2 = spin_dot;
-        motion.axle_torque_n_m = corner.axle_torque_n_m(&wrench, compression_m, spin_dot);
+        motion.spin_dot_rad_s2 = turning.spin_rad_s2;
+        motion.axle_torque_n_m = corner.axle_torque_n_m(&wrench, compression_m, turning.spin_rad_s2);
         let statics = CornerStatics::new(
             &corner.corner,
             &pose,
