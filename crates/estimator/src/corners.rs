@@ -55,6 +55,8 @@ pub struct CornerState {
     pub spin_rad_s: f64,
     /// Its rate, rad/s^2, as rolling gives it.
     pub spin_dot_rad_s2: f64,
+    /// How the upright turns against the body, rad/s: as it is steered, and as it travels.
+    pub turn_rad_s: Vector3<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -73,13 +75,19 @@ struct Linkage {
 /// What of the hand wheel's angle a memory that fades keeps from step to step.
 const STEER_KEEP: f64 = 0.85;
 
-/// The hand wheel by least squares with a fading memory, which a steady turn does not leave
-/// behind. The encoder's noise differentiated would turn the spinning front wheels about at
-/// 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at 15 m/s.
+/// Fastest rack and its greatest acceleration that count, m/s and m/s^2: an encoder may jump.
+const RACK_MAX_M_S: f64 = 0.2;
+const RACK_MAX_M_S2: f64 = 2.0;
+
+/// The hand wheel by a parabola of least squares with a fading memory, which neither a steady turn
+/// nor one that begins evenly leaves behind. The encoder's noise differentiated would turn the
+/// spinning front wheels about at 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at
+/// 15 m/s; a straight line's lag of 0.1 s would be worth as much at 0.7 Hz.
 #[derive(Clone, Copy, Debug, Default)]
 struct HandWheel {
     angle_rad: f64,
     rate_rad_s: f64,
+    rate_dot_rad_s2: f64,
     known: bool,
 }
 
@@ -88,10 +96,21 @@ impl HandWheel {
         if !self.known {
             (self.angle_rad, self.known) = (reading_rad, true);
         }
-        self.angle_rad += self.rate_rad_s * dt;
+        let lost = 1.0 - STEER_KEEP;
+        self.angle_rad += (self.rate_rad_s + 0.5 * self.rate_dot_rad_s2 * dt) * dt;
+        self.rate_rad_s += self.rate_dot_rad_s2 * dt;
         let error = reading_rad - self.angle_rad;
-        self.angle_rad += (1.0 - STEER_KEEP * STEER_KEEP) * error;
-        self.rate_rad_s += (1.0 - STEER_KEEP).powi(2) * error / dt;
+        self.angle_rad += (1.0 - STEER_KEEP.powi(3)) * error;
+        self.rate_rad_s += 1.5 * lost * lost * (1.0 + STEER_KEEP) * error / dt;
+        self.rate_dot_rad_s2 += lost.powi(3) * error / (dt * dt);
+    }
+
+    /// Rate and acceleration of a rack that moves so far for a radian, m/s and m/s^2.
+    fn motion(&self, rack_m_rad: f64) -> [f64; 2] {
+        [
+            (self.rate_rad_s * rack_m_rad).clamp(-RACK_MAX_M_S, RACK_MAX_M_S),
+            (self.rate_dot_rad_s2 * rack_m_rad).clamp(-RACK_MAX_M_S2, RACK_MAX_M_S2),
+        ]
     }
 }
 
@@ -148,7 +167,13 @@ impl Corners {
         let mut states = Vec::with_capacity(4);
         for linkage in &linkages {
             let state = linkage
-                .state(Vector3::z(), &rest, [0.0; 4], linkage.fallback_load_n)
+                .state(
+                    Vector3::z(),
+                    &rest,
+                    [0.0; 2],
+                    [0.0; 3],
+                    linkage.fallback_load_n,
+                )
                 .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
             states.push(state);
         }
@@ -207,7 +232,7 @@ impl Corners {
             self.hand_wheel.follow(reading.value, dt);
         }
         let rack = (self.hand_wheel.angle_rad + told.hand_wheel_rad) * self.rack_m_rad;
-        let rack_rate = (self.hand_wheel.rate_rad_s * self.rack_m_rad).clamp(-0.2, 0.2);
+        let rack_motion = self.hand_wheel.motion(self.rack_m_rad);
         for (i, linkage) in self.linkages.iter_mut().enumerate() {
             let compression = &mut readings.corners.0[i].compression_m;
             linkage.measure(now, dt, rack, compression, told.struts[i]);
@@ -242,12 +267,12 @@ impl Corners {
             let spin = readings.wheel_speed_rad_s.0[i]
                 .and_then(|reading| reading.fresh(now))
                 .unwrap_or(motion.velocity_m_s.x / radius);
-            let rack_rate = if i < 2 { rack_rate } else { 0.0 };
+            let rack_motion = if i < 2 { rack_motion } else { [0.0; 2] };
             let pose = &linkage.pose;
             let along = along_heading(pose.wheel_centre_m, pose.spindle, gained, yaw_dot);
-            let rolling = [rack_rate, spin, along / radius, gravity];
+            let rolling = [spin, along / radius, gravity];
             // A linkage whose map is singular keeps the last one.
-            if let Ok(state) = linkage.state(self.normal, &body, rolling, load[i]) {
+            if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
                 self.states[i] = state;
             }
         }
@@ -415,15 +440,16 @@ impl Linkage {
         self.strut.design_length_m - self.corner.design_strut_length_m()
     }
 
-    /// `rolling`: rate of the rack, spin and its rate, gravity along the normal.
+    /// `rack`: its rate and acceleration; `rolling`: spin and its rate, gravity along the normal.
     fn state(
         &self,
         normal: Vector3<f64>,
         body: &BodyMotion,
-        rolling: [f64; 4],
+        rack: [f64; 2],
+        rolling: [f64; 3],
         load_n: f64,
     ) -> Result<CornerState, SuspensionError> {
-        let [rack_rate, spin, spin_dot, gravity] = rolling;
+        let [spin, spin_dot, gravity] = rolling;
         let [length, rate] = self.length.value();
         let length = length + self.design_shift_m();
         let pose = &self.pose;
@@ -433,7 +459,7 @@ impl Linkage {
             self.radius_m,
             load_n / self.tyre_stiffness_n_m,
         );
-        let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack_rate);
+        let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
         if load_n > CONTACT_N {
             motion = motion.on_ground(&self.corner, pose, normal, gravity);
         }
@@ -472,6 +498,7 @@ impl Linkage {
                 }),
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,
+            turn_rad_s: motion.upright_rate_rad_s - body.rate_rad_s,
         })
     }
 }
@@ -490,6 +517,22 @@ mod tests {
         assert!(
             (roll - rate.x).abs() < 1e-5 && (pitch - rate.y).abs() < 1e-5,
             "{roll} {pitch}"
+        );
+    }
+
+    #[test]
+    fn a_hand_wheel_that_turns_ever_faster_is_not_left_behind() {
+        let mut wheel = HandWheel::default();
+        let (dt, rate_dot) = (0.01, 3.0);
+        for k in 0..=100 {
+            let time_s = dt * f64::from(k);
+            wheel.follow(0.5 * rate_dot * time_s * time_s, dt);
+        }
+        let [rate, acceleration] = wheel.motion(0.01);
+        assert!((rate - 0.01 * rate_dot).abs() < 1e-6, "{rate}");
+        assert!(
+            (acceleration - 0.01 * rate_dot).abs() < 1e-4,
+            "{acceleration}"
         );
     }
 

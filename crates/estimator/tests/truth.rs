@@ -28,6 +28,7 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use run::Run;
 use sample::{Event, EventKind, Wheel};
+use sim::Manoeuvre;
 
 /// Runs on the road; the jackstand run is judged by its forces apart.
 const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];

@@ -97,15 +97,19 @@ struct Stance {
 struct Turning {
     /// Rate of the wheel's spin.
     spin_rad_s2: f64,
-    /// Rate of the hand wheel, which turns the spinning wheel about.
-    hand_wheel_rad_s: f64,
+    /// Rate of the hand wheel, rad/s, which turns the spinning wheel about, and its acceleration,
+    /// rad/s^2.
+    hand_wheel: [f64; 2],
 }
 
 impl Turning {
     fn at(states: &[TruthState], row: usize, wheel: Wheel) -> Self {
         Self {
             spin_rad_s2: slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s),
-            hand_wheel_rad_s: slope(states, row, |s| s.hand_wheel_rad),
+            hand_wheel: [
+                slope(states, row, |s| s.hand_wheel_rad),
+                bend(states, row, |s| s.hand_wheel_rad),
+            ],
         }
     }
 }
@@ -344,9 +348,9 @@ impl Linkage {
             rate_rad_s: state.rate_rad_s.into(),
             rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
         };
-        let rack_rate_m_s = corner.rack_m_rad * turning.hand_wheel_rad_s;
+        let rack = turning.hand_wheel.map(|of_angle| corner.rack_m_rad * of_angle);
         let mut motion =
-            CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack_rate_m_s);
+            CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
         if load_n > OFF_GROUND_N {
             motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
         }
@@ -485,6 +489,20 @@ fn slope(states: &[TruthState], row: usize, value: impl Fn(&TruthState) -> f64) 
     } else {
         0.0
     }
+}
+
+/// Second derivative of a state at one instant from those beside it; zero at the ends.
+fn bend(states: &[TruthState], row: usize, value: impl Fn(&TruthState) -> f64) -> f64 {
+    let Some([before, at, after]) = (row.checked_sub(1))
+        .and_then(|first| states.get(first..=row + 1))
+        .and_then(|three| <&[TruthState; 3]>::try_from(three).ok())
+    else {
+        return 0.0;
+    };
+    let to = (value(after) - value(at)) / (after.time_s - at.time_s);
+    let from = (value(at) - value(before)) / (at.time_s - before.time_s);
+    let bend = 2.0 * (to - from) / (after.time_s - before.time_s);
+    if bend.is_finite() { bend } else { 0.0 }
 }
 
 fn linkage_error(state: &TruthState, wheel: Wheel, cause: SuspensionError) -> SimError {

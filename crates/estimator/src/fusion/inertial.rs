@@ -85,8 +85,10 @@ impl Fusion {
                 }
             }
             let spindle = corner.pose.spindle;
-            momentum += spindle * (body.spin_inertia[i] * corner.spin_rad_s);
-            momentum_dot += spindle * (body.spin_inertia[i] * corner.spin_dot_rad_s2);
+            let spinning = spindle * (body.spin_inertia[i] * corner.spin_rad_s);
+            momentum += spinning;
+            momentum_dot += spindle * (body.spin_inertia[i] * corner.spin_dot_rad_s2)
+                + corner.turn_rad_s.cross(&spinning);
             of_known += of_moment * known[i].moment_n_m;
             directions[i] = turn;
         }

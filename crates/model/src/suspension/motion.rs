@@ -66,22 +66,27 @@ impl CornerMotion {
         }
     }
 
-    /// A corner whose strut lengthens at `strut_rate_m_s` and whose rack moves at `rack_rate_m_s`
-    /// on a moving body. Of the relative acceleration the Coriolis part is in, what comes from
-    /// l'' is not: on ground, [`CornerMotion::on_ground`] replaces it.
+    /// A corner whose strut lengthens at `strut_rate_m_s` and whose rack moves at `rack[0]`, m/s, and
+    /// gathers `rack[1]`, m/s^2, on a moving body. Of the relative acceleration the Coriolis part and
+    /// the rack's are in, what comes from l'' is not: on ground, [`CornerMotion::on_ground`]
+    /// replaces it.
     #[must_use]
     pub fn on_body(
         corner: &Corner,
         pose: &CornerPose,
         body: &BodyMotion,
         strut_rate_m_s: f64,
-        rack_rate_m_s: f64,
+        rack: [f64; 2],
     ) -> Self {
+        let [rack_rate, rack_rate_dot] = rack;
         let rates = corner.rates(pose);
-        let rotation = rates.strut.rotation * strut_rate_m_s + rates.rack.rotation * rack_rate_m_s;
-        let hub =
-            rates.strut.wheel_centre * strut_rate_m_s + rates.rack.wheel_centre * rack_rate_m_s;
-        let upright = hub + rotation.cross(&(pose.upright_cg_m - pose.wheel_centre_m));
+        let to_upright = pose.upright_cg_m - pose.wheel_centre_m;
+        let rotation = rates.strut.rotation * strut_rate_m_s + rates.rack.rotation * rack_rate;
+        let hub = rates.strut.wheel_centre * strut_rate_m_s + rates.rack.wheel_centre * rack_rate;
+        let upright = hub + rotation.cross(&to_upright);
+        let rotation_dot = rates.rack.rotation * rack_rate_dot;
+        let hub_dot = rates.rack.wheel_centre * rack_rate_dot;
+        let upright_dot = hub_dot + rotation_dot.cross(&to_upright);
         let moving = |point: Vector3<f64>, velocity: Vector3<f64>| {
             body.specific_force_at(point) + body.rate_rad_s.cross(&velocity) * 2.0
         };
@@ -102,12 +107,14 @@ impl CornerMotion {
             pose.lower_arm_cg_m,
         );
         Self {
-            wheel_specific_force_m_s2: moving(pose.wheel_centre_m, hub),
-            upright_specific_force_m_s2: moving(pose.upright_cg_m, upright),
+            wheel_specific_force_m_s2: moving(pose.wheel_centre_m, hub) + hub_dot,
+            upright_specific_force_m_s2: moving(pose.upright_cg_m, upright) + upright_dot,
             upper_arm_specific_force_m_s2: moving(pose.upper_arm_cg_m, upper),
             lower_arm_specific_force_m_s2: moving(pose.lower_arm_cg_m, lower),
             upright_rate_rad_s: body.rate_rad_s + rotation,
-            upright_rate_dot_rad_s2: body.rate_dot_rad_s2,
+            upright_rate_dot_rad_s2: body.rate_dot_rad_s2
+                + body.rate_rad_s.cross(&rotation)
+                + rotation_dot,
             ..Self::default()
         }
     }

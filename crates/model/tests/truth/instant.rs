@@ -154,6 +154,18 @@ impl<'a> Instant<'a> {
         )
     }
 
+    /// Rate and acceleration of the rack, which moves the front wheels alone.
+    fn rack(&self, wheel: Wheel) -> [f64; 2] {
+        if wheel.is_front() {
+            [
+                self.run.slope("rack", self.row),
+                self.run.bend("rack", self.row),
+            ]
+        } else {
+            [0.0; 2]
+        }
+    }
+
     pub fn motion(&self, wheel: Wheel, left_out: LeftOut) -> CornerMotion {
         let (corner, pose) = (&self.corners[wheel], &self.poses[wheel]);
         if left_out == LeftOut::Inertia {
@@ -163,7 +175,7 @@ impl<'a> Instant<'a> {
             };
         }
         let rate = self.at(wheel, "shock_vel");
-        let mut motion = CornerMotion::on_body(corner, pose, &self.body, rate, 0.0);
+        let mut motion = CornerMotion::on_body(corner, pose, &self.body, rate, self.rack(wheel));
         if self.at(wheel, "Fz") > FIRM_LOAD_N {
             motion = motion.on_ground(corner, pose, self.normal, GRAVITY_M_S2);
         }

@@ -91,6 +91,12 @@ impl Run {
         (values[middle + 1] - values[middle - 1]) * RATE_HZ / 2.0
     }
 
+    /// Second derivative of a column at a row.
+    pub fn bend(&self, name: &str, row: usize) -> f64 {
+        let (values, middle) = (self.column(name), 1 + row * self.stride);
+        (values[middle + 1] - 2.0 * values[middle] + values[middle - 1]) * RATE_HZ * RATE_HZ
+    }
+
     fn column(&self, name: &str) -> &[f64] {
         self.columns
             .get(name)
