@@ -69,6 +69,9 @@ struct Axle {
     reference_n: f64,
     exponent: f64,
     friction: f64,
+    relaxation_length_m: f64,
+    /// Tangents of the slip angles that the contact patches see, once any are known.
+    patch: Option<[f64; 2]>,
     /// ln of the stiffness factor and of the friction factor; slip angle's error, rad.
     state: Vector3<f64>,
     covariance: Matrix3<f64>,
@@ -213,9 +216,12 @@ impl Grip {
             });
             if !usable || !finite {
                 axle.block = Block::default();
+                axle.patch = None;
                 continue;
             }
-            axle.block.add(pair);
+            let rolled_m = input.speed_m_s * input.dt;
+            let slip = axle.relaxed(pair.map(|(_, slip)| slip.tan()), rolled_m);
+            axle.block.add(pair.map(|(force, _)| force), slip);
             if axle.block.steps < BLOCK_STEPS {
                 continue;
             }
@@ -257,13 +263,13 @@ impl Change {
 }
 
 impl Block {
-    fn add(&mut self, pair: [(&TyreForce, f64); 2]) {
+    fn add(&mut self, pair: [&TyreForce; 2], slip: [f64; 2]) {
         self.steps += 1;
-        for (i, (force, slip)) in pair.into_iter().enumerate() {
+        for (i, force) in pair.into_iter().enumerate() {
             self.force_n += force.force_n[1];
             self.variance += force.sigma_n[1].powi(2);
             self.load_n[i] += force.force_n[2];
-            self.slip[i] += slip.tan();
+            self.slip[i] += slip[i];
             self.longitudinal_n += force.force_n[0].abs();
         }
     }
@@ -317,6 +323,8 @@ impl Axle {
             reference_n: tyre.reference_load_n.max(1.0),
             exponent: tyre.load_exponent,
             friction: tyre.friction,
+            relaxation_length_m: tyre.relaxation_length_m,
+            patch: None,
             state: Vector3::zeros(),
             covariance: Matrix3::from_diagonal(&Vector3::from(START.map(|s| s * s))),
             runs: [ChangeRun::default(); 2],
@@ -324,6 +332,16 @@ impl Axle {
             used: UsedFriction::default(),
             block: Block::default(),
         }
+    }
+
+    /// What the contact patches see of the wheels' slip after `rolled_m` more: a tyre's side bends
+    /// first, over its relaxation length ([`model::tyre::relaxed_rate`], by backward Euler).
+    fn relaxed(&mut self, slip: [f64; 2], rolled_m: f64) -> [f64; 2] {
+        let part = rolled_m / (rolled_m + self.relaxation_length_m);
+        let before = self.patch.unwrap_or(slip);
+        let now = std::array::from_fn(|i| before[i] + part * (slip[i] - before[i]));
+        self.patch = Some(now);
+        now
     }
 
     fn stiffness_at(&self, load_n: f64) -> f64 {
