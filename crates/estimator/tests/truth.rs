@@ -26,7 +26,7 @@ use estimator::{Calibration, Input, Method, Settings};
 use judge::{Result, estimate, force_errors, motion_errors, rms, row};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use run::Run;
+use run::{RATE_HZ, Run};
 use sample::{Event, EventKind, Wheel};
 use sim::Manoeuvre;
 
@@ -243,4 +243,27 @@ fn forces_and_deviations_hold_on_a_long_drive() {
     assert!(force.iter().all(|error| *error < 0.8), "{force:?}");
     assert!(inside > 0.9, "{inside} of windows inside, NEES {axes:?}");
     assert!(result.events.is_empty(), "{:?}", result.events);
+}
+
+/// A quick sine, in which the tyres' forces lag behind their slip, is no change of surface; gravel,
+/// which takes stiffness as well as friction, is one. Its line comes as the vehicle steers back
+/// through straight ahead, where nothing tells it for 0.4 s.
+#[test]
+fn a_change_of_surface_is_told_from_a_lag() {
+    let vehicle = Vehicle::builtin("prowler").unwrap();
+    let quick = drive::virtual_drive(&vehicle, Manoeuvre::FastSine, 0.0);
+    let events = through("thesis-10bit", &vehicle, &quick).events;
+    assert!(events.is_empty(), "{events:?}");
+    let run = drive::virtual_drive(&vehicle, Manoeuvre::AsphaltToGravel, 0.0);
+    let events = through("thesis-10bit", &vehicle, &run).events;
+    assert_eq!(events.len(), 2, "{events:?}");
+    for (event, wheel) in events.iter().zip(["FL", "RL"]) {
+        let friction = run.column(&format!("{wheel}_mu"));
+        let onto = friction.iter().position(|mu| *mu < 0.6 * friction[0]);
+        let line_s = onto.unwrap() as f64 / RATE_HZ;
+        let late_s = event.time.seconds_since(sensing::START) - line_s;
+        eprintln!("{late_s:.2} s late: {}", event.text);
+        assert!(matches!(event.kind, EventKind::SurfaceChange(ratio) if ratio < 0.9));
+        assert!((0.0..SURFACE_WITHIN_S).contains(&late_s), "{late_s}");
+    }
 }

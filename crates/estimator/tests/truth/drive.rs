@@ -68,8 +68,12 @@ fn of_wheels(state: &TruthState) -> Named {
                 truth.lower_ball_force_n,
             ),
             named(
-                ["omega", "spring_len"],
-                [truth.angular_speed_rad_s, truth.strut_length_m],
+                ["omega", "spring_len", "mu"],
+                [
+                    truth.angular_speed_rad_s,
+                    truth.strut_length_m,
+                    truth.friction,
+                ],
             ),
         ];
         let wheel = wheel.abbreviation();
