@@ -348,16 +348,18 @@ impl Linkage {
             rate_rad_s: state.rate_rad_s.into(),
             rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
         };
-        let rack = turning.hand_wheel.map(|of_angle| corner.rack_m_rad * of_angle);
-        let mut motion =
-            CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
+        let rack = turning
+            .hand_wheel
+            .map(|of_angle| corner.rack_m_rad * of_angle);
+        let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
         if load_n > OFF_GROUND_N {
             motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
         }
         let wrench = corner.wrench(truth, pose.spindle.dot(&normal).asin());
         motion.spin_rad_s = truth.angular_speed_rad_s;
         motion.spin_dot_rad_s2 = turning.spin_rad_s2;
-        motion.axle_torque_n_m = corner.axle_torque_n_m(&wrench, compression_m, turning.spin_rad_s2);
+        motion.axle_torque_n_m =
+            corner.axle_torque_n_m(&wrench, compression_m, turning.spin_rad_s2);
         let statics = CornerStatics::new(
             &corner.corner,
             &pose,
