@@ -72,8 +72,10 @@ struct Linkage {
     fallback_load_n: f64,
 }
 
-/// What of the hand wheel's angle a memory that fades keeps from step to step.
-const STEER_KEEP: f64 = 0.85;
+/// What of the hand wheel a memory that fades keeps from step to step: for its angle, which the
+/// driver's quickest steering must pass as it is, and for its rate and acceleration.
+const ANGLE_KEEP: f64 = 0.7;
+const RATE_KEEP: f64 = 0.85;
 
 /// Fastest rack and its greatest acceleration that count, m/s and m/s^2: an encoder may jump.
 const RACK_MAX_M_S: f64 = 0.2;
@@ -92,16 +94,16 @@ struct HandWheel {
 }
 
 impl HandWheel {
-    fn follow(&mut self, reading_rad: f64, dt: f64) {
+    fn follow(&mut self, reading_rad: f64, keep: f64, dt: f64) {
         if !self.known {
             (self.angle_rad, self.known) = (reading_rad, true);
         }
-        let lost = 1.0 - STEER_KEEP;
+        let lost = 1.0 - keep;
         self.angle_rad += (self.rate_rad_s + 0.5 * self.rate_dot_rad_s2 * dt) * dt;
         self.rate_rad_s += self.rate_dot_rad_s2 * dt;
         let error = reading_rad - self.angle_rad;
-        self.angle_rad += (1.0 - STEER_KEEP.powi(3)) * error;
-        self.rate_rad_s += 1.5 * lost * lost * (1.0 + STEER_KEEP) * error / dt;
+        self.angle_rad += (1.0 - keep.powi(3)) * error;
+        self.rate_rad_s += 1.5 * lost * lost * (1.0 + keep) * error / dt;
         self.rate_dot_rad_s2 += lost.powi(3) * error / (dt * dt);
     }
 
@@ -139,7 +141,10 @@ pub struct Corners {
     turn_over_ground: Option<[f64; 2]>,
     cg_height_m: f64,
     rack_m_rad: f64,
+    /// The hand wheel, for its angle.
     hand_wheel: HandWheel,
+    /// The same with a longer memory, for its rate and acceleration.
+    turning: HandWheel,
     sixth: ChannelKind,
 }
 
@@ -194,6 +199,7 @@ impl Corners {
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
             hand_wheel: HandWheel::default(),
+            turning: HandWheel::default(),
             sixth: ChannelKind::Strut,
         }))
     }
@@ -229,10 +235,11 @@ impl Corners {
     ) {
         let load_n = told.load_n;
         if let Some(reading) = readings.hand_wheel_rad {
-            self.hand_wheel.follow(reading.value, dt);
+            self.hand_wheel.follow(reading.value, ANGLE_KEEP, dt);
+            self.turning.follow(reading.value, RATE_KEEP, dt);
         }
         let rack = (self.hand_wheel.angle_rad + told.hand_wheel_rad) * self.rack_m_rad;
-        let rack_motion = self.hand_wheel.motion(self.rack_m_rad);
+        let rack_motion = self.turning.motion(self.rack_m_rad);
         for (i, linkage) in self.linkages.iter_mut().enumerate() {
             let compression = &mut readings.corners.0[i].compression_m;
             linkage.measure(now, dt, rack, compression, told.struts[i]);
@@ -526,7 +533,7 @@ mod tests {
         let (dt, rate_dot) = (0.01, 3.0);
         for k in 0..=100 {
             let time_s = dt * f64::from(k);
-            wheel.follow(0.5 * rate_dot * time_s * time_s, dt);
+            wheel.follow(0.5 * rate_dot * time_s * time_s, RATE_KEEP, dt);
         }
         let [rate, acceleration] = wheel.motion(0.01);
         assert!((rate - 0.01 * rate_dot).abs() < 1e-6, "{rate}");
