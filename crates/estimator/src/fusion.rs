@@ -564,7 +564,7 @@ fn torque_noise() -> ProcessNoise<2> {
     ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS)
 }
 
-/// The density that keeps a state of these deviations from fading.
+/// Density with which the residue, which fades, keeps its deviation.
 fn accel_noise() -> ProcessNoise<3> {
     let bounds = ACCEL_SIGMA.map(|sigma| 2.0 * sigma * sigma / ACCEL_TIME_S);
     ProcessNoise::new(bounds[0], bounds)

@@ -142,6 +142,8 @@ fn each_term_matters() {
 /// Forces of the five links and the strut from the tyre's wrench: what a virtual strain gauge
 /// feels. The truth's own balance holds to 0.25 N rms; moments over 0.1 m arms amplify that.
 const MEMBER_TOLERANCE_N: f64 = 12.0;
+/// On a sine steer without hanging wheels. The rack's rate and acceleration are worth 7 N.
+const SINE_TOLERANCE_N: f64 = 1.5;
 
 #[test]
 fn members_follow_from_the_wrench() {
@@ -166,7 +168,11 @@ fn members_follow_from_the_wrench() {
         }
         let rms = sum.map(|wheel| wheel.map(|s: f64| (s / run.rows as f64).sqrt()));
         println!("{name}: member forces rms {rms:.2?} N");
-        assert!(rms.as_flattened().iter().all(|r| *r < MEMBER_TOLERANCE_N));
+        let most = match name {
+            "c_sine03" => SINE_TOLERANCE_N,
+            _ => MEMBER_TOLERANCE_N,
+        };
+        assert!(rms.as_flattened().iter().all(|r| *r < most));
     }
 }
 
