@@ -84,7 +84,7 @@ const RACK_MAX_M_S2: f64 = 2.0;
 /// The hand wheel by a parabola of least squares with a fading memory, which neither a steady turn
 /// nor one that begins evenly leaves behind. The encoder's noise differentiated would turn the
 /// spinning front wheels about at 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at
-/// 15 m/s; a straight line's lag of 0.1 s would be worth as much at 0.7 Hz.
+/// 15 m/s; a straight line's rate would lag by 0.12 s.
 #[derive(Clone, Copy, Debug, Default)]
 struct HandWheel {
     angle_rad: f64,
@@ -303,12 +303,8 @@ impl Corners {
             load_n[i] / self.linkages[i].tyre_stiffness_n_m
         }));
         let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
-        let plane = if known {
-            ground_plane(&poses, &radius, &compression, &weight)
-        } else {
-            None
-        };
-        let seen = plane.map(|plane| plane.normal);
+        let plane = known.then(|| ground_plane(&poses, &radius, &compression, &weight));
+        let seen = plane.flatten().map(|plane| plane.normal);
         self.turn_over_ground = seen
             .zip(self.seen)
             .map(|(now, before)| turn_from_normals(before, now, motion.rate_rad_s.z, dt));
