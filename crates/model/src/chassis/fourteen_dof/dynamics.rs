@@ -140,6 +140,22 @@ impl<T: Scalar> Held<T> {
     }
 }
 
+/// Wheel centre from the sprung centre of gravity, m, right above the contact point: along its path
+/// with jounce, and about an upright axis as it is steered.
+#[inline(always)]
+pub(super) fn centre<T: Scalar>(
+    parameters: &Parameters,
+    state: &State<T>,
+    held: &Held<T>,
+    i: usize,
+) -> V3<T> {
+    let corner = &parameters.corners[i];
+    let ([x, y], sin, back) = (corner.steer_arm_m, held.sin[i], held.cos[i] - 1.0);
+    let steered = [back * x - sin * y, sin * x + back * y, T::from(0.0)];
+    let travelled = along(corner.path, state.jounce_m[i]);
+    add(add(lift(corner.wheel_centre_m), steered), travelled)
+}
+
 /// Orientation of the body and gravity.
 #[derive(Clone, Copy)]
 pub(super) struct Frame<T> {
@@ -205,10 +221,7 @@ fn wheel<T: Scalar, F: Form>(
     let up = frame.axes[2];
     let (sin, cos) = (held.sin[i], held.cos[i]);
     let spindle = [-sin, cos, T::from(0.0)];
-    let centre = add(
-        lift(corner.wheel_centre_m),
-        along(corner.path, state.jounce_m[i]),
-    );
+    let centre = centre(parameters, state, held, i);
     let travel = along(corner.path, state.jounce_rate_m_s[i]);
     let turning = state.rate_rad_s;
     let velocity = add(add(state.velocity_m_s, cross(turning, centre)), travel);
@@ -253,7 +266,9 @@ fn wheel<T: Scalar, F: Form>(
         ];
         (slips, [T::from(0.0); 2])
     };
-    let [x, y, aligning] = tyres.force(i, load, slips[0], slips[1], lean);
+    let [by_jounce, by_steer] = corner.inclination;
+    let inclination = lean + state.jounce_m[i] * by_jounce + sin * by_steer;
+    let [x, y, aligning] = tyres.force(i, load, slips[0], slips[1], inclination);
     let force = add(scale(up, load), add(scale(ahead, x), scale(left, y)));
     let turn = saturated(spin);
     let rolling_moment = load * turn * (-corner.rolling_resistance * corner.rolling_radius_m);
@@ -263,7 +278,7 @@ fn wheel<T: Scalar, F: Form>(
         corner.tread_width_m,
         corner.vertical_stiffness_n_m,
         load,
-        lean * upright,
+        inclination * upright,
     );
     let turned = sub(scale(up, aligning), scale(ahead, tipping));
     let moment = add(cross(sub(centre, reach), force), turned);

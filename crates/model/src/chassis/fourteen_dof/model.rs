@@ -2,8 +2,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::dynamics::{AnyTyres, BrushTyres, Constants, Held, Solution, frame, solve};
-use super::vector::{add, along, dot};
+use super::dynamics::{AnyTyres, BrushTyres, Constants, Held, Solution, centre, frame, solve};
+use super::vector::dot;
 use super::{Inputs, Parameters, STATES, State};
 use crate::Scalar;
 use crate::chassis::form::Mixed;
@@ -131,7 +131,7 @@ pub fn guards(parameters: &Parameters, state: &State<f64>, inputs: &Inputs<f64>)
     let up = frame(state, &held).axes[2];
     let mut guards = [0.0; 12];
     for (i, corner) in parameters.corners.iter().enumerate() {
-        let centre = add(corner.wheel_centre_m, along(corner.path, state.jounce_m[i]));
+        let centre = centre(parameters, state, &held, i);
         let lean = up[1] * held.cos[i] - up[0] * held.sin[i];
         let height = state.position_m[2] + dot(up, centre) - inputs.road_m[i];
         let length = corner.strut.length_m(state.jounce_m[i]);

@@ -63,6 +63,12 @@ pub struct CornerParameters {
     pub wheel_centre_m: [f64; 3],
     /// Path e of the contact point per metre of jounce, e_z = 1.
     pub path: [f64; 3],
+    /// From the point of the ground about which steering moves the contact point to that point,
+    /// design position, along the vehicle's x and y axes, m. It turns with the wheel.
+    pub steer_arm_m: [f64; 2],
+    /// How the wheel leans beside the body's lean, left end of its spindle up: rad per metre of
+    /// jounce, and rad per radian of steer.
+    pub inclination: [f64; 2],
     /// Unsprung mass, kg.
     pub mass_kg: f64,
     /// Spin inertia of the wheel, kg m^2.
@@ -208,6 +214,8 @@ fn corner(
         side * 2.0 * axle.roll_centre_height_m / axle.track_m,
         1.0,
     ];
+    let mut steer_arm = [0.0; 2];
+    let mut inclination = [0.0; 2];
     let mut ratio = strut.motion_ratio;
     let mut slope = [0.0; 2];
     if let Ok(linkage) = Corner::of(vehicle, wheel) {
@@ -222,6 +230,14 @@ fn corner(
         contact.z = 0.0;
         let travel = rates.strut.at(&pose, contact);
         path = [travel.x / travel.z, travel.y / travel.z, 1.0];
+        let [travel, turn] = [rates.strut, rates.rack];
+        inclination = [
+            travel.rotation.cross(&pose.spindle).z / travel.wheel_centre.z,
+            turn.rotation.cross(&pose.spindle).z / turn.rotation.z,
+        ];
+        // The contact point stays below the wheel's centre, where it leans as much as R times more.
+        let moved = turn.wheel_centre / turn.rotation.z;
+        steer_arm = [moved.y + centre[2] * inclination[1], -moved.x];
     }
     let motion_ratio = ratio.ok_or_else(|| missing(parts[1]))?;
     Ok(CornerParameters {
@@ -231,6 +247,8 @@ fn corner(
             centre[2] - sprung.cg_m[2],
         ],
         path,
+        steer_arm_m: steer_arm,
+        inclination,
         mass_kg: unsprung.total_mass_kg(),
         spin_inertia_kg_m2: unsprung.wheel_spin_inertia_kg_m2,
         strut: StrutParameters {

@@ -1,11 +1,14 @@
+use super::dynamics::{Held, centre};
 use super::vector::{add, along, cross, dot, scale, sub};
 use super::*;
 use crate::chassis::bicycle::Bicycle;
+use crate::suspension::Corner;
 use crate::tyre::{Law, Physical, Stiffness, Tyre, tread_moment};
 use crate::vehicle::Vehicle;
-use nalgebra::{Complex, SVector};
+use nalgebra::{Complex, SVector, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use sample::Wheel;
 
 fn prowler() -> Parameters {
     Parameters::from_vehicle(&Vehicle::builtin("prowler").unwrap()).unwrap()
@@ -200,7 +203,8 @@ proptest! {
             let turn = crate::tyre::saturated(state.wheel_speed_rad_s[i]);
             let rolling = -corner.rolling_resistance * corner.rolling_radius_m * out.load_n[i] * turn;
             let (width, stiffness) = (corner.tread_width_m, corner.vertical_stiffness_n_m);
-            let tipping = tread_moment(width, stiffness, out.load_n[i], up[1] / upright);
+            let inclination = up[1] + corner.inclination[0] * state.jounce_m[i];
+            let tipping = tread_moment(width, stiffness, out.load_n[i], inclination / upright);
             outer_moment = add(outer_moment, add(cross(contact, push), scale(spindle, rolling)));
             outer_moment = sub(outer_moment, scale(ahead, tipping));
             outer_moment = add(outer_moment, cross(r, scale(up, -corner.mass_kg * p.gravity_m_s2)));
@@ -381,4 +385,34 @@ fn the_lead_of_the_bodys_sideslip_is_its_roll() {
     near(on_ground, line.sideslip, 0.15, 15.0);
     let lead = (swinging / on_ground).arg().to_degrees();
     assert!((45.0..65.0).contains(&lead), "{lead}");
+}
+
+/// Where the contact points stand and how the wheels lean, against the linkage's own pose.
+#[test]
+fn wheels_steer_and_travel_as_the_linkage_lets_them() {
+    let vehicle = Vehicle::builtin("prowler").unwrap();
+    let p = prowler();
+    let cg = Vector3::from(vehicle.sprung().cg_m);
+    for wheel in [Wheel::FrontLeft, Wheel::FrontRight] {
+        let (i, linkage) = (wheel.index(), Corner::of(&vehicle, wheel).unwrap());
+        for (jounce_m, rack_m) in [(0.0, 0.02), (0.0, -0.02), (0.03, 0.0), (-0.03, 0.01)] {
+            let pose = linkage.pose_at_jounce(jounce_m, rack_m).unwrap();
+            let held = Held::of(&p, &Inputs::steered(pose.steer_rad()));
+            let mut state = State::zero();
+            state.jounce_m[i] = jounce_m;
+            // The model's path is that of the contact point, right below its wheel's centre.
+            let contact = Vector3::from(centre(&p, &state, &held, i)) + cg;
+            let down = (pose.spindle * pose.spindle.z - Vector3::z()).normalize();
+            let true_contact = pose.wheel_centre_m + down * pose.wheel_centre_m.z;
+            let off = (contact - true_contact).xy().norm();
+            assert!(off < 0.004, "{wheel} {jounce_m} {rack_m}: {off}");
+            let [by_jounce, by_steer] = p.corners[i].inclination;
+            let leans = jounce_m * by_jounce + held.sin[i] * by_steer;
+            let off = leans - pose.inclination_rad();
+            assert!(
+                off.abs() < 0.004,
+                "{wheel} {jounce_m} {rack_m}: {leans} off by {off}"
+            );
+        }
+    }
 }
