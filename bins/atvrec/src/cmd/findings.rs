@@ -21,14 +21,14 @@ pub fn tell(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
         println!("{}", result.what);
         if !result.findings.is_empty() {
             println!(
-                "  {:<42}{:>14}{:>12}  {:<10}{:<28}{:>9}",
+                "  {:<42}{:>14}{:>12}  {:<14}{:<28}{:>9}",
                 "", "value", "sigma", "unit", "95 %", "cond."
             );
         }
         for finding in &result.findings {
             let [value, sigma, unit, interval, condition] = cells(finding);
             println!(
-                "  {:<42}{value:>14}{sigma:>12}  {unit:<10}{interval:<28}{condition:>9}",
+                "  {:<42}{value:>14}{sigma:>12}  {unit:<14}{interval:<28}{condition:>9}",
                 finding.name
             );
         }

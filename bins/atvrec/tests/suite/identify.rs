@@ -186,7 +186,7 @@ fn the_wrong_manoeuvre_and_the_wrong_vehicle_are_refused_by_name() {
 
 /// On the circle's asphalt the truth's steer angle beyond Ackermann's rises by this with lateral
 /// acceleration where that is small, rad/(m/s^2).
-const UNDERSTEER: f64 = 0.0134;
+const UNDERSTEER: f64 = 0.0133;
 
 #[test]
 fn a_circle_gives_the_understeer_gradient_that_the_truth_has() {
