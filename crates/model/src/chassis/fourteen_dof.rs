@@ -6,9 +6,9 @@
 //! Section 2.2.3 asks for the full car and prints no equations; they are derived here.
 //!
 //! Body axes stand at the centre of gravity of the sprung part. Wheel i is a mass m_i at
-//! r_i = r_0i + e_i s_i + (T(delta_i) - 1) c_i, with jounce s_i along the path e_i of its contact
-//! point (e_z = 1; its lateral slope is what gives the axle its roll centre), and the arm c_i on
-//! which it turns by T as it is steered; jounce and steer incline it besides. With a_0 = v' + omega x v,
+//! r_i = r_0i + e_i s_i + (T(delta_i) - 1) c_i: jounce s_i goes along the path e_i of its contact
+//! point (e_z = 1; its lateral slope is what gives the axle its roll centre), and steering turns it
+//! by T on the arm c_i. Jounce and steer incline it besides. With a_0 = v' + omega x v,
 //! A_i = a_0 + alpha x r_i + omega x (omega x r_i) + 2 omega x e_i s_i' and P_i = 1 - e e'/(e'e):
 //!
 //! | equation | what |

@@ -235,7 +235,7 @@ fn corner(
             travel.rotation.cross(&pose.spindle).z / travel.wheel_centre.z,
             turn.rotation.cross(&pose.spindle).z / turn.rotation.z,
         ];
-        // The contact point stays below the wheel's centre, where it leans as much as R times more.
+        // A wheel that leans by gamma has its contact point R gamma aside of its centre.
         let moved = turn.wheel_centre / turn.rotation.z;
         steer_arm = [moved.y + centre[2] * inclination[1], -moved.x];
     }
