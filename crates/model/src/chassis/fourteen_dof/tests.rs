@@ -39,7 +39,8 @@ fn conservative() -> Parameters {
 }
 
 /// Momentum and angular momentum about the sprung centre of gravity (body axes), and energy.
-fn mechanics(p: &Parameters, s: &State<f64>) -> ([f64; 3], [f64; 3], f64) {
+fn mechanics(p: &Parameters, s: &State<f64>, inputs: &Inputs<f64>) -> ([f64; 3], [f64; 3], f64) {
+    let held = Held::of(p, inputs);
     let (v, w) = (s.velocity_m_s, s.rate_rad_s);
     let [x, y, z] = p.inertia_kg_m2;
     let xz = p.inertia_xz_kg_m2;
@@ -51,7 +52,8 @@ fn mechanics(p: &Parameters, s: &State<f64>) -> ([f64; 3], [f64; 3], f64) {
     let (sp, cp) = s.attitude_rad[1].sin_cos();
     let up = [-sp, cp * sr, cp * cr];
     for (i, corner) in p.corners.iter().enumerate() {
-        let r = add(corner.wheel_centre_m, along(corner.path, s.jounce_m[i]));
+        let r = centre(p, s, &held, i);
+        let (sin, cos) = (held.sin[i], held.cos[i]);
         let own = add(
             add(v, cross(w, r)),
             along(corner.path, s.jounce_rate_m_s[i]),
@@ -59,9 +61,10 @@ fn mechanics(p: &Parameters, s: &State<f64>) -> ([f64; 3], [f64; 3], f64) {
         momentum = add(momentum, scale(own, corner.mass_kg));
         turning = add(turning, scale(cross(r, own), corner.mass_kg));
         let spin = s.wheel_speed_rad_s[i] * corner.spin_inertia_kg_m2;
-        turning[1] += spin;
+        turning = add(turning, scale([-sin, cos, 0.0], spin));
         let height = s.position_m[2] + dot(up, r);
-        let upright = (1.0 - up[1] * up[1]).sqrt();
+        let lean = up[1] * cos - up[0] * sin;
+        let upright = (1.0 - lean * lean).sqrt();
         let press = (corner.unloaded_radius_m - height / upright).max(0.0);
         let strut = &corner.strut.strut;
         let length = corner.strut.length_m(s.jounce_m[i]);
@@ -109,7 +112,7 @@ fn without_dampers_and_friction_energy_stays_even_when_wheels_lift_and_stops_tou
     state.velocity_m_s[2] += 0.8;
     state.jounce_rate_m_s = [0.5, -0.3, 0.2, 0.1];
     let inputs = Inputs::steered(0.2);
-    let (_, _, start) = mechanics(&p, &state);
+    let (_, _, start) = mechanics(&p, &state, &inputs);
     let (mut lifted, mut stopped) = (false, false);
     for _ in 0..20_000 {
         state = stepped(&p, &state, &inputs, 5e-5, 1);
@@ -121,7 +124,7 @@ fn without_dampers_and_friction_energy_stays_even_when_wheels_lift_and_stops_tou
                 || out.strut_length_m[i] < strut.bump_stop_length_m
         });
     }
-    let (_, _, end) = mechanics(&p, &state);
+    let (_, _, end) = mechanics(&p, &state, &inputs);
     // Steered wheels' spin momentum is along their spindles, whose energy is the same.
     assert!((end - start).abs() < 1e-4 * start, "{start} {end}");
     assert!(lifted && stopped);
@@ -171,17 +174,17 @@ proptest! {
     /// The rates of momentum and angular momentum, differenced along the motion, are the outer
     /// forces and moments that the model reports.
     #[test]
-    fn momentum_changes_by_outer_forces_only(state in states(), drive in 0.0..300.0_f64, brake in 0.0..300.0_f64) {
+    fn momentum_changes_by_outer_forces_only(state in states(), drive in 0.0..300.0_f64, brake in 0.0..300.0_f64, steer in -0.5..0.5_f64) {
         let p = prowler();
-        let mut inputs = Inputs::coasting();
+        let mut inputs = Inputs::steered(steer);
         inputs.drive_n_m = [0.0, 0.0, drive, drive];
         inputs.brake_n_m = [brake; 4];
         let out = outputs(&p, &state, &inputs);
         let h = 1e-6;
         let moved = |by: f64| State::from_vector(&(state.to_vector() + out.rate.to_vector() * by));
-        let (before, after) = (mechanics(&p, &moved(-h)), mechanics(&p, &moved(h)));
+        let (before, after) = (mechanics(&p, &moved(-h), &inputs), mechanics(&p, &moved(h), &inputs));
         let slope = |a: [f64; 3], b: [f64; 3]| scale(sub(b, a), 0.5 / h);
-        let (momentum, turning, _) = mechanics(&p, &state);
+        let (momentum, turning, _) = mechanics(&p, &state, &inputs);
         let w = state.rate_rad_s;
         let force = add(slope(before.0, after.0), cross(w, momentum));
         // About a point that moves with velocity v: H' + omega x H + v x P.
@@ -190,20 +193,23 @@ proptest! {
         let (sp, cp) = state.attitude_rad[1].sin_cos();
         let up = [-sp, cp * sr, cp * cr];
         let (mut outer, mut outer_moment) = (scale(up, -p.gravity_m_s2 * p.mass_kg()), [0.0; 3]);
-        let upright = (1.0 - up[1] * up[1]).sqrt();
-        let spindle = [0.0, 1.0, 0.0];
-        let ahead = scale(cross(spindle, up), 1.0 / upright);
-        let left = cross(up, ahead);
+        let held = Held::of(&p, &inputs);
         for (i, corner) in p.corners.iter().enumerate() {
-            let r = add(corner.wheel_centre_m, along(corner.path, state.jounce_m[i]));
+            let r = centre(&p, &state, &held, i);
+            let spindle = [-held.sin[i], held.cos[i], 0.0];
+            let lean = dot(up, spindle);
+            let upright = (1.0 - lean * lean).sqrt();
+            let ahead = scale(cross(spindle, up), 1.0 / upright);
+            let left = cross(up, ahead);
             let radius = (state.position_m[2] + dot(up, r)) / upright;
-            let contact = sub(r, scale(sub(up, scale(spindle, up[1])), radius / upright));
+            let contact = sub(r, scale(sub(up, scale(spindle, lean)), radius / upright));
             let push = add(scale(up, out.load_n[i]), add(scale(ahead, out.longitudinal_n[i]), scale(left, out.lateral_n[i])));
             outer = add(outer, push);
             let turn = crate::tyre::saturated(state.wheel_speed_rad_s[i]);
             let rolling = -corner.rolling_resistance * corner.rolling_radius_m * out.load_n[i] * turn;
             let (width, stiffness) = (corner.tread_width_m, corner.vertical_stiffness_n_m);
-            let inclination = up[1] + corner.inclination[0] * state.jounce_m[i];
+            let [by_jounce, by_steer] = corner.inclination;
+            let inclination = lean + by_jounce * state.jounce_m[i] + by_steer * held.sin[i];
             let tipping = tread_moment(width, stiffness, out.load_n[i], inclination / upright);
             outer_moment = add(outer_moment, add(cross(contact, push), scale(spindle, rolling)));
             outer_moment = sub(outer_moment, scale(ahead, tipping));
