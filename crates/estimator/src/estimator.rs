@@ -157,6 +157,9 @@ impl Estimator {
         if let Some(fusion) = &mut self.fusion {
             fusion.switch_trace_on();
         }
+        if let Some(planar) = &mut self.planar {
+            planar.switch_trace_on();
+        }
         self
     }
 
@@ -382,6 +385,7 @@ impl Estimator {
                 solution: self.motion.solution(),
                 operations: self.motion.take_operations(),
                 navigated: planar.is_none(),
+                planar: self.planar.as_mut().and_then(Planar::take_belief),
                 forces: self.fusion.as_mut().map(Fusion::take_belief),
             })));
         }

@@ -434,13 +434,14 @@ impl MotionFilter {
     fn flow(&mut self, flow: &Flow) {
         let half = flow.times(self.covariance).transpose();
         self.covariance = flow.times(half);
-        self.trace.note(|| mixed(&flow.times(SMatrix::identity())));
+        self.trace
+            .note(|| Operation::mixed(&flow.times(SMatrix::identity())));
     }
 
     /// P = F P F'.
     fn mix(&mut self, f: &SMatrix<f64, STATES, STATES>) {
         self.covariance = f * self.covariance * f.transpose();
-        self.trace.note(|| mixed(f));
+        self.trace.note(|| Operation::mixed(f));
     }
 
     fn add_noise(&mut self, i: usize, variance: f64) {
@@ -543,18 +544,6 @@ impl Flow {
         add(ATTITUDE, attitude);
         matrix
     }
-}
-
-/// F as an operation.
-fn mixed(f: &SMatrix<f64, STATES, STATES>) -> Operation<STATES> {
-    let change = f - SMatrix::identity();
-    let at = |k: usize| Term {
-        row: k % STATES,
-        column: k / STATES,
-        value: change[k],
-    };
-    let terms = (0..STATES * STATES).map(at);
-    Operation::Mix(terms.filter(|term| term.value != 0.0).collect())
 }
 
 /// The angle within (-pi, pi].

@@ -29,11 +29,12 @@ mod tyre;
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::trace::{Operation, Restart, Trace, Update};
 use single_track::Driven;
 
 pub use handling::Handling;
 pub use input::{PlanarInput, PlanarReadings};
-pub use live::{Planar, PlanarMotion, PlanarRecorder};
+pub use live::{Planar, PlanarBelief, PlanarMotion, PlanarRecorder};
 pub use single_track::PlanarModel;
 pub use tyre::{SHAPE_RANGE, normalised_force};
 
@@ -129,8 +130,8 @@ pub struct PlanarFilter {
     offset_sigma: [f64; 3],
     state: SVector<f64, STATES>,
     covariance: SMatrix<f64, STATES, STATES>,
-    acceleration_m_s2: f64,
     resets: u64,
+    trace: Trace<STATES>,
 }
 
 /// What one step found.
@@ -193,8 +194,8 @@ impl PlanarFilter {
             },
             state: SVector::zeros(),
             covariance: SMatrix::zeros(),
-            acceleration_m_s2: 0.0,
             resets: 0,
+            trace: Trace::default(),
         };
         filter.forget();
         filter
@@ -232,6 +233,12 @@ impl PlanarFilter {
             }
         }
         self.resets += 1;
+        self.trace.note(|| {
+            Operation::Restart(Box::new(Restart {
+                state: self.state,
+                variance: self.covariance.diagonal(),
+            }))
+        });
     }
 
     /// Motion is unknown, offsets stay.
@@ -248,6 +255,7 @@ impl PlanarFilter {
     }
 
     fn decouple(&mut self, i: usize, variance: f64) {
+        self.trace.note(|| Operation::Forget { index: i, variance });
         for j in 0..STATES {
             self.covariance[(i, j)] = 0.0;
             self.covariance[(j, i)] = 0.0;
@@ -258,12 +266,11 @@ impl PlanarFilter {
     /// Carries the filter on by `dt_s` to the instant of `input` and takes its measurements in.
     /// Behind a gap the motion is found anew.
     pub fn step(&mut self, dt_s: f64, input: &PlanarInput) -> PlanarState {
-        self.acceleration_m_s2 = input.acceleration_m_s2;
         let mut innovations = [Innovation::NONE; 2];
         if input.speed_m_s < SPEED_MIN_M_S {
             self.roll_slowly(input);
         } else {
-            let driven = self.driven(input);
+            let driven = self.model.driven(input);
             if (0.0..GAP_S).contains(&dt_s) {
                 self.predict(dt_s, &driven);
             } else {
@@ -274,14 +281,9 @@ impl PlanarFilter {
         if !self.is_sound(input.speed_m_s) {
             self.start_anew();
         }
-        self.tell(input, innovations)
-    }
-
-    fn driven(&self, input: &PlanarInput) -> Driven {
-        Driven {
-            speed_m_s: input.speed_m_s.max(SPEED_MIN_M_S),
-            steer_rad: self.model.handling.steer_gain * input.steer_rad,
-            grip_n: self.model.grip_n(self.acceleration_m_s2),
+        PlanarState {
+            innovations,
+            ..self.model.told(&self.state, &self.covariance, input)
         }
     }
 
@@ -312,6 +314,7 @@ impl PlanarFilter {
         let (mut rate, mut slope) = self.model.rates(&self.state, driven);
         let transition = SMatrix::identity() + slope * dt + slope * slope * (0.5 * dt * dt);
         self.covariance = transition * self.covariance * transition.transpose();
+        self.trace.note(|| Operation::mixed(&transition));
         let part = dt / SUBSTEPS as f64;
         for step in 0..SUBSTEPS {
             if step > 0 {
@@ -365,6 +368,17 @@ impl PlanarFilter {
         if !normalised.is_finite() || total <= 0.0 {
             return Innovation::NONE;
         }
+        self.trace.note(|| {
+            let row = h.iter().copied().enumerate();
+            Operation::Update(Box::new(Update {
+                row: row.filter(|(_, h)| *h != 0.0).collect(),
+                value: h.dot(&self.state) + residual,
+                innovation: residual,
+                variance: total - spread,
+                total,
+                gain: ph / total,
+            }))
+        });
         self.state += ph * (residual / total);
         self.covariance -= ph * ph.transpose() / total;
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
@@ -378,26 +392,6 @@ impl PlanarFilter {
         self.state.iter().all(|x| x.is_finite())
             && (0..STATES).all(|i| self.covariance[(i, i)] > 0.0)
             && self.state[LATERAL].abs() < 2.0 * speed_m_s.abs() + 2.0
-    }
-
-    fn tell(&self, input: &PlanarInput, innovations: [Innovation; 2]) -> PlanarState {
-        let driven = self.driven(input);
-        let forces = self.model.forces(&self.state, &driven);
-        let [(side, _), _] = self.model.pushed(&forces);
-        let rolls = input.speed_m_s >= SPEED_MIN_M_S;
-        let force_n = if rolls { forces.force_n } else { [f64::NAN; 2] };
-        PlanarState {
-            lateral_m_s: self.state[LATERAL],
-            lateral_sigma_m_s: self.covariance[(LATERAL, LATERAL)].sqrt(),
-            yaw_rate_rad_s: self.state[YAW_RATE],
-            acceleration_m_s2: if rolls { side } else { 0.0 },
-            steer_rad: driven.steer_rad + self.state[STEER],
-            rear_slip_rad: -((self.state[LATERAL] - self.model.rear_m * self.state[YAW_RATE])
-                / driven.speed_m_s)
-                .atan(),
-            force_n,
-            innovations,
-        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! length needs the memory of two such windows. The forces forget within a second, so that what a
 //! longer wait would add is what strain offsets and biases still learn.
 //!
-//! Both filters are smoothed by the modified Bryson-Frazier form of the fixed-interval smoother
+//! All filters are smoothed by the modified Bryson-Frazier form of the fixed-interval smoother
 //! (G. J. Bierman, "Fixed interval smoothing with discrete measurements", Int. J. Control 18
 //! (1973) 65-75), which equals Rauch, Tung and Striebel's but inverts no covariance: the strain
 //! offsets' variances stand eight powers of ten below the forces'. Backward through the filter's
@@ -29,6 +29,7 @@ use crate::fusion::layout::{SIZE, TURN};
 use crate::fusion::{Belief, OUTPUTS};
 use crate::kinematics;
 use crate::motion::{STATES, Solution};
+use crate::planar::{self, PlanarBelief};
 use crate::trace::Operation;
 use adjoint::Adjoint;
 
@@ -46,6 +47,8 @@ pub struct Step {
     pub operations: Vec<Operation<STATES>>,
     /// Whether the estimate's motion is the motion filter's, and not the single-track filter's.
     pub navigated: bool,
+    /// What the single-track filter believed, where there is one.
+    pub planar: Option<PlanarBelief>,
     /// What the force filter believed, where there is one.
     pub forces: Option<Belief>,
 }
@@ -85,28 +88,28 @@ impl Smoother {
     /// Hands out the first `count` steps and forgets them.
     fn smooth(&mut self, count: usize, out: &mut impl FnMut(Estimate)) {
         let mut smoothed = Vec::with_capacity(count);
-        let mut motion = Adjoint::default();
-        let mut forces = Adjoint::default();
+        let mut later = Later::default();
         for (k, step) in self.steps.iter().enumerate().rev() {
             if k < count {
-                smoothed.push(self.estimate(step, &motion, &forces));
+                smoothed.push(self.estimate(step, &later));
             }
-            motion.pass(&step.operations);
-            if let Some(belief) = &step.forces {
-                forces.pass(&belief.operations);
-            }
+            later.pass(step);
         }
         self.steps.drain(..count);
         smoothed.into_iter().rev().for_each(out);
     }
 
-    fn estimate(&self, step: &Step, motion: &Adjoint<STATES>, forces: &Adjoint<SIZE>) -> Estimate {
+    fn estimate(&self, step: &Step, later: &Later) -> Estimate {
         let mut estimate = step.estimate.clone();
-        if step.navigated && step.solution.time.is_some() {
-            estimate.motion = self.motion(step, motion);
+        if !step.navigated {
+            if let Some(belief) = &step.planar {
+                estimate.motion = self.planar(step, belief, &later.planar);
+            }
+        } else if step.solution.time.is_some() {
+            estimate.motion = self.motion(step, &later.motion);
         }
         if let Some(belief) = &step.forces {
-            put_forces(&mut estimate, belief, forces, step.solution.inertial);
+            put_forces(&mut estimate, belief, &later.forces, step.solution.inertial);
         }
         estimate
     }
@@ -126,6 +129,42 @@ impl Smoother {
             bank_rad: filtered.bank_rad + motion.roll_rad - filtered.roll_rad,
             grade_rad: filtered.grade_rad + motion.pitch_rad - filtered.pitch_rad,
             ..motion
+        }
+    }
+
+    fn planar(
+        &self,
+        step: &Step,
+        belief: &PlanarBelief,
+        adjoint: &Adjoint<{ planar::STATES }>,
+    ) -> Motion {
+        let known = &belief.covariance;
+        let smoothed = belief.corrected(&adjoint.correction(known), &adjoint.shrinkage(known));
+        let mut state = step.solution.state(step.estimate.time);
+        smoothed.lead(&mut state);
+        let mut motion = step.estimate.motion.clone();
+        motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, motion.steer_rad.0);
+        smoothed.tell(&mut motion);
+        motion
+    }
+}
+
+/// What later measurements say to each filter.
+#[derive(Default)]
+struct Later {
+    motion: Adjoint<STATES>,
+    planar: Adjoint<{ planar::STATES }>,
+    forces: Adjoint<SIZE>,
+}
+
+impl Later {
+    fn pass(&mut self, step: &Step) {
+        self.motion.pass(&step.operations);
+        if let Some(belief) = &step.planar {
+            self.planar.pass(&belief.operations);
+        }
+        if let Some(belief) = &step.forces {
+            self.forces.pass(&belief.operations);
         }
     }
 }

@@ -14,7 +14,7 @@
 //!
 //! In a filter of errors x is the error beside the nominal state, to which it is added at once.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 /// One element of a matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +52,21 @@ pub enum Operation<const N: usize> {
     Update(Box<Update<N>>),
     /// A new start.
     Restart(Box<Restart<N>>),
+}
+
+impl<const N: usize> Operation<N> {
+    /// [`Operation::Mix`] by F.
+    #[must_use]
+    pub fn mixed(f: &SMatrix<f64, N, N>) -> Self {
+        let change = f - SMatrix::identity();
+        let at = |k: usize| Term {
+            row: k % N,
+            column: k / N,
+            value: change[k],
+        };
+        let terms = (0..N * N).map(at);
+        Self::Mix(terms.filter(|term| term.value != 0.0).collect())
+    }
 }
 
 /// A scalar measurement z = h x + v.

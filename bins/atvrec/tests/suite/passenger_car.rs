@@ -128,9 +128,10 @@ fn drive(seconds: f64) -> String {
     text
 }
 
-fn score(directory: &Path, log: &str, from_s: &str) -> serde_json::Value {
+fn score(directory: &Path, log: &str, more: &[&str]) -> serde_json::Value {
     let assert = atvrec(directory)
-        .args(["score", log, "--from", from_s, "--json"])
+        .args(["score", log, "--from", "100", "--json"])
+        .args(more)
         .assert()
         .success();
     serde_json::from_str(&stdout(&assert)).expect("JSON")
@@ -174,11 +175,12 @@ fn sideslip_of_a_car_whose_handling_the_first_half_of_the_drive_told() {
     assert!((offset.to_degrees() + 0.25).abs() < 0.12, "{found:#}");
     atvrec(here)
         .args(["replay", "drive.mcap", "-c", "identified/atvrec.toml"])
-        .args(["-o", "again.mcap"])
+        .args(["--smooth", "-o", "again.mcap"])
         .assert()
         .success();
-    let before = score(here, "drive.mcap", "100");
-    let after = score(here, "again.mcap", "100");
+    let before = score(here, "drive.mcap", &[]);
+    let after = score(here, "again.mcap", &[]);
+    let smoothed = score(here, "again.mcap", &["--smoothed"]);
     let rmse = sideslip(&after, "rmse");
     assert!(
         rmse < 0.3,
@@ -187,6 +189,7 @@ fn sideslip_of_a_car_whose_handling_the_first_half_of_the_drive_told() {
     );
     assert!(sideslip(&after, "percentile_95") < 0.6);
     assert!(rmse < 0.7 * sideslip(&before, "rmse"));
+    assert!(sideslip(&smoothed, "rmse") < 0.95 * rmse, "{smoothed:#}");
     // Run against run: the two logs differ, and a log does not differ from itself.
     let assert = atvrec(here)
         .args(["score", "again.mcap", "--against", "drive.mcap", "--json"])

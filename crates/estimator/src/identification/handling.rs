@@ -10,6 +10,7 @@ use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
 use sample::STANDARD_GRAVITY_M_S2;
 
+use crate::Calibration;
 use crate::finding::Refusal;
 use crate::planar::{
     Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE,
@@ -99,6 +100,19 @@ pub struct Identified {
     pub rows: usize,
     /// Greatest lateral acceleration, a tenth of a second's mean, m/s^2.
     pub peak_m_s2: f64,
+}
+
+impl Identified {
+    /// Puts what was found into a calibration; offsets add to those that were taken off already.
+    pub fn put(&self, steering_ratio: f64, calibration: &mut Calibration) {
+        calibration.handling = Some(self.handling);
+        calibration.steer.offset_rad += steering_ratio * self.steer_offset_rad;
+        let imu = &mut calibration.imu;
+        imu.gyro_bias_rad_s[2] += self.yaw_rate_offset_rad_s;
+        imu.accel_bias_m_s2[1] += self.lateral_offset_m_s2;
+        imu.gyro_noise_rad_s = Some(self.noise.yaw_rate_rad_s);
+        imu.accel_noise_m_s2 = Some(self.noise.acceleration_m_s2);
+    }
 }
 
 /// Finds how the vehicle handles.

@@ -2,16 +2,17 @@
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
 use sample::{LogTime, Measurement, Motion, STANDARD_GRAVITY_M_S2, Sample};
 
 use super::{
     Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, PlanarReadings,
-    PlanarState, SPEED_MIN_M_S,
+    PlanarState, SPEED_MIN_M_S, STATES,
 };
 use crate::calibration::Resolved;
 use crate::estimator::grid;
 use crate::motion::MotionState;
+use crate::trace::Operation;
 use crate::{Input, Settings};
 
 /// What a single-track model leaves out of the sideslip angle: a constant, rad, and a part of the
@@ -27,6 +28,7 @@ pub struct Planar {
     steering_ratio: f64,
     rolling_radius_m: f64,
     before: Option<LogTime>,
+    last: Option<PlanarInput>,
 }
 
 /// What the filter says of an instant, and what it was driven by.
@@ -34,6 +36,35 @@ pub struct Planar {
 pub struct PlanarMotion {
     input: PlanarInput,
     state: PlanarState,
+}
+
+/// What a smoother needs of one step of the filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanarBelief {
+    /// Operations since the step before.
+    pub operations: Vec<Operation<STATES>>,
+    /// The covariance behind them.
+    pub covariance: SMatrix<f64, STATES, STATES>,
+    state: SVector<f64, STATES>,
+    model: PlanarModel,
+    input: PlanarInput,
+}
+
+impl PlanarBelief {
+    /// The motion with the state's corrections and shrunken covariance that a smoother found.
+    #[must_use]
+    pub fn corrected(
+        &self,
+        correction: &SVector<f64, STATES>,
+        shrinkage: &SMatrix<f64, STATES, STATES>,
+    ) -> PlanarMotion {
+        let state = self.state + correction;
+        let covariance = self.covariance - shrinkage;
+        PlanarMotion {
+            input: self.input,
+            state: self.model.told(&state, &covariance, &self.input),
+        }
+    }
 }
 
 impl Planar {
@@ -65,7 +96,26 @@ impl Planar {
             steering_ratio: vehicle.steering.ratio,
             rolling_radius_m: rolling_radius_m(vehicle),
             before: None,
+            last: None,
         }
+    }
+
+    /// From now on operations are taken down for [`Self::take_belief`].
+    pub fn switch_trace_on(&mut self) {
+        self.filter.trace.switch_on();
+    }
+
+    /// What the filter believes, and its operations since the last call; nothing where the last
+    /// step had no speed or no steer angle.
+    pub fn take_belief(&mut self) -> Option<PlanarBelief> {
+        let filter = &mut self.filter;
+        self.last.map(|input| PlanarBelief {
+            operations: filter.trace.take(),
+            covariance: filter.covariance,
+            state: filter.state,
+            model: filter.model,
+            input,
+        })
     }
 
     /// How often the filter diverged and was started anew.
@@ -96,7 +146,8 @@ impl Planar {
 
     /// The motion at `time`; nothing without a speed and a steer angle.
     pub fn step(&mut self, time: LogTime, step_s: f64) -> Option<PlanarMotion> {
-        let input = self.readings.take(time)?;
+        self.last = self.readings.take(time);
+        let input = self.last?;
         let dt_s = self
             .before
             .map_or(f64::INFINITY, |before| time.seconds_since(before));

@@ -5,7 +5,8 @@ use nalgebra::{SMatrix, SVector};
 use sample::STANDARD_GRAVITY_M_S2;
 
 use super::{
-    BANK, BANK_TIME_S, Handling, LATERAL, SLIP, STATES, STEER, YAW_RATE, normalised_force,
+    BANK, BANK_TIME_S, Handling, Innovation, LATERAL, PlanarInput, PlanarState, SLIP,
+    SPEED_MIN_M_S, STATES, STEER, YAW_RATE, normalised_force,
 };
 
 /// Part of an axle's friction that its driving or braking force uses at most, squared.
@@ -41,6 +42,38 @@ impl PlanarModel {
             front_m: body.front_axle_to_cg_m,
             rear_m: body.cg_to_rear_axle_m,
             imu_ahead_m,
+        }
+    }
+
+    pub(super) fn driven(&self, input: &PlanarInput) -> Driven {
+        Driven {
+            speed_m_s: input.speed_m_s.max(SPEED_MIN_M_S),
+            steer_rad: self.handling.steer_gain * input.steer_rad,
+            grip_n: self.grip_n(input.acceleration_m_s2),
+        }
+    }
+
+    /// What such a state says of the instant of `input`.
+    pub(super) fn told(
+        &self,
+        state: &SVector<f64, STATES>,
+        covariance: &SMatrix<f64, STATES, STATES>,
+        input: &PlanarInput,
+    ) -> PlanarState {
+        let driven = self.driven(input);
+        let forces = self.forces(state, &driven);
+        let [(side, _), _] = self.pushed(&forces);
+        let rolls = input.speed_m_s >= SPEED_MIN_M_S;
+        let across = state[LATERAL] - self.rear_m * state[YAW_RATE];
+        PlanarState {
+            lateral_m_s: state[LATERAL],
+            lateral_sigma_m_s: covariance[(LATERAL, LATERAL)].max(0.0).sqrt(),
+            yaw_rate_rad_s: state[YAW_RATE],
+            acceleration_m_s2: if rolls { side } else { 0.0 },
+            steer_rad: driven.steer_rad + state[STEER],
+            rear_slip_rad: -(across / driven.speed_m_s).atan(),
+            force_n: if rolls { forces.force_n } else { [f64::NAN; 2] },
+            innovations: [Innovation::NONE; 2],
         }
     }
 

@@ -126,7 +126,7 @@ fn offsets_and_sideslip_are_found_from_yaw_rate_and_acceleration() {
         let speed = 14.0 + 4.0 * (0.21 * time_s).sin();
         let steer = 0.05 * (1.7 * time_s).sin() * (0.13 * time_s).cos();
         let real = truth.step(0.01, &input(time_s, speed, steer));
-        let driven = truth.driven(&input(time_s, speed, steer));
+        let driven = truth.model.driven(&input(time_s, speed, steer));
         let turn = model.pushed(&model.forces(&truth.state, &driven))[1].0;
         let seen = PlanarInput {
             yaw_rate_rad_s: Some(real.yaw_rate_rad_s + rate_error),

@@ -109,16 +109,6 @@ mod tests {
         turn: Matrix,
     }
 
-    fn mix(turn: &Matrix) -> Operation<3> {
-        let change = turn - Matrix::identity();
-        let at = |k: usize| Term {
-            row: k % 3,
-            column: k / 3,
-            value: change[k],
-        };
-        Operation::Mix((0..9).map(at).collect())
-    }
-
     fn filtered(steps: usize) -> Run {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
@@ -134,7 +124,7 @@ mod tests {
             x = turn * x;
             p = turn * p * turn.transpose() + Matrix::identity() * 0.1;
             run.before.push((x, p));
-            let mut operations = vec![mix(&turn)];
+            let mut operations = vec![Operation::mixed(&turn)];
             for row in [Vector::new(1.0, 0.0, 0.5), Vector::new(0.0, -1.0, 0.2)] {
                 let (total, innovation) = (row.dot(&(p * row)) + 0.3, normal());
                 let gain = p * row / total;

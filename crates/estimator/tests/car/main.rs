@@ -1,6 +1,6 @@
 //! Sideslip of cars of which mass and axle distances are known: handling is identified from the
-//! first half of a drive without a reference, then the filter runs over the whole drive, and its
-//! second half is judged.
+//! first half of a drive without a reference, then the estimator and its smoother run over the whole
+//! drive, and its second half is judged.
 
 mod cars;
 mod random;
@@ -9,9 +9,15 @@ mod surrogate;
 
 use cars::Case;
 use estimator::identification::handling::{Identified, identify};
-use estimator::planar::{PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel};
+use estimator::planar::PlanarInput;
 use estimator::score::{self, Errors};
+use estimator::smoother::{LAG_STEPS, Smoother};
+use estimator::{Calibration, Estimator, Output, Settings};
+use model::sensors::Sensors;
 use model::vehicle::Vehicle;
+use sample::{
+    Estimate, GroundSpeedSample, ImuSample, LogTime, Measurement, Sample, SourceId, SteerSample,
+};
 use surrogate::{Row, drive};
 
 /// Time constant of the difference quotient of the speed, s.
@@ -46,55 +52,102 @@ fn inputs(rows: &[Row]) -> Vec<PlanarInput> {
     rows.iter().map(input).collect()
 }
 
-/// What the filter makes of the second half, after the offsets of the first were taken off.
-fn judged(vehicle: &Vehicle, found: &Identified, rows: &[Row]) -> Errors {
-    let model = PlanarModel::new(vehicle, found.handling, 0.0);
-    let mut filter = PlanarFilter::new(model, found.noise, PlanarDoubt::IDENTIFIED, true);
-    let mut sideslip_deg = Vec::new();
-    for input in inputs(rows) {
-        let told = PlanarInput {
-            steer_rad: input.steer_rad - found.steer_offset_rad,
-            yaw_rate_rad_s: input
-                .yaw_rate_rad_s
-                .map(|r| r - found.yaw_rate_offset_rad_s),
-            lateral_m_s2: input.lateral_m_s2.map(|a| a - found.lateral_offset_m_s2),
-            ..input
-        };
-        let state = filter.step(ROW_S, &told);
-        sideslip_deg.push(state.lateral_m_s.atan2(input.speed_m_s).to_degrees());
-    }
-    assert_eq!(filter.resets(), 0);
-    let truth_deg: Vec<f64> = rows.iter().map(|r| r.sideslip_rad.to_degrees()).collect();
-    let half = rows.len() / 2;
-    score::errors(&sideslip_deg[half..], &truth_deg[half..]).expect("pairs")
+fn samples(rows: &[Row], steering_ratio: f64) -> impl Iterator<Item = Sample> {
+    let open = f64::NAN;
+    rows.iter().flat_map(move |row| {
+        let time = LogTime(1_000_000_000).offset_seconds(row.time_s);
+        [
+            Measurement::GroundSpeed(GroundSpeedSample {
+                forward_m_s: row.speed_m_s,
+                leftward_m_s: None,
+            }),
+            Measurement::Steer(SteerSample {
+                hand_wheel_rad: steering_ratio * row.steer_rad,
+            }),
+            Measurement::Imu(ImuSample {
+                specific_force_m_s2: [open, row.lateral_m_s2, open],
+                angular_rate_rad_s: [open, open, row.yaw_rate_rad_s],
+                valid: true,
+                ..ImuSample::default()
+            }),
+        ]
+        .map(|measurement| Sample {
+            source: SourceId(0),
+            log_time: time,
+            valid_time: time,
+            device_time: None,
+            measurement,
+        })
+    })
 }
 
-fn tried(case: &Case, seconds: f64) -> (Identified, Errors) {
+/// What the estimator and the smoother make of the second half, after the offsets of the first were
+/// taken off.
+fn judged(vehicle: &Vehicle, found: &Identified, rows: &[Row]) -> [Errors; 2] {
+    let mut calibration = Calibration::nominal(&vehicle.name);
+    calibration.imu.position_m = Some([0.0; 3]);
+    found.put(vehicle.steering.ratio, &mut calibration);
+    let sensors = Sensors::builtin("thesis-10bit").expect("a sensors file");
+    let mut estimator = Estimator::new(vehicle, &sensors, &calibration, Settings::default())
+        .expect("an estimator")
+        .traced();
+    let mut smoother = Smoother::new(vehicle, LAG_STEPS);
+    let (mut causal, mut smoothed) = (Vec::new(), Vec::new());
+    let mut take = |output| match output {
+        Output::Step(step) => {
+            causal.push(step.estimate.clone());
+            smoother.push(*step, &mut |estimate| smoothed.push(estimate));
+        }
+        Output::Event(event) => panic!("{event:?}"),
+        _ => {}
+    };
+    for sample in samples(rows, vehicle.steering.ratio) {
+        estimator.advance(sample.log_time, &mut take);
+        estimator.push(&sample);
+    }
+    smoother.finish(&mut |estimate| smoothed.push(estimate));
+    let half = rows.len() / 2;
+    let truth_deg: Vec<f64> = rows.iter().map(|r| r.sideslip_rad.to_degrees()).collect();
+    [causal, smoothed].map(|estimates| {
+        let sideslip = |estimate: &Estimate| estimate.motion.sideslip_rad.to_degrees();
+        let found_deg: Vec<f64> = estimates.iter().map(sideslip).collect();
+        let last = found_deg.len();
+        assert!(last + 2 >= rows.len(), "{last} of {}", rows.len());
+        score::errors(&found_deg[half..], &truth_deg[half..last]).expect("pairs")
+    })
+}
+
+fn tried(case: &Case, seconds: f64) -> (Identified, [Errors; 2]) {
     let rows = drive(&case.car, &case.lap, &case.errors, seconds);
     let greatest = |pick: fn(&Row) -> f64| rows.iter().map(pick).fold(0.0, f64::max);
     let vehicle = vehicle(case);
     let found =
         identify(&inputs(&rows[..rows.len() / 2]), &vehicle, 0.0).expect("parameters of a car");
-    let errors = judged(&vehicle, &found, &rows);
+    let [causal, smoothed] = judged(&vehicle, &found, &rows);
     println!(
-        "{:<8} {:.1} m/s, {:.1} m/s^2, sideslip up to {:.1} deg: rmse {:.3}, 95 % {:.3}, mean {:+.3} deg",
+        "{:<8} {:.1} m/s, {:.1} m/s^2, sideslip up to {:.1} deg: rmse {:.3}, 95 % {:.3}, mean \
+         {:+.3} deg; smoothed {:.3}, {:.3}, {:+.3}",
         case.name,
         greatest(|r| r.speed_m_s),
         found.peak_m_s2,
         greatest(|r| r.sideslip_rad.abs()).to_degrees(),
-        errors.rmse,
-        errors.percentile_95,
-        errors.mean
+        causal.rmse,
+        causal.percentile_95,
+        causal.mean,
+        smoothed.rmse,
+        smoothed.percentile_95,
+        smoothed.mean,
     );
-    (found, errors)
+    (found, [causal, smoothed])
 }
 
 #[test]
 fn mass_and_axle_distances_and_a_drive_give_sideslip() {
     let case = cars::SPORT;
-    let (found, errors) = tried(&case, 140.0);
+    let (found, [errors, smoothed]) = tried(&case, 140.0);
     assert!(errors.rmse < 0.2, "{errors:?} {found:#?}");
     assert!(errors.percentile_95 < 0.4, "{errors:?}");
+    assert!(smoothed.rmse < errors.rmse, "{errors:?} {smoothed:?}");
     let steer = found.steer_offset_rad - case.errors.steer_rad;
     assert!(steer.to_degrees().abs() < 0.1, "{found:#?}");
     let rate = found.yaw_rate_offset_rad_s - case.errors.gyro_rad_s;
@@ -106,7 +159,8 @@ fn mass_and_axle_distances_and_a_drive_give_sideslip() {
 fn five_cars_over_half_a_drive_of_550_s() {
     let mut worst = [0.0_f64; 2];
     for case in &cars::ALL {
-        let (_, errors) = tried(case, 550.0);
+        let (_, [errors, smoothed]) = tried(case, 550.0);
+        assert!(smoothed.rmse < errors.rmse, "{errors:?} {smoothed:?}");
         worst = [
             worst[0].max(errors.rmse),
             worst[1].max(errors.percentile_95),

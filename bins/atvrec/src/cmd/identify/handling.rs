@@ -41,7 +41,7 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
     let inputs = inputs(&reader, &config, &vehicle, resolved, args)?;
     let found = identify(&inputs, &vehicle, imu_ahead_m)?;
     let mut calibration = told.calibration.clone();
-    put(&found, vehicle.steering.ratio, &mut calibration);
+    found.put(vehicle.steering.ratio, &mut calibration);
     calibration.description = format!(
         "handling identified from {:.0} s of driving in run {}",
         found.rows as f64 * 0.01,
@@ -96,16 +96,6 @@ fn inputs(
         }
     }
     Ok(recorder.into_inputs())
-}
-
-/// Puts what was found into a calibration; offsets add to those that were taken off already.
-fn put(found: &Identified, steering_ratio: f64, calibration: &mut Calibration) {
-    calibration.handling = Some(found.handling);
-    calibration.steer.offset_rad += steering_ratio * found.steer_offset_rad;
-    calibration.imu.gyro_bias_rad_s[2] += found.yaw_rate_offset_rad_s;
-    calibration.imu.accel_bias_m_s2[1] += found.lateral_offset_m_s2;
-    calibration.imu.gyro_noise_rad_s = Some(found.noise.yaw_rate_rad_s);
-    calibration.imu.accel_noise_m_s2 = Some(found.noise.acceleration_m_s2);
 }
 
 /// Writes the calibration with the log's configuration and all files that it names, side by side,
