@@ -73,6 +73,14 @@ const AT_REST: f64 = 1e-5;
 const STEP_MAX: f64 = 1.0;
 /// Stiffnesses that are tried first, as multiples of the vehicle file's.
 const STARTS: [f64; 3] = [0.5, 1.0, 2.0];
+/// A vehicle spins where in this many rows, times which it is left out before, the lateral velocity
+/// changes by more than this part of the speed and this much, m/s: half of it, where bank and
+/// offsets may well make the rest.
+const SPIN_ROWS: usize = 100;
+const SPIN_PART: f64 = 0.5;
+const SPIN_MIN_M_S: f64 = 1.0;
+/// Rows that are left out behind a spin.
+const SPIN_AFTER_ROWS: usize = 100;
 /// Lags of the innovations' autocorrelation that widen the deviations.
 const LAGS: usize = 50;
 
@@ -98,6 +106,8 @@ pub struct Identified {
     pub noise: PlanarNoise,
     /// Rows above 3 m/s.
     pub rows: usize,
+    /// Rows that were left out because the vehicle spun.
+    pub spun_rows: usize,
     /// Greatest lateral acceleration, a tenth of a second's mean, m/s^2.
     pub peak_m_s2: f64,
 }
@@ -127,6 +137,9 @@ pub fn identify(
     vehicle: &Vehicle,
     imu_ahead_m: f64,
 ) -> Result<Identified, Refusal> {
+    let all = inputs.len();
+    let inputs = &without_spins(inputs);
+    let spun_rows = all - inputs.len();
     let fast = inputs.iter().filter(|row| {
         row.speed_m_s > SPEED_MIN_M_S && row.yaw_rate_rad_s.is_some() && row.lateral_m_s2.is_some()
     });
@@ -194,8 +207,36 @@ pub fn identify(
         innovation_rms: [0, 1].map(|i| rms(run.residuals.iter().skip(i).step_by(2))),
         noise: problem.noise,
         rows,
+        spun_rows,
         peak_m_s2,
     })
+}
+
+/// The rows in which the vehicle goes where it points, more or less. Tyres that slide all ways say
+/// nothing of handling, and the rows after a spin are those of a vehicle whose motion is unknown;
+/// the filter takes what is left out for a gap.
+fn without_spins(inputs: &[PlanarInput]) -> Vec<PlanarInput> {
+    let mut across_m_s = vec![0.0];
+    for pair in inputs.windows(2) {
+        let [row, next] = [&pair[0], &pair[1]];
+        let before = across_m_s[across_m_s.len() - 1];
+        let turned = row.yaw_rate_rad_s.unwrap_or(0.0) * row.speed_m_s;
+        let dt_s = (next.time_s - row.time_s).clamp(0.0, 0.1);
+        across_m_s.push(before + dt_s * (row.lateral_m_s2.unwrap_or(turned) - turned));
+    }
+    let mut spins = vec![false; inputs.len()];
+    for end in SPIN_ROWS..inputs.len() {
+        let begin = end - SPIN_ROWS;
+        let rows = &inputs[begin..end];
+        let speed = rows.iter().map(|row| row.speed_m_s).fold(0.0, f64::max);
+        let gained = (across_m_s[end] - across_m_s[begin]).abs();
+        if gained > SPIN_PART * speed + SPIN_MIN_M_S {
+            let after = inputs.len().min(end + SPIN_AFTER_ROWS);
+            spins[begin.saturating_sub(SPIN_ROWS)..after].fill(true);
+        }
+    }
+    let kept = inputs.iter().zip(spins).filter(|(_, spins)| !spins);
+    kept.map(|(row, _)| *row).collect()
 }
 
 /// What is thought of the vehicle before its drive is looked at.

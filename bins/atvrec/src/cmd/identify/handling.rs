@@ -174,6 +174,12 @@ fn tell(found: &Identified) {
         found.rows as f64 * 0.01,
         found.peak_m_s2
     );
+    if found.spun_rows > 0 {
+        println!(
+            "{:.1} s left out, in which the vehicle spun",
+            found.spun_rows as f64 * 0.01
+        );
+    }
     println!(
         "{:<24}{:>14}{:>12}{:>8}",
         "parameter", "value", "sigma", "told"
@@ -222,5 +228,6 @@ fn as_json(found: &Identified) -> serde_json::Value {
         "lateral_innovation_m_s2": found.innovation_rms[1],
         "peak_m_s2": found.peak_m_s2,
         "seconds": found.rows as f64 * 0.01,
+        "spun_s": found.spun_rows as f64 * 0.01,
     })
 }
