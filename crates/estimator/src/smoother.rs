@@ -142,7 +142,7 @@ impl Smoother {
         let smoothed = belief.corrected(&adjoint.correction(known), &adjoint.shrinkage(known));
         let mut state = step.solution.state(step.estimate.time);
         smoothed.lead(&mut state);
-        let mut motion = step.estimate.motion.clone();
+        let mut motion = step.estimate.motion;
         motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, motion.steer_rad.0);
         smoothed.tell(&mut motion);
         motion
