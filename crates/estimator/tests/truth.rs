@@ -250,8 +250,8 @@ fn forces_and_deviations_hold_on_a_long_drive() {
 }
 
 /// A quick sine, in which the tyres' forces lag behind their slip, is no change of surface; gravel,
-/// which takes stiffness as well as friction, is one; the forces follow the sine. The gravel's line comes as the vehicle steers back
-/// through straight ahead, where nothing tells it for 0.4 s.
+/// which takes stiffness as well as friction, is one; the forces follow the sine. The gravel's line
+/// comes as the vehicle steers back through straight ahead, where nothing tells it for 0.4 s.
 #[test]
 fn a_change_of_surface_is_told_from_a_lag() {
     let vehicle = Vehicle::builtin("prowler").unwrap();
