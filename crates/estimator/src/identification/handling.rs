@@ -73,14 +73,13 @@ const AT_REST: f64 = 1e-5;
 const STEP_MAX: f64 = 1.0;
 /// Stiffnesses that are tried first, as multiples of the vehicle file's.
 const STARTS: [f64; 3] = [0.5, 1.0, 2.0];
-/// A vehicle spins where in this many rows, times which it is left out before, the lateral velocity
-/// changes by more than this part of the speed and this much, m/s: half of it, where bank and
-/// offsets may well make the rest.
+/// A vehicle spins where in this many rows the lateral velocity changes by more than this part of the
+/// greatest speed, and so many m/s more, which bank and offsets may give.
 const SPIN_ROWS: usize = 100;
 const SPIN_PART: f64 = 0.5;
 const SPIN_MIN_M_S: f64 = 1.0;
-/// Rows that are left out behind a spin.
-const SPIN_AFTER_ROWS: usize = 100;
+/// Rows that are left out before and behind those.
+const SPIN_AROUND_ROWS: usize = 100;
 /// Lags of the innovations' autocorrelation that widen the deviations.
 const LAGS: usize = 50;
 
@@ -231,8 +230,8 @@ fn without_spins(inputs: &[PlanarInput]) -> Vec<PlanarInput> {
         let speed = rows.iter().map(|row| row.speed_m_s).fold(0.0, f64::max);
         let gained = (across_m_s[end] - across_m_s[begin]).abs();
         if gained > SPIN_PART * speed + SPIN_MIN_M_S {
-            let after = inputs.len().min(end + SPIN_AFTER_ROWS);
-            spins[begin.saturating_sub(SPIN_ROWS)..after].fill(true);
+            let after = inputs.len().min(end + SPIN_AROUND_ROWS);
+            spins[begin.saturating_sub(SPIN_AROUND_ROWS)..after].fill(true);
         }
     }
     let kept = inputs.iter().zip(spins).filter(|(_, spins)| !spins);
