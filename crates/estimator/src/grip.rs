@@ -28,8 +28,11 @@ const BLOCK_STEPS: u32 = 5;
 const CORRELATED: f64 = 6.0;
 /// Walk of ln stiffness and ln friction, 1/sqrt(s), and of the slip angle's error, rad/sqrt(s).
 const WALK: [f64; 3] = [0.01, 0.03, 1e-4];
-/// Deviation of the three at the start, and of the first two after a change.
+/// Deviation of the three at the start.
 const START: [f64; 3] = [0.4, 0.3, 0.015];
+/// Deviation of ln stiffness and ln friction after a change of surface: it is friction that grounds
+/// differ in.
+const CHANGED: [f64; 2] = [0.3, 0.7];
 /// Deviation of ln friction above which the tyres have not been used enough to tell it.
 const FRICTION_SIGMA_MAX: f64 = 0.2;
 /// Part of the friction that must have been used to tell it, and how long ago at most, s.
@@ -168,6 +171,7 @@ impl Grip {
             friction_sigma: seen.then_some(friction * friction_sigma),
             friction_min,
             utilisation,
+            utilisation_sigma: utilisation * friction_sigma,
         }
     }
 
@@ -439,7 +443,7 @@ impl Axle {
         for i in 0..2 {
             self.covariance.row_mut(i).fill(0.0);
             self.covariance.column_mut(i).fill(0.0);
-            self.covariance[(i, i)] = START[i] * START[i];
+            self.covariance[(i, i)] = CHANGED[i] * CHANGED[i];
         }
         Some(found)
     }

@@ -127,6 +127,8 @@ pub struct AxleGrip {
     /// That part over the friction coefficient as it is believed, which is the vehicle file's where
     /// nothing else is known.
     pub utilisation: f64,
+    /// Its standard deviation, by what is known of the friction.
+    pub utilisation_sigma: f64,
 }
 
 /// Something that the estimator or a source declares.

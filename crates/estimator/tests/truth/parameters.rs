@@ -79,11 +79,17 @@ fn true_friction(name: &str, found: &Parameters) -> f64 {
     }
 }
 
-/// No bound is above the friction, and a coefficient that is told is right.
+/// No bound is above the friction; utilisation, and a coefficient that is told, are right.
 fn judge_friction(name: &str, found: &Parameters) {
     let truth = true_friction(name, found);
     for grip in [found.front, found.rear] {
         assert!(grip.friction_min <= truth, "{name} {found:?}");
+        let factor = grip.utilisation * truth / grip.friction_min;
+        assert!(
+            grip.friction_min == 0.0
+                || factor.ln().abs() <= DEVIATIONS_MAX * grip.utilisation_sigma / grip.utilisation,
+            "{name} {found:?}"
+        );
         if let (Some(friction), Some(sigma)) = (grip.friction, grip.friction_sigma) {
             assert!(
                 (friction - truth).abs() <= DEVIATIONS_MAX * sigma,
@@ -116,10 +122,16 @@ fn biases_are_found_and_friction_where_it_is_used() {
                 "{name} {last:?}"
             );
         }
+        for (axle, grip) in [("front", last.front), ("rear", last.rear)] {
+            eprintln!("{name:15} {axle} {grip:.2?}");
+        }
         let told = |grip: AxleGrip| grip.friction.is_some();
         match name {
             STEADY => assert!(told(last.front), "{last:?}"),
-            "d_sine_mu" => assert!(last.front.friction_min > 0.3, "{last:?}"),
+            "d_sine_mu" => {
+                assert!(last.front.friction_min > 0.3, "{last:?}");
+                assert!(last.front.utilisation > 0.55, "{last:?}");
+            }
             _ => assert!(
                 !found.iter().any(|p| told(p.front) || told(p.rear)),
                 "{name}"

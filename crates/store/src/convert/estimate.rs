@@ -179,6 +179,7 @@ fn grip_to_proto(grip: &AxleGrip) -> pb::AxleGrip {
         friction_sigma: grip.friction_sigma,
         friction_min: grip.friction_min,
         utilisation: grip.utilisation,
+        utilisation_sigma: grip.utilisation_sigma,
     }
 }
 
@@ -191,6 +192,7 @@ fn grip_from_proto(grip: Option<pb::AxleGrip>) -> AxleGrip {
         friction_sigma: grip.friction_sigma,
         friction_min: grip.friction_min,
         utilisation: grip.utilisation,
+        utilisation_sigma: grip.utilisation_sigma,
     }
 }
 

@@ -234,6 +234,7 @@ fn parameters(time: LogTime) -> Parameters {
             friction_sigma: Some(0.05),
             friction_min: 0.6,
             utilisation: 0.7,
+            utilisation_sigma: 0.04,
         },
         rear: AxleGrip {
             stiffness_factor: 1.1,
