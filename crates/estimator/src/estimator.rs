@@ -36,6 +36,8 @@ const HOLD_NANOS: u64 = 5_000_000;
 const GAP_MAX_NANOS: u64 = 10_000_000_000;
 /// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
 const GNSS_SILENT_S: f64 = 0.3;
+/// A single-track filter that is started anew within this time of the last start, s, has not held.
+const SAME_RESET_S: f64 = 3.0;
 /// Time that attitude and biases take from a start, also one in a bend, s: until then slip angles
 /// teach no grip, and one more start is no divergence.
 const SETTLING_S: f64 = 2.0;
@@ -95,6 +97,8 @@ pub struct Estimator {
     /// Since when the motion filter has gone on without a start.
     moving_since: Option<LogTime>,
     planar: Option<Planar>,
+    /// When the single-track filter was last started anew.
+    planar_reset: Option<LogTime>,
     imu_sigma: [f64; 2],
     traced: bool,
 }
@@ -127,6 +131,7 @@ impl Estimator {
             planar: corners
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration)),
+            planar_reset: None,
             gyro: GyroWatch::default(),
             corners,
             fusion,
@@ -481,10 +486,13 @@ impl Estimator {
         let resets = planar.resets();
         let motion = planar.step(time, GRID_S);
         if planar.resets() > resets {
-            out(Output::Event(reset_event(
-                time,
-                "the sideslip filter diverged",
-            )));
+            let before = self.planar_reset.replace(time);
+            if before.is_none_or(|before| time.seconds_since(before) > SAME_RESET_S) {
+                out(Output::Event(reset_event(
+                    time,
+                    "the sideslip filter diverged",
+                )));
+            }
         }
         motion.filter(|_| !navigated)
     }

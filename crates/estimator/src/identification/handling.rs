@@ -7,7 +7,7 @@
 //! near the vehicle file, as if that were a measurement with [`PRIOR_SIGMA`].
 
 use model::vehicle::Vehicle;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
 use crate::Calibration;
@@ -73,6 +73,8 @@ const AT_REST: f64 = 1e-5;
 const STEP_MAX: f64 = 1.0;
 /// Stiffnesses that are tried first, as multiples of the vehicle file's.
 const STARTS: [f64; 3] = [0.5, 1.0, 2.0];
+/// Cosine of two quantities over a drive, below which one of them has the wrong sign.
+const CONTRADICTS: f64 = -0.3;
 /// A vehicle spins where in this many rows the lateral velocity changes by more than this part of the
 /// greatest speed, and so many m/s more, which bank and offsets may give.
 const SPIN_ROWS: usize = 100;
@@ -130,12 +132,13 @@ impl Identified {
 /// the centre of gravity.
 ///
 /// # Errors
-/// A drive that is too short or too gentle; parameters that no vehicle has.
+/// A drive that is too short or too gentle; a wrong sign; parameters that no vehicle has.
 pub fn identify(
     inputs: &[PlanarInput],
     vehicle: &Vehicle,
     imu_ahead_m: f64,
 ) -> Result<Identified, Refusal> {
+    signs_agree(inputs)?;
     let all = inputs.len();
     let inputs = &without_spins(inputs);
     let spun_rows = all - inputs.len();
@@ -209,6 +212,38 @@ pub fn identify(
         spun_rows,
         peak_m_s2,
     })
+}
+
+/// Steer, speed times yaw rate and lateral acceleration go together: one that goes against both
+/// others has the wrong sign.
+fn signs_agree(inputs: &[PlanarInput]) -> Result<(), Refusal> {
+    let mut squares = Matrix3::zeros();
+    for row in inputs {
+        if let (Some(rate), Some(lateral)) = (row.yaw_rate_rad_s, row.lateral_m_s2) {
+            let three = Vector3::new(row.steer_rad, row.speed_m_s * rate, lateral);
+            squares += three * three.transpose();
+        }
+    }
+    let contradict = |i: usize, j: usize| {
+        squares[(i, j)] < CONTRADICTS * (squares[(i, i)] * squares[(j, j)]).sqrt()
+    };
+    for (i, name) in ["steer angle", "yaw rate", "lateral acceleration"]
+        .into_iter()
+        .enumerate()
+    {
+        if contradict(i, (i + 1) % 3) && contradict(i, (i + 2) % 3) {
+            return Err(Refusal::Value {
+                what: WHAT.to_owned(),
+                name: format!("sign of the {name}"),
+                value: -1.0,
+                expected: "what goes with the other two of steer angle, yaw rate and lateral \
+                           acceleration, all positive to the left; turn it with scale = -1 in the \
+                           column map"
+                    .to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// The rows in which the vehicle goes where it points, more or less. Tyres that slide all ways say

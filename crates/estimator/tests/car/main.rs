@@ -9,6 +9,7 @@ mod spin;
 mod surrogate;
 
 use cars::Case;
+use estimator::finding::Refusal;
 use estimator::identification::handling::{Identified, identify};
 use estimator::planar::PlanarInput;
 use estimator::score::{self, Errors};
@@ -17,7 +18,8 @@ use estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, GroundSpeedSample, ImuSample, LogTime, Measurement, Sample, SourceId, SteerSample,
+    Estimate, Event, EventKind, GroundSpeedSample, ImuSample, LogTime, Measurement, Sample,
+    SourceId, SteerSample,
 };
 use surrogate::{Row, drive};
 
@@ -82,9 +84,14 @@ fn samples(rows: &[Row], steering_ratio: f64) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// What the estimator and the smoother make of the second half, after the offsets of the first were
-/// taken off.
-fn judged(vehicle: &Vehicle, found: &Identified, rows: &[Row]) -> [Errors; 2] {
+/// What the estimator and the smoother make of a drive's rows after `from`, once the offsets that
+/// were found are taken off; and what happened.
+fn judged(
+    vehicle: &Vehicle,
+    found: &Identified,
+    rows: &[Row],
+    from: usize,
+) -> ([Errors; 2], Vec<Event>) {
     let mut calibration = Calibration::nominal(&vehicle.name);
     calibration.imu.position_m = Some([0.0; 3]);
     found.put(vehicle.steering.ratio, &mut calibration);
@@ -93,13 +100,13 @@ fn judged(vehicle: &Vehicle, found: &Identified, rows: &[Row]) -> [Errors; 2] {
         .expect("an estimator")
         .traced();
     let mut smoother = Smoother::new(vehicle, LAG_STEPS);
-    let (mut causal, mut smoothed) = (Vec::new(), Vec::new());
+    let (mut causal, mut smoothed, mut events) = (Vec::new(), Vec::new(), Vec::new());
     let mut take = |output| match output {
         Output::Step(step) => {
             causal.push(step.estimate.clone());
             smoother.push(*step, &mut |estimate| smoothed.push(estimate));
         }
-        Output::Event(event) => panic!("{event:?}"),
+        Output::Event(event) => events.push(event),
         _ => {}
     };
     for sample in samples(rows, vehicle.steering.ratio) {
@@ -107,15 +114,15 @@ fn judged(vehicle: &Vehicle, found: &Identified, rows: &[Row]) -> [Errors; 2] {
         estimator.push(&sample);
     }
     smoother.finish(&mut |estimate| smoothed.push(estimate));
-    let half = rows.len() / 2;
     let truth_deg: Vec<f64> = rows.iter().map(|r| r.sideslip_rad.to_degrees()).collect();
-    [causal, smoothed].map(|estimates| {
+    let errors = [causal, smoothed].map(|estimates| {
         let sideslip = |estimate: &Estimate| estimate.motion.sideslip_rad.to_degrees();
         let found_deg: Vec<f64> = estimates.iter().map(sideslip).collect();
         let last = found_deg.len();
         assert!(last + 2 >= rows.len(), "{last} of {}", rows.len());
-        score::errors(&found_deg[half..], &truth_deg[half..last]).expect("pairs")
-    })
+        score::errors(&found_deg[from..], &truth_deg[from..last]).expect("pairs")
+    });
+    (errors, events)
 }
 
 /// Handling from the first half of a drive, in which the car spins so often, and errors in the second.
@@ -128,7 +135,8 @@ fn tried(case: &Case, seconds: f64, spins: usize) -> (Identified, [Errors; 2]) {
         first = spin::inserted(&first, first.len() * k / (spins + 1), &case.errors);
     }
     let found = identify(&inputs(&first), &vehicle, 0.0).expect("parameters of a car");
-    let [causal, smoothed] = judged(&vehicle, &found, &rows);
+    let ([causal, smoothed], events) = judged(&vehicle, &found, &rows, rows.len() / 2);
+    assert_eq!(events, []);
     println!(
         "{:<8} {:.1} m/s, {:.1} m/s^2, sideslip up to {:.1} deg: rmse {:.3}, 95 % {:.3}, mean \
          {:+.3} deg; smoothed {:.3}, {:.3}, {:+.3}",
@@ -164,6 +172,43 @@ fn spins_are_left_out_of_what_handling_is_identified_from() {
     let (found, [errors, _]) = tried(&cars::SPORT, 140.0, 2);
     assert!(errors.rmse < 0.1, "{errors:?} {found:#?}");
     assert!((400..1500).contains(&found.spun_rows), "{found:#?}");
+}
+
+#[test]
+fn a_spin_is_one_event_and_the_filter_finds_back() {
+    let case = &cars::SPORT;
+    let rows = drive(&case.car, &case.lap, &case.errors, 140.0);
+    let vehicle = vehicle(case);
+    let half = rows.len() / 2;
+    let found = identify(&inputs(&rows[..half]), &vehicle, 0.0).expect("parameters of a car");
+    let spun = spin::inserted(&rows, half, &case.errors);
+    let last_half_minute = spun.len() - 3000;
+    let ([causal, smoothed], events) = judged(&vehicle, &found, &spun, last_half_minute);
+    let resets = events.iter().filter(|e| e.kind == EventKind::FilterReset);
+    assert_eq!(resets.count(), 1, "{events:?}");
+    assert!(causal.rmse < 0.3, "{causal:?}");
+    assert!(smoothed.rmse < 0.3, "{smoothed:?}");
+}
+
+#[test]
+fn a_wrong_sign_is_named() {
+    let case = &cars::SPORT;
+    let rows = drive(&case.car, &case.lap, &case.errors, 30.0);
+    let turned: [(&str, fn(&mut Row)); 3] = [
+        ("sign of the steer angle", |row| row.steer_rad *= -1.0),
+        ("sign of the yaw rate", |row| row.yaw_rate_rad_s *= -1.0),
+        ("sign of the lateral acceleration", |row| {
+            row.lateral_m_s2 *= -1.0
+        }),
+    ];
+    for (expected, turn) in turned {
+        let mut rows = rows.clone();
+        rows.iter_mut().for_each(turn);
+        match identify(&inputs(&rows), &vehicle(case), 0.0) {
+            Err(Refusal::Value { name, .. }) => assert_eq!(name, expected),
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 #[test]
