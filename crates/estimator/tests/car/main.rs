@@ -192,9 +192,10 @@ fn a_spin_is_one_event_and_the_filter_finds_back() {
 
 #[test]
 fn a_wrong_sign_is_named() {
+    type Turn = fn(&mut Row);
     let case = &cars::SPORT;
     let rows = drive(&case.car, &case.lap, &case.errors, 30.0);
-    let turned: [(&str, fn(&mut Row)); 3] = [
+    let turned: [(&str, Turn); 3] = [
         ("sign of the steer angle", |row| row.steer_rad *= -1.0),
         ("sign of the yaw rate", |row| row.yaw_rate_rad_s *= -1.0),
         ("sign of the lateral acceleration", |row| {
