@@ -85,7 +85,8 @@ dmsetup remove disk
 while_failing pulled
 echo "$device" >/sys/bus/virtio/drivers/virtio_blk/bind
 disk=/dev/$(ls "/sys/bus/virtio/devices/$device/block")
-fsck.ext4 -p "$disk" || true
+# As one would by hand: a disk without a journal may need answers.
+fsck.ext4 -y "$disk" || true
 mount -t ext4 "$disk" /tmp/disk
 until_disk_is writing
 send 250
