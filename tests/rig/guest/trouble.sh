@@ -85,7 +85,7 @@ dmsetup remove disk
 while_failing pulled
 echo "$device" >/sys/bus/virtio/drivers/virtio_blk/bind
 disk=/dev/$(ls "/sys/bus/virtio/devices/$device/block")
-# As one would by hand: a disk without a journal may need answers.
+# What a person would answer: names whose inodes were not yet written go.
 fsck.ext4 -y "$disk" || true
 mount -t ext4 "$disk" /tmp/disk
 until_disk_is writing
