@@ -3,8 +3,9 @@
 
 use nalgebra::Vector3;
 
+use super::Fusion;
+use super::body::Body;
 use super::layout::FORCE;
-use super::{Body, Fusion};
 use crate::corners::CornerState;
 
 /// Standard deviation of M_x and M_z beside what the tread and the trail make, N m: of upright wheels

@@ -1,0 +1,70 @@
+//! The vehicle as the balances of forces and moments see it.
+
+use model::vehicle::{Tyre, Vehicle};
+use nalgebra::{Matrix3, Vector3};
+
+/// What of the vehicle enters the balances.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    pub(super) mass_kg: f64,
+    pub(super) inertia: Matrix3<f64>,
+    pub(super) inverse: Matrix3<f64>,
+    pub(super) cg_height_m: f64,
+    pub(super) drag: f64,
+    pub(super) rolling: [f64; 4],
+    pub(super) tyres: [Tyre; 4],
+    pub(super) spin_inertia: [f64; 4],
+    pub(super) static_load: [f64; 4],
+}
+
+impl Body {
+    pub(super) fn new(vehicle: &Vehicle) -> Self {
+        let body = &vehicle.body;
+        let sprung = vehicle.sprung();
+        let to_cg = Vector3::new(
+            sprung.cg_m[0],
+            sprung.cg_m[1],
+            sprung.cg_m[2] - body.cg_height_m,
+        );
+        // Wheels and uprights neither roll nor pitch with the body, but they do yaw with it.
+        let away = sprung.mass_kg * to_cg.norm_squared();
+        let roll = sprung.inertia_kg_m2[0] + away - sprung.mass_kg * to_cg.x * to_cg.x;
+        let pitch = sprung.inertia_kg_m2[1] + away - sprung.mass_kg * to_cg.y * to_cg.y;
+        let xz = -body.inertia_xz_kg_m2;
+        let inertia = Matrix3::new(
+            roll,
+            0.0,
+            xz,
+            0.0,
+            pitch,
+            0.0,
+            xz,
+            0.0,
+            body.inertia_kg_m2[2],
+        );
+        let wheelbase = body.front_axle_to_cg_m + body.cg_to_rear_axle_m;
+        let half = 0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / wheelbase;
+        let axles = [&vehicle.front, &vehicle.front, &vehicle.rear, &vehicle.rear];
+        Self {
+            mass_kg: body.mass_kg,
+            inertia,
+            inverse: inertia.try_inverse().unwrap_or_else(Matrix3::zeros),
+            cg_height_m: body.cg_height_m,
+            drag: body.drag_n_s2_m2,
+            tyres: axles.map(|a| a.tyre.clone()),
+            rolling: axles.map(|a| a.tyre.rolling_resistance * a.tyre.unloaded_radius_m),
+            spin_inertia: axles.map(|a| {
+                a.unsprung
+                    .as_ref()
+                    .map_or(0.0, |part| part.wheel_spin_inertia_kg_m2)
+            }),
+            static_load: std::array::from_fn(|i| {
+                half * if i < 2 {
+                    body.cg_to_rear_axle_m
+                } else {
+                    body.front_axle_to_cg_m
+                }
+            }),
+        }
+    }
+}
