@@ -271,8 +271,8 @@ impl Corners {
         let yaw_dot = rate_dot_rad_s2.z * motion.velocity_m_s.x.abs().min(1.0);
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
-            let spin = readings.wheel_speed_rad_s.0[i]
-                .and_then(|reading| reading.fresh(now))
+            let spin = readings
+                .wheel_speed(Wheel::ALL[i], now)
                 .unwrap_or(motion.velocity_m_s.x / radius);
             let rack_motion = if i < 2 { rack_motion } else { [0.0; 2] };
             let pose = &linkage.pose;

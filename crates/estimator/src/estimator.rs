@@ -12,7 +12,6 @@ use crate::corners::{Corners, Told};
 use crate::expected::ExpectedForces;
 use crate::fusion::{ChannelChange, Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
-use crate::gyro::{self, GyroWatch};
 use crate::innovation::InnovationTally;
 use crate::inputs::{FrozenChange, Readings, finite3};
 use crate::kinematics;
@@ -22,6 +21,10 @@ use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held, Waiting};
+use crate::watch::{
+    CONTRADICTS, FROZEN, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch,
+    Triads, WheelWatch,
+};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 /// Spacing of the instants that estimates are given for, ns.
@@ -47,12 +50,17 @@ const BLIND_SLIP_RAD: f64 = 0.06;
 const SLIP_CORRELATED: f64 = 4.0;
 /// Speed above which a wheel's lift is judged, m/s.
 const MOVING_M_S: f64 = 1.5;
-/// Why a channel is left out.
-const CONTRADICTS: &str = "contradicts the other sensors";
 /// Step of the grid, s.
 const GRID_S: f64 = 0.01;
 /// Age of GNSS attitude from which the tyres' grip takes its place, s.
 const HEADING_SILENT_S: f64 = 1.0;
+/// How long the inertial unit must have agreed with the balances of forces and moments to vouch for
+/// the state against GNSS, s.
+const VOUCHED_S: f64 = 2.0;
+/// Speed above which the front wheels' slip tells the steer angle, m/s, and how well beside what is
+/// known of the slip angle, rad.
+const STEER_TOLD_M_S: f64 = 3.0;
+const STEER_SIGMA_RAD: f64 = 0.02;
 /// How fast a road vehicle's body may rise or sink from the ground, m/s.
 const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
@@ -87,7 +95,15 @@ pub struct Estimator {
     waiting: Waiting,
     readings: Readings,
     motion: MotionFilter,
-    gyro: GyroWatch,
+    inertial: InertialWatch,
+    velocity_watch: ReceiverWatch,
+    attitude_watch: ReceiverWatch,
+    steering: SteeringWatch,
+    wheels: WheelWatch,
+    /// Since when the inertial unit has agreed with the balances.
+    agreed_since: Option<LogTime>,
+    /// What the hand wheel should say, rad, and its variance.
+    expected_hand_wheel: Option<[f64; 2]>,
     corners: Option<Corners>,
     fusion: Option<Fusion>,
     expected: ExpectedForces,
@@ -132,7 +148,13 @@ impl Estimator {
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration)),
             planar_reset: None,
-            gyro: GyroWatch::default(),
+            inertial: InertialWatch::default(),
+            velocity_watch: ReceiverWatch::new("GNSS velocity"),
+            attitude_watch: ReceiverWatch::new("GNSS attitude"),
+            steering: SteeringWatch::default(),
+            wheels: WheelWatch::default(),
+            agreed_since: None,
+            expected_hand_wheel: None,
             corners,
             fusion,
             expected: ExpectedForces::new(vehicle),
@@ -233,8 +255,8 @@ impl Estimator {
         while let Some(Entry { time, held }) = self.waiting.take() {
             match held {
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
-                Held::Velocity(gnss) => self.take_velocity(time, &gnss),
-                Held::Attitude(gnss) => self.take_attitude(time, &gnss),
+                Held::Velocity(gnss) => self.take_velocity(time, &gnss, now, out),
+                Held::Attitude(gnss) => self.take_attitude(time, &gnss, now, out),
                 Held::Corner(corner) => self.readings.push_corner(
                     time,
                     &corner,
@@ -242,7 +264,13 @@ impl Estimator {
                     self.settings.uses(Input::Strain),
                     self.settings.uses(Input::Deflection),
                 ),
-                Held::HandWheel(angle) => self.readings.push_hand_wheel(time, angle),
+                Held::HandWheel(angle) => {
+                    let expected = self.expected_hand_wheel;
+                    let angle = self.steering.judge(time, angle, expected, &mut |change| {
+                        out(Output::Event(motion_event(now, change)));
+                    });
+                    self.readings.push_hand_wheel(time, angle);
+                }
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {
@@ -264,29 +292,60 @@ impl Estimator {
     ) {
         let ahead_s = time.seconds_since(now) + GRID_S;
         let fusion = self.fusion.as_ref();
-        let expected = fusion.and_then(|fusion| fusion.expected_rate(ahead_s));
-        let bias = self.motion.gyro_bias();
-        let rate = rate - bias;
-        let rate = self
-            .gyro
-            .judge(rate, self.imu_sigma[0], expected, &mut |axis, faulty| {
-                let name = format!("inertial unit {}", gyro::AXES[axis]);
-                out(Output::Event(sensor_event(now, faulty, name, CONTRADICTS)));
+        let expected = fusion.map_or(
+            Triads {
+                rate: None,
+                force: None,
+            },
+            |fusion| fusion.expected_reading(ahead_s, self.calibration.imu_m),
+        );
+        let (gyro_bias, accel_bias) = (self.motion.gyro_bias(), self.motion.accel_bias());
+        let [rate_sigma, force_sigma] = self.imu_sigma;
+        let reading = Triads {
+            rate: rate - gyro_bias,
+            force: force - accel_bias,
+        };
+        let sigma = Triads {
+            rate: rate_sigma,
+            force: force_sigma,
+        };
+        let told = self
+            .inertial
+            .judge(reading, sigma, &expected, &mut |change| {
+                out(Output::Event(motion_event(now, change)));
             });
-        let untold = self.gyro.untold_rate();
-        self.motion.push_imu(time, force, rate + bias, untold);
+        let (force, rate) = (told.force + accel_bias, told.rate + gyro_bias);
+        self.motion
+            .push_imu(time, force, rate, self.inertial.untold());
     }
 
-    fn take_velocity(&mut self, time: LogTime, gnss: &GnssVelocity) {
+    fn take_velocity(
+        &mut self,
+        time: LogTime,
+        gnss: &GnssVelocity,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
         let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
         if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
-            let _ = self
+            let verdict = self
                 .motion
                 .push_velocity(time, velocity, gnss.sigma_enu_m_s);
+            let vouched = self.is_vouched(now);
+            self.velocity_watch
+                .judge(time, verdict, vouched, &mut |change| {
+                    out(Output::Event(motion_event(now, change)));
+                });
         }
     }
 
-    fn take_attitude(&mut self, time: LogTime, gnss: &GnssAttitude) {
+    fn take_attitude(
+        &mut self,
+        time: LogTime,
+        gnss: &GnssAttitude,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
         if gnss.quality == FixQuality::None {
             return;
         }
@@ -294,11 +353,24 @@ impl Estimator {
         let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
         let angles =
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
-        let _ = self.motion.push_attitude(time, angles, gnss.sigma_rad);
+        let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
+        let vouched = self.is_vouched(now);
+        self.attitude_watch
+            .judge(time, verdict, vouched, &mut |change| {
+                out(Output::Event(motion_event(now, change)));
+            });
+    }
+
+    /// Whether the balances of forces and moments vouch for what the inertial unit has made of the
+    /// state.
+    fn is_vouched(&self, now: LogTime) -> bool {
+        self.agreed_since
+            .is_some_and(|since| now.seconds_since(since) > VOUCHED_S)
     }
 
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
         let resets = self.motion.resets();
+        self.motion.vouch(self.is_vouched(time));
         self.take_waiting(time, out);
         let settled = |since| time.seconds_since(since) > SETTLING_S;
         if self.motion.resets() > resets {
@@ -344,6 +416,7 @@ impl Estimator {
             .expected
             .step(GRID_S, state.velocity_m_s.x, push, steer);
         self.measured = self.measure(time, &state, &expected, out);
+        self.watch_wheels(time, &state, settled, out);
         let moving = state.velocity_m_s.x.hypot(state.velocity_m_s.y) > MOVING_M_S;
         self.lift
             .step(time, GRID_S, moving, &self.measured, &mut |event| {
@@ -360,7 +433,11 @@ impl Estimator {
         // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing.
         let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S
             && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
-        if satellite && settled && self.measured.0[0].source == ForceSource::Fusion {
+        if satellite
+            && settled
+            && self.steering.believed()
+            && self.measured.0[0].source == ForceSource::Fusion
+        {
             let input = GripInput {
                 now: time,
                 dt: GRID_S,
@@ -439,7 +516,7 @@ impl Estimator {
                 expected,
                 imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
-                gyro_believed: self.gyro.believed(),
+                believed: self.inertial.believed(),
                 turn_over_ground: corners.turn_over_ground(),
             };
             let resets = fusion.resets();
@@ -448,6 +525,11 @@ impl Estimator {
             });
             if fusion.resets() > resets {
                 out(Output::Event(reset_event(now, "the force filter diverged")));
+            }
+            if fusion.vouches() {
+                self.agreed_since.get_or_insert(now);
+            } else {
+                self.agreed_since = None;
             }
             return forces;
         }
@@ -559,21 +641,69 @@ impl Estimator {
         }
     }
 
-    /// Mean forward speed that the wheels tell, rolling freely on their loaded radius, m/s.
+    /// Mean forward speed that the wheels tell, rolling freely, m/s.
     fn rolling_speed(&self, time: LogTime) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0);
         for wheel in Wheel::ALL {
-            let tyre = &self.axle(wheel).tyre;
-            let reading = self.readings.wheel_speed_rad_s[wheel];
-            if let Some(speed) = reading.and_then(|reading| reading.fresh(time)) {
-                let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
-                let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
-                let measured = self.calibration.rolling_radius_m[wheel];
-                sum += speed * measured.unwrap_or(tyre.unloaded_radius_m - pressed / 3.0);
+            if let Some(speed) = self.readings.wheel_speed(wheel, time) {
+                sum += speed * self.rolling_radius_m(wheel);
                 count += 1.0;
             }
         }
         (count > 0.0).then(|| sum / count)
+    }
+
+    /// Speed over wheel speed of a wheel that rolls freely, m: as measured, else of the loaded tyre.
+    fn rolling_radius_m(&self, wheel: Wheel) -> f64 {
+        let tyre = &self.axle(wheel).tyre;
+        let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
+        let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
+        let measured = self.calibration.rolling_radius_m[wheel];
+        measured.unwrap_or(tyre.unloaded_radius_m - pressed / 3.0)
+    }
+
+    /// Holds wheel speeds and the hand wheel against the motion and the measured forces.
+    fn watch_wheels(
+        &mut self,
+        now: LogTime,
+        state: &MotionState,
+        settled: bool,
+        out: &mut impl FnMut(Output),
+    ) {
+        let rolling = PerWheel::from_fn(|wheel| {
+            let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now)?;
+            let left_m = 0.5 * self.axle(wheel).track_m * wheel.side();
+            Some(Rolling {
+                read_m_s: reading * self.rolling_radius_m(wheel),
+                over_ground_m_s: state.velocity_m_s.x - state.rate_rad_s.z * left_m,
+                force_n: self.measured[wheel].force_n,
+            })
+        });
+        self.wheels.judge(now, &rolling, &mut |change| {
+            out(Output::Event(motion_event(now, change)));
+        });
+        self.readings.wheel_speed_doubted = Wheel::ALL.map(|wheel| !self.wheels.believed(wheel));
+        let satellite = self.motion.velocity_age_s(now) < GNSS_SILENT_S;
+        self.expected_hand_wheel = (satellite && settled)
+            .then(|| self.steer_told(state))
+            .flatten();
+    }
+
+    /// What the hand wheel should say, rad, and its variance: the front axle moves along its wheels
+    /// but for the slip angle that its lateral force needs.
+    fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
+        self.corners.as_ref()?;
+        let [u, v] = state.level_velocity();
+        let across = v + state.rate_rad_s.z * self.vehicle.body.front_axle_to_cg_m;
+        let (slip, sigma) = self.grip.slip_angle(0, &self.measured)?;
+        let read = self.readings.hand_wheel_rad?.value;
+        let steer = self.steer_angles(self.grip.steer_offset().0);
+        let wheels = 0.5 * (steer[0] + steer[1]);
+        let apart = (across.atan2(u) - slip) - wheels;
+        let ratio = self.vehicle.steering.ratio;
+        let variance =
+            sigma * sigma + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD * STEER_SIGMA_RAD;
+        (u > STEER_TOLD_M_S).then_some([read + ratio * apart, ratio * ratio * variance])
     }
 }
 
@@ -619,6 +749,10 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
     }
 }
 
+fn motion_event(now: LogTime, change: SensorChange) -> Event {
+    sensor_event(now, change.faulty, change.name.to_owned(), change.why)
+}
+
 fn reset_event(now: LogTime, what: &str) -> Event {
     Event {
         time: now,
@@ -643,7 +777,7 @@ fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
         .get(change.channel)
         .map_or("deflection", |channel| channel.name());
     let name = format!("{} {channel}", change.wheel);
-    sensor_event(now, change.frozen, name, "does not move at all")
+    sensor_event(now, change.frozen, name, FROZEN)
 }
 
 fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {

@@ -52,6 +52,7 @@ use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
+use crate::watch::{Believed, Triads};
 
 use agility::Agility;
 use body::Body;
@@ -99,11 +100,17 @@ pub struct Fusion {
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
     turn_dot: Vector3<f64>,
+    /// Variance of each accelerometer's expected reading, (m/s^2)^2.
+    accel_variance: [f64; 3],
+    /// Whether the inertial unit has agreed with the balances in this step.
+    agreed: bool,
     /// Whether drive or brake came with this step.
     pushed: bool,
     /// Whether something besides the tyres carries the vehicle: stands, a jack.
     held: bool,
     blind: bool,
+    /// Whether the vehicle moves, and so stands on its tyres alone.
+    rolling: bool,
     steps: u32,
     resets: u32,
     innovations: InnovationTally,
@@ -128,8 +135,8 @@ pub struct StepInput<'a> {
     pub imu_m: Vector3<f64>,
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
-    /// Which axes of the gyro are believed; the others tell nothing.
-    pub gyro_believed: [bool; 3],
+    /// Which axes of the inertial unit are believed; the others tell nothing.
+    pub believed: Believed,
     /// How fast the body rolls and pitches over the ground, rad/s, which stands in for them.
     pub turn_over_ground: Option<[f64; 2]>,
 }
@@ -212,9 +219,12 @@ impl Fusion {
             strut_n: [f64::NAN; 4],
             body_motion: None,
             turn_dot: Vector3::zeros(),
+            accel_variance: [0.0; 3],
+            agreed: false,
             pushed: false,
             held: false,
             blind: false,
+            rolling: false,
             steps: 0,
             resets: 0,
             innovations: InnovationTally::default(),
@@ -264,7 +274,7 @@ impl Fusion {
         let rates = self.believed::<12>(RATE);
         let torques = self.believed::<2>(TORQUE);
         let accels = self.believed::<3>(ACCEL);
-        self.pushed = false;
+        (self.pushed, self.agreed) = (false, false);
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
@@ -285,7 +295,8 @@ impl Fusion {
             self.restart(input.channels);
         }
         // On jackstands the forces of the tyres alone are not what moves the body.
-        let alone = !input.motion.inertial && input.motion.velocity_m_s.x.abs() > ALONE_M_S;
+        self.rolling = input.motion.velocity_m_s.x.abs() > ALONE_M_S;
+        let alone = !input.motion.inertial && self.rolling;
         let [force, turn] = self.body_motion_ahead(input, &balance);
         self.turn_dot = turn;
         self.body_motion = (balanced || alone && !self.settling()).then_some([force, turn]);
@@ -344,18 +355,41 @@ impl Fusion {
         std::array::from_fn(|axis| self.state[TURN + axis])
     }
 
-    /// What a gyro should read `ahead_s` after the last step, by the balance of moments: rate, rad/s,
-    /// and variance of each axis. None before the filter has settled.
+    /// What the inertial unit should read `ahead_s` after the last step by the balances: value and
+    /// variance of each axis. Rates, rad/s, none before the filter has settled; specific forces,
+    /// m/s^2, none where something besides the tyres may carry the vehicle.
     #[must_use]
-    pub fn expected_rate(&self, ahead_s: f64) -> Option<[[f64; 2]; 3]> {
-        let expected = std::array::from_fn(|axis| {
+    pub fn expected_reading(
+        &self,
+        ahead_s: f64,
+        imu_m: Vector3<f64>,
+    ) -> Triads<Option<[[f64; 2]; 3]>> {
+        let rate = std::array::from_fn(|axis| {
             let noise = TURN_NOISE_N_M[axis] * self.body.inverse[(axis, axis)];
             [
                 self.state[TURN + axis] + ahead_s * self.turn_dot[axis],
                 self.covariance.variance(TURN + axis) + noise * noise * ahead_s.abs(),
             ]
         });
-        (!self.settling()).then_some(expected)
+        let turn = Vector3::from(self.rate_rad_s());
+        let force = self.body_motion.map(|[force, turn_dot]| {
+            let swing = turn_dot.cross(&imu_m) + turn.cross(&turn.cross(&imu_m));
+            let at_unit = force + swing;
+            std::array::from_fn(|axis| {
+                let residue = self.state[ACCEL + axis];
+                [at_unit[axis] + residue, self.accel_variance[axis]]
+            })
+        });
+        Triads {
+            rate: (!self.settling()).then_some(rate),
+            force: force.filter(|_| !self.settling() && self.rolling),
+        }
+    }
+
+    /// Whether accelerometers and gyros have agreed with the balances in the last step.
+    #[must_use]
+    pub fn vouches(&self) -> bool {
+        self.agreed
     }
 
     /// What is known of a wheel's strut beside its potentiometer.

@@ -85,6 +85,8 @@ pub struct Readings {
     pub hand_wheel_rad: Option<Reading>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
+    /// Wheel speeds that are not believed.
+    pub wheel_speed_doubted: [bool; 4],
     liveness: [[Liveness; POTENTIOMETER + 1]; 4],
 }
 
@@ -146,6 +148,14 @@ impl Readings {
     pub fn push_wheel_speed(&mut self, time: LogTime, wheel: Wheel, speed_rad_s: f64) {
         let good = (speed_rad_s.abs() < 1000.0).then_some(speed_rad_s);
         replace(&mut self.wheel_speed_rad_s[wheel], time, good);
+    }
+
+    /// A wheel's speed, rad/s, if it is fresh at `now` and believed.
+    #[must_use]
+    pub fn wheel_speed(&self, wheel: Wheel, now: LogTime) -> Option<f64> {
+        let reading =
+            self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_doubted[wheel.index()]);
+        reading.and_then(|reading| reading.fresh(now))
     }
 
     /// Takes a hand-wheel angle in.

@@ -19,7 +19,6 @@ pub mod expected;
 pub mod finding;
 pub mod fusion;
 pub mod grip;
-mod gyro;
 pub mod identification;
 mod innovation;
 pub mod inputs;
@@ -35,6 +34,7 @@ pub mod smoother;
 pub mod statics;
 pub mod trace;
 mod waiting;
+pub mod watch;
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;

@@ -24,8 +24,10 @@ use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 
 use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
+use crate::watch::Triads;
 use history::{History, Pose};
 pub use solution::Solution;
+pub use update::Verdict;
 
 /// Size of the error state: attitude, velocity, accelerometer bias, gyro bias.
 pub const STATES: usize = 12;
@@ -108,14 +110,27 @@ pub struct MotionFilter {
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
     doubted: bool,
     levelled: bool,
-    velocity_misses: u32,
-    attitude_misses: u32,
-    /// Yaw, pitch and roll as the receiver told them last.
+    velocity_misses: Misses,
+    attitude_misses: Misses,
+    /// What the receivers told last, velocity and yaw, pitch and roll, and whether it was left out.
+    told_velocity: Option<Vector3<f64>>,
+    velocity_left_out: bool,
     told_angles: [Option<f64>; 3],
+    angles_left_out: [bool; 3],
+    /// Whether something vouches for the state.
+    vouched: bool,
     resets: u32,
     /// Innovations since they were last reported.
     pub(crate) innovations: InnovationTally,
     trace: Trace<STATES>,
+}
+
+/// A receiver's values in a row that contradicted the state.
+#[derive(Clone, Copy, Debug, Default)]
+struct Misses {
+    all: u32,
+    /// Those while nothing vouched for the state.
+    unvouched: u32,
 }
 
 /// The motion at one instant, at the centre of gravity.
@@ -185,15 +200,25 @@ impl MotionFilter {
             heading_known: false,
             doubted: false,
             levelled: false,
-            velocity_misses: 0,
-            attitude_misses: 0,
+            velocity_misses: Misses::default(),
+            attitude_misses: Misses::default(),
+            told_velocity: None,
+            velocity_left_out: false,
             told_angles: [None; 3],
+            angles_left_out: [false; 3],
+            vouched: false,
             resets: 0,
             innovations: InnovationTally::default(),
             trace: Trace::default(),
         };
         filter.restart();
         filter
+    }
+
+    /// Whether from now on something else vouches for the state: where GNSS contradicts it, it is
+    /// GNSS that is wrong.
+    pub fn vouch(&mut self, vouched: bool) {
+        self.vouched = vouched;
     }
 
     /// How often the filter has been started anew.
@@ -266,15 +291,15 @@ impl MotionFilter {
         self.heading_known = false;
         self.doubted = false;
         self.levelled = false;
-        self.velocity_misses = 0;
-        self.attitude_misses = 0;
+        self.velocity_misses = Misses::default();
+        self.attitude_misses = Misses::default();
         self.velocity_time = None;
         self.attitude_time = None;
         self.history.clear();
     }
 
-    /// Takes a reading of the inertial unit in, body axes, calibration applied, of whose rate
-    /// `untold_rate` (rad/s/sqrt(Hz)) is unseen beside the gyro's noise.
+    /// Takes a reading of the inertial unit in, body axes, calibration applied, of which `untold`
+    /// (m/s^2 and rad/s, over sqrt(Hz)) is unseen beside the sensors' noise.
     ///
     /// A reading that is not finite, out of any road vehicle's range, or not later than the last
     /// is left out.
@@ -283,7 +308,7 @@ impl MotionFilter {
         time: LogTime,
         force: Vector3<f64>,
         rate: Vector3<f64>,
-        untold_rate: f64,
+        untold: Triads<f64>,
     ) {
         let good = force.iter().all(|f| f.abs() <= FORCE_MAX_M_S2)
             && rate.iter().all(|w| w.abs() <= RATE_MAX_RAD_S);
@@ -316,8 +341,8 @@ impl MotionFilter {
         };
         let density = settings.interval_s.max(1e-4).sqrt();
         let noise = [
-            settings.accel_sigma_m_s2 * density,
-            (settings.gyro_sigma_rad_s * density).hypot(untold_rate),
+            (settings.accel_sigma_m_s2 * density).hypot(untold.force),
+            (settings.gyro_sigma_rad_s * density).hypot(untold.rate),
         ];
         self.carry(gap_s, mean_force, mean_rate, noise);
         self.begin(time, force, rate);
@@ -361,8 +386,8 @@ impl MotionFilter {
         self.resets += 1;
         self.forget_biases();
         self.doubted = true;
-        self.velocity_misses = 0;
-        self.attitude_misses = 0;
+        self.velocity_misses = Misses::default();
+        self.attitude_misses = Misses::default();
         self.velocity_time = None;
         self.attitude_time = None;
     }

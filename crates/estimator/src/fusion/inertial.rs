@@ -147,6 +147,10 @@ impl Fusion {
         let mut joint = self.covariance.project(&rows, &self.state);
         let mut agrees = true;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
+            self.accel_variance[axis] = (joint.variance(m) + variance) / (mass * mass);
+            if !input.believed.force[axis] {
+                continue;
+            }
             if axis == 0 && !self.settling() {
                 self.heed_push(&rows, &mut joint, sum[axis], variance);
             }
@@ -167,17 +171,23 @@ impl Fusion {
                 break;
             }
         }
-        for axis in (0..3).filter(|axis| input.gyro_believed[*axis]) {
+        self.agreed = agrees && input.believed.force == [true; 3];
+        for axis in 0..3 {
+            if !input.believed.rate[axis] {
+                self.agreed = false;
+                continue;
+            }
             // The reading itself: the motion's rate is already carried on to now.
             let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
             let value = read + age * balance.constant[axis];
             let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
             self.count(InnovationKind::Gyro, innovation, GATE);
+            self.agreed &= innovation * innovation <= GATE;
         }
         // A gyro that is not believed leaves the balance to itself: an error of the moments would
         // grow into any rate. The struts see how the body turns, but for the ground's own turning.
         for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
-            if !input.gyro_believed[axis] {
+            if !input.believed.rate[axis] {
                 let value = over_ground + age * balance.constant[axis];
                 let variance = OVER_GROUND_RAD_S * OVER_GROUND_RAD_S;
                 self.take(&mut joint, GYRO + axis, value, variance, GATE);

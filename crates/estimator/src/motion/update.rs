@@ -7,14 +7,16 @@ use crate::trace::{Operation, Update};
 
 use super::history::Pose;
 use super::{
-    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, VELOCITY, cross,
-    orthonormal, wrap,
+    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, Misses, MotionFilter, STATES, VELOCITY,
+    cross, orthonormal, wrap,
 };
 
 /// Normalised innovation, standard deviations, beyond which a value is left out.
 const GATE: f64 = 5.0;
-/// Values left out in a row after which the state, not the sensor, is taken to be wrong.
+/// Values left out in a row after which the state, not the sensor, is taken to be wrong, and the
+/// same of a state that something vouches for: half a minute of velocities, a minute of attitudes.
 const MISSES_MAX: u32 = 20;
+const VOUCHED_MISSES_MAX: u32 = 600;
 /// Values of each of two receivers left out in a row after which it is.
 const CONTRADICTIONS: u32 = 3;
 
@@ -31,6 +33,18 @@ pub enum Verdict {
     Rejected,
     /// It could not be compared: too old, not finite, or nothing to compare with.
     Unusable,
+}
+
+impl Misses {
+    fn count(&mut self, vouched: bool) {
+        self.all += 1;
+        self.unvouched += u32::from(!vouched);
+    }
+
+    /// Whether it is the state that is wrong.
+    fn too_many(self) -> bool {
+        self.unvouched > MISSES_MAX || self.all > VOUCHED_MISSES_MAX
+    }
 }
 
 impl MotionFilter {
@@ -76,20 +90,28 @@ impl MotionFilter {
                 self.forget_yaw(HEADING_UNKNOWN_RAD);
             }
         }
+        // A receiver that hangs says the same again, and contradicts ever more as the body goes on: it
+        // is left out until it says something else, but what it says is not adopted. One that stands
+        // may well be told as zero.
+        let hangs = self.told_velocity == Some(velocity_m_s) && speed > 0.0;
+        self.told_velocity = Some(velocity_m_s);
         let slope = -cross(swing);
-        let mut rejected = false;
+        let mut rejected = hangs && self.velocity_left_out;
         for axis in 0..3 {
             let variance =
                 self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
             rejected |= residual[axis].powi(2) > GATE * GATE * variance;
         }
-        if rejected && self.velocity_time.is_some() {
-            self.velocity_misses += 1;
+        self.velocity_left_out = rejected && self.velocity_time.is_some();
+        if self.velocity_left_out {
+            if !hangs {
+                self.velocity_misses.count(self.vouched);
+            }
             if self.is_contradicted() {
                 self.doubt();
-            } else if self.velocity_misses > MISSES_MAX {
+            } else if self.velocity_misses.too_many() {
                 self.resets += 1;
-                self.velocity_misses = 0;
+                self.velocity_misses = Misses::default();
                 self.velocity_time = None;
             }
             for _ in 0..3 {
@@ -108,14 +130,14 @@ impl MotionFilter {
             self.scalar(kind, &h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
         self.inject(&delta);
-        self.velocity_misses = 0;
+        self.velocity_misses = Misses::default();
         self.velocity_time = Some(valid);
         Verdict::Used
     }
 
     /// Whether GNSS velocity and attitude both contradict the state.
     fn is_contradicted(&self) -> bool {
-        self.velocity_misses.min(self.attitude_misses) >= CONTRADICTIONS
+        self.velocity_misses.all.min(self.attitude_misses.all) >= CONTRADICTIONS
     }
 
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
@@ -160,8 +182,7 @@ impl MotionFilter {
                 }
             }
         }
-        // A receiver that hangs says the same again, and contradicts ever more as the body turns: it
-        // is left out, but what it says is not adopted.
+        // As of a velocity.
         let hangs: [bool; 3] = std::array::from_fn(|axis| angles[axis] == self.told_angles[axis]);
         self.told_angles = angles;
         let (mut used, mut rejected, mut contradicted) = (false, false, false);
@@ -192,7 +213,9 @@ impl MotionFilter {
             }
             let innovation = value - h.dot(&delta);
             let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
-            if innovation.powi(2) > GATE * GATE * variance {
+            let stuck = hangs[axis] && self.angles_left_out[axis];
+            self.angles_left_out[axis] = stuck || innovation.powi(2) > GATE * GATE * variance;
+            if self.angles_left_out[axis] {
                 rejected = true;
                 contradicted |= !hangs[axis];
                 self.innovations.rejected(InnovationKind::GnssAttitude);
@@ -204,19 +227,21 @@ impl MotionFilter {
         }
         self.inject(&delta);
         if rejected {
-            self.attitude_misses += u32::from(contradicted);
+            if contradicted {
+                self.attitude_misses.count(self.vouched);
+            }
             if self.is_contradicted() {
                 self.doubt();
-            } else if self.attitude_misses > MISSES_MAX {
+            } else if self.attitude_misses.too_many() {
                 self.resets += 1;
-                self.attitude_misses = 0;
+                self.attitude_misses = Misses::default();
                 self.attitude_time = None;
                 self.forget_biases();
             }
             return Verdict::Rejected;
         }
         if used {
-            self.attitude_misses = 0;
+            self.attitude_misses = Misses::default();
             self.attitude_time = Some(valid);
             Verdict::Used
         } else {

@@ -6,6 +6,7 @@
 use estimator::motion::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, MotionSettings, STATES, Solution, VELOCITY,
 };
+use estimator::watch::Triads;
 use model::sensors::Sensors;
 use nalgebra::{Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
 use sample::{ImuSample, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
@@ -127,7 +128,10 @@ fn give(filter: &mut MotionFilter, sample: &Sample) {
             time,
             Vector3::from(imu.specific_force_m_s2),
             Vector3::from(imu.angular_rate_rad_s),
-            0.0,
+            Triads {
+                rate: 0.0,
+                force: 0.0,
+            },
         ),
         Measurement::GnssVelocity(gnss) => {
             let _ = filter.push_velocity(time, Vector3::from(gnss.velocity_enu_m_s), None);

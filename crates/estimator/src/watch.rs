@@ -1,0 +1,36 @@
+//! Whether the sensors of motion can be believed: each is held against what the others and the
+//! tyres' forces make of it, so that it is known which of them is wrong.
+//!
+//! | sensor | witness |
+//! |---|---|
+//! | gyros | balance of moments |
+//! | accelerometers | balance of forces |
+//! | GNSS velocity and attitude | the inertial unit, while the balances vouch for it |
+//! | hand wheel | front slip angles that the measured lateral forces call for |
+//! | wheel speeds | speed over ground of a wheel that neither drives nor brakes |
+
+mod inertial;
+mod receiver;
+mod steering;
+mod wheels;
+
+pub use inertial::{Believed, InertialWatch, Triads};
+pub use receiver::ReceiverWatch;
+pub use steering::SteeringWatch;
+pub use wheels::{Rolling, WheelWatch};
+
+/// A sensor that was found faulty or is good again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SensorChange {
+    /// Its name, as events have it.
+    pub name: &'static str,
+    /// Faulty from now on.
+    pub faulty: bool,
+    /// Why it is left out.
+    pub why: &'static str,
+}
+
+/// Why a sensor is left out: it contradicts.
+pub const CONTRADICTS: &str = "contradicts the other sensors";
+/// Why a sensor is left out: it tells the same again and again.
+pub const FROZEN: &str = "does not move at all";

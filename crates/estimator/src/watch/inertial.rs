@@ -1,0 +1,292 @@
+//! Gyros and accelerometers. A reading that jumps further than a vehicle can move, or that hangs, and
+//! that the balance of moments or forces of all tyres contradicts, is replaced by what that balance
+//! makes of it until both agree again, so that neither attitude, velocity nor forces follow an axis
+//! that spikes, is plugged in wrong or sits at the end of its range. Forces that are wrong themselves
+//! make no sensor jump.
+
+use nalgebra::Vector3;
+
+use super::{CONTRADICTS, SensorChange};
+
+/// Square of the normalised difference that contradicts.
+const GATE: f64 = 25.0;
+/// Readings in a row, 100 a second, that make a fault of it.
+const FAULTY: u32 = 20;
+/// The same reading so often in a row hangs.
+const HANGS: u32 = 10;
+
+/// What differs between gyros and accelerometers.
+#[derive(Debug)]
+struct Kind {
+    names: [&'static str; 3],
+    /// Change from one reading to the next that is no vehicle's, in 10 ms.
+    jump: f64,
+    /// Error of the balance of each axis beyond its own deviation.
+    floor: [f64; 3],
+    /// Readings in a row after which the forces may as well be what is wrong.
+    doubtful: u32,
+    /// What the balance does not tell, per square root of Hz.
+    untold: f64,
+}
+
+/// Rates, rad/s: attitude that is carried on without a gyro is off by what the moments are.
+const RATES: Kind = Kind {
+    names: [
+        "inertial unit roll rate",
+        "inertial unit pitch rate",
+        "inertial unit yaw rate",
+    ],
+    jump: 0.25,
+    floor: [0.0; 3],
+    doubtful: 500,
+    untold: 0.1,
+};
+
+/// Specific forces, m/s^2. A blow may come through the frame, and the load's weight may be unknown by
+/// a part: with so much untold it is GNSS that decides how fast the vehicle is.
+const FORCES: Kind = Kind {
+    names: [
+        "inertial unit forward acceleration",
+        "inertial unit leftward acceleration",
+        "inertial unit upward acceleration",
+    ],
+    jump: 1.5,
+    floor: [0.3, 0.3, 0.6],
+    doubtful: u32::MAX,
+    untold: 2.0,
+};
+
+/// Rates and specific forces about and along the body's axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triads<T> {
+    /// Angular rates, rad/s.
+    pub rate: T,
+    /// Specific forces, m/s^2.
+    pub force: T,
+}
+
+/// Which axes are believed.
+pub type Believed = Triads<[bool; 3]>;
+
+/// Memory of one axis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Axis {
+    /// The last reading, and how often it came again.
+    read: f64,
+    repeats: u32,
+    /// The last one that was believed.
+    last: Option<f64>,
+    /// Readings in a row that were not.
+    strange: u32,
+}
+
+/// Memory of the unit.
+#[derive(Clone, Debug, Default)]
+pub struct InertialWatch {
+    rate: [Axis; 3],
+    force: [Axis; 3],
+}
+
+impl InertialWatch {
+    /// Which axes of the last reading were believed.
+    pub fn believed(&self) -> Believed {
+        Triads {
+            rate: self.rate.map(|axis| axis.strange == 0),
+            force: self.force.map(|axis| axis.strange == 0),
+        }
+    }
+
+    /// What is unseen of the last reading that was handed out, (rad/s)/sqrt(Hz) and
+    /// (m/s^2)/sqrt(Hz).
+    pub fn untold(&self) -> Triads<f64> {
+        let of = |believed: [bool; 3], kind: &Kind| {
+            if believed == [true; 3] {
+                0.0
+            } else {
+                kind.untold
+            }
+        };
+        let believed = self.believed();
+        Triads {
+            rate: of(believed.rate, &RATES),
+            force: of(believed.force, &FORCES),
+        }
+    }
+
+    /// The reading to go on with, from one of noise `sigma` and what is expected of each axis as
+    /// value and variance.
+    pub fn judge(
+        &mut self,
+        reading: Triads<Vector3<f64>>,
+        sigma: Triads<f64>,
+        expected: &Triads<Option<[[f64; 2]; 3]>>,
+        changes: &mut impl FnMut(SensorChange),
+    ) -> Triads<Vector3<f64>> {
+        let mut judge = |axes: &mut [Axis; 3], kind, reading, sigma, expected| {
+            judge_all(axes, kind, reading, sigma, expected, &mut *changes)
+        };
+        Triads {
+            rate: judge(
+                &mut self.rate,
+                &RATES,
+                reading.rate,
+                sigma.rate,
+                expected.rate,
+            ),
+            force: judge(
+                &mut self.force,
+                &FORCES,
+                reading.force,
+                sigma.force,
+                expected.force,
+            ),
+        }
+    }
+}
+
+fn judge_all(
+    axes: &mut [Axis; 3],
+    kind: &Kind,
+    reading: Vector3<f64>,
+    sigma: f64,
+    expected: Option<[[f64; 2]; 3]>,
+    changes: &mut impl FnMut(SensorChange),
+) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| {
+        let axis = &mut axes[i];
+        let before = axis.strange;
+        let doubt = sigma * sigma + kind.floor[i].powi(2);
+        let expected = expected.map(|all| [all[i][0], all[i][1] + doubt]);
+        let told = axis.judge(reading[i], expected, kind);
+        let change = |faulty| SensorChange {
+            name: kind.names[i],
+            faulty,
+            why: CONTRADICTS,
+        };
+        if axis.strange == FAULTY && before < FAULTY {
+            changes(change(true));
+        } else if axis.strange == 0 && before >= FAULTY {
+            changes(change(false));
+        }
+        told
+    })
+}
+
+impl Axis {
+    fn judge(&mut self, reading: f64, expected: Option<[f64; 2]>, kind: &Kind) -> f64 {
+        self.repeats = if reading == self.read {
+            self.repeats.saturating_add(1)
+        } else {
+            0
+        };
+        self.read = reading;
+        let Some([value, variance]) = expected else {
+            // Nothing speaks for a sensor that was found faulty, either.
+            if self.strange < FAULTY {
+                self.strange = 0;
+                self.last = Some(reading);
+            }
+            return reading;
+        };
+        let contradicted = (reading - value).powi(2) > GATE * variance;
+        let jumped = self
+            .last
+            .is_some_and(|last| (reading - last).abs() > kind.jump);
+        let suspect = self.strange > 0 || jumped || self.repeats >= HANGS;
+        if contradicted && suspect && self.strange < kind.doubtful {
+            self.strange += 1;
+            value
+        } else {
+            self.strange = 0;
+            self.last = Some(reading);
+            reading
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIGMA: Triads<f64> = Triads {
+        rate: 0.005,
+        force: 0.03,
+    };
+
+    fn judge(
+        watch: &mut InertialWatch,
+        rate: Vector3<f64>,
+        expected: Option<[[f64; 2]; 3]>,
+        changes: &mut impl FnMut(SensorChange),
+    ) -> Vector3<f64> {
+        let reading = Triads {
+            rate,
+            force: Vector3::zeros(),
+        };
+        let expected = Triads {
+            rate: expected,
+            force: None,
+        };
+        watch.judge(reading, SIGMA, &expected, changes).rate
+    }
+
+    #[test]
+    fn a_wild_axis_is_replaced_named_and_taken_back() {
+        let mut watch = InertialWatch::default();
+        let mut told = Vec::new();
+        let expected = Some([[0.1, 1e-4], [0.0, 1e-4], [0.3, 1e-4]]);
+        for k in 0..200 {
+            let wild = if (50..100).contains(&k) { 3.5 } else { 0.1 };
+            let reading = Vector3::new(wild, 0.01, 0.31);
+            let rate = judge(&mut watch, reading, expected, &mut |change| {
+                told.push((k, change.name, change.faulty));
+            });
+            assert_eq!(rate.z, 0.31);
+            assert_eq!(rate.x, 0.1, "{k}");
+        }
+        assert_eq!(watch.believed().rate, [true; 3]);
+        let name = RATES.names[0];
+        assert_eq!(told, [(69, name, true), (100, name, false)]);
+        let wild = Vector3::repeat(9.0);
+        assert_eq!(judge(&mut watch, wild, None, &mut |_| {}), wild);
+    }
+
+    #[test]
+    fn forces_that_go_wrong_by_themselves_spoil_no_rate() {
+        let mut watch = InertialWatch::default();
+        for k in 0..400 {
+            let wrong = 0.01 * f64::from(k);
+            let reading = Vector3::repeat(0.001 * f64::from(k));
+            let expected = Some([[wrong, 1e-4]; 3]);
+            let rate = judge(&mut watch, reading, expected, &mut |_| {});
+            assert_eq!(rate, reading);
+        }
+    }
+
+    /// A body that begins to accelerate: the axis that hangs is replaced once it is contradicted,
+    /// the others move and are believed.
+    #[test]
+    fn an_accelerometer_that_hangs_is_replaced_once_the_forces_move() {
+        let mut watch = InertialWatch::default();
+        let mut told = Vec::new();
+        for k in 0..100 {
+            let truth = 0.05 * f64::from(k);
+            let reading = Triads {
+                rate: Vector3::zeros(),
+                force: Vector3::new(0.0, truth, 9.81 + truth),
+            };
+            let expected = Triads {
+                rate: None,
+                force: Some([[truth, 1e-3], [truth, 1e-3], [9.81 + truth, 1e-3]]),
+            };
+            let force = watch.judge(reading, SIGMA, &expected, &mut |change| {
+                told.push((change.name, change.faulty));
+            });
+            assert!((force.force.x - truth).abs() < 1.6, "{k}");
+            assert_eq!(force.force.y, truth);
+        }
+        assert_eq!(watch.believed().force, [false, true, true]);
+        assert_eq!(told, [(FORCES.names[0], true)]);
+        assert_eq!(watch.untold().force, FORCES.untold);
+    }
+}

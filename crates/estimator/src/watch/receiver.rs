@@ -1,0 +1,84 @@
+//! A GNSS receiver whose values the state contradicts.
+
+use sample::LogTime;
+
+use super::{CONTRADICTS, SensorChange};
+use crate::motion::Verdict;
+
+/// How long a receiver contradicts the state before it is called faulty, s.
+const FAULTY_S: f64 = 0.5;
+
+/// Memory of one receiver.
+#[derive(Clone, Copy, Debug)]
+pub struct ReceiverWatch {
+    name: &'static str,
+    /// Since when all of its values have been left out.
+    since: Option<LogTime>,
+    told: bool,
+}
+
+impl ReceiverWatch {
+    /// A receiver, by the name that events have for it.
+    pub fn new(name: &'static str) -> Self {
+        Self {
+            name,
+            since: None,
+            told: false,
+        }
+    }
+
+    /// Takes note of how a value true at `time` has fared. It is the receiver's fault only where
+    /// something vouches for the state.
+    pub fn judge(
+        &mut self,
+        time: LogTime,
+        verdict: Verdict,
+        vouched: bool,
+        changes: &mut impl FnMut(SensorChange),
+    ) {
+        let faulty = match verdict {
+            Verdict::Unusable => self.told,
+            Verdict::Used => {
+                self.since = None;
+                false
+            }
+            Verdict::Rejected => {
+                let since = *self.since.get_or_insert(time);
+                self.told || vouched && time.seconds_since(since) >= FAULTY_S
+            }
+        };
+        if faulty != self.told {
+            self.told = faulty;
+            changes(SensorChange {
+                name: self.name,
+                faulty,
+                why: CONTRADICTS,
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_receiver_is_named_where_the_state_is_vouched_for() {
+        let mut told = Vec::new();
+        for vouched in [false, true] {
+            let mut watch = ReceiverWatch::new("GNSS velocity");
+            for k in 0..40 {
+                let verdict = if (10..30).contains(&k) {
+                    Verdict::Rejected
+                } else {
+                    Verdict::Used
+                };
+                let time = LogTime(1_000_000_000 + 50_000_000 * k);
+                watch.judge(time, verdict, vouched, &mut |change| {
+                    told.push((k, change.faulty));
+                });
+            }
+        }
+        assert_eq!(told, [(20, true), (30, false)]);
+    }
+}

@@ -1,0 +1,148 @@
+//! The hand wheel.
+
+use sample::LogTime;
+
+use super::{CONTRADICTS, SensorChange};
+
+/// Square of the normalised difference that contradicts, and that of a wheel that has jumped, hangs or
+/// has been contradicted just before.
+const GATE: f64 = 25.0;
+const SUSPECT_GATE: f64 = 4.0;
+/// Speed of a hand wheel that is no driver's, rad/s.
+const JUMP_RAD_S: f64 = 50.0;
+/// How long it must be contradicted, and how long it must agree again, s.
+const FAULTY_S: f64 = 0.3;
+const GOOD_S: f64 = 0.5;
+/// How long the same angle again and again makes it suspect, s: a coarse sensor's may well stand.
+const HANGS_S: f64 = 0.3;
+/// How far an angle that is held may be wrong, rad.
+const HELD_RAD: f64 = 0.1;
+
+/// Memory of the hand wheel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SteeringWatch {
+    last: Option<Read>,
+    /// When it last moved, and whether that is long ago.
+    moved: Option<LogTime>,
+    hangs: bool,
+    /// Since when it has been strange, and has not been.
+    strange: Option<LogTime>,
+    agreed: Option<LogTime>,
+    /// What was put in its place last, as value and variance: that is what is expected of a strange
+    /// wheel while nothing else is.
+    held: Option<[f64; 2]>,
+    told: bool,
+}
+
+/// A reading.
+#[derive(Clone, Copy, Debug)]
+struct Read {
+    time: LogTime,
+    angle_rad: f64,
+}
+
+impl SteeringWatch {
+    /// Whether the last angle is sure enough to learn from.
+    pub fn believed(&self) -> bool {
+        self.strange.is_none() && !self.hangs
+    }
+
+    /// The angle to go on with, rad, from one that was read at `time` and what is expected as value
+    /// and variance.
+    pub fn judge(
+        &mut self,
+        time: LogTime,
+        angle_rad: f64,
+        expected: Option<[f64; 2]>,
+        changes: &mut impl FnMut(SensorChange),
+    ) -> f64 {
+        let longer = |since: Option<LogTime>, span_s| {
+            since.is_some_and(|since| time.seconds_since(since) >= span_s)
+        };
+        let expected = expected.or(self.held);
+        let last = self.last.replace(Read { time, angle_rad });
+        if last.is_none_or(|last| last.angle_rad != angle_rad) {
+            self.moved = Some(time);
+        }
+        let jumped = last.is_some_and(|last| {
+            let span_s = time.seconds_since(last.time).max(0.0);
+            (angle_rad - last.angle_rad).abs() > JUMP_RAD_S * span_s
+        });
+        self.hangs = longer(self.moved, HANGS_S);
+        let gate = if jumped || self.hangs || self.strange.is_some() {
+            SUSPECT_GATE
+        } else {
+            GATE
+        };
+        let agrees =
+            expected.map(|[value, variance]| (angle_rad - value).powi(2) <= gate * variance);
+        if agrees == Some(false) {
+            self.strange.get_or_insert(time);
+            self.agreed = None;
+        } else {
+            self.agreed.get_or_insert(time);
+            if !self.told || longer(self.agreed, GOOD_S) && !self.hangs {
+                self.strange = None;
+            }
+        }
+        let faulty = self.strange.is_some() && (self.told || longer(self.strange, FAULTY_S));
+        if faulty != self.told {
+            self.told = faulty;
+            changes(SensorChange {
+                name: "hand wheel",
+                faulty,
+                why: CONTRADICTS,
+            });
+        }
+        let used = match expected {
+            Some([value, _]) if self.strange.is_some() => value,
+            _ => angle_rad,
+        };
+        self.held = (self.strange.is_some()).then_some([used, HELD_RAD * HELD_RAD]);
+        used
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(
+        angle: impl Fn(u64) -> f64,
+        expected: impl Fn(u64) -> f64,
+    ) -> (Vec<(u64, bool)>, Vec<f64>) {
+        let mut watch = SteeringWatch::default();
+        let mut told = Vec::new();
+        let mut used = Vec::new();
+        for k in 0..400 {
+            let expected = Some([expected(k), 0.01]);
+            used.push(
+                watch.judge(LogTime(10_000_000 * k), angle(k), expected, &mut |change| {
+                    told.push((k, change.faulty));
+                }),
+            );
+        }
+        (told, used)
+    }
+
+    #[test]
+    fn a_hand_wheel_that_is_off_is_replaced_at_once_named_and_taken_back() {
+        let angle = |k| {
+            let off = if (100..200).contains(&k) { 2.0 } else { 0.0 };
+            0.5 + off + 1e-3 * (k % 3) as f64
+        };
+        let (told, used) = told(angle, |_| 0.5);
+        assert_eq!(told, [(130, true), (250, false)]);
+        assert!(used.iter().all(|angle| (angle - 0.5).abs() < 0.01));
+    }
+
+    #[test]
+    fn one_that_stands_is_believed_until_it_is_contradicted_by_little() {
+        let angle = |k: u64| 0.5 + 1e-3 * (k.min(100) % 7) as f64;
+        assert_eq!(told(angle, |_| 0.5).0, []);
+        let turned = |k| if k < 200 { 0.5 } else { 0.75 };
+        assert_eq!(told(angle, turned).0, [(230, true)]);
+        let moving = |k| 0.5 + 1e-3 * (k % 7) as f64;
+        assert_eq!(told(moving, turned).0, []);
+    }
+}

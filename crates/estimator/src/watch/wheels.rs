@@ -1,0 +1,124 @@
+//! Wheel speeds. A wheel that neither drives nor brakes rolls as fast as the ground passes: one that
+//! says otherwise is wrong, while a wheel that locks or spins pushes.
+
+use sample::{LogTime, PerWheel, Wheel};
+
+use super::{CONTRADICTS, SensorChange};
+
+/// Difference from the speed over ground that slip is too small for, as a part and m/s.
+const DIFFERENCE: f64 = 0.3;
+const DIFFERENCE_M_S: f64 = 0.5;
+/// Part of its load that a wheel may push.
+const PUSH: f64 = 0.2;
+/// How long it must contradict, and agree again, s.
+const FAULTY_S: f64 = 0.5;
+const GOOD_S: f64 = 0.5;
+
+/// Names, as events have them.
+const NAMES: [&str; 4] = [
+    "FL wheel speed",
+    "FR wheel speed",
+    "RL wheel speed",
+    "RR wheel speed",
+];
+
+/// Memory of the four.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WheelWatch([One; 4]);
+
+#[derive(Clone, Copy, Debug, Default)]
+struct One {
+    strange: Option<LogTime>,
+    agreed: Option<LogTime>,
+    told: bool,
+}
+
+/// What is known of a wheel beside its sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct Rolling {
+    /// How fast the wheel's sensor has it roll, m/s.
+    pub read_m_s: f64,
+    /// How fast the ground passes, m/s.
+    pub over_ground_m_s: f64,
+    /// Its force, contact frame, N.
+    pub force_n: [f64; 3],
+}
+
+impl Rolling {
+    /// Whether the sensor contradicts; `None` where slip may explain it.
+    fn contradicts(&self) -> Option<bool> {
+        let [forward, _, load] = self.force_n;
+        let apart = (self.read_m_s - self.over_ground_m_s).abs();
+        let most = DIFFERENCE_M_S + DIFFERENCE * self.over_ground_m_s.abs();
+        (load > 0.0 && forward.abs() < PUSH * load).then_some(apart > most)
+    }
+}
+
+impl WheelWatch {
+    /// Whether a wheel's sensor is believed.
+    pub fn believed(&self, wheel: Wheel) -> bool {
+        !self.0[wheel.index()].told
+    }
+
+    /// Holds what the sensors say at `now` against the ground.
+    pub fn judge(
+        &mut self,
+        now: LogTime,
+        rolling: &PerWheel<Option<Rolling>>,
+        changes: &mut impl FnMut(SensorChange),
+    ) {
+        for (i, one) in self.0.iter_mut().enumerate() {
+            let Some(strange) = rolling.0[i].and_then(|rolling| rolling.contradicts()) else {
+                continue;
+            };
+            let (held, other) = if strange {
+                (&mut one.strange, &mut one.agreed)
+            } else {
+                (&mut one.agreed, &mut one.strange)
+            };
+            *other = None;
+            let since = now.seconds_since(*held.get_or_insert(now));
+            let span_s = if strange { FAULTY_S } else { GOOD_S };
+            if strange != one.told && since >= span_s {
+                one.told = strange;
+                changes(SensorChange {
+                    name: NAMES[i],
+                    faulty: strange,
+                    why: CONTRADICTS,
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dead_sensor_is_named_and_a_locked_wheel_is_not() {
+        let mut watch = WheelWatch::default();
+        let mut told = Vec::new();
+        for k in 0..300 {
+            let dead = (50..150).contains(&k);
+            let wheel = |read_m_s, forward| {
+                Some(Rolling {
+                    read_m_s,
+                    over_ground_m_s: 10.0,
+                    force_n: [forward, 0.0, 1000.0],
+                })
+            };
+            let rolling = PerWheel([
+                wheel(if dead { 0.0 } else { 10.1 }, 20.0),
+                wheel(if dead { 0.0 } else { 10.1 }, -800.0),
+                wheel(9.0, 0.0),
+                None,
+            ]);
+            watch.judge(LogTime(10_000_000 * k), &rolling, &mut |change| {
+                told.push((k, change.name, change.faulty));
+            });
+            assert_eq!(watch.believed(Wheel::FrontLeft), !(100..200).contains(&k));
+        }
+        assert_eq!(told, [(100, NAMES[0], true), (200, NAMES[0], false)]);
+    }
+}
