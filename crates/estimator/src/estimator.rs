@@ -309,11 +309,27 @@ impl Estimator {
             rate: rate_sigma,
             force: force_sigma,
         };
+        let believed = self.inertial.believed();
         let told = self
             .inertial
             .judge(reading, sigma, &expected, &mut |change| {
                 out(Output::Event(motion_event(now, change)));
             });
+            eprintln!(
+                "DBG {:?} force {:.2?} expected {:.2?} bias {:.3?} rate {:.2?} exp {:.2?}",
+                self.inertial.believed(),
+                reading.force,
+                expected.force,
+                accel_bias,
+                reading.rate,
+                expected.rate.map(|r| r.map(|r| r[0]))
+            );
+        }
+        // What a wrong axis has taught is wrong too.
+        if self.inertial.believed().force != [true; 3] && believed.force == [true; 3] {
+            self.motion.forget_accel_bias();
+        }
+        let accel_bias = self.motion.accel_bias();
         let (force, rate) = (told.force + accel_bias, told.rate + gyro_bias);
         self.motion
             .push_imu(time, force, rate, self.inertial.untold());
@@ -331,7 +347,7 @@ impl Estimator {
             let verdict = self
                 .motion
                 .push_velocity(time, velocity, gnss.sigma_enu_m_s);
-            let vouched = self.is_vouched(now);
+            let vouched = self.motion.is_vouched();
             self.velocity_watch
                 .judge(time, verdict, vouched, &mut |change| {
                     out(Output::Event(motion_event(now, change)));
@@ -354,23 +370,17 @@ impl Estimator {
         let angles =
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
         let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
-        let vouched = self.is_vouched(now);
+        let vouched = self.motion.is_vouched();
         self.attitude_watch
             .judge(time, verdict, vouched, &mut |change| {
                 out(Output::Event(motion_event(now, change)));
             });
     }
 
-    /// Whether the balances of forces and moments vouch for what the inertial unit has made of the
-    /// state.
-    fn is_vouched(&self, now: LogTime) -> bool {
-        self.agreed_since
-            .is_some_and(|since| now.seconds_since(since) > VOUCHED_S)
-    }
-
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
         let resets = self.motion.resets();
-        self.motion.vouch(self.is_vouched(time));
+        let agreed = |since| time.seconds_since(since) > VOUCHED_S;
+        self.motion.vouch(self.agreed_since.is_some_and(agreed));
         self.take_waiting(time, out);
         let settled = |since| time.seconds_since(since) > SETTLING_S;
         if self.motion.resets() > resets {

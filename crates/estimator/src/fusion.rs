@@ -100,6 +100,8 @@ pub struct Fusion {
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
     turn_dot: Vector3<f64>,
+    /// Readings in a row of each gyro that contradicted the balance of moments.
+    turn_misses: [u32; 3],
     /// Variance of each accelerometer's expected reading, (m/s^2)^2.
     accel_variance: [f64; 3],
     /// Whether the inertial unit has agreed with the balances in this step.
@@ -219,6 +221,7 @@ impl Fusion {
             strut_n: [f64::NAN; 4],
             body_motion: None,
             turn_dot: Vector3::zeros(),
+            turn_misses: [0; 3],
             accel_variance: [0.0; 3],
             agreed: false,
             pushed: false,

@@ -110,8 +110,8 @@ pub struct MotionFilter {
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
     doubted: bool,
     levelled: bool,
-    velocity_misses: Misses,
-    attitude_misses: Misses,
+    velocity_standing: Standing,
+    attitude_standing: Standing,
     /// What the receivers told last, velocity and yaw, pitch and roll, and whether it was left out.
     told_velocity: Option<Vector3<f64>>,
     velocity_left_out: bool,
@@ -125,11 +125,14 @@ pub struct MotionFilter {
     trace: Trace<STATES>,
 }
 
-/// A receiver's values in a row that contradicted the state.
+/// How a receiver's values have fared since it was last adopted.
 #[derive(Clone, Copy, Debug, Default)]
-struct Misses {
-    all: u32,
-    /// Those while nothing vouched for the state.
+struct Standing {
+    /// Values in a row that were used, and whether there ever were enough to confirm the state.
+    uses: u32,
+    confirmed: bool,
+    /// Values in a row that contradicted the state, and those of them while nothing vouched for it.
+    misses: u32,
     unvouched: u32,
 }
 
@@ -200,8 +203,8 @@ impl MotionFilter {
             heading_known: false,
             doubted: false,
             levelled: false,
-            velocity_misses: Misses::default(),
-            attitude_misses: Misses::default(),
+            velocity_standing: Standing::default(),
+            attitude_standing: Standing::default(),
             told_velocity: None,
             velocity_left_out: false,
             told_angles: [None; 3],
@@ -215,10 +218,20 @@ impl MotionFilter {
         filter
     }
 
-    /// Whether from now on something else vouches for the state: where GNSS contradicts it, it is
-    /// GNSS that is wrong.
+    /// Whether from now on something else vouches for how the state goes on: where GNSS contradicts
+    /// one that it has confirmed before, it is GNSS that is wrong.
     pub fn vouch(&mut self, vouched: bool) {
         self.vouched = vouched;
+    }
+
+    /// Whether it does, of a state that GNSS has confirmed.
+    #[must_use]
+    pub fn is_vouched(&self) -> bool {
+        let confirmed =
+            |time: Option<LogTime>, standing: &Standing| time.is_none() || standing.confirmed;
+        self.vouched
+            && confirmed(self.velocity_time, &self.velocity_standing)
+            && confirmed(self.attitude_time, &self.attitude_standing)
     }
 
     /// How often the filter has been started anew.
@@ -291,8 +304,8 @@ impl MotionFilter {
         self.heading_known = false;
         self.doubted = false;
         self.levelled = false;
-        self.velocity_misses = Misses::default();
-        self.attitude_misses = Misses::default();
+        self.velocity_standing = Standing::default();
+        self.attitude_standing = Standing::default();
         self.velocity_time = None;
         self.attitude_time = None;
         self.history.clear();
@@ -372,10 +385,19 @@ impl MotionFilter {
 
     /// What a misled state has learnt of the biases is wrong too.
     fn forget_biases(&mut self) {
-        self.accel_bias = Vector3::zeros();
+        self.forget_accel_bias();
         self.gyro_bias = Vector3::zeros();
         let variance = self.start_variance();
-        for i in ACCEL_BIAS..STATES {
+        for i in GYRO_BIAS..STATES {
+            self.forget(i, variance[i]);
+        }
+    }
+
+    /// Takes the accelerometers' biases for unknown again.
+    pub fn forget_accel_bias(&mut self) {
+        self.accel_bias = Vector3::zeros();
+        let variance = self.start_variance();
+        for i in ACCEL_BIAS..GYRO_BIAS {
             self.forget(i, variance[i]);
         }
     }
@@ -386,8 +408,8 @@ impl MotionFilter {
         self.resets += 1;
         self.forget_biases();
         self.doubted = true;
-        self.velocity_misses = Misses::default();
-        self.attitude_misses = Misses::default();
+        self.velocity_standing = Standing::default();
+        self.attitude_standing = Standing::default();
         self.velocity_time = None;
         self.attitude_time = None;
     }

@@ -25,6 +25,10 @@ const OVER_GROUND_RAD_S: f64 = 0.2;
 /// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
 const HELD_PART: f64 = 0.05;
 
+/// Readings in a row of a gyro that is believed, beyond the gate, after which the balance of moments
+/// has run away.
+const TURN_MISSES_MAX: u32 = 20;
+
 /// Of the inertial unit: all forces, their rates and moments, as the states begin.
 type InertialRows = Rows<TORQUE>;
 /// Order in which the accelerometer's axes are taken in. Upward first: what carries a part of the
@@ -171,6 +175,7 @@ impl Fusion {
                 break;
             }
         }
+        let mut lost = [0.0; 3];
         self.agreed = agrees && input.believed.force == [true; 3];
         for axis in 0..3 {
             if !input.believed.rate[axis] {
@@ -182,7 +187,12 @@ impl Fusion {
             let value = read + age * balance.constant[axis];
             let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
             self.count(InnovationKind::Gyro, innovation, GATE);
-            self.agreed &= innovation * innovation <= GATE;
+            let told = innovation * innovation <= GATE;
+            self.agreed &= told;
+            self.turn_misses[axis] = if told { 0 } else { self.turn_misses[axis] + 1 };
+            if self.turn_misses[axis] >= TURN_MISSES_MAX {
+                lost[axis] = (value - joint.value(GYRO + axis)).powi(2);
+            }
         }
         // A gyro that is not believed leaves the balance to itself: an error of the moments would
         // grow into any rate. The struts see how the body turns, but for the ground's own turning.
@@ -194,6 +204,14 @@ impl Fusion {
             }
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
+        for (axis, square) in lost
+            .into_iter()
+            .enumerate()
+            .filter(|(_, square)| *square > 0.0)
+        {
+            self.covariance.add_noise(TURN + axis, square);
+            self.turn_misses[axis] = 0;
+        }
         agrees
     }
 

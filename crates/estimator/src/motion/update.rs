@@ -7,7 +7,7 @@ use crate::trace::{Operation, Update};
 
 use super::history::Pose;
 use super::{
-    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, Misses, MotionFilter, STATES, VELOCITY,
+    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, Standing, VELOCITY,
     cross, orthonormal, wrap,
 };
 
@@ -17,6 +17,8 @@ const GATE: f64 = 5.0;
 /// same of a state that something vouches for: half a minute of velocities, a minute of attitudes.
 const MISSES_MAX: u32 = 20;
 const VOUCHED_MISSES_MAX: u32 = 600;
+/// Values used in a row that confirm a state.
+const CONFIRMED: u32 = 20;
 /// Values of each of two receivers left out in a row after which it is.
 const CONTRADICTIONS: u32 = 3;
 
@@ -35,15 +37,27 @@ pub enum Verdict {
     Unusable,
 }
 
-impl Misses {
-    fn count(&mut self, vouched: bool) {
-        self.all += 1;
+impl Standing {
+    /// Takes note of a value that was used.
+    fn used(&mut self) {
+        let uses = self.uses + 1;
+        *self = Self {
+            uses,
+            confirmed: self.confirmed || uses >= CONFIRMED,
+            ..Self::default()
+        };
+    }
+
+    /// Takes note of one that contradicted a state that something else vouches for or not.
+    fn contradicted(&mut self, vouched: bool) {
+        self.uses = 0;
+        self.misses += 1;
         self.unvouched += u32::from(!vouched);
     }
 
     /// Whether it is the state that is wrong.
     fn too_many(self) -> bool {
-        self.unvouched > MISSES_MAX || self.all > VOUCHED_MISSES_MAX
+        self.unvouched > MISSES_MAX || self.misses > VOUCHED_MISSES_MAX
     }
 }
 
@@ -105,13 +119,14 @@ impl MotionFilter {
         self.velocity_left_out = rejected && self.velocity_time.is_some();
         if self.velocity_left_out {
             if !hangs {
-                self.velocity_misses.count(self.vouched);
+                let vouched = self.is_vouched();
+                self.velocity_standing.contradicted(vouched);
             }
             if self.is_contradicted() {
                 self.doubt();
-            } else if self.velocity_misses.too_many() {
+            } else if self.velocity_standing.too_many() {
                 self.resets += 1;
-                self.velocity_misses = Misses::default();
+                self.velocity_standing = Standing::default();
                 self.velocity_time = None;
             }
             for _ in 0..3 {
@@ -130,14 +145,15 @@ impl MotionFilter {
             self.scalar(kind, &h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
         self.inject(&delta);
-        self.velocity_misses = Misses::default();
+        self.velocity_standing.used();
         self.velocity_time = Some(valid);
         Verdict::Used
     }
 
     /// Whether GNSS velocity and attitude both contradict the state.
     fn is_contradicted(&self) -> bool {
-        self.velocity_misses.all.min(self.attitude_misses.all) >= CONTRADICTIONS
+        let [velocity, attitude] = [&self.velocity_standing, &self.attitude_standing];
+        velocity.unvouched.min(attitude.unvouched) >= CONTRADICTIONS
     }
 
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
@@ -228,20 +244,21 @@ impl MotionFilter {
         self.inject(&delta);
         if rejected {
             if contradicted {
-                self.attitude_misses.count(self.vouched);
+                let vouched = self.is_vouched();
+                self.attitude_standing.contradicted(vouched);
             }
             if self.is_contradicted() {
                 self.doubt();
-            } else if self.attitude_misses.too_many() {
+            } else if self.attitude_standing.too_many() {
                 self.resets += 1;
-                self.attitude_misses = Misses::default();
+                self.attitude_standing = Standing::default();
                 self.attitude_time = None;
                 self.forget_biases();
             }
             return Verdict::Rejected;
         }
         if used {
-            self.attitude_misses = Misses::default();
+            self.attitude_standing.used();
             self.attitude_time = Some(valid);
             Verdict::Used
         } else {

@@ -12,6 +12,8 @@ use super::{CONTRADICTS, SensorChange};
 const GATE: f64 = 25.0;
 /// Readings in a row, 100 a second, that make a fault of it.
 const FAULTY: u32 = 20;
+/// How many later ones need no jump to be doubted.
+const SUSPECT: u32 = 500;
 /// The same reading so often in a row hangs.
 const HANGS: u32 = 10;
 
@@ -78,6 +80,8 @@ struct Axis {
     last: Option<f64>,
     /// Readings in a row that were not.
     strange: u32,
+    /// Readings for which an axis that was faulty stays suspect.
+    suspect: u32,
 }
 
 /// Memory of the unit.
@@ -192,7 +196,12 @@ impl Axis {
         let jumped = self
             .last
             .is_some_and(|last| (reading - last).abs() > kind.jump);
-        let suspect = self.strange > 0 || jumped || self.repeats >= HANGS;
+        let suspect = self.suspect > 0 || self.strange > 0 || jumped || self.repeats >= HANGS;
+        self.suspect = if self.strange >= FAULTY {
+            SUSPECT
+        } else {
+            self.suspect.saturating_sub(1)
+        };
         if contradicted && suspect && self.strange < kind.doubtful {
             self.strange += 1;
             value
