@@ -1,19 +1,20 @@
+mod events;
+mod sensors;
+
 use model::sensors::Sensors;
 use model::vehicle::{Axle, Vehicle};
-use nalgebra::Vector3;
 use sample::{
-    Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssVelocity, ImuSample,
-    InnovationKind, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
-    StrainChannel, TyreForce, Wheel,
+    Estimate, Event, ForceSource, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
+    Sample, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
 use crate::corners::{Corners, Told};
 use crate::expected::ExpectedForces;
-use crate::fusion::{ChannelChange, Fusion, StepInput};
+use crate::fusion::{Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
 use crate::innovation::InnovationTally;
-use crate::inputs::{FrozenChange, Readings, finite3};
+use crate::inputs::Readings;
 use crate::kinematics;
 use crate::lift::LiftDetector;
 use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, MotionState};
@@ -21,11 +22,10 @@ use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held, Waiting};
-use crate::watch::{
-    CONTRADICTS, FROZEN, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch,
-    Triads, WheelWatch,
-};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
+
+use events::{channel_event, frozen_event, reset_event};
+use sensors::Watches;
 
 /// Spacing of the instants that estimates are given for, ns.
 pub const GRID_NANOS: u64 = 10_000_000;
@@ -44,25 +44,12 @@ const SAME_RESET_S: f64 = 3.0;
 /// Time that attitude and biases take from a start, also one in a bend, s: until then slip angles
 /// teach no grip, and one more start is no divergence.
 const SETTLING_S: f64 = 2.0;
-/// Slip angle that an axle of unknown force may have, rad.
-const BLIND_SLIP_RAD: f64 = 0.06;
-/// The slip angle's error is alike for many steps, which the filter takes for independent.
-const SLIP_CORRELATED: f64 = 4.0;
 /// Speed above which a wheel's lift is judged, m/s.
 const MOVING_M_S: f64 = 1.5;
 /// Step of the grid, s.
 const GRID_S: f64 = 0.01;
 /// Age of GNSS attitude from which the tyres' grip takes its place, s.
 const HEADING_SILENT_S: f64 = 1.0;
-/// How long the inertial unit must have agreed with the balances of forces and moments to vouch for
-/// the state against GNSS, s.
-const VOUCHED_S: f64 = 2.0;
-/// Speed above which the front wheels' slip tells the steer angle, m/s, and how well beside what is
-/// known of the slip angle, rad.
-const STEER_TOLD_M_S: f64 = 3.0;
-const STEER_SIGMA_RAD: f64 = 0.02;
-/// How fast a road vehicle's body may rise or sink from the ground, m/s.
-const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
 /// What the estimator hands out.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,15 +82,7 @@ pub struct Estimator {
     waiting: Waiting,
     readings: Readings,
     motion: MotionFilter,
-    inertial: InertialWatch,
-    velocity_watch: ReceiverWatch,
-    attitude_watch: ReceiverWatch,
-    steering: SteeringWatch,
-    wheels: WheelWatch,
-    /// Since when the inertial unit has agreed with the balances.
-    agreed_since: Option<LogTime>,
-    /// What the hand wheel should say, rad, and its variance.
-    expected_hand_wheel: Option<[f64; 2]>,
+    watches: Watches,
     corners: Option<Corners>,
     fusion: Option<Fusion>,
     expected: ExpectedForces,
@@ -148,13 +127,7 @@ impl Estimator {
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration)),
             planar_reset: None,
-            inertial: InertialWatch::default(),
-            velocity_watch: ReceiverWatch::new("GNSS velocity"),
-            attitude_watch: ReceiverWatch::new("GNSS attitude"),
-            steering: SteeringWatch::default(),
-            wheels: WheelWatch::default(),
-            agreed_since: None,
-            expected_hand_wheel: None,
+            watches: Watches::new(),
             corners,
             fusion,
             expected: ExpectedForces::new(vehicle),
@@ -234,21 +207,6 @@ impl Estimator {
         }
     }
 
-    fn push_imu(&mut self, time: LogTime, imu: &ImuSample) {
-        let (Some(force), Some(rate)) = (
-            finite3(imu.specific_force_m_s2),
-            finite3(imu.angular_rate_rad_s),
-        ) else {
-            return;
-        };
-        let c = &self.calibration;
-        let held = Held::Inertial {
-            force: c.body_from_imu * (force - c.accel_bias_m_s2),
-            rate: c.body_from_imu * (rate - c.gyro_bias_rad_s),
-        };
-        self.waiting.push(time, held);
-    }
-
     /// Takes in all that has arrived, in the order of its own time.
     fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         self.waiting.sort();
@@ -264,13 +222,7 @@ impl Estimator {
                     self.settings.uses(Input::Strain),
                     self.settings.uses(Input::Deflection),
                 ),
-                Held::HandWheel(angle) => {
-                    let expected = self.expected_hand_wheel;
-                    let angle = self.steering.judge(time, angle, expected, &mut |change| {
-                        out(Output::Event(motion_event(now, change)));
-                    });
-                    self.readings.push_hand_wheel(time, angle);
-                }
+                Held::HandWheel(angle) => self.take_hand_wheel(time, angle, now, out),
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {
@@ -282,105 +234,9 @@ impl Estimator {
         }
     }
 
-    fn take_inertial(
-        &mut self,
-        time: LogTime,
-        force: Vector3<f64>,
-        rate: Vector3<f64>,
-        now: LogTime,
-        out: &mut impl FnMut(Output),
-    ) {
-        let ahead_s = time.seconds_since(now) + GRID_S;
-        let fusion = self.fusion.as_ref();
-        let expected = fusion.map_or(
-            Triads {
-                rate: None,
-                force: None,
-            },
-            |fusion| fusion.expected_reading(ahead_s, self.calibration.imu_m),
-        );
-        let (gyro_bias, accel_bias) = (self.motion.gyro_bias(), self.motion.accel_bias());
-        let [rate_sigma, force_sigma] = self.imu_sigma;
-        let reading = Triads {
-            rate: rate - gyro_bias,
-            force: force - accel_bias,
-        };
-        let sigma = Triads {
-            rate: rate_sigma,
-            force: force_sigma,
-        };
-        let believed = self.inertial.believed();
-        let told = self
-            .inertial
-            .judge(reading, sigma, &expected, &mut |change| {
-                out(Output::Event(motion_event(now, change)));
-            });
-            eprintln!(
-                "DBG {:?} force {:.2?} expected {:.2?} bias {:.3?} rate {:.2?} exp {:.2?}",
-                self.inertial.believed(),
-                reading.force,
-                expected.force,
-                accel_bias,
-                reading.rate,
-                expected.rate.map(|r| r.map(|r| r[0]))
-            );
-        }
-        // What a wrong axis has taught is wrong too.
-        if self.inertial.believed().force != [true; 3] && believed.force == [true; 3] {
-            self.motion.forget_accel_bias();
-        }
-        let accel_bias = self.motion.accel_bias();
-        let (force, rate) = (told.force + accel_bias, told.rate + gyro_bias);
-        self.motion
-            .push_imu(time, force, rate, self.inertial.untold());
-    }
-
-    fn take_velocity(
-        &mut self,
-        time: LogTime,
-        gnss: &GnssVelocity,
-        now: LogTime,
-        out: &mut impl FnMut(Output),
-    ) {
-        let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
-        if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
-            let verdict = self
-                .motion
-                .push_velocity(time, velocity, gnss.sigma_enu_m_s);
-            let vouched = self.motion.is_vouched();
-            self.velocity_watch
-                .judge(time, verdict, vouched, &mut |change| {
-                    out(Output::Event(motion_event(now, change)));
-                });
-        }
-    }
-
-    fn take_attitude(
-        &mut self,
-        time: LogTime,
-        gnss: &GnssAttitude,
-        now: LogTime,
-        out: &mut impl FnMut(Output),
-    ) {
-        if gnss.quality == FixQuality::None {
-            return;
-        }
-        let offset = self.calibration.attitude_offset_rad;
-        let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
-        let angles =
-            std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
-        let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
-        let vouched = self.motion.is_vouched();
-        self.attitude_watch
-            .judge(time, verdict, vouched, &mut |change| {
-                out(Output::Event(motion_event(now, change)));
-            });
-    }
-
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
         let resets = self.motion.resets();
-        let agreed = |since| time.seconds_since(since) > VOUCHED_S;
-        self.motion.vouch(self.agreed_since.is_some_and(agreed));
+        self.motion.vouch(self.watches.vouch(time));
         self.take_waiting(time, out);
         let settled = |since| time.seconds_since(since) > SETTLING_S;
         if self.motion.resets() > resets {
@@ -445,7 +301,7 @@ impl Estimator {
             && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
         if satellite
             && settled
-            && self.steering.believed()
+            && self.watches.steering.believed()
             && self.measured.0[0].source == ForceSource::Fusion
         {
             let input = GripInput {
@@ -526,7 +382,7 @@ impl Estimator {
                 expected,
                 imu_m: self.calibration.imu_m,
                 imu_sigma: self.imu_sigma,
-                believed: self.inertial.believed(),
+                believed: self.watches.inertial.believed(),
                 turn_over_ground: corners.turn_over_ground(),
             };
             let resets = fusion.resets();
@@ -536,11 +392,7 @@ impl Estimator {
             if fusion.resets() > resets {
                 out(Output::Event(reset_event(now, "the force filter diverged")));
             }
-            if fusion.vouches() {
-                self.agreed_since.get_or_insert(now);
-            } else {
-                self.agreed_since = None;
-            }
+            self.watches.agree(now, fusion.vouches());
             return forces;
         }
         PerWheel::from_fn(|wheel| {
@@ -598,123 +450,6 @@ impl Estimator {
         let front = hand_wheel / self.vehicle.steering.ratio + offset_rad;
         [front, front, 0.0, 0.0]
     }
-
-    /// What wheel speeds and the tyres' grip tell while GNSS velocity or heading is silent.
-    fn constrain_motion(&mut self, time: LogTime) {
-        let blind = self.motion.velocity_age_s(time) > GNSS_SILENT_S;
-        if !blind && self.motion.attitude_age_s(time) < HEADING_SILENT_S {
-            return;
-        }
-        let normal = self
-            .corners
-            .as_ref()
-            .map_or_else(Vector3::z, Corners::normal);
-        let left = normal.cross(&Vector3::x()).normalize();
-        let ahead = left.cross(&normal);
-        let mut forward = self.motion.state(time).velocity_m_s.x;
-        if blind {
-            let Some(speed) = self.rolling_speed(time) else {
-                return;
-            };
-            forward = speed;
-            let doubt = 0.1 + 0.03 * forward.abs();
-            let centre = Vector3::zeros();
-            let kind = Some(InnovationKind::WheelSpeed);
-            let _ = self
-                .motion
-                .push_body_velocity(ahead, centre, forward, doubt, kind);
-            let _ = self
-                .motion
-                .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S, None);
-        }
-        self.constrain_axles(forward, left);
-    }
-
-    /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
-    /// that is unknown the angle is small.
-    fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
-        let steer = self.steer_angles(self.grip.steer_offset().0);
-        let body = &self.vehicle.body;
-        let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
-        for (axle, x) in ahead.into_iter().enumerate() {
-            let (slip, sigma) = self
-                .grip
-                .slip_angle(axle, &self.measured)
-                .unwrap_or((0.0, BLIND_SLIP_RAD));
-            let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
-            let across = forward * (wheels + slip).tan();
-            let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
-            let place = Vector3::new(x, 0.0, 0.0);
-            let _ = self
-                .motion
-                .push_body_velocity(left, place, across, doubt, None);
-        }
-    }
-
-    /// Mean forward speed that the wheels tell, rolling freely, m/s.
-    fn rolling_speed(&self, time: LogTime) -> Option<f64> {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for wheel in Wheel::ALL {
-            if let Some(speed) = self.readings.wheel_speed(wheel, time) {
-                sum += speed * self.rolling_radius_m(wheel);
-                count += 1.0;
-            }
-        }
-        (count > 0.0).then(|| sum / count)
-    }
-
-    /// Speed over wheel speed of a wheel that rolls freely, m: as measured, else of the loaded tyre.
-    fn rolling_radius_m(&self, wheel: Wheel) -> f64 {
-        let tyre = &self.axle(wheel).tyre;
-        let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
-        let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
-        let measured = self.calibration.rolling_radius_m[wheel];
-        measured.unwrap_or(tyre.unloaded_radius_m - pressed / 3.0)
-    }
-
-    /// Holds wheel speeds and the hand wheel against the motion and the measured forces.
-    fn watch_wheels(
-        &mut self,
-        now: LogTime,
-        state: &MotionState,
-        settled: bool,
-        out: &mut impl FnMut(Output),
-    ) {
-        let rolling = PerWheel::from_fn(|wheel| {
-            let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now)?;
-            let left_m = 0.5 * self.axle(wheel).track_m * wheel.side();
-            Some(Rolling {
-                read_m_s: reading * self.rolling_radius_m(wheel),
-                over_ground_m_s: state.velocity_m_s.x - state.rate_rad_s.z * left_m,
-                force_n: self.measured[wheel].force_n,
-            })
-        });
-        self.wheels.judge(now, &rolling, &mut |change| {
-            out(Output::Event(motion_event(now, change)));
-        });
-        self.readings.wheel_speed_doubted = Wheel::ALL.map(|wheel| !self.wheels.believed(wheel));
-        let satellite = self.motion.velocity_age_s(now) < GNSS_SILENT_S;
-        self.expected_hand_wheel = (satellite && settled)
-            .then(|| self.steer_told(state))
-            .flatten();
-    }
-
-    /// What the hand wheel should say, rad, and its variance: the front axle moves along its wheels
-    /// but for the slip angle that its lateral force needs.
-    fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
-        self.corners.as_ref()?;
-        let [u, v] = state.level_velocity();
-        let across = v + state.rate_rad_s.z * self.vehicle.body.front_axle_to_cg_m;
-        let (slip, sigma) = self.grip.slip_angle(0, &self.measured)?;
-        let read = self.readings.hand_wheel_rad?.value;
-        let steer = self.steer_angles(self.grip.steer_offset().0);
-        let wheels = 0.5 * (steer[0] + steer[1]);
-        let apart = (across.atan2(u) - slip) - wheels;
-        let ratio = self.vehicle.steering.ratio;
-        let variance =
-            sigma * sigma + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD * STEER_SIGMA_RAD;
-        (u > STEER_TOLD_M_S).then_some([read + ratio * apart, ratio * ratio * variance])
-    }
 }
 
 /// The instants of the grid up to [`HOLD_NANOS`] before `now`, from `next` on, which moves with
@@ -756,55 +491,5 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
         velocity_sigma_m_s: sensors.gnss_velocity.velocity_noise_m_s.max(0.005),
         heading_sigma_rad: sensors.gnss_attitude.heading_noise_rad.max(1e-4),
         tilt_sigma_rad: sensors.gnss_attitude.roll_pitch_noise_rad.max(1e-4),
-    }
-}
-
-fn motion_event(now: LogTime, change: SensorChange) -> Event {
-    sensor_event(now, change.faulty, change.name.to_owned(), change.why)
-}
-
-fn reset_event(now: LogTime, what: &str) -> Event {
-    Event {
-        time: now,
-        onset: now,
-        kind: EventKind::FilterReset,
-        probability: None,
-        text: format!("{what} and was started anew"),
-    }
-}
-
-fn channel_event(now: LogTime, change: ChannelChange) -> Event {
-    let wheel = Wheel::ALL[change.wheel];
-    let channel = change
-        .channel
-        .map_or("deflection", |channel| channel.name());
-    let name = format!("{wheel} {channel}");
-    sensor_event(now, change.faulty, name, CONTRADICTS)
-}
-
-fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
-    let channel = StrainChannel::ALL
-        .get(change.channel)
-        .map_or("deflection", |channel| channel.name());
-    let name = format!("{} {channel}", change.wheel);
-    sensor_event(now, change.frozen, name, FROZEN)
-}
-
-fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {
-    let text = if faulty {
-        format!("channel {name} {why} and is left out")
-    } else {
-        format!("channel {name} is used again")
-    };
-    Event {
-        time: now,
-        onset: now,
-        kind: if faulty {
-            EventKind::SensorFault(name)
-        } else {
-            EventKind::SensorRecovered(name)
-        },
-        probability: None,
-        text,
     }
 }

@@ -385,19 +385,10 @@ impl MotionFilter {
 
     /// What a misled state has learnt of the biases is wrong too.
     fn forget_biases(&mut self) {
-        self.forget_accel_bias();
+        self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         let variance = self.start_variance();
-        for i in GYRO_BIAS..STATES {
-            self.forget(i, variance[i]);
-        }
-    }
-
-    /// Takes the accelerometers' biases for unknown again.
-    pub fn forget_accel_bias(&mut self) {
-        self.accel_bias = Vector3::zeros();
-        let variance = self.start_variance();
-        for i in ACCEL_BIAS..GYRO_BIAS {
+        for i in ACCEL_BIAS..STATES {
             self.forget(i, variance[i]);
         }
     }

@@ -1,0 +1,299 @@
+//! How the sensors of motion are taken in: judged by those who watch them, then given to the motion
+//! filter.
+
+use nalgebra::Vector3;
+use sample::{
+    FixQuality, GnssAttitude, GnssVelocity, ImuSample, InnovationKind, LogTime, PerWheel, Wheel,
+};
+
+use super::events::motion_event;
+use super::{Estimator, GNSS_SILENT_S, GRID_S, HEADING_SILENT_S, Output};
+use crate::corners::Corners;
+use crate::inputs::finite3;
+use crate::motion::MotionState;
+use crate::waiting::Held;
+use crate::watch::{
+    InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch, Triads, WheelWatch,
+};
+
+/// Slip angle that an axle of unknown force may have, rad.
+const BLIND_SLIP_RAD: f64 = 0.06;
+/// The slip angle's error is alike for many steps, which the filter takes for independent.
+const SLIP_CORRELATED: f64 = 4.0;
+/// How long the inertial unit must have agreed with the balances of forces and moments to vouch for
+/// the state against GNSS, s.
+const VOUCHED_S: f64 = 2.0;
+/// Speed above which the front wheels' slip tells the steer angle, m/s, and how well beside what is
+/// known of the slip angle, rad.
+const STEER_TOLD_M_S: f64 = 3.0;
+const STEER_SIGMA_RAD: f64 = 0.02;
+/// How fast a road vehicle's body may rise or sink from the ground, m/s.
+const VERTICAL_SIGMA_M_S: f64 = 0.3;
+
+/// Those who watch the sensors of motion.
+#[derive(Clone, Debug)]
+pub(super) struct Watches {
+    pub(super) inertial: InertialWatch,
+    pub(super) steering: SteeringWatch,
+    velocity: ReceiverWatch,
+    attitude: ReceiverWatch,
+    wheels: WheelWatch,
+    /// Since when the inertial unit has agreed with the balances of forces and moments.
+    agreed_since: Option<LogTime>,
+    /// What the hand wheel should say, rad, and its variance.
+    expected_hand_wheel: Option<[f64; 2]>,
+}
+
+impl Watches {
+    pub(super) fn new() -> Self {
+        Self {
+            inertial: InertialWatch::default(),
+            steering: SteeringWatch::default(),
+            velocity: ReceiverWatch::new("GNSS velocity"),
+            attitude: ReceiverWatch::new("GNSS attitude"),
+            wheels: WheelWatch::default(),
+            agreed_since: None,
+            expected_hand_wheel: None,
+        }
+    }
+
+    /// Takes note of whether the inertial unit agrees with the balances at `now`.
+    pub(super) fn agree(&mut self, now: LogTime, agrees: bool) {
+        self.agreed_since = agrees.then(|| self.agreed_since.unwrap_or(now));
+    }
+
+    /// Whether the balances vouch for what the inertial unit makes of the motion.
+    pub(super) fn vouch(&self, now: LogTime) -> bool {
+        self.agreed_since
+            .is_some_and(|since| now.seconds_since(since) > VOUCHED_S)
+    }
+}
+
+/// Hands what changed at `now` on as events.
+fn telling(now: LogTime, out: &mut impl FnMut(Output)) -> impl FnMut(SensorChange) {
+    move |change| out(Output::Event(motion_event(now, change)))
+}
+
+impl Estimator {
+    pub(super) fn push_imu(&mut self, time: LogTime, imu: &ImuSample) {
+        let (Some(force), Some(rate)) = (
+            finite3(imu.specific_force_m_s2),
+            finite3(imu.angular_rate_rad_s),
+        ) else {
+            return;
+        };
+        let c = &self.calibration;
+        let held = Held::Inertial {
+            force: c.body_from_imu * (force - c.accel_bias_m_s2),
+            rate: c.body_from_imu * (rate - c.gyro_bias_rad_s),
+        };
+        self.waiting.push(time, held);
+    }
+
+    pub(super) fn take_inertial(
+        &mut self,
+        time: LogTime,
+        force: Vector3<f64>,
+        rate: Vector3<f64>,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
+        let ahead_s = time.seconds_since(now) + GRID_S;
+        let fusion = self.fusion.as_ref();
+        let expected = fusion.map_or(
+            Triads {
+                rate: None,
+                force: None,
+            },
+            |fusion| fusion.expected_reading(ahead_s, self.calibration.imu_m),
+        );
+        let (gyro_bias, accel_bias) = (self.motion.gyro_bias(), self.motion.accel_bias());
+        let [rate_sigma, force_sigma] = self.imu_sigma;
+        let reading = Triads {
+            rate: rate - gyro_bias,
+            force: force - accel_bias,
+        };
+        let sigma = Triads {
+            rate: rate_sigma,
+            force: force_sigma,
+        };
+        let told = self
+            .watches
+            .inertial
+            .judge(reading, sigma, &expected, &mut telling(now, out));
+        let untold = self.watches.inertial.untold();
+        let (force, rate) = (told.force + accel_bias, told.rate + gyro_bias);
+        self.motion.push_imu(time, force, rate, untold);
+    }
+
+    pub(super) fn take_hand_wheel(
+        &mut self,
+        time: LogTime,
+        angle_rad: f64,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
+        let watches = &mut self.watches;
+        let expected = watches.expected_hand_wheel;
+        let angle = watches
+            .steering
+            .judge(time, angle_rad, expected, &mut telling(now, out));
+        self.readings.push_hand_wheel(time, angle);
+    }
+
+    pub(super) fn take_velocity(
+        &mut self,
+        time: LogTime,
+        gnss: &GnssVelocity,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
+        let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
+        if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
+            let verdict = self
+                .motion
+                .push_velocity(time, velocity, gnss.sigma_enu_m_s);
+            let vouched = self.motion.is_vouched();
+            self.watches
+                .velocity
+                .judge(time, verdict, vouched, &mut telling(now, out));
+        }
+    }
+
+    pub(super) fn take_attitude(
+        &mut self,
+        time: LogTime,
+        gnss: &GnssAttitude,
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
+        if gnss.quality == FixQuality::None {
+            return;
+        }
+        let offset = self.calibration.attitude_offset_rad;
+        let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
+        let angles =
+            std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
+        let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
+        let vouched = self.motion.is_vouched();
+        self.watches
+            .attitude
+            .judge(time, verdict, vouched, &mut telling(now, out));
+    }
+
+    /// Holds wheel speeds and the hand wheel against the motion and the measured forces.
+    pub(super) fn watch_wheels(
+        &mut self,
+        now: LogTime,
+        state: &MotionState,
+        settled: bool,
+        out: &mut impl FnMut(Output),
+    ) {
+        let rolling = PerWheel::from_fn(|wheel| {
+            let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now)?;
+            let left_m = 0.5 * self.axle(wheel).track_m * wheel.side();
+            Some(Rolling {
+                read_m_s: reading * self.rolling_radius_m(wheel),
+                over_ground_m_s: state.velocity_m_s.x - state.rate_rad_s.z * left_m,
+                force_n: self.measured[wheel].force_n,
+            })
+        });
+        let wheels = &mut self.watches.wheels;
+        wheels.judge(now, &rolling, &mut telling(now, out));
+        self.readings.wheel_speed_doubted = Wheel::ALL.map(|wheel| !wheels.believed(wheel));
+        let satellite = self.motion.velocity_age_s(now) < GNSS_SILENT_S;
+        self.watches.expected_hand_wheel = (satellite && settled)
+            .then(|| self.steer_told(state))
+            .flatten();
+    }
+
+    /// What the hand wheel should say, rad, and its variance: the front axle moves along its wheels
+    /// but for the slip angle that its lateral force needs.
+    pub(super) fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
+        self.corners.as_ref()?;
+        let [u, v] = state.level_velocity();
+        let across = v + state.rate_rad_s.z * self.vehicle.body.front_axle_to_cg_m;
+        let (slip, sigma) = self.grip.slip_angle(0, &self.measured)?;
+        let read = self.readings.hand_wheel_rad?.value;
+        let steer = self.steer_angles(self.grip.steer_offset().0);
+        let wheels = 0.5 * (steer[0] + steer[1]);
+        let apart = (across.atan2(u) - slip) - wheels;
+        let ratio = self.vehicle.steering.ratio;
+        let variance =
+            sigma * sigma + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD * STEER_SIGMA_RAD;
+        (u > STEER_TOLD_M_S).then_some([read + ratio * apart, ratio * ratio * variance])
+    }
+
+    /// Mean forward speed that the wheels tell, rolling freely, m/s.
+    pub(super) fn rolling_speed(&self, time: LogTime) -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for wheel in Wheel::ALL {
+            if let Some(speed) = self.readings.wheel_speed(wheel, time) {
+                sum += speed * self.rolling_radius_m(wheel);
+                count += 1.0;
+            }
+        }
+        (count > 0.0).then(|| sum / count)
+    }
+
+    /// Speed over wheel speed of a wheel that rolls freely, m: as measured, else of the loaded tyre.
+    pub(super) fn rolling_radius_m(&self, wheel: Wheel) -> f64 {
+        let tyre = &self.axle(wheel).tyre;
+        let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
+        let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
+        let measured = self.calibration.rolling_radius_m[wheel];
+        measured.unwrap_or(tyre.unloaded_radius_m - pressed / 3.0)
+    }
+
+    /// What wheel speeds and the tyres' grip tell while GNSS velocity or heading is silent.
+    pub(super) fn constrain_motion(&mut self, time: LogTime) {
+        let blind = self.motion.velocity_age_s(time) > GNSS_SILENT_S;
+        if !blind && self.motion.attitude_age_s(time) < HEADING_SILENT_S {
+            return;
+        }
+        let normal = self
+            .corners
+            .as_ref()
+            .map_or_else(Vector3::z, Corners::normal);
+        let left = normal.cross(&Vector3::x()).normalize();
+        let ahead = left.cross(&normal);
+        let mut forward = self.motion.state(time).velocity_m_s.x;
+        if blind {
+            let Some(speed) = self.rolling_speed(time) else {
+                return;
+            };
+            forward = speed;
+            let doubt = 0.1 + 0.03 * forward.abs();
+            let centre = Vector3::zeros();
+            let kind = Some(InnovationKind::WheelSpeed);
+            let _ = self
+                .motion
+                .push_body_velocity(ahead, centre, forward, doubt, kind);
+            let _ = self
+                .motion
+                .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S, None);
+        }
+        self.constrain_axles(forward, left);
+    }
+
+    /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
+    /// that is unknown the angle is small.
+    pub(super) fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
+        let steer = self.steer_angles(self.grip.steer_offset().0);
+        let body = &self.vehicle.body;
+        let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
+        for (axle, x) in ahead.into_iter().enumerate() {
+            let (slip, sigma) = self
+                .grip
+                .slip_angle(axle, &self.measured)
+                .unwrap_or((0.0, BLIND_SLIP_RAD));
+            let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
+            let across = forward * (wheels + slip).tan();
+            let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
+            let place = Vector3::new(x, 0.0, 0.0);
+            let _ = self
+                .motion
+                .push_body_velocity(left, place, across, doubt, None);
+        }
+    }
+}
