@@ -312,7 +312,7 @@ impl MotionFilter {
     }
 
     /// Takes a reading of the inertial unit in, body axes, calibration applied, of which `untold`
-    /// (m/s^2 and rad/s, over sqrt(Hz)) is unseen beside the sensors' noise.
+    /// (m/s^2 and rad/s of each axis, over sqrt(Hz)) is unseen beside the sensors' noise.
     ///
     /// A reading that is not finite, out of any road vehicle's range, or not later than the last
     /// is left out.
@@ -321,7 +321,7 @@ impl MotionFilter {
         time: LogTime,
         force: Vector3<f64>,
         rate: Vector3<f64>,
-        untold: Triads<f64>,
+        untold: &Triads<[f64; 3]>,
     ) {
         let good = force.iter().all(|f| f.abs() <= FORCE_MAX_M_S2)
             && rate.iter().all(|w| w.abs() <= RATE_MAX_RAD_S);
@@ -354,10 +354,11 @@ impl MotionFilter {
         };
         let density = settings.interval_s.max(1e-4).sqrt();
         let noise = [
-            (settings.accel_sigma_m_s2 * density).hypot(untold.force),
-            (settings.gyro_sigma_rad_s * density).hypot(untold.rate),
+            settings.accel_sigma_m_s2 * density,
+            settings.gyro_sigma_rad_s * density,
         ];
         self.carry(gap_s, mean_force, mean_rate, noise);
+        self.add_untold(gap_s, untold);
         self.begin(time, force, rate);
     }
 
@@ -458,7 +459,7 @@ impl MotionFilter {
         });
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
-                self.add_noise(i, variance * dt);
+                self.add_noise(i, i, variance * dt);
             }
         };
         add(ATTITUDE, noise[1] * noise[1]);
@@ -482,15 +483,32 @@ impl MotionFilter {
         self.trace.note(|| Operation::mixed(f));
     }
 
-    fn add_noise(&mut self, i: usize, variance: f64) {
-        self.covariance[(i, i)] += variance;
-        self.trace.note(|| {
-            Operation::Noise(Term {
-                row: i,
-                column: i,
-                value: variance,
-            })
-        });
+    /// What is unseen of single axes of the inertial unit over a span.
+    fn add_untold(&mut self, span_s: f64, untold: &Triads<[f64; 3]>) {
+        for (first, untold) in [(ATTITUDE, untold.rate), (VELOCITY, untold.force)] {
+            for (axis, sigma) in untold
+                .into_iter()
+                .enumerate()
+                .filter(|(_, sigma)| *sigma > 0.0)
+            {
+                let along = self.earth_from_body.matrix().column(axis) * sigma;
+                for i in 0..3 {
+                    for j in i..3 {
+                        self.add_noise(first + i, first + j, along[i] * along[j] * span_s);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds `value` to an element of the covariance, and to its mirror image.
+    fn add_noise(&mut self, row: usize, column: usize, value: f64) {
+        self.covariance[(row, column)] += value;
+        if row != column {
+            self.covariance[(column, row)] += value;
+        }
+        self.trace
+            .note(|| Operation::Noise(Term { row, column, value }));
     }
 
     /// Makes an error independent of all others, with this variance.

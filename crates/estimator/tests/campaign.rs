@@ -51,7 +51,7 @@ const FORCE_MAX_N: f64 = 30e3;
 const DIVERGED: [f64; 2] = [50.0, 20.0];
 const LATE: [f64; 2] = [10.0, 1.0];
 /// Largest part of the drives that may be late.
-const LATE_MAX: f64 = 0.005;
+const LATE_MAX: f64 = 0.002;
 /// Speed above which sideslip counts, m/s.
 const MOVING_M_S: f64 = 3.0;
 

@@ -100,13 +100,9 @@ impl Estimator {
     ) {
         let ahead_s = time.seconds_since(now) + GRID_S;
         let fusion = self.fusion.as_ref();
-        let expected = fusion.map_or(
-            Triads {
-                rate: None,
-                force: None,
-            },
-            |fusion| fusion.expected_reading(ahead_s, self.calibration.imu_m),
-        );
+        let expected = fusion.map_or_else(Triads::default, |fusion| {
+            fusion.expected_reading(ahead_s, self.calibration.imu_m)
+        });
         let (gyro_bias, accel_bias) = (self.motion.gyro_bias(), self.motion.accel_bias());
         let [rate_sigma, force_sigma] = self.imu_sigma;
         let reading = Triads {
@@ -123,7 +119,7 @@ impl Estimator {
             .judge(reading, sigma, &expected, &mut telling(now, out));
         let untold = self.watches.inertial.untold();
         let (force, rate) = (told.force + accel_bias, told.rate + gyro_bias);
-        self.motion.push_imu(time, force, rate, untold);
+        self.motion.push_imu(time, force, rate, &untold);
     }
 
     pub(super) fn take_hand_wheel(

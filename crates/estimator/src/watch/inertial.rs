@@ -59,7 +59,7 @@ const FORCES: Kind = Kind {
 };
 
 /// Rates and specific forces about and along the body's axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Triads<T> {
     /// Angular rates, rad/s.
     pub rate: T,
@@ -100,15 +100,11 @@ impl InertialWatch {
         }
     }
 
-    /// What is unseen of the last reading that was handed out, (rad/s)/sqrt(Hz) and
+    /// What is unseen of each axis of the last reading that was handed out, (rad/s)/sqrt(Hz) and
     /// (m/s^2)/sqrt(Hz).
-    pub fn untold(&self) -> Triads<f64> {
+    pub fn untold(&self) -> Triads<[f64; 3]> {
         let of = |believed: [bool; 3], kind: &Kind| {
-            if believed == [true; 3] {
-                0.0
-            } else {
-                kind.untold
-            }
+            believed.map(|believed| if believed { 0.0 } else { kind.untold })
         };
         let believed = self.believed();
         Triads {
@@ -296,6 +292,6 @@ mod tests {
         }
         assert_eq!(watch.believed().force, [false, true, true]);
         assert_eq!(told, [(FORCES.names[0], true)]);
-        assert_eq!(watch.untold().force, FORCES.untold);
+        assert_eq!(watch.untold().force, [FORCES.untold, 0.0, 0.0]);
     }
 }

@@ -1,4 +1,4 @@
-//! Faults of channels, drawn at random.
+//! Faults of channels, chosen or drawn at random.
 
 use std::ops::Range;
 
@@ -49,9 +49,9 @@ pub enum Kind {
 /// A fault of a channel over some time.
 #[derive(Clone, Debug)]
 pub struct Fault {
-    channel: Channel,
-    kind: Kind,
-    span_s: Range<f64>,
+    pub channel: Channel,
+    pub kind: Kind,
+    pub span_s: Range<f64>,
 }
 
 impl Fault {

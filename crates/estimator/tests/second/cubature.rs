@@ -128,10 +128,7 @@ fn give(filter: &mut MotionFilter, sample: &Sample) {
             time,
             Vector3::from(imu.specific_force_m_s2),
             Vector3::from(imu.angular_rate_rad_s),
-            Triads {
-                rate: 0.0,
-                force: 0.0,
-            },
+            &Triads::default(),
         ),
         Measurement::GnssVelocity(gnss) => {
             let _ = filter.push_velocity(time, Vector3::from(gnss.velocity_enu_m_s), None);
