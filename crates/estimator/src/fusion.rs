@@ -389,10 +389,11 @@ impl Fusion {
         }
     }
 
-    /// Whether accelerometers and gyros have agreed with the balances in the last step.
+    /// Whether accelerometers and gyros have agreed with the balances in the last step, of forces that
+    /// strain tells at all corners.
     #[must_use]
     pub fn vouches(&self) -> bool {
-        self.agreed
+        self.agreed && !self.blind
     }
 
     /// What is known of a wheel's strut beside its potentiometer.

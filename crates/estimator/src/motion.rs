@@ -227,11 +227,19 @@ impl MotionFilter {
     /// Whether it does, of a state that GNSS has confirmed.
     #[must_use]
     pub fn is_vouched(&self) -> bool {
-        let confirmed =
-            |time: Option<LogTime>, standing: &Standing| time.is_none() || standing.confirmed;
-        self.vouched
-            && confirmed(self.velocity_time, &self.velocity_standing)
-            && confirmed(self.attitude_time, &self.attitude_standing)
+        self.vouched && self.all_standing(|standing| standing.confirmed)
+    }
+
+    /// Whether GNSS confirms the state now.
+    #[must_use]
+    pub fn is_confirmed(&self) -> bool {
+        self.all_standing(|standing| standing.confirmed && standing.uses > 0)
+    }
+
+    /// Whether something holds of each receiver that has told anything.
+    fn all_standing(&self, holds: impl Fn(&Standing) -> bool) -> bool {
+        (self.velocity_time.is_none() || holds(&self.velocity_standing))
+            && (self.attitude_time.is_none() || holds(&self.attitude_standing))
     }
 
     /// How often the filter has been started anew.

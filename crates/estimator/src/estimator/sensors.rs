@@ -197,15 +197,18 @@ impl Estimator {
         let wheels = &mut self.watches.wheels;
         wheels.judge(now, &rolling, &mut telling(now, out));
         self.readings.wheel_speed_doubted = Wheel::ALL.map(|wheel| !wheels.believed(wheel));
-        let satellite = self.motion.velocity_age_s(now) < GNSS_SILENT_S;
-        self.watches.expected_hand_wheel = (satellite && settled)
-            .then(|| self.steer_told(state))
-            .flatten();
+        // A motion that GNSS contradicts may be wrong itself; a wrong hand wheel breaks the balances.
+        let sure = self.motion.is_vouched()
+            || self.motion.is_confirmed()
+            || self.watches.steering.strange();
+        let known = sure && self.motion.velocity_age_s(now) < GNSS_SILENT_S;
+        self.watches.expected_hand_wheel =
+            (known && settled).then(|| self.steer_told(state)).flatten();
     }
 
     /// What the hand wheel should say, rad, and its variance: the front axle moves along its wheels
     /// but for the slip angle that its lateral force needs.
-    pub(super) fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
+    fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
         self.corners.as_ref()?;
         let [u, v] = state.level_velocity();
         let across = v + state.rate_rad_s.z * self.vehicle.body.front_axle_to_cg_m;
@@ -221,7 +224,7 @@ impl Estimator {
     }
 
     /// Mean forward speed that the wheels tell, rolling freely, m/s.
-    pub(super) fn rolling_speed(&self, time: LogTime) -> Option<f64> {
+    fn rolling_speed(&self, time: LogTime) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0);
         for wheel in Wheel::ALL {
             if let Some(speed) = self.readings.wheel_speed(wheel, time) {
@@ -233,7 +236,7 @@ impl Estimator {
     }
 
     /// Speed over wheel speed of a wheel that rolls freely, m: as measured, else of the loaded tyre.
-    pub(super) fn rolling_radius_m(&self, wheel: Wheel) -> f64 {
+    fn rolling_radius_m(&self, wheel: Wheel) -> f64 {
         let tyre = &self.axle(wheel).tyre;
         let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
         let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
@@ -274,7 +277,7 @@ impl Estimator {
 
     /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
     /// that is unknown the angle is small.
-    pub(super) fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
+    fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
         let steer = self.steer_angles(self.grip.steer_offset().0);
         let body = &self.vehicle.body;
         let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];

@@ -47,6 +47,11 @@ impl SteeringWatch {
         self.strange.is_none() && !self.hangs
     }
 
+    /// Whether it was contradicted, and has not agreed for long enough since.
+    pub fn strange(&self) -> bool {
+        self.strange.is_some()
+    }
+
     /// The angle to go on with, rad, from one that was read at `time` and what is expected as value
     /// and variance.
     pub fn judge(
