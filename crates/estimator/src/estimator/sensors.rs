@@ -103,23 +103,20 @@ impl Estimator {
         let expected = fusion.map_or_else(Triads::default, |fusion| {
             fusion.expected_reading(ahead_s, self.calibration.imu_m)
         });
-        let (gyro_bias, accel_bias) = (self.motion.gyro_bias(), self.motion.accel_bias());
-        let [rate_sigma, force_sigma] = self.imu_sigma;
-        let reading = Triads {
-            rate: rate - gyro_bias,
-            force: force - accel_bias,
+        let bias = Triads {
+            rate: self.motion.gyro_bias(),
+            force: self.motion.accel_bias(),
         };
+        let [rate_sigma, force_sigma] = self.imu_sigma;
         let sigma = Triads {
             rate: rate_sigma,
             force: force_sigma,
         };
-        let told = self
-            .watches
-            .inertial
-            .judge(reading, sigma, &expected, &mut telling(now, out));
-        let untold = self.watches.inertial.untold();
-        let (force, rate) = (told.force + accel_bias, told.rate + gyro_bias);
-        self.motion.push_imu(time, force, rate, &untold);
+        let read = Triads { rate, force };
+        let watch = &mut self.watches.inertial;
+        let told = watch.judge(read, bias, sigma, &expected, &mut telling(now, out));
+        let untold = watch.untold();
+        self.motion.push_imu(time, told.force, told.rate, &untold);
     }
 
     pub(super) fn take_hand_wheel(

@@ -113,23 +113,25 @@ impl InertialWatch {
         }
     }
 
-    /// The reading to go on with, from one of noise `sigma` and what is expected of each axis as
-    /// value and variance.
+    /// The reading to go on with, from one of noise `sigma` that is `bias` too large, and what is
+    /// expected of each axis without the bias as value and variance.
     pub fn judge(
         &mut self,
         reading: Triads<Vector3<f64>>,
+        bias: Triads<Vector3<f64>>,
         sigma: Triads<f64>,
         expected: &Triads<Option<[[f64; 2]; 3]>>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Triads<Vector3<f64>> {
-        let mut judge = |axes: &mut [Axis; 3], kind, reading, sigma, expected| {
-            judge_all(axes, kind, reading, sigma, expected, &mut *changes)
+        let mut judge = |axes: &mut [Axis; 3], kind, reading, bias, sigma, expected| {
+            judge_all(axes, kind, [reading, bias], sigma, expected, &mut *changes)
         };
         Triads {
             rate: judge(
                 &mut self.rate,
                 &RATES,
                 reading.rate,
+                bias.rate,
                 sigma.rate,
                 expected.rate,
             ),
@@ -137,6 +139,7 @@ impl InertialWatch {
                 &mut self.force,
                 &FORCES,
                 reading.force,
+                bias.force,
                 sigma.force,
                 expected.force,
             ),
@@ -147,7 +150,7 @@ impl InertialWatch {
 fn judge_all(
     axes: &mut [Axis; 3],
     kind: &Kind,
-    reading: Vector3<f64>,
+    [reading, bias]: [Vector3<f64>; 2],
     sigma: f64,
     expected: Option<[[f64; 2]; 3]>,
     changes: &mut impl FnMut(SensorChange),
@@ -156,7 +159,7 @@ fn judge_all(
         let axis = &mut axes[i];
         let before = axis.strange;
         let doubt = sigma * sigma + kind.floor[i].powi(2);
-        let expected = expected.map(|all| [all[i][0], all[i][1] + doubt]);
+        let expected = expected.map(|all| [all[i][0] + bias[i], all[i][1] + doubt]);
         let told = axis.judge(reading[i], expected, kind);
         let change = |faulty| SensorChange {
             name: kind.names[i],
@@ -232,7 +235,8 @@ mod tests {
             rate: expected,
             force: None,
         };
-        watch.judge(reading, SIGMA, &expected, changes).rate
+        let bias = Triads::default();
+        watch.judge(reading, bias, SIGMA, &expected, changes).rate
     }
 
     #[test]
@@ -276,6 +280,11 @@ mod tests {
         let mut told = Vec::new();
         for k in 0..100 {
             let truth = 0.05 * f64::from(k);
+            // What is known of the bias changes, the reading of the axis that hangs does not.
+            let bias = Triads {
+                rate: Vector3::zeros(),
+                force: Vector3::repeat(1e-4 * f64::from(k % 7)),
+            };
             let reading = Triads {
                 rate: Vector3::zeros(),
                 force: Vector3::new(0.0, truth, 9.81 + truth),
@@ -284,7 +293,7 @@ mod tests {
                 rate: None,
                 force: Some([[truth, 1e-3], [truth, 1e-3], [9.81 + truth, 1e-3]]),
             };
-            let force = watch.judge(reading, SIGMA, &expected, &mut |change| {
+            let force = watch.judge(reading, bias, SIGMA, &expected, &mut |change| {
                 told.push((change.name, change.faulty));
             });
             assert!((force.force.x - truth).abs() < 1.6, "{k}");
