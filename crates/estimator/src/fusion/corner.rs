@@ -19,7 +19,7 @@ const MEMBER_FLOOR: f64 = 0.003;
 const UNPOSED_FLOOR_N: f64 = 60.0;
 const UNPOSED_FLOOR: f64 = 0.15;
 /// The same on the ball-normal force that bending tells, N.
-const BENDING_FLOOR_N: f64 = 1.5;
+const BENDING_FLOOR_N: f64 = 3.5;
 /// Error of a channel's gain that is no fault.
 const FAULT_FLOOR: f64 = 0.02;
 /// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
