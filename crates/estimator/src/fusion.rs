@@ -99,7 +99,8 @@ pub struct Fusion {
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
     body_motion: Option<[Vector3<f64>; 2]>,
-    turn_dot: Vector3<f64>,
+    /// What the forces of all tyres make of the body's motion, whether the inertial unit agrees or not.
+    ahead: [Vector3<f64>; 2],
     /// Readings in a row of each gyro that contradicted the balance of moments.
     turn_misses: [u32; 3],
     /// Variance of each accelerometer's expected reading, (m/s^2)^2.
@@ -220,7 +221,7 @@ impl Fusion {
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
-            turn_dot: Vector3::zeros(),
+            ahead: [Vector3::zeros(); 2],
             turn_misses: [0; 3],
             accel_variance: [0.0; 3],
             agreed: false,
@@ -300,9 +301,8 @@ impl Fusion {
         // On jackstands the forces of the tyres alone are not what moves the body.
         self.rolling = input.motion.velocity_m_s.x.abs() > ALONE_M_S;
         let alone = !input.motion.inertial && self.rolling;
-        let [force, turn] = self.body_motion_ahead(input, &balance);
-        self.turn_dot = turn;
-        self.body_motion = (balanced || alone && !self.settling()).then_some([force, turn]);
+        self.ahead = self.body_motion_ahead(input, &balance);
+        self.body_motion = (balanced || alone && !self.settling()).then_some(self.ahead);
         self.steps = self.steps.saturating_add(1);
         self.output()
     }
@@ -360,32 +360,31 @@ impl Fusion {
 
     /// What the inertial unit should read `ahead_s` after the last step by the balances: value and
     /// variance of each axis. Rates, rad/s, none before the filter has settled; specific forces,
-    /// m/s^2, none where something besides the tyres may carry the vehicle.
+    /// m/s^2, none of a vehicle that stands: something besides the tyres may carry it.
     #[must_use]
     pub fn expected_reading(
         &self,
         ahead_s: f64,
         imu_m: Vector3<f64>,
     ) -> Triads<Option<[[f64; 2]; 3]>> {
+        let [force, turn_dot] = self.ahead;
         let rate = std::array::from_fn(|axis| {
             let noise = TURN_NOISE_N_M[axis] * self.body.inverse[(axis, axis)];
             [
-                self.state[TURN + axis] + ahead_s * self.turn_dot[axis],
+                self.state[TURN + axis] + ahead_s * turn_dot[axis],
                 self.covariance.variance(TURN + axis) + noise * noise * ahead_s.abs(),
             ]
         });
         let turn = Vector3::from(self.rate_rad_s());
-        let force = self.body_motion.map(|[force, turn_dot]| {
-            let swing = turn_dot.cross(&imu_m) + turn.cross(&turn.cross(&imu_m));
-            let at_unit = force + swing;
-            std::array::from_fn(|axis| {
-                let residue = self.state[ACCEL + axis];
-                [at_unit[axis] + residue, self.accel_variance[axis]]
-            })
+        let swing = turn_dot.cross(&imu_m) + turn.cross(&turn.cross(&imu_m));
+        let at_unit = force + swing;
+        let force = std::array::from_fn(|axis| {
+            let residue = self.state[ACCEL + axis];
+            [at_unit[axis] + residue, self.accel_variance[axis]]
         });
         Triads {
             rate: (!self.settling()).then_some(rate),
-            force: force.filter(|_| !self.settling() && self.rolling),
+            force: (!self.settling() && self.rolling).then_some(force),
         }
     }
 

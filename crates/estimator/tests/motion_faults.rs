@@ -69,7 +69,7 @@ const VELOCITY_OFF: Case = case(
     &[(Channel::Velocity(0), Kind::Shifted(0.05))],
     "GNSS velocity",
 );
-const CASES: [Case; 14] = [
+const CASES: [Case; 16] = [
     VELOCITY_HANGS,
     VELOCITY_OFF,
     Case {
@@ -93,6 +93,14 @@ const CASES: [Case; 14] = [
     case(
         &[(Channel::SpecificForce(2), Kind::Dead)],
         "inertial unit upward acceleration",
+    ),
+    case(
+        &[(Channel::SpecificForce(1), Kind::Frozen)],
+        "inertial unit leftward acceleration",
+    ),
+    case(
+        &[(Channel::Rate(2), Kind::Frozen)],
+        "inertial unit yaw rate",
     ),
     case(
         &[(Channel::Rate(0), Kind::Saturated(true))],

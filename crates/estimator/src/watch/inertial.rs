@@ -1,8 +1,9 @@
-//! Gyros and accelerometers. A reading that jumps further than a vehicle can move, or that hangs, and
-//! that the balance of moments or forces of all tyres contradicts, is replaced by what that balance
-//! makes of it until both agree again, so that neither attitude, velocity nor forces follow an axis
-//! that spikes, is plugged in wrong or sits at the end of its range. Forces that are wrong themselves
-//! make no sensor jump.
+//! Gyros and accelerometers. A reading that jumps further than a vehicle can move and that the balance
+//! of moments or forces of all tyres contradicts is replaced by what that balance makes of it until
+//! both agree again, so that neither attitude, velocity nor forces follow an axis that spikes, is
+//! plugged in wrong or sits at the end of its range. Forces that are wrong themselves make no sensor
+//! jump. One that hangs while the vehicle moves is replaced at once: the filter of forces follows a
+//! gyro too closely to contradict one that stands still.
 
 use nalgebra::Vector3;
 
@@ -14,7 +15,7 @@ const GATE: f64 = 25.0;
 const FAULTY: u32 = 20;
 /// How many later ones need no jump to be doubted.
 const SUSPECT: u32 = 500;
-/// The same reading so often in a row hangs.
+/// A reading that comes again so often in a row hangs.
 const HANGS: u32 = 10;
 
 /// What differs between gyros and accelerometers.
@@ -123,7 +124,10 @@ impl InertialWatch {
         expected: &Triads<Option<[[f64; 2]; 3]>>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Triads<Vector3<f64>> {
+        // A vehicle that moves shakes every axis.
+        let shaken = expected.force.is_some();
         let mut judge = |axes: &mut [Axis; 3], kind, reading, bias, sigma, expected| {
+            let expected = Expected { expected, shaken };
             judge_all(axes, kind, [reading, bias], sigma, expected, &mut *changes)
         };
         Triads {
@@ -147,12 +151,21 @@ impl InertialWatch {
     }
 }
 
+/// What is expected of three axes.
+#[derive(Clone, Copy, Debug)]
+struct Expected {
+    /// Value and variance of each.
+    expected: Option<[[f64; 2]; 3]>,
+    /// Whether they cannot stand still.
+    shaken: bool,
+}
+
 fn judge_all(
     axes: &mut [Axis; 3],
     kind: &Kind,
     [reading, bias]: [Vector3<f64>; 2],
     sigma: f64,
-    expected: Option<[[f64; 2]; 3]>,
+    Expected { expected, shaken }: Expected,
     changes: &mut impl FnMut(SensorChange),
 ) -> Vector3<f64> {
     Vector3::from_fn(|i, _| {
@@ -160,7 +173,7 @@ fn judge_all(
         let before = axis.strange;
         let doubt = sigma * sigma + kind.floor[i].powi(2);
         let expected = expected.map(|all| [all[i][0] + bias[i], all[i][1] + doubt]);
-        let told = axis.judge(reading[i], expected, kind);
+        let told = axis.judge(reading[i], expected, shaken, kind);
         let change = |faulty| SensorChange {
             name: kind.names[i],
             faulty,
@@ -176,7 +189,13 @@ fn judge_all(
 }
 
 impl Axis {
-    fn judge(&mut self, reading: f64, expected: Option<[f64; 2]>, kind: &Kind) -> f64 {
+    fn judge(
+        &mut self,
+        reading: f64,
+        expected: Option<[f64; 2]>,
+        shaken: bool,
+        kind: &Kind,
+    ) -> f64 {
         self.repeats = if reading == self.read {
             self.repeats.saturating_add(1)
         } else {
@@ -195,13 +214,14 @@ impl Axis {
         let jumped = self
             .last
             .is_some_and(|last| (reading - last).abs() > kind.jump);
-        let suspect = self.suspect > 0 || self.strange > 0 || jumped || self.repeats >= HANGS;
+        let hangs = shaken && self.repeats >= HANGS;
+        let suspect = self.suspect > 0 || self.strange > 0 || jumped;
         self.suspect = if self.strange >= FAULTY {
             SUSPECT
         } else {
             self.suspect.saturating_sub(1)
         };
-        if contradicted && suspect && self.strange < kind.doubtful {
+        if hangs || contradicted && suspect && self.strange < kind.doubtful {
             self.strange += 1;
             value
         } else {
