@@ -236,7 +236,7 @@ impl Estimator {
 
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
         let resets = self.motion.resets();
-        self.motion.vouch(self.watches.vouch(time));
+        self.motion.vouch(self.watches.vouch());
         self.take_waiting(time, out);
         let settled = |since| time.seconds_since(since) > SETTLING_S;
         if self.motion.resets() > resets {
@@ -392,7 +392,7 @@ impl Estimator {
             if fusion.resets() > resets {
                 out(Output::Event(reset_event(now, "the force filter diverged")));
             }
-            self.watches.agree(now, fusion.vouches());
+            self.watches.agree(fusion.vouches());
             return forces;
         }
         PerWheel::from_fn(|wheel| {

@@ -389,10 +389,10 @@ impl Fusion {
     }
 
     /// Whether accelerometers and gyros have agreed with the balances in the last step, of forces that
-    /// strain tells at all corners.
+    /// strain tells at all corners and that were not set free to follow a push.
     #[must_use]
     pub fn vouches(&self) -> bool {
-        self.agreed && !self.blind
+        self.agreed && !self.blind && !self.pushed
     }
 
     /// What is known of a wheel's strut beside its potentiometer.

@@ -131,6 +131,8 @@ struct Standing {
     /// Values in a row that were used, and whether there ever were enough to confirm the state.
     uses: u32,
     confirmed: bool,
+    /// Whether the state was taken from it after it had contradicted.
+    anew: bool,
     /// Values in a row that contradicted the state, and those of them while nothing vouched for it.
     misses: u32,
     unvouched: u32,
@@ -408,8 +410,8 @@ impl MotionFilter {
         self.resets += 1;
         self.forget_biases();
         self.doubted = true;
-        self.velocity_standing = Standing::default();
-        self.attitude_standing = Standing::default();
+        self.velocity_standing = Standing::adopted();
+        self.attitude_standing = Standing::adopted();
         self.velocity_time = None;
         self.attitude_time = None;
     }

@@ -20,9 +20,10 @@ use crate::watch::{
 const BLIND_SLIP_RAD: f64 = 0.06;
 /// The slip angle's error is alike for many steps, which the filter takes for independent.
 const SLIP_CORRELATED: f64 = 4.0;
-/// How long the inertial unit must have agreed with the balances of forces and moments to vouch for
-/// the state against GNSS, s.
-const VOUCHED_S: f64 = 2.0;
+/// Part of the last second, and more faintly of what was before, in which the inertial unit may
+/// contradict the balances of forces and moments that vouch for the state against GNSS.
+const DOUBT_MAX: f64 = 0.1;
+const DOUBT_TIME_S: f64 = 1.0;
 /// Speed above which the front wheels' slip tells the steer angle, m/s, and how well beside what is
 /// known of the slip angle, rad.
 const STEER_TOLD_M_S: f64 = 3.0;
@@ -38,8 +39,8 @@ pub(super) struct Watches {
     velocity: ReceiverWatch,
     attitude: ReceiverWatch,
     wheels: WheelWatch,
-    /// Since when the inertial unit has agreed with the balances of forces and moments.
-    agreed_since: Option<LogTime>,
+    /// Part of the time in which the inertial unit has contradicted the balances, lately.
+    doubt: f64,
     /// What the hand wheel should say, rad, and its variance.
     expected_hand_wheel: Option<[f64; 2]>,
 }
@@ -52,20 +53,19 @@ impl Watches {
             velocity: ReceiverWatch::new("GNSS velocity"),
             attitude: ReceiverWatch::new("GNSS attitude"),
             wheels: WheelWatch::default(),
-            agreed_since: None,
+            doubt: 1.0,
             expected_hand_wheel: None,
         }
     }
 
-    /// Takes note of whether the inertial unit agrees with the balances at `now`.
-    pub(super) fn agree(&mut self, now: LogTime, agrees: bool) {
-        self.agreed_since = agrees.then(|| self.agreed_since.unwrap_or(now));
+    /// Takes note of whether the inertial unit agrees with the balances at this step.
+    pub(super) fn agree(&mut self, agrees: bool) {
+        self.doubt += GRID_S / DOUBT_TIME_S * (f64::from(!agrees) - self.doubt);
     }
 
     /// Whether the balances vouch for what the inertial unit makes of the motion.
-    pub(super) fn vouch(&self, now: LogTime) -> bool {
-        self.agreed_since
-            .is_some_and(|since| now.seconds_since(since) > VOUCHED_S)
+    pub(super) fn vouch(&self) -> bool {
+        self.doubt < DOUBT_MAX
     }
 }
 

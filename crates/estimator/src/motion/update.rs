@@ -17,8 +17,10 @@ const GATE: f64 = 5.0;
 /// same of a state that something vouches for: half a minute of velocities, a minute of attitudes.
 const MISSES_MAX: u32 = 20;
 const VOUCHED_MISSES_MAX: u32 = 600;
-/// Values used in a row that confirm a state.
+/// Values used in a row that confirm a state, and one that was adopted from GNSS: an inertial unit
+/// whose bias has jumped is soon contradicted again.
 const CONFIRMED: u32 = 20;
+const CONFIRMED_ANEW: u32 = 100;
 /// Values of each of two receivers left out in a row after which it is.
 const CONTRADICTIONS: u32 = 3;
 
@@ -38,14 +40,20 @@ pub enum Verdict {
 }
 
 impl Standing {
+    /// Of a receiver whose values are adopted.
+    pub(super) fn adopted() -> Self {
+        Self {
+            anew: true,
+            ..Self::default()
+        }
+    }
+
     /// Takes note of a value that was used.
     fn used(&mut self) {
-        let uses = self.uses + 1;
-        *self = Self {
-            uses,
-            confirmed: self.confirmed || uses >= CONFIRMED,
-            ..Self::default()
-        };
+        let least = if self.anew { CONFIRMED_ANEW } else { CONFIRMED };
+        self.uses += 1;
+        self.confirmed |= self.uses >= least;
+        (self.misses, self.unvouched) = (0, 0);
     }
 
     /// Takes note of one that contradicted a state that something else vouches for or not.
@@ -126,7 +134,7 @@ impl MotionFilter {
                 self.doubt();
             } else if self.velocity_standing.too_many() {
                 self.resets += 1;
-                self.velocity_standing = Standing::default();
+                self.velocity_standing = Standing::adopted();
                 self.velocity_time = None;
             }
             for _ in 0..3 {
@@ -251,7 +259,7 @@ impl MotionFilter {
                 self.doubt();
             } else if self.attitude_standing.too_many() {
                 self.resets += 1;
-                self.attitude_standing = Standing::default();
+                self.attitude_standing = Standing::adopted();
                 self.attitude_time = None;
                 self.forget_biases();
             }
