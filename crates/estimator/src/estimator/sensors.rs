@@ -28,6 +28,8 @@ const DOUBT_TIME_S: f64 = 1.0;
 /// known of the slip angle, rad.
 const STEER_TOLD_M_S: f64 = 3.0;
 const STEER_SIGMA_RAD: f64 = 0.02;
+/// Square of the normalised difference of the rear axle's slip angles beyond which the motion is wrong.
+const REAR_GATE: f64 = 9.0;
 /// How fast a road vehicle's body may rise or sink from the ground, m/s.
 const VERTICAL_SIGMA_M_S: f64 = 0.3;
 
@@ -41,6 +43,8 @@ pub(super) struct Watches {
     wheels: WheelWatch,
     /// Part of the time in which the inertial unit has contradicted the balances, lately.
     doubt: f64,
+    /// Whether the rear axle slips otherwise than its lateral force calls for.
+    rear_slips: bool,
     /// What the hand wheel should say, rad, and its variance.
     expected_hand_wheel: Option<[f64; 2]>,
 }
@@ -54,13 +58,14 @@ impl Watches {
             attitude: ReceiverWatch::new("GNSS attitude"),
             wheels: WheelWatch::default(),
             doubt: 1.0,
+            rear_slips: false,
             expected_hand_wheel: None,
         }
     }
 
     /// Takes note of whether the inertial unit agrees with the balances at this step.
     pub(super) fn agree(&mut self, agrees: bool) {
-        self.doubt += GRID_S / DOUBT_TIME_S * (f64::from(!agrees) - self.doubt);
+        self.doubt += GRID_S / DOUBT_TIME_S * (f64::from(!agrees || self.rear_slips) - self.doubt);
     }
 
     /// Whether the balances vouch for what the inertial unit makes of the motion.
@@ -194,6 +199,10 @@ impl Estimator {
         let wheels = &mut self.watches.wheels;
         wheels.judge(now, &rolling, &mut telling(now, out));
         self.readings.wheel_speed_doubted = Wheel::ALL.map(|wheel| !wheels.believed(wheel));
+        // A heading that a wrong gyro has turned shows as slip that the rear axle's force does not know.
+        self.watches.rear_slips = self
+            .steer_apart(1, state)
+            .is_some_and(|[apart, variance]| apart * apart > REAR_GATE * variance);
         // A motion that GNSS contradicts may be wrong itself; a wrong hand wheel breaks the balances.
         let sure = self.motion.is_vouched()
             || self.motion.is_confirmed()
@@ -203,21 +212,28 @@ impl Estimator {
             (known && settled).then(|| self.steer_told(state)).flatten();
     }
 
-    /// What the hand wheel should say, rad, and its variance: the front axle moves along its wheels
-    /// but for the slip angle that its lateral force needs.
+    /// What the hand wheel should say, rad, and its variance.
     fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
         self.corners.as_ref()?;
-        let [u, v] = state.level_velocity();
-        let across = v + state.rate_rad_s.z * self.vehicle.body.front_axle_to_cg_m;
-        let (slip, sigma) = self.grip.slip_angle(0, &self.measured)?;
         let read = self.readings.hand_wheel_rad?.value;
-        let steer = self.steer_angles(self.grip.steer_offset().0);
-        let wheels = 0.5 * (steer[0] + steer[1]);
-        let apart = (across.atan2(u) - slip) - wheels;
+        let [apart, variance] = self.steer_apart(0, state)?;
         let ratio = self.vehicle.steering.ratio;
-        let variance =
-            sigma * sigma + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD * STEER_SIGMA_RAD;
-        (u > STEER_TOLD_M_S).then_some([read + ratio * apart, ratio * ratio * variance])
+        Some([read + ratio * apart, ratio * ratio * variance])
+    }
+
+    /// How much further left an axle's wheels should stand than they do, rad, and its variance: it
+    /// moves along them but for the slip angle that its lateral force needs.
+    fn steer_apart(&self, axle: usize, state: &MotionState) -> Option<[f64; 2]> {
+        let body = &self.vehicle.body;
+        let ahead_m = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m][axle];
+        let [u, v] = state.level_velocity();
+        let across = v + state.rate_rad_s.z * ahead_m;
+        let (slip, sigma) = self.grip.slip_angle(axle, &self.measured)?;
+        let steer = self.steer_angles(self.grip.steer_offset().0);
+        let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
+        let apart = across.atan2(u) - slip - wheels;
+        let variance = sigma.powi(2) + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD.powi(2);
+        (u > STEER_TOLD_M_S).then_some([apart, variance])
     }
 
     /// Mean forward speed that the wheels tell, rolling freely, m/s.
