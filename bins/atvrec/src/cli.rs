@@ -192,7 +192,7 @@ pub struct ScoreArgs {
     #[arg(long, conflicts_with_all = ["against", "smoothed"])]
     pub innovations: bool,
     /// Leave out the first seconds, while the estimator settles.
-    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = not_negative)]
     pub from_s: f64,
     /// Print JSON.
     #[arg(long)]

@@ -25,6 +25,9 @@ pub struct Resolved {
     pub body_from_imu: Matrix3<f64>,
     /// Inertial unit from the centre of gravity, m.
     pub imu_m: Vector3<f64>,
+    /// How far ahead of the centre of gravity the inertial unit of a vehicle without hard-points is,
+    /// m: at it where the calibration does not tell. A sensors file tells of the rig that it is of.
+    pub plain_imu_ahead_m: f64,
     /// Velocity antenna from the centre of gravity, m.
     pub velocity_antenna_m: Vector3<f64>,
     /// Latency of GNSS velocity that the samples' valid time still holds, s.
@@ -103,6 +106,7 @@ impl Resolved {
                 "imu.position_m",
                 imu.position_m.unwrap_or(sensors.imu.position_m),
             )?,
+            plain_imu_ahead_m: imu.position_m.map_or(0.0, |place| place[0]),
             velocity_antenna_m: finite3(
                 "gnss_velocity.antenna_m",
                 velocity

@@ -1,12 +1,14 @@
 //! What the planar filter is driven and corrected by, put together from samples.
 
 use nalgebra::Vector3;
-use sample::{LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
+use sample::{FixQuality, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
 
 use crate::calibration::Resolved;
 
 /// A reading older than this is not held on to, s.
 const HELD_MAX_S: f64 = 0.25;
+/// Speed that no road vehicle has, m/s.
+const SPEED_MAX_M_S: f64 = 150.0;
 /// Time constant of the difference quotient of the speed, s.
 const ACCELERATION_TIME_S: f64 = 0.15;
 
@@ -85,12 +87,19 @@ impl PlanarReadings {
     ) {
         let time = sample.valid_time.min(sample.log_time);
         match &sample.measurement {
-            Measurement::GroundSpeed(speed) if speed.forward_m_s.abs() < 150.0 => {
+            Measurement::GroundSpeed(speed) if speed.forward_m_s.abs() < SPEED_MAX_M_S => {
                 self.speed.push(time, speed.forward_m_s);
             }
             Measurement::GnssVelocity(velocity) => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
-                self.satellite.push(time, east.hypot(north));
+                let speed = east.hypot(north);
+                let known = !matches!(
+                    velocity.quality,
+                    FixQuality::None | FixQuality::DeadReckoning
+                );
+                if known && speed < SPEED_MAX_M_S {
+                    self.satellite.push(time, speed);
+                }
             }
             Measurement::WheelSpeed(speeds) => {
                 let all = speeds.angular_speed_rad_s.0;

@@ -75,7 +75,7 @@ impl Planar {
         let model = PlanarModel::new(
             vehicle,
             handling.unwrap_or_else(|| Handling::of_vehicle(vehicle)),
-            calibration.imu_m.x,
+            calibration.plain_imu_ahead_m,
         );
         let doubt = if handling.is_some() {
             PlanarDoubt::IDENTIFIED

@@ -196,3 +196,44 @@ fn a_lost_motion_does_not_cost_the_offsets_unless_no_sensor_has_such() {
         assert!((sigma - OFFSET_SIGMA[1]).abs() < 1e-9);
     }
 }
+
+/// A receiver without a fix tells no speed, whatever it fills its fields with; and the sensors file's
+/// place of the inertial unit is another vehicle's.
+#[test]
+fn a_receiver_without_a_fix_tells_no_speed() {
+    use crate::calibration::Resolved;
+    use sample::{FixQuality, GnssVelocity, LogTime, Measurement, Sample, SourceId, SteerSample};
+    let sensors = model::sensors::Sensors::builtin("thesis-10bit").expect("a sensors file");
+    let calibration = crate::Calibration::nominal("car");
+    let resolved = Resolved::new(&sensors, &calibration).expect("a calibration");
+    assert_eq!(resolved.plain_imu_ahead_m, 0.0);
+    let now = LogTime(1_000_000_000);
+    for (quality, speed) in [
+        (FixQuality::None, None),
+        (FixQuality::DeadReckoning, None),
+        (FixQuality::Single, Some(5.0)),
+    ] {
+        let mut readings = PlanarReadings::default();
+        for measurement in [
+            Measurement::GnssVelocity(GnssVelocity {
+                quality,
+                velocity_enu_m_s: [3.0, 4.0, 0.0],
+                ..GnssVelocity::default()
+            }),
+            Measurement::Steer(SteerSample {
+                hand_wheel_rad: 0.1,
+            }),
+        ] {
+            let sample = Sample {
+                source: SourceId(0),
+                log_time: now,
+                valid_time: now,
+                device_time: None,
+                measurement,
+            };
+            readings.push(&sample, &resolved, 15.0, 0.3);
+        }
+        let told = readings.take(now).map(|input| input.speed_m_s);
+        assert_eq!(told, speed, "{quality:?}");
+    }
+}

@@ -93,7 +93,6 @@ fn judged(
     from: usize,
 ) -> ([Errors; 2], Vec<Event>) {
     let mut calibration = Calibration::nominal(&vehicle.name);
-    calibration.imu.position_m = Some([0.0; 3]);
     found.put(vehicle.steering.ratio, &mut calibration);
     let sensors = Sensors::builtin("thesis-10bit").expect("a sensors file");
     let mut estimator = Estimator::new(vehicle, &sensors, &calibration, Settings::default())

@@ -36,7 +36,7 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
         .into());
     };
     let resolved = Resolved::new(&told.sensors, &told.calibration)?;
-    let imu_ahead_m = resolved.imu_m.x;
+    let imu_ahead_m = resolved.plain_imu_ahead_m;
     let vehicle = told.calibration.applied(&told.vehicle);
     let inputs = inputs(&reader, &config, &vehicle, resolved, args)?;
     let found = identify(&inputs, &vehicle, imu_ahead_m)?;
