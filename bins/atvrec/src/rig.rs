@@ -102,6 +102,7 @@ impl Rig {
                 pitch_rad: state.pitch_rad,
                 roll_rad: state.roll_rad,
             }),
+            friction: state.friction(),
         }
     }
 
@@ -227,7 +228,7 @@ impl Ports<'_> {
 /// Mixed driving goes on for as long as it is asked for; every other drive ends by itself.
 fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
     let laps = asked_s.map_or(1.0, |asked_s| (asked_s / motion.duration_s()).ceil());
-    if motion.name() == Manoeuvre::MixedDriving.name() {
+    if motion.name() == Manoeuvre::MixedDriving.name() && !motion.tips_over() {
         motion.repeated(laps as u32)
     } else {
         motion
@@ -244,6 +245,10 @@ fn motion(args: &DriveArgs, vehicle: &Vehicle) -> anyhow::Result<(Motion, String
     let motion = Manoeuvre::by_name(name)?
         .drive(vehicle)
         .with_context(|| format!("cannot drive {name}"))?;
+    if motion.tips_over() {
+        let end_s = motion.duration_s();
+        tracing::warn!("the vehicle tips over; {name} ends there, after {end_s:.1} s");
+    }
     Ok((motion, name.to_owned()))
 }
 

@@ -284,7 +284,8 @@ impl Estimator {
         self.measured = self.measure(time, &state, &expected, out);
         self.watch_wheels(time, &state, settled, out);
         let moving = state.velocity_m_s.x.hypot(state.velocity_m_s.y) > MOVING_M_S;
-        self.lift
+        let rollover = self
+            .lift
             .step(time, GRID_S, moving, &self.measured, &mut |event| {
                 out(Output::Event(event));
             });
@@ -296,12 +297,14 @@ impl Estimator {
         }
         motion.steer_rad = PerWheel(steer);
         motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, steer);
-        // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing.
+        // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing, nor
+        // do the tyres of a vehicle that tips over.
         let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S
             && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
         if satellite
             && settled
             && self.watches.steering.believed()
+            && !self.lift.is_tipping()
             && self.measured.0[0].source == ForceSource::Fusion
         {
             let input = GripInput {
@@ -326,6 +329,7 @@ impl Estimator {
             motion,
             measured: self.measured,
             expected,
+            rollover,
         };
         if self.traced {
             out(Output::Step(Box::new(Step {
@@ -471,11 +475,11 @@ pub(crate) fn grid(
 }
 
 /// Load of each wheel on level ground at rest, N.
-fn static_loads(vehicle: &Vehicle) -> [f64; 4] {
+fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
     let body = &vehicle.body;
     let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
     let half = 0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / (a + b);
-    [half * b, half * b, half * a, half * a]
+    PerWheel([half * b, half * b, half * a, half * a])
 }
 
 fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings {

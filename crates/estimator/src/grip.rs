@@ -20,7 +20,7 @@
 use model::tyre::{Contact, Tyre};
 use model::vehicle::{self, Vehicle};
 use nalgebra::{Matrix3, Vector3};
-use sample::{AxleGrip, Event, EventKind, LogTime, NANOS_PER_SECOND, PerWheel, TyreForce};
+use sample::{Axle, AxleGrip, Event, EventKind, LogTime, NANOS_PER_SECOND, PerWheel, TyreForce};
 
 /// Steps of one value.
 const BLOCK_STEPS: u32 = 5;
@@ -66,7 +66,7 @@ const FOLLOWS_PART: f64 = 0.35;
 const LEARNED: u32 = 100;
 
 #[derive(Clone, Debug)]
-struct Axle {
+struct AxleTyres {
     tyre: Tyre,
     stiffness_n_rad: f64,
     reference_n: f64,
@@ -119,7 +119,7 @@ struct Block {
 /// Stiffness and friction of both axles.
 #[derive(Clone, Debug)]
 pub struct Grip {
-    axles: [Axle; 2],
+    axles: [AxleTyres; 2],
     front_changed: Option<LogTime>,
 }
 
@@ -148,8 +148,8 @@ impl Grip {
     pub fn new(vehicle: &Vehicle) -> Self {
         Self {
             axles: [
-                Axle::new(&vehicle.front.tyre),
-                Axle::new(&vehicle.rear.tyre),
+                AxleTyres::new(&vehicle.front.tyre),
+                AxleTyres::new(&vehicle.rear.tyre),
             ],
             front_changed: None,
         }
@@ -245,19 +245,20 @@ impl Grip {
                 if i == 0 {
                     self.front_changed = Some(input.now);
                 }
-                out(change.event(input.now, span_s, ["front", "rear"][i]));
+                out(change.event(input.now, span_s, Axle::ALL[i]));
             }
         }
     }
 }
 
 impl Change {
-    fn event(self, now: LogTime, span_s: f64, axle: &str) -> Event {
+    fn event(self, now: LogTime, span_s: f64, axle: Axle) -> Event {
         Event {
             time: now,
             onset: now.offset_seconds(-span_s * f64::from(self.values)),
-            kind: EventKind::SurfaceChange(self.ratio),
+            kind: EventKind::SurfaceChange(axle, self.ratio),
             probability: Some(self.probability),
+            load_transfer_ratio: None,
             text: format!(
                 "the surface under the {axle} axle changed: {:.0} % of the lateral force",
                 100.0 * self.ratio
@@ -319,7 +320,7 @@ impl UsedFriction {
     }
 }
 
-impl Axle {
+impl AxleTyres {
     fn new(tyre: &vehicle::Tyre) -> Self {
         Self {
             tyre: Tyre::from_vehicle(tyre),

@@ -1,6 +1,8 @@
-//! Wheel lift: warned of ahead, declared, and taken back (section 4.2.3 of the thesis).
+//! Lift of wheels and of sides: warned of ahead, declared, and taken back (section 4.2.3 of the
+//! thesis); load-transfer ratios and times to lift.
 //!
-//! A wheel is *up* when its load is below a fraction of the static one, and *down* again above a
+//! What holds of a wheel holds of both wheels of a side, by the sum of their loads: a side off the
+//! ground is a vehicle that tips over. A wheel is *up* when its load is below a fraction of the static one, and *down* again above a
 //! higher fraction. The load is followed by a filter of fading memory for value and slope, which a
 //! steady fall does not leave behind, so that a slow lift is not declared late; a fast one is caught
 //! by the raw load, which must then stay below for a run of steps. A wheel is warned of when the
@@ -9,9 +11,9 @@
 //! one step. The filter's errors are alike over about five steps, so the runs are long against
 //! that.
 
-use sample::{Event, EventKind, LogTime, PerWheel, TyreForce, Wheel};
+use sample::{Event, EventKind, LogTime, PerWheel, Rollover, Side, TyreForce, Wheel};
 
-/// Part of the static load below which a wheel is up, and above which it is down again.
+/// Part of a wheel's static load below which it is up, and above which it is down again.
 const UP: f64 = 0.02;
 const DOWN: f64 = 0.06;
 /// Part of the static load below which the vanishing of the load is warned of.
@@ -32,8 +34,20 @@ const AHEAD_SIGMA: f64 = 0.4;
 /// Time after the start in which nothing is declared, s.
 const SETTLING_S: f64 = 1.0;
 
-#[derive(Clone, Copy, Debug, Default)]
-struct WheelState {
+/// What leaves the ground.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Wheel(Wheel),
+    Side(Side),
+}
+
+/// A load that is watched.
+#[derive(Clone, Copy, Debug)]
+struct LoadState {
+    place: Place,
+    static_n: f64,
+    /// Below the first it is up, above the second down again, N.
+    thresholds_n: [f64; 2],
     load_n: f64,
     rate_n_s: f64,
     up: bool,
@@ -43,32 +57,38 @@ struct WheelState {
     calm: u32,
 }
 
-/// Watches all four loads.
+/// Watches the loads of all wheels and of both sides.
 #[derive(Clone, Debug)]
 pub struct LiftDetector {
-    wheels: [WheelState; 4],
-    static_n: [f64; 4],
-    side_up: [bool; 2],
+    wheels: [LoadState; 4],
+    sides: [LoadState; 2],
     age_s: f64,
 }
 
 impl LiftDetector {
     /// A detector with the wheels on the ground.
     #[must_use]
-    pub fn new(static_n: [f64; 4]) -> Self {
+    pub fn new(static_n: PerWheel<f64>) -> Self {
+        let wheel = |wheel| LoadState::new(Place::Wheel(wheel), static_n[wheel], static_n[wheel]);
+        let side = |side: Side| {
+            let [front_n, rear_n] = side.wheels().map(|wheel| static_n[wheel]);
+            LoadState::new(Place::Side(side), front_n + rear_n, front_n.max(rear_n))
+        };
         Self {
-            wheels: static_n.map(|load_n| WheelState {
-                load_n,
-                ..WheelState::default()
-            }),
-            static_n,
-            side_up: [false; 2],
+            wheels: Wheel::ALL.map(wheel),
+            sides: Side::ALL.map(side),
             age_s: 0.0,
         }
     }
 
-    /// Takes the loads of one instant in. Only a moving vehicle is judged: one on jacks hangs its
-    /// wheels on purpose.
+    /// Whether both wheels of a side are off the ground.
+    #[must_use]
+    pub fn is_tipping(&self) -> bool {
+        self.sides.iter().any(|side| side.up)
+    }
+
+    /// Takes the loads of one instant in. Only a moving vehicle's lifts are declared: one on jacks
+    /// hangs its wheels on purpose.
     pub fn step(
         &mut self,
         now: LogTime,
@@ -76,68 +96,126 @@ impl LiftDetector {
         moving: bool,
         forces: &PerWheel<TyreForce>,
         out: &mut impl FnMut(Event),
-    ) {
+    ) -> Rollover {
         self.age_s += dt;
-        let transfer = transfer_ratio(forces);
-        for wheel in Wheel::ALL {
-            let i = wheel.index();
-            let [_, _, load] = forces[wheel].force_n;
-            let [_, _, sigma] = forces[wheel].sigma_n;
-            if !load.is_finite() {
+        let judged = self.age_s >= SETTLING_S && moving;
+        let loads = Wheel::ALL.map(|wheel| Load::of_wheel(&forces[wheel]));
+        let of_side = |side: Side| {
+            let [front, rear] = side.wheels().map(|wheel| loads[wheel.index()]);
+            front.and(rear)
+        };
+        let [left, right] = Side::ALL.map(of_side);
+        let (ratio, ratio_sigma) = transfer_ratio(left, right);
+        let states = self.wheels.iter_mut().chain(&mut self.sides);
+        for (state, load) in states.zip(loads.into_iter().chain([left, right])) {
+            if !load.value_n.is_finite() {
                 continue;
             }
-            let state = &mut self.wheels[i];
-            state.follow(load, dt);
-            if self.age_s < SETTLING_S || !moving {
-                continue;
+            state.follow(load.value_n, dt);
+            if judged {
+                let instant = Instant {
+                    now,
+                    load,
+                    transfer: ratio,
+                };
+                state.judge(&instant, out);
             }
-            let instant = Instant {
-                now,
-                wheel,
-                load_n: load,
-                sigma_n: sigma,
-                static_n: self.static_n[i],
-                transfer,
-            };
-            state.judge(&instant, out);
         }
-        for (side, up) in self.side_up.iter_mut().enumerate() {
-            let both = self.wheels[side].up && self.wheels[2 + side].up;
-            if both && !*up {
-                let name = ["left", "right"][side];
-                out(event(
-                    now,
-                    now,
-                    EventKind::TwoWheelLift(side == 0),
-                    None,
-                    format!(
-                        "both {name} wheels are off the ground; load-transfer ratio {transfer:.2}"
-                    ),
-                ));
+        let [fl, fr, rl, rr] = loads;
+        let known = ratio.is_finite();
+        let time_s = |state: &LoadState| {
+            if known {
+                state.time_to_lift_s()
+            } else {
+                f64::NAN
             }
-            *up = both;
+        };
+        Rollover {
+            load_transfer_ratio: ratio,
+            load_transfer_ratio_sigma: ratio_sigma,
+            axle_load_transfer_ratio: [(fl, fr), (rl, rr)].map(|(l, r)| transfer_ratio(l, r).0),
+            time_to_lift_s: PerWheel(self.wheels.each_ref().map(time_s)),
+            time_to_two_wheel_lift_s: self.sides.each_ref().map(time_s),
         }
     }
 }
 
-/// One wheel at one instant.
+/// A load with its deviation.
+#[derive(Clone, Copy)]
+struct Load {
+    value_n: f64,
+    sigma_n: f64,
+}
+
+impl Load {
+    fn of_wheel(force: &TyreForce) -> Self {
+        let ([_, _, value_n], [_, _, sigma_n]) = (force.force_n, force.sigma_n);
+        Self { value_n, sigma_n }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            value_n: self.value_n + other.value_n,
+            sigma_n: self.sigma_n.hypot(other.sigma_n),
+        }
+    }
+}
+
+/// One load at one instant.
 struct Instant {
     now: LogTime,
-    wheel: Wheel,
-    load_n: f64,
-    sigma_n: f64,
-    static_n: f64,
+    load: Load,
     /// Load-transfer ratio of the vehicle.
     transfer: f64,
 }
 
-/// (right - left)/(right + left) of the loads: one where the left wheels are up.
-fn transfer_ratio(forces: &PerWheel<TyreForce>) -> f64 {
-    let [fl, fr, rl, rr] = forces.0.map(|force| force.force_n[2].max(0.0));
-    (fr + rr - fl - rl) / (fl + fr + rl + rr).max(1.0)
+/// (right - left)/(right + left), one where the left is up, with the deviation that independent
+/// errors give it.
+fn transfer_ratio(left: Load, right: Load) -> (f64, f64) {
+    // The larger of NaN and zero would be zero.
+    if !(left.value_n + right.value_n).is_finite() {
+        return (f64::NAN, f64::NAN);
+    }
+    let [l, r] = [left, right].map(|load| load.value_n.max(0.0));
+    let sum = (l + r).max(1.0);
+    let sigma = 2.0 * (l * right.sigma_n).hypot(r * left.sigma_n) / (sum * sum);
+    ((r - l) / sum, sigma)
 }
 
-impl WheelState {
+impl Place {
+    fn lift(self) -> EventKind {
+        match self {
+            Self::Wheel(wheel) => EventKind::Lift(wheel),
+            Self::Side(side) => EventKind::TwoWheelLift(side),
+        }
+    }
+
+    fn warning(self, lead_s: f64) -> EventKind {
+        match self {
+            Self::Wheel(wheel) => EventKind::LiftWarning(wheel, lead_s),
+            Self::Side(side) => EventKind::TwoWheelLiftWarning(side, lead_s),
+        }
+    }
+}
+
+impl LoadState {
+    /// `part_of_n` is what [`UP`] and [`DOWN`] are parts of: of a side its heavier wheel, as both
+    /// must be up.
+    fn new(place: Place, static_n: f64, part_of_n: f64) -> Self {
+        Self {
+            place,
+            static_n,
+            thresholds_n: [UP * part_of_n, DOWN * part_of_n],
+            load_n: static_n,
+            rate_n_s: 0.0,
+            up: false,
+            warned: false,
+            below: [0; 2],
+            falling: 0,
+            calm: 0,
+        }
+    }
+
     /// Value and slope by least squares with a memory that fades by [`KEEP`] each step.
     fn follow(&mut self, load_n: f64, dt: f64) {
         self.load_n += self.rate_n_s * dt;
@@ -146,17 +224,31 @@ impl WheelState {
         self.rate_n_s += (1.0 - KEEP).powi(2) * error / dt;
     }
 
+    fn is_falling(&self) -> bool {
+        self.rate_n_s < -FALL_MIN * self.static_n
+    }
+
+    /// -N/N' of the followed load.
+    fn time_to_lift_s(&self) -> f64 {
+        if self.up || self.load_n <= 0.0 {
+            0.0
+        } else if self.is_falling() {
+            self.load_n / -self.rate_n_s
+        } else {
+            f64::INFINITY
+        }
+    }
+
     fn judge(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
         self.warn(at, out);
-        let least = UP * at.static_n;
+        let [least, back] = self.thresholds_n;
         // A followed load that its error cannot tell from the threshold has reached it.
-        let reached = least + (FOLLOWED_SIGMA * at.sigma_n).min(least);
-        let judged = [(at.load_n, least), (self.load_n, reached)];
+        let reached = least + (FOLLOWED_SIGMA * at.load.sigma_n).min(least);
+        let judged = [(at.load.value_n, least), (self.load_n, reached)];
         for (count, (load, least)) in self.below.iter_mut().zip(judged) {
             *count = if load < least { *count + 1 } else { 0 };
         }
         let [raw, followed] = self.below;
-        let back = DOWN * at.static_n;
         if !self.up && (raw >= RAW_STEPS || followed >= FOLLOWED_STEPS) {
             self.up = true;
             let steps = if raw >= RAW_STEPS {
@@ -164,38 +256,31 @@ impl WheelState {
             } else {
                 FOLLOWED_STEPS
             };
-            let chance = probability(back - self.load_n, FOLLOWED_SIGMA * at.sigma_n);
-            out(event(
-                at.now,
-                at.now.offset_seconds(-0.01 * f64::from(steps - 1)),
-                EventKind::Lift(at.wheel),
-                Some(chance),
-                format!(
-                    "the {} wheel is off the ground; load-transfer ratio {:.2}",
-                    at.wheel, at.transfer
-                ),
-            ));
-        } else if self.up && at.load_n > back && self.load_n > back {
+            let onset = at.now.offset_seconds(-0.01 * f64::from(steps - 1));
+            let chance = probability(back - self.load_n, FOLLOWED_SIGMA * at.load.sigma_n);
+            let text = match self.place {
+                Place::Wheel(wheel) => format!("the {wheel} wheel is off the ground"),
+                Place::Side(side) => format!("both {side} wheels are off the ground"),
+            };
+            out(at.event(onset, self.place.lift(), Some(chance), text));
+        } else if self.up && at.load.value_n > back && self.load_n > back {
             self.up = false;
-            out(event(
-                at.now,
-                at.now,
-                EventKind::Touchdown(at.wheel),
-                None,
-                format!("the {} wheel is on the ground again", at.wheel),
-            ));
+            if let Place::Wheel(wheel) = self.place {
+                let text = format!("the {wheel} wheel is on the ground again");
+                out(at.event(at.now, EventKind::Touchdown(wheel), None, text));
+            }
         }
     }
 
     fn warn(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
-        let light = self.load_n < LIGHT * at.static_n && self.rate_n_s < -FALL_MIN * at.static_n;
+        let light = self.load_n < LIGHT * self.static_n && self.is_falling();
         let left_s = self.load_n / -self.rate_n_s;
         self.falling = if light && left_s < LEAD_S && !self.up {
             self.falling + 1
         } else {
             0
         };
-        self.calm = if self.load_n > (LIGHT + 0.1) * at.static_n {
+        self.calm = if self.load_n > (LIGHT + 0.1) * self.static_n {
             self.calm + 1
         } else {
             0
@@ -207,38 +292,39 @@ impl WheelState {
             return;
         }
         self.warned = true;
-        let lead = left_s.max(0.0);
+        let lead_s = left_s.max(0.0);
         let ahead = self.load_n + self.rate_n_s * LEAD_S;
         let chance = probability(
-            DOWN * at.static_n - ahead,
-            (FOLLOWED_SIGMA + LEAD_S * AHEAD_SIGMA) * at.sigma_n,
+            self.thresholds_n[1] - ahead,
+            (FOLLOWED_SIGMA + LEAD_S * AHEAD_SIGMA) * at.load.sigma_n,
         );
-        out(event(
-            at.now,
-            at.now.offset_seconds(lead),
-            EventKind::LiftWarning(at.wheel, lead),
-            Some(chance),
-            format!(
-                "the {} wheel's load would vanish in {lead:.1} s; load-transfer ratio {:.2}",
-                at.wheel, at.transfer
-            ),
-        ));
+        let text = match self.place {
+            Place::Wheel(wheel) => {
+                format!("the {wheel} wheel's load would vanish in {lead_s:.1} s")
+            }
+            Place::Side(side) => format!("both {side} wheels' load would vanish in {lead_s:.1} s"),
+        };
+        let onset = at.now.offset_seconds(lead_s);
+        out(at.event(onset, self.place.warning(lead_s), Some(chance), text));
     }
 }
 
-fn event(
-    time: LogTime,
-    onset: LogTime,
-    kind: EventKind,
-    probability: Option<f64>,
-    text: String,
-) -> Event {
-    Event {
-        time,
-        onset,
-        kind,
-        probability,
-        text,
+impl Instant {
+    fn event(
+        &self,
+        onset: LogTime,
+        kind: EventKind,
+        probability: Option<f64>,
+        text: String,
+    ) -> Event {
+        Event {
+            time: self.now,
+            onset,
+            kind,
+            probability,
+            load_transfer_ratio: Some(self.transfer).filter(|ratio| ratio.is_finite()),
+            text: format!("{text}; load-transfer ratio {:.2}", self.transfer),
+        }
     }
 }
 

@@ -216,7 +216,7 @@ fn spoil(good: &[Sample], channels: &[(Channel, Kind)]) -> Vec<Sample> {
 fn told(result: &judge::Result) -> Vec<(f64, EventKind)> {
     let told = result.events.iter().filter(|event| match event.kind {
         EventKind::SensorFault(_) | EventKind::SensorRecovered(_) | EventKind::FilterReset => true,
-        EventKind::SurfaceChange(_) => event.time < sensing::START.offset_seconds(2.0 * HEALED_S),
+        EventKind::SurfaceChange(..) => event.time < sensing::START.offset_seconds(2.0 * HEALED_S),
         _ => false,
     });
     told.map(|event| (event.time.seconds_since(sensing::START), event.kind.clone()))

@@ -27,7 +27,7 @@ use judge::{Result, estimate, force_errors, motion_errors, rms, row};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use run::{RATE_HZ, Run};
-use sample::{Event, EventKind, Wheel};
+use sample::{Axle, Event, EventKind, Side, Wheel};
 use sim::Manoeuvre;
 
 /// Runs on the road; the jackstand run is judged by its forces apart.
@@ -53,6 +53,13 @@ const SURFACE_S: f64 = 24.0;
 const SURFACE_WITHIN_S: f64 = 1.0;
 /// Largest RMSE of sideslip without any GNSS, degrees.
 const BLIND_SIDESLIP_MAX_DEG: f64 = 0.8;
+
+/// Height of the centre of gravity at which the circle ends on two wheels, m, and 2 % of the heavier
+/// wheel's static load, N: both wheels of a side below it are off the ground.
+const TALL_CG_M: f64 = 0.7;
+const TALL_LIFT_N: f64 = 36.6;
+/// Estimates a second.
+const GRID_HZ: f64 = 100.0;
 
 /// Largest errors F_x, F_y, F_z, per cent, on a sine of 0.7 Hz: a hand wheel whose rate lags is worth
 /// half a per cent of F_y.
@@ -150,7 +157,7 @@ fn judge_events(name: &str, result: &Result, within_s: f64) {
             EventKind::LiftWarning(Wheel::FrontRight, _) => {
                 warning = warning.or(Some(seconds(event)));
             }
-            EventKind::SurfaceChange(ratio) => {
+            EventKind::SurfaceChange(_, ratio) => {
                 let time_s = seconds(event);
                 eprintln!("{name}: at {time_s:.2} s {}", event.text);
                 let expected = name == "d_sine_mu" && time_s >= SURFACE_S && ratio < 1.0;
@@ -249,6 +256,48 @@ fn forces_and_deviations_hold_on_a_long_drive() {
     assert!(result.events.is_empty(), "{:?}", result.events);
 }
 
+/// Of a tall vehicle on the circle first one wheel of the inner side leaves the ground, then both,
+/// and it tips over.
+#[test]
+fn a_vehicle_that_tips_over_is_warned_of() {
+    let mut vehicle = Vehicle::builtin("prowler").unwrap();
+    vehicle.body.cg_height_m = TALL_CG_M;
+    let run = drive::virtual_drive(&vehicle, Manoeuvre::Circle, 0.0);
+    let result = through("thesis-10bit", &vehicle, &run);
+    let loads = ["FL", "RL"].map(|wheel| run.column(&format!("{wheel}_Fz")));
+    let up = |row: &usize| loads.iter().all(|load| load[*row] < TALL_LIFT_N);
+    let lift_s = (0..run.rows).find(up).unwrap() as f64 / RATE_HZ;
+    let (mut warned_s, mut declared_s) = (None, None);
+    for event in &result.events {
+        let at_s = event.time.seconds_since(sensing::START);
+        match event.kind {
+            EventKind::TwoWheelLiftWarning(Side::Left, lead_s) => {
+                eprintln!("{:.2} s ahead: {}", lift_s - at_s, event.text);
+                assert!((at_s + lead_s - lift_s).abs() < 1.5, "{lead_s} s told");
+                warned_s = Some(at_s);
+            }
+            EventKind::TwoWheelLift(Side::Left) => {
+                eprintln!("{:.2} s after: {}", at_s - lift_s, event.text);
+                assert!(event.load_transfer_ratio.unwrap() > 0.95, "{event:?}");
+                declared_s = Some(at_s);
+            }
+            EventKind::LiftWarning(wheel, _) | EventKind::Lift(wheel) if wheel.is_left() => {}
+            _ => panic!("false alarm {event:?}"),
+        }
+    }
+    assert!(warned_s.unwrap() < lift_s - WARNING_S, "{warned_s:?}");
+    assert!((declared_s.unwrap() - lift_s).abs() < 0.1, "{declared_s:?}");
+    let tells = |time_s: f64| {
+        let row = (time_s * GRID_HZ).round() as usize;
+        result.estimates[row].rollover
+    };
+    let (early, late) = (tells(2.0), tells(lift_s + 0.3));
+    assert!(early.load_transfer_ratio.abs() < 0.3, "{early:?}");
+    assert!(early.time_to_two_wheel_lift_s[0] > 5.0, "{early:?}");
+    let sure = (late.load_transfer_ratio - 1.0).abs() < 3.0 * late.load_transfer_ratio_sigma;
+    assert!(sure && late.time_to_two_wheel_lift_s[0] == 0.0, "{late:?}");
+}
+
 /// A quick sine, in which the tyres' forces lag behind their slip, is no change of surface; gravel,
 /// which takes stiffness as well as friction, is one; the forces follow the sine. The gravel's line
 /// comes as the vehicle steers back through straight ahead, where nothing tells it for 0.4 s.
@@ -266,13 +315,15 @@ fn a_change_of_surface_is_told_from_a_lag() {
     let run = drive::virtual_drive(&vehicle, Manoeuvre::AsphaltToGravel, 0.0);
     let events = through("thesis-10bit", &vehicle, &run).events;
     assert_eq!(events.len(), 2, "{events:?}");
-    for (event, wheel) in events.iter().zip(["FL", "RL"]) {
+    for (event, (axle, wheel)) in events.iter().zip([(Axle::Front, "FL"), (Axle::Rear, "RL")]) {
         let friction = run.column(&format!("{wheel}_mu"));
         let onto = friction.iter().position(|mu| *mu < 0.6 * friction[0]);
         let line_s = onto.unwrap() as f64 / RATE_HZ;
         let late_s = event.time.seconds_since(sensing::START) - line_s;
         eprintln!("{late_s:.2} s late: {}", event.text);
-        assert!(matches!(event.kind, EventKind::SurfaceChange(ratio) if ratio < 0.9));
+        assert!(
+            matches!(event.kind, EventKind::SurfaceChange(of, ratio) if of == axle && ratio < 0.9)
+        );
         assert!((0.0..SURFACE_WITHIN_S).contains(&late_s), "{late_s}");
     }
 }

@@ -5,19 +5,21 @@
 mod compare;
 mod innovations;
 mod lifts;
+mod surfaces;
 
 use std::collections::BTreeMap;
 
 use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::score;
 use model::vehicle::Vehicle;
-use sample::{Estimate, EventKind, LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+use sample::{Estimate, Event, LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use compare::{Comparison, Difference, compare};
 pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use lifts::{Lift, Lifts};
+pub use surfaces::{SurfaceChange, SurfaceChanges};
 
 /// Sideslip means little below this speed, m/s.
 const SIDESLIP_SPEED_MIN_M_S: f64 = 3.0;
@@ -80,8 +82,12 @@ pub struct Score {
     pub forces: Option<Consistency>,
     /// Whether innovations are as large as the filters expect.
     pub innovations: Vec<InnovationScore>,
-    /// Lifts of wheels and of sides.
+    /// Lifts of wheels.
     pub lifts: Lifts,
+    /// Lifts of both wheels of a side.
+    pub two_wheel_lifts: Lifts,
+    /// Changes of the surface, where the truth tells the friction.
+    pub surface_changes: Option<SurfaceChanges>,
     /// How many events of each kind the estimator declared.
     pub events: BTreeMap<&'static str, usize>,
 }
@@ -101,13 +107,17 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
     let loads = static_loads(&vehicle);
     let (start, pairs) = pairs(reader, stage, from_s)?;
+    let events = events(reader)?;
+    let [lifts, two_wheel_lifts] = lifts::find(reader, start, from_s, &loads, &events)?;
     Ok(Score {
         seconds: pairs.len() as f64 * INTERVAL_S,
         signals: signals(&pairs, &loads),
         forces: forces(&pairs),
         innovations: innovations(reader, from_s)?,
-        lifts: lifts::find(reader, start, &loads)?,
-        events: events(reader)?,
+        lifts,
+        two_wheel_lifts,
+        surface_changes: surfaces::find(reader, start, from_s, &events)?,
+        events: counts(&events, start.offset_seconds(from_s)),
     })
 }
 
@@ -159,27 +169,22 @@ fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs),
     Ok((start, pairs))
 }
 
-fn events(reader: &Reader) -> Result<BTreeMap<&'static str, usize>, ScoreError> {
-    let mut counts = BTreeMap::new();
+fn events(reader: &Reader) -> Result<Vec<Event>, ScoreError> {
+    let mut events = Vec::new();
     for message in reader.messages(Selection::topics(["/estimate/events"])) {
         if let Some(Record::Event(event)) = message?.record()? {
-            *counts.entry(kind_name(&event.kind)).or_insert(0) += 1;
+            events.push(event);
         }
     }
-    Ok(counts)
+    Ok(events)
 }
 
-fn kind_name(kind: &EventKind) -> &'static str {
-    match kind {
-        EventKind::LiftWarning(..) => "lift_warning",
-        EventKind::Lift(_) => "lift",
-        EventKind::Touchdown(_) => "touchdown",
-        EventKind::TwoWheelLift(_) => "two_wheel_lift",
-        EventKind::SurfaceChange(_) => "surface_change",
-        EventKind::SensorFault(_) => "sensor_fault",
-        EventKind::SensorRecovered(_) => "sensor_recovered",
-        EventKind::FilterReset => "filter_reset",
+fn counts(events: &[Event], from: LogTime) -> BTreeMap<&'static str, usize> {
+    let mut counts = BTreeMap::new();
+    for event in events.iter().filter(|event| event.time >= from) {
+        *counts.entry(event.kind.name()).or_insert(0) += 1;
     }
+    counts
 }
 
 /// Calls `add` with each signal: name, wheel, unit, whether it is a force, and where it stands in
@@ -309,18 +314,27 @@ impl Score {
                 })
             })
             .collect();
-        let lifts: Vec<Value> = self.lifts.wheels.iter().map(Lift::to_json).collect();
-        let sides: Vec<Value> = self.lifts.sides.iter().map(Lift::to_json).collect();
+        let lifts = |lifts: &Lifts, key: &str| -> Vec<Value> {
+            lifts.lifts.iter().map(|lift| lift.to_json(key)).collect()
+        };
+        let surfaces = self.surface_changes.as_ref();
+        let changes = surfaces.map(|surfaces| -> Vec<Value> {
+            let changes = surfaces.changes.iter();
+            changes.map(SurfaceChange::to_json).collect()
+        });
         json!({
             "seconds": self.seconds,
             "signals": signals,
             "forces_nees": self.forces.as_ref().map(consistency_json),
             "innovations": innovations_json(&self.innovations),
-            "lifts": lifts,
-            "false_lifts": self.lifts.false_wheels,
-            "two_wheel_lifts": sides,
-            "false_two_wheel_lifts": self.lifts.false_sides,
+            "lifts": lifts(&self.lifts, "wheel"),
+            "false_lifts": self.lifts.false_lifts,
             "false_lift_warnings": self.lifts.false_warnings,
+            "two_wheel_lifts": lifts(&self.two_wheel_lifts, "side"),
+            "false_two_wheel_lifts": self.two_wheel_lifts.false_lifts,
+            "false_two_wheel_lift_warnings": self.two_wheel_lifts.false_warnings,
+            "surface_changes": changes,
+            "false_surface_changes": surfaces.map(|surfaces| surfaces.false_changes),
             "events": self.events,
         })
     }

@@ -1,6 +1,8 @@
 use serde::{Deserialize, Serialize};
 
-use crate::{InnovationKind, Innovations, LogTime, LossPlace, PerWheel, SourceId, Wheel};
+use crate::{
+    Axle, InnovationKind, Innovations, LogTime, LossPlace, PerWheel, Side, SourceId, Wheel,
+};
 
 /// What the estimator publishes at one instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +15,8 @@ pub struct Estimate {
     pub measured: PerWheel<TyreForce>,
     /// Tyre forces that the vehicle model expects from steer and motion alone.
     pub expected: PerWheel<TyreForce>,
+    /// How near the measured loads are to a wheel's lift and to tipping over.
+    pub rollover: Rollover,
 }
 
 /// Motion of the body at its centre of gravity. A standard deviation of `NaN` means that the
@@ -84,6 +88,35 @@ pub enum ForceSource {
     Model,
 }
 
+/// How near the vehicle is to lifting a wheel and to tipping over; `NaN` where loads are unknown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rollover {
+    /// Load-transfer ratio of the vehicle: right less left over the sum of the loads, 1 where both
+    /// left wheels are off the ground, -1 where both right ones are.
+    pub load_transfer_ratio: f64,
+    /// Its standard deviation.
+    pub load_transfer_ratio_sigma: f64,
+    /// Load-transfer ratio of the front and of the rear axle.
+    pub axle_load_transfer_ratio: [f64; 2],
+    /// Time until each wheel's load is gone at the rate at which it falls, s: zero where it is
+    /// gone, infinite where it does not fall.
+    pub time_to_lift_s: PerWheel<f64>,
+    /// The same of both wheels of a side together, in the order of [`Side::ALL`], s.
+    pub time_to_two_wheel_lift_s: [f64; 2],
+}
+
+impl Default for Rollover {
+    fn default() -> Self {
+        Self {
+            load_transfer_ratio: f64::NAN,
+            load_transfer_ratio_sigma: f64::NAN,
+            axle_load_transfer_ratio: [f64::NAN; 2],
+            time_to_lift_s: PerWheel([f64::NAN; 4]),
+            time_to_two_wheel_lift_s: [f64::NAN; 2],
+        }
+    }
+}
+
 /// What the estimator finds of sensors, steering and tyres beside motion and forces, with standard
 /// deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -142,6 +175,9 @@ pub struct Event {
     pub kind: EventKind,
     /// Probability in [0, 1], where the detector gives one.
     pub probability: Option<f64>,
+    /// Load-transfer ratio of the vehicle at the declaration ([`Rollover::load_transfer_ratio`]),
+    /// of lifts and their warnings.
+    pub load_transfer_ratio: Option<f64>,
     /// Plain words for a person.
     pub text: String,
 }
@@ -156,16 +192,50 @@ pub enum EventKind {
     Lift(Wheel),
     /// A wheel touched the ground again.
     Touchdown(Wheel),
-    /// Both wheels of a side left the ground; `true` for the left side.
-    TwoWheelLift(bool),
-    /// The surface changed: ratio of the new friction or stiffness to the old.
-    SurfaceChange(f64),
-    /// A sensor was found faulty and is excluded; the text names it.
+    /// The load of both wheels of a side is predicted to vanish within the lead time (s).
+    TwoWheelLiftWarning(Side, f64),
+    /// Both wheels of a side left the ground.
+    TwoWheelLift(Side),
+    /// The surface under an axle changed: lateral force as a part of what the tyres as they were
+    /// would give at the same slip angles and loads.
+    SurfaceChange(Axle, f64),
+    /// A sensor, by name, was found faulty and is left out.
     SensorFault(String),
     /// A sensor is used again.
     SensorRecovered(String),
     /// The filter diverged and was started anew.
     FilterReset,
+}
+
+impl EventKind {
+    /// Names of all kinds.
+    pub const NAMES: [&'static str; 9] = [
+        "lift_warning",
+        "lift",
+        "touchdown",
+        "two_wheel_lift_warning",
+        "two_wheel_lift",
+        "surface_change",
+        "sensor_fault",
+        "sensor_recovered",
+        "filter_reset",
+    ];
+
+    /// The kind's name, one of [`EventKind::NAMES`].
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        Self::NAMES[match self {
+            Self::LiftWarning(..) => 0,
+            Self::Lift(_) => 1,
+            Self::Touchdown(_) => 2,
+            Self::TwoWheelLiftWarning(..) => 3,
+            Self::TwoWheelLift(_) => 4,
+            Self::SurfaceChange(..) => 5,
+            Self::SensorFault(_) => 6,
+            Self::SensorRecovered(_) => 7,
+            Self::FilterReset => 8,
+        }]
+    }
 }
 
 /// How grave a message is.

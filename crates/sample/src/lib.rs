@@ -20,8 +20,8 @@ mod wheel;
 
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
 pub use estimate::{
-    AxleGrip, Estimate, Event, EventKind, ForceSource, Health, Motion, Parameters, Severity,
-    SourceHealth, TyreForce,
+    AxleGrip, Estimate, Event, EventKind, ForceSource, Health, Motion, Parameters, Rollover,
+    Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{
@@ -30,7 +30,7 @@ pub use measurement::{
     SteerSample, StrainChannel, WheelSpeedSample,
 };
 pub use stamp::{LogTime, NANOS_PER_SECOND};
-pub use wheel::{PerWheel, Wheel};
+pub use wheel::{Axle, PerWheel, Side, Wheel};
 
 /// Standard gravity in m/s^2 (3rd CGPM, 1901).
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;

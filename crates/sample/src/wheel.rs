@@ -70,6 +70,90 @@ impl Wheel {
     }
 }
 
+/// A side of the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Left.
+    Left,
+    /// Right.
+    Right,
+}
+
+impl Side {
+    /// Both sides, in order.
+    pub const ALL: [Self; 2] = [Self::Left, Self::Right];
+
+    /// Position in [`Side::ALL`].
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The side's front and rear wheel.
+    #[must_use]
+    pub const fn wheels(self) -> [Wheel; 2] {
+        match self {
+            Self::Left => [Wheel::FrontLeft, Wheel::RearLeft],
+            Self::Right => [Wheel::FrontRight, Wheel::RearRight],
+        }
+    }
+
+    /// `left` or `right`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// An axle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axle {
+    /// Front.
+    Front,
+    /// Rear.
+    Rear,
+}
+
+impl Axle {
+    /// Both axles, in order.
+    pub const ALL: [Self; 2] = [Self::Front, Self::Rear];
+
+    /// The axle's left and right wheel.
+    #[must_use]
+    pub const fn wheels(self) -> [Wheel; 2] {
+        match self {
+            Self::Front => [Wheel::FrontLeft, Wheel::FrontRight],
+            Self::Rear => [Wheel::RearLeft, Wheel::RearRight],
+        }
+    }
+
+    /// `front` or `rear`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Rear => "rear",
+        }
+    }
+}
+
+impl fmt::Display for Axle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl fmt::Display for Wheel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.abbreviation())

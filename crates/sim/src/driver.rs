@@ -71,11 +71,12 @@ struct Drive<'a> {
     pedal_m_s2: f64,
 }
 
-/// Drives a plan and tells its states, 200 a second.
+/// Drives a plan and tells its states, 200 a second, to its end or until the vehicle tips over, and
+/// whether it did.
 ///
 /// # Errors
 /// Springs that cannot carry the vehicle.
-pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<Vec<TruthState>, SimError> {
+pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, bool), SimError> {
     let mut drive = Drive {
         plan,
         vehicle,
@@ -87,20 +88,27 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<Vec<TruthState>, S
     };
     let rows = (plan.duration_s / STEP_S / STEPS_A_ROW as f64).round() as usize;
     let mut states = Vec::with_capacity(rows + 1);
+    let tipping_rad = vehicle.tipping_angle_rad();
+    let mut tips_over = false;
     for count in 0..=rows * STEPS_A_ROW {
         let time_s = count as f64 * STEP_S;
         let commands = drive.commands(time_s);
         if count.is_multiple_of(STEPS_A_ROW) {
-            states.push(TruthState {
+            let state = TruthState {
                 time_s,
                 hand_wheel_rad: drive.hand_wheel_rad,
                 ..drive.car.truth(&commands)
-            });
+            };
+            tips_over = state.roll_rad.abs() > tipping_rad;
+            if tips_over {
+                break;
+            }
+            states.push(state);
         }
         drive.car.advance(&commands, STEP_S);
     }
     fill_missing(&mut states);
-    Ok(states)
+    Ok((states, tips_over))
 }
 
 impl Drive<'_> {

@@ -192,12 +192,17 @@ impl Linkage {
     /// Turns the body to the roll and pitch at which its wheels stand on level ground, with the
     /// rates that follow, and carries velocity and specific force over into the new body axes.
     fn settle_attitude(&self, states: &mut [TruthState]) -> Result<(), SimError> {
+        // On two wheels the body stands as the model has it, without a jump.
+        let mut turned = [0.0; 2];
         for state in states.iter_mut() {
-            let Some(plane) = self.ground(state, |_| None)? else {
-                continue;
-            };
             let before = state.earth_from_body();
-            [state.roll_rad, state.pitch_rad] = plane.body_roll_pitch_rad();
+            let own = [state.roll_rad, state.pitch_rad];
+            if let Some(plane) = self.ground(state, |_| None)? {
+                let settled = plane.body_roll_pitch_rad();
+                turned = std::array::from_fn(|axis| settled[axis] - own[axis]);
+            }
+            [state.roll_rad, state.pitch_rad] =
+                std::array::from_fn(|axis| own[axis] + turned[axis]);
             let after = transpose(&state.earth_from_body());
             let carry = |v: [f64; 3]| rotate(&after, rotate(&before, v));
             state.velocity_body_m_s = carry(state.velocity_body_m_s);

@@ -117,13 +117,13 @@ impl Manoeuvre {
     /// # Errors
     /// A linkage that cannot stand as the model moves it.
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
-        let states = match (self, self.plan()) {
+        let (states, tips_over) = match (self, self.plan()) {
             (_, Some(plan)) => driver::drive(vehicle, &plan)?,
             (Self::Turned, _) => return workshop::turned(vehicle),
             (Self::Weighed, _) => return workshop::weighed(vehicle),
             (Self::LoadRig, _) => return workshop::rigged(vehicle),
             (Self::TurnPlates, _) => return workshop::plated(vehicle),
-            _ => jackstand::states(vehicle)?,
+            _ => (jackstand::states(vehicle)?, false),
         };
         let states = match self {
             // The tyres' first deflection would be a jump at the end of each lap.
@@ -133,7 +133,7 @@ impl Manoeuvre {
                 .collect(),
             _ => states,
         };
-        let mut motion = Motion::new(self.name(), states)?;
+        let mut motion = Motion::new(self.name(), states)?.with_end(tips_over);
         motion.complete(vehicle)?;
         Ok(motion)
     }

@@ -137,6 +137,13 @@ impl TruthState {
         })
     }
 
+    /// Friction coefficient of the ground under each wheel, where the motion tells it.
+    #[must_use]
+    pub fn friction(&self) -> Option<PerWheel<f64>> {
+        let friction = PerWheel::from_fn(|wheel| self.wheels[wheel].friction);
+        friction.0.iter().all(|f| f.is_finite()).then_some(friction)
+    }
+
     /// Rotation of vectors from body axes into earth axes (east, north, up), row by row: yaw, then
     /// pitch, then roll.
     #[must_use]
@@ -209,6 +216,7 @@ pub struct Motion {
     lap_starts_m: Vec<[f64; 2]>,
     /// What a person notes on the way: seconds from the start, text.
     marks: Vec<(f64, String)>,
+    tips_over: bool,
 }
 
 impl Motion {
@@ -246,6 +254,7 @@ impl Motion {
             states,
             lap_starts_m: vec![[east_m, north_m]],
             marks: Vec::new(),
+            tips_over: false,
         })
     }
 
@@ -278,6 +287,18 @@ impl Motion {
             })
             .collect();
         self
+    }
+
+    /// The same motion, which ends because the vehicle tips over, or not.
+    pub(crate) fn with_end(mut self, tips_over: bool) -> Self {
+        self.tips_over = tips_over;
+        self
+    }
+
+    /// Whether the motion ended before its time because the vehicle tipped over.
+    #[must_use]
+    pub fn tips_over(&self) -> bool {
+        self.tips_over
     }
 
     /// The manoeuvre's or the file's name.

@@ -4,7 +4,7 @@ mod estimate;
 mod sensor;
 
 use prost::{Message, Name};
-use sample::{LogTime, Motion, NANOS_PER_SECOND, PerWheel, Sample, SourceId, TyreForce};
+use sample::{LogTime, Motion, NANOS_PER_SECOND, PerWheel, Rollover, Sample, SourceId, TyreForce};
 
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
@@ -12,8 +12,8 @@ use crate::{ClockFit, Pose, Record, Stage};
 use estimate::{
     clock_fit_to_proto, event_from_proto, event_to_proto, force_from_proto, forces_to_proto,
     health_from_proto, health_to_proto, log_from_proto, log_to_proto, motion_from_proto,
-    motion_to_proto, parameters_from_proto, parameters_to_proto, transform_from_proto,
-    transform_to_proto,
+    motion_to_proto, parameters_from_proto, parameters_to_proto, per_wheel, rollover_from_proto,
+    rollover_to_proto, transform_from_proto, transform_to_proto, wheels,
 };
 use sensor::{decode_measurement, encode_sample};
 
@@ -72,22 +72,30 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
     };
     match record {
         Record::Sample(sample) => encode_sample(sample, &name(sample.source)),
-        Record::Estimate(estimate) => vec![
-            motion_message(Stage::Estimate, estimate.time, &estimate.motion),
-            forces_message(Stage::Estimate, estimate.time, &estimate.measured),
-            forces_message(Stage::Model, estimate.time, &estimate.expected),
-        ],
+        Record::Estimate(estimate) => {
+            let mut messages = vec![
+                motion_message(Stage::Estimate, estimate.time, &estimate.motion),
+                forces_message(Stage::Estimate, estimate.time, &estimate.measured),
+                forces_message(Stage::Model, estimate.time, &estimate.expected),
+            ];
+            if !estimate.rollover.load_transfer_ratio.is_nan() {
+                messages.push(rollover_message(estimate.time, &estimate.rollover));
+            }
+            messages
+        }
         Record::Truth {
             time,
             motion,
             forces,
             pose,
+            friction,
         } => {
             let mut messages = vec![
                 motion_message(Stage::Truth, *time, motion),
                 forces_message(Stage::Truth, *time, forces),
             ];
             messages.extend(pose.as_ref().map(|pose| pose_message(*time, pose)));
+            messages.extend(friction.map(|friction| friction_message(*time, friction)));
             messages
         }
         Record::Motion {
@@ -100,6 +108,8 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
             stage,
             forces,
         } => vec![forces_message(*stage, *time, forces)],
+        Record::Rollover { time, rollover } => vec![rollover_message(*time, rollover)],
+        Record::Friction { time, coefficient } => vec![friction_message(*time, *coefficient)],
         Record::Pose { time, pose } => vec![pose_message(*time, pose)],
         Record::Parameters(parameters) => vec![Encoded::new(
             "/estimate/parameters".to_owned(),
@@ -141,6 +151,18 @@ fn motion_message(stage: Stage, time: LogTime, motion: &Motion) -> Encoded {
 fn forces_message(stage: Stage, time: LogTime, forces: &PerWheel<TyreForce>) -> Encoded {
     let topic = format!("/{}/tyre_forces", stage.name());
     Encoded::new(topic, time, time, &forces_to_proto(forces))
+}
+
+fn rollover_message(time: LogTime, rollover: &Rollover) -> Encoded {
+    let topic = "/estimate/rollover".to_owned();
+    Encoded::new(topic, time, time, &rollover_to_proto(rollover))
+}
+
+fn friction_message(time: LogTime, coefficient: PerWheel<f64>) -> Encoded {
+    let message = pb::Friction {
+        coefficient: Some(wheels(coefficient)),
+    };
+    Encoded::new("/truth/friction".to_owned(), time, time, &message)
 }
 
 fn pose_message(time: LogTime, pose: &Pose) -> Encoded {
@@ -227,6 +249,14 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 forces,
             }
         }
+        "atvrec.Rollover" => Record::Rollover {
+            time,
+            rollover: rollover_from_proto(&pb::Rollover::decode(data)?),
+        },
+        "atvrec.Friction" => Record::Friction {
+            time,
+            coefficient: per_wheel(pb::Friction::decode(data)?.coefficient),
+        },
         "atvrec.Pose" => {
             let pose = pb::Pose::decode(data)?;
             let pose = Pose {

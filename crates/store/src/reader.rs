@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sample::{Estimate, LogTime, Motion, PerWheel, Signal, SourceId, TyreForce};
+use sample::{Estimate, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce};
 
 pub use arrivals::ArrivalIter;
 pub use messages::{Message, MessageIter, Selection};
@@ -320,8 +320,8 @@ impl Reader {
         self.of_stage(Stage::Truth)
     }
 
-    /// What a stage says of each instant; only with the causal estimates stands what the vehicle
-    /// model expects.
+    /// What a stage says of each instant; only with the causal estimates stand what the vehicle
+    /// model expects and how near it is to tipping over.
     pub fn of_stage(&self, stage: Stage) -> impl Iterator<Item = Result<Estimate>> {
         let topics = match stage {
             Stage::Truth => vec!["/truth/motion", "/truth/tyre_forces"],
@@ -329,6 +329,7 @@ impl Reader {
             Stage::Estimate | Stage::Model => vec![
                 "/estimate/motion",
                 "/estimate/tyre_forces",
+                "/estimate/rollover",
                 "/model/tyre_forces",
             ],
         };
@@ -377,5 +378,6 @@ pub(crate) fn unknown_estimate(time: LogTime) -> Estimate {
         motion: Motion::default(),
         measured: PerWheel([TyreForce::default(); 4]),
         expected: PerWheel([TyreForce::default(); 4]),
+        rollover: Rollover::default(),
     }
 }

@@ -1,6 +1,6 @@
 use sample::{
-    Estimate, Event, Health, LogTime, Motion, Parameters, PerWheel, Sample, Severity, SourceId,
-    TyreForce,
+    Estimate, Event, Health, LogTime, Motion, Parameters, PerWheel, Rollover, Sample, Severity,
+    SourceId, TyreForce,
 };
 
 /// One decoded datum of a log. What is read back is what was written, with these exceptions:
@@ -23,6 +23,8 @@ pub enum Record {
         forces: PerWheel<TyreForce>,
         /// Where the vehicle is, if the simulation says.
         pose: Option<Pose>,
+        /// Friction coefficient of the ground under each wheel, if the simulation says.
+        friction: Option<PerWheel<f64>>,
     },
     /// Motion of the body: a part of an estimate or of the truth.
     Motion {
@@ -41,6 +43,20 @@ pub enum Record {
         stage: Stage,
         /// The forces.
         forces: PerWheel<TyreForce>,
+    },
+    /// How near the vehicle is to tipping over: a part of an estimate.
+    Rollover {
+        /// The instant.
+        time: LogTime,
+        /// Load-transfer ratios and times to lift.
+        rollover: Rollover,
+    },
+    /// Friction coefficient of the ground under each wheel: a part of the truth.
+    Friction {
+        /// The instant.
+        time: LogTime,
+        /// The coefficients.
+        coefficient: PerWheel<f64>,
     },
     /// Where the vehicle is in the truth's local earth frame.
     Pose {

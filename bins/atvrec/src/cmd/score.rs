@@ -1,7 +1,7 @@
 //! `atvrec score`: estimates of a log against its truth, or against another log's.
 
 use report::score::{
-    Comparison, InnovationScore, Lift, Score, compare, innovations, innovations_json, score,
+    Comparison, InnovationScore, Lifts, Score, compare, innovations, innovations_json, score,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
@@ -110,21 +110,25 @@ fn tell(found: &Score) {
     println!();
     tell_innovations(&found.innovations);
     println!();
-    let lifts = &found.lifts;
-    for lift in lifts.wheels.iter().chain(&lifts.sides) {
-        tell_lift(lift);
+    tell_lifts("lifts", &found.lifts);
+    tell_lifts("two-wheel lifts", &found.two_wheel_lifts);
+    if let Some(surfaces) = &found.surface_changes {
+        for change in &surfaces.changes {
+            println!(
+                "{} axle: friction times {:.2} at {:.2} s: declared {} s after, lateral force times {}",
+                change.axle,
+                change.friction_ratio,
+                change.at_s,
+                optional(change.declared_after_s, 2),
+                optional(change.declared_force_ratio, 2),
+            );
+        }
+        println!(
+            "{} changes of surface, {} declared without one",
+            surfaces.changes.len(),
+            surfaces.false_changes
+        );
     }
-    println!(
-        "{} lifts, {} declared without one",
-        lifts.wheels.len(),
-        lifts.false_wheels
-    );
-    println!(
-        "{} two-wheel lifts, {} declared without one; {} warnings that no lift followed",
-        lifts.sides.len(),
-        lifts.false_sides,
-        lifts.false_warnings
-    );
     for (kind, count) in &found.events {
         println!("declared: {count} {kind}");
     }
@@ -151,13 +155,21 @@ fn tell_innovations(found: &[InnovationScore]) {
     }
 }
 
-fn tell_lift(lift: &Lift) {
+fn tell_lifts(name: &str, found: &Lifts) {
+    for lift in &found.lifts {
+        println!(
+            "{} lifts at {:.2} s: declared {} s after, warned {} s before",
+            lift.what,
+            lift.at_s,
+            optional(lift.declared_after_s, 2),
+            optional(lift.warned_before_s, 2),
+        );
+    }
     println!(
-        "{} lifts at {:.2} s: declared {} s after, warned {} s before",
-        lift.what,
-        lift.at_s,
-        optional(lift.declared_after_s, 2),
-        optional(lift.warned_before_s, 2),
+        "{} {name}, {} declared without one; {} warnings that none followed",
+        found.lifts.len(),
+        found.false_lifts,
+        found.false_warnings
     );
 }
 

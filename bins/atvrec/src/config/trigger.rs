@@ -19,8 +19,8 @@ pub struct Trigger {
     pub marks: bool,
     /// Frames that are triggers.
     pub can: Vec<CanRule>,
-    /// Events of the estimator that are triggers.
-    pub events: Vec<EventName>,
+    /// Events of the estimator that are triggers, by the names of their kinds.
+    pub events: Vec<&'static str>,
 }
 
 /// Frames that are a trigger.
@@ -53,54 +53,6 @@ impl CanRule {
     }
 }
 
-/// Kinds of events of the estimator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EventName {
-    /// A wheel is about to lift.
-    LiftWarning,
-    /// A wheel left the ground.
-    Lift,
-    /// A wheel touched the ground again.
-    Touchdown,
-    /// Both wheels of a side left the ground.
-    TwoWheelLift,
-    /// The surface changed.
-    SurfaceChange,
-    /// A sensor was found faulty.
-    SensorFault,
-    /// A sensor is used again.
-    SensorRecovered,
-    /// The filter was started anew.
-    FilterReset,
-}
-
-impl EventName {
-    const ALL: [(&'static str, Self); 8] = [
-        ("lift_warning", Self::LiftWarning),
-        ("lift", Self::Lift),
-        ("touchdown", Self::Touchdown),
-        ("two_wheel_lift", Self::TwoWheelLift),
-        ("surface_change", Self::SurfaceChange),
-        ("sensor_fault", Self::SensorFault),
-        ("sensor_recovered", Self::SensorRecovered),
-        ("filter_reset", Self::FilterReset),
-    ];
-
-    /// The name of an event's kind.
-    pub const fn of(kind: &EventKind) -> Self {
-        match kind {
-            EventKind::LiftWarning(..) => Self::LiftWarning,
-            EventKind::Lift(_) => Self::Lift,
-            EventKind::Touchdown(_) => Self::Touchdown,
-            EventKind::TwoWheelLift(_) => Self::TwoWheelLift,
-            EventKind::SurfaceChange(_) => Self::SurfaceChange,
-            EventKind::SensorFault(_) => Self::SensorFault,
-            EventKind::SensorRecovered(_) => Self::SensorRecovered,
-            EventKind::FilterReset => Self::FilterReset,
-        }
-    }
-}
-
 impl Trigger {
     /// What an arrival triggers by itself, in words.
     pub fn fires(&self, arrival: &Arrival) -> Option<String> {
@@ -119,7 +71,7 @@ impl Trigger {
 
     /// Whether an event of the estimator is a trigger.
     pub fn fires_on(&self, event: &Event) -> bool {
-        self.events.contains(&EventName::of(&event.kind))
+        self.events.contains(&event.kind.name())
     }
 
     /// Reads the table.
@@ -149,16 +101,15 @@ impl Trigger {
     }
 }
 
-fn read_events(field: &Field<Vec<String>>, gather: &mut Gatherer<'_>) -> Vec<EventName> {
+fn read_events(field: &Field<Vec<String>>, gather: &mut Gatherer<'_>) -> Vec<&'static str> {
     let mut events = Vec::new();
     for name in &field.value {
-        match EventName::ALL.iter().find(|(known, _)| known == name) {
-            Some((_, event)) => events.push(*event),
+        match EventKind::NAMES.into_iter().find(|known| known == name) {
+            Some(event) => events.push(event),
             None => {
-                let known = EventName::ALL.map(|(name, _)| name);
-                let help = match closest(name, &known) {
+                let help = match closest(name, &EventKind::NAMES) {
                     Some(near) => format!("did you mean \"{near}\"?"),
-                    None => format!("give some of: {}", known.join(", ")),
+                    None => format!("give some of: {}", EventKind::NAMES.join(", ")),
                 };
                 let message = format!("\"{name}\" is no event of the estimator");
                 gather.add(&field.span, &field.name, message, help);
@@ -286,7 +237,7 @@ mod tests {
         )
         .expect("no problem");
         assert_eq!(trigger.memory.duration, Duration::from_secs(5));
-        assert_eq!(trigger.events, [EventName::Lift]);
+        assert_eq!(trigger.events, ["lift"]);
         let rule = &trigger.can[0];
         assert!(rule.fits(&frame(0x123, false, &[9, 0x1F])));
         assert!(!rule.fits(&frame(0x123, false, &[9, 0x2F])));

@@ -16,6 +16,7 @@ pub(super) fn reset_event(now: LogTime, what: &str) -> Event {
         onset: now,
         kind: EventKind::FilterReset,
         probability: None,
+        load_transfer_ratio: None,
         text: format!("{what} and was started anew"),
     }
 }
@@ -52,6 +53,7 @@ fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {
             EventKind::SensorRecovered(name)
         },
         probability: None,
+        load_transfer_ratio: None,
         text,
     }
 }

@@ -32,6 +32,14 @@ impl Vehicle {
         self.body.front_axle_to_cg_m + self.body.cg_to_rear_axle_m
     }
 
+    /// Roll angle of a rigid vehicle whose centre of gravity stands above the outer wheels of the
+    /// narrower axle, rad: beyond it, it falls onto its side.
+    #[must_use]
+    pub fn tipping_angle_rad(&self) -> f64 {
+        let track_m = self.front.track_m.min(self.rear.track_m);
+        (0.5 * track_m).atan2(self.body.cg_height_m)
+    }
+
     /// Height of the roll axis above ground, under the centre of gravity, m: straight between both roll
     /// centres.
     #[must_use]

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use sample::{Estimate, LogTime, Wheel};
+use sample::{Estimate, Event, LogTime, Wheel};
 use serde_json::{Value, json};
-use store::{Reader, Record, Selection, Stage};
+use store::{Reader, Stage};
 
-use super::{Pairs, ScoreError, each_signal, kind_name};
+use super::{Pairs, ScoreError, each_signal, events};
 
 /// Events of the same kind this near each other are the same, s.
 const SAME_EVENT_S: f64 = 0.1;
@@ -106,7 +106,7 @@ pub fn compare(
             ..found
         }));
     });
-    let (mine, theirs) = (events(here, start)?, events(there, start)?);
+    let [mine, theirs] = [events(here)?, events(there)?].map(|all| told(all, start, from_s));
     let events_only_here = alone(&mine, &theirs);
     Ok(Comparison {
         common: pairs.len(),
@@ -153,18 +153,16 @@ fn difference(values: impl Iterator<Item = (f64, f64, f64)>) -> Option<Differenc
     (found.count + found.one_sided > 0).then_some(found)
 }
 
-fn events(reader: &Reader, start: LogTime) -> Result<Vec<LoneEvent>, ScoreError> {
-    let mut all = Vec::new();
-    for message in reader.messages(Selection::topics(["/estimate/events"])) {
-        if let Some(Record::Event(event)) = message?.record()? {
-            all.push(LoneEvent {
-                kind: kind_name(&event.kind),
-                at_s: event.time.seconds_since(start),
-                text: event.text,
-            });
-        }
-    }
-    Ok(all)
+fn told(events: Vec<Event>, start: LogTime, from_s: f64) -> Vec<LoneEvent> {
+    events
+        .into_iter()
+        .map(|event| LoneEvent {
+            kind: event.kind.name(),
+            at_s: event.time.seconds_since(start),
+            text: event.text,
+        })
+        .filter(|event| event.at_s >= from_s)
+        .collect()
 }
 
 fn alone(mine: &[LoneEvent], theirs: &[LoneEvent]) -> Vec<LoneEvent> {

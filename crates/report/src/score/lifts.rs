@@ -1,8 +1,8 @@
 //! Lifts of the truth, and what was declared of them.
 
-use sample::{EventKind, LogTime, PerWheel, Wheel};
+use sample::{Event, EventKind, LogTime, PerWheel, Side, Wheel};
 use serde_json::{Value, json};
-use store::{Reader, Record, Selection};
+use store::Reader;
 
 use super::ScoreError;
 
@@ -27,31 +27,23 @@ pub struct Lift {
     pub warned_before_s: Option<f64>,
 }
 
-/// All lifts.
+/// Lifts of wheels, or of sides.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lifts {
-    /// Of wheels.
-    pub wheels: Vec<Lift>,
-    /// Of both wheels of a side.
-    pub sides: Vec<Lift>,
-    /// Declared lifts of wheels without one.
-    pub false_wheels: usize,
-    /// Declared lifts of sides without one.
-    pub false_sides: usize,
+    /// Those of the truth.
+    pub lifts: Vec<Lift>,
+    /// Declared ones that the truth does not have.
+    pub false_lifts: usize,
     /// Warnings that no lift followed.
     pub false_warnings: usize,
 }
 
 impl Lift {
-    /// As JSON.
+    /// As JSON; `key` is what of the vehicle left the ground.
     #[must_use]
-    pub fn to_json(&self) -> Value {
-        let (key, what) = match self.what {
-            "left" | "right" => ("side", self.what),
-            wheel => ("wheel", wheel),
-        };
+    pub fn to_json(&self, key: &str) -> Value {
         json!({
-            key: what,
+            key: self.what,
             "at_s": self.at_s,
             "declared_after_s": self.declared_after_s,
             "warned_before_s": self.warned_before_s,
@@ -59,35 +51,34 @@ impl Lift {
     }
 }
 
-/// Declarations: of whom and when.
+/// What the estimator said: of whom and when, s from the start of the truth.
 #[derive(Default)]
-struct Declared {
+struct Said {
     lifts: Vec<(&'static str, f64)>,
     warnings: Vec<(&'static str, f64)>,
-    sides: Vec<(&'static str, f64)>,
 }
 
-/// Finds the lifts of a log's truth.
+/// Finds the lifts of a log's truth, of wheels and of sides, without the first `from_s` seconds.
 pub(super) fn find(
     reader: &Reader,
     start: LogTime,
+    from_s: f64,
     loads: &PerWheel<f64>,
-) -> Result<Lifts, ScoreError> {
-    let mut declared = Declared::default();
-    for message in reader.messages(Selection::topics(["/estimate/events"])) {
-        if let Some(Record::Event(event)) = message?.record()? {
-            let at_s = event.time.seconds_since(start);
-            match event.kind {
-                EventKind::Lift(wheel) => declared.lifts.push((wheel.abbreviation(), at_s)),
-                EventKind::LiftWarning(wheel, _) => {
-                    declared.warnings.push((wheel.abbreviation(), at_s));
-                }
-                EventKind::TwoWheelLift(left) => declared.sides.push((side_name(left), at_s)),
-                _ => {}
-            }
-        }
+    events: &[Event],
+) -> Result<[Lifts; 2], ScoreError> {
+    let (mut of_wheels, mut of_sides) = (Said::default(), Said::default());
+    for event in events {
+        let at_s = event.time.seconds_since(start);
+        let (said, what) = match event.kind {
+            EventKind::Lift(wheel) => (&mut of_wheels.lifts, wheel.abbreviation()),
+            EventKind::LiftWarning(wheel, _) => (&mut of_wheels.warnings, wheel.abbreviation()),
+            EventKind::TwoWheelLift(side) => (&mut of_sides.lifts, side.name()),
+            EventKind::TwoWheelLiftWarning(side, _) => (&mut of_sides.warnings, side.name()),
+            _ => continue,
+        };
+        said.push((what, at_s));
     }
-    let mut found = Lifts::default();
+    let (mut wheels, mut sides) = (Vec::new(), Vec::new());
     let mut up = PerWheel([true; 4]);
     let mut side_up = [true; 2];
     for truth in reader.truth() {
@@ -96,41 +87,20 @@ pub(super) fn find(
         let part = PerWheel::from_fn(|wheel| truth.measured[wheel].force_n[2] / loads[wheel]);
         for wheel in Wheel::ALL {
             if begins(&mut up[wheel], part[wheel]) {
-                let (lifts, warnings) = (&declared.lifts, &declared.warnings);
-                let name = wheel.abbreviation();
-                let earlier = found.wheels.iter().rev().find(|lift| lift.what == name);
-                let since_s = earlier.map_or(f64::NEG_INFINITY, |lift| lift.at_s);
-                // A warning is of the next lift.
-                let warnings: Vec<_> = warnings
-                    .iter()
-                    .filter(|(_, warned_s)| *warned_s > since_s)
-                    .copied()
-                    .collect();
-                let lift = lift(name, at_s, lifts, &warnings);
-                found.wheels.push(lift);
+                wheels.push((wheel.abbreviation(), at_s));
             }
         }
-        for (side, wheels) in [[0, 2], [1, 3]].into_iter().enumerate() {
-            let heavier = part.0[wheels[0]].max(part.0[wheels[1]]);
-            if begins(&mut side_up[side], heavier) {
-                let lift = lift(side_name(side == 0), at_s, &declared.sides, &[]);
-                found.sides.push(lift);
+        for side in Side::ALL {
+            let [front, rear] = side.wheels().map(|wheel| part[wheel]);
+            if begins(&mut side_up[side.index()], front.max(rear)) {
+                sides.push((side.name(), at_s));
             }
         }
     }
-    found.false_wheels = without(&declared.lifts, &found.wheels, -NEAR_S, NEAR_S);
-    found.false_sides = without(&declared.sides, &found.sides, -NEAR_S, NEAR_S);
-    found.false_warnings = without(
-        &declared.warnings,
-        &found.wheels,
-        -NEAR_S,
-        WARNING_LEAD_MAX_S,
-    );
-    Ok(found)
-}
-
-fn side_name(left: bool) -> &'static str {
-    if left { "left" } else { "right" }
+    Ok([
+        judged(&wheels, &of_wheels, from_s),
+        judged(&sides, &of_sides, from_s),
+    ])
 }
 
 /// Whether a lift begins, with hysteresis. What begins in the air does not count.
@@ -144,35 +114,43 @@ fn begins(up: &mut bool, part: f64) -> bool {
     }
 }
 
-/// How many declarations have no lift of theirs from `least` to `most` seconds later.
-fn without(declared: &[(&'static str, f64)], lifts: &[Lift], least: f64, most: f64) -> usize {
-    let has_none = |(what, at_s): &&(&'static str, f64)| {
-        !lifts
-            .iter()
-            .any(|lift| lift.what == *what && (least..=most).contains(&(lift.at_s - at_s)))
+fn judged(true_lifts: &[(&'static str, f64)], said: &Said, from_s: f64) -> Lifts {
+    let lift = |(i, (what, at_s)): (usize, &(&'static str, f64))| {
+        let mut earlier = true_lifts[..i].iter().rev();
+        let earlier_s = earlier.find(|(other, _)| other == what);
+        let since_s = earlier_s.map_or(f64::NEG_INFINITY, |(_, earlier_s)| *earlier_s);
+        let after_s = |list: &[(&'static str, f64)]| -> Vec<f64> {
+            let mine = list.iter().filter(|(other, _)| other == what);
+            mine.map(|(_, said_s)| said_s - at_s).collect()
+        };
+        Lift {
+            what,
+            at_s: *at_s,
+            declared_after_s: after_s(&said.lifts)
+                .into_iter()
+                .find(|after_s| after_s.abs() < NEAR_S),
+            // A warning is of the next lift.
+            warned_before_s: after_s(&said.warnings)
+                .into_iter()
+                .map(|after_s| -after_s)
+                .filter(|before_s| at_s - before_s > since_s)
+                .find(|before_s| (0.0..WARNING_LEAD_MAX_S).contains(before_s)),
+        }
     };
-    declared.iter().filter(has_none).count()
-}
-
-fn lift(
-    what: &'static str,
-    at_s: f64,
-    declared: &[(&'static str, f64)],
-    warned: &[(&'static str, f64)],
-) -> Lift {
-    let of_it = |list: &[(&'static str, f64)]| -> Vec<f64> {
-        let mine = list.iter().filter(|(other, _)| *other == what);
-        mine.map(|(_, time_s)| time_s - at_s).collect()
+    let without = |said: &[(&'static str, f64)], most_s: f64| {
+        let has_none = |(what, said_s): &&(&'static str, f64)| {
+            let of_it = |(other, at_s): &(&'static str, f64)| {
+                other == what && (-NEAR_S..=most_s).contains(&(at_s - said_s))
+            };
+            *said_s >= from_s && !true_lifts.iter().any(of_it)
+        };
+        said.iter().filter(has_none).count()
     };
-    Lift {
-        what,
-        at_s,
-        declared_after_s: of_it(declared)
-            .into_iter()
-            .find(|after_s| after_s.abs() < NEAR_S),
-        warned_before_s: of_it(warned)
-            .into_iter()
-            .map(|after_s| -after_s)
-            .find(|before_s| (0.0..WARNING_LEAD_MAX_S).contains(before_s)),
+    Lifts {
+        lifts: (true_lifts.iter().enumerate().map(lift))
+            .filter(|lift| lift.at_s >= from_s)
+            .collect(),
+        false_lifts: without(&said.lifts, NEAR_S),
+        false_warnings: without(&said.warnings, WARNING_LEAD_MAX_S),
     }
 }

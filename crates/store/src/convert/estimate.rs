@@ -1,8 +1,9 @@
 //! What the estimator and the recorder say.
 
 use sample::{
-    AxleGrip, Event, EventKind, ForceSource, Health, InnovationKind, Innovations, LogTime,
-    LossPlace, Motion, Parameters, PerWheel, Severity, SourceHealth, SourceId, TyreForce, Wheel,
+    Axle, AxleGrip, Event, EventKind, ForceSource, Health, InnovationKind, Innovations, LogTime,
+    LossPlace, Motion, Parameters, PerWheel, Rollover, Severity, Side, SourceHealth, SourceId,
+    TyreForce, Wheel,
 };
 
 use super::{array, narrow, timestamp, vector};
@@ -97,6 +98,30 @@ pub(super) fn force_from_proto(f: Option<pb::TyreForce>) -> TyreForce {
             pb::ForceSource::Fusion => ForceSource::Fusion,
             pb::ForceSource::Model => ForceSource::Model,
         },
+    }
+}
+
+pub(super) fn rollover_to_proto(rollover: &Rollover) -> pb::Rollover {
+    let [front, rear] = rollover.axle_load_transfer_ratio;
+    let [left_s, right_s] = rollover.time_to_two_wheel_lift_s;
+    pb::Rollover {
+        load_transfer_ratio: rollover.load_transfer_ratio,
+        load_transfer_ratio_sigma: rollover.load_transfer_ratio_sigma,
+        front_load_transfer_ratio: front,
+        rear_load_transfer_ratio: rear,
+        time_to_lift_s: Some(wheels(rollover.time_to_lift_s)),
+        time_to_left_lift_s: left_s,
+        time_to_right_lift_s: right_s,
+    }
+}
+
+pub(super) fn rollover_from_proto(r: &pb::Rollover) -> Rollover {
+    Rollover {
+        load_transfer_ratio: r.load_transfer_ratio,
+        load_transfer_ratio_sigma: r.load_transfer_ratio_sigma,
+        axle_load_transfer_ratio: [r.front_load_transfer_ratio, r.rear_load_transfer_ratio],
+        time_to_lift_s: per_wheel(r.time_to_lift_s),
+        time_to_two_wheel_lift_s: [r.time_to_left_lift_s, r.time_to_right_lift_s],
     }
 }
 
@@ -228,8 +253,17 @@ pub(super) fn event_to_proto(event: &Event) -> pb::Event {
         }),
         EventKind::Lift(wheel) => Kind::Lift(wheel_to_proto(*wheel)),
         EventKind::Touchdown(wheel) => Kind::Touchdown(wheel_to_proto(*wheel)),
-        EventKind::TwoWheelLift(left) => Kind::TwoWheelLiftLeft(*left),
-        EventKind::SurfaceChange(ratio) => Kind::SurfaceChangeRatio(*ratio),
+        EventKind::TwoWheelLiftWarning(side, lead_time_s) => {
+            Kind::TwoWheelLiftWarning(pb::TwoWheelLiftWarning {
+                left: *side == Side::Left,
+                lead_time_s: *lead_time_s,
+            })
+        }
+        EventKind::TwoWheelLift(side) => Kind::TwoWheelLiftLeft(*side == Side::Left),
+        EventKind::SurfaceChange(axle, ratio) => Kind::SurfaceChange(pb::SurfaceChange {
+            rear: *axle == Axle::Rear,
+            lateral_force_ratio: *ratio,
+        }),
         EventKind::SensorFault(name) => Kind::SensorFault(name.clone()),
         EventKind::SensorRecovered(name) => Kind::SensorRecovered(name.clone()),
         EventKind::FilterReset => Kind::FilterReset(pb::FilterReset {}),
@@ -239,6 +273,7 @@ pub(super) fn event_to_proto(event: &Event) -> pb::Event {
         probability: event.probability,
         text: event.text.clone(),
         kind: Some(kind),
+        load_transfer_ratio: event.load_transfer_ratio,
     }
 }
 
@@ -250,8 +285,14 @@ pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event,
         }
         Kind::Lift(wheel) => EventKind::Lift(wheel_from_proto(wheel)?),
         Kind::Touchdown(wheel) => EventKind::Touchdown(wheel_from_proto(wheel)?),
-        Kind::TwoWheelLiftLeft(left) => EventKind::TwoWheelLift(left),
-        Kind::SurfaceChangeRatio(ratio) => EventKind::SurfaceChange(ratio),
+        Kind::TwoWheelLiftWarning(warning) => {
+            EventKind::TwoWheelLiftWarning(side(warning.left), warning.lead_time_s)
+        }
+        Kind::TwoWheelLiftLeft(left) => EventKind::TwoWheelLift(side(left)),
+        Kind::SurfaceChange(change) => {
+            let axle = if change.rear { Axle::Rear } else { Axle::Front };
+            EventKind::SurfaceChange(axle, change.lateral_force_ratio)
+        }
         Kind::SensorFault(name) => EventKind::SensorFault(name),
         Kind::SensorRecovered(name) => EventKind::SensorRecovered(name),
         Kind::FilterReset(_) => EventKind::FilterReset,
@@ -261,8 +302,13 @@ pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event,
         onset: LogTime(event.onset_ns),
         kind,
         probability: event.probability,
+        load_transfer_ratio: event.load_transfer_ratio,
         text: event.text,
     })
+}
+
+fn side(left: bool) -> Side {
+    if left { Side::Left } else { Side::Right }
 }
 
 pub(super) fn health_to_proto(health: &Health) -> pb::Health {

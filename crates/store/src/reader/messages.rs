@@ -287,13 +287,18 @@ pub(super) fn joined(
                 Err(error) => return Some(Err(error)),
             };
             let time = match &record {
-                Some(Record::Motion { time, .. } | Record::TyreForces { time, .. }) => *time,
+                Some(
+                    Record::Motion { time, .. }
+                    | Record::TyreForces { time, .. }
+                    | Record::Rollover { time, .. },
+                ) => *time,
                 _ => continue,
             };
             let done = open.take_if(|open| open.time != time);
             let estimate = open.get_or_insert_with(|| unknown_estimate(time));
             match record {
                 Some(Record::Motion { motion, .. }) => estimate.motion = motion,
+                Some(Record::Rollover { rollover, .. }) => estimate.rollover = rollover,
                 Some(Record::TyreForces {
                     forces, stage: of, ..
                 }) => {

@@ -2,11 +2,11 @@
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use sample::{
-    Arrival, Attitude, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
+    Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
     Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
     GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime, LossPlace,
-    Measurement, Motion, Notice, Parameters, Payload, PerWheel, Sample, Severity, Signal,
-    SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
+    Measurement, Motion, Notice, Parameters, Payload, PerWheel, Rollover, Sample, Severity, Side,
+    Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 use store::{
     Attachment, ClockFit, DynamicMessage, LogMessage, Pose, Record, Session, SignalSchema, Source,
@@ -176,6 +176,10 @@ pub fn records(time: LogTime) -> Vec<Record> {
             time,
             stage: Stage::Model,
             forces: forces(1.5),
+        },
+        Record::Friction {
+            time,
+            coefficient: PerWheel([0.9, 0.8, 0.7, 0.6]),
         },
         Record::Pose {
             time,
@@ -388,8 +392,11 @@ fn events(time: LogTime) -> Vec<Record> {
         EventKind::LiftWarning(Wheel::FrontRight, 0.4),
         EventKind::Lift(Wheel::FrontLeft),
         EventKind::Touchdown(Wheel::RearRight),
-        EventKind::TwoWheelLift(false),
-        EventKind::SurfaceChange(0.6),
+        EventKind::TwoWheelLiftWarning(Side::Right, 1.5),
+        EventKind::TwoWheelLift(Side::Left),
+        EventKind::TwoWheelLift(Side::Right),
+        EventKind::SurfaceChange(Axle::Front, 0.6),
+        EventKind::SurfaceChange(Axle::Rear, 0.7),
         EventKind::SensorFault("crossbow".to_owned()),
         EventKind::SensorRecovered("crossbow".to_owned()),
         EventKind::FilterReset,
@@ -400,6 +407,7 @@ fn events(time: LogTime) -> Vec<Record> {
             onset: time + 400_000_000,
             kind,
             probability: (index % 2 == 0).then_some(0.75),
+            load_transfer_ratio: (index % 3 == 0).then_some(-0.25),
             text: format!("event {index}"),
         })
     };
@@ -445,6 +453,13 @@ pub fn estimate(time: LogTime) -> Estimate {
         motion: motion(),
         measured: forces(1.0),
         expected: forces(2.0),
+        rollover: Rollover {
+            load_transfer_ratio: 0.5,
+            load_transfer_ratio_sigma: 0.01,
+            axle_load_transfer_ratio: [0.75, 0.25],
+            time_to_lift_s: PerWheel([0.0, f64::INFINITY, 2.0, 3.0]),
+            time_to_two_wheel_lift_s: [1.5, f64::INFINITY],
+        },
     }
 }
 

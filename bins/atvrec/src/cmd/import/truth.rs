@@ -106,6 +106,7 @@ impl TruthPoint {
             motion,
             forces,
             pose: None,
+            friction: None,
         }
     }
 }
