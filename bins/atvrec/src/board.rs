@@ -50,6 +50,7 @@ struct State {
     /// Of the newest log, from before there was one to measure.
     last_rate: Option<f64>,
     names: Vec<String>,
+    faulty_sensors: Vec<String>,
 }
 
 impl Board {
@@ -64,6 +65,7 @@ impl Board {
             directory,
             limits: config.storage.limits,
             names: names(config),
+            faulty_sensors: Vec::new(),
         }))
     }
 
@@ -73,6 +75,17 @@ impl Board {
         state.directory.clone_from(&config.storage.directory);
         state.limits = config.storage.limits;
         state.names = names(config);
+        state.faulty_sensors.clear();
+    }
+
+    /// Tells which sensors the estimator leaves out.
+    pub fn set_faulty_sensors(&self, names: Vec<String>) {
+        self.lock().faulty_sensors = names;
+    }
+
+    /// Sensors that the estimator leaves out.
+    pub fn faulty_sensors(&self) -> Vec<String> {
+        self.lock().faulty_sensors.clone()
     }
 
     /// A run begins.

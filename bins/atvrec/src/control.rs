@@ -201,6 +201,7 @@ fn status(desk: &Desk) -> Value {
         "writing": desk.board.writing(),
         "memory_s": kept_s,
         "sources": sources,
+        "faulty_sensors": desk.board.faulty_sensors(),
         "disk": disk(&desk.board),
     })
 }

@@ -13,8 +13,8 @@ use std::collections::BTreeSet;
 use estimator::smoother::{LAG_STEPS, Smoother};
 use estimator::{Estimator, Output};
 use sample::{
-    Arrival, Estimate, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample, Severity,
-    SourceId,
+    Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
+    Severity, SourceId,
 };
 use store::{LogMessage, Record, Stage};
 
@@ -35,6 +35,7 @@ pub struct Engine {
     estimator: Option<Estimator>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
+    faulty_sensors: BTreeSet<String>,
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
 }
@@ -56,6 +57,7 @@ impl Engine {
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
             smoother: None,
             samples: Vec::new(),
+            faulty_sensors: BTreeSet::new(),
             next_watch: None,
             next_health: None,
         })
@@ -103,10 +105,18 @@ impl Engine {
             return;
         };
         let smoother = &mut self.smoother;
+        let faulty = &mut self.faulty_sensors;
         estimator.advance(now, &mut |output| match output {
             Output::Estimate(estimate) => records.push(Record::Estimate(estimate)),
             Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
-            Output::Event(event) => records.push(Record::Event(event)),
+            Output::Event(event) => {
+                match &event.kind {
+                    EventKind::SensorFault(name) => drop(faulty.insert(name.clone())),
+                    EventKind::SensorRecovered(name) => drop(faulty.remove(name)),
+                    _ => {}
+                }
+                records.push(Record::Event(event));
+            }
             Output::Step(step) => {
                 if let Some(smoother) = smoother {
                     smoother.push(*step, &mut |estimate| push_smoothed(records, &estimate));
@@ -187,11 +197,12 @@ impl Engine {
         }
     }
 
-    /// Counters of all sources.
+    /// Counters of all sources, and the sensors that the estimator leaves out.
     pub fn health(&self, time: LogTime) -> Health {
         Health {
             time,
             sources: self.sources.iter().map(SourceState::health).collect(),
+            faulty_sensors: self.faulty_sensors.iter().cloned().collect(),
         }
     }
 }

@@ -291,6 +291,7 @@ impl<'a> Conductor<'a> {
         let started = since.unwrap_or_else(|| self.sequencer.clock().now());
         let engine = Engine::new(&config)?;
         let voice = Voice {
+            board: Arc::clone(&self.board),
             aloud: match numbers {
                 Some(_) => config.storage.trigger.is_none(),
                 None => self.live.is_none(),
@@ -400,6 +401,7 @@ impl<'a> Conductor<'a> {
                 engine,
                 queue,
                 voice: Voice {
+                    board: Arc::clone(&self.board),
                     aloud: true,
                     events: None,
                 },
@@ -429,6 +431,7 @@ impl<'a> Conductor<'a> {
                 engine: Engine::new(&self.config)?,
                 queue: self.listen(),
                 voice: Voice {
+                    board: Arc::clone(&self.board),
                     aloud: true,
                     events: trigger.map(|trigger| (trigger, self.fired.clone())),
                 },

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use sample::{
-    Event, FixQuality, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Sample,
-    TyreForce,
+    Event, FixQuality, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover,
+    Sample, TyreForce,
 };
 use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage};
 
@@ -48,6 +48,8 @@ pub struct Drive {
     pub truth: Series<Motion>,
     /// True forces, of a simulation.
     pub truth_forces: Series<PerWheel<TyreForce>>,
+    /// Load-transfer ratios and times to lift.
+    pub rollover: Series<Rollover>,
     /// What the estimator has learnt, with the tyres' grip.
     pub learnt: Series<Parameters>,
     /// Hand-wheel angle, rad.
@@ -138,6 +140,7 @@ impl Drive {
             expected: Series::default(),
             truth: Series::default(),
             truth_forces: Series::default(),
+            rollover: Series::default(),
             learnt: Series::default(),
             hand_wheel_rad: Series::default(),
             gnss_speed_m_s: BTreeMap::new(),
@@ -199,6 +202,7 @@ impl Drive {
                 self.take_sample(&sample, name, origins);
             }
             Record::Event(event) => self.events.push(event),
+            Record::Rollover { time, rollover } => self.rollover.push(seconds(time), rollover),
             Record::Parameters(parameters) => {
                 self.learnt.push(seconds(parameters.time), parameters);
             }

@@ -1,6 +1,6 @@
 //! Which figures a report has.
 
-use sample::{AxleGrip, Motion, Parameters, PerWheel, TyreForce, Wheel};
+use sample::{AxleGrip, Motion, Parameters, PerWheel, Rollover, TyreForce, Wheel};
 
 use crate::drive::{Drive, Series};
 use crate::plot::{Figure, Panel, Pen, Trace};
@@ -39,6 +39,7 @@ pub fn all(drive: &Drive) -> Vec<Figure> {
             "longitudinal force F<sub>x</sub> (N)",
             LONGITUDINAL,
         ),
+        rollover(drive),
         roll_pitch(drive),
         acceleration(drive),
         grip(drive),
@@ -206,6 +207,33 @@ fn force(
         x: series.time_s.clone(),
         y: series.map(|forces| forces[wheel].force_n[axis]),
     }
+}
+
+fn rollover(drive: &Drive) -> Figure {
+    let mut traces = Vec::new();
+    let mut curve = |name: &str, pen, ratio: fn(&Rollover) -> f64| {
+        traces.push(Trace {
+            name: name.into(),
+            pen,
+            x: drive.rollover.time_s.clone(),
+            y: drive.rollover.map(ratio),
+        });
+    };
+    curve("front axle", Pen::Other(0), |r| {
+        r.axle_load_transfer_ratio[0]
+    });
+    curve("rear axle", Pen::Other(1), |r| {
+        r.axle_load_transfer_ratio[1]
+    });
+    curve("vehicle", Pen::Measured, |r| r.load_transfer_ratio);
+    single(
+        "rollover",
+        "Load-transfer ratio",
+        "Right less left over the sum of the loads. At 1 the left wheels, at -1 the right wheels of \
+         an axle are off the ground; the vehicle tips over where it gets there itself.",
+        "load-transfer ratio (–)",
+        traces,
+    )
 }
 
 fn roll_pitch(drive: &Drive) -> Figure {

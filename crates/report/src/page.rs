@@ -275,6 +275,13 @@ fn sources(drive: &Drive, body: &mut String) {
         body.push_str("</tr>");
     }
     body.push_str("</table></div>");
+    if !health.faulty_sensors.is_empty() {
+        let names = escape(&health.faulty_sensors.join(", "));
+        let _ = write!(
+            body,
+            "<p>Found faulty and left out at the end: {names}.</p>"
+        );
+    }
 }
 
 fn clocks(drive: &Drive, body: &mut String) {

@@ -21,8 +21,8 @@ pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use lifts::{Lift, Lifts};
 pub use surfaces::{SurfaceChange, SurfaceChanges};
 
-/// Sideslip means little below this speed, m/s.
-const SIDESLIP_SPEED_MIN_M_S: f64 = 3.0;
+/// Sideslip and slip angles mean little below this speed, m/s.
+const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 /// Interval of the estimates, s.
 const INTERVAL_S: f64 = 0.01;
 /// Longest delay that is looked for, intervals.
@@ -193,34 +193,49 @@ fn each_signal(
     mut add: impl FnMut(&'static str, Option<Wheel>, &'static str, bool, Pick<'_>, Pick<'_>),
 ) {
     let none = f64::NAN;
-    let sideslip = |e: &Estimate| {
-        let angle = if e.motion.velocity_x_m_s > SIDESLIP_SPEED_MIN_M_S {
-            e.motion.sideslip_rad
+    let quick = |e: &Estimate, angle_rad: f64| {
+        if e.motion.velocity_x_m_s > SLIP_SPEED_MIN_M_S {
+            angle_rad
         } else {
             f64::NAN
-        };
-        (angle, e.motion.sideslip_sigma_rad)
+        }
     };
     // A reference may tell the angle without a speed.
-    let true_sideslip = |e: &Estimate| {
-        let slow = e.motion.velocity_x_m_s <= SIDESLIP_SPEED_MIN_M_S;
-        let angle = if slow {
+    let true_angle = |e: &Estimate, angle_rad: f64| {
+        if e.motion.velocity_x_m_s <= SLIP_SPEED_MIN_M_S {
             f64::NAN
         } else {
-            e.motion.sideslip_rad
-        };
-        (angle, none)
+            angle_rad
+        }
     };
+    let sideslip = |e: &Estimate| {
+        let angle = quick(e, e.motion.sideslip_rad);
+        (angle, e.motion.sideslip_sigma_rad)
+    };
+    let true_sideslip = |e: &Estimate| (true_angle(e, e.motion.sideslip_rad), none);
     add("sideslip", None, "rad", false, &sideslip, &true_sideslip);
-    let plain: [(&'static str, &'static str, Pick<'_>); 5] = [
+    let plain: [(&'static str, &'static str, Pick<'_>); 9] = [
         ("velocity_x", "m/s", &|e| (e.motion.velocity_x_m_s, none)),
         ("velocity_y", "m/s", &|e| (e.motion.velocity_y_m_s, none)),
         ("roll", "rad", &|e| (e.motion.roll_rad, none)),
         ("pitch", "rad", &|e| (e.motion.pitch_rad, none)),
+        ("roll_rate", "rad/s", &|e| (e.motion.rate_rad_s[0], none)),
+        ("pitch_rate", "rad/s", &|e| (e.motion.rate_rad_s[1], none)),
         ("yaw_rate", "rad/s", &|e| (e.motion.rate_rad_s[2], none)),
+        ("bank", "rad", &|e| (e.motion.bank_rad, none)),
+        ("grade", "rad", &|e| (e.motion.grade_rad, none)),
     ];
     for (signal, unit, pick) in plain {
         add(signal, None, unit, false, pick, pick);
+    }
+    for wheel in Wheel::ALL {
+        let steer = |e: &Estimate| (e.motion.steer_rad[wheel], none);
+        add("steer", Some(wheel), "rad", false, &steer, &steer);
+    }
+    for wheel in Wheel::ALL {
+        let slip = |e: &Estimate| (quick(e, e.motion.slip_angle_rad[wheel]), none);
+        let truth = |e: &Estimate| (true_angle(e, e.motion.slip_angle_rad[wheel]), none);
+        add("slip_angle", Some(wheel), "rad", false, &slip, &truth);
     }
     let measured = ["measured_force_x", "measured_force_y", "measured_force_z"];
     let expected = ["expected_force_x", "expected_force_y", "expected_force_z"];

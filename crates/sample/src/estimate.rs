@@ -257,6 +257,8 @@ pub struct Health {
     pub time: LogTime,
     /// Counters of each source.
     pub sources: Vec<SourceHealth>,
+    /// Names of the sensors that the estimator has found faulty and leaves out.
+    pub faulty_sensors: Vec<String>,
 }
 
 /// Counters of one source since the start; each only rises.

@@ -123,4 +123,10 @@ fn tell(answer: &Value) {
             source["state"].as_str().unwrap_or_default(),
         );
     }
+    for name in answer["faulty_sensors"].as_array().into_iter().flatten() {
+        println!(
+            "  the estimator leaves out: {}",
+            name.as_str().unwrap_or_default()
+        );
+    }
 }

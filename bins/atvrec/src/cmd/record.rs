@@ -104,6 +104,9 @@ pub fn as_text(summary: &Summary) -> String {
             source.lost.iter().sum::<u64>(),
         );
     }
+    for name in &summary.health.faulty_sensors {
+        let _ = writeln!(text, "  left out by the estimator at the end: {name}");
+    }
     for (place, count) in LossPlace::ALL.into_iter().zip(summary.lost()) {
         if count > 0 {
             let _ = writeln!(text, "  lost in {}: {count}", place.name());
@@ -128,5 +131,6 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "lost": lost,
         "stuck": summary.stuck,
         "sources": summary.health.sources,
+        "faulty_sensors": summary.health.faulty_sensors,
     })
 }

@@ -175,23 +175,31 @@ fn tell_lifts(name: &str, found: &Lifts) {
 
 fn tell_comparison(found: &Comparison) {
     println!(
-        "{:<20}{:<6}{:<7}{:>12}{:>12}{:>12}{:>10}{:>11}",
-        "signal", "wheel", "unit", "mean", "rms", "largest", "at s", "one-sided"
+        "{:<20}{:<6}{:<7}{:>12}{:>12}{:>12}{:>10}{:>11}{:>12}",
+        "signal", "wheel", "unit", "mean", "rms", "largest", "at s", "one-sided", "of sigma"
     );
     for row in &found.signals {
         let (scale, unit) = shown(row.unit);
         let [mean, rms, largest] = [row.mean, row.rms, row.largest].map(|value| value * scale);
         println!(
-            "{:<20}{:<6}{unit:<7}{mean:>12.4}{rms:>12.4}{largest:>12.4}{:>10.2}{:>11}",
+            "{:<20}{:<6}{unit:<7}{mean:>12.4}{rms:>12.4}{largest:>12.4}{:>10.2}{:>11}{:>12}",
             row.signal,
             row.wheel.map_or("", Wheel::abbreviation),
             row.largest_at_s,
             row.one_sided,
+            optional(row.largest_of_sigma.map(|sigma| sigma * scale), 4),
         );
     }
     println!(
-        "{} common estimates, {} here only, {} there only; {} events are the same",
-        found.common, found.only_here, found.only_there, found.same_events
+        "{} common estimates, {} here only, {} there only; {} of {} reports of parameters differ; \
+         {} events are the same, {} nearly",
+        found.common,
+        found.only_here,
+        found.only_there,
+        found.parameters[1],
+        found.parameters[0],
+        found.same_events,
+        found.similar_events
     );
     for (place, events) in [
         ("here", &found.events_only_here),

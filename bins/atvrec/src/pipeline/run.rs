@@ -7,11 +7,14 @@ use std::time::{Duration, Instant};
 
 use acq::{Sequencer, Streams};
 use anyhow::Context;
-use sample::{Arrival, Health, LogTime, LossPlace, Notice, Payload, Severity, SourceId};
+use sample::{
+    Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity, SourceId,
+};
 use store::{LogMessage, Record, Recorder, RecorderSummary};
 use tokio::sync::mpsc;
 
 use super::pulse::{Pulse, Pulses};
+use crate::board::Board;
 use crate::config::{Config, Trigger};
 use crate::engine::Engine;
 use crate::{retention, session};
@@ -276,8 +279,10 @@ pub struct Fired {
 }
 
 /// What is done with an engine's records beside writing them.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Voice {
+    /// Where sensors that are left out are written up.
+    pub board: Arc<Board>,
     /// What the log says to people is said on the terminal too.
     pub aloud: bool,
     /// Events that are triggers, and where to tell of them.
@@ -294,6 +299,9 @@ impl Voice {
                 say(message);
             }
             Record::Event(event) => {
+                if self.aloud {
+                    announce(event);
+                }
                 let Some((trigger, fired)) = &self.events else {
                     return;
                 };
@@ -305,8 +313,23 @@ impl Voice {
                     });
                 }
             }
+            Record::Health(health) if self.aloud => {
+                self.board.set_faulty_sensors(health.faulty_sensors.clone());
+            }
             _ => {}
         }
+    }
+}
+
+/// Tells a person what needs a look at the rig; lifts and surfaces are the drive's own.
+fn announce(event: &Event) {
+    let text = &event.text;
+    match event.kind {
+        EventKind::SensorFault(_) | EventKind::FilterReset => {
+            tracing::warn!(source = "estimator", "{text}");
+        }
+        EventKind::SensorRecovered(_) => tracing::info!(source = "estimator", "{text}"),
+        _ => {}
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use sample::{Estimate, Wheel};
 use serde_json::Value;
-use store::Reader;
+use store::{Reader, Record, Selection};
 
 use crate::support::{atvrec, stdout};
 
@@ -107,6 +107,38 @@ fn a_drive_that_begins_at_speed_begins_upright() {
     }
 }
 
+/// A sensor that is found faulty is on the health channel for as long as it is left out.
+#[test]
+fn a_faulty_sensor_is_named_on_the_health_channel() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = "[[faults.channel]]\nwheel = \"front_left\"\nchannel = \"lower_front\"\n\
+                   kind = { step = { counts = 60.0 } }\nfrom_s = 4.0\nto_s = 9.0\n";
+    std::fs::write(directory.path().join("faults.toml"), options).expect("a file");
+    atvrec(directory.path())
+        .args(["-q", "simulate", "-m", "slow-sine", "--for", "14"])
+        .args(["--options", "faults.toml", "--output", "drive.mcap"])
+        .assert()
+        .success();
+    let reader = Reader::open([directory.path().join("drive.mcap")]).expect("the log opens");
+    let start = reader.info().span.expect("a span").0;
+    let told: Vec<(f64, Vec<String>)> = reader
+        .messages(Selection::topics(["/health"]))
+        .filter_map(|message| message.expect("a message").record().expect("a record"))
+        .filter_map(|record| match record {
+            Record::Health(health) => {
+                Some((health.time.seconds_since(start), health.faulty_sensors))
+            }
+            _ => None,
+        })
+        .collect();
+    let during: Vec<_> = told.iter().filter(|(_, names)| !names.is_empty()).collect();
+    assert!((3..8).contains(&during.len()), "{told:?}");
+    for (at_s, names) in during {
+        assert!((4.0..12.0).contains(at_s), "{told:?}");
+        assert_eq!(names, &["FL lower_front"]);
+    }
+}
+
 /// Greatest errors of a tyre's force at 10 bit, 100 RMS / max(peak, static load), per cent.
 const FORCE_ERRORS_PERCENT: [(&str, f64); 3] = [
     ("measured_force_x", 1.6),
@@ -151,6 +183,17 @@ fn an_independent_simulators_runs_are_estimated_and_judged_end_to_end() {
         for none in ["filter_reset", "sensor_fault", "two_wheel_lift"] {
             assert_eq!(declared(none), 0, "{name}: {}", told["events"]);
         }
+        let changes = told["surface_changes"].as_array().unwrap();
+        assert_eq!(changes.len() as u64, surfaces, "{name}");
+        for change in changes {
+            assert!(
+                change["declared_after_s"].as_f64().unwrap() < 1.0,
+                "{change}"
+            );
+            let ratio = change["friction_ratio"].as_f64().unwrap();
+            assert!((ratio - 0.4 / 0.9).abs() < 1e-3, "{change}");
+        }
+        assert_eq!(told["false_surface_changes"], 0, "{name}");
         for lift in told["lifts"].as_array().unwrap() {
             let after_s = lift["declared_after_s"].as_f64().unwrap();
             let before_s = lift["warned_before_s"].as_f64().unwrap();

@@ -85,6 +85,20 @@ class Lift(TypedDict, total=False):
     warned_before_s: float | None
 
 
+class SurfaceChange(TypedDict):
+    """A change of the surface under an axle in the truth."""
+
+    axle: str
+    """``front`` or ``rear``."""
+    at_s: float
+    """From the start of the truth."""
+    friction_ratio: float
+    """After over before."""
+    declared_after_s: float | None
+    declared_force_ratio: float | None
+    """Part of the lateral force that was declared to be left."""
+
+
 class Score(TypedDict):
     """Estimates against truth: the keys of ``atvrec score --json``."""
 
@@ -95,9 +109,12 @@ class Score(TypedDict):
     innovations: list[Innovations]
     lifts: list[Lift]
     false_lifts: int
+    false_lift_warnings: int
     two_wheel_lifts: list[Lift]
     false_two_wheel_lifts: int
-    false_lift_warnings: int
+    false_two_wheel_lift_warnings: int
+    surface_changes: list[SurfaceChange] | None
+    false_surface_changes: int | None
     events: dict[str, int]
     """How many events of each kind were declared."""
 
@@ -116,6 +133,8 @@ class Difference(TypedDict):
     """From the first common estimate."""
     one_sided: int
     """Instants that one side alone knows."""
+    largest_of_sigma: float | None
+    """Largest difference of the stated standard deviations."""
 
 
 class LoneEvent(TypedDict):
@@ -134,7 +153,13 @@ class Comparison(TypedDict):
     only_there: int
     identical: bool
     signals: list[Difference]
+    parameters: int
+    """Reports of parameters at the same instants."""
+    parameters_different: int
+    """Those that differ in anything."""
     same_events: int
+    similar_events: int
+    """Of the same kind within 0.1 s, but not to the instant and the letter."""
     events_only_here: list[LoneEvent]
     events_only_there: list[LoneEvent]
 

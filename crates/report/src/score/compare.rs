@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use sample::{Estimate, Event, LogTime, Wheel};
+use sample::{Estimate, Event, LogTime, Parameters, Wheel};
 use serde_json::{Value, json};
-use store::{Reader, Stage};
+use store::{Reader, Record, Selection, Stage};
 
 use super::{Pairs, ScoreError, each_signal, events};
 
@@ -32,6 +32,8 @@ pub struct Difference {
     pub largest_at_s: f64,
     /// Instants at which one side alone knows it.
     pub one_sided: usize,
+    /// Largest difference of the stated standard deviations, sign left out, where both tell them.
+    pub largest_of_sigma: Option<f64>,
 }
 
 /// An event that one log alone has.
@@ -56,8 +58,12 @@ pub struct Comparison {
     pub only_there: usize,
     /// Signals that either side knows.
     pub signals: Vec<Difference>,
+    /// Reports of parameters at the same instants, and how many of them differ in anything.
+    pub parameters: [usize; 2],
     /// Events that both have.
     pub same_events: usize,
+    /// Events that both have, but not to the instant and the letter.
+    pub similar_events: usize,
     /// Events of this log alone.
     pub events_only_here: Vec<LoneEvent>,
     /// Events of the other log alone.
@@ -98,7 +104,7 @@ pub fn compare(
     each_signal(|signal, wheel, unit, _, pick, _| {
         let values = pairs
             .iter()
-            .map(|(a, b)| (a.time.seconds_since(start), pick(a).0, pick(b).0));
+            .map(|(a, b)| (a.time.seconds_since(start), pick(a), pick(b)));
         signals.extend(difference(values).map(|found| Difference {
             signal,
             wheel,
@@ -108,18 +114,44 @@ pub fn compare(
     });
     let [mine, theirs] = [events(here)?, events(there)?].map(|all| told(all, start, from_s));
     let events_only_here = alone(&mine, &theirs);
+    let same_events = mine.iter().filter(|event| theirs.contains(event)).count();
     Ok(Comparison {
         common: pairs.len(),
         only_here,
         only_there: others.len(),
         signals,
-        same_events: mine.len() - events_only_here.len(),
+        parameters: parameters(here, there, start.offset_seconds(from_s))?,
+        same_events,
+        similar_events: mine.len() - events_only_here.len() - same_events,
         events_only_here,
         events_only_there: alone(&theirs, &mine),
     })
 }
 
-fn difference(values: impl Iterator<Item = (f64, f64, f64)>) -> Option<Difference> {
+/// Counts reports of parameters that stand in both logs, and those that differ.
+fn parameters(here: &Reader, there: &Reader, from: LogTime) -> Result<[usize; 2], ScoreError> {
+    let of = |reader: &Reader| -> Result<BTreeMap<LogTime, Parameters>, ScoreError> {
+        let mut all = BTreeMap::new();
+        for message in reader.messages(Selection::topics(["/estimate/parameters"])) {
+            if let Some(Record::Parameters(found)) = message?.record()? {
+                all.insert(found.time, found);
+            }
+        }
+        Ok(all)
+    };
+    let others = of(there)?;
+    let (mut common, mut different) = (0, 0);
+    for (_, own) in of(here)?.range(from..) {
+        if let Some(other) = others.get(&own.time) {
+            common += 1;
+            // By what is printed, in which NaN equals NaN.
+            different += usize::from(format!("{own:?}") != format!("{other:?}"));
+        }
+    }
+    Ok([common, different])
+}
+
+fn difference(values: impl Iterator<Item = (f64, (f64, f64), (f64, f64))>) -> Option<Difference> {
     let mut found = Difference {
         signal: "",
         wheel: None,
@@ -130,8 +162,13 @@ fn difference(values: impl Iterator<Item = (f64, f64, f64)>) -> Option<Differenc
         largest: 0.0,
         largest_at_s: 0.0,
         one_sided: 0,
+        largest_of_sigma: None,
     };
-    for (time_s, a, b) in values {
+    for (time_s, (a, sigma_a), (b, sigma_b)) in values {
+        let sigma = (sigma_a - sigma_b).abs();
+        if sigma.is_finite() {
+            found.largest_of_sigma = Some(sigma.max(found.largest_of_sigma.unwrap_or(0.0)));
+        }
         match (a.is_finite(), b.is_finite()) {
             (true, true) => {
                 let apart = a - b;
@@ -179,12 +216,13 @@ impl Comparison {
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.only_here + self.only_there == 0
+            && self.parameters[1] == 0
+            && self.similar_events == 0
             && self.events_only_here.is_empty()
             && self.events_only_there.is_empty()
-            && self
-                .signals
-                .iter()
-                .all(|s| s.largest == 0.0 && s.one_sided == 0)
+            && self.signals.iter().all(|s| {
+                s.largest == 0.0 && s.one_sided == 0 && s.largest_of_sigma.unwrap_or(0.0) == 0.0
+            })
     }
 
     /// As JSON, by the keys of `docs/score.md`.
@@ -204,6 +242,7 @@ impl Comparison {
                     "largest": row.largest,
                     "largest_at_s": row.largest_at_s,
                     "one_sided": row.one_sided,
+                    "largest_of_sigma": row.largest_of_sigma,
                 })
             })
             .collect();
@@ -217,7 +256,10 @@ impl Comparison {
             "only_there": self.only_there,
             "identical": self.is_identical(),
             "signals": signals,
+            "parameters": self.parameters[0],
+            "parameters_different": self.parameters[1],
             "same_events": self.same_events,
+            "similar_events": self.similar_events,
             "events_only_here": events(&self.events_only_here),
             "events_only_there": events(&self.events_only_there),
         })

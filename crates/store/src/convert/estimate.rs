@@ -335,6 +335,7 @@ pub(super) fn health_to_proto(health: &Health) -> pb::Health {
     });
     pb::Health {
         sources: sources.collect(),
+        faulty_sensors: health.faulty_sensors.clone(),
     }
 }
 
@@ -364,6 +365,7 @@ pub(super) fn health_from_proto(time: LogTime, health: pb::Health) -> Result<Hea
     Ok(Health {
         time,
         sources: sources.collect::<Result<_, MessageError>>()?,
+        faulty_sensors: health.faulty_sensors,
     })
 }
 

@@ -88,7 +88,13 @@ fn repeated_messages_become_lists() {
         vec![source("can", 5)],
     ]
     .into_iter()
-    .map(|sources| proto::Health { sources }.encode_to_vec())
+    .map(|sources| {
+        let health = proto::Health {
+            sources,
+            ..proto::Health::default()
+        };
+        health.encode_to_vec()
+    })
     .collect();
     let table = table("atvrec.Health", &data);
     let expected = |values| Values::List {
@@ -131,6 +137,7 @@ fn events_tell_which_kind_they_are() {
 fn a_malformed_message_leaves_no_trace() {
     let good = proto::Health {
         sources: vec![proto::SourceHealth::default()],
+        faulty_sensors: vec!["imu".to_owned()],
     }
     .encode_to_vec();
     let mut cut = good.clone();

@@ -480,5 +480,6 @@ fn health(time: LogTime) -> Health {
             reopened: 7,
             lost: [8, 9, 10, 11],
         }],
+        faulty_sensors: vec!["FL deflection".to_owned(), "hand wheel".to_owned()],
     }
 }
