@@ -504,6 +504,6 @@ fn decoded_records_are_in_the_log_too() {
             .messages(Selection::topics(["/estimate/*"]))
             .filter_map(Result::ok)
             .count(),
-        400
+        600
     );
 }
