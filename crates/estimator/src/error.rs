@@ -31,6 +31,9 @@ pub enum EstimatorError {
     /// The data do not tell what was looked for.
     #[error(transparent)]
     Refused(#[from] crate::finding::Refusal),
+    /// The vehicle's steering cannot be used.
+    #[error(transparent)]
+    Vehicle(#[from] model::Error),
     /// The vehicle's linkage cannot be used.
     #[error("{0}")]
     Suspension(String),

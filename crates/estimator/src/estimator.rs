@@ -4,8 +4,8 @@ mod sensors;
 use model::sensors::Sensors;
 use model::vehicle::{Axle, Vehicle};
 use sample::{
-    Estimate, Event, ForceSource, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
-    Sample, TyreForce, Wheel,
+    Estimate, Event, ForceSource, LogTime, Measurement, Motion, NANOS_PER_SECOND, Parameters,
+    PerWheel, Sample, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -21,6 +21,7 @@ use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, MotionS
 use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
+use crate::steering_column::SteeringColumn;
 use crate::waiting::{Entry, Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
@@ -80,6 +81,7 @@ pub struct Estimator {
     settings: Settings,
     next_grid: Option<LogTime>,
     waiting: Waiting,
+    column: SteeringColumn,
     readings: Readings,
     motion: MotionFilter,
     watches: Watches,
@@ -125,7 +127,8 @@ impl Estimator {
             motion: MotionFilter::new(motion_settings(sensors, &calibration)),
             planar: corners
                 .is_none()
-                .then(|| Planar::new(vehicle, sensors, &calibration)),
+                .then(|| Planar::new(vehicle, sensors, &calibration))
+                .transpose()?,
             planar_reset: None,
             watches: Watches::new(),
             corners,
@@ -144,6 +147,7 @@ impl Estimator {
             settings,
             next_grid: None,
             waiting: Waiting::new(),
+            column: SteeringColumn::new(vehicle)?,
             readings: Readings::default(),
             traced: false,
         })
@@ -254,7 +258,8 @@ impl Estimator {
         self.motion.bridge(time);
         self.constrain_motion(time);
         let mut state = self.motion.state(time);
-        let planar = self.step_planar(time, out);
+        let navigated = self.is_navigated(time);
+        let planar = self.step_planar(time, navigated, out);
         if let Some(planar) = &planar {
             planar.lead(&mut state);
         }
@@ -277,6 +282,9 @@ impl Estimator {
         }
         let steer = self.steer_angles(steer_offset);
         let mut motion = kinematics::motion(&state);
+        if self.planar.is_some() && planar.is_none() && !navigated {
+            motion = Motion::UNKNOWN;
+        }
         let [push, _, _] = motion.acceleration_m_s2;
         let expected = self
             .expected
@@ -299,9 +307,7 @@ impl Estimator {
         motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, steer);
         // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing, nor
         // do the tyres of a vehicle that tips over.
-        let satellite = self.motion.velocity_age_s(time) < GNSS_SILENT_S
-            && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
-        if satellite
+        if navigated
             && settled
             && self.watches.steering.believed()
             && !self.lift.is_tipping()
@@ -345,14 +351,15 @@ impl Estimator {
     }
 
     fn parameters(&mut self, time: LogTime) -> Parameters {
-        let mut of_forces = InnovationTally::default();
-        let of_forces = self
-            .fusion
-            .as_mut()
-            .map_or(&mut of_forces, Fusion::innovations);
-        let innovations = self.motion.innovations.report(of_forces);
+        let mut none = InnovationTally::default();
+        let beside = match (&mut self.fusion, &mut self.planar) {
+            (Some(fusion), _) => fusion.innovations(),
+            (None, Some(planar)) => &mut planar.innovations,
+            (None, None) => &mut none,
+        };
+        let innovations = self.motion.innovations.report(beside);
         let (steer_offset_rad, steer_offset_sigma_rad) = self.grip.steer_offset();
-        Parameters {
+        let mut parameters = Parameters {
             time,
             accel_bias_m_s2: self.motion.accel_bias().into(),
             accel_bias_sigma_m_s2: self.motion.sigma(ACCEL_BIAS),
@@ -363,7 +370,11 @@ impl Estimator {
             front: self.grip.axle(0, time),
             rear: self.grip.axle(1, time),
             innovations,
+        };
+        if let Some(planar) = self.planar.as_ref().filter(|_| !self.is_navigated(time)) {
+            planar.tell_offsets(&mut parameters);
         }
+        parameters
     }
 
     fn measure(
@@ -425,11 +436,20 @@ impl Estimator {
         }
     }
 
+    /// Whether satellites keep the inertial navigation.
+    fn is_navigated(&self, time: LogTime) -> bool {
+        self.motion.velocity_age_s(time) < GNSS_SILENT_S
+            && self.motion.attitude_age_s(time) < HEADING_SILENT_S
+    }
+
     /// The single-track filter, where it is the best that there is: without corners, and without
     /// an inertial navigation that satellites keep.
-    fn step_planar(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Option<PlanarMotion> {
-        let navigated = self.motion.velocity_age_s(time) < GNSS_SILENT_S
-            && self.motion.attitude_age_s(time) < HEADING_SILENT_S;
+    fn step_planar(
+        &mut self,
+        time: LogTime,
+        navigated: bool,
+        out: &mut impl FnMut(Output),
+    ) -> Option<PlanarMotion> {
         let planar = self.planar.as_mut()?;
         let resets = planar.resets();
         let motion = planar.step(time, GRID_S);

@@ -32,6 +32,7 @@ pub mod score;
 mod settings;
 pub mod smoother;
 pub mod statics;
+mod steering_column;
 pub mod trace;
 mod waiting;
 pub mod watch;

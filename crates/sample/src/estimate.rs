@@ -50,6 +50,24 @@ pub struct Motion {
     pub grade_rad: f64,
 }
 
+impl Motion {
+    /// A motion of which nothing is known.
+    pub const UNKNOWN: Self = Self {
+        velocity_x_m_s: f64::NAN,
+        velocity_y_m_s: f64::NAN,
+        sideslip_rad: f64::NAN,
+        sideslip_sigma_rad: f64::NAN,
+        roll_rad: f64::NAN,
+        pitch_rad: f64::NAN,
+        rate_rad_s: [f64::NAN; 3],
+        acceleration_m_s2: [f64::NAN; 3],
+        steer_rad: PerWheel([f64::NAN; 4]),
+        slip_angle_rad: PerWheel([f64::NAN; 4]),
+        bank_rad: f64::NAN,
+        grade_rad: f64::NAN,
+    };
+}
+
 /// The force that the ground exerts on one tyre, contact frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TyreForce {

@@ -8,6 +8,10 @@ use sample::{
 /// strain and its deflection. Minus zero comes back as zero, except from a field that may be absent;
 /// NaN keeps its bits.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a hundred estimates come each second; a box for each would be as many allocations"
+)]
 pub enum Record {
     /// A measurement.
     Sample(Sample),

@@ -133,9 +133,10 @@ impl Estimator {
     ) {
         let watches = &mut self.watches;
         let expected = watches.expected_hand_wheel;
+        let angle = self.column.follow(angle_rad);
         let angle = watches
             .steering
-            .judge(time, angle_rad, expected, &mut telling(now, out));
+            .judge(time, angle, expected, &mut telling(now, out));
         self.readings.push_hand_wheel(time, angle);
     }
 

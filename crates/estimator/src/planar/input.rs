@@ -1,14 +1,19 @@
 //! What the planar filter is driven and corrected by, put together from samples.
 
+use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{FixQuality, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
 
 use crate::calibration::Resolved;
+use crate::steering_column::SteeringColumn;
+use crate::{EstimatorError, Input, Settings};
 
 /// A reading older than this is not held on to, s.
 const HELD_MAX_S: f64 = 0.25;
 /// Speed that no road vehicle has, m/s.
 const SPEED_MAX_M_S: f64 = 150.0;
+/// Angle that no hand wheel turns to, rad.
+const HAND_WHEEL_MAX_RAD: f64 = 50.0;
 /// Time constant of the difference quotient of the speed, s.
 const ACCELERATION_TIME_S: f64 = 0.15;
 
@@ -29,21 +34,82 @@ pub struct PlanarInput {
     pub lateral_m_s2: Option<f64>,
 }
 
+/// How far a value may be from the last one: at once, and more for each second between.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    at_once: f64,
+    per_second: f64,
+}
+
+/// Speeds, m/s: an emergency stop has 12 m/s^2, and a wheel that locks is no speed.
+const SPEED_REACH: Reach = Reach {
+    at_once: 2.0,
+    per_second: 30.0,
+};
+/// Road-wheel angle, rad: a racing driver turns by 2 rad/s.
+const STEER_REACH: Reach = Reach {
+    at_once: 0.05,
+    per_second: 3.0,
+};
+/// Rate and force, which the filter gates itself.
+const ANY: Reach = Reach {
+    at_once: f64::INFINITY,
+    per_second: 0.0,
+};
+/// A value out of reach that stays there for so long is the sensor's after all, s.
+const OUT_OF_REACH_MAX_S: f64 = 0.2;
+
+/// What is measured, in the order in which values of one instant are taken in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Quantity {
+    Speed,
+    Satellite,
+    Wheels,
+    HandWheel,
+    YawRate,
+    Lateral,
+}
+
 /// The mean of what came since it was last asked for, else what came last.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Slot {
+    reach: Reach,
     sum: f64,
     count: u32,
     last: Option<(LogTime, f64)>,
+    /// Since when values are out of reach.
+    astray: Option<LogTime>,
 }
 
 impl Slot {
-    fn push(&mut self, time: LogTime, value: f64) {
-        if value.is_finite() && self.last.is_none_or(|(last, _)| time >= last) {
-            self.sum += value;
-            self.count += 1;
-            self.last = Some((time, value));
+    const fn new(reach: Reach) -> Self {
+        Self {
+            reach,
+            sum: 0.0,
+            count: 0,
+            last: None,
+            astray: None,
         }
+    }
+
+    fn push(&mut self, time: LogTime, value: f64) {
+        if !value.is_finite() || self.last.is_some_and(|(last, _)| time < last) {
+            return;
+        }
+        let is_astray = self.last.is_some_and(|(last, before)| {
+            let since_s = time.seconds_since(last);
+            (value - before).abs() > self.reach.at_once + self.reach.per_second * since_s
+        });
+        if is_astray {
+            let since = *self.astray.get_or_insert(time);
+            if time.seconds_since(since) < OUT_OF_REACH_MAX_S {
+                return;
+            }
+        }
+        self.astray = None;
+        self.sum += value;
+        self.count += 1;
+        self.last = Some((time, value));
     }
 
     /// The mean of the new values, if there are any.
@@ -62,9 +128,17 @@ impl Slot {
     }
 }
 
-/// Gathers samples. Values of more than 100 Hz are averaged over the step.
-#[derive(Clone, Debug, Default)]
+/// Values that may wait for a step; one of 10 ms has a handful.
+const CAPACITY: usize = 1024;
+
+/// Gathers samples. They wait for the step and are taken in by their own time, so that the order of
+/// arrival changes nothing; values of more than 100 Hz are averaged over the step.
+#[derive(Clone, Debug)]
 pub struct PlanarReadings {
+    waiting: Vec<(LogTime, Quantity, f64)>,
+    column: SteeringColumn,
+    steering_ratio: f64,
+    rolling_radius_m: f64,
     speed: Slot,
     satellite: Slot,
     wheels: Slot,
@@ -76,21 +150,39 @@ pub struct PlanarReadings {
 }
 
 impl PlanarReadings {
-    /// Takes a sample in; those that tell nothing of planar motion are left alone.
-    /// `steering_ratio` is hand-wheel over road-wheel angle, `rolling_radius_m` the wheels'.
-    pub fn push(
-        &mut self,
-        sample: &Sample,
-        calibration: &Resolved,
-        steering_ratio: f64,
-        rolling_radius_m: f64,
-    ) {
+    /// Readings of a vehicle that has not spoken yet.
+    ///
+    /// # Errors
+    /// Steering maps that are not monotone.
+    pub fn new(vehicle: &Vehicle) -> Result<Self, EstimatorError> {
+        Ok(Self {
+            waiting: Vec::with_capacity(CAPACITY),
+            column: SteeringColumn::new(vehicle)?,
+            steering_ratio: vehicle.steering.ratio,
+            rolling_radius_m: rolling_radius_m(vehicle),
+            speed: Slot::new(SPEED_REACH),
+            satellite: Slot::new(SPEED_REACH),
+            wheels: Slot::new(SPEED_REACH),
+            steer: Slot::new(STEER_REACH),
+            yaw_rate: Slot::new(ANY),
+            lateral: Slot::new(ANY),
+            smoothed: None,
+            slope: 0.0,
+        })
+    }
+
+    /// Lets a sample wait; those that tell nothing of planar motion are left alone, and so are
+    /// inputs that the settings leave out.
+    pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
         let time = sample.valid_time.min(sample.log_time);
+        let uses = |input| settings.uses(input);
         match &sample.measurement {
-            Measurement::GroundSpeed(speed) if speed.forward_m_s.abs() < SPEED_MAX_M_S => {
-                self.speed.push(time, speed.forward_m_s);
+            Measurement::GroundSpeed(speed)
+                if uses(Input::GroundSpeed) && speed.forward_m_s.abs() < SPEED_MAX_M_S =>
+            {
+                self.wait(time, Quantity::Speed, speed.forward_m_s);
             }
-            Measurement::GnssVelocity(velocity) => {
+            Measurement::GnssVelocity(velocity) if uses(Input::GnssVelocity) => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
                 let speed = east.hypot(north);
                 let known = !matches!(
@@ -98,24 +190,28 @@ impl PlanarReadings {
                     FixQuality::None | FixQuality::DeadReckoning
                 );
                 if known && speed < SPEED_MAX_M_S {
-                    self.satellite.push(time, speed);
+                    let time = time.offset_seconds(-calibration.velocity_latency_s);
+                    self.wait(time, Quantity::Satellite, speed);
                 }
             }
-            Measurement::WheelSpeed(speeds) => {
+            Measurement::WheelSpeed(speeds) if uses(Input::WheelSpeed) => {
                 let all = speeds.angular_speed_rad_s.0;
                 let (sum, count) = all
                     .iter()
                     .flatten()
                     .fold((0.0, 0.0), |(sum, count), speed| (sum + speed, count + 1.0));
                 if count > 0.0 {
-                    self.wheels.push(time, rolling_radius_m * sum / count);
+                    let speed = self.rolling_radius_m * sum / count;
+                    self.wait(time, Quantity::Wheels, speed);
                 }
             }
-            Measurement::Steer(steer) if steer.hand_wheel_rad.abs() < 50.0 => {
+            Measurement::Steer(steer)
+                if uses(Input::Steer) && steer.hand_wheel_rad.abs() < HAND_WHEEL_MAX_RAD =>
+            {
                 let angle = steer.hand_wheel_rad - calibration.steer_offset_rad;
-                self.steer.push(time, angle / steering_ratio);
+                self.wait(time, Quantity::HandWheel, angle);
             }
-            Measurement::Imu(imu) => {
+            Measurement::Imu(imu) if uses(Input::Imu) => {
                 // A unit that measures in the plane alone leaves the other axes open.
                 let or = |value: f64, other: f64| if value.is_finite() { value } else { other };
                 let [fx, fy, fz] = imu.specific_force_m_s2;
@@ -123,20 +219,47 @@ impl PlanarReadings {
                 if fy.is_finite() && fy.abs() < 100.0 {
                     let force = Vector3::new(or(fx, 0.0), fy, or(fz, STANDARD_GRAVITY_M_S2));
                     let force = calibration.body_from_imu * (force - calibration.accel_bias_m_s2);
-                    self.lateral.push(time, force.y);
+                    self.wait(time, Quantity::Lateral, force.y);
                 }
                 if r.is_finite() && r.abs() < 20.0 {
                     let rate = Vector3::new(or(p, 0.0), or(q, 0.0), r);
                     let rate = calibration.body_from_imu * (rate - calibration.gyro_bias_rad_s);
-                    self.yaw_rate.push(time, rate.z);
+                    self.wait(time, Quantity::YawRate, rate.z);
                 }
             }
             _ => {}
         }
     }
 
+    /// A flood beyond the room, hundreds of times what any vehicle sends, is cut off.
+    fn wait(&mut self, time: LogTime, quantity: Quantity, value: f64) {
+        if self.waiting.len() < CAPACITY {
+            self.waiting.push((time, quantity, value));
+        }
+    }
+
+    fn take_waiting(&mut self) {
+        let mut waiting = std::mem::take(&mut self.waiting);
+        waiting.sort_unstable_by(|(t, q, x), (u, r, y)| (t, q).cmp(&(u, r)).then(x.total_cmp(y)));
+        for (time, quantity, value) in waiting.drain(..) {
+            match quantity {
+                Quantity::Speed => self.speed.push(time, value),
+                Quantity::Satellite => self.satellite.push(time, value),
+                Quantity::Wheels => self.wheels.push(time, value),
+                Quantity::HandWheel => {
+                    let angle = self.column.follow(value);
+                    self.steer.push(time, angle / self.steering_ratio);
+                }
+                Quantity::YawRate => self.yaw_rate.push(time, value),
+                Quantity::Lateral => self.lateral.push(time, value),
+            }
+        }
+        self.waiting = waiting;
+    }
+
     /// What is known at `now`; nothing without a speed and a steer angle.
     pub fn take(&mut self, now: LogTime) -> Option<PlanarInput> {
+        self.take_waiting();
         let (satellite, wheels) = (self.satellite.held(now), self.wheels.held(now));
         let speed = self.speed.held(now).or(satellite).or(wheels);
         let steer = self.steer.held(now);
@@ -168,4 +291,15 @@ impl PlanarReadings {
         }
         self.slope
     }
+}
+
+/// Speed over the wheels' angular speed, rolling freely, m.
+fn rolling_radius_m(vehicle: &Vehicle) -> f64 {
+    let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
+    let radii = [&vehicle.front, &vehicle.rear].map(|axle| {
+        let tyre = &axle.tyre;
+        // A belt rolls as if it were pressed by a third of its deflection.
+        tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0) / 3.0
+    });
+    0.5 * (radii[0] + radii[1])
 }

@@ -3,17 +3,18 @@
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector, Vector3};
-use sample::{LogTime, Measurement, Motion, STANDARD_GRAVITY_M_S2, Sample};
+use sample::{InnovationKind, LogTime, Motion, Parameters, STANDARD_GRAVITY_M_S2, Sample};
 
 use super::{
-    Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, PlanarReadings,
-    PlanarState, SPEED_MIN_M_S, STATES,
+    ACCEL, GYRO, Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise,
+    PlanarReadings, PlanarState, SPEED_MIN_M_S, STATES, STEER,
 };
 use crate::calibration::Resolved;
 use crate::estimator::grid;
+use crate::innovation::InnovationTally;
 use crate::motion::MotionState;
 use crate::trace::Operation;
-use crate::{Input, Settings};
+use crate::{EstimatorError, Settings};
 
 /// What a single-track model leaves out of the sideslip angle: a constant, rad, and a part of the
 /// rear axle's slip angle. Measured on cars with four tyres, roll and load-dependent friction.
@@ -25,8 +26,8 @@ const MODEL_SIGMA_PART: f64 = 0.1;
 pub struct Planar {
     filter: PlanarFilter,
     readings: PlanarReadings,
-    steering_ratio: f64,
-    rolling_radius_m: f64,
+    /// Innovations since the last report.
+    pub innovations: InnovationTally,
     before: Option<LogTime>,
     last: Option<PlanarInput>,
 }
@@ -69,8 +70,14 @@ impl PlanarBelief {
 
 impl Planar {
     /// A filter that has seen nothing.
-    #[must_use]
-    pub fn new(vehicle: &Vehicle, sensors: &Sensors, calibration: &Resolved) -> Self {
+    ///
+    /// # Errors
+    /// Steering maps that are not monotone.
+    pub fn new(
+        vehicle: &Vehicle,
+        sensors: &Sensors,
+        calibration: &Resolved,
+    ) -> Result<Self, EstimatorError> {
         let handling = calibration.handling;
         let model = PlanarModel::new(
             vehicle,
@@ -90,14 +97,13 @@ impl Planar {
                 .accel_noise_m_s2
                 .unwrap_or(sensors.imu.accel_noise_m_s2),
         };
-        Self {
+        Ok(Self {
             filter: PlanarFilter::new(model, noise, doubt, handling.is_some()),
-            readings: PlanarReadings::default(),
-            steering_ratio: vehicle.steering.ratio,
-            rolling_radius_m: rolling_radius_m(vehicle),
+            readings: PlanarReadings::new(vehicle)?,
+            innovations: InnovationTally::default(),
             before: None,
             last: None,
-        }
+        })
     }
 
     /// From now on operations are taken down for [`Self::take_belief`].
@@ -126,22 +132,20 @@ impl Planar {
 
     /// Takes a sample in, unless it is to be left out.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
-        let input = match &sample.measurement {
-            Measurement::Imu(_) => Input::Imu,
-            Measurement::Steer(_) => Input::Steer,
-            Measurement::GnssVelocity(_) => Input::GnssVelocity,
-            Measurement::WheelSpeed(_) => Input::WheelSpeed,
-            Measurement::GroundSpeed(_) => Input::GroundSpeed,
-            _ => return,
-        };
-        if settings.uses(input) {
-            self.readings.push(
-                sample,
-                calibration,
-                self.steering_ratio,
-                self.rolling_radius_m,
-            );
-        }
+        self.readings.push(sample, calibration, settings);
+    }
+
+    /// Puts the filter's offsets in the place of an inertial navigation's biases.
+    pub fn tell_offsets(&self, parameters: &mut Parameters) {
+        let unknown = f64::NAN;
+        let sigma = |i: usize| self.filter.covariance[(i, i)].sqrt();
+        let state = &self.filter.state;
+        parameters.accel_bias_m_s2 = [unknown, state[ACCEL], unknown];
+        parameters.accel_bias_sigma_m_s2 = [unknown, sigma(ACCEL), unknown];
+        parameters.gyro_bias_rad_s = [unknown, unknown, state[GYRO]];
+        parameters.gyro_bias_sigma_rad_s = [unknown, unknown, sigma(GYRO)];
+        parameters.steer_offset_rad = state[STEER];
+        parameters.steer_offset_sigma_rad = sigma(STEER);
     }
 
     /// The motion at `time`; nothing without a speed and a steer angle.
@@ -154,6 +158,13 @@ impl Planar {
         self.before = Some(time);
         let nearly = (dt_s - step_s).abs() < 1e-6;
         let state = self.filter.step(if nearly { step_s } else { dt_s }, &input);
+        let kinds = [InnovationKind::Gyro, InnovationKind::Accelerometer];
+        for (kind, innovation) in kinds.into_iter().zip(state.innovations) {
+            if innovation.value.is_finite() {
+                let normalised = innovation.value / innovation.sigma;
+                self.innovations.used(kind, normalised * normalised);
+            }
+        }
         Some(PlanarMotion { input, state })
     }
 }
@@ -163,24 +174,28 @@ impl Planar {
 pub struct PlanarRecorder {
     readings: PlanarReadings,
     calibration: Resolved,
-    steering_ratio: f64,
-    rolling_radius_m: f64,
+    settings: Settings,
     next_grid: Option<LogTime>,
     inputs: Vec<PlanarInput>,
 }
 
 impl PlanarRecorder {
-    /// A recorder that has seen nothing.
-    #[must_use]
-    pub fn new(vehicle: &Vehicle, calibration: Resolved) -> Self {
-        Self {
-            readings: PlanarReadings::default(),
+    /// A recorder that has seen nothing, and leaves out what the settings do.
+    ///
+    /// # Errors
+    /// Steering maps that are not monotone.
+    pub fn new(
+        vehicle: &Vehicle,
+        calibration: Resolved,
+        settings: Settings,
+    ) -> Result<Self, EstimatorError> {
+        Ok(Self {
+            readings: PlanarReadings::new(vehicle)?,
             calibration,
-            steering_ratio: vehicle.steering.ratio,
-            rolling_radius_m: rolling_radius_m(vehicle),
+            settings,
             next_grid: None,
             inputs: Vec::new(),
-        }
+        })
     }
 
     /// Moves time on, as [`crate::Estimator::advance`] does.
@@ -192,12 +207,8 @@ impl PlanarRecorder {
 
     /// Takes a sample in.
     pub fn push(&mut self, sample: &Sample) {
-        self.readings.push(
-            sample,
-            &self.calibration,
-            self.steering_ratio,
-            self.rolling_radius_m,
-        );
+        self.readings
+            .push(sample, &self.calibration, &self.settings);
     }
 
     /// All rows so far.
@@ -205,16 +216,6 @@ impl PlanarRecorder {
     pub fn into_inputs(self) -> Vec<PlanarInput> {
         self.inputs
     }
-}
-
-fn rolling_radius_m(vehicle: &Vehicle) -> f64 {
-    let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
-    let radii = [&vehicle.front, &vehicle.rear].map(|axle| {
-        let tyre = &axle.tyre;
-        // A belt rolls as if it were pressed by a third of its deflection.
-        tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0) / 3.0
-    });
-    0.5 * (radii[0] + radii[1])
 }
 
 impl PlanarMotion {
@@ -250,18 +251,19 @@ impl PlanarMotion {
 
     /// What the filter knows of the motion; attitude, which it does not, is unknown.
     pub fn tell(&self, motion: &mut Motion) {
-        motion.velocity_x_m_s = self.input.speed_m_s;
-        motion.velocity_y_m_s = self.state.lateral_m_s;
-        motion.sideslip_rad = self.sideslip_rad();
-        motion.sideslip_sigma_rad = self.sideslip_sigma_rad();
         let unknown = f64::NAN;
-        (motion.roll_rad, motion.pitch_rad) = (unknown, unknown);
-        motion.rate_rad_s = [unknown, unknown, self.state.yaw_rate_rad_s];
-        motion.acceleration_m_s2 = [
-            self.input.acceleration_m_s2,
-            self.state.acceleration_m_s2,
-            unknown,
-        ];
-        (motion.bank_rad, motion.grade_rad) = (unknown, unknown);
+        *motion = Motion {
+            velocity_x_m_s: self.input.speed_m_s,
+            velocity_y_m_s: self.state.lateral_m_s,
+            sideslip_rad: self.sideslip_rad(),
+            sideslip_sigma_rad: self.sideslip_sigma_rad(),
+            rate_rad_s: [unknown, unknown, self.state.yaw_rate_rad_s],
+            acceleration_m_s2: [
+                self.input.acceleration_m_s2,
+                self.state.acceleration_m_s2,
+                unknown,
+            ],
+            ..Motion::UNKNOWN
+        };
     }
 }

@@ -213,7 +213,7 @@ fn a_receiver_without_a_fix_tells_no_speed() {
         (FixQuality::DeadReckoning, None),
         (FixQuality::Single, Some(5.0)),
     ] {
-        let mut readings = PlanarReadings::default();
+        let mut readings = PlanarReadings::new(&vehicle()).expect("readings");
         for measurement in [
             Measurement::GnssVelocity(GnssVelocity {
                 quality,
@@ -231,7 +231,7 @@ fn a_receiver_without_a_fix_tells_no_speed() {
                 device_time: None,
                 measurement,
             };
-            readings.push(&sample, &resolved, 15.0, 0.3);
+            readings.push(&sample, &resolved, &crate::Settings::default());
         }
         let told = readings.take(now).map(|input| input.speed_m_s);
         assert_eq!(told, speed, "{quality:?}");

@@ -55,9 +55,10 @@ fn inputs(rows: &[Row]) -> Vec<PlanarInput> {
     rows.iter().map(input).collect()
 }
 
-fn samples(rows: &[Row], steering_ratio: f64) -> impl Iterator<Item = Sample> {
+/// What the car's sensors say at each row, in the order of arrival.
+fn samples(rows: &[Row], steering_ratio: f64) -> Vec<Vec<Sample>> {
     let open = f64::NAN;
-    rows.iter().flat_map(move |row| {
+    let of_row = |row: &Row| {
         let time = LogTime(1_000_000_000).offset_seconds(row.time_s);
         [
             Measurement::GroundSpeed(GroundSpeedSample {
@@ -81,7 +82,9 @@ fn samples(rows: &[Row], steering_ratio: f64) -> impl Iterator<Item = Sample> {
             device_time: None,
             measurement,
         })
-    })
+        .to_vec()
+    };
+    rows.iter().map(of_row).collect()
 }
 
 /// What the estimator and the smoother make of a drive's rows after `from`, once the offsets that
@@ -92,6 +95,25 @@ fn judged(
     rows: &[Row],
     from: usize,
 ) -> ([Errors; 2], Vec<Event>) {
+    let samples = samples(rows, vehicle.steering.ratio);
+    let (estimates, events) = estimated(vehicle, found, samples.iter().flatten());
+    let truth_deg: Vec<f64> = rows.iter().map(|r| r.sideslip_rad.to_degrees()).collect();
+    let errors = estimates.map(|estimates| {
+        let sideslip = |estimate: &Estimate| estimate.motion.sideslip_rad.to_degrees();
+        let found_deg: Vec<f64> = estimates.iter().map(sideslip).collect();
+        let last = found_deg.len();
+        assert!(last + 2 >= rows.len(), "{last} of {}", rows.len());
+        score::errors(&found_deg[from..], &truth_deg[from..last]).expect("pairs")
+    });
+    (errors, events)
+}
+
+/// Causal and smoothed estimates from samples in their order of arrival, and what happened.
+fn estimated<'a>(
+    vehicle: &Vehicle,
+    found: &Identified,
+    samples: impl Iterator<Item = &'a Sample>,
+) -> ([Vec<Estimate>; 2], Vec<Event>) {
     let mut calibration = Calibration::nominal(&vehicle.name);
     found.put(vehicle.steering.ratio, &mut calibration);
     let sensors = Sensors::builtin("thesis-10bit").expect("a sensors file");
@@ -108,20 +130,12 @@ fn judged(
         Output::Event(event) => events.push(event),
         _ => {}
     };
-    for sample in samples(rows, vehicle.steering.ratio) {
+    for sample in samples {
         estimator.advance(sample.log_time, &mut take);
-        estimator.push(&sample);
+        estimator.push(sample);
     }
     smoother.finish(&mut |estimate| smoothed.push(estimate));
-    let truth_deg: Vec<f64> = rows.iter().map(|r| r.sideslip_rad.to_degrees()).collect();
-    let errors = [causal, smoothed].map(|estimates| {
-        let sideslip = |estimate: &Estimate| estimate.motion.sideslip_rad.to_degrees();
-        let found_deg: Vec<f64> = estimates.iter().map(sideslip).collect();
-        let last = found_deg.len();
-        assert!(last + 2 >= rows.len(), "{last} of {}", rows.len());
-        score::errors(&found_deg[from..], &truth_deg[from..last]).expect("pairs")
-    });
-    (errors, events)
+    ([causal, smoothed], events)
 }
 
 /// Handling from the first half of a drive, in which the car spins so often, and errors in the second.
@@ -187,6 +201,63 @@ fn a_spin_is_one_event_and_the_filter_finds_back() {
     assert_eq!(resets.count(), 1, "{events:?}");
     assert!(causal.rmse < 0.3, "{causal:?}");
     assert!(smoothed.rmse < 0.3, "{smoothed:?}");
+}
+
+/// Spikes and what is not a number cost little, the order of arrival nothing; what is unknown is told
+/// as unknown, and found back.
+#[test]
+fn bad_samples_upset_nothing() {
+    let case = &cars::SPORT;
+    let rows = drive(&case.car, &case.lap, &case.errors, 100.0);
+    let vehicle = vehicle(case);
+    let found = identify(&inputs(&rows[..7000]), &vehicle, 0.0).expect("parameters of a car");
+    let clean = samples(&rows, vehicle.steering.ratio);
+    let through = |samples: &[Vec<Sample>]| {
+        let ([causal, _], events) = estimated(&vehicle, &found, samples.iter().flatten());
+        assert_eq!(events, []);
+        causal
+    };
+    let plain = through(&clean);
+
+    let mut disordered = clean.clone();
+    disordered.iter_mut().for_each(|row| row.reverse());
+    let told = |estimates: &[Estimate]| -> Vec<u64> {
+        let sideslip = estimates.iter().map(|e| e.motion.sideslip_rad.to_bits());
+        sideslip.collect()
+    };
+    assert!(told(&through(&disordered)) == told(&plain));
+
+    let mut spoilt = clean.clone();
+    for (count, row) in spoilt.iter_mut().enumerate().skip(3000) {
+        for sample in row {
+            match &mut sample.measurement {
+                Measurement::GroundSpeed(speed) if count % 37 < 3 => speed.forward_m_s = 110.0,
+                Measurement::Steer(steer) if count % 41 < 3 => steer.hand_wheel_rad += 9.0,
+                Measurement::Imu(imu) if count % 43 < 3 => imu.angular_rate_rad_s[2] = f64::NAN,
+                Measurement::Imu(imu) if count % 47 < 3 => imu.specific_force_m_s2[1] = 90.0,
+                _ => {}
+            }
+        }
+    }
+    let sideslip_deg = |estimate: &Estimate| estimate.motion.sideslip_rad.to_degrees();
+    let apart_deg = |estimates: &[Estimate], from: usize| {
+        let pairs = estimates.iter().zip(&plain).skip(from);
+        let apart = pairs.map(|(a, b)| (sideslip_deg(a) - sideslip_deg(b)).abs());
+        apart.fold(0.0, f64::max)
+    };
+    let upset_deg = apart_deg(&through(&spoilt), 0);
+    assert!(upset_deg < 0.5, "{upset_deg}");
+
+    let mut silent = clean;
+    for row in &mut silent[5000..5300] {
+        row.retain(|sample| !matches!(sample.measurement, Measurement::Steer(_)));
+    }
+    let estimates = through(&silent);
+    let known = |row: usize| estimates[row].motion.sideslip_rad.is_finite();
+    assert!(known(4990) && !known(5100) && known(5310));
+    assert!(estimates[5100].motion.velocity_x_m_s.is_nan());
+    let late_deg = apart_deg(&estimates, 6000);
+    assert!(late_deg < 0.1, "{late_deg}");
 }
 
 #[test]

@@ -38,7 +38,8 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
     let resolved = Resolved::new(&told.sensors, &told.calibration)?;
     let imu_ahead_m = resolved.plain_imu_ahead_m;
     let vehicle = told.calibration.applied(&told.vehicle);
-    let inputs = inputs(&reader, &config, &vehicle, resolved, args)?;
+    let recorder = PlanarRecorder::new(&vehicle, resolved, told.settings.clone())?;
+    let inputs = inputs(&reader, &config, recorder, args)?;
     let found = identify(&inputs, &vehicle, imu_ahead_m)?;
     let mut calibration = told.calibration.clone();
     found.put(vehicle.steering.ratio, &mut calibration);
@@ -65,8 +66,7 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
 fn inputs(
     reader: &Reader,
     config: &Config,
-    vehicle: &model::vehicle::Vehicle,
-    resolved: Resolved,
+    mut recorder: PlanarRecorder,
     args: &IdentifyHandlingArgs,
 ) -> anyhow::Result<Vec<estimator::planar::PlanarInput>> {
     // Decoding needs no estimator.
@@ -75,7 +75,6 @@ fn inputs(
         ..config.clone()
     };
     let mut engine = Engine::new(&decoding)?;
-    let mut recorder = PlanarRecorder::new(vehicle, resolved);
     let mut records = Vec::new();
     let mut start = None;
     for arrival in reader.arrivals() {

@@ -81,21 +81,14 @@ impl TruthPoint {
         } else if leftward.is_nan() {
             leftward = forward * sideslip.tan();
         }
-        let unknown = f64::NAN;
-        let none = PerWheel([unknown; 4]);
         let motion = Motion {
             velocity_x_m_s: forward,
             velocity_y_m_s: leftward,
             sideslip_rad: sideslip,
-            sideslip_sigma_rad: unknown,
             roll_rad: get(Truth::Roll),
             pitch_rad: get(Truth::Pitch),
-            rate_rad_s: [unknown, unknown, get(Truth::YawRate)],
-            acceleration_m_s2: [unknown; 3],
-            steer_rad: none,
-            slip_angle_rad: none,
-            bank_rad: unknown,
-            grade_rad: unknown,
+            rate_rad_s: [f64::NAN, f64::NAN, get(Truth::YawRate)],
+            ..Motion::UNKNOWN
         };
         let forces = PerWheel::from_fn(|wheel: Wheel| TyreForce {
             force_n: [0, 1, 2].map(|axis| get(Truth::Force(wheel, axis))),
