@@ -5,7 +5,7 @@ use model::sensors::Sensors;
 use model::vehicle::{Axle, Vehicle};
 use sample::{
     Estimate, Event, ForceSource, LogTime, Measurement, Motion, NANOS_PER_SECOND, Parameters,
-    PerWheel, Sample, TyreForce, Wheel,
+    PerWheel, Sample, SourceId, TyreForce, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -17,7 +17,9 @@ use crate::innovation::InnovationTally;
 use crate::inputs::Readings;
 use crate::kinematics;
 use crate::lift::LiftDetector;
-use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, MotionState};
+use crate::motion::{
+    ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, MotionState, VelocityReceiver,
+};
 use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
@@ -81,6 +83,8 @@ pub struct Estimator {
     settings: Settings,
     next_grid: Option<LogTime>,
     waiting: Waiting,
+    /// The receiver of attitude, once it has spoken.
+    attitude_source: Option<SourceId>,
     column: SteeringColumn,
     readings: Readings,
     motion: MotionFilter,
@@ -147,6 +151,7 @@ impl Estimator {
             settings,
             next_grid: None,
             waiting: Waiting::new(),
+            attitude_source: None,
             column: SteeringColumn::new(vehicle)?,
             readings: Readings::default(),
             traced: false,
@@ -191,10 +196,18 @@ impl Estimator {
         match &sample.measurement {
             Measurement::Imu(imu) if uses(Input::Imu) => self.push_imu(time, imu),
             Measurement::GnssVelocity(gnss) if uses(Input::GnssVelocity) => {
-                let time = time.offset_seconds(-self.calibration.velocity_latency_s);
-                self.waiting.push(time, Held::Velocity(*gnss));
+                let time = match self.velocity_receiver(sample.source) {
+                    VelocityReceiver::Own => {
+                        time.offset_seconds(-self.calibration.velocity_latency_s)
+                    }
+                    VelocityReceiver::OfAttitude => time,
+                };
+                self.waiting
+                    .push(time, Held::Velocity(sample.source, *gnss));
             }
             Measurement::GnssAttitude(gnss) if uses(Input::GnssAttitude) => {
+                let source = self.attitude_source.get_or_insert(sample.source);
+                *source = (*source).min(sample.source);
                 let time = time.offset_seconds(-self.calibration.attitude_latency_s);
                 self.waiting.push(time, Held::Attitude(*gnss));
             }
@@ -217,7 +230,9 @@ impl Estimator {
         while let Some(Entry { time, held }) = self.waiting.take() {
             match held {
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
-                Held::Velocity(gnss) => self.take_velocity(time, &gnss, now, out),
+                Held::Velocity(source, gnss) => {
+                    self.take_velocity(time, source, &gnss, now, out);
+                }
                 Held::Attitude(gnss) => self.take_attitude(time, &gnss, now, out),
                 Held::Corner(corner) => self.readings.push_corner(
                     time,
@@ -511,7 +526,10 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
         accel_bias_sigma_m_s2: imu.accel_bias_m_s2,
         gyro_bias_sigma_rad_s: imu.gyro_bias_rad_s,
         imu_m: calibration.imu_m,
-        antenna_m: calibration.velocity_antenna_m,
+        antenna_m: [
+            calibration.velocity_antenna_m,
+            calibration.attitude_antenna_m,
+        ],
         velocity_sigma_m_s: sensors.gnss_velocity.velocity_noise_m_s.max(0.005),
         heading_sigma_rad: sensors.gnss_attitude.heading_noise_rad.max(1e-4),
         tilt_sigma_rad: sensors.gnss_attitude.roll_pitch_noise_rad.max(1e-4),

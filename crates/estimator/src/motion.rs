@@ -63,6 +63,9 @@ const AT_REST: f64 = 0.02;
 /// Time constant of the derivatives of rate and specific force, s.
 const SLOPE_TIME_S: f64 = 0.02;
 
+/// Time for which a receiver counts after it has last told a velocity, s.
+const VELOCITY_HEARD_S: f64 = 1.0;
+
 /// Noise and geometry that the filter assumes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionSettings {
@@ -78,8 +81,9 @@ pub struct MotionSettings {
     pub gyro_bias_sigma_rad_s: f64,
     /// Inertial unit from the centre of gravity, m.
     pub imu_m: Vector3<f64>,
-    /// Velocity antenna from the centre of gravity, m.
-    pub antenna_m: Vector3<f64>,
+    /// Antennas whose velocity is told from the centre of gravity, m, in the order of
+    /// [`VelocityReceiver`].
+    pub antenna_m: [Vector3<f64>; 2],
     /// Standard deviation of GNSS velocity where the record has none, m/s.
     pub velocity_sigma_m_s: f64,
     /// Standard deviation of GNSS heading where the record has none, rad.
@@ -110,11 +114,9 @@ pub struct MotionFilter {
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
     doubted: bool,
     levelled: bool,
-    velocity_standing: Standing,
+    velocities: [ToldVelocity; 2],
     attitude_standing: Standing,
-    /// What the receivers told last, velocity and yaw, pitch and roll, and whether it was left out.
-    told_velocity: Option<Vector3<f64>>,
-    velocity_left_out: bool,
+    /// Yaw, pitch and roll as told last, and whether they were left out.
     told_angles: [Option<f64>; 3],
     angles_left_out: [bool; 3],
     /// Whether something vouches for the state.
@@ -123,6 +125,32 @@ pub struct MotionFilter {
     /// Innovations since they were last reported.
     pub(crate) innovations: InnovationTally,
     trace: Trace<STATES>,
+}
+
+/// Whose antenna a velocity is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VelocityReceiver {
+    /// A receiver of velocity alone.
+    Own,
+    /// The receiver that tells attitude, too.
+    OfAttitude,
+}
+
+/// What a receiver told last.
+#[derive(Clone, Copy, Debug, Default)]
+struct ToldVelocity {
+    at: Option<LogTime>,
+    velocity_m_s: Vector3<f64>,
+    left_out: bool,
+    standing: Standing,
+}
+
+impl ToldVelocity {
+    /// Whether it has told anything of late.
+    fn is_heard(&self, now: LogTime) -> bool {
+        self.at
+            .is_some_and(|at| now.seconds_since(at) < VELOCITY_HEARD_S)
+    }
 }
 
 /// How a receiver's values have fared since it was last adopted.
@@ -205,10 +233,8 @@ impl MotionFilter {
             heading_known: false,
             doubted: false,
             levelled: false,
-            velocity_standing: Standing::default(),
+            velocities: [ToldVelocity::default(); 2],
             attitude_standing: Standing::default(),
-            told_velocity: None,
-            velocity_left_out: false,
             told_angles: [None; 3],
             angles_left_out: [false; 3],
             vouched: false,
@@ -238,10 +264,23 @@ impl MotionFilter {
         self.all_standing(|standing| standing.confirmed && standing.uses > 0)
     }
 
-    /// Whether something holds of each receiver that has told anything.
+    /// Whether something holds of attitude and of one receiver's velocity, where they have been told.
     fn all_standing(&self, holds: impl Fn(&Standing) -> bool) -> bool {
-        (self.velocity_time.is_none() || holds(&self.velocity_standing))
+        let now = self.time.unwrap_or_default();
+        let silent = !self.velocities.iter().any(|told| told.is_heard(now));
+        let holds_of = |told: &ToldVelocity| {
+            let counts = told.is_heard(now) || silent && told.at.is_some();
+            counts && holds(&told.standing)
+        };
+        (self.velocity_time.is_none() || self.velocities.iter().any(holds_of))
             && (self.attitude_time.is_none() || holds(&self.attitude_standing))
+    }
+
+    fn set_standing(&mut self, standing: Standing) {
+        for told in &mut self.velocities {
+            told.standing = standing;
+        }
+        self.attitude_standing = standing;
     }
 
     /// How often the filter has been started anew.
@@ -314,8 +353,7 @@ impl MotionFilter {
         self.heading_known = false;
         self.doubted = false;
         self.levelled = false;
-        self.velocity_standing = Standing::default();
-        self.attitude_standing = Standing::default();
+        self.set_standing(Standing::default());
         self.velocity_time = None;
         self.attitude_time = None;
         self.history.clear();
@@ -410,8 +448,7 @@ impl MotionFilter {
         self.resets += 1;
         self.forget_biases();
         self.doubted = true;
-        self.velocity_standing = Standing::adopted();
-        self.attitude_standing = Standing::adopted();
+        self.set_standing(Standing::adopted());
         self.velocity_time = None;
         self.attitude_time = None;
     }

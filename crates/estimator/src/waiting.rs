@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 
 use nalgebra::Vector3;
-use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel};
+use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel, SourceId};
 
 /// Samples that can wait; a step of 10 ms has about thirty.
 const CAPACITY: usize = 2048;
@@ -22,8 +22,8 @@ pub enum Held {
         /// Angular rate, rad/s.
         rate: Vector3<f64>,
     },
-    /// Velocity of the antenna.
-    Velocity(GnssVelocity),
+    /// Velocity of a source's antenna.
+    Velocity(SourceId, GnssVelocity),
     /// Attitude of the antennas.
     Attitude(GnssAttitude),
     /// Counts of a corner.
@@ -54,7 +54,7 @@ impl Entry {
     fn rank(&self) -> u8 {
         match &self.held {
             Held::Inertial { .. } => 0,
-            Held::Velocity(_) => 1,
+            Held::Velocity(..) => 1,
             Held::Attitude(_) => 2,
             Held::Corner(corner) => 3 + corner.wheel.index() as u8,
             Held::HandWheel(_) => 7,
@@ -65,7 +65,9 @@ impl Entry {
     fn content(&self) -> u64 {
         match &self.held {
             Held::Inertial { force, rate } => digest(force.iter().chain(rate.iter()).copied()),
-            Held::Velocity(gnss) => digest(gnss.velocity_enu_m_s),
+            Held::Velocity(source, gnss) => {
+                digest(gnss.velocity_enu_m_s).wrapping_add(u64::from(source.0))
+            }
             Held::Attitude(gnss) => {
                 let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
                 digest(angles.map(|angle| angle.unwrap_or(f64::NAN)))

@@ -23,8 +23,8 @@ use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use run::Run;
-use sample::{EventKind, Sample, Wheel};
+use run::{RATE_HZ, Run};
+use sample::{EventKind, FixQuality, GnssVelocity, Measurement, Sample, Wheel};
 
 const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 
@@ -198,6 +198,80 @@ fn what_hangs_is_not_adopted_though_nothing_vouches() {
         assert_eq!(told.len(), resets, "{told:?}");
         assert!(told.iter().all(|(_, kind)| *kind == EventKind::FilterReset));
     }
+}
+
+/// An attitude receiver that tells velocity, too, has an antenna of its own; where it contradicts the
+/// other receiver and the inertial unit it is left out, also where nothing else vouches for them.
+#[test]
+fn of_two_receivers_the_wrong_one_is_left_out() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let mut sensors = Sensors::builtin("thesis-10bit").unwrap();
+    sensors.gnss_attitude.antenna_m = [0.8, 0.4, 0.9];
+    let calibration = Calibration::nominal(&vehicle.name);
+    let run = Run::load("c_sine03");
+    let of_one = sensing::samples(&run, &vehicle, &sensors, 1);
+    let judged = |samples: &[Sample], ignore: &[Input]| {
+        let settings = Settings {
+            ignore: ignore.to_vec(),
+            ..Settings::default()
+        };
+        let result = estimate(&vehicle, &sensors, &calibration, settings, samples);
+        (motion_errors(&run, &result), told(&result))
+    };
+    for ignore in [&[][..], &[Input::Strain]] {
+        let (with_one, _) = judged(&of_one, ignore);
+        for off_m_s in [0.0, 3.0] {
+            let (motion, told) = judged(&with_second(&run, &sensors, &of_one, off_m_s), ignore);
+            eprintln!("{ignore:?} {off_m_s} m/s off: {with_one:.3?} {motion:.3?} {told:.2?}");
+            for (two, one) in motion.iter().zip(with_one) {
+                assert!(*two <= one + ANGLE_MORE_DEG, "{motion:?} {with_one:?}");
+            }
+            let name = "GNSS velocity of the attitude receiver".to_owned();
+            let kinds: Vec<&EventKind> = told.iter().map(|(_, kind)| kind).collect();
+            match kinds[..] {
+                [] => assert!(off_m_s == 0.0 || !ignore.is_empty(), "{told:?}"),
+                [fault, recovery] => {
+                    assert!(off_m_s > 0.0);
+                    assert_eq!(*fault, EventKind::SensorFault(name.clone()));
+                    assert_eq!(*recovery, EventKind::SensorRecovered(name));
+                }
+                _ => panic!("{told:?}"),
+            }
+        }
+    }
+}
+
+/// The samples with the velocity of the attitude receiver's antenna beside each attitude, which is
+/// off for as long as faults last.
+fn with_second(run: &Run, sensors: &Sensors, samples: &[Sample], off_m_s: f64) -> Vec<Sample> {
+    let arm = sensors.gnss_attitude.antenna_m.into();
+    let velocity = |sample: &Sample| {
+        let valid_s = sample.valid_time.seconds_since(sensing::START);
+        let row = (valid_s * RATE_HZ).round() as usize;
+        let mut velocity = sensing::antenna_velocity(run, row, arm);
+        if (FAULT_S..HEALED_S).contains(&valid_s) {
+            velocity.x += off_m_s;
+        }
+        Sample {
+            measurement: Measurement::GnssVelocity(GnssVelocity {
+                quality: FixQuality::Fixed,
+                velocity_enu_m_s: velocity.into(),
+                ..GnssVelocity::default()
+            }),
+            ..sample.clone()
+        }
+    };
+    let mut all = Vec::with_capacity(samples.len());
+    for sample in samples {
+        if matches!(sample.measurement, Measurement::GnssAttitude(_)) {
+            all.push(velocity(sample));
+        }
+        all.push(sample.clone());
+    }
+    all
 }
 
 /// The samples with the channels spoilt.

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use sample::{
-    Event, FixQuality, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover,
-    Sample, TyreForce,
+    Event, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover, Sample, TyreForce,
 };
 use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage};
 
@@ -225,12 +224,12 @@ impl Drive {
         let time_s = sample.valid_time.seconds_since(self.start);
         match &sample.measurement {
             Measurement::Steer(steer) => self.hand_wheel_rad.push(time_s, steer.hand_wheel_rad),
-            Measurement::GnssVelocity(velocity) if velocity.quality != FixQuality::None => {
+            Measurement::GnssVelocity(velocity) if velocity.quality.is_solved() => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
                 let series = self.gnss_speed_m_s.entry(name).or_default();
                 series.push(time_s, east.hypot(north));
             }
-            Measurement::GnssPosition(position) if position.quality != FixQuality::None => {
+            Measurement::GnssPosition(position) if position.quality.is_solved() => {
                 let here = [position.longitude_rad, position.latitude_rad];
                 let origin = *origins.entry(name.clone()).or_insert(here);
                 self.track_m

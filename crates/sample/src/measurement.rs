@@ -105,6 +105,21 @@ pub enum FixQuality {
     DeadReckoning,
 }
 
+impl FixQuality {
+    /// Whether there is a solution at all.
+    #[must_use]
+    pub const fn is_solved(self) -> bool {
+        !matches!(self, Self::None)
+    }
+
+    /// Whether satellites measured it: what a receiver's own inertial sensors propagate is no news
+    /// beside an inertial unit.
+    #[must_use]
+    pub const fn is_measured(self) -> bool {
+        self.is_solved() && !matches!(self, Self::DeadReckoning)
+    }
+}
+
 /// Antenna position, WGS 84.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GnssPosition {

@@ -30,6 +30,8 @@ pub struct Resolved {
     pub plain_imu_ahead_m: f64,
     /// Velocity antenna from the centre of gravity, m.
     pub velocity_antenna_m: Vector3<f64>,
+    /// The attitude receiver's antenna, whose velocity it tells, from the centre of gravity, m.
+    pub attitude_antenna_m: Vector3<f64>,
     /// Latency of GNSS velocity that the samples' valid time still holds, s.
     pub velocity_latency_s: f64,
     /// Latency of GNSS attitude that the samples' valid time still holds, s.
@@ -112,6 +114,13 @@ impl Resolved {
                 velocity
                     .antenna_m
                     .unwrap_or(sensors.gnss_velocity.antenna_m),
+            )?,
+            attitude_antenna_m: finite3(
+                "gnss_attitude.antenna_m",
+                calibration
+                    .gnss_attitude
+                    .antenna_m
+                    .unwrap_or(sensors.gnss_attitude.antenna_m),
             )?,
             velocity_latency_s: finite(
                 "gnss_velocity.latency_s",

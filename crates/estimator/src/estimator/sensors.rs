@@ -3,14 +3,14 @@
 
 use nalgebra::Vector3;
 use sample::{
-    FixQuality, GnssAttitude, GnssVelocity, ImuSample, InnovationKind, LogTime, PerWheel, Wheel,
+    GnssAttitude, GnssVelocity, ImuSample, InnovationKind, LogTime, PerWheel, SourceId, Wheel,
 };
 
 use super::events::motion_event;
 use super::{Estimator, GNSS_SILENT_S, GRID_S, HEADING_SILENT_S, Output};
 use crate::corners::Corners;
 use crate::inputs::finite3;
-use crate::motion::MotionState;
+use crate::motion::{MotionState, VelocityReceiver};
 use crate::waiting::Held;
 use crate::watch::{
     InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch, Triads, WheelWatch,
@@ -38,7 +38,7 @@ const VERTICAL_SIGMA_M_S: f64 = 0.3;
 pub(super) struct Watches {
     pub(super) inertial: InertialWatch,
     pub(super) steering: SteeringWatch,
-    velocity: ReceiverWatch,
+    velocity: [ReceiverWatch; 2],
     attitude: ReceiverWatch,
     wheels: WheelWatch,
     /// Part of the time in which the inertial unit has contradicted the balances, lately.
@@ -54,7 +54,8 @@ impl Watches {
         Self {
             inertial: InertialWatch::default(),
             steering: SteeringWatch::default(),
-            velocity: ReceiverWatch::new("GNSS velocity"),
+            velocity: ["GNSS velocity", "GNSS velocity of the attitude receiver"]
+                .map(ReceiverWatch::new),
             attitude: ReceiverWatch::new("GNSS attitude"),
             wheels: WheelWatch::default(),
             doubt: 1.0,
@@ -140,22 +141,36 @@ impl Estimator {
         self.readings.push_hand_wheel(time, angle);
     }
 
+    /// Whose antenna a source's velocity is of: a receiver of attitude has one of its own.
+    pub(super) fn velocity_receiver(&self, source: SourceId) -> VelocityReceiver {
+        if self.attitude_source == Some(source) {
+            VelocityReceiver::OfAttitude
+        } else {
+            VelocityReceiver::Own
+        }
+    }
+
     pub(super) fn take_velocity(
         &mut self,
         time: LogTime,
+        source: SourceId,
         gnss: &GnssVelocity,
         now: LogTime,
         out: &mut impl FnMut(Output),
     ) {
-        let usable = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
+        let usable = gnss.quality.is_measured();
+        let receiver = self.velocity_receiver(source);
         if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
             let verdict = self
                 .motion
-                .push_velocity(time, velocity, gnss.sigma_enu_m_s);
+                .push_velocity(time, receiver, velocity, gnss.sigma_enu_m_s);
             let vouched = self.motion.is_vouched();
-            self.watches
-                .velocity
-                .judge(time, verdict, vouched, &mut telling(now, out));
+            self.watches.velocity[receiver as usize].judge(
+                time,
+                verdict,
+                vouched,
+                &mut telling(now, out),
+            );
         }
     }
 
@@ -166,7 +181,7 @@ impl Estimator {
         now: LogTime,
         out: &mut impl FnMut(Output),
     ) {
-        if gnss.quality == FixQuality::None {
+        if !gnss.quality.is_solved() {
             return;
         }
         let offset = self.calibration.attitude_offset_rad;

@@ -8,7 +8,7 @@ use crate::trace::{Operation, Update};
 use super::history::Pose;
 use super::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, Standing, VELOCITY,
-    cross, orthonormal, wrap,
+    VelocityReceiver, cross, orthonormal, wrap,
 };
 
 /// Normalised innovation, standard deviations, beyond which a value is left out.
@@ -70,20 +70,22 @@ impl Standing {
 }
 
 impl MotionFilter {
-    /// GNSS velocity of the antenna, earth axes, true at `valid`.
+    /// GNSS velocity of a receiver's antenna, earth axes, true at `valid`.
     pub fn push_velocity(
         &mut self,
         valid: LogTime,
+        receiver: VelocityReceiver,
         velocity_m_s: Vector3<f64>,
         sigma_m_s: Option<[f64; 3]>,
     ) -> Verdict {
+        let own = receiver as usize;
         if self.doubted || !velocity_m_s.iter().all(|v| v.abs() < 200.0) {
             return Verdict::Unusable;
         }
         let Some(pose) = self.history.at(valid) else {
             return Verdict::Unusable;
         };
-        let arm = self.settings.antenna_m - self.settings.imu_m;
+        let arm = self.settings.antenna_m[own] - self.settings.imu_m;
         let swing = pose.earth_from_body * pose.rate_rad_s.cross(&arm);
         let mut residual = velocity_m_s - pose.velocity_m_s - swing;
         let floor = self.settings.velocity_sigma_m_s;
@@ -115,26 +117,32 @@ impl MotionFilter {
         // A receiver that hangs says the same again, and contradicts ever more as the body goes on: it
         // is left out until it says something else, but what it says is not adopted. One that stands
         // may well be told as zero.
-        let hangs = self.told_velocity == Some(velocity_m_s) && speed > 0.0;
-        self.told_velocity = Some(velocity_m_s);
+        let told = &mut self.velocities[own];
+        let hangs = told.at.is_some() && told.velocity_m_s == velocity_m_s && speed > 0.0;
+        (told.at, told.velocity_m_s) = (Some(valid), velocity_m_s);
         let slope = -cross(swing);
-        let mut rejected = hangs && self.velocity_left_out;
+        let mut rejected = hangs && told.left_out;
         for axis in 0..3 {
             let variance =
                 self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
             rejected |= residual[axis].powi(2) > GATE * GATE * variance;
         }
-        self.velocity_left_out = rejected && self.velocity_time.is_some();
-        if self.velocity_left_out {
+        let vouched = self.is_vouched();
+        let told = &mut self.velocities[own];
+        told.left_out = rejected && self.velocity_time.is_some();
+        if told.left_out {
             if !hangs {
-                let vouched = self.is_vouched();
-                self.velocity_standing.contradicted(vouched);
+                told.standing.contradicted(vouched);
             }
-            if self.is_contradicted() {
+            let too_many = told.standing.too_many();
+            // One of two receivers alone is not adopted.
+            let other = &self.velocities[1 - own];
+            let alone = !(other.is_heard(valid) && other.standing.uses > 0);
+            if self.is_contradicted(valid) {
                 self.doubt();
-            } else if self.velocity_standing.too_many() {
+            } else if too_many && alone {
                 self.resets += 1;
-                self.velocity_standing = Standing::adopted();
+                self.velocities[own].standing = Standing::adopted();
                 self.velocity_time = None;
             }
             for _ in 0..3 {
@@ -153,15 +161,16 @@ impl MotionFilter {
             self.scalar(kind, &h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
         self.inject(&delta);
-        self.velocity_standing.used();
+        self.velocities[own].standing.used();
         self.velocity_time = Some(valid);
         Verdict::Used
     }
 
     /// Whether GNSS velocity and attitude both contradict the state.
-    fn is_contradicted(&self) -> bool {
-        let [velocity, attitude] = [&self.velocity_standing, &self.attitude_standing];
-        velocity.unvouched.min(attitude.unvouched) >= CONTRADICTIONS
+    fn is_contradicted(&self, now: LogTime) -> bool {
+        let heard = self.velocities.iter().filter(|told| told.is_heard(now));
+        let velocity = heard.map(|told| told.standing.unvouched).min();
+        velocity.unwrap_or(0).min(self.attitude_standing.unvouched) >= CONTRADICTIONS
     }
 
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
@@ -255,7 +264,7 @@ impl MotionFilter {
                 let vouched = self.is_vouched();
                 self.attitude_standing.contradicted(vouched);
             }
-            if self.is_contradicted() {
+            if self.is_contradicted(valid) {
                 self.doubt();
             } else if self.attitude_standing.too_many() {
                 self.resets += 1;

@@ -2,7 +2,7 @@
 
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
-use sample::{FixQuality, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
+use sample::{LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
 
 use crate::calibration::Resolved;
 use crate::steering_column::SteeringColumn;
@@ -185,11 +185,7 @@ impl PlanarReadings {
             Measurement::GnssVelocity(velocity) if uses(Input::GnssVelocity) => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
                 let speed = east.hypot(north);
-                let known = !matches!(
-                    velocity.quality,
-                    FixQuality::None | FixQuality::DeadReckoning
-                );
-                if known && speed < SPEED_MAX_M_S {
+                if velocity.quality.is_measured() && speed < SPEED_MAX_M_S {
                     let time = time.offset_seconds(-calibration.velocity_latency_s);
                     self.wait(time, Quantity::Satellite, speed);
                 }

@@ -5,6 +5,7 @@
 
 use estimator::motion::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, MotionSettings, STATES, Solution, VELOCITY,
+    VelocityReceiver,
 };
 use estimator::watch::Triads;
 use model::sensors::Sensors;
@@ -114,7 +115,7 @@ fn settings(sensors: &Sensors) -> MotionSettings {
         accel_bias_sigma_m_s2: imu.accel_bias_m_s2,
         gyro_bias_sigma_rad_s: imu.gyro_bias_rad_s,
         imu_m: Vector3::from(imu.position_m),
-        antenna_m: Vector3::from(sensors.gnss_velocity.antenna_m),
+        antenna_m: [Vector3::from(sensors.gnss_velocity.antenna_m); 2],
         velocity_sigma_m_s: sensors.gnss_velocity.velocity_noise_m_s,
         heading_sigma_rad: sensors.gnss_attitude.heading_noise_rad,
         tilt_sigma_rad: sensors.gnss_attitude.roll_pitch_noise_rad,
@@ -131,7 +132,8 @@ fn give(filter: &mut MotionFilter, sample: &Sample) {
             &Triads::default(),
         ),
         Measurement::GnssVelocity(gnss) => {
-            let _ = filter.push_velocity(time, Vector3::from(gnss.velocity_enu_m_s), None);
+            let velocity = Vector3::from(gnss.velocity_enu_m_s);
+            let _ = filter.push_velocity(time, VelocityReceiver::Own, velocity, None);
         }
         Measurement::GnssAttitude(gnss) => {
             let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
@@ -316,7 +318,7 @@ impl Points {
 
     fn measure(&mut self, sample: &Sample) {
         let s = &self.settings;
-        let arm = s.antenna_m - s.imu_m;
+        let arm = s.antenna_m[0] - s.imu_m;
         let rate = self.reading.rate;
         match &sample.measurement {
             Measurement::GnssVelocity(gnss) => {

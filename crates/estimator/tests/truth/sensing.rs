@@ -40,8 +40,13 @@ impl Source<'_> {
     }
 
     fn push(&mut self, arrived_s: f64, valid_s: f64, measurement: Measurement) {
+        let source = match measurement {
+            Measurement::GnssVelocity(_) => 1,
+            Measurement::GnssAttitude(_) => 2,
+            _ => 0,
+        };
         self.samples.push(Sample {
-            source: SourceId(0),
+            source: SourceId(source),
             log_time: START.offset_seconds(arrived_s),
             valid_time: START.offset_seconds(valid_s),
             device_time: None,
@@ -215,7 +220,7 @@ fn earth_from_body(run: &Run, row: usize) -> nalgebra::Rotation3<f64> {
     nalgebra::Rotation3::from_euler_angles(roll, pitch, yaw)
 }
 
-fn antenna_velocity(run: &Run, row: usize, arm: Vector3<f64>) -> Vector3<f64> {
+pub fn antenna_velocity(run: &Run, row: usize, arm: Vector3<f64>) -> Vector3<f64> {
     let rate = Vector3::from(run.vector(["p", "q", "r"], row));
     let body = Vector3::from(run.vector(["vx_body", "vy_body", "vz_body"], row));
     earth_from_body(run, row) * (body + rate.cross(&arm))

@@ -10,7 +10,7 @@ use estimator::calibration::rest::{self, Signal, Stretch};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
-use sample::{FixQuality, LogTime, Measurement, PerWheel, Sample, StrainChannel, Wheel};
+use sample::{LogTime, Measurement, PerWheel, Sample, StrainChannel, Wheel};
 use store::{Reader, Record, Selection};
 
 use crate::config::Config;
@@ -212,13 +212,13 @@ impl Recording {
                 self.imu.rate_rad_s.push(imu.angular_rate_rad_s);
             }
             Measurement::GnssVelocity(gnss) => {
-                let good = !matches!(gnss.quality, FixQuality::None | FixQuality::DeadReckoning);
+                let good = gnss.quality.is_measured();
                 let velocity = if good { gnss.velocity_enu_m_s } else { unknown };
                 let column = self.velocity.entry(receiver(topic)).or_default();
                 column.push(time_s, velocity);
             }
             Measurement::GnssAttitude(gnss) => {
-                let good = gnss.quality != FixQuality::None;
+                let good = gnss.quality.is_solved();
                 let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
                 let angles = angles.map(|a| a.filter(|_| good).unwrap_or(f64::NAN));
                 let column = self.attitude.entry(receiver(topic)).or_default();
