@@ -27,7 +27,7 @@ use crate::steering_column::SteeringColumn;
 use crate::waiting::{Entry, Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
-use events::{channel_event, frozen_event, reset_event};
+use events::{Divergence, channel_event, frozen_event};
 use sensors::Watches;
 
 /// Spacing of the instants that estimates are given for, ns.
@@ -42,8 +42,6 @@ const HOLD_NANOS: u64 = 5_000_000;
 const GAP_MAX_NANOS: u64 = 10_000_000_000;
 /// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
 const GNSS_SILENT_S: f64 = 0.3;
-/// A single-track filter that is started anew within this time of the last start, s, has not held.
-const SAME_RESET_S: f64 = 3.0;
 /// Time that attitude and biases take from a start, also one in a bend, s: until then slip angles
 /// teach no grip, and one more start is no divergence.
 const SETTLING_S: f64 = 2.0;
@@ -98,8 +96,8 @@ pub struct Estimator {
     /// Since when the motion filter has gone on without a start.
     moving_since: Option<LogTime>,
     planar: Option<Planar>,
-    /// When the single-track filter was last started anew.
-    planar_reset: Option<LogTime>,
+    /// Of motion, forces and sideslip.
+    divergences: [Divergence; 3],
     imu_sigma: [f64; 2],
     traced: bool,
 }
@@ -133,7 +131,7 @@ impl Estimator {
                 .is_none()
                 .then(|| Planar::new(vehicle, sensors, &calibration))
                 .transpose()?,
-            planar_reset: None,
+            divergences: ["motion", "force", "sideslip"].map(Divergence::new),
             watches: Watches::new(),
             corners,
             fusion,
@@ -258,11 +256,9 @@ impl Estimator {
         self.motion.vouch(self.watches.vouch());
         self.take_waiting(time, out);
         let settled = |since| time.seconds_since(since) > SETTLING_S;
+        let starting = !self.moving_since.is_some_and(settled);
+        self.divergences[0].step(time, self.motion.resets().into(), starting, out);
         if self.motion.resets() > resets {
-            if self.moving_since.is_some_and(settled) {
-                let what = "the motion filter was contradicted by its sensors";
-                out(Output::Event(reset_event(time, what)));
-            }
             self.moving_since = None;
         }
         let settled = settled(*self.moving_since.get_or_insert(time));
@@ -415,13 +411,10 @@ impl Estimator {
                 believed: self.watches.inertial.believed(),
                 turn_over_ground: corners.turn_over_ground(),
             };
-            let resets = fusion.resets();
             let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
                 out(Output::Event(channel_event(now, change)));
             });
-            if fusion.resets() > resets {
-                out(Output::Event(reset_event(now, "the force filter diverged")));
-            }
+            self.divergences[1].step(now, fusion.resets().into(), false, out);
             self.watches.agree(fusion.vouches());
             return forces;
         }
@@ -466,17 +459,8 @@ impl Estimator {
         out: &mut impl FnMut(Output),
     ) -> Option<PlanarMotion> {
         let planar = self.planar.as_mut()?;
-        let resets = planar.resets();
         let motion = planar.step(time, GRID_S);
-        if planar.resets() > resets {
-            let before = self.planar_reset.replace(time);
-            if before.is_none_or(|before| time.seconds_since(before) > SAME_RESET_S) {
-                out(Output::Event(reset_event(
-                    time,
-                    "the sideslip filter diverged",
-                )));
-            }
-        }
+        self.divergences[2].step(time, planar.resets(), false, out);
         motion.filter(|_| !navigated)
     }
 

@@ -111,6 +111,9 @@ pub struct MotionFilter {
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
+    /// What the last heading that was not adopted said beyond the state's, rad, and how many in a row
+    /// have agreed.
+    heading_run: [f64; 2],
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
     doubted: bool,
     levelled: bool,
@@ -231,6 +234,7 @@ impl MotionFilter {
             velocity_time: None,
             attitude_time: None,
             heading_known: false,
+            heading_run: [0.0; 2],
             doubted: false,
             levelled: false,
             velocities: [ToldVelocity::default(); 2],
@@ -351,6 +355,7 @@ impl MotionFilter {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         self.heading_known = false;
+        self.heading_run = [0.0; 2];
         self.doubted = false;
         self.levelled = false;
         self.set_standing(Standing::default());

@@ -221,13 +221,15 @@ pub enum EventKind {
     SensorFault(String),
     /// A sensor is used again.
     SensorRecovered(String),
-    /// The filter diverged and was started anew.
+    /// A filter diverged and was started anew.
     FilterReset,
+    /// A filter that was started anew has settled.
+    FilterRecovered,
 }
 
 impl EventKind {
     /// Names of all kinds.
-    pub const NAMES: [&'static str; 9] = [
+    pub const NAMES: [&'static str; 10] = [
         "lift_warning",
         "lift",
         "touchdown",
@@ -237,6 +239,7 @@ impl EventKind {
         "sensor_fault",
         "sensor_recovered",
         "filter_reset",
+        "filter_recovered",
     ];
 
     /// The kind's name, one of [`EventKind::NAMES`].
@@ -252,6 +255,7 @@ impl EventKind {
             Self::SensorFault(_) => 6,
             Self::SensorRecovered(_) => 7,
             Self::FilterReset => 8,
+            Self::FilterRecovered => 9,
         }]
     }
 }

@@ -328,7 +328,9 @@ fn announce(event: &Event) {
         EventKind::SensorFault(_) | EventKind::FilterReset => {
             tracing::warn!(source = "estimator", "{text}");
         }
-        EventKind::SensorRecovered(_) => tracing::info!(source = "estimator", "{text}"),
+        EventKind::SensorRecovered(_) | EventKind::FilterRecovered => {
+            tracing::info!(source = "estimator", "{text}")
+        }
         _ => {}
     }
 }

@@ -6,18 +6,71 @@ use crate::fusion::ChannelChange;
 use crate::inputs::FrozenChange;
 use crate::watch::{CONTRADICTS, FROZEN, SensorChange};
 
+use super::Output;
+
 pub(super) fn motion_event(now: LogTime, change: SensorChange) -> Event {
     sensor_event(now, change.faulty, change.name.to_owned(), change.why)
 }
 
-pub(super) fn reset_event(now: LogTime, what: &str) -> Event {
-    Event {
-        time: now,
-        onset: now,
-        kind: EventKind::FilterReset,
-        probability: None,
-        load_transfer_ratio: None,
-        text: format!("{what} and was started anew"),
+/// Time without a further start after which a filter that was started anew has settled, s.
+const SETTLED_S: f64 = 3.0;
+
+/// A filter that may diverge, from its being started anew to its recovery.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Divergence {
+    name: &'static str,
+    /// Starts of the filter so far.
+    starts: u64,
+    /// When it was last started anew, until it has settled.
+    since: Option<LogTime>,
+}
+
+impl Divergence {
+    /// Of a filter, by the name that events have for it.
+    pub(super) fn new(name: &'static str) -> Self {
+        Self {
+            name,
+            starts: 0,
+            since: None,
+        }
+    }
+
+    /// Takes note of how often the filter has been started anew. One that cannot hold says so once;
+    /// what comes `silently` is still its own first start.
+    pub(super) fn step(
+        &mut self,
+        now: LogTime,
+        starts: u64,
+        silently: bool,
+        out: &mut impl FnMut(Output),
+    ) {
+        let told = |kind, text| {
+            Output::Event(Event {
+                time: now,
+                onset: now,
+                kind,
+                probability: None,
+                load_transfer_ratio: None,
+                text,
+            })
+        };
+        if starts > self.starts {
+            self.starts = starts;
+            if !silently && self.since.is_none() {
+                let text = format!("the {} filter diverged and was started anew", self.name);
+                out(told(EventKind::FilterReset, text));
+            }
+            if !silently || self.since.is_some() {
+                self.since = Some(now);
+            }
+        } else if self
+            .since
+            .is_some_and(|since| now.seconds_since(since) > SETTLED_S)
+        {
+            self.since = None;
+            let text = format!("the {} filter has settled again", self.name);
+            out(told(EventKind::FilterRecovered, text));
+        }
     }
 }
 

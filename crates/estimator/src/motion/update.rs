@@ -21,6 +21,8 @@ const VOUCHED_MISSES_MAX: u32 = 600;
 /// whose bias has jumped is soon contradicted again.
 const CONFIRMED: u32 = 20;
 const CONFIRMED_ANEW: u32 = 100;
+/// Headings in a row that must agree with each other before one is adopted.
+const STEADY_HEADINGS: f64 = 3.0;
 /// Values of each of two receivers left out in a row after which it is.
 const CONTRADICTIONS: u32 = 3;
 
@@ -222,6 +224,9 @@ impl MotionFilter {
         if self.attitude_time.is_none()
             && let Some(turn) = residuals[0].take()
         {
+            if !self.is_steady(turn, sigma[0]) {
+                return Verdict::Unusable;
+            }
             self.adopt_yaw(turn, sigma[0]);
             self.heading_known = true;
             yaw += turn;
@@ -281,6 +286,16 @@ impl MotionFilter {
         } else {
             Verdict::Unusable
         }
+    }
+
+    /// Whether headings go on as the gyros have the body turn, and so are more than noise: those of a
+    /// vehicle that stands or creeps may be wild. `turn` is what a heading says beyond the state's.
+    fn is_steady(&mut self, turn: f64, sigma: f64) -> bool {
+        let [before, count] = self.heading_run;
+        let apart = wrap(turn - before).abs();
+        let agrees = apart < GATE * std::f64::consts::SQRT_2 * sigma;
+        self.heading_run = [turn, if agrees { count + 1.0 } else { 1.0 }];
+        self.heading_run[1] >= STEADY_HEADINGS
     }
 
     /// Takes the angles for the attitude at `pose`, whatever the state says; those that are absent

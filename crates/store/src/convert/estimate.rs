@@ -267,6 +267,7 @@ pub(super) fn event_to_proto(event: &Event) -> pb::Event {
         EventKind::SensorFault(name) => Kind::SensorFault(name.clone()),
         EventKind::SensorRecovered(name) => Kind::SensorRecovered(name.clone()),
         EventKind::FilterReset => Kind::FilterReset(pb::FilterReset {}),
+        EventKind::FilterRecovered => Kind::FilterRecovered(pb::FilterRecovered {}),
     };
     pb::Event {
         onset_ns: event.onset.0,
@@ -296,6 +297,7 @@ pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event,
         Kind::SensorFault(name) => EventKind::SensorFault(name),
         Kind::SensorRecovered(name) => EventKind::SensorRecovered(name),
         Kind::FilterReset(_) => EventKind::FilterReset,
+        Kind::FilterRecovered(_) => EventKind::FilterRecovered,
     };
     Ok(Event {
         time,

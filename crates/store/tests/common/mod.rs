@@ -400,6 +400,7 @@ fn events(time: LogTime) -> Vec<Record> {
         EventKind::SensorFault("crossbow".to_owned()),
         EventKind::SensorRecovered("crossbow".to_owned()),
         EventKind::FilterReset,
+        EventKind::FilterRecovered,
     ];
     let event = |(index, kind)| {
         Record::Event(Event {
