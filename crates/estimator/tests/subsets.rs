@@ -251,10 +251,11 @@ fn every_subset_gives_forces_and_faults_are_named() {
             let force = force_errors(&run, &vehicle, &result);
             let motion = motion_errors(&run, &result);
             let sigma = result.estimates[1200].measured[Wheel::FrontLeft].sigma_n;
-            let square = deviations(&run, &result).axes;
+            let held = deviations(&run, &result);
+            let (square, inside, surprise) = (held.axes, held.all.inside, held.surprise);
             eprintln!(
                 "{name:15} {:20} {force:.2?} % {motion:.3?} deg, sigma {sigma:.0?} N, NEES \
-                 {square:.1?}",
+                 {square:.1?}, {inside:.2} inside, surprise {surprise:.1?}",
                 case.name
             );
             for (error, most) in force.iter().zip(case.force_max) {
