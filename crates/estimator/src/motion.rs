@@ -111,8 +111,8 @@ pub struct MotionFilter {
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
-    /// What the last heading that was not adopted said beyond the state's, rad, and how many in a row
-    /// have agreed.
+    /// What the last heading before one was adopted said beyond the state's, rad, and how many in a
+    /// row have agreed.
     heading_run: [f64; 2],
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
     doubted: bool,
@@ -355,12 +355,11 @@ impl MotionFilter {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         self.heading_known = false;
-        self.heading_run = [0.0; 2];
         self.doubted = false;
         self.levelled = false;
         self.set_standing(Standing::default());
         self.velocity_time = None;
-        self.attitude_time = None;
+        self.forget_attitude();
         self.history.clear();
     }
 
@@ -455,7 +454,12 @@ impl MotionFilter {
         self.doubted = true;
         self.set_standing(Standing::adopted());
         self.velocity_time = None;
+        self.forget_attitude();
+    }
+
+    fn forget_attitude(&mut self) {
         self.attitude_time = None;
+        self.heading_run = [0.0; 2];
     }
 
     fn begin(&mut self, time: LogTime, force: Vector3<f64>, rate: Vector3<f64>) {

@@ -221,16 +221,16 @@ impl MotionFilter {
         let hangs: [bool; 3] = std::array::from_fn(|axis| angles[axis] == self.told_angles[axis]);
         self.told_angles = angles;
         let (mut used, mut rejected, mut contradicted) = (false, false, false);
-        if self.attitude_time.is_none()
+        if !self.is_steady()
             && let Some(turn) = residuals[0].take()
         {
-            if !self.is_steady(turn, sigma[0]) {
-                return Verdict::Unusable;
+            self.count_heading(turn, sigma[0]);
+            if self.is_steady() {
+                self.adopt_yaw(turn, sigma[0]);
+                self.heading_known = true;
+                yaw += turn;
+                used = true;
             }
-            self.adopt_yaw(turn, sigma[0]);
-            self.heading_known = true;
-            yaw += turn;
-            used = true;
         }
         let (sine, cosine) = yaw.sin_cos();
         let tangent = pitch.tan().clamp(-2.0, 2.0);
@@ -274,7 +274,7 @@ impl MotionFilter {
             } else if self.attitude_standing.too_many() {
                 self.resets += 1;
                 self.attitude_standing = Standing::adopted();
-                self.attitude_time = None;
+                self.forget_attitude();
                 self.forget_biases();
             }
             return Verdict::Rejected;
@@ -289,13 +289,17 @@ impl MotionFilter {
     }
 
     /// Whether headings go on as the gyros have the body turn, and so are more than noise: those of a
-    /// vehicle that stands or creeps may be wild. `turn` is what a heading says beyond the state's.
-    fn is_steady(&mut self, turn: f64, sigma: f64) -> bool {
+    /// vehicle that stands or creeps may be wild.
+    fn is_steady(&self) -> bool {
+        self.heading_run[1] >= STEADY_HEADINGS
+    }
+
+    /// `turn` is what a heading says beyond the state's.
+    fn count_heading(&mut self, turn: f64, sigma: f64) {
         let [before, count] = self.heading_run;
         let apart = wrap(turn - before).abs();
         let agrees = apart < GATE * std::f64::consts::SQRT_2 * sigma;
         self.heading_run = [turn, if agrees { count + 1.0 } else { 1.0 }];
-        self.heading_run[1] >= STEADY_HEADINGS
     }
 
     /// Takes the angles for the attitude at `pose`, whatever the state says; those that are absent
@@ -319,6 +323,9 @@ impl MotionFilter {
             self.forget(ATTITUDE + axis, sigma * sigma);
         }
         self.doubted = false;
+        if angles[0].is_some_and(|heading| heading.abs() < 1e6) {
+            self.heading_run[1] = STEADY_HEADINGS;
+        }
         self.attitude_time = Some(valid);
         Verdict::Used
     }
