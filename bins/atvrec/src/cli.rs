@@ -150,6 +150,9 @@ pub struct ReplayChanges {
     /// Take this vehicle file.
     #[arg(long, value_name = "FILE")]
     pub vehicle: Option<PathBuf>,
+    /// Put what `identify -o` found into the vehicle file, after what the log's configuration names.
+    #[arg(long, value_name = "FILE", value_delimiter = ',')]
+    pub overrides: Vec<PathBuf>,
     /// Take this sensors file.
     #[arg(long, value_name = "FILE")]
     pub sensors: Option<PathBuf>,
@@ -160,6 +163,9 @@ pub struct ReplayChanges {
     /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed.
     #[arg(long, value_name = "INPUT", value_delimiter = ',')]
     pub without: Vec<String>,
+    /// Take these inputs in, although the log's configuration ignores them.
+    #[arg(long, value_name = "INPUT", value_delimiter = ',')]
+    pub with: Vec<String>,
     /// Estimate forces by this method: fusion or thesis.
     #[arg(long)]
     pub method: Option<String>,

@@ -146,8 +146,16 @@ fn a_replay_with_another_vehicle_or_fewer_inputs_is_compared_with_the_first() {
     let mass = text.lines().find(|line| line.starts_with("mass_kg"));
     let heavier = text.replacen(mass.expect("a mass"), "mass_kg = 700.0", 1);
     fs::write(directory.path().join("heavier.toml"), heavier).expect("written");
+    let overrides = "vehicle = \"Prowler, road tyres\"\n[overrides]\n\"body.mass_kg\" = 700.0\n";
+    let calibration = "vehicle = \"Prowler, road tyres\"\n[steer]\noffset_rad = 0.1\n";
+    for (name, text) in [("mass.toml", overrides), ("steer.toml", calibration)] {
+        fs::write(directory.path().join(name), text).expect("written");
+    }
     for (change, value) in [
         ("--vehicle", "heavier.toml"),
+        ("--overrides", "mass.toml"),
+        ("--sensors", "full-bridge-16bit"),
+        ("--calibration", "steer.toml"),
         ("--without", "strain,imu"),
         ("--method", "thesis"),
     ] {
@@ -169,6 +177,33 @@ fn a_replay_with_another_vehicle_or_fewer_inputs_is_compared_with_the_first() {
             .assert()
             .success();
     }
+    // What was left out can be taken in again.
+    for arguments in [
+        ["drive.mcap", "--without", "strain,imu", "-o", "less.mcap"],
+        ["less.mcap", "--with", "strain,imu", "-o", "more.mcap"],
+        ["drive.mcap", "--without", "imu", "-o", "less.mcap"],
+    ] {
+        atvrec(directory.path())
+            .arg("replay")
+            .args(arguments)
+            .assert()
+            .success();
+    }
+    let assert = atvrec(directory.path())
+        .args(["score", "more.mcap", "--against", "drive.mcap", "--json"])
+        .assert()
+        .success();
+    let found: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
+    assert_eq!(found["identical"], true);
+    let assert = atvrec(directory.path())
+        .args(["replay", "less.mcap", "--with", "strain"])
+        .assert()
+        .code(2);
+    assert!(
+        stderr(&assert).contains("ignores imu"),
+        "{}",
+        stderr(&assert)
+    );
     let assert = atvrec(directory.path())
         .args(["replay", "drive.mcap", "--without", "strian"])
         .assert()

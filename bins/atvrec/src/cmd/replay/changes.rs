@@ -21,7 +21,9 @@ pub fn apply(
         ("calibration", &changes.calibration),
     ];
     let changed = files.iter().any(|(_, path)| path.is_some())
+        || !changes.overrides.is_empty()
         || !changes.without.is_empty()
+        || !changes.with.is_empty()
         || changes.method.is_some();
     let own = attachments.iter().position(|a| a.name == ATTACHED_NAME);
     let Some(own) = own.filter(|_| changed) else {
@@ -34,15 +36,28 @@ pub fn apply(
         let name = attach(&mut attachments, path)?;
         section(&mut configuration, "vehicle")?.insert(key.to_owned(), Value::String(name));
     }
-    let estimator = section(&mut configuration, "estimator")?;
-    if !changes.without.is_empty() {
-        let left_out = estimator
-            .entry("ignore")
-            .or_insert_with(|| Value::Array(Vec::new()));
-        if let Value::Array(left_out) = left_out {
-            left_out.extend(changes.without.iter().cloned().map(Value::String));
-        }
+    for path in &changes.overrides {
+        let name = attach(&mut attachments, path)?;
+        list(section(&mut configuration, "vehicle")?, "overrides")?.push(Value::String(name));
     }
+    let estimator = section(&mut configuration, "estimator")?;
+    let ignored = list(estimator, "ignore")?;
+    for input in &changes.with {
+        let is_it = |ignored: &Value| ignored.as_str() == Some(input);
+        if !ignored.iter().any(is_it) {
+            let names: Vec<&str> = ignored.iter().filter_map(Value::as_str).collect();
+            let help = match names[..] {
+                [] => "it ignores nothing".to_owned(),
+                _ => format!("it ignores {}", names.join(", ")),
+            };
+            return Err(UsageError(format!(
+                "--with {input}: the log's configuration does not ignore that; {help}"
+            ))
+            .into());
+        }
+        ignored.retain(|ignored| !is_it(ignored));
+    }
+    ignored.extend(changes.without.iter().cloned().map(Value::String));
     if let Some(method) = &changes.method {
         estimator.insert("method".to_owned(), Value::String(method.clone()));
     }
@@ -66,6 +81,14 @@ fn attach(attachments: &mut Vec<Attachment>, path: &Path) -> anyhow::Result<Stri
         data,
     });
     Ok(name)
+}
+
+fn list<'a>(section: &'a mut Table, name: &str) -> anyhow::Result<&'a mut Vec<Value>> {
+    section
+        .entry(name)
+        .or_insert_with(|| Value::Array(Vec::new()))
+        .as_array_mut()
+        .with_context(|| format!("{name} is no list in the log's configuration"))
 }
 
 fn section<'a>(configuration: &'a mut Table, name: &str) -> anyhow::Result<&'a mut Table> {
