@@ -255,6 +255,7 @@ impl Estimator {
         let resets = self.motion.resets();
         self.motion.vouch(self.watches.vouch());
         self.take_waiting(time, out);
+        self.watch_biases(time, out);
         let settled = |since| time.seconds_since(since) > SETTLING_S;
         let starting = !self.moving_since.is_some_and(settled);
         self.divergences[0].step(time, self.motion.resets().into(), starting, out);

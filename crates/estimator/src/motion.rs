@@ -16,6 +16,7 @@
 //! arrive does not matter to first order.
 
 pub mod history;
+mod jumps;
 mod solution;
 mod update;
 
@@ -26,6 +27,7 @@ use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
 use crate::watch::Triads;
 use history::{History, Pose};
+use jumps::{BIASES, Jump, Jumps};
 pub use solution::Solution;
 pub use update::Verdict;
 
@@ -63,6 +65,9 @@ const AT_REST: f64 = 0.02;
 /// Time constant of the derivatives of rate and specific force, s.
 const SLOPE_TIME_S: f64 = 0.02;
 
+/// Part of what a jump of a bias has made of attitude and velocity that is unknown, as it may have
+/// jumped earlier or later.
+const JUMPED_EARLIER: f64 = 0.3;
 /// Time for which a receiver counts after it has last told a velocity, s.
 const VELOCITY_HEARD_S: f64 = 1.0;
 
@@ -107,12 +112,17 @@ pub struct MotionFilter {
     force: Vector3<f64>,
     force_dot: Vector3<f64>,
     history: History,
+    jumps: Jumps,
+    /// The biases before the last sign of a jump that was not asked for yet.
+    before_jump: Option<[f64; BIASES]>,
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
-    /// What the last heading before one was adopted said beyond the state's, rad, and how many in a
-    /// row have agreed.
+    /// How far the gyros have the body turn to the left, corrected by nothing, rad.
+    turned_rad: f64,
+    /// By the last heading before one was adopted, where the body began to turn, rad, and how many in
+    /// a row have agreed.
     heading_run: [f64; 2],
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
     doubted: bool,
@@ -230,10 +240,13 @@ impl MotionFilter {
             force: Vector3::z() * STANDARD_GRAVITY_M_S2,
             force_dot: Vector3::zeros(),
             history: History::default(),
+            jumps: Jumps::default(),
+            before_jump: None,
             imu_time: None,
             velocity_time: None,
             attitude_time: None,
             heading_known: false,
+            turned_rad: 0.0,
             heading_run: [0.0; 2],
             doubted: false,
             levelled: false,
@@ -291,6 +304,27 @@ impl MotionFilter {
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets
+    }
+
+    /// Biases of accelerometers and gyros, m/s^2 and rad/s.
+    #[must_use]
+    pub fn biases(&self) -> [f64; 6] {
+        let [a, g] = [self.accel_bias, self.gyro_bias];
+        [a.x, a.y, a.z, g.x, g.y, g.z]
+    }
+
+    /// The biases as they were known before a sign of a jump, if there was one since this was last
+    /// asked.
+    pub fn take_jump(&mut self) -> Option<[f64; 6]> {
+        self.before_jump.take()
+    }
+
+    /// Deviation of the biases of accelerometers and gyros when nothing is known of them, m/s^2 and
+    /// rad/s.
+    #[must_use]
+    pub fn bias_sigma_at_start(&self) -> [f64; 2] {
+        let s = &self.settings;
+        [s.accel_bias_sigma_m_s2, s.gyro_bias_sigma_rad_s]
     }
 
     /// Accelerometer bias, body axes, m/s^2.
@@ -506,13 +540,16 @@ impl MotionFilter {
         let earth_force = middle * (force - self.accel_bias);
         let gravity = Vector3::z() * STANDARD_GRAVITY_M_S2;
         self.velocity_m_s += (earth_force - gravity) * dt;
+        self.turned_rad += (middle * turn).z;
         self.earth_from_body *= Rotation3::new(turn);
         self.earth_from_body = orthonormal(&self.earth_from_body);
 
-        self.flow(&Flow {
+        let flow = Flow {
             of_bias: -middle.into_inner() * dt,
             of_attitude: -earth_force.cross_matrix() * dt,
-        });
+        };
+        self.flow(&flow);
+        self.jumps.carry(self.time.unwrap_or_default(), &flow);
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
                 self.add_noise(i, i, variance * dt);
@@ -567,11 +604,25 @@ impl MotionFilter {
             .note(|| Operation::Noise(Term { row, column, value }));
     }
 
+    /// Opens the covariance along what a bias that has jumped has made of the errors since, and the bias
+    /// itself and, as the instant is known by a part only, the others again.
+    fn open(&mut self, jump: &Jump) {
+        let mut late = jump.errors * JUMPED_EARLIER;
+        late.fixed_rows_mut::<BIASES>(ACCEL_BIAS).fill(0.0);
+        for i in 0..STATES {
+            for j in i..STATES {
+                let value = jump.errors[i] * jump.errors[j] + late[i] * late[j];
+                self.add_noise(i, j, value);
+            }
+        }
+    }
+
     /// Makes an error independent of all others, with this variance.
     fn forget(&mut self, i: usize, variance: f64) {
         self.covariance.fill_row(i, 0.0);
         self.covariance.fill_column(i, 0.0);
         self.covariance[(i, i)] = variance;
+        self.jumps = Jumps::default();
         self.trace.note(|| Operation::Forget { index: i, variance });
     }
 
@@ -644,16 +695,17 @@ struct Flow {
 
 impl Flow {
     /// F times a matrix.
-    fn times(&self, mut matrix: SMatrix<f64, STATES, STATES>) -> SMatrix<f64, STATES, STATES> {
+    fn times<const N: usize>(
+        &self,
+        mut matrix: SMatrix<f64, STATES, N>,
+    ) -> SMatrix<f64, STATES, N> {
         let velocity = self.of_attitude * matrix.fixed_rows::<3>(ATTITUDE)
             + self.of_bias * matrix.fixed_rows::<3>(ACCEL_BIAS);
         let attitude = self.of_bias * matrix.fixed_rows::<3>(GYRO_BIAS);
-        let mut add = |first, rows| {
+        for (first, rows) in [(VELOCITY, velocity), (ATTITUDE, attitude)] {
             let mut place = matrix.fixed_rows_mut::<3>(first);
             place += rows;
-        };
-        add(VELOCITY, velocity);
-        add(ATTITUDE, attitude);
+        }
         matrix
     }
 }

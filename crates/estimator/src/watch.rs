@@ -5,15 +5,18 @@
 //! |---|---|
 //! | gyros | balance of moments |
 //! | accelerometers | balance of forces |
+//! | biases of both | GNSS velocity and attitude, which drift away as a jump's signature has it |
 //! | GNSS velocity and attitude | the inertial unit, while the balances vouch for it |
 //! | hand wheel | front slip angles that the measured lateral forces call for |
 //! | wheel speeds | speed over ground of a wheel that neither drives nor brakes |
 
+mod bias;
 mod inertial;
 mod receiver;
 mod steering;
 mod wheels;
 
+pub use bias::BiasWatch;
 pub use inertial::{Believed, InertialWatch, Triads};
 pub use receiver::ReceiverWatch;
 pub use steering::SteeringWatch;
@@ -26,11 +29,13 @@ pub struct SensorChange {
     pub name: &'static str,
     /// Faulty from now on.
     pub faulty: bool,
-    /// Why it is left out.
+    /// What is wrong with it.
     pub why: &'static str,
 }
 
-/// Why a sensor is left out: it contradicts.
-pub const CONTRADICTS: &str = "contradicts the other sensors";
-/// Why a sensor is left out: it tells the same again and again.
-pub const FROZEN: &str = "does not move at all";
+/// What is wrong with a sensor: it contradicts.
+pub const CONTRADICTS: &str = "contradicts the other sensors and is left out";
+/// What is wrong with a sensor: it tells the same again and again.
+pub const FROZEN: &str = "does not move at all and is left out";
+/// What is wrong with a bias.
+pub const JUMPED: &str = "has jumped and is learnt anew";

@@ -93,9 +93,9 @@ pub(super) fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
 
 fn sensor_event(now: LogTime, faulty: bool, name: String, why: &str) -> Event {
     let text = if faulty {
-        format!("channel {name} {why} and is left out")
+        format!("channel {name} {why}")
     } else {
-        format!("channel {name} is used again")
+        format!("channel {name} is good again")
     };
     Event {
         time: now,

@@ -13,7 +13,8 @@ use crate::inputs::finite3;
 use crate::motion::{MotionState, VelocityReceiver};
 use crate::waiting::Held;
 use crate::watch::{
-    InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch, Triads, WheelWatch,
+    BiasWatch, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch, Triads,
+    WheelWatch,
 };
 
 /// Slip angle that an axle of unknown force may have, rad.
@@ -38,6 +39,7 @@ const VERTICAL_SIGMA_M_S: f64 = 0.3;
 pub(super) struct Watches {
     pub(super) inertial: InertialWatch,
     pub(super) steering: SteeringWatch,
+    bias: BiasWatch,
     velocity: [ReceiverWatch; 2],
     attitude: ReceiverWatch,
     wheels: WheelWatch,
@@ -54,6 +56,7 @@ impl Watches {
         Self {
             inertial: InertialWatch::default(),
             steering: SteeringWatch::default(),
+            bias: BiasWatch::default(),
             velocity: ["GNSS velocity", "GNSS velocity of the attitude receiver"]
                 .map(ReceiverWatch::new),
             attitude: ReceiverWatch::new("GNSS attitude"),
@@ -123,6 +126,17 @@ impl Estimator {
         let told = watch.judge(read, bias, sigma, &expected, &mut telling(now, out));
         let untold = watch.untold();
         self.motion.push_imu(time, told.force, told.rate, &untold);
+    }
+
+    /// Tells which of the inertial unit's biases has jumped.
+    pub(super) fn watch_biases(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        if let Some(before) = self.motion.take_jump() {
+            self.watches.bias.suspect(now, before);
+        }
+        let sigma = self.motion.bias_sigma_at_start();
+        let biases = self.motion.biases();
+        let watch = &mut self.watches.bias;
+        watch.judge(now, biases, sigma, &mut telling(now, out));
     }
 
     pub(super) fn take_hand_wheel(

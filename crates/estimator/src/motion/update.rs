@@ -123,6 +123,14 @@ impl MotionFilter {
         let hangs = told.at.is_some() && told.velocity_m_s == velocity_m_s && speed > 0.0;
         (told.at, told.velocity_m_s) = (Some(valid), velocity_m_s);
         let slope = -cross(swing);
+        let rows = std::array::from_fn::<_, 3, _>(|axis| {
+            let mut h = SVector::<f64, STATES>::zeros();
+            h[VELOCITY + axis] = 1.0;
+            for j in 0..3 {
+                h[ATTITUDE + j] = slope[(axis, j)];
+            }
+            h
+        });
         let mut rejected = hangs && told.left_out;
         for axis in 0..3 {
             let variance =
@@ -135,7 +143,11 @@ impl MotionFilter {
         if told.left_out {
             if !hangs {
                 told.standing.contradicted(vouched);
+                for axis in 0..3 {
+                    self.compare(&rows[axis], residual[axis], sigma[axis].powi(2));
+                }
             }
+            let told = &self.velocities[own];
             let too_many = told.standing.too_many();
             // One of two receivers alone is not adopted.
             let other = &self.velocities[1 - own];
@@ -150,19 +162,16 @@ impl MotionFilter {
             for _ in 0..3 {
                 self.innovations.rejected(InnovationKind::GnssVelocity);
             }
+            self.seek_jump(valid);
             return Verdict::Rejected;
         }
         let mut delta = SVector::<f64, STATES>::zeros();
-        for axis in 0..3 {
-            let mut h = SVector::<f64, STATES>::zeros();
-            h[VELOCITY + axis] = 1.0;
-            for j in 0..3 {
-                h[ATTITUDE + j] = slope[(axis, j)];
-            }
+        for (axis, h) in rows.iter().enumerate() {
             let kind = Some(InnovationKind::GnssVelocity);
-            self.scalar(kind, &h, residual[axis], sigma[axis].powi(2), &mut delta);
+            self.scalar(kind, h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
         self.inject(&delta);
+        self.seek_jump(valid);
         self.velocities[own].standing.used();
         self.velocity_time = Some(valid);
         Verdict::Used
@@ -224,7 +233,7 @@ impl MotionFilter {
         if !self.is_steady()
             && let Some(turn) = residuals[0].take()
         {
-            self.count_heading(turn, sigma[0]);
+            self.count_heading(turn + yaw, sigma[0]);
             if self.is_steady() {
                 self.adopt_yaw(turn, sigma[0]);
                 self.heading_known = true;
@@ -256,6 +265,9 @@ impl MotionFilter {
             if self.angles_left_out[axis] {
                 rejected = true;
                 contradicted |= !hangs[axis];
+                if !hangs[axis] {
+                    self.jumps.compare(&h, innovation, variance);
+                }
                 self.innovations.rejected(InnovationKind::GnssAttitude);
                 continue;
             }
@@ -264,6 +276,7 @@ impl MotionFilter {
             used = true;
         }
         self.inject(&delta);
+        self.seek_jump(valid);
         if rejected {
             if contradicted {
                 let vouched = self.is_vouched();
@@ -294,12 +307,11 @@ impl MotionFilter {
         self.heading_run[1] >= STEADY_HEADINGS
     }
 
-    /// `turn` is what a heading says beyond the state's.
-    fn count_heading(&mut self, turn: f64, sigma: f64) {
+    fn count_heading(&mut self, heading_rad: f64, sigma: f64) {
+        let began = heading_rad - self.turned_rad;
         let [before, count] = self.heading_run;
-        let apart = wrap(turn - before).abs();
-        let agrees = apart < GATE * std::f64::consts::SQRT_2 * sigma;
-        self.heading_run = [turn, if agrees { count + 1.0 } else { 1.0 }];
+        let agrees = wrap(began - before).abs() < GATE * std::f64::consts::SQRT_2 * sigma;
+        self.heading_run = [began, if agrees { count + 1.0 } else { 1.0 }];
     }
 
     /// Takes the angles for the attitude at `pose`, whatever the state says; those that are absent
@@ -421,7 +433,11 @@ impl MotionFilter {
         let innovation = residual - h.dot(delta);
         if let Some(kind) = kind {
             self.innovations.used(kind, innovation * innovation / total);
+            if kind != InnovationKind::WheelSpeed {
+                self.jumps.compare(h, innovation, total);
+            }
         }
+        self.jumps.correct(h, &(ph / total));
         *delta += ph * (innovation / total);
         self.covariance -= ph * ph.transpose() / total;
         self.trace.note(|| {
@@ -435,6 +451,20 @@ impl MotionFilter {
                 gain: ph / total,
             }))
         });
+    }
+
+    /// Takes note of a value that is left out.
+    fn compare(&mut self, h: &SVector<f64, STATES>, innovation: f64, variance: f64) {
+        let total = (h.transpose() * self.covariance * h)[0] + variance;
+        self.jumps.compare(h, innovation, total);
+    }
+
+    /// Where a bias has jumped, lets it be learnt.
+    fn seek_jump(&mut self, now: LogTime) {
+        for jump in self.jumps.take(now) {
+            self.before_jump = Some(self.biases());
+            self.open(&jump);
+        }
     }
 
     fn inject(&mut self, delta: &SVector<f64, STATES>) {

@@ -1,0 +1,111 @@
+//! Biases of the inertial unit that have jumped, which the motion filter finds and learns anew.
+
+use sample::LogTime;
+
+use super::{JUMPED, SensorChange};
+
+/// Names, as events have them: of accelerometers, then of gyros.
+const NAMES: [&str; 6] = [
+    "inertial unit forward acceleration bias",
+    "inertial unit leftward acceleration bias",
+    "inertial unit upward acceleration bias",
+    "inertial unit roll rate bias",
+    "inertial unit pitch rate bias",
+    "inertial unit yaw rate bias",
+];
+/// How long a bias is learnt before it shows which one has jumped, s: at first a jump of roll rate
+/// and one of leftward acceleration look alike.
+const LEARNT_S: f64 = 0.5;
+/// How long after the last sign of a jump it is known again, s.
+const KNOWN_S: f64 = 2.0;
+/// Change, over the deviation that a unit's biases have when it is switched on, that is told.
+const TOLD: f64 = 5.0;
+
+/// Memory of the biases.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BiasWatch {
+    jump: Option<Jump>,
+}
+
+/// Since the first sign of a jump.
+#[derive(Clone, Copy, Debug)]
+struct Jump {
+    first: LogTime,
+    last: LogTime,
+    /// The biases before.
+    before: [f64; 6],
+    told: [bool; 6],
+}
+
+impl BiasWatch {
+    /// Takes note of a sign that one of the biases, as known `before`, has jumped.
+    pub fn suspect(&mut self, now: LogTime, before: [f64; 6]) {
+        let new = Jump {
+            first: now,
+            last: now,
+            before,
+            told: [false; 6],
+        };
+        self.jump.get_or_insert(new).last = now;
+    }
+
+    /// Tells which of the biases has jumped by what is known of them `now`; `sigma` is the deviation of
+    /// accelerometers' and gyros' biases at the start.
+    pub fn judge(
+        &mut self,
+        now: LogTime,
+        biases: [f64; 6],
+        sigma: [f64; 2],
+        changes: &mut impl FnMut(SensorChange),
+    ) {
+        let Some(jump) = &mut self.jump else {
+            return;
+        };
+        let known = now.seconds_since(jump.last) >= KNOWN_S;
+        if now.seconds_since(jump.first) < LEARNT_S {
+            return;
+        }
+        for (i, told) in jump.told.iter_mut().enumerate() {
+            let far = (biases[i] - jump.before[i]).abs() > TOLD * sigma[i / 3];
+            let faulty = !known && (far || *told);
+            if faulty != *told {
+                *told = faulty;
+                changes(SensorChange {
+                    name: NAMES[i],
+                    faulty,
+                    why: JUMPED,
+                });
+            }
+        }
+        if known {
+            self.jump = None;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bias_that_has_changed_is_named_until_it_is_known() {
+        let mut watch = BiasWatch::default();
+        let mut told = Vec::new();
+        for k in 0..600 {
+            let now = LogTime(10_000_000 * k);
+            // Taken for an acceleration at first.
+            let bias = match k {
+                0..100 => [0.0; 6],
+                100..130 => [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+                _ => [0.0, 0.02, 0.0, 0.1, 0.0, 0.0],
+            };
+            if k == 100 || k == 130 {
+                watch.suspect(now, if k == 100 { [0.0; 6] } else { bias });
+            }
+            watch.judge(now, bias, [0.05, 0.005], &mut |change| {
+                told.push((k, change.name, change.faulty));
+            });
+        }
+        assert_eq!(told, [(150, NAMES[3], true), (330, NAMES[3], false)]);
+    }
+}
