@@ -132,6 +132,7 @@ impl Estimator {
     pub(super) fn watch_biases(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         if let Some(before) = self.motion.take_jump() {
             self.watches.bias.suspect(now, before);
+            self.watches.inertial.forgive();
         }
         let sigma = self.motion.bias_sigma_at_start();
         let biases = self.motion.biases();

@@ -9,6 +9,8 @@
 //! Transactions on Automatic Control 21, 1976). A jump that explains them opens the covariance along
 //! its signature, and the filter learns it from the next values.
 
+use std::ops::Range;
+
 use nalgebra::{SMatrix, SVector};
 use sample::LogTime;
 
@@ -16,6 +18,10 @@ use super::{ACCEL_BIAS, Flow, STATES};
 
 /// Biases: those of the accelerometers, then those of the gyros.
 pub const BIASES: usize = STATES - ACCEL_BIAS;
+/// Values that receivers tell: velocity, and yaw, pitch and roll.
+const VALUES: usize = ANGLE_TOLD + 3;
+pub const VELOCITY_TOLD: usize = 0;
+pub const ANGLE_TOLD: usize = 3;
 /// Instants, the newest of which is never older than [`SPACING_S`].
 const INSTANTS: usize = 6;
 const SPACING_S: f64 = 0.2;
@@ -28,6 +34,8 @@ const RATIO: f64 = 30.0;
 /// a receiver that is off from one value to the next leaves a quarter and more.
 const NOISE_MAX: f64 = 2.0;
 const EXPLAINED: f64 = 0.8;
+/// Deviations beyond which a receiver that is off is not followed.
+const FAR: f64 = 4.0;
 /// Part of the likeliest jump's ratio above which that of another bias may be what happened.
 const ALIKE: f64 = 0.25;
 /// Largest jumps, m/s^2 and rad/s: what jumps further is contradicted by the balances of forces and
@@ -56,6 +64,10 @@ struct Instant {
     /// What the innovations tell of a jump of each bias, and how they agree with it.
     information: SVector<f64, BIASES>,
     agreement: SVector<f64, BIASES>,
+    /// The same of values that are off by as much as ever since.
+    off_information: [f64; VALUES],
+    off_agreement: [f64; VALUES],
+    off_count: [f64; VALUES],
     /// Sum of the normalised innovations squared, and how many.
     square: f64,
     count: f64,
@@ -72,6 +84,9 @@ impl Instant {
             signatures,
             information: SVector::zeros(),
             agreement: SVector::zeros(),
+            off_information: [0.0; VALUES],
+            off_agreement: [0.0; VALUES],
+            off_count: [0.0; VALUES],
             square: 0.0,
             count: 0.0,
         }
@@ -86,6 +101,17 @@ impl Instant {
             errors: self.signatures.column(bias) * by,
             ratio: by * self.agreement[bias],
         }
+    }
+
+    /// How much likelier a receiver that is far off since then makes the innovations: one that is off
+    /// by less is followed anyway.
+    fn off_ratio(&self) -> f64 {
+        let ratio = |value: usize| self.off_agreement[value].powi(2) / self.off_information[value];
+        let ratios = |values: Range<usize>| -> f64 {
+            let far = values.filter(|value| ratio(*value) > FAR * FAR * self.off_count[*value]);
+            far.map(ratio).sum()
+        };
+        ratios(VELOCITY_TOLD..ANGLE_TOLD).max(ratios(ANGLE_TOLD..VALUES))
     }
 
     /// Whether a jump is likely enough.
@@ -131,12 +157,15 @@ impl Jumps {
         }
     }
 
-    /// Takes note of a receiver's innovation, of measurement row `h` and variance `total`.
-    pub fn compare(&mut self, h: &SVector<f64, STATES>, innovation: f64, total: f64) {
+    /// Takes note of a receiver's innovation, of which value, measurement row `h` and variance `total`.
+    pub fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, total: f64) {
         for instant in &mut self.instants {
             let expected = instant.signatures.tr_mul(h);
             instant.information += expected.component_mul(&expected) / total;
             instant.agreement += expected * (innovation / total);
+            instant.off_information[value] += 1.0 / total;
+            instant.off_agreement[value] += innovation / total;
+            instant.off_count[value] += 1.0;
             instant.square += innovation * innovation / total;
             instant.count += 1.0;
         }
@@ -155,10 +184,17 @@ impl Jumps {
     pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = Jump> + use<> {
         let mut likeliest: Option<Jump> = None;
         let mut of = None;
-        for instant in &self.instants {
+        // From the newest instant back: a receiver may be off since any later one.
+        let mut off_ratio: f64 = 0.0;
+        for age in 0..INSTANTS {
+            let instant = &self.instants[(self.newest + INSTANTS - age) % INSTANTS];
+            off_ratio = off_ratio.max(instant.off_ratio());
             for bias in 0..BIASES {
                 let jump = instant.jump(bias);
-                if instant.believes(&jump, now) && likeliest.is_none_or(|l| jump.ratio > l.ratio) {
+                if jump.ratio > off_ratio
+                    && instant.believes(&jump, now)
+                    && likeliest.is_none_or(|l| jump.ratio > l.ratio)
+                {
                     likeliest = Some(jump);
                     of = Some(*instant);
                 }

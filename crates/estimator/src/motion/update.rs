@@ -6,6 +6,7 @@ use sample::{InnovationKind, LogTime};
 use crate::trace::{Operation, Update};
 
 use super::history::Pose;
+use super::jumps::{ANGLE_TOLD, VELOCITY_TOLD};
 use super::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, Standing, VELOCITY,
     VelocityReceiver, cross, orthonormal, wrap,
@@ -24,7 +25,7 @@ const CONFIRMED_ANEW: u32 = 100;
 /// Headings in a row that must agree with each other before one is adopted.
 const STEADY_HEADINGS: f64 = 3.0;
 /// Values of each of two receivers left out in a row after which it is.
-const CONTRADICTIONS: u32 = 3;
+const CONTRADICTIONS: u32 = 5;
 
 /// Speed from which the course tells a heading where nothing else does, m/s, and how well, rad.
 const COURSE_SPEED_M_S: f64 = 2.0;
@@ -143,8 +144,8 @@ impl MotionFilter {
         if told.left_out {
             if !hangs {
                 told.standing.contradicted(vouched);
-                for axis in 0..3 {
-                    self.compare(&rows[axis], residual[axis], sigma[axis].powi(2));
+                for (axis, h) in rows.iter().enumerate() {
+                    self.compare(VELOCITY_TOLD + axis, h, residual[axis], sigma[axis].powi(2));
                 }
             }
             let told = &self.velocities[own];
@@ -167,6 +168,10 @@ impl MotionFilter {
         }
         let mut delta = SVector::<f64, STATES>::zeros();
         for (axis, h) in rows.iter().enumerate() {
+            if !hangs {
+                let innovation = residual[axis] - h.dot(&delta);
+                self.compare(VELOCITY_TOLD + axis, h, innovation, sigma[axis].powi(2));
+            }
             let kind = Some(InnovationKind::GnssVelocity);
             self.scalar(kind, h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
@@ -262,12 +267,13 @@ impl MotionFilter {
             let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
             let stuck = hangs[axis] && self.angles_left_out[axis];
             self.angles_left_out[axis] = stuck || innovation.powi(2) > GATE * GATE * variance;
+            if !hangs[axis] {
+                self.jumps
+                    .compare(ANGLE_TOLD + axis, &h, innovation, variance);
+            }
             if self.angles_left_out[axis] {
                 rejected = true;
                 contradicted |= !hangs[axis];
-                if !hangs[axis] {
-                    self.jumps.compare(&h, innovation, variance);
-                }
                 self.innovations.rejected(InnovationKind::GnssAttitude);
                 continue;
             }
@@ -433,9 +439,6 @@ impl MotionFilter {
         let innovation = residual - h.dot(delta);
         if let Some(kind) = kind {
             self.innovations.used(kind, innovation * innovation / total);
-            if kind != InnovationKind::WheelSpeed {
-                self.jumps.compare(h, innovation, total);
-            }
         }
         self.jumps.correct(h, &(ph / total));
         *delta += ph * (innovation / total);
@@ -453,10 +456,10 @@ impl MotionFilter {
         });
     }
 
-    /// Takes note of a value that is left out.
-    fn compare(&mut self, h: &SVector<f64, STATES>, innovation: f64, variance: f64) {
+    /// Holds a value of a receiver against the jumps that there may have been.
+    fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, variance: f64) {
         let total = (h.transpose() * self.covariance * h)[0] + variance;
-        self.jumps.compare(h, innovation, total);
+        self.jumps.compare(value, h, innovation, total);
     }
 
     /// Where a bias has jumped, lets it be learnt.

@@ -101,6 +101,15 @@ impl InertialWatch {
         }
     }
 
+    /// Readings have jumped because a bias has: those that are not faulty are not suspect, either.
+    pub fn forgive(&mut self) {
+        for axis in self.rate.iter_mut().chain(&mut self.force) {
+            if axis.strange < FAULTY {
+                (axis.suspect, axis.strange) = (0, 0);
+            }
+        }
+    }
+
     /// What is unseen of each axis of the last reading that was handed out, (rad/s)/sqrt(Hz) and
     /// (m/s^2)/sqrt(Hz).
     pub fn untold(&self) -> Triads<[f64; 3]> {

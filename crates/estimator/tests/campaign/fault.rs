@@ -84,7 +84,7 @@ impl Channel {
     }
 
     /// The end of its range, in the measurement's unit.
-    fn range(self) -> f64 {
+    pub fn range(self) -> f64 {
         match self {
             Self::Strain(..) | Self::Potentiometer(_) => COUNT_MAX,
             Self::SpecificForce(_) => 40.0,
