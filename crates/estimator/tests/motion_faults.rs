@@ -242,15 +242,14 @@ fn a_bias_that_jumps_is_named_and_learnt() {
             }
             let faulty = EventKind::SensorFault(jump.name.to_owned());
             let known = EventKind::SensorRecovered(jump.name.to_owned());
-            for since in [FAULT_S, HEALED_S] {
-                for (kind, within_s) in [
-                    (&faulty, JUMP_NAMED_WITHIN_S),
-                    (&known, JUMP_KNOWN_WITHIN_S),
-                ] {
-                    let soon = since..since + within_s;
-                    let is_it = |(s, told): &(f64, EventKind)| soon.contains(s) && told == kind;
-                    assert!(told.iter().any(is_it), "{what} {kind:?} {told:.2?}");
-                }
+            for (since, kind, within_s) in [
+                (FAULT_S, &faulty, JUMP_NAMED_WITHIN_S),
+                (FAULT_S, &known, JUMP_KNOWN_WITHIN_S),
+                (HEALED_S, &faulty, JUMP_NAMED_WITHIN_S),
+            ] {
+                let soon = since..since + within_s;
+                let is_it = |(s, told): &(f64, EventKind)| soon.contains(s) && told == kind;
+                assert!(told.iter().any(is_it), "{what} {kind:?} {told:.2?}");
             }
             // Until the jump is found the heading drifts, which may look like another surface.
             let other = |(_, kind): &&(f64, EventKind)| {
