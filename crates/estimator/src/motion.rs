@@ -27,7 +27,7 @@ use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
 use crate::watch::Triads;
 use history::{History, Pose};
-use jumps::{BIASES, Jump, Jumps};
+use jumps::{Jump, Jumps};
 pub use solution::Solution;
 pub use update::Verdict;
 
@@ -114,7 +114,7 @@ pub struct MotionFilter {
     history: History,
     jumps: Jumps,
     /// The biases before the last sign of a jump that was not asked for yet.
-    before_jump: Option<[f64; BIASES]>,
+    before_jump: Option<[f64; 6]>,
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
@@ -608,7 +608,7 @@ impl MotionFilter {
     /// itself and, as the instant is known by a part only, the others again.
     fn open(&mut self, jump: &Jump) {
         let mut late = jump.errors * JUMPED_EARLIER;
-        late.fixed_rows_mut::<BIASES>(ACCEL_BIAS).fill(0.0);
+        late.fixed_rows_mut::<6>(ACCEL_BIAS).fill(0.0);
         for i in 0..STATES {
             for j in i..STATES {
                 let value = jump.errors[i] * jump.errors[j] + late[i] * late[j];

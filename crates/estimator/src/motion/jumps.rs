@@ -1,27 +1,32 @@
-//! Jumps of the inertial unit's biases: a blow or a change of supply moves one for good.
+//! Errors that jump: a bias, for good, when the inertial unit is hit or its supply changes, or the
+//! attitude, when a gyro tells wrong for a moment.
 //!
-//! A filter that is sure of a bias learns a jump late, and meanwhile takes the receivers for wrong.
-//! What a jump by one would make of the filter's errors is known, though: it goes through the
-//! inertial equations and is corrected as an error is. So of each bias, and for several instants
-//! at which it may have jumped, that signature is carried along, and the innovations are held
-//! against it: a generalised likelihood ratio (A. S. Willsky and H. L. Jones, A generalized
+//! A filter that is sure of a state learns a jump late, and meanwhile takes the receivers for wrong.
+//! What a jump by one makes of the filter's errors is known, though: it goes through the inertial
+//! equations and is corrected as any error is. So for each error that may jump, and for several
+//! instants at which it may have jumped, that signature is carried along, and the innovations are
+//! held against it: a generalised likelihood ratio (A. S. Willsky and H. L. Jones, A generalized
 //! likelihood ratio approach to the detection and estimation of jumps in linear systems, IEEE
-//! Transactions on Automatic Control 21, 1976). A jump that explains them opens the covariance along
-//! its signature, and the filter learns it from the next values.
+//! Transactions on Automatic Control 21, 1976). A jump that explains them opens the covariance
+//! along its signature, and the filter learns it from the next values.
 
 use std::ops::Range;
 
 use nalgebra::{SMatrix, SVector};
 use sample::LogTime;
 
-use super::{ACCEL_BIAS, Flow, STATES};
+use super::{ACCEL_BIAS, ATTITUDE, Flow, GYRO_BIAS, STATES};
 
-/// Biases: those of the accelerometers, then those of the gyros.
-pub const BIASES: usize = STATES - ACCEL_BIAS;
+/// Errors that may jump, three axes of each, and the largest jump, rad, m/s^2 and rad/s: a bias that
+/// jumps further is contradicted by the balances of forces and moments.
+const JUMPING: [(usize, f64); 3] = [(ATTITUDE, 0.3), (ACCEL_BIAS, 2.5), (GYRO_BIAS, 0.4)];
+const ERRORS: usize = 3 * JUMPING.len();
+
 /// Values that receivers tell: velocity, and yaw, pitch and roll.
-const VALUES: usize = ANGLE_TOLD + 3;
 pub const VELOCITY_TOLD: usize = 0;
 pub const ANGLE_TOLD: usize = 3;
+const VALUES: usize = ANGLE_TOLD + 3;
+
 /// Instants, the newest of which is never older than [`SPACING_S`].
 const INSTANTS: usize = 6;
 const SPACING_S: f64 = 0.2;
@@ -30,55 +35,50 @@ const AGE_MIN_S: f64 = 0.25;
 /// How much likelier a jump must make the innovations (twice the logarithm), over what is left of
 /// them unexplained.
 const RATIO: f64 = 30.0;
-/// Mean square up to which what is left may be noise, and the part that must be explained otherwise:
-/// a receiver that is off from one value to the next leaves a quarter and more.
+/// Mean square up to which what is left may be noise, and the part that must be explained otherwise.
 const NOISE_MAX: f64 = 2.0;
 const EXPLAINED: f64 = 0.8;
 /// Deviations beyond which a receiver that is off is not followed.
 const FAR: f64 = 4.0;
-/// Part of the likeliest jump's ratio above which that of another bias may be what happened.
+/// Part of the likeliest jump's ratio above which another may be what happened.
 const ALIKE: f64 = 0.25;
-/// Largest jumps, m/s^2 and rad/s: what jumps further is contradicted by the balances of forces and
-/// moments.
-const LARGEST: [f64; 2] = [2.5, 0.4];
 
 /// A jump that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jump {
-    /// Which bias.
-    pub bias: usize,
-    /// By how much, m/s^2 or rad/s.
-    pub by: f64,
     /// What it has made of the errors.
     pub errors: SVector<f64, STATES>,
     /// How much likelier the innovations are with it than without, as twice the logarithm.
-    pub ratio: f64,
+    ratio: f64,
+    /// Whether it is small enough.
+    possible: bool,
 }
 
 /// Jumps at one instant.
 #[derive(Clone, Copy, Debug)]
 struct Instant {
     at: Option<LogTime>,
-    /// What a jump of each bias by one has made of the errors until now.
-    signatures: SMatrix<f64, STATES, BIASES>,
-    /// What the innovations tell of a jump of each bias, and how they agree with it.
-    information: SVector<f64, BIASES>,
-    agreement: SVector<f64, BIASES>,
-    /// The same of values that are off by as much as ever since.
+    /// What a jump of each error by one has made of all until now.
+    signatures: SMatrix<f64, STATES, ERRORS>,
+    /// What the innovations tell of each jump, and how they agree with it.
+    information: SVector<f64, ERRORS>,
+    agreement: SVector<f64, ERRORS>,
+    /// The same of values that are off by as much ever since, and how many values there were.
     off_information: [f64; VALUES],
     off_agreement: [f64; VALUES],
-    off_count: [f64; VALUES],
-    /// Sum of the normalised innovations squared, and how many.
+    counts: [f64; VALUES],
+    /// Sum of the normalised innovations squared.
     square: f64,
-    count: f64,
 }
 
 impl Instant {
     fn new(at: Option<LogTime>) -> Self {
-        let mut signatures = SMatrix::<f64, STATES, BIASES>::zeros();
-        signatures
-            .fixed_rows_mut::<BIASES>(ACCEL_BIAS)
-            .fill_with_identity();
+        let mut signatures = SMatrix::<f64, STATES, ERRORS>::zeros();
+        for (i, (first, _)) in JUMPING.into_iter().enumerate() {
+            for axis in 0..3 {
+                signatures[(first + axis, 3 * i + axis)] = 1.0;
+            }
+        }
         Self {
             at,
             signatures,
@@ -86,21 +86,21 @@ impl Instant {
             agreement: SVector::zeros(),
             off_information: [0.0; VALUES],
             off_agreement: [0.0; VALUES],
-            off_count: [0.0; VALUES],
+            counts: [0.0; VALUES],
             square: 0.0,
-            count: 0.0,
         }
     }
 
-    /// The jump of a bias that the innovations tell.
-    fn jump(&self, bias: usize) -> Jump {
-        let by = self.agreement[bias] / self.information[bias];
-        Jump {
-            bias,
-            by,
-            errors: self.signatures.column(bias) * by,
-            ratio: by * self.agreement[bias],
-        }
+    /// The jumps that the innovations tell.
+    fn jumps(self) -> impl Iterator<Item = Jump> {
+        (0..ERRORS).map(move |error| {
+            let by = self.agreement[error] / self.information[error];
+            Jump {
+                errors: self.signatures.column(error) * by,
+                ratio: by * self.agreement[error],
+                possible: by.abs() < JUMPING[error / 3].1,
+            }
+        })
     }
 
     /// How much likelier a receiver that is far off since then makes the innovations: one that is off
@@ -108,7 +108,7 @@ impl Instant {
     fn off_ratio(&self) -> f64 {
         let ratio = |value: usize| self.off_agreement[value].powi(2) / self.off_information[value];
         let ratios = |values: Range<usize>| -> f64 {
-            let far = values.filter(|value| ratio(*value) > FAR * FAR * self.off_count[*value]);
+            let far = values.filter(|value| ratio(*value) > FAR * FAR * self.counts[*value]);
             far.map(ratio).sum()
         };
         ratios(VELOCITY_TOLD..ANGLE_TOLD).max(ratios(ANGLE_TOLD..VALUES))
@@ -117,14 +117,13 @@ impl Instant {
     /// Whether a jump is likely enough.
     fn believes(&self, jump: &Jump, now: LogTime) -> bool {
         let old = self.at.is_some_and(|at| now.seconds_since(at) >= AGE_MIN_S);
-        let left = (self.square - jump.ratio) / self.count;
+        let left = (self.square - jump.ratio) / self.counts.iter().sum::<f64>();
         let explained = left < NOISE_MAX || jump.ratio > EXPLAINED * self.square;
-        let likely = jump.ratio > RATIO * left.max(1.0);
-        old && likely && explained && jump.by.abs() < LARGEST[jump.bias / 3]
+        old && jump.possible && explained && jump.ratio > RATIO * left.max(1.0)
     }
 }
 
-/// The instants at which a bias may have jumped, in a ring.
+/// The instants at which something may have jumped, in a ring.
 #[derive(Clone, Debug)]
 pub struct Jumps {
     instants: [Instant; INSTANTS],
@@ -141,13 +140,9 @@ impl Default for Jumps {
 }
 
 impl Jumps {
-    /// Carries the signatures on to `now`, where a bias may jump, too.
+    /// Carries the signatures on to `now`, when something may jump, too.
     pub(super) fn carry(&mut self, now: LogTime, flow: &Flow) {
-        for instant in self
-            .instants
-            .iter_mut()
-            .filter(|instant| instant.at.is_some())
-        {
+        for instant in self.begun() {
             instant.signatures = flow.times(instant.signatures);
         }
         let newest = self.instants[self.newest].at;
@@ -157,56 +152,54 @@ impl Jumps {
         }
     }
 
-    /// Takes note of a receiver's innovation, of which value, measurement row `h` and variance `total`.
+    /// Takes note of a receiver's innovation: of which value, measurement row `h` and variance `total`.
     pub fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, total: f64) {
-        for instant in &mut self.instants {
+        for instant in self.begun() {
             let expected = instant.signatures.tr_mul(h);
             instant.information += expected.component_mul(&expected) / total;
             instant.agreement += expected * (innovation / total);
             instant.off_information[value] += 1.0 / total;
             instant.off_agreement[value] += innovation / total;
-            instant.off_count[value] += 1.0;
+            instant.counts[value] += 1.0;
             instant.square += innovation * innovation / total;
-            instant.count += 1.0;
         }
     }
 
     /// Takes note of a correction by a measurement of row `h`.
     pub fn correct(&mut self, h: &SVector<f64, STATES>, gain: &SVector<f64, STATES>) {
-        for instant in &mut self.instants {
+        for instant in self.begun() {
             let expected = instant.signatures.tr_mul(h);
             instant.signatures -= gain * expected.transpose();
         }
     }
 
-    /// The jumps that are likely at the likeliest instant, if there is one, the likeliest first; all
+    fn begun(&mut self) -> impl Iterator<Item = &mut Instant> {
+        let all = self.instants.iter_mut();
+        all.filter(|instant| instant.at.is_some())
+    }
+
+    /// The jumps that are likely at the instant of the likeliest one, if one is likely enough; all
     /// begins anew then.
     pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = Jump> + use<> {
-        let mut likeliest: Option<Jump> = None;
-        let mut of = None;
+        let mut likeliest: Option<(f64, Instant)> = None;
         // From the newest instant back: a receiver may be off since any later one.
         let mut off_ratio: f64 = 0.0;
         for age in 0..INSTANTS {
-            let instant = &self.instants[(self.newest + INSTANTS - age) % INSTANTS];
+            let instant = self.instants[(self.newest + INSTANTS - age) % INSTANTS];
             off_ratio = off_ratio.max(instant.off_ratio());
-            for bias in 0..BIASES {
-                let jump = instant.jump(bias);
-                if jump.ratio > off_ratio
-                    && instant.believes(&jump, now)
-                    && likeliest.is_none_or(|l| jump.ratio > l.ratio)
-                {
-                    likeliest = Some(jump);
-                    of = Some(*instant);
+            for jump in instant.jumps().filter(|jump| instant.believes(jump, now)) {
+                let least = likeliest.map_or(off_ratio, |(ratio, _)| ratio.max(off_ratio));
+                if jump.ratio > least {
+                    likeliest = Some((jump.ratio, instant));
                 }
             }
         }
         if likeliest.is_some() {
             *self = Self::default();
         }
-        let least = likeliest.map_or(0.0, |jump| ALIKE * jump.ratio);
-        let jumps = of
-            .into_iter()
-            .flat_map(|i| (0..BIASES).map(move |bias| i.jump(bias)));
-        jumps.filter(move |jump| jump.ratio > least && jump.by.abs() < LARGEST[jump.bias / 3])
+        likeliest.into_iter().flat_map(|(ratio, instant)| {
+            let alike = move |jump: &Jump| jump.possible && jump.ratio > ALIKE * ratio;
+            instant.jumps().filter(alike)
+        })
     }
 }
