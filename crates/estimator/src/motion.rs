@@ -27,7 +27,7 @@ use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
 use crate::watch::Triads;
 use history::{History, Pose};
-use jumps::{Jump, Jumps};
+use jumps::Jumps;
 pub use solution::Solution;
 pub use update::Verdict;
 
@@ -65,8 +65,8 @@ const AT_REST: f64 = 0.02;
 /// Time constant of the derivatives of rate and specific force, s.
 const SLOPE_TIME_S: f64 = 0.02;
 
-/// Part of what a jump of a bias has made of attitude and velocity that is unknown, as it may have
-/// jumped earlier or later.
+/// Part of what a jump has made of attitude and velocity that is unknown, as it may have been earlier
+/// or later.
 const JUMPED_EARLIER: f64 = 0.3;
 /// Time for which a receiver counts after it has last told a velocity, s.
 const VELOCITY_HEARD_S: f64 = 1.0;
@@ -113,7 +113,7 @@ pub struct MotionFilter {
     force_dot: Vector3<f64>,
     history: History,
     jumps: Jumps,
-    /// The biases before the last sign of a jump that was not asked for yet.
+    /// The biases before the last jump that was found and not asked for yet.
     before_jump: Option<[f64; 6]>,
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
@@ -313,8 +313,7 @@ impl MotionFilter {
         [a.x, a.y, a.z, g.x, g.y, g.z]
     }
 
-    /// The biases as they were known before a sign of a jump, if there was one since this was last
-    /// asked.
+    /// The biases as they were known before a jump, if one was found since this was last asked.
     pub fn take_jump(&mut self) -> Option<[f64; 6]> {
         self.before_jump.take()
     }
@@ -604,15 +603,14 @@ impl MotionFilter {
             .note(|| Operation::Noise(Term { row, column, value }));
     }
 
-    /// Opens the covariance along what a bias that has jumped has made of the errors since, and the bias
-    /// itself and, as the instant is known by a part only, the others again.
-    fn open(&mut self, jump: &Jump) {
-        let mut late = jump.errors * JUMPED_EARLIER;
+    /// Opens the covariance along what a jump has made of the errors, and of attitude and velocity again,
+    /// as its instant is known by a part only.
+    fn open(&mut self, errors: &SVector<f64, STATES>) {
+        let mut late = errors * JUMPED_EARLIER;
         late.fixed_rows_mut::<6>(ACCEL_BIAS).fill(0.0);
         for i in 0..STATES {
             for j in i..STATES {
-                let value = jump.errors[i] * jump.errors[j] + late[i] * late[j];
-                self.add_noise(i, j, value);
+                self.add_noise(i, j, errors[i] * errors[j] + late[i] * late[j]);
             }
         }
     }
@@ -686,6 +684,7 @@ impl MotionFilter {
 }
 
 /// A step of the inertial equations: the blocks of F - I that are not zero.
+#[derive(Clone, Debug, Default)]
 struct Flow {
     /// Velocity by accelerometer bias, and attitude by gyro bias.
     of_bias: Matrix3<f64>,

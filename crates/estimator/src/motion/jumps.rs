@@ -12,10 +12,10 @@
 
 use std::ops::Range;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix3, SMatrix, SVector};
 use sample::LogTime;
 
-use super::{ACCEL_BIAS, ATTITUDE, Flow, GYRO_BIAS, STATES};
+use super::{ACCEL_BIAS, ATTITUDE, Flow, GYRO_BIAS, STATES, VELOCITY};
 
 /// Errors that may jump, three axes of each, and the largest jump, rad, m/s^2 and rad/s: a bias that
 /// jumps further is contradicted by the balances of forces and moments.
@@ -42,17 +42,6 @@ const EXPLAINED: f64 = 0.8;
 const FAR: f64 = 4.0;
 /// Part of the likeliest jump's ratio above which another may be what happened.
 const ALIKE: f64 = 0.25;
-
-/// A jump that was found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Jump {
-    /// What it has made of the errors.
-    pub errors: SVector<f64, STATES>,
-    /// How much likelier the innovations are with it than without, as twice the logarithm.
-    ratio: f64,
-    /// Whether it is small enough.
-    possible: bool,
-}
 
 /// Jumps at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -91,16 +80,18 @@ impl Instant {
         }
     }
 
-    /// The jumps that the innovations tell.
-    fn jumps(self) -> impl Iterator<Item = Jump> {
-        (0..ERRORS).map(move |error| {
-            let by = self.agreement[error] / self.information[error];
-            Jump {
-                errors: self.signatures.column(error) * by,
-                ratio: by * self.agreement[error],
-                possible: by.abs() < JUMPING[error / 3].1,
-            }
-        })
+    /// By how much the innovations tell that an error has jumped.
+    fn by(&self, error: usize) -> f64 {
+        self.agreement[error] / self.information[error]
+    }
+
+    /// How much likelier they are with that jump than without, as twice the logarithm.
+    fn ratio(&self, error: usize) -> f64 {
+        self.by(error) * self.agreement[error]
+    }
+
+    fn is_possible(&self, error: usize) -> bool {
+        self.by(error).abs() < JUMPING[error / 3].1
     }
 
     /// How much likelier a receiver that is far off since then makes the innovations: one that is off
@@ -115,11 +106,35 @@ impl Instant {
     }
 
     /// Whether a jump is likely enough.
-    fn believes(&self, jump: &Jump, now: LogTime) -> bool {
-        let old = self.at.is_some_and(|at| now.seconds_since(at) >= AGE_MIN_S);
-        let left = (self.square - jump.ratio) / self.counts.iter().sum::<f64>();
-        let explained = left < NOISE_MAX || jump.ratio > EXPLAINED * self.square;
-        old && jump.possible && explained && jump.ratio > RATIO * left.max(1.0)
+    fn believes(&self, error: usize) -> bool {
+        let ratio = self.ratio(error);
+        let left = (self.square - ratio) / self.counts.iter().sum::<f64>();
+        let explained = left < NOISE_MAX || ratio > EXPLAINED * self.square;
+        ratio > RATIO * left.max(1.0) && explained && self.is_possible(error)
+    }
+}
+
+/// Steps of the inertial equations, one after another.
+#[derive(Clone, Debug, Default)]
+struct Passed {
+    flow: Flow,
+    /// Velocity by gyro bias, by way of attitude.
+    of_gyro_bias: Matrix3<f64>,
+}
+
+impl Passed {
+    fn step(&mut self, flow: &Flow) {
+        self.of_gyro_bias += flow.of_attitude * self.flow.of_bias;
+        self.flow.of_bias += flow.of_bias;
+        self.flow.of_attitude += flow.of_attitude;
+    }
+
+    fn times(&self, errors: SMatrix<f64, STATES, ERRORS>) -> SMatrix<f64, STATES, ERRORS> {
+        let velocity = self.of_gyro_bias * errors.fixed_rows::<3>(GYRO_BIAS);
+        let mut errors = self.flow.times(errors);
+        let mut place = errors.fixed_rows_mut::<3>(VELOCITY);
+        place += velocity;
+        errors
     }
 }
 
@@ -128,6 +143,8 @@ impl Instant {
 pub struct Jumps {
     instants: [Instant; INSTANTS],
     newest: usize,
+    /// Steps through which the signatures have not been carried yet.
+    passed: Option<Passed>,
 }
 
 impl Default for Jumps {
@@ -135,18 +152,18 @@ impl Default for Jumps {
         Self {
             instants: [Instant::new(None); INSTANTS],
             newest: 0,
+            passed: None,
         }
     }
 }
 
 impl Jumps {
-    /// Carries the signatures on to `now`, when something may jump, too.
+    /// Goes one step on to `now`, when something may jump, too.
     pub(super) fn carry(&mut self, now: LogTime, flow: &Flow) {
-        for instant in self.begun() {
-            instant.signatures = flow.times(instant.signatures);
-        }
+        self.passed.get_or_insert_default().step(flow);
         let newest = self.instants[self.newest].at;
         if newest.is_none_or(|at| now.seconds_since(at) >= SPACING_S) {
+            self.catch_up();
             self.newest = (self.newest + 1) % INSTANTS;
             self.instants[self.newest] = Instant::new(Some(now));
         }
@@ -154,6 +171,7 @@ impl Jumps {
 
     /// Takes note of a receiver's innovation: of which value, measurement row `h` and variance `total`.
     pub fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, total: f64) {
+        self.catch_up();
         for instant in self.begun() {
             let expected = instant.signatures.tr_mul(h);
             instant.information += expected.component_mul(&expected) / total;
@@ -167,9 +185,18 @@ impl Jumps {
 
     /// Takes note of a correction by a measurement of row `h`.
     pub fn correct(&mut self, h: &SVector<f64, STATES>, gain: &SVector<f64, STATES>) {
+        self.catch_up();
         for instant in self.begun() {
             let expected = instant.signatures.tr_mul(h);
             instant.signatures -= gain * expected.transpose();
+        }
+    }
+
+    fn catch_up(&mut self) {
+        if let Some(passed) = self.passed.take() {
+            for instant in self.begun() {
+                instant.signatures = passed.times(instant.signatures);
+            }
         }
     }
 
@@ -178,28 +205,38 @@ impl Jumps {
         all.filter(|instant| instant.at.is_some())
     }
 
-    /// The jumps that are likely at the instant of the likeliest one, if one is likely enough; all
-    /// begins anew then.
-    pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = Jump> + use<> {
-        let mut likeliest: Option<(f64, Instant)> = None;
+    /// What the jumps that are likely at the instant of the likeliest one have made of the errors, if
+    /// one is likely enough; all begins anew then.
+    pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = SVector<f64, STATES>> + use<> {
+        let mut likeliest: Option<(f64, &Instant)> = None;
         // From the newest instant back: a receiver may be off since any later one.
         let mut off_ratio: f64 = 0.0;
         for age in 0..INSTANTS {
-            let instant = self.instants[(self.newest + INSTANTS - age) % INSTANTS];
+            let instant = &self.instants[(self.newest + INSTANTS - age) % INSTANTS];
             off_ratio = off_ratio.max(instant.off_ratio());
-            for jump in instant.jumps().filter(|jump| instant.believes(jump, now)) {
+            if instant
+                .at
+                .is_none_or(|at| now.seconds_since(at) < AGE_MIN_S)
+            {
+                continue;
+            }
+            for error in (0..ERRORS).filter(|error| instant.believes(*error)) {
                 let least = likeliest.map_or(off_ratio, |(ratio, _)| ratio.max(off_ratio));
-                if jump.ratio > least {
-                    likeliest = Some((jump.ratio, instant));
+                if instant.ratio(error) > least {
+                    likeliest = Some((instant.ratio(error), instant));
                 }
             }
         }
-        if likeliest.is_some() {
+        let found = likeliest.map(|(ratio, instant)| (ratio, *instant));
+        if found.is_some() {
             *self = Self::default();
         }
-        likeliest.into_iter().flat_map(|(ratio, instant)| {
-            let alike = move |jump: &Jump| jump.possible && jump.ratio > ALIKE * ratio;
-            instant.jumps().filter(alike)
+        found.into_iter().flat_map(|(ratio, instant)| {
+            let alike = move |error: &usize| {
+                instant.is_possible(*error) && instant.ratio(*error) > ALIKE * ratio
+            };
+            let all = (0..ERRORS).filter(alike);
+            all.map(move |error| instant.signatures.column(error) * instant.by(error))
         })
     }
 }

@@ -462,11 +462,11 @@ impl MotionFilter {
         self.jumps.compare(value, h, innovation, total);
     }
 
-    /// Where a bias has jumped, lets it be learnt.
+    /// Where an error has jumped, lets it be learnt.
     fn seek_jump(&mut self, now: LogTime) {
-        for jump in self.jumps.take(now) {
+        for errors in self.jumps.take(now) {
             self.before_jump = Some(self.biases());
-            self.open(&jump);
+            self.open(&errors);
         }
     }
 
