@@ -103,6 +103,11 @@ fn a_drive_that_begins_at_speed_begins_upright() {
                 "seed {seed}: {:.1} degrees at {after_s:.2} s",
                 tilt.to_degrees()
             );
+            let fast = told.velocity_x_m_s - true_.velocity_x_m_s;
+            assert!(
+                after_s < 0.3 || fast.abs() < 0.3,
+                "seed {seed}: {fast:.2} m/s at {after_s:.2} s"
+            );
         }
     }
 }

@@ -88,6 +88,14 @@ impl History {
         None
     }
 
+    /// Turns the earth axes in which the whole past was told.
+    pub fn turn(&mut self, turn: Rotation3<f64>) {
+        for pose in &mut self.ring {
+            pose.earth_from_body = turn * pose.earth_from_body;
+            pose.velocity_m_s = turn * pose.velocity_m_s;
+        }
+    }
+
     /// Turns and shifts the whole past as the present was corrected.
     pub fn correct(&mut self, turn: Rotation3<f64>, velocity_m_s: Vector3<f64>) {
         for pose in &mut self.ring {

@@ -351,12 +351,14 @@ impl MotionFilter {
     fn adopt_yaw(&mut self, turn: f64, sigma: f64) {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
         self.earth_from_body = rotation * self.earth_from_body;
-        self.history.correct(rotation, Vector3::zeros());
         self.turn_covariance(&rotation);
         self.forget_yaw(sigma);
         // A velocity that was known in earth axes stays; one that was known in the body's turns
         // with it, and is as uncertain across as the heading: d v = d psi z x v.
-        if self.velocity_time.is_none() {
+        if self.velocity_time.is_some() {
+            self.history.correct(rotation, Vector3::zeros());
+        } else {
+            self.history.turn(rotation);
             self.velocity_m_s = rotation * self.velocity_m_s;
             let mut spread = SMatrix::identity();
             spread[(VELOCITY, ATTITUDE + 2)] = -self.velocity_m_s.y;
