@@ -57,7 +57,7 @@ fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole 
 	@scripts/fuzz
 
 campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator?
-	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test car -- --ignored --nocapture
+	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test motion_faults --test car -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec --test cli campaign_of -- --ignored --nocapture
 
 bench: setup ## Every figure that the README states, beside its peers

@@ -15,9 +15,11 @@
 //! within that lag is neglected (less than 1 % of it in 50 ms). So the order in which late values
 //! arrive does not matter to first order.
 
+mod flow;
 pub mod history;
 mod jumps;
 mod solution;
+mod standing;
 mod update;
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
@@ -26,9 +28,11 @@ use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
 use crate::watch::Triads;
+use flow::Flow;
 use history::{History, Pose};
 use jumps::Jumps;
 pub use solution::Solution;
+use standing::{Standing, ToldVelocity};
 pub use update::Verdict;
 
 /// Size of the error state: attitude, velocity, accelerometer bias, gyro bias.
@@ -68,9 +72,6 @@ const SLOPE_TIME_S: f64 = 0.02;
 /// Part of what a jump has made of attitude and velocity that is unknown, as it may have been earlier
 /// or later.
 const JUMPED_EARLIER: f64 = 0.3;
-/// Time for which a receiver counts after it has last told a velocity, s.
-const VELOCITY_HEARD_S: f64 = 1.0;
-
 /// Noise and geometry that the filter assumes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionSettings {
@@ -147,36 +148,6 @@ pub enum VelocityReceiver {
     Own,
     /// The receiver that tells attitude, too.
     OfAttitude,
-}
-
-/// What a receiver told last.
-#[derive(Clone, Copy, Debug, Default)]
-struct ToldVelocity {
-    at: Option<LogTime>,
-    velocity_m_s: Vector3<f64>,
-    left_out: bool,
-    standing: Standing,
-}
-
-impl ToldVelocity {
-    /// Whether it has told anything of late.
-    fn is_heard(&self, now: LogTime) -> bool {
-        self.at
-            .is_some_and(|at| now.seconds_since(at) < VELOCITY_HEARD_S)
-    }
-}
-
-/// How a receiver's values have fared since it was last adopted.
-#[derive(Clone, Copy, Debug, Default)]
-struct Standing {
-    /// Values in a row that were used, and whether there ever were enough to confirm the state.
-    uses: u32,
-    confirmed: bool,
-    /// Whether the state was taken from it after it had contradicted.
-    anew: bool,
-    /// Values in a row that contradicted the state, and those of them while nothing vouched for it.
-    misses: u32,
-    unvouched: u32,
 }
 
 /// The motion at one instant, at the centre of gravity.
@@ -680,32 +651,6 @@ impl MotionFilter {
     /// The operations since the last call.
     pub fn take_operations(&mut self) -> Vec<Operation<STATES>> {
         self.trace.take()
-    }
-}
-
-/// A step of the inertial equations: the blocks of F - I that are not zero.
-#[derive(Clone, Debug, Default)]
-struct Flow {
-    /// Velocity by accelerometer bias, and attitude by gyro bias.
-    of_bias: Matrix3<f64>,
-    /// Velocity by attitude.
-    of_attitude: Matrix3<f64>,
-}
-
-impl Flow {
-    /// F times a matrix.
-    fn times<const N: usize>(
-        &self,
-        mut matrix: SMatrix<f64, STATES, N>,
-    ) -> SMatrix<f64, STATES, N> {
-        let velocity = self.of_attitude * matrix.fixed_rows::<3>(ATTITUDE)
-            + self.of_bias * matrix.fixed_rows::<3>(ACCEL_BIAS);
-        let attitude = self.of_bias * matrix.fixed_rows::<3>(GYRO_BIAS);
-        for (first, rows) in [(VELOCITY, velocity), (ATTITUDE, attitude)] {
-            let mut place = matrix.fixed_rows_mut::<3>(first);
-            place += rows;
-        }
-        matrix
     }
 }
 

@@ -126,28 +126,12 @@ const CASES: [Case; 16] = [
 
 #[test]
 fn a_fault_is_named_left_out_and_over_when_it_is_over() {
-    if run::directory().is_none() {
-        return;
-    }
-    let vehicle = run::vehicle();
-    let sensors = Sensors::builtin("thesis-10bit").unwrap();
-    let calibration = Calibration::nominal(&vehicle.name);
-    for name in RUNS {
-        let run = Run::load(name);
-        let good = sensing::samples(&run, &vehicle, &sensors, 1);
-        let errors = |samples: &[_]| {
-            let settings = Settings::default();
-            let result = estimate(&vehicle, &sensors, &calibration, settings, samples);
-            let force = force_errors(&run, &vehicle, &result);
-            let motion = motion_errors(&run, &result);
-            (force, motion, result)
-        };
-        let (force_good, motion_good, result) = errors(&good);
-        assert!(told(&result).is_empty(), "{name} {:?}", told(&result));
+    for drive in Drive::all() {
+        let name = drive.name;
+        let (force_good, motion_good, told) = drive.judge(&drive.good);
+        assert!(told.is_empty(), "{name} {told:?}");
         for case in &CASES {
-            let samples = spoil(&good, case.channels);
-            let (force, motion, result) = errors(&samples);
-            let told = told(&result);
+            let (force, motion, told) = drive.judge(&spoil(&drive.good, case.channels));
             let what = format!("{name} {:?}", case.channels);
             eprintln!("{what}: {force:.2?} % {motion:.3?} deg {told:.2?}");
             for (spoilt, good) in force.iter().zip(force_good) {
@@ -217,25 +201,11 @@ const JUMPS: [Jump; 9] = [
 
 #[test]
 fn a_bias_that_jumps_is_named_and_learnt() {
-    if run::directory().is_none() {
-        return;
-    }
-    let vehicle = run::vehicle();
-    let sensors = Sensors::builtin("thesis-10bit").unwrap();
-    let calibration = Calibration::nominal(&vehicle.name);
-    for name in RUNS {
-        let run = Run::load(name);
-        let good = sensing::samples(&run, &vehicle, &sensors, 1);
-        let judged = |samples: &[Sample]| {
-            let settings = Settings::default();
-            let result = estimate(&vehicle, &sensors, &calibration, settings, samples);
-            (motion_errors(&run, &result), told(&result))
-        };
-        let (motion_good, _) = judged(&good);
+    for drive in Drive::all() {
+        let (_, motion_good, _) = drive.judge(&drive.good);
         for jump in &JUMPS {
-            let part = jump.by / jump.channel.range();
-            let (motion, told) = judged(&spoil(&good, &[(jump.channel, Kind::Shifted(part))]));
-            let what = format!("{name} {} by {}", jump.name, jump.by);
+            let what = format!("{} {} by {}", drive.name, jump.name, jump.by);
+            let (_, motion, told) = drive.judge(&jumping(&drive.good, jump.channel, jump.by));
             eprintln!("{what}: {motion_good:.3?} {motion:.3?} deg {told:.2?}");
             for (spoilt, good) in motion.iter().zip(motion_good) {
                 assert!(*spoilt <= good + JUMP_MORE_DEG, "{what} {motion:?}");
@@ -258,6 +228,90 @@ fn a_bias_that_jumps_is_named_and_learnt() {
             assert_eq!(told.iter().find(other), None, "{what} {told:.2?}");
         }
     }
+}
+
+/// Jumps of each rate, rad/s, and of each specific force, m/s^2.
+const RATES: [f64; 8] = [0.01, 0.02, 0.05, 0.1, 0.15, -0.15, 0.2, 0.3];
+const FORCES: [f64; 6] = [0.1, 0.3, 0.7, 1.0, 1.4, 2.0];
+
+/// What the table of jumps in `docs/estimator.md` tells: how much each adds to the worst drive's errors.
+#[test]
+#[ignore = "168 drives: `make campaigns`"]
+fn jumps_of_many_sizes_restart_no_filter_and_blame_no_receiver() {
+    let drives = Drive::all();
+    let good: Vec<_> = drives
+        .iter()
+        .map(|drive| drive.judge(&drive.good))
+        .collect();
+    let mut surfaces = 0;
+    let channels = (0..3).flat_map(|axis| {
+        let rates = RATES.map(|by| (Channel::Rate(axis), by));
+        let forces = FORCES.map(|by| (Channel::SpecificForce(axis), by));
+        rates.into_iter().chain(forces)
+    });
+    for (channel, by) in channels {
+        let mut more = [0.0_f64; 6];
+        for (drive, (force_good, motion_good, _)) in drives.iter().zip(&good) {
+            let (force, motion, told) = drive.judge(&jumping(&drive.good, channel, by));
+            let (now, before) = (
+                motion.iter().chain(&force),
+                motion_good.iter().chain(force_good),
+            );
+            for (more, (now, before)) in more.iter_mut().zip(now.zip(before)) {
+                *more = more.max(now - before);
+            }
+            for (_, kind) in &told {
+                surfaces += usize::from(matches!(kind, EventKind::SurfaceChange(..)));
+                let wrong = match kind {
+                    EventKind::FilterReset => true,
+                    EventKind::SensorFault(name) => name.starts_with("GNSS"),
+                    _ => false,
+                };
+                assert!(!wrong, "{} {channel:?} by {by}: {told:.2?}", drive.name);
+            }
+        }
+        eprintln!("{channel:?} by {by}: sideslip, roll, pitch, F_x, F_y, F_z more {more:.2?}");
+    }
+    eprintln!("{surfaces} changes of surface");
+}
+
+/// A truth run through the thesis's sensors.
+struct Drive {
+    name: &'static str,
+    run: Run,
+    good: Vec<Sample>,
+}
+
+impl Drive {
+    /// The four; none without the truth runs.
+    fn all() -> Vec<Self> {
+        if run::directory().is_none() {
+            return Vec::new();
+        }
+        let sensors = Sensors::builtin("thesis-10bit").unwrap();
+        let drive = |name| {
+            let run = Run::load(name);
+            let good = sensing::samples(&run, &run::vehicle(), &sensors, 1);
+            Self { name, run, good }
+        };
+        RUNS.map(drive).into()
+    }
+
+    /// Errors of forces, per cent, and of motion, degrees, and what was told.
+    fn judge(&self, samples: &[Sample]) -> ([f64; 3], [f64; 3], Vec<(f64, EventKind)>) {
+        let vehicle = run::vehicle();
+        let sensors = Sensors::builtin("thesis-10bit").unwrap();
+        let calibration = Calibration::nominal(&vehicle.name);
+        let settings = Settings::default();
+        let result = estimate(&vehicle, &sensors, &calibration, settings, samples);
+        let force = force_errors(&self.run, &vehicle, &result);
+        (force, motion_errors(&self.run, &result), told(&result))
+    }
+}
+
+/// The samples with a channel off by so much for as long as faults last.
+fn jumping(good: &[Sample], channel: Channel, by: f64) -> Vec<Sample> {
+    spoil(good, &[(channel, Kind::Shifted(by / channel.range()))])
 }
 
 /// Without strain nothing vouches for the inertial unit, and a receiver that contradicts it for long

@@ -12,10 +12,11 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 use sample::LogTime;
 
-use super::{ACCEL_BIAS, ATTITUDE, Flow, GYRO_BIAS, STATES, VELOCITY};
+use super::flow::{Flow, Passed};
+use super::{ACCEL_BIAS, ATTITUDE, GYRO_BIAS, STATES};
 
 /// Errors that may jump, three axes of each, and the largest jump, rad, m/s^2 and rad/s: a bias that
 /// jumps further is contradicted by the balances of forces and moments.
@@ -111,30 +112,6 @@ impl Instant {
         let left = (self.square - ratio) / self.counts.iter().sum::<f64>();
         let explained = left < NOISE_MAX || ratio > EXPLAINED * self.square;
         ratio > RATIO * left.max(1.0) && explained && self.is_possible(error)
-    }
-}
-
-/// Steps of the inertial equations, one after another.
-#[derive(Clone, Debug, Default)]
-struct Passed {
-    flow: Flow,
-    /// Velocity by gyro bias, by way of attitude.
-    of_gyro_bias: Matrix3<f64>,
-}
-
-impl Passed {
-    fn step(&mut self, flow: &Flow) {
-        self.of_gyro_bias += flow.of_attitude * self.flow.of_bias;
-        self.flow.of_bias += flow.of_bias;
-        self.flow.of_attitude += flow.of_attitude;
-    }
-
-    fn times(&self, errors: SMatrix<f64, STATES, ERRORS>) -> SMatrix<f64, STATES, ERRORS> {
-        let velocity = self.of_gyro_bias * errors.fixed_rows::<3>(GYRO_BIAS);
-        let mut errors = self.flow.times(errors);
-        let mut place = errors.fixed_rows_mut::<3>(VELOCITY);
-        place += velocity;
-        errors
     }
 }
 

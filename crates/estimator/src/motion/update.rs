@@ -14,14 +14,6 @@ use super::{
 
 /// Normalised innovation, standard deviations, beyond which a value is left out.
 const GATE: f64 = 5.0;
-/// Values left out in a row after which the state, not the sensor, is taken to be wrong, and the
-/// same of a state that something vouches for: half a minute of velocities, a minute of attitudes.
-const MISSES_MAX: u32 = 20;
-const VOUCHED_MISSES_MAX: u32 = 600;
-/// Values used in a row that confirm a state, and one that was adopted from GNSS: an inertial unit
-/// whose bias has jumped is soon contradicted again.
-const CONFIRMED: u32 = 20;
-const CONFIRMED_ANEW: u32 = 100;
 /// Headings in a row that must agree with each other before one is adopted.
 const STEADY_HEADINGS: f64 = 3.0;
 /// Values of each of two receivers left out in a row after which it is.
@@ -40,36 +32,6 @@ pub enum Verdict {
     Rejected,
     /// It could not be compared: too old, not finite, or nothing to compare with.
     Unusable,
-}
-
-impl Standing {
-    /// Of a receiver whose values are adopted.
-    pub(super) fn adopted() -> Self {
-        Self {
-            anew: true,
-            ..Self::default()
-        }
-    }
-
-    /// Takes note of a value that was used.
-    fn used(&mut self) {
-        let least = if self.anew { CONFIRMED_ANEW } else { CONFIRMED };
-        self.uses += 1;
-        self.confirmed |= self.uses >= least;
-        (self.misses, self.unvouched) = (0, 0);
-    }
-
-    /// Takes note of one that contradicted a state that something else vouches for or not.
-    fn contradicted(&mut self, vouched: bool) {
-        self.uses = 0;
-        self.misses += 1;
-        self.unvouched += u32::from(!vouched);
-    }
-
-    /// Whether it is the state that is wrong.
-    fn too_many(self) -> bool {
-        self.unvouched > MISSES_MAX || self.misses > VOUCHED_MISSES_MAX
-    }
 }
 
 impl MotionFilter {

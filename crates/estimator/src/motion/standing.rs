@@ -1,0 +1,75 @@
+//! How the values of receivers fare.
+
+use nalgebra::Vector3;
+use sample::LogTime;
+
+/// Values left out in a row after which the state, not the sensor, is taken to be wrong, and the
+/// same of a state that something vouches for: half a minute of velocities, a minute of attitudes.
+const MISSES_MAX: u32 = 20;
+const VOUCHED_MISSES_MAX: u32 = 600;
+/// Values used in a row that confirm a state, and one that was adopted from GNSS: an inertial unit
+/// whose bias has jumped is soon contradicted again.
+const CONFIRMED: u32 = 20;
+const CONFIRMED_ANEW: u32 = 100;
+/// Time for which a receiver counts after it has last told a velocity, s.
+const VELOCITY_HEARD_S: f64 = 1.0;
+
+/// What a receiver told last.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ToldVelocity {
+    pub at: Option<LogTime>,
+    pub velocity_m_s: Vector3<f64>,
+    pub left_out: bool,
+    pub standing: Standing,
+}
+
+impl ToldVelocity {
+    /// Whether it has told anything of late.
+    pub fn is_heard(&self, now: LogTime) -> bool {
+        self.at
+            .is_some_and(|at| now.seconds_since(at) < VELOCITY_HEARD_S)
+    }
+}
+
+/// How a receiver's values have fared since it was last adopted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Standing {
+    /// Values in a row that were used, and whether there ever were enough to confirm the state.
+    pub uses: u32,
+    pub confirmed: bool,
+    /// Whether the state was taken from it after it had contradicted.
+    pub anew: bool,
+    /// Values in a row that contradicted the state, and those of them while nothing vouched for it.
+    pub misses: u32,
+    pub unvouched: u32,
+}
+
+impl Standing {
+    /// Of a receiver whose values are adopted.
+    pub fn adopted() -> Self {
+        Self {
+            anew: true,
+            ..Self::default()
+        }
+    }
+
+    /// Takes note of a value that was used.
+    pub fn used(&mut self) {
+        let least = if self.anew { CONFIRMED_ANEW } else { CONFIRMED };
+        self.uses += 1;
+        self.confirmed |= self.uses >= least;
+        (self.misses, self.unvouched) = (0, 0);
+    }
+
+    /// Takes note of one that contradicted a state that something else vouches for or not.
+    pub fn contradicted(&mut self, vouched: bool) {
+        self.uses = 0;
+        self.misses += 1;
+        self.unvouched += u32::from(!vouched);
+    }
+
+    /// Whether it is the state that is wrong.
+    pub fn too_many(self) -> bool {
+        self.unvouched > MISSES_MAX || self.misses > VOUCHED_MISSES_MAX
+    }
+}
