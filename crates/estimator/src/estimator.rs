@@ -228,6 +228,7 @@ impl Estimator {
         while let Some(Entry { time, held }) = self.waiting.take() {
             match held {
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
+                Held::NoInertial => self.miss_inertial(now, out),
                 Held::Velocity(source, gnss) => {
                     self.take_velocity(time, source, &gnss, now, out);
                 }

@@ -22,6 +22,8 @@ pub enum Held {
         /// Angular rate, rad/s.
         rate: Vector3<f64>,
     },
+    /// A reading that the inertial unit itself calls bad.
+    NoInertial,
     /// Velocity of a source's antenna.
     Velocity(SourceId, GnssVelocity),
     /// Attitude of the antennas.
@@ -53,7 +55,7 @@ impl Entry {
 
     fn rank(&self) -> u8 {
         match &self.held {
-            Held::Inertial { .. } => 0,
+            Held::Inertial { .. } | Held::NoInertial => 0,
             Held::Velocity(..) => 1,
             Held::Attitude(_) => 2,
             Held::Corner(corner) => 3 + corner.wheel.index() as u8,
@@ -65,6 +67,7 @@ impl Entry {
     fn content(&self) -> u64 {
         match &self.held {
             Held::Inertial { force, rate } => digest(force.iter().chain(rate.iter()).copied()),
+            Held::NoInertial => 0,
             Held::Velocity(source, gnss) => {
                 digest(gnss.velocity_enu_m_s).wrapping_add(u64::from(source.0))
             }

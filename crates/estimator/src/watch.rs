@@ -37,5 +37,7 @@ pub struct SensorChange {
 pub const CONTRADICTS: &str = "contradicts the other sensors and is left out";
 /// What is wrong with a sensor: it tells the same again and again.
 pub const FROZEN: &str = "does not move at all and is left out";
+/// What is wrong with a sensor: it says so itself.
+pub const BAD: &str = "calls its own readings bad and is left out";
 /// What is wrong with a bias.
 pub const JUMPED: &str = "has jumped and is learnt anew";

@@ -158,6 +158,45 @@ fn a_fault_is_named_left_out_and_over_when_it_is_over() {
     }
 }
 
+/// What a unit that calls itself bad for four seconds may cost, per cent and degrees: as much as one
+/// that is missing (`subsets.rs`).
+const BAD_FORCE_MAX: f64 = 1.0;
+const BAD_ANGLE_MORE_DEG: f64 = 0.5;
+
+#[test]
+fn a_unit_that_calls_itself_bad_is_named_and_not_used() {
+    for drive in Drive::all() {
+        let (_, motion_good, _) = drive.judge(&drive.good);
+        let begin = drive.good[0].valid_time;
+        let mut samples = drive.good.clone();
+        for sample in &mut samples {
+            let since_s = sample.valid_time.seconds_since(begin);
+            if let Measurement::Imu(imu) = &mut sample.measurement
+                && (FAULT_S..HEALED_S).contains(&since_s)
+            {
+                imu.valid = false;
+                imu.specific_force_m_s2 = [50.0; 3];
+                imu.angular_rate_rad_s = [3.0; 3];
+            }
+        }
+        let (force, motion, told) = drive.judge(&samples);
+        let what = format!("{} {force:.2?} % {motion:.3?} deg {told:.2?}", drive.name);
+        eprintln!("{what}");
+        assert!(force.iter().all(|error| *error < BAD_FORCE_MAX), "{what}");
+        for (spoilt, good) in motion.iter().zip(motion_good) {
+            assert!(*spoilt <= good + BAD_ANGLE_MORE_DEG, "{what}");
+        }
+        let name = "inertial unit".to_owned();
+        let [(fault_s, fault), (recovered_s, recovery)] = &told[..] else {
+            panic!("{what}");
+        };
+        assert_eq!(*fault, EventKind::SensorFault(name.clone()));
+        assert_eq!(*recovery, EventKind::SensorRecovered(name));
+        assert!((0.15..0.3).contains(&(fault_s - FAULT_S)), "{what}");
+        assert!((0.0..0.1).contains(&(recovered_s - HEALED_S)), "{what}");
+    }
+}
+
 /// A jump, rad/s or m/s^2, that is too small for the balances of forces and moments to tell.
 struct Jump {
     channel: Channel,

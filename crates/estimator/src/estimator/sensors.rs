@@ -85,6 +85,10 @@ fn telling(now: LogTime, out: &mut impl FnMut(Output)) -> impl FnMut(SensorChang
 
 impl Estimator {
     pub(super) fn push_imu(&mut self, time: LogTime, imu: &ImuSample) {
+        if !imu.valid {
+            self.waiting.push(time, Held::NoInertial);
+            return;
+        }
         let (Some(force), Some(rate)) = (
             finite3(imu.specific_force_m_s2),
             finite3(imu.angular_rate_rad_s),
@@ -126,6 +130,11 @@ impl Estimator {
         let told = watch.judge(read, bias, sigma, &expected, &mut telling(now, out));
         let untold = watch.untold();
         self.motion.push_imu(time, told.force, told.rate, &untold);
+    }
+
+    /// Takes note of a reading that the inertial unit itself calls bad.
+    pub(super) fn miss_inertial(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        self.watches.inertial.miss(&mut telling(now, out));
     }
 
     /// Tells which of the inertial unit's biases has jumped.

@@ -207,7 +207,7 @@ impl PlanarReadings {
                 let angle = steer.hand_wheel_rad - calibration.steer_offset_rad;
                 self.wait(time, Quantity::HandWheel, angle);
             }
-            Measurement::Imu(imu) if uses(Input::Imu) => {
+            Measurement::Imu(imu) if uses(Input::Imu) && imu.valid => {
                 // A unit that measures in the plane alone leaves the other axes open.
                 let or = |value: f64, other: f64| if value.is_finite() { value } else { other };
                 let [fx, fy, fz] = imu.specific_force_m_s2;

@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::{CONTRADICTS, SensorChange};
+use super::{BAD, CONTRADICTS, SensorChange};
 
 /// Square of the normalised difference that contradicts.
 const GATE: f64 = 25.0;
@@ -90,9 +90,27 @@ struct Axis {
 pub struct InertialWatch {
     rate: [Axis; 3],
     force: [Axis; 3],
+    /// Readings in a row that the unit itself called bad.
+    bad: u32,
 }
 
+/// The whole unit's name.
+const UNIT: &str = "inertial unit";
+
 impl InertialWatch {
+    /// Takes note of a reading that the unit itself calls bad: it failed its own test, or an axis is
+    /// beyond its range.
+    pub fn miss(&mut self, changes: &mut impl FnMut(SensorChange)) {
+        self.bad = self.bad.saturating_add(1);
+        if self.bad == FAULTY {
+            changes(SensorChange {
+                name: UNIT,
+                faulty: true,
+                why: BAD,
+            });
+        }
+    }
+
     /// Which axes of the last reading were believed.
     pub fn believed(&self) -> Believed {
         Triads {
@@ -133,6 +151,13 @@ impl InertialWatch {
         expected: &Triads<Option<[[f64; 2]; 3]>>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Triads<Vector3<f64>> {
+        if std::mem::take(&mut self.bad) >= FAULTY {
+            changes(SensorChange {
+                name: UNIT,
+                faulty: false,
+                why: BAD,
+            });
+        }
         // A vehicle that moves shakes every axis.
         let shaken = expected.force.is_some();
         let mut judge = |axes: &mut [Axis; 3], kind, reading, bias, sigma, expected| {
