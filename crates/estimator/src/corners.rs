@@ -55,6 +55,8 @@ pub struct CornerState {
     pub spin_rad_s: f64,
     /// Its rate, rad/s^2, as rolling gives it.
     pub spin_dot_rad_s2: f64,
+    /// Velocity of the wheel centre against the body, m/s.
+    pub travel_m_s: Vector3<f64>,
     /// How the upright turns against the body, rad/s: as it is steered, and as it travels.
     pub turn_rad_s: Vector3<f64>,
 }
@@ -222,6 +224,34 @@ impl Corners {
     #[must_use]
     pub fn turn_over_ground(&self) -> Option<[f64; 2]> {
         self.turn_over_ground
+    }
+
+    /// Velocity of the centre of wheel `i` over the ground, along its heading and left of it, m/s.
+    #[must_use]
+    pub fn wheel_velocity(&self, i: usize, motion: &MotionState) -> [f64; 2] {
+        let CornerState {
+            pose,
+            frame,
+            travel_m_s,
+            ..
+        } = &self.states[i];
+        let arm = self.from_cg(pose.wheel_centre_m);
+        let velocity = motion.velocity_m_s + motion.rate_rad_s.cross(&arm) + travel_m_s;
+        [0, 1].map(|axis| frame.vehicle_from_tyre.column(axis).dot(&velocity))
+    }
+
+    /// The middle between the wheel centres of an axle: where it is from the centre of gravity, m,
+    /// and how it travels against the body, m/s.
+    #[must_use]
+    pub fn axle_middle(&self, axle: usize) -> [Vector3<f64>; 2] {
+        let [left, right] = [2 * axle, 2 * axle + 1].map(|i| &self.states[i]);
+        let middle = 0.5 * (left.pose.wheel_centre_m + right.pose.wheel_centre_m);
+        let travel = 0.5 * (left.travel_m_s + right.travel_m_s);
+        [self.from_cg(middle), travel]
+    }
+
+    fn from_cg(&self, point_m: Vector3<f64>) -> Vector3<f64> {
+        point_m - Vector3::z() * self.cg_height_m
     }
 
     /// Puts the corners where the readings say at `now`, `dt` after the last time.
@@ -501,6 +531,7 @@ impl Linkage {
                 }),
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,
+            travel_m_s: motion.wheel_travel_m_s,
             turn_rad_s: motion.upright_rate_rad_s - body.rate_rad_s,
         })
     }

@@ -317,7 +317,10 @@ impl Estimator {
             planar.tell(&mut motion);
         }
         motion.steer_rad = PerWheel(steer);
-        motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, steer);
+        motion.slip_angle_rad = match &self.corners {
+            Some(corners) => kinematics::slip_angles_on(corners, &state),
+            None => kinematics::slip_angles(&self.vehicle, &state, steer),
+        };
         // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing, nor
         // do the tyres of a vehicle that tips over.
         if navigated

@@ -4,6 +4,7 @@ use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{Motion, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
+use crate::corners::Corners;
 use crate::motion::{MotionState, wrap};
 
 /// Speed below which a slip angle means nothing, m/s.
@@ -27,7 +28,22 @@ pub fn motion(state: &MotionState) -> Motion {
     }
 }
 
-/// Slip angle of each wheel whose steer angle is `steer_rad`, rad.
+/// Slip angle of each wheel of a vehicle whose linkages are known, rad: the direction in which its
+/// centre moves over the ground, as the body turns and rolls and the linkage travels.
+pub fn slip_angles_on(corners: &Corners, state: &MotionState) -> PerWheel<f64> {
+    PerWheel::from_fn(|wheel: Wheel| {
+        let [along, across] = corners.wheel_velocity(wheel.index(), state);
+        direction(along, across).unwrap_or(0.0)
+    })
+}
+
+fn direction(along_m_s: f64, across_m_s: f64) -> Option<f64> {
+    let moves = along_m_s.hypot(across_m_s) >= SLIP_SPEED_MIN_M_S;
+    moves.then(|| across_m_s.atan2(along_m_s))
+}
+
+/// Slip angle of each wheel whose steer angle is `steer_rad`, rad, of a vehicle that neither rolls
+/// nor pitches.
 pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) -> PerWheel<f64> {
     let body = &vehicle.body;
     let [u, v] = state.level_velocity();
@@ -39,11 +55,8 @@ pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) 
             (-body.cg_to_rear_axle_m, vehicle.rear.track_m)
         };
         let y = 0.5 * track * wheel.side();
-        let (along, across) = (u - yaw_rate * y, v + yaw_rate * x);
-        if along.hypot(across) < SLIP_SPEED_MIN_M_S {
-            return 0.0;
-        }
-        wrap(across.atan2(along) - steer_rad[wheel.index()])
+        direction(u - yaw_rate * y, v + yaw_rate * x)
+            .map_or(0.0, |angle| wrap(angle - steer_rad[wheel.index()]))
     })
 }
 

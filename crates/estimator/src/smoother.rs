@@ -23,7 +23,7 @@ mod adjoint;
 use std::collections::VecDeque;
 
 use model::vehicle::Vehicle;
-use sample::{Estimate, Motion};
+use sample::{Estimate, Motion, PerWheel};
 
 use crate::fusion::layout::{SIZE, TURN};
 use crate::fusion::{Belief, OUTPUTS};
@@ -123,9 +123,15 @@ impl Smoother {
             .corrected(&adjoint.correction(known), known - adjoint.shrinkage(known));
         let state = solution.state(step.estimate.time);
         let motion = kinematics::motion(&state);
+        // How linkages travel is what the filter knew.
+        let slip = |state| kinematics::slip_angles(&self.vehicle, state, filtered.steer_rad.0);
+        let (causal, smoothed) = (slip(&step.solution.state(step.estimate.time)), slip(&state));
+        let slip_angle_rad = PerWheel::from_fn(|wheel| {
+            filtered.slip_angle_rad[wheel] + smoothed[wheel] - causal[wheel]
+        });
         Motion {
             steer_rad: filtered.steer_rad,
-            slip_angle_rad: kinematics::slip_angles(&self.vehicle, &state, filtered.steer_rad.0),
+            slip_angle_rad,
             bank_rad: filtered.bank_rad + motion.roll_rad - filtered.roll_rad,
             grade_rad: filtered.grade_rad + motion.pitch_rad - filtered.pitch_rad,
             ..motion

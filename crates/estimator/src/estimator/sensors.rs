@@ -254,7 +254,6 @@ impl Estimator {
 
     /// What the hand wheel should say, rad, and its variance.
     fn steer_told(&self, state: &MotionState) -> Option<[f64; 2]> {
-        self.corners.as_ref()?;
         let read = self.readings.hand_wheel_rad?.value;
         let [apart, variance] = self.steer_apart(0, state)?;
         let ratio = self.vehicle.steering.ratio;
@@ -264,10 +263,9 @@ impl Estimator {
     /// How much further left an axle's wheels should stand than they do, rad, and its variance: it
     /// moves along them but for the slip angle that its lateral force needs.
     fn steer_apart(&self, axle: usize, state: &MotionState) -> Option<[f64; 2]> {
-        let body = &self.vehicle.body;
-        let ahead_m = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m][axle];
-        let [u, v] = state.level_velocity();
-        let across = v + state.rate_rad_s.z * ahead_m;
+        let [place, travel] = self.corners.as_ref()?.axle_middle(axle);
+        let velocity = state.velocity_m_s + state.rate_rad_s.cross(&place) + travel;
+        let [u, across] = self.ground_axes().map(|direction| direction.dot(&velocity));
         let (slip, sigma) = self.grip.slip_angle(axle, &self.measured)?;
         let steer = self.steer_angles(self.grip.steer_offset().0);
         let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
@@ -303,12 +301,8 @@ impl Estimator {
         if !blind && self.motion.attitude_age_s(time) < HEADING_SILENT_S {
             return;
         }
-        let normal = self
-            .corners
-            .as_ref()
-            .map_or_else(Vector3::z, Corners::normal);
-        let left = normal.cross(&Vector3::x()).normalize();
-        let ahead = left.cross(&normal);
+        let [ahead, left] = self.ground_axes();
+        let normal = ahead.cross(&left);
         let mut forward = self.motion.state(time).velocity_m_s.x;
         if blind {
             let Some(speed) = self.rolling_speed(time) else {
@@ -328,6 +322,16 @@ impl Estimator {
         self.constrain_axles(forward, left);
     }
 
+    /// Unit vectors along the ground, body axes: ahead, and left of it.
+    fn ground_axes(&self) -> [Vector3<f64>; 2] {
+        let normal = self
+            .corners
+            .as_ref()
+            .map_or_else(Vector3::z, Corners::normal);
+        let left = normal.cross(&Vector3::x()).normalize();
+        [left.cross(&normal), left]
+    }
+
     /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
     /// that is unknown the angle is small.
     fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
@@ -335,14 +339,17 @@ impl Estimator {
         let body = &self.vehicle.body;
         let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
         for (axle, x) in ahead.into_iter().enumerate() {
+            let [place, travel] = match &self.corners {
+                Some(corners) => corners.axle_middle(axle),
+                None => [Vector3::x() * x, Vector3::zeros()],
+            };
             let (slip, sigma) = self
                 .grip
                 .slip_angle(axle, &self.measured)
                 .unwrap_or((0.0, BLIND_SLIP_RAD));
             let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
-            let across = forward * (wheels + slip).tan();
+            let across = forward * (wheels + slip).tan() - left.dot(&travel);
             let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
-            let place = Vector3::new(x, 0.0, 0.0);
             let _ = self
                 .motion
                 .push_body_velocity(left, place, across, doubt, None);

@@ -25,6 +25,9 @@ pub struct SteeringWatch {
     /// When it last moved, and whether that is long ago.
     moved: Option<LogTime>,
     hangs: bool,
+    /// The angle that it has jumped to, for as long as it stays there to the bit: what is expected may
+    /// pass by, which is no agreement.
+    landed: Option<f64>,
     /// Since when it has been strange, and has not been.
     strange: Option<LogTime>,
     agreed: Option<LogTime>,
@@ -73,6 +76,10 @@ impl SteeringWatch {
             let span_s = time.seconds_since(last.time).max(0.0);
             (angle_rad - last.angle_rad).abs() > JUMP_RAD_S * span_s
         });
+        self.landed = match self.landed {
+            _ if jumped => Some(angle_rad),
+            landed => landed.filter(|landed| *landed == angle_rad),
+        };
         self.hangs = longer(self.moved, HANGS_S);
         let gate = if jumped || self.hangs || self.strange.is_some() {
             SUSPECT_GATE
@@ -86,7 +93,8 @@ impl SteeringWatch {
             self.agreed = None;
         } else {
             self.agreed.get_or_insert(time);
-            if !self.told || longer(self.agreed, GOOD_S) && !self.hangs {
+            let passed = !self.told && self.landed.is_none();
+            if passed || longer(self.agreed, GOOD_S) && !self.hangs {
                 self.strange = None;
             }
         }
@@ -149,5 +157,12 @@ mod tests {
         assert_eq!(told(angle, turned).0, [(230, true)]);
         let moving = |k| 0.5 + 1e-3 * (k % 7) as f64;
         assert_eq!(told(moving, turned).0, []);
+    }
+
+    #[test]
+    fn one_that_has_died_is_named_though_what_is_expected_passes_by() {
+        let expected = |k: u64| 1.0 - 0.05 * k.saturating_sub(100) as f64;
+        let angle = |k| if k < 100 { expected(k) } else { 0.0 };
+        assert_eq!(told(angle, expected).0, [(130, true)]);
     }
 }

@@ -39,6 +39,8 @@ pub struct CornerMotion {
     pub upper_arm_specific_force_m_s2: Vector3<f64>,
     /// Specific force at the lower arm's centre of gravity, m/s^2.
     pub lower_arm_specific_force_m_s2: Vector3<f64>,
+    /// Velocity of the wheel centre against the body, m/s.
+    pub wheel_travel_m_s: Vector3<f64>,
     /// Angular rate of the upright, rad/s.
     pub upright_rate_rad_s: Vector3<f64>,
     /// Angular acceleration of the upright, rad/s^2.
@@ -111,6 +113,7 @@ impl CornerMotion {
             upright_specific_force_m_s2: moving(pose.upright_cg_m, upright) + upright_dot,
             upper_arm_specific_force_m_s2: moving(pose.upper_arm_cg_m, upper),
             lower_arm_specific_force_m_s2: moving(pose.lower_arm_cg_m, lower),
+            wheel_travel_m_s: hub,
             upright_rate_rad_s: body.rate_rad_s + rotation,
             upright_rate_dot_rad_s2: body.rate_dot_rad_s2
                 + body.rate_rad_s.cross(&rotation)
