@@ -235,7 +235,7 @@ impl Corners {
             travel_m_s,
             ..
         } = &self.states[i];
-        let arm = self.from_cg(pose.wheel_centre_m);
+        let arm = self.seen_from_cg(pose.wheel_centre_m);
         let velocity = motion.velocity_m_s + motion.rate_rad_s.cross(&arm) + travel_m_s;
         [0, 1].map(|axis| frame.vehicle_from_tyre.column(axis).dot(&velocity))
     }
@@ -247,10 +247,10 @@ impl Corners {
         let [left, right] = [2 * axle, 2 * axle + 1].map(|i| &self.states[i]);
         let middle = 0.5 * (left.pose.wheel_centre_m + right.pose.wheel_centre_m);
         let travel = 0.5 * (left.travel_m_s + right.travel_m_s);
-        [self.from_cg(middle), travel]
+        [self.seen_from_cg(middle), travel]
     }
 
-    fn from_cg(&self, point_m: Vector3<f64>) -> Vector3<f64> {
+    fn seen_from_cg(&self, point_m: Vector3<f64>) -> Vector3<f64> {
         point_m - Vector3::z() * self.cg_height_m
     }
 
