@@ -245,6 +245,7 @@ fn motion() -> impl Strategy<Value = CornerMotion> {
                 upright_specific_force_m_s2: forces[1],
                 upper_arm_specific_force_m_s2: forces[2],
                 lower_arm_specific_force_m_s2: forces[3],
+                wheel_travel_m_s: Vector3::zeros(),
                 upright_rate_rad_s: rate,
                 upright_rate_dot_rad_s2: rate_dot,
                 spin_rad_s: spin,
