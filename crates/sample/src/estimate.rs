@@ -42,7 +42,7 @@ pub struct Motion {
     pub acceleration_m_s2: [f64; 3],
     /// Road-wheel steer angle, rad.
     pub steer_rad: PerWheel<f64>,
-    /// Tyre slip angle, rad.
+    /// Slip angle of each wheel: from its heading to its centre's velocity along the ground, rad.
     pub slip_angle_rad: PerWheel<f64>,
     /// Road bank, right side down positive, rad.
     pub bank_rad: f64,
