@@ -35,6 +35,9 @@ const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 
 /// Largest RMSE of sideslip above 3 m/s, of roll and of pitch, degrees.
 const MOTION_MAX_DEG: [f64; 3] = [0.2, 0.2, 0.2];
+/// Largest RMSE of a wheel's slip angle above 3 m/s, degrees: 0.18 to 0.27 on the sines without the
+/// body's roll and the linkage's travel.
+const SLIP_MAX_DEG: f64 = 0.15;
 /// Largest RMSE of an angular rate, degrees a second: the raw gyro's noise is 0.3.
 const RATE_MAX_DEG_S: f64 = 0.3;
 /// Largest error of the forces by statics alone (F_x, F_y, F_z, per cent, worst tyre).
@@ -132,6 +135,12 @@ fn judge_file(file: &str, force_max: [f64; 3], inside_least: f64, lift_within_s:
                 let best = told.fold(f64::INFINITY, f64::min);
                 assert!(2.0 * found <= best, "{name} {force:?} {others:?}");
             }
+            let slip = slip_errors(&run, &result);
+            eprintln!("{name:15} slip angles {slip:.3?} deg");
+            assert!(
+                slip.iter().all(|error| *error <= SLIP_MAX_DEG),
+                "{name}: {slip:?}"
+            );
             judge_events(name, &result, lift_within_s);
             let settings = Settings {
                 ignore: vec![Input::GnssVelocity, Input::GnssAttitude],
@@ -143,6 +152,23 @@ fn judge_file(file: &str, force_max: [f64; 3], inside_least: f64, lift_within_s:
             assert!(motion[0] <= BLIND_SIDESLIP_MAX_DEG, "{name}: {motion:?}");
         }
     }
+}
+
+/// RMSE of each wheel's slip angle, degrees, above 3 m/s, after the first 3 s, while it carries load.
+fn slip_errors(run: &Run, result: &Result) -> [f64; 4] {
+    Wheel::ALL.map(|wheel| {
+        let name = wheel.abbreviation();
+        let (truth, load) = (
+            run.column(&format!("{name}_alpha")),
+            run.column(&format!("{name}_Fz")),
+        );
+        let speed = run.column("vx_body");
+        rms(result.estimates.iter().filter_map(|estimate| {
+            let row = row(estimate);
+            let told = row > 600 && *speed.get(row)? > 3.0 && load[row] > 100.0;
+            told.then(|| (estimate.motion.slip_angle_rad[wheel] - truth[row]).to_degrees())
+        }))
+    })
 }
 
 /// Lift is declared and warned of in time, a change of surface is found, and nothing else.
