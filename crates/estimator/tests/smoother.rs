@@ -14,6 +14,8 @@ mod judge;
 mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
+#[path = "truth/slip.rs"]
+mod slip;
 
 use deviations::deviations;
 use estimator::smoother::{LAG_STEPS, Smoother, Step};
@@ -23,6 +25,7 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use run::Run;
 use sample::Sample;
+use slip::slip_errors;
 
 const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 
@@ -106,6 +109,11 @@ fn what_came_after_makes_estimates_better() {
         for (i, (before, after)) in before.iter().zip(after).enumerate() {
             let lasting = if i < 3 { LASTING_PERCENT } else { LASTING_DEG };
             assert!(after <= before + lasting, "{name} {i}: {before} {after}");
+        }
+        let [before, after] = [&filtered, &smoothed].map(|result| slip_errors(&run, result));
+        eprintln!("{name}: slip angles, deg: filtered {before:.3?}, smoothed {after:.3?}");
+        for (before, after) in before.iter().zip(after) {
+            assert!(after <= before + LASTING_DEG, "{name}: {before} {after}");
         }
         for axis in 0..3 {
             assert!(tight.axes[axis] < NEES_MAX, "{name}: {:?}", tight.axes);

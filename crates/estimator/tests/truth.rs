@@ -20,6 +20,8 @@ mod parameters;
 mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
+#[path = "truth/slip.rs"]
+mod slip;
 
 use deviations::deviations;
 use estimator::{Calibration, Input, Method, Settings};
@@ -29,13 +31,14 @@ use model::vehicle::Vehicle;
 use run::{RATE_HZ, Run};
 use sample::{Axle, Event, EventKind, Side, Wheel};
 use sim::Manoeuvre;
+use slip::slip_errors;
 
 /// Runs on the road; the jackstand run is judged by its forces apart.
 const RUNS: [&str; 4] = ["b_circle", "c_sine03", "d_sine_mu", "f_launch_brake"];
 
 /// Largest RMSE of sideslip above 3 m/s, of roll and of pitch, degrees.
 const MOTION_MAX_DEG: [f64; 3] = [0.2, 0.2, 0.2];
-/// Largest RMSE of a wheel's slip angle above 3 m/s, degrees: 0.18 to 0.27 on the sines without the
+/// Largest RMSE of a wheel's slip angle above 3 m/s, degrees: up to 0.27 on the sines without the
 /// body's roll and the linkage's travel.
 const SLIP_MAX_DEG: f64 = 0.15;
 /// Largest RMSE of an angular rate, degrees a second: the raw gyro's noise is 0.3.
@@ -54,6 +57,8 @@ const WARNING_S: f64 = 1.0;
 /// said: only saturation tells there.
 const SURFACE_S: f64 = 24.0;
 const SURFACE_WITHIN_S: f64 = 1.0;
+/// The same where the surface changes the slopes, too, s.
+const SLOPES_WITHIN_S: f64 = 0.5;
 /// Largest RMSE of sideslip without any GNSS, degrees.
 const BLIND_SIDESLIP_MAX_DEG: f64 = 0.8;
 
@@ -152,23 +157,6 @@ fn judge_file(file: &str, force_max: [f64; 3], inside_least: f64, lift_within_s:
             assert!(motion[0] <= BLIND_SIDESLIP_MAX_DEG, "{name}: {motion:?}");
         }
     }
-}
-
-/// RMSE of each wheel's slip angle, degrees, above 3 m/s, after the first 3 s, while it carries load.
-fn slip_errors(run: &Run, result: &Result) -> [f64; 4] {
-    Wheel::ALL.map(|wheel| {
-        let name = wheel.abbreviation();
-        let (truth, load) = (
-            run.column(&format!("{name}_alpha")),
-            run.column(&format!("{name}_Fz")),
-        );
-        let speed = run.column("vx_body");
-        rms(result.estimates.iter().filter_map(|estimate| {
-            let row = row(estimate);
-            let told = row > 600 && *speed.get(row)? > 3.0 && load[row] > 100.0;
-            told.then(|| (estimate.motion.slip_angle_rad[wheel] - truth[row]).to_degrees())
-        }))
-    })
 }
 
 /// Lift is declared and warned of in time, a change of surface is found, and nothing else.
@@ -325,8 +313,8 @@ fn a_vehicle_that_tips_over_is_warned_of() {
 }
 
 /// A quick sine, in which the tyres' forces lag behind their slip, is no change of surface; gravel,
-/// which takes stiffness as well as friction, is one; the forces follow the sine. The gravel's line
-/// comes as the vehicle steers back through straight ahead, where nothing tells it for 0.4 s.
+/// which takes stiffness as well as friction, is one; the forces follow the sine. Nor is the slow sine
+/// of a vehicle that rolls so far that its inner wheels leave the ground.
 #[test]
 fn a_change_of_surface_is_told_from_a_lag() {
     let vehicle = Vehicle::builtin("prowler").unwrap();
@@ -337,6 +325,13 @@ fn a_change_of_surface_is_told_from_a_lag() {
     eprintln!("quick sine: Fx, Fy, Fz {force:.2?} %");
     for (error, most) in force.iter().zip(QUICK_MAX) {
         assert!(*error < most, "{force:?}");
+    }
+    if run::directory().is_some() {
+        let soft = run::vehicle();
+        let sine = drive::virtual_drive(&soft, Manoeuvre::SlowSine, 0.0);
+        let events = through("thesis-10bit", &soft, &sine).events;
+        let other = |event: &&Event| matches!(event.kind, EventKind::SurfaceChange(..));
+        assert_eq!(events.iter().find(other), None);
     }
     let run = drive::virtual_drive(&vehicle, Manoeuvre::AsphaltToGravel, 0.0);
     let events = through("thesis-10bit", &vehicle, &run).events;
@@ -350,6 +345,6 @@ fn a_change_of_surface_is_told_from_a_lag() {
         assert!(
             matches!(event.kind, EventKind::SurfaceChange(of, ratio) if of == axle && ratio < 0.9)
         );
-        assert!((0.0..SURFACE_WITHIN_S).contains(&late_s), "{late_s}");
+        assert!((0.0..SLOPES_WITHIN_S).contains(&late_s), "{late_s}");
     }
 }

@@ -10,6 +10,7 @@ use super::events::motion_event;
 use super::{Estimator, GNSS_SILENT_S, GRID_S, HEADING_SILENT_S, Output};
 use crate::corners::Corners;
 use crate::inputs::finite3;
+use crate::kinematics;
 use crate::motion::{MotionState, VelocityReceiver};
 use crate::waiting::Held;
 use crate::watch::{
@@ -260,18 +261,14 @@ impl Estimator {
         Some([read + ratio * apart, ratio * ratio * variance])
     }
 
-    /// How much further left an axle's wheels should stand than they do, rad, and its variance: it
-    /// moves along them but for the slip angle that its lateral force needs.
+    /// How much further left an axle's wheels should stand than they do, rad, and its variance: their
+    /// slip angles less the one that its lateral force needs.
     fn steer_apart(&self, axle: usize, state: &MotionState) -> Option<[f64; 2]> {
-        let [place, travel] = self.corners.as_ref()?.axle_middle(axle);
-        let velocity = state.velocity_m_s + state.rate_rad_s.cross(&place) + travel;
-        let [u, across] = self.ground_axes().map(|direction| direction.dot(&velocity));
+        let slips = kinematics::slip_angles_on(self.corners.as_ref()?, state);
         let (slip, sigma) = self.grip.slip_angle(axle, &self.measured)?;
-        let steer = self.steer_angles(self.grip.steer_offset().0);
-        let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
-        let apart = across.atan2(u) - slip - wheels;
+        let apart = 0.5 * (slips.0[2 * axle] + slips.0[2 * axle + 1]) - slip;
         let variance = sigma.powi(2) + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD.powi(2);
-        (u > STEER_TOLD_M_S).then_some([apart, variance])
+        (state.velocity_m_s.x > STEER_TOLD_M_S).then_some([apart, variance])
     }
 
     /// Mean forward speed that the wheels tell, rolling freely, m/s.
@@ -301,8 +298,12 @@ impl Estimator {
         if !blind && self.motion.attitude_age_s(time) < HEADING_SILENT_S {
             return;
         }
-        let [ahead, left] = self.ground_axes();
-        let normal = ahead.cross(&left);
+        let normal = self
+            .corners
+            .as_ref()
+            .map_or_else(Vector3::z, Corners::normal);
+        let left = normal.cross(&Vector3::x()).normalize();
+        let ahead = left.cross(&normal);
         let mut forward = self.motion.state(time).velocity_m_s.x;
         if blind {
             let Some(speed) = self.rolling_speed(time) else {
@@ -320,16 +321,6 @@ impl Estimator {
                 .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S, None);
         }
         self.constrain_axles(forward, left);
-    }
-
-    /// Unit vectors along the ground, body axes: ahead, and left of it.
-    fn ground_axes(&self) -> [Vector3<f64>; 2] {
-        let normal = self
-            .corners
-            .as_ref()
-            .map_or_else(Vector3::z, Corners::normal);
-        let left = normal.cross(&Vector3::x()).normalize();
-        [left.cross(&normal), left]
     }
 
     /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where

@@ -1,6 +1,11 @@
 use model::vehicle::Vehicle;
+use sample::{
+    FixQuality, GnssVelocity, GroundSpeedSample, ImuSample, LogTime, Measurement, Sample, SourceId,
+    SteerSample,
+};
 
 use super::*;
+use crate::calibration::Resolved;
 
 fn vehicle() -> Vehicle {
     Vehicle::builtin("prowler").expect("a vehicle")
@@ -197,43 +202,69 @@ fn a_lost_motion_does_not_cost_the_offsets_unless_no_sensor_has_such() {
     }
 }
 
-/// A receiver without a fix tells no speed, whatever it fills its fields with; and the sensors file's
-/// place of the inertial unit is another vehicle's.
-#[test]
-fn a_receiver_without_a_fix_tells_no_speed() {
-    use crate::calibration::Resolved;
-    use sample::{FixQuality, GnssVelocity, LogTime, Measurement, Sample, SourceId, SteerSample};
+/// What is known of these measurements of one instant.
+fn taken<const N: usize>(measurements: [Measurement; N]) -> Option<PlanarInput> {
     let sensors = model::sensors::Sensors::builtin("thesis-10bit").expect("a sensors file");
     let calibration = crate::Calibration::nominal("car");
     let resolved = Resolved::new(&sensors, &calibration).expect("a calibration");
+    // The sensors file's place of the inertial unit is another vehicle's.
     assert_eq!(resolved.plain_imu_ahead_m, 0.0);
     let now = LogTime(1_000_000_000);
+    let mut readings = PlanarReadings::new(&vehicle()).expect("readings");
+    for measurement in measurements {
+        let sample = Sample {
+            source: SourceId(0),
+            log_time: now,
+            valid_time: now,
+            device_time: None,
+            measurement,
+        };
+        readings.push(&sample, &resolved, &crate::Settings::default());
+    }
+    readings.take(now)
+}
+
+const HAND_WHEEL: Measurement = Measurement::Steer(SteerSample {
+    hand_wheel_rad: 0.1,
+});
+
+/// A receiver without a fix tells no speed, whatever it fills its fields with.
+#[test]
+fn a_receiver_without_a_fix_tells_no_speed() {
     for (quality, speed) in [
         (FixQuality::None, None),
         (FixQuality::DeadReckoning, None),
         (FixQuality::Single, Some(5.0)),
     ] {
-        let mut readings = PlanarReadings::new(&vehicle()).expect("readings");
-        for measurement in [
-            Measurement::GnssVelocity(GnssVelocity {
-                quality,
-                velocity_enu_m_s: [3.0, 4.0, 0.0],
-                ..GnssVelocity::default()
-            }),
-            Measurement::Steer(SteerSample {
-                hand_wheel_rad: 0.1,
-            }),
-        ] {
-            let sample = Sample {
-                source: SourceId(0),
-                log_time: now,
-                valid_time: now,
-                device_time: None,
-                measurement,
-            };
-            readings.push(&sample, &resolved, &crate::Settings::default());
-        }
-        let told = readings.take(now).map(|input| input.speed_m_s);
-        assert_eq!(told, speed, "{quality:?}");
+        let velocity = GnssVelocity {
+            quality,
+            velocity_enu_m_s: [3.0, 4.0, 0.0],
+            ..GnssVelocity::default()
+        };
+        let told = taken([Measurement::GnssVelocity(velocity), HAND_WHEEL]);
+        assert_eq!(told.map(|input| input.speed_m_s), speed, "{quality:?}");
+    }
+}
+
+#[test]
+fn a_reading_that_the_unit_calls_bad_tells_nothing() {
+    for valid in [false, true] {
+        let speed = GroundSpeedSample {
+            forward_m_s: 5.0,
+            leftward_m_s: None,
+        };
+        let imu = ImuSample {
+            angular_rate_rad_s: [0.0, 0.0, 0.3],
+            valid,
+            ..ImuSample::default()
+        };
+        let told = taken([
+            Measurement::GroundSpeed(speed),
+            HAND_WHEEL,
+            Measurement::Imu(imu),
+        ]);
+        let told = told.expect("speed and steer");
+        assert_eq!(told.yaw_rate_rad_s.is_some(), valid);
+        assert_eq!(told.lateral_m_s2.is_some(), valid);
     }
 }
