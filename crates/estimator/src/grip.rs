@@ -1,12 +1,14 @@
 //! What the tyres have to do with the road: stiffness and friction of each axle, found from the
 //! measured lateral forces and the measured slip angles, and changes of the surface.
 //!
-//! Per axle an extended Kalman filter of three states: the logarithms of the factors on the tyre
-//! file's cornering stiffness and friction, and a constant error of the slip angle (of the hand
-//! wheel's zero at the front axle, of the heading at both), which straight driving tells apart from
-//! stiffness. One value comes every `BLOCK_STEPS` steps: the mean
-//! of the axle's lateral force against the tyre model's at the same slip angles and loads. The
-//! slip angle's error stays alike for about a second, so each value counts for a part only.
+//! Per axle an extended Kalman filter of four states: the logarithms of the factors on the tyre
+//! file's cornering stiffness and friction; a constant error of the slip angle (of the hand wheel's
+//! zero at the front axle, of the heading at both), which straight driving tells apart from
+//! stiffness; and the shape of the curve between the two ([`part_of_grip`]), since how far a tyre
+//! bends tells how near its friction is only as well as it is known how it bends. One value comes
+//! every `BLOCK_STEPS` steps: the mean of the axle's lateral force against the curve's at the same
+//! slip angles and loads. The slip angle's error stays alike for about a second, so each value
+//! counts for a part only.
 //!
 //! Friction is visible only where a good part of it is used, above about 0.4: below, the slope by
 //! it vanishes, its factor walks, and its deviation says so. [`Grip::axle`] then tells none, only
@@ -17,19 +19,25 @@
 //! and h = 10.94 white differences would alarm once an hour at 100 Hz; these are slower and not
 //! white, so the reference is raised to `CUSUM_REFERENCE`.
 
-use model::tyre::{Contact, Tyre};
 use model::vehicle::{self, Vehicle};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix4, Vector4};
 use sample::{Axle, AxleGrip, Event, EventKind, LogTime, NANOS_PER_SECOND, PerWheel, TyreForce};
 
 /// Steps of one value.
 const BLOCK_STEPS: u32 = 5;
 /// How many values one error lasts.
 const CORRELATED: f64 = 6.0;
-/// Walk of ln stiffness and ln friction, 1/sqrt(s), and of the slip angle's error, rad/sqrt(s).
-const WALK: [f64; 3] = [0.01, 0.03, 1e-4];
-/// Deviation of the three at the start.
-const START: [f64; 3] = [0.4, 0.3, 0.015];
+/// Sideslip's error lasts for longer: so many of its deviations are counted.
+const SLIP_LASTS: f64 = 2.0;
+/// Walk of ln stiffness and ln friction, 1/sqrt(s), of the slip angle's error, rad/sqrt(s), and of
+/// the shape, which is the tyre's own.
+const WALK: [f64; 4] = [0.01, 0.03, 1e-4, 0.0];
+/// The four at the start, and their deviations.
+const START: [f64; 4] = [0.0, 0.0, 0.0, 2.7];
+const START_SIGMA: [f64; 4] = [0.4, 0.3, 0.015, 0.5];
+/// Bounds of the factors' logarithms and of the shape.
+const FACTOR_LN: (f64, f64) = (-2.0, 1.5);
+const SHAPE: (f64, f64) = (2.0, 3.2);
 /// Deviation of ln stiffness and ln friction after a change of surface: it is friction that grounds
 /// differ in.
 const CHANGED: [f64; 2] = [0.3, 0.7];
@@ -39,7 +47,7 @@ const FRICTION_SIGMA_MAX: f64 = 0.2;
 const UTILISATION_MIN: f64 = 0.4;
 const USED_SECONDS: usize = 10;
 /// Model error as a part of the axle's load.
-const MODEL_PART: f64 = 0.025;
+const MODEL_PART: f64 = 0.018;
 /// Slowest speed, m/s, and largest deviation of sideslip, rad, at which slip angles are used.
 const SPEED_MIN_M_S: f64 = 2.5;
 const SIDESLIP_SIGMA_MAX_RAD: f64 = 0.01;
@@ -65,9 +73,23 @@ const FOLLOWS_PART: f64 = 0.35;
 /// Excited values before changes are declared.
 const LEARNED: u32 = 100;
 
+/// Part of the grip mu N that a tyre gives where its stiffness alone would give `linear` of it: the
+/// rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which rises with
+/// slope 1 and is full at `linear` = `shape`. At 3 it runs within 0.02 of Fiala's parabola; at 2, its least, it
+/// keeps straight the longest.
+fn part_of_grip(linear: f64, shape: f64) -> f64 {
+    let full = (linear / shape).min(1.0);
+    shape * full / (1.0 + full * (full + shape - 2.0))
+}
+
+/// Where [`part_of_grip`] is `part`.
+fn linear_part(part: f64, shape: f64) -> f64 {
+    let b = shape - part * (shape - 2.0);
+    2.0 * part * shape / (b + (b * b - 4.0 * part * part).max(0.0).sqrt())
+}
+
 #[derive(Clone, Debug)]
 struct AxleTyres {
-    tyre: Tyre,
     stiffness_n_rad: f64,
     reference_n: f64,
     exponent: f64,
@@ -75,9 +97,9 @@ struct AxleTyres {
     relaxation_length_m: f64,
     /// Tangents of the slip angles that the contact patches see, once any are known.
     patch: Option<[f64; 2]>,
-    /// ln of the stiffness factor and of the friction factor; slip angle's error, rad.
-    state: Vector3<f64>,
-    covariance: Matrix3<f64>,
+    /// ln of the stiffness factor and of the friction factor; slip angle's error, rad; shape.
+    state: Vector4<f64>,
+    covariance: Matrix4<f64>,
     /// Grip lost, grip won.
     runs: [ChangeRun; 2],
     learned: u32,
@@ -199,9 +221,7 @@ impl Grip {
         let used = lateral.abs() / (load * a.friction()).max(1.0);
         let known = lateral.is_finite() && load > LOAD_MIN_N && stiffness > 0.0 && used < 0.7;
         known.then(|| {
-            // Fiala's curve inverted: F = mu N (1 - (1 - x)^3) with x = C |alpha|/(3 mu N).
-            let x = 1.0 - (1.0 - used).cbrt();
-            let angle = 3.0 * a.friction() * load * x / stiffness;
+            let angle = linear_part(used, a.state[3]) * a.friction() * load / stiffness;
             let doubt = a.covariance[(0, 0)].sqrt() + 0.1 + 0.5 * used;
             (-angle.atan() * lateral.signum(), 0.006 + doubt * angle)
         })
@@ -323,15 +343,14 @@ impl UsedFriction {
 impl AxleTyres {
     fn new(tyre: &vehicle::Tyre) -> Self {
         Self {
-            tyre: Tyre::from_vehicle(tyre),
             stiffness_n_rad: tyre.cornering_stiffness_n_rad,
             reference_n: tyre.reference_load_n.max(1.0),
             exponent: tyre.load_exponent,
             friction: tyre.friction,
             relaxation_length_m: tyre.relaxation_length_m,
             patch: None,
-            state: Vector3::zeros(),
-            covariance: Matrix3::from_diagonal(&Vector3::from(START.map(|s| s * s))),
+            state: Vector4::from(START),
+            covariance: Matrix4::from_diagonal(&Vector4::from(START_SIGMA.map(|s| s * s))),
             runs: [ChangeRun::default(); 2],
             learned: 0,
             used: UsedFriction::default(),
@@ -350,27 +369,25 @@ impl AxleTyres {
     }
 
     fn stiffness_at(&self, load_n: f64) -> f64 {
-        let grown = (load_n.max(0.0) / self.reference_n).powf(self.exponent);
-        self.stiffness_n_rad * grown * self.state[0].exp()
+        self.file_stiffness(load_n) * self.state[0].exp()
+    }
+
+    fn file_stiffness(&self, load_n: f64) -> f64 {
+        self.stiffness_n_rad * (load_n.max(0.0) / self.reference_n).powf(self.exponent)
     }
 
     fn friction(&self) -> f64 {
         self.friction * self.state[1].exp()
     }
 
-    fn lateral_n(&self, block: &Block, state: &Vector3<f64>) -> f64 {
+    fn lateral_n(&self, block: &Block, state: &Vector4<f64>) -> f64 {
+        let [stiffness, friction] = [state[0].exp(), self.friction * state[1].exp()];
         let wheels = block.load_n.iter().zip(block.slip);
         wheels
             .map(|(load, slip)| {
-                let contact = Contact {
-                    load_n: load.max(0.0),
-                    slip_tangent: slip - state[2],
-                    slip_ratio: 0.0,
-                    camber_rad: 0.0,
-                    friction_scale: state[1].exp(),
-                    stiffness_scale: state[0].exp(),
-                };
-                self.tyre.forces(&contact).lateral_n
+                let grip = (friction * load).max(1.0);
+                let linear = self.file_stiffness(*load) * stiffness * (slip - state[2]);
+                -grip * part_of_grip(linear.abs() / grip, state[3]) * linear.signum()
             })
             .sum()
     }
@@ -386,7 +403,7 @@ impl AxleTyres {
     ) -> Option<Change> {
         let load: f64 = block.load_n.iter().sum();
         for (i, walk) in WALK.into_iter().enumerate() {
-            let most = START[i].powi(2);
+            let most = START_SIGMA[i].powi(2);
             let grown = self.covariance[(i, i)] + walk * walk * span_s;
             self.covariance[(i, i)] = grown.min(most.max(self.covariance[(i, i)]));
         }
@@ -395,14 +412,15 @@ impl AxleTyres {
         }
         let expected = self.lateral_n(block, &self.state);
         let step = 1e-4;
-        let slope = Vector3::from_fn(|i, _| {
+        let slope = Vector4::from_fn(|i, _| {
             let mut moved = self.state;
             moved[i] += step;
             (self.lateral_n(block, &moved) - expected) / step
         });
         let stiffness: f64 = block.load_n.iter().map(|n| self.stiffness_at(*n)).sum();
-        let own =
-            block.variance + (stiffness * sideslip_sigma).powi(2) + (MODEL_PART * load).powi(2);
+        let own = block.variance
+            + (SLIP_LASTS * stiffness * sideslip_sigma).powi(2)
+            + (MODEL_PART * load).powi(2);
         let ph = self.covariance * slope;
         let spread = slope.dot(&ph);
         let innovation = block.force_n - expected;
@@ -413,8 +431,8 @@ impl AxleTyres {
             .flatten();
         let total = spread + CORRELATED * own;
         self.state += ph * (innovation / total);
-        for i in 0..2 {
-            self.state[i] = self.state[i].clamp(-2.0, 1.5);
+        for (i, (least, most)) in [(0, FACTOR_LN), (1, FACTOR_LN), (3, SHAPE)] {
+            self.state[i] = self.state[i].clamp(least, most);
         }
         self.covariance -= ph * ph.transpose() / total;
         change

@@ -107,11 +107,12 @@ impl TruthState {
     #[must_use]
     pub fn motion(&self) -> sample::Motion {
         let [velocity_x_m_s, velocity_y_m_s, _] = self.velocity_body_m_s;
+        let [forward, leftward] = self.velocity_along_ground_m_s();
         sample::Motion {
             velocity_x_m_s,
             velocity_y_m_s,
-            sideslip_rad: if velocity_x_m_s.hypot(velocity_y_m_s) > 0.0 {
-                velocity_y_m_s.atan2(velocity_x_m_s)
+            sideslip_rad: if forward.hypot(leftward) > 0.0 {
+                leftward.atan2(forward)
             } else {
                 0.0
             },
@@ -156,6 +157,14 @@ impl TruthState {
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
             [-sp, cp * sr, cp * cr],
         ]
+    }
+
+    /// Velocity along the heading and to its left, both in the horizontal plane, m/s.
+    fn velocity_along_ground_m_s(&self) -> [f64; 2] {
+        let [x, y, z] = self.velocity_body_m_s;
+        let (sr, cr) = self.roll_rad.sin_cos();
+        let (sp, cp) = self.pitch_rad.sin_cos();
+        [cp * x + sp * (sr * y + cr * z), cr * y - sr * z]
     }
 
     /// The state between `a` (weight 0) and `b` (weight 1), each member linear.
@@ -426,6 +435,21 @@ mod tests {
             yaw_rad,
             ..TruthState::default()
         }
+    }
+
+    /// ISO 8855: a rolled and pitched body that moves along its heading does not slip sideways.
+    #[test]
+    fn sideslip_is_that_of_the_horizontal_plane() {
+        let mut state = TruthState {
+            roll_rad: 0.2,
+            pitch_rad: 0.03,
+            yaw_rad: 0.7,
+            ..TruthState::default()
+        };
+        let (sin, cos) = (state.yaw_rad + 0.1).sin_cos();
+        let rows = state.earth_from_body();
+        state.velocity_body_m_s = std::array::from_fn(|i| rows[0][i] * cos + rows[1][i] * sin);
+        assert!((state.motion().sideslip_rad - 0.1).abs() < 1e-12);
     }
 
     #[test]
