@@ -130,7 +130,8 @@ fn biases_are_found_and_friction_where_it_is_used() {
             STEADY => assert!(told(last.front), "{last:?}"),
             "d_sine_mu" => {
                 assert!(last.front.friction_min > 0.3, "{last:?}");
-                assert!(last.front.utilisation > 0.55, "{last:?}");
+                assert!(last.front.utilisation > 0.7, "{last:?}");
+                assert!(told(last.front), "{last:?}");
             }
             _ => assert!(
                 !found.iter().any(|p| told(p.front) || told(p.rear)),
