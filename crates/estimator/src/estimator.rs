@@ -14,7 +14,7 @@ use crate::expected::ExpectedForces;
 use crate::fusion::{Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
 use crate::innovation::InnovationTally;
-use crate::inputs::Readings;
+use crate::inputs::{FRESH_S, Readings};
 use crate::kinematics;
 use crate::lift::LiftDetector;
 use crate::motion::{
@@ -226,7 +226,9 @@ impl Estimator {
     fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         self.waiting.sort();
         while let Some(Entry { time, held }) = self.waiting.take() {
+            let fresh = now.seconds_since(time) <= FRESH_S;
             match held {
+                Held::Corner(_) | Held::HandWheel(_) | Held::WheelSpeed(_) if !fresh => {}
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
                 Held::NoInertial => self.miss_inertial(now, out),
                 Held::Velocity(source, gnss) => {

@@ -23,7 +23,7 @@ use model::vehicle::{Vehicle, Wishbone};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use run::Run;
-use sample::{EventKind, Measurement, Sample, StrainChannel, Wheel};
+use sample::{Event, EventKind, Measurement, Sample, StrainChannel, Wheel};
 
 const RUNS: [&str; 3] = ["b_circle", "c_sine03", "f_launch_brake"];
 
@@ -93,7 +93,7 @@ struct Case {
     sideslip_max: f64,
 }
 
-const CASES: [Case; 12] = [
+const CASES: [Case; 13] = [
     Case {
         name: "no heading",
         ignore: &[Input::GnssAttitude],
@@ -127,6 +127,13 @@ const CASES: [Case; 12] = [
         ignore: &[Input::Deflection],
         spoil: |_, _| {},
         force_max: [8.0, 7.5, 10.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "motion alone",
+        ignore: &[Input::Strain, Input::Deflection],
+        spoil: |_, _| {},
+        force_max: [25.0, 14.0, 12.0],
         sideslip_max: 0.2,
     },
     Case {
@@ -265,6 +272,12 @@ fn every_subset_gives_forces_and_faults_are_named() {
             if !case.name.ends_with("potentiometer") {
                 assert!(square.iter().all(|s| *s < SQUARE_MAX), "{square:?}");
             }
+            let lift = |event: &Event| matches!(event.kind, EventKind::Lift(_));
+            assert!(
+                name == "b_circle" || !result.events.iter().any(lift),
+                "{name} {}",
+                case.name
+            );
             let named = result.events.iter().find_map(|event| match &event.kind {
                 EventKind::SensorFault(name) => {
                     Some((event.time.seconds_since(sensing::START), name.as_str()))
@@ -455,5 +468,45 @@ fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {
                 .then(|| event.time.seconds_since(sensing::START))
         });
         assert!((24.0..25.0).contains(&change.unwrap()), "{change:?}");
+    }
+}
+
+/// How late corners' samples may come at most to be of use, s, and the errors (F_x, F_y, F_z, per
+/// cent) of those that do and without the others.
+const LATE_MAX_S: f64 = 0.1;
+const LATE_MAX: [f64; 3] = [0.5, 1.8, 0.7];
+const TOO_LATE_MAX: [f64; 3] = [4.0, 2.0, 2.2];
+
+/// Strain and deflection that arrive late tell the force of their own time; too late, nothing.
+#[test]
+fn late_corners_tell_their_own_time() {
+    if run::directory().is_none() {
+        return;
+    }
+    let vehicle = run::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    let run = Run::load("c_sine03");
+    let on_time = sensing::samples(&run, &vehicle, &sensors, 1);
+    for late_s in [0.02, 0.05, 0.08, 0.12, 0.9] {
+        let mut samples = on_time.clone();
+        for sample in &mut samples {
+            if matches!(sample.measurement, Measurement::Corner(_)) {
+                sample.log_time = sample.log_time.offset_seconds(late_s);
+            }
+        }
+        samples.sort_by_key(|sample| sample.log_time);
+        let result = estimate(&vehicle, &sensors, &calibration, setting(&[]), &samples);
+        let force = force_errors(&run, &vehicle, &result);
+        eprintln!("{late_s:.2} s late: {force:.2?} %");
+        let most = if late_s < LATE_MAX_S {
+            LATE_MAX
+        } else {
+            TOO_LATE_MAX
+        };
+        for (error, most) in force.iter().zip(most) {
+            assert!(*error <= most, "{late_s} s late: {force:?}");
+        }
+        assert!(result.events.is_empty(), "{:?}", result.events);
     }
 }

@@ -4,6 +4,8 @@
 use nalgebra::{Matrix3, Vector3};
 use sample::LogTime;
 
+use crate::inputs::FRESH_S;
+
 use crate::process_noise::ProcessNoise;
 
 /// Density of a strut's jerk at the start, and its bounds, (m/s^3)^2/Hz.
@@ -101,7 +103,7 @@ impl LengthFilter {
         if !length_m.is_finite() || (length_m - self.design_m).abs() > 1.0 {
             return;
         }
-        let age = now.seconds_since(valid).clamp(-0.01, 0.05);
+        let age = now.seconds_since(valid).clamp(-0.01, FRESH_S);
         let h = Vector3::new(1.0, -age, 0.5 * age * age);
         let ph = self.covariance * h;
         let total = h.dot(&ph) + self.variance;

@@ -10,7 +10,7 @@ use super::{
     Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
     TORQUE,
 };
-use crate::inputs::{CornerReadings, Reading};
+use crate::inputs::{CornerReadings, FRESH_S, Reading};
 use crate::statics::AXIAL;
 
 /// Error of geometry and model on a member's force, N, and as a part of it.
@@ -28,8 +28,8 @@ const SURPRISE_N: f64 = 150.0;
 const SURPRISE_N_S: f64 = 4.0e3;
 /// Gate of a strut's force, whose level may be off, squared.
 const STRUT_GATE: f64 = 100.0;
-/// How far the vehicle model's F_x and F_y may be wrong, as a part of the load.
-const BLIND_FORCE: [f64; 2] = [0.4, 0.1];
+/// How far the vehicle model's F_x, F_y and F_z may be wrong, as a part of the load.
+const BLIND_FORCE: [f64; 3] = [0.4, 0.1, 0.15];
 /// Strut's force where no strain tells what of it F_x and F_y carry, N.
 const BLIND_STRUT_N: f64 = 70.0;
 /// How long one such guess lasts, s.
@@ -45,7 +45,7 @@ const STRAIN: usize = 1;
 impl Fusion {
     /// How long ago the force stood that a strain channel's lagged reading tells, s.
     fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
-        input.now.seconds_since(reading.time).clamp(-0.01, 0.05) + self.lag_s
+        input.now.seconds_since(reading.time).clamp(-0.01, FRESH_S) + self.lag_s
     }
 
     /// How the members of a corner hang on the states.
@@ -201,19 +201,30 @@ impl Fusion {
         }
     }
 
-    /// Without strain nothing tells the forces of one axle apart: the vehicle model has to.
+    /// Without strain nothing tells the forces of one axle apart, and without a potentiometer either
+    /// nothing the loads of the diagonals: the vehicle model has to.
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
-        let load = self.state[FORCE + 3 * wheel + 2].abs();
-        let mut rows = Rows::new([FORCE + 3 * wheel, FORCE + 3 * wheel + 1]);
-        rows.set(0, [1.0, 0.0], NO_OWN);
-        rows.set(1, [0.0, 1.0], NO_OWN);
+        let posed = input.corners[wheel].strut_sigma_n.is_finite();
+        let expected = input.expected.0[wheel].force_n;
+        let load = if posed {
+            self.state[FORCE + 3 * wheel + 2].abs()
+        } else {
+            expected[2]
+        };
+        let mut rows = Rows::new([0, 1, 2].map(|axis| FORCE + 3 * wheel + axis));
+        for axis in 0..3 {
+            rows.set(
+                axis,
+                [0, 1, 2].map(|i| f64::from(u8::from(i == axis))),
+                NO_OWN,
+            );
+        }
         let mut joint = self.covariance.project(&rows, &self.state);
-        for axis in 0..2 {
+        for axis in 0..if posed { 2 } else { 3 } {
             // The same guess every step is one piece of knowledge, not many.
             let sigma = BLIND_FORCE[axis] * load + 30.0;
             let variance = sigma * sigma * (BLIND_TIME_S / input.dt).max(1.0);
-            let expected = input.expected.0[wheel].force_n[axis];
-            self.take(&mut joint, axis, expected, variance, f64::INFINITY);
+            self.take(&mut joint, axis, expected[axis], variance, f64::INFINITY);
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
     }
