@@ -75,8 +75,8 @@ const LEARNED: u32 = 100;
 
 /// Part of the grip mu N that a tyre gives where its stiffness alone would give `linear` of it: the
 /// rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which rises with
-/// slope 1 and is full at `linear` = `shape`. At 3 it runs within 0.02 of Fiala's parabola; at 2, its least, it
-/// keeps straight the longest.
+/// slope 1 and is full at `linear` = `shape`. At 3 it runs within 0.02 of Fiala's parabola; at 2,
+/// its least, it keeps straight the longest.
 fn part_of_grip(linear: f64, shape: f64) -> f64 {
     let full = (linear / shape).min(1.0);
     shape * full / (1.0 + full * (full + shape - 2.0))
