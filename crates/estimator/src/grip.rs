@@ -4,7 +4,7 @@
 //! Per axle an extended Kalman filter of four states: the logarithms of the factors on the tyre
 //! file's cornering stiffness and friction; a constant error of the slip angle (of the hand wheel's
 //! zero at the front axle, of the heading at both), which straight driving tells apart from
-//! stiffness; and the shape of the curve between the two ([`part_of_grip`]), since how far a tyre
+//! stiffness; and the shape of the curve between the two (`part_of_grip`), since how far a tyre
 //! bends tells how near its friction is only as well as it is known how it bends. One value comes
 //! every `BLOCK_STEPS` steps: the mean of the axle's lateral force against the curve's at the same
 //! slip angles and loads. The slip angle's error stays alike for about a second, so each value
