@@ -483,3 +483,24 @@ impl ChangeRun {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_has_an_inverse_and_holds_fialas() {
+        for shape in [SHAPE.0, START[3], SHAPE.1] {
+            for part in [0.1, 0.5, 0.7, 0.99] {
+                let linear = linear_part(part, shape);
+                assert!((part_of_grip(linear, shape) - part).abs() < 1e-12);
+            }
+            assert_eq!(part_of_grip(2.0 * shape, shape), 1.0);
+        }
+        for step in 0..=300 {
+            let linear = 0.01 * f64::from(step);
+            let fiala = 1.0 - (1.0 - linear / 3.0).powi(3);
+            assert!((part_of_grip(linear, 3.0) - fiala).abs() < 0.02, "{linear}");
+        }
+    }
+}
