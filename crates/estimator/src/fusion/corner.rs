@@ -212,12 +212,11 @@ impl Fusion {
             expected[2]
         };
         let mut rows = Rows::new([0, 1, 2].map(|axis| FORCE + 3 * wheel + axis));
-        for axis in 0..3 {
-            rows.set(
-                axis,
-                [0, 1, 2].map(|i| f64::from(u8::from(i == axis))),
-                NO_OWN,
-            );
+        for (axis, unit) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+            .into_iter()
+            .enumerate()
+        {
+            rows.set(axis, unit, NO_OWN);
         }
         let mut joint = self.covariance.project(&rows, &self.state);
         for axis in 0..if posed { 2 } else { 3 } {
