@@ -3,6 +3,7 @@
 use estimator::Calibration;
 use estimator::calibration::{Channel, Resolved};
 use model::sensors::Sensors;
+use model::strain::Lag;
 use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
@@ -73,8 +74,7 @@ pub fn samples(run: &Run, vehicle: &Vehicle, sensors: &Sensors, seed: u64) -> Ve
 fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
     let resolved = Resolved::new(sensors, &Calibration::nominal(&vehicle.name)).unwrap();
     let run = source.run;
-    let tau_s = 1.0 / (std::f64::consts::TAU * sensors.strain.lag_hz);
-    let keep = (-1.0 / (RATE_HZ * tau_s)).exp();
+    let settled = |force| Lag::settled(sensors.strain.lag_hz, force);
     for wheel in Wheel::ALL {
         let w = wheel.abbreviation();
         let names = [
@@ -109,20 +109,15 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
             .bending
             .as_ref()
             .map(|bridge| 0.5 * bridge.distance_from_ball_joint_m);
-        let mut lagged_normal = normal_n[0];
+        let mut lagged_normal = settled(normal_n[0]);
         let length = run.column(&format!("{w}_spring_len"));
-        let mut lagged: Vec<f64> = forces.iter().map(|force| force[0]).collect();
+        let mut lagged: Vec<Lag> = forces.iter().map(|force| settled(force[0])).collect();
         for row in 0..run.rows {
-            for (state, force) in lagged.iter_mut().zip(&forces) {
-                let mean = if row == 0 {
-                    force[0]
-                } else {
-                    0.5 * (force[row] + force[row - 1])
-                };
-                *state = mean + (*state - mean) * keep;
+            let step_s = if row == 0 { 0.0 } else { 1.0 / RATE_HZ };
+            for (lag, force) in lagged.iter_mut().zip(&forces) {
+                lag.advance(step_s, force[row]);
             }
-            let mean = normal_n[row];
-            lagged_normal = mean + (lagged_normal - mean) * keep;
+            lagged_normal.advance(step_s, normal_n[row]);
             if row % 2 != 0 {
                 continue;
             }
@@ -130,8 +125,13 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
             for (i, offset) in offsets.iter().enumerate() {
                 let noise = sensors.strain.noise_counts;
                 let bits = sensors.strain.adc_bits;
-                strain_counts[i] =
-                    Some(source.counts(&channels.strain[i], bits, *offset, noise, lagged[i]));
+                strain_counts[i] = Some(source.counts(
+                    &channels.strain[i],
+                    bits,
+                    *offset,
+                    noise,
+                    lagged[i].output(),
+                ));
             }
             if let Some(arm) = arm {
                 for (i, offset) in bending {
@@ -140,7 +140,7 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
                         sensors.strain.adc_bits,
                         offset,
                         sensors.strain.noise_counts,
-                        arm * lagged_normal,
+                        arm * lagged_normal.output(),
                     ));
                 }
             }
