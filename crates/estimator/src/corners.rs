@@ -4,12 +4,12 @@
 mod length;
 
 use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, SuspensionError,
-    TyreFrame, ground_plane,
+    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
+    SuspensionError, TyreFrame, ground_plane,
 };
 use model::vehicle::{Axle, Strut, Unsprung, Vehicle};
 use nalgebra::Vector3;
-use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
 use crate::fusion::StrutBelief;
@@ -23,13 +23,16 @@ const CONTACT_N: f64 = 60.0;
 /// Model error of a strut's force beside what its length's error makes, N: as one smoothed reading
 /// tells it, and as one of many that do.
 const STRUT_FLOOR_N: f64 = 8.0;
-const READING_FLOOR_N: f64 = 4.0;
+const READING_FLOOR_N: f64 = 3.0;
 /// How many times the variance of a strut's rate counts in one of many readings: its error lasts.
 const RATE_LASTS: f64 = 2.5;
 
 /// Part of the way to the length that a force calls for that is gone in one step, and the most, m.
 const FORCED_PART: f64 = 0.1;
 const FORCED_STEP_MAX_M: f64 = 0.002;
+
+/// Deviation of the front wheels' heading that a workshop's zero of the hand wheel leaves at most, rad.
+const STEER_SIGMA_MAX_RAD: f64 = 0.003;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -137,10 +140,13 @@ pub struct Told {
 pub struct Corners {
     linkages: [Linkage; 4],
     states: [CornerState; 4],
+    before: [CornerStatics; 4],
     normal: Vector3<f64>,
     /// The normal that the wheels' contact points told at the last step.
     seen: Option<Vector3<f64>>,
     turn_over_ground: Option<[f64; 2]>,
+    /// Slopes along x and y that leaning tyres may have feigned.
+    leaning: [f64; 2],
     cg_height_m: f64,
     rack_m_rad: f64,
     /// The hand wheel, for its angle.
@@ -194,10 +200,12 @@ impl Corners {
         });
         Ok(Some(Self {
             linkages,
+            before: states.map(|state| state.statics),
             states,
             normal: Vector3::z(),
             seen: None,
             turn_over_ground: None,
+            leaning: [0.0; 2],
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
             hand_wheel: HandWheel::default(),
@@ -210,6 +218,12 @@ impl Corners {
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {
         &self.states
+    }
+
+    /// The maps between members and tyres as they were a step before.
+    #[must_use]
+    pub fn statics_before(&self) -> &[CornerStatics; 4] {
+        &self.before
     }
 
     /// The ground's normal, body axes.
@@ -310,6 +324,7 @@ impl Corners {
             let rolling = [spin, along / radius, gravity];
             // A linkage whose map is singular keeps the last one.
             if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
+                self.before[i] = self.states[i].statics;
                 self.states[i] = state;
             }
         }
@@ -334,7 +349,11 @@ impl Corners {
         }));
         let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
         let plane = known.then(|| ground_plane(&poses, &radius, &compression, &weight));
-        let seen = plane.flatten().map(|plane| plane.normal);
+        let plane = plane.flatten();
+        if let Some(plane) = &plane {
+            self.leaning = leaning_slopes(plane, &poses, &radius);
+        }
+        let seen = plane.map(|plane| plane.normal);
         self.turn_over_ground = seen
             .zip(self.seen)
             .map(|(now, before)| turn_from_normals(before, now, motion.rate_rad_s.z, dt));
@@ -344,6 +363,42 @@ impl Corners {
             self.normal = Vector3::z();
         }
         self.normal.normalize_mut();
+    }
+
+    /// The forces with what errors of the contact frames add to their deviations: the members tell
+    /// each force in the body's axes, the ground's normal what of it is load, the steer angle what of
+    /// it is lateral. `steer_sigma_rad` is the deviation of the hand wheel's zero at the front wheels.
+    #[must_use]
+    pub fn doubt_frames(
+        &self,
+        forces: &PerWheel<TyreForce>,
+        steer_sigma_rad: f64,
+    ) -> PerWheel<TyreForce> {
+        let slopes = Vector3::new(self.leaning[0], self.leaning[1], 0.0);
+        PerWheel::from_fn(|wheel| {
+            let force = forces[wheel];
+            let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
+            let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
+            let [along, across] = [0, 1].map(|axis| frame.column(axis).dot(&slopes));
+            let steer = if wheel.is_front() {
+                steer_sigma_rad.min(STEER_SIGMA_MAX_RAD)
+            } else {
+                0.0
+            };
+            let tilted = [along * z, across * z, along * x + across * y];
+            let turned = [steer * y, steer * x, 0.0];
+            TyreForce {
+                sigma_n: std::array::from_fn(|axis| {
+                    let errors = [force.sigma_n, tilted, turned].map(|error| error[axis]);
+                    errors
+                        .into_iter()
+                        .map(|error| error * error)
+                        .sum::<f64>()
+                        .sqrt()
+                }),
+                ..force
+            }
+        })
     }
 
     /// Length and rate of the strut of wheel `i`, m and m/s.
@@ -357,6 +412,30 @@ impl Corners {
     pub fn sixth(&self) -> ChannelKind {
         self.sixth
     }
+}
+
+/// Slopes of the ground along x and y that the tyres' shape may feign, one standard deviation. How
+/// far below its wheel's centre a leaning tyre touches the ground hangs on its crown, which nobody
+/// measures: between a thin disc of radius R and one whose radius the lean takes away there are
+/// R (1 - cos gamma). The vehicle's tyres are alike in this, so that the same lean of all feigns
+/// nothing.
+fn leaning_slopes(
+    plane: &GroundPlane,
+    poses: &PerWheel<CornerPose>,
+    radius_m: &PerWheel<f64>,
+) -> [f64; 2] {
+    let lower_m: [f64; 4] = std::array::from_fn(|i| {
+        let lean = poses.0[i]
+            .spindle
+            .dot(&plane.normal)
+            .clamp(-1.0, 1.0)
+            .asin();
+        radius_m.0[i] * (1.0 - lean.cos())
+    });
+    [0, 1].map(|axis| {
+        let heights = plane.slopes_per_height.iter().zip(lower_m);
+        heights.map(|(slopes, lower)| slopes[axis] * lower).sum()
+    })
 }
 
 /// Roll and pitch rate, rad/s, of a body that turns about `yaw_rate` besides and has seen the normal

@@ -410,6 +410,7 @@ impl Estimator {
                 now,
                 dt: GRID_S,
                 corners: corners.states(),
+                statics_before: corners.statics_before(),
                 motion,
                 channels: &self.calibration.corners,
                 expected,
@@ -423,9 +424,9 @@ impl Estimator {
             });
             self.divergences[1].step(now, fusion.resets().into(), false, out);
             self.watches.agree(fusion.vouches());
-            return forces;
+            return corners.doubt_frames(&forces, self.grip.steer_offset().1);
         }
-        PerWheel::from_fn(|wheel| {
+        let forces = PerWheel::from_fn(|wheel| {
             let tyre = &self.axle(wheel).tyre;
             let assumed = CornerAssumptions {
                 rolling_radius_m: tyre.rolling_resistance
@@ -440,7 +441,8 @@ impl Estimator {
                 &self.calibration.corners[wheel],
                 &assumed,
             )
-        })
+        });
+        corners.doubt_frames(&forces, self.grip.steer_offset().1)
     }
 
     fn axle(&self, wheel: Wheel) -> &Axle {

@@ -41,6 +41,7 @@ mod moments;
 mod process;
 
 use model::sensors::StrainChain;
+use model::suspension::CornerStatics;
 use model::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector, Vector3};
 use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce};
@@ -94,7 +95,7 @@ pub struct Fusion {
     bending_distance_m: f64,
     health: [[ChannelHealth; StrainChannel::COUNT]; 4],
     agility: Agility,
-    torque: ProcessNoise<2>,
+    torque: [ProcessNoise<2>; 2],
     accel: ProcessNoise<3>,
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
@@ -128,6 +129,8 @@ pub struct StepInput<'a> {
     pub dt: f64,
     /// The corners' geometry.
     pub corners: &'a [CornerState; 4],
+    /// Their maps between members and tyres a step before.
+    pub statics_before: &'a [CornerStatics; 4],
     /// The body's motion.
     pub motion: &'a MotionState,
     /// Channels' calibration.
@@ -276,7 +279,7 @@ impl Fusion {
             self.heed_surprise(&said);
         }
         let rates = self.believed::<12>(RATE);
-        let torques = self.believed::<2>(TORQUE);
+        let torques = [0, 2].map(|part| self.believed::<2>(TORQUE + part));
         let accels = self.believed::<3>(ACCEL);
         (self.pushed, self.agreed) = (false, false);
         let inertial = input.motion.inertial && !self.settling();
@@ -288,8 +291,10 @@ impl Fusion {
         if !self.settling() {
             self.agility
                 .learn(corrections(&rates, &self.believed(RATE)));
-            self.torque
-                .learn(corrections(&torques, &self.believed(TORQUE)));
+            for (part, torques) in torques.iter().enumerate() {
+                let corrected = corrections(torques, &self.believed(TORQUE + 2 * part));
+                self.torque[part].learn(corrected);
+            }
             self.accel
                 .learn(corrections(&accels, &self.believed(ACCEL)));
         }

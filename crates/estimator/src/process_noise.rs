@@ -9,20 +9,29 @@
 //! - Slowly: the density grows where z s is above zero on the average of about a quarter second and
 //!   shrinks where it is below (Mehra, On the identification of variances and adaptive Kalman
 //!   filtering, IEEE Transactions on Automatic Control 15 (1970), judges by the same correlation).
+//! - Where corrections are far smaller than their deviations, the filter is far too doubtful, as after
+//!   a manoeuvre of which fine bridges have told the end: the density shrinks the faster for it.
 //! - At once, and only as long as it lasts: s^2 beyond what white corrections give multiplies the
 //!   density, so that a manoeuvre that begins need not wait for the slow part. A half of the states
 //!   that is corrected alone, as one axle is, counts almost as if all were.
 
 /// Weight of one step in the fading mean of corrections: about five steps.
 const RECENT: f64 = 0.2;
-/// Weight of one step in the mean of the products: about a quarter of a second.
-const SLOW: f64 = 0.04;
+/// Weight of one step in the means of the products and of the squares: about an eighth of a second.
+const SLOW: f64 = 0.08;
 /// Largest product that counts: what lasts teaches, not one great correction.
 const PRODUCT_MAX: f64 = 0.2;
 /// Correlation that is left to the measurements' own colour.
-const COLOUR: f64 = 0.03;
+const COLOUR: f64 = 0.035;
+/// Mean square of corrections, one where the filter is right, below which it is too doubtful, and how
+/// fast the density then shrinks. Measurements whose noise is taken for larger than it is leave
+/// corrections somewhat too small in a filter that is right.
+const SMALL: f64 = 0.45;
+const SMALL_GAIN: f64 = 0.15;
+/// Largest square that counts in their mean.
+const SQUARE_MAX: f64 = 3.0;
 /// Most that a density shrinks and grows in one step.
-const STEP: [f64; 2] = [0.045, 0.15];
+const STEP: [f64; 2] = [0.1, 0.15];
 /// Weight of that half of the states whose s^2 is larger.
 const HALF: f64 = 0.85;
 /// Deviations that one correction counts at most.
@@ -35,6 +44,7 @@ pub struct ProcessNoise<const N: usize> {
     bounds: [f64; 2],
     recent: [f64; N],
     product: f64,
+    square: f64,
     boost: f64,
 }
 
@@ -46,6 +56,7 @@ impl<const N: usize> ProcessNoise<N> {
             bounds,
             recent: [0.0; N],
             product: 0.0,
+            square: 1.0,
             boost: 1.0,
         }
     }
@@ -63,18 +74,22 @@ impl<const N: usize> ProcessNoise<N> {
     /// Takes in one step's corrections, in stated deviations.
     pub fn learn(&mut self, corrections: [f64; N]) {
         let mut product = 0.0;
+        let mut square = 0.0;
         let mut squares = [0.0; 2];
         for (i, (recent, z)) in self.recent.iter_mut().zip(corrections).enumerate() {
             let z = if z.is_finite() { z } else { 0.0 };
             let z = z.clamp(-CORRECTION_MAX, CORRECTION_MAX);
             product += z * *recent / N as f64;
+            square += z * z / N as f64;
             *recent += RECENT * (z - *recent);
             squares[i / N.div_ceil(2)] += *recent * *recent / N as f64;
         }
         self.product += SLOW * (product.clamp(-PRODUCT_MAX, PRODUCT_MAX) - self.product);
+        self.square += SLOW * (square.min(SQUARE_MAX) - self.square);
         let [down, up] = STEP;
         let [least, most] = self.bounds;
-        let step = (self.product - COLOUR).clamp(-down, up);
+        let doubt = SMALL_GAIN * (SMALL - self.square).max(0.0);
+        let step = (self.product - COLOUR - doubt).clamp(-down, up);
         self.slow = (self.slow * (1.0 + step)).clamp(least, most);
         // A deviation above the mean of chi-square over N.
         let usual = (1.0 + (2.0 / N as f64).sqrt()) * RECENT / (2.0 - RECENT);

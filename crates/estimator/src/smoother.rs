@@ -181,15 +181,15 @@ fn put_forces(estimate: &mut Estimate, belief: &Belief, adjoint: &Adjoint<SIZE>,
     let shrinkage = adjoint.shrinkage(&belief.covariance);
     for (k, state) in OUTPUTS.into_iter().enumerate() {
         let value = belief.state[state] + correction[k];
-        let variance = belief.covariance[(k, state)] - shrinkage[(k, k)];
         if let Some(axis) = state.checked_sub(TURN) {
             if inertial {
                 estimate.motion.rate_rad_s[axis] = value;
             }
         } else {
             let force = &mut estimate.measured.0[state / 3];
+            let sigma = &mut force.sigma_n[state % 3];
             force.force_n[state % 3] = value;
-            force.sigma_n[state % 3] = variance.max(0.0).sqrt();
+            *sigma = (*sigma * *sigma - shrinkage[(k, k)]).max(0.0).sqrt();
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::process_noise::ProcessNoise;
 
 /// Density at the start, and its bounds, (N/s)^2/s.
 const START: f64 = 3.0e3 * 3.0e3;
-const BOUNDS: [f64; 2] = [20.0 * 20.0, 2.0e4 * 2.0e4];
+const BOUNDS: [f64; 2] = [15.0 * 15.0, 2.0e4 * 2.0e4];
 /// Part of the largest density that every axis has at least: a tyre that is steered or braked
 /// pushes along all of them.
 const SHARED: f64 = 0.02;
@@ -20,8 +20,8 @@ const SHARED: f64 = 0.02;
 const SURPRISE: f64 = 20.0;
 const CHANNELS: u32 = 3;
 /// Deviations of chi-square that the sum of all squares must stand above its mean, and the most that
-/// one channel gives to it: of twenty good channels once in a quarter of an hour.
-const TOGETHER: f64 = 6.3;
+/// one channel gives to it: of twenty good channels once a minute.
+const TOGETHER: f64 = 4.5;
 const SHARE_MAX: f64 = 9.0;
 /// Least density after a surprise, (N/s)^2/s.
 const AFTER_SURPRISE: f64 = 6.0e3 * 6.0e3;

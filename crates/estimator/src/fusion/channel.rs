@@ -2,6 +2,8 @@
 
 /// Innovations beyond the gate within the memory after which a channel is called faulty.
 const SUSPECT: f64 = 0.5;
+/// Part of them from which it stands alone: what surprises others, too, begins at once.
+const ALONE: f64 = 0.1;
 /// Part of them below which it is used again.
 const TRUSTED: f64 = 0.05;
 /// Weight of one innovation in the memory: about half a second at 100 Hz to be excluded.
@@ -12,7 +14,7 @@ const MEAN_LEARN: f64 = 0.01;
 const MEAN_FACTOR: f64 = 2.0;
 /// How fast the part of the model's tolerance that a channel needs is learnt, and its bounds.
 const TOLERANCE_LEARN: f64 = 0.02;
-const TOLERANCE_BOUNDS: [f64; 2] = [0.1, 2.0];
+const TOLERANCE_BOUNDS: [f64; 2] = [0.03, 2.0];
 /// Square of the normalised innovation that counts as one too many.
 const GATE: f64 = 25.0;
 
@@ -34,8 +36,9 @@ pub struct ChannelHealth {
     mean: f64,
     /// Factor on the variance of the model's tolerance.
     tolerance: f64,
-    /// Variance of the last innovation.
-    variance: f64,
+    /// Variance of the last innovation, after the channels that were taken in before it, and before
+    /// any was.
+    variance: [f64; 2],
     faulty: bool,
 }
 
@@ -45,7 +48,7 @@ impl Default for ChannelHealth {
             outside: 0.0,
             mean: 0.0,
             tolerance: 1.0,
-            variance: 0.0,
+            variance: [0.0; 2],
             faulty: false,
         }
     }
@@ -59,13 +62,16 @@ impl ChannelHealth {
     }
 
     /// Normalised square of an innovation before any reading of its step is taken in, by the
-    /// variance of the last step's; none of a channel that is not believed.
+    /// variance of the last step's; none of a channel that is not believed, or has stood alone.
     pub fn foretold_square(&self, innovation: f64) -> Option<f64> {
-        (!self.faulty && self.variance > 0.0).then(|| innovation * innovation / self.variance)
+        let [_, before] = self.variance;
+        (!self.faulty && self.outside < ALONE && before > 0.0)
+            .then(|| innovation * innovation / before)
     }
 
-    /// Notes the variance of an innovation.
-    pub fn expect(&mut self, variance: f64) {
+    /// Notes the variance of an innovation, after the channels that were taken in before it, and
+    /// before any was: what several contradict together, all of them foretell the less.
+    pub fn expect(&mut self, variance: [f64; 2]) {
         self.variance = variance;
     }
 
@@ -73,8 +79,9 @@ impl ChannelHealth {
     /// part that this has in the variance that was noted.
     pub fn learn(&mut self, innovation: f64, tolerance_n: f64) {
         self.mean += MEAN_LEARN * (innovation - self.mean);
-        let share = (self.tolerance * tolerance_n.powi(2) / self.variance).min(1.0);
-        let surplus = (innovation * innovation / self.variance).min(GATE) - 1.0;
+        let [after, _] = self.variance;
+        let share = (self.tolerance * tolerance_n.powi(2) / after).min(1.0);
+        let surplus = (innovation * innovation / after).min(GATE) - 1.0;
         let [least, most] = TOLERANCE_BOUNDS;
         let step = TOLERANCE_LEARN * share * surplus;
         if step.is_finite() {
@@ -83,8 +90,9 @@ impl ChannelHealth {
     }
 
     /// Judges an innovation by its normalised square: whether to use it, and what changed. Where
-    /// the gate is `open` only a faulty channel's is left out.
+    /// the gate is `open` only that of a channel that is faulty or has stood alone is left out.
     pub fn judge(&mut self, square: f64, open: bool) -> (bool, Change) {
+        let alone = self.outside >= ALONE;
         let outside = square.is_nan() || square > GATE;
         self.outside += LEARN * (f64::from(outside) - self.outside);
         let change = if !self.faulty && self.outside > SUSPECT {
@@ -96,6 +104,6 @@ impl ChannelHealth {
         } else {
             Change::None
         };
-        ((!outside || open) && !self.faulty, change)
+        ((!outside || open && !alone) && !self.faulty, change)
     }
 }

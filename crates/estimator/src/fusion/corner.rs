@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use sample::{InnovationKind, StrainChannel, Wheel};
 
 use super::inertial::Balance;
-use super::joint::{Joint, NO_OWN, Rows};
+use super::joint::{Joint, NO_OWN, Rows, TOGETHER};
 use super::{
     Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
     TORQUE,
@@ -14,24 +14,26 @@ use crate::inputs::{CornerReadings, FRESH_S, Reading};
 use crate::statics::AXIAL;
 
 /// Error of geometry and model on a member's force, N, and as a part of it.
-const MEMBER_FLOOR_N: f64 = 1.5;
-const MEMBER_FLOOR: f64 = 0.003;
+const MEMBER_FLOOR_N: f64 = 1.3;
+const MEMBER_FLOOR: f64 = 0.002;
 const UNPOSED_FLOOR_N: f64 = 60.0;
 const UNPOSED_FLOOR: f64 = 0.15;
 /// The same on the ball-normal force that bending tells, N.
-const BENDING_FLOOR_N: f64 = 3.5;
+const BENDING_FLOOR_N: f64 = 2.5;
 /// Error of a channel's gain that is no fault.
 const FAULT_FLOOR: f64 = 0.02;
 /// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
 /// The lag's inverse would make a wild rate of a jump that the force itself may not make.
-const SURPRISE_N: f64 = 150.0;
-const SURPRISE_N_S: f64 = 4.0e3;
+const SURPRISE_N: f64 = 100.0;
+const SURPRISE_N_S: f64 = 2.5e3;
 /// Gate of a strut's force, whose level may be off, squared.
 const STRUT_GATE: f64 = 100.0;
 /// How far the vehicle model's F_x, F_y and F_z may be wrong, as a part of the load.
 const BLIND_FORCE: [f64; 3] = [0.4, 0.1, 0.15];
 /// Strut's force where no strain tells what of it F_x and F_y carry, N.
 const BLIND_STRUT_N: f64 = 70.0;
+/// How far back a linkage's map is carried at most, steps.
+const STEPS_BACK_MAX: f64 = 3.0;
 /// How long one such guess lasts, s.
 const BLIND_TIME_S: f64 = 0.1;
 
@@ -51,15 +53,13 @@ impl Fusion {
     /// How the members of a corner hang on the states.
     fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
         let corner = &input.corners[wheel];
-        let statics = &corner.statics;
-        let known = balance.known[wheel].moment_n_m;
-        let of_known = statics.members_from_wrench.fixed_columns::<3>(3) * known;
         Members {
             wheel,
-            statics,
+            statics: [&corner.statics, &input.statics_before[wheel]],
+            step_s: input.dt,
+            known_n_m: balance.known[wheel].moment_n_m,
             rolling_m: -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0),
             spindle: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
-            offset_n: std::array::from_fn(|i| statics.members_offset[i] + of_known[i]),
         }
     }
 
@@ -72,19 +72,14 @@ impl Fusion {
         readings: &mut CornerReadings,
     ) -> CornerSays {
         let corner = &input.corners[wheel];
-        let statics = &corner.statics;
         let members = self.members(input, balance, wheel);
-        let offset_n = &members.offset_n;
+        let of_strut = members.force(5, 0.0);
         let mut rows = CornerRows::new(members.states());
         // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
         let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
-        rows.set(
-            STRUT,
-            members.gains(5, 0.0),
-            (LENGTH + wheel, stiffness_n_mm),
-        );
+        rows.set(STRUT, of_strut.gains, (LENGTH + wheel, stiffness_n_mm));
         let strut = corner.strut_read.map(|[force_n, sigma_n]| Said {
-            value: force_n - offset_n[5],
+            value: force_n - of_strut.offset_n,
             variance: sigma_n * sigma_n,
             tolerance: 0.0,
         });
@@ -92,33 +87,32 @@ impl Fusion {
         // Each of the lower arm's tubes carries one half of the ball-normal force, so that its
         // bending gauges see M = F_n d/2, whatever spring and damper do.
         let arm = 0.5 * self.bending_distance_m;
-        let bending = arm * statics.ball_normal_per_strut;
         let mut alive = 0;
         let strain = StrainChannel::ALL.map(|channel| {
             let i = channel.index();
             let reading = readings.strain[i].as_mut()?;
             let axial = i < AXIAL.len();
             alive += usize::from(axial && reading.fresh(input.now).is_some());
-            if std::mem::replace(&mut reading.taken, true) || !axial && bending == 0.0 {
+            if std::mem::replace(&mut reading.taken, true) || !axial && arm == 0.0 {
                 return None;
             }
             let age = self.age_s(input, reading);
             let c = &input.channels.0[wheel].strain[i];
             if axial {
-                rows.set(
-                    STRAIN + i,
-                    members.gains(i, age),
-                    (OFFSET + 5 * wheel + i, 1.0),
-                );
+                let force = members.force(i, age);
+                rows.set(STRAIN + i, force.gains, (OFFSET + 5 * wheel + i, 1.0));
                 Some(Said {
-                    value: reading.value - offset_n[i],
+                    value: reading.value - force.offset_n,
                     variance: c.noise_sigma.powi(2),
                     tolerance: member_tolerance_n(posed, reading.value),
                 })
             } else {
-                let gains = members.gains(5, age).map(|gain| bending * gain);
+                let [per_strut, without] = members.ball_normal_n(age);
+                let bending = arm * per_strut;
+                let of_strut = members.force(5, age);
+                let gains = of_strut.gains.map(|gain| bending * gain);
                 rows.set(STRAIN + i, gains, NO_OWN);
-                let known = bending * offset_n[5] + arm * statics.ball_normal_offset_n;
+                let known = bending * of_strut.offset_n + arm * without;
                 Some(Said {
                     value: reading.value - known,
                     variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
@@ -129,7 +123,7 @@ impl Fusion {
         CornerSays {
             rows,
             strut,
-            strut_offset_n: offset_n[5],
+            strut_offset_n: of_strut.offset_n,
             strain,
             alive,
         }
@@ -172,6 +166,7 @@ impl Fusion {
             self.doubt_length(wheel);
         }
         let mut joint = self.covariance.project(&says.rows, &self.state);
+        let before: [f64; TOGETHER] = std::array::from_fn(|m| joint.variance(m));
         if let Some(said) = says.strut {
             let blind = if says.alive < 4 { BLIND_STRUT_N } else { 0.0 };
             let length_mm = 1e3 * (said.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
@@ -184,7 +179,8 @@ impl Fusion {
         }
         for (channel, said) in StrainChannel::ALL.into_iter().zip(&says.strain) {
             let Some(said) = said else { continue };
-            let change = self.take_channel(&mut joint, said, wheel, channel);
+            let known = before[STRAIN + channel.index()];
+            let change = self.take_channel(&mut joint, said, known, wheel, channel);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -228,10 +224,12 @@ impl Fusion {
         self.covariance.apply(&rows, &joint, &mut self.state);
     }
 
+    /// `known`: variance of the channel's row before any of the corner was taken in.
     fn take_channel(
         &mut self,
         joint: &mut Joint,
         said: &Said,
+        known: f64,
         wheel: usize,
         channel: StrainChannel,
     ) -> Change {
@@ -247,7 +245,7 @@ impl Fusion {
             return Change::None;
         }
         let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
-        self.health[wheel][i].expect(total);
+        self.health[wheel][i].expect([total, known + said.variance + model]);
         let kind = if i < AXIAL.len() {
             InnovationKind::Strain
         } else {
@@ -264,16 +262,20 @@ impl Fusion {
     }
 }
 
-/// The members' forces of one corner: A (F - age F') + B (M, with rolling resistance and half-shaft
-/// torque) + offset.
+/// The members' forces of one corner, A (F - age F') + B (M, with rolling resistance and half-shaft
+/// torque) + offset, with A, B and offset of the linkage as it stood `age` ago: a strut that moves
+/// at 0.1 m/s turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N of a ton's quarter.
 struct Members<'a> {
     wheel: usize,
-    statics: &'a CornerStatics,
+    /// The linkage's map now and a step before.
+    statics: [&'a CornerStatics; 2],
+    step_s: f64,
+    /// The tyre's moment that goes with its force.
+    known_n_m: Vector3<f64>,
     /// M_y of a newton of load.
     rolling_m: f64,
     /// The spindle in the contact frame.
     spindle: Vector3<f64>,
-    offset_n: [f64; 6],
 }
 
 impl Members<'_> {
@@ -288,9 +290,35 @@ impl Members<'_> {
         })
     }
 
-    /// Gains of [`Self::states`] in the force of member `i` as it was `age` ago.
-    fn gains(&self, i: usize, age: f64) -> [f64; CORNER] {
-        let wrench = self.statics.members_from_wrench.row(i);
+    /// Numbers of the linkage's map as they were `age` ago, carried back as it moved in the last step.
+    fn ago<const N: usize>(
+        &self,
+        age: f64,
+        numbers: impl Fn(&CornerStatics) -> [f64; N],
+    ) -> [f64; N] {
+        let back = (age / self.step_s).clamp(0.0, STEPS_BACK_MAX);
+        let [now, before] = self.statics.map(numbers);
+        std::array::from_fn(|k| now[k] + (before[k] - now[k]) * back)
+    }
+
+    /// Ball-normal force of a newton in the strut, and without any.
+    fn ball_normal_n(&self, age: f64) -> [f64; 2] {
+        self.ago(age, |s| [s.ball_normal_per_strut, s.ball_normal_offset_n])
+    }
+
+    /// The force of member `i` as it was `age` ago.
+    fn force(&self, i: usize, age: f64) -> MemberForce {
+        let [wrench @ .., offset_n]: [f64; 7] = self.ago(age, |statics| {
+            let of_wrench = |k| statics.members_from_wrench[(i, k)];
+            std::array::from_fn(|k| {
+                if k < 6 {
+                    of_wrench(k)
+                } else {
+                    statics.members_offset[i]
+                }
+            })
+        });
+        let of_known: f64 = (0..3).map(|k| wrench[3 + k] * self.known_n_m[k]).sum();
         let mut gains = [0.0; CORNER];
         for k in 0..3 {
             gains[k] = wrench[k];
@@ -305,8 +333,17 @@ impl Members<'_> {
         }
         let left = Wheel::ALL[self.wheel].is_left();
         gains[9] = if left { gains[8] } else { -gains[8] };
-        gains
+        MemberForce {
+            gains,
+            offset_n: offset_n + of_known,
+        }
     }
+}
+
+/// A member's force: gains of [`Members::states`], and what it is without any force on the tyre.
+struct MemberForce {
+    gains: [f64; CORNER],
+    offset_n: f64,
 }
 
 /// What one corner's sensors say that have a new reading.

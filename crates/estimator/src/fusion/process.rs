@@ -19,8 +19,8 @@ const MOMENT_TIME_S: f64 = 1.0;
 const TORQUE_SIGMA: [f64; 2] = [50.0, 1.0];
 const TORQUE_TIME_S: [f64; 2] = [50.0, 1.0];
 /// Density of the noise of the mean at the start, and its bounds, (N m)^2/s.
-const TORQUE_DENSITY: f64 = 1.0e4;
-const TORQUE_BOUNDS: [f64; 2] = [10.0, 1.0e6];
+const TORQUE_DENSITY: [f64; 2] = [1.0e4, 2.0];
+const TORQUE_BOUNDS: [[f64; 2]; 2] = [[10.0, 1.0e6], [2.0, 1.0e4]];
 /// Moment that the rigid-body balance does not know of, N m/sqrt(Hz).
 pub(super) const TURN_NOISE_N_M: [f64; 3] = [10.0, 10.0, 15.0];
 /// Time constant of what is left of the accelerometers' bias, s, and its least and most standard
@@ -37,8 +37,8 @@ const OFFSET_WALK: f64 = 0.05;
 /// Density of the noise of the forces' rates while a corner's strain is missing, (N/s)^2/s.
 const BLIND_DENSITY: f64 = 6.0e3 * 6.0e3;
 
-pub(super) fn torque_noise() -> ProcessNoise<2> {
-    ProcessNoise::new(TORQUE_DENSITY, TORQUE_BOUNDS)
+pub(super) fn torque_noise() -> [ProcessNoise<2>; 2] {
+    [0, 1].map(|part| ProcessNoise::new(TORQUE_DENSITY[part], TORQUE_BOUNDS[part]))
 }
 
 /// Density with which the residue, which fades, keeps its deviation.
@@ -108,7 +108,7 @@ impl Fusion {
         };
         let moment_gain = fade(MOMENT, TORQUE - MOMENT, MOMENT_TIME_S);
         fade(TORQUE, 2, TORQUE_TIME_S[0]);
-        let torque_gain = fade(TORQUE + 2, 2, TORQUE_TIME_S[1]);
+        fade(TORQUE + 2, 2, TORQUE_TIME_S[1]);
         fade(ACCEL, 3, ACCEL_TIME_S);
         let offset_gain = fade(OFFSET, 20, OFFSET_TIME_S);
         let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
@@ -135,8 +135,9 @@ impl Fusion {
             c.add_noise(MOMENT + i, moment_gain * sigma * sigma);
         }
         for axle in 0..2 {
-            c.add_noise(TORQUE + axle, self.torque.density() * dt);
-            c.add_noise(TORQUE + 2 + axle, torque_gain * TORQUE_SIGMA[1].powi(2));
+            for (part, noise) in self.torque.iter().enumerate() {
+                c.add_noise(TORQUE + 2 * part + axle, noise.density() * dt);
+            }
         }
         for (axis, noise) in TURN_NOISE_N_M.into_iter().enumerate() {
             let turn = noise * self.body.inverse[(axis, axis)];

@@ -51,6 +51,8 @@ pub struct GroundPlane {
     pub normal: Vector3<f64>,
     /// Height of the plane at x = y = 0, m.
     pub height_m: f64,
+    /// How much its slopes along x and y grow with the height of each wheel's contact point, 1/m.
+    pub slopes_per_height: [[f64; 2]; 4],
 }
 
 impl GroundPlane {
@@ -78,12 +80,14 @@ pub fn ground_plane(
     let mut plane = GroundPlane {
         normal: Vector3::z(),
         height_m: 0.0,
+        slopes_per_height: [[0.0; 2]; 4],
     };
     // The contact points depend on the normal to first order in camber only: three rounds leave
     // less than a nanometre.
     for _ in 0..4 {
         let mut normal_matrix = Matrix3::zeros();
         let mut right = Vector3::zeros();
+        let mut rows = [Vector3::zeros(); 4];
         for i in 0..4 {
             let frame = TyreFrame::new(
                 &poses.0[i],
@@ -92,13 +96,19 @@ pub fn ground_plane(
                 compression_m.0[i],
             );
             let row = Vector3::new(1.0, frame.contact_m.x, frame.contact_m.y);
-            normal_matrix += row * row.transpose() * weight.0[i];
-            right += row * (frame.contact_m.z * weight.0[i]);
+            rows[i] = row * weight.0[i];
+            normal_matrix += rows[i] * row.transpose();
+            right += rows[i] * frame.contact_m.z;
         }
-        let solution = normal_matrix.try_inverse()? * right;
+        let inverse = normal_matrix.try_inverse()?;
+        let solution = inverse * right;
         plane = GroundPlane {
             normal: Vector3::new(-solution.y, -solution.z, 1.0).normalize(),
             height_m: solution.x,
+            slopes_per_height: rows.map(|row| {
+                let of_height = inverse * row;
+                [of_height.y, of_height.z]
+            }),
         };
     }
     plane.height_m.is_finite().then_some(plane)
