@@ -424,7 +424,7 @@ fn leaning_slopes(
     poses: &PerWheel<CornerPose>,
     radius_m: &PerWheel<f64>,
 ) -> [f64; 2] {
-    let lower_m: [f64; 4] = std::array::from_fn(|i| {
+    let unknown_m: [f64; 4] = std::array::from_fn(|i| {
         let lean = poses.0[i]
             .spindle
             .dot(&plane.normal)
@@ -433,8 +433,8 @@ fn leaning_slopes(
         radius_m.0[i] * (1.0 - lean.cos())
     });
     [0, 1].map(|axis| {
-        let heights = plane.slopes_per_height.iter().zip(lower_m);
-        heights.map(|(slopes, lower)| slopes[axis] * lower).sum()
+        let heights = plane.slopes_per_height.iter().zip(unknown_m);
+        heights.map(|(slopes, height)| slopes[axis] * height).sum()
     })
 }
 
@@ -631,6 +631,69 @@ mod tests {
             (roll - rate.x).abs() < 1e-5 && (pitch - rate.y).abs() < 1e-5,
             "{roll} {pitch}"
         );
+    }
+
+    fn prowler() -> Corners {
+        let vehicle = Vehicle::builtin("prowler").unwrap();
+        Corners::new(&vehicle, 1e-4).unwrap().unwrap()
+    }
+
+    #[test]
+    fn a_frame_that_may_be_turned_makes_forces_less_sure() {
+        let mut corners = prowler();
+        corners.leaning = [0.0, 1e-3];
+        let force = TyreForce {
+            force_n: [100.0, 500.0, 3000.0],
+            sigma_n: [1.0; 3],
+            ..TyreForce::default()
+        };
+        let doubted = corners.doubt_frames(&PerWheel([force; 4]), 2e-3);
+        let near = |sigma: f64, error: f64| (sigma - 1.0_f64.hypot(error)).abs() < 0.01;
+        let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| doubted[wheel].sigma_n);
+        assert!(
+            near(front[0], 2e-3 * 500.0) && near(rear[0], 0.0),
+            "{front:?} {rear:?}"
+        );
+        assert!(
+            near(front[1], 3.0_f64.hypot(0.2)) && near(rear[1], 3.0),
+            "{front:?} {rear:?}"
+        );
+        assert!(near(rear[2], 0.5), "{rear:?}");
+        // Where deflection alone tells the load the other forces are unknown.
+        let load = TyreForce {
+            force_n: [f64::NAN, f64::NAN, 3000.0],
+            sigma_n: [f64::NAN, f64::NAN, 5.0],
+            ..TyreForce::default()
+        };
+        let doubted = corners.doubt_frames(&PerWheel([load; 4]), 1.0);
+        assert_eq!(doubted[Wheel::FrontLeft].sigma_n[2], 5.0);
+    }
+
+    #[test]
+    fn only_tyres_that_lean_unlike_each_other_feign_a_slope() {
+        let corners = prowler();
+        let poses = PerWheel(corners.states.map(|state| state.pose));
+        let radius = PerWheel([0.32; 4]);
+        let plane = |leans: [f64; 4]| {
+            let mut poses = poses;
+            for (pose, lean) in poses.0.iter_mut().zip(leans) {
+                pose.spindle = Vector3::new(0.0, lean.cos(), lean.sin());
+            }
+            let plane = GroundPlane {
+                normal: Vector3::z(),
+                height_m: 0.0,
+                slopes_per_height: [[0.3, 0.5], [0.3, -0.5], [-0.3, 0.5], [-0.3, -0.5]],
+            };
+            leaning_slopes(&plane, &poses, &radius)
+        };
+        let [along, across] = plane([-0.1; 4]);
+        assert!(
+            along.abs() < 1e-12 && across.abs() < 1e-12,
+            "{along} {across}"
+        );
+        let [_, across] = plane([0.0, 0.14, 0.0, 0.14]);
+        let lower_m = 0.32 * (1.0 - 0.14_f64.cos());
+        assert!((across + lower_m).abs() < 1e-12, "{across}");
     }
 
     #[test]

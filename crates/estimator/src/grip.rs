@@ -35,8 +35,9 @@ const WALK: [f64; 4] = [0.01, 0.03, 1e-4, 0.0];
 /// The four at the start, and their deviations.
 const START: [f64; 4] = [0.0, 0.0, 0.0, 2.7];
 const START_SIGMA: [f64; 4] = [0.4, 0.3, 0.015, 0.5];
-/// Bounds of the factors' logarithms and of the shape.
+/// Bounds of the factors' logarithms, of the slip angle's error, rad, and of the shape.
 const FACTOR_LN: (f64, f64) = (-2.0, 1.5);
+const SLIP_ERROR_RAD: (f64, f64) = (-0.05, 0.05);
 const SHAPE: (f64, f64) = (2.0, 3.2);
 /// Deviation of ln stiffness and ln friction after a change of surface: it is friction that grounds
 /// differ in.
@@ -431,7 +432,12 @@ impl AxleTyres {
             .flatten();
         let total = spread + CORRELATED * own;
         self.state += ph * (innovation / total);
-        for (i, (least, most)) in [(0, FACTOR_LN), (1, FACTOR_LN), (3, SHAPE)] {
+        for (i, (least, most)) in [
+            (0, FACTOR_LN),
+            (1, FACTOR_LN),
+            (2, SLIP_ERROR_RAD),
+            (3, SHAPE),
+        ] {
             self.state[i] = self.state[i].clamp(least, most);
         }
         self.covariance -= ph * ph.transpose() / total;

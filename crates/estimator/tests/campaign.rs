@@ -34,9 +34,13 @@ const NOISES: u64 = 4;
 /// Drives with a heading that hangs, a gyro that is saturated, and roll rates that are late or another
 /// channel's, for up to four seconds; with both receivers or gyro and hand wheel wrong at once (407,
 /// 908), with accelerometers that are late, silent or swapped while strain or GNSS is wrong, too (447,
-/// 653, 992), with a gyro that reads another axis for a moment (511), and a start from standstill whose
-/// heading is not known at once (163).
-const HARD: [u64; 12] = [163, 407, 447, 511, 631, 653, 677, 745, 843, 899, 908, 992];
+/// 653, 992), with a gyro that reads another axis for a moment (511), a start from standstill whose
+/// heading is not known at once (163), a hand wheel that dies in a bend (297, 818), accelerometers that
+/// are swapped on a sine and so agree now and then (312, 400), and a potentiometer that is frozen and
+/// makes the loads seem to need a jack (828).
+const HARD: [u64; 17] = [
+    163, 297, 312, 400, 407, 447, 511, 631, 653, 677, 745, 818, 828, 843, 899, 908, 992,
+];
 
 /// Length of a drive, when faults may begin and must have ended, and from when on the estimates must
 /// be good again, s.
@@ -52,7 +56,7 @@ const FORCE_MAX_N: f64 = 30e3;
 /// RMS errors after the faults of an estimate that has diverged, and of one that is not yet back: of
 /// forces, of max(peak of the run, static load), per cent, and of sideslip, degrees.
 const DIVERGED: [f64; 2] = [50.0, 20.0];
-const LATE: [f64; 2] = [10.0, 1.0];
+const LATE: [f64; 2] = [3.0, 0.5];
 /// Largest part of the drives that may be late.
 const LATE_MAX: f64 = 0.002;
 /// Speed above which sideslip counts, m/s.
@@ -102,10 +106,12 @@ fn a_thousand_drives_with_random_faults_do_not_diverge() {
 }
 
 /// A heading that is adopted although it hangs, a balance of moments that runs away without struts or
-/// the gyro to hold it, one that counts for too short a time, or a state that is vouched for before
-/// GNSS has confirmed it, is late in one of these.
+/// the gyro to hold it, one that counts for too short a time, a state that is vouched for before
+/// GNSS has confirmed it, a hand wheel that is followed although it jumps, an accelerometer that is
+/// good again after a moment's agreement, or a jack under a vehicle that moves, is late in one of
+/// these.
 #[test]
-fn a_wrong_gyro_and_a_heading_that_hangs_are_survived() {
+fn hard_drives_are_survived() {
     let outcomes = campaign(&HARD);
     assert!(outcomes.iter().all(|outcome| !outcome.is_late()));
 }

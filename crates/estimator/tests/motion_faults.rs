@@ -144,6 +144,15 @@ fn a_fault_is_named_left_out_and_over_when_it_is_over() {
                 assert!(told.is_empty(), "{what} {told:?}");
                 continue;
             }
+            // An accelerometer is good again when it has agreed for half a second, of a vehicle that
+            // moves: this one stops before.
+            if name == "f_launch_brake" && case.name.ends_with("acceleration") {
+                assert!(
+                    told.len() == 1 && told[0].0 - FAULT_S <= NAMED_WITHIN_S,
+                    "{what} {told:?}"
+                );
+                continue;
+            }
             let [(fault_s, fault), (recovered_s, recovery)] = &told[..] else {
                 panic!("{what} {told:?}");
             };

@@ -75,7 +75,7 @@ const GRID_HZ: f64 = 100.0;
 
 /// Largest errors F_x, F_y, F_z, per cent, on a sine of 0.7 Hz: a hand wheel whose rate lags is worth
 /// half a per cent of F_y.
-const QUICK_MAX: [f64; 3] = [0.8, 1.25, 0.7];
+const QUICK_MAX: [f64; 3] = [1.05, 1.25, 0.7];
 
 /// Length of a drive in which whatever adds up has done so, s.
 const LONG_DRIVE_S: f64 = 900.0;
@@ -87,15 +87,15 @@ const LOCKED_MAX: [f64; 3] = [1.1, 0.85, 0.45];
 
 /// Runs one sensors file over all runs and holds the fusion filter's errors (F_x, F_y, F_z, per
 /// cent, worst tyre) below `force_max` in each, with at least `inside_least` of the windows of their
-/// normalised squares inside the bounds.
-fn judge_file(file: &str, force_max: [f64; 3], inside_least: f64, lift_within_s: f64) {
+/// normalised squares inside the bounds, run by run.
+fn judge_file(file: &str, force_max: [f64; 3], inside_least: [f64; 4], lift_within_s: f64) {
     if run::directory().is_none() {
         return;
     }
     let vehicle = run::vehicle();
     let sensors = Sensors::builtin(file).unwrap();
     let calibration = Calibration::nominal(&vehicle.name);
-    for name in RUNS {
+    for (name, inside_least) in RUNS.into_iter().zip(inside_least) {
         let run = Run::load(name);
         let samples = sensing::samples(&run, &vehicle, &sensors, 1);
         for method in [Method::Thesis, Method::Fusion] {
@@ -219,17 +219,25 @@ fn rate_errors(run: &Run, result: &Result) -> [f64; 3] {
 
 #[test]
 fn ten_bit_sensors_meet_their_floors() {
-    judge_file("thesis-10bit", [0.6, 0.8, 0.45], 0.9, LIFT_WITHIN_S);
+    judge_file("thesis-10bit", [0.6, 0.8, 0.45], [0.9; 4], LIFT_WITHIN_S);
 }
 
 #[test]
 fn sixteen_bit_full_bridges_meet_their_floors() {
-    judge_file("full-bridge-16bit", [0.25, 0.3, 0.4], 0.5, LIFT_WITHIN_S);
+    let inside_least = [0.9, 0.85, 0.9, 0.4];
+    judge_file(
+        "full-bridge-16bit",
+        [0.22, 0.16, 0.35],
+        inside_least,
+        LIFT_WITHIN_S,
+    );
 }
 
 #[test]
 fn bending_bridges_meet_their_floors() {
-    judge_file("full-bridge-16bit-bending", [0.25, 0.3, 0.15], 0.3, 0.1);
+    let inside_least = [0.9, 0.5, 0.6, 0.2];
+    let force_max = [0.2, 0.16, 0.1];
+    judge_file("full-bridge-16bit-bending", force_max, inside_least, 0.1);
 }
 
 /// What the estimator makes of a run through the sensors of a file that ships.
@@ -258,13 +266,16 @@ fn hanging_wheels_of_a_jacked_vehicle_are_no_alarm() {
     let vehicle = run::vehicle();
     let run = Run::load("h_jack");
     // While stands carry a part of the weight, the balance of all forces does not hold; finer
-    // bridges are more surprised by the touchdown.
-    for file in ["thesis-10bit", "full-bridge-16bit-bending"] {
-        let result = through(file, &vehicle, &run);
+    // bridges are more surprised by the touchdown, and must not be by what they were set free to do.
+    for (file, seed, most) in [
+        ("thesis-10bit", 1, 0.7),
+        ("full-bridge-16bit-bending", 2, 0.35),
+    ] {
+        let result = through_seed(file, &vehicle, &run, seed);
         let force = force_errors(&run, &vehicle, &result);
         eprintln!("h_jack {file} Fx, Fy, Fz {force:.2?} %");
         assert!(result.events.is_empty(), "{file} {:?}", result.events);
-        assert!(force.iter().all(|error| *error <= 0.7), "{file} {force:?}");
+        assert!(force.iter().all(|error| *error <= most), "{file} {force:?}");
     }
 }
 

@@ -320,10 +320,8 @@ impl Members<'_> {
         });
         let of_known: f64 = (0..3).map(|k| wrench[3 + k] * self.known_n_m[k]).sum();
         let mut gains = [0.0; CORNER];
-        for k in 0..3 {
-            gains[k] = wrench[k];
-            gains[8] += wrench[3 + k] * self.spindle[k];
-        }
+        gains[..3].copy_from_slice(&wrench[..3]);
+        gains[8] = (0..3).map(|k| wrench[3 + k] * self.spindle[k]).sum();
         gains[2] += self.rolling_m * wrench[4];
         for k in 0..3 {
             gains[3 + k] = -age * gains[k];

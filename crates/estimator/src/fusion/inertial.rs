@@ -12,6 +12,9 @@ use super::{
 
 /// Error of the model on the sum of all forces, N.
 const SUM_FLOOR_N: f64 = 10.0;
+/// Doubt of the accelerometers while many strain channels are surprised, m/s^2: what set the forces
+/// against them may be an accelerometer that is wrong.
+const SURPRISED_M_S2: f64 = 1.0;
 /// Square of the forward accelerometer's normalised innovation that is a push: drive or brake that
 /// has just come.
 const PUSH: f64 = 8.0;
@@ -123,7 +126,12 @@ impl Fusion {
         let at_unit =
             input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
         let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
-        let variance = (mass * accel).powi(2) + SUM_FLOOR_N.powi(2);
+        let doubt = if self.agility.open() {
+            SURPRISED_M_S2
+        } else {
+            0.0
+        };
+        let variance = mass * mass * (accel * accel + doubt * doubt) + SUM_FLOOR_N.powi(2);
         let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
         let mut rows = InertialRows::new(std::array::from_fn(|i| i));
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
@@ -160,13 +168,15 @@ impl Fusion {
             }
             if axis == 2 {
                 let missing = sum[axis] - joint.value(m);
-                self.held &= posed && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
+                self.held &= posed
+                    && !self.rolling
+                    && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
             }
             let gate = if self.held { 0.0 } else { GATE };
             let innovation = self.take(&mut joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
             agrees &= innovation * innovation <= gate;
-            if axis == 2 && !agrees && posed {
+            if axis == 2 && !agrees && posed && !self.rolling {
                 self.held = true;
                 for axis in 0..3 {
                     self.covariance.add_noise(TURN + axis, TURN_VARIANCE);

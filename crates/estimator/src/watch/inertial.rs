@@ -28,6 +28,9 @@ struct Kind {
     floor: [f64; 3],
     /// Readings in a row after which the forces may as well be what is wrong.
     doubtful: u32,
+    /// Readings in a row of a faulty axis that must agree before it is good again: one that is plugged
+    /// in wrong agrees for a moment whenever both happen to be alike.
+    calm: u32,
     /// What the balance does not tell, per square root of Hz.
     untold: f64,
 }
@@ -42,6 +45,7 @@ const RATES: Kind = Kind {
     jump: 0.25,
     floor: [0.0; 3],
     doubtful: 500,
+    calm: 0,
     untold: 0.1,
 };
 
@@ -56,6 +60,7 @@ const FORCES: Kind = Kind {
     jump: 1.5,
     floor: [0.3, 0.3, 0.6],
     doubtful: u32::MAX,
+    calm: 50,
     untold: 2.0,
 };
 
@@ -81,6 +86,8 @@ struct Axis {
     last: Option<f64>,
     /// Readings in a row that were not.
     strange: u32,
+    /// Readings in a row that agreed since it was faulty.
+    agreed: u32,
     /// Readings for which an axis that was faulty stays suspect.
     suspect: u32,
 }
@@ -256,10 +263,14 @@ impl Axis {
             self.suspect.saturating_sub(1)
         };
         if hangs || contradicted && suspect && self.strange < kind.doubtful {
-            self.strange += 1;
+            self.strange = self.strange.saturating_add(1);
+            self.agreed = 0;
+            value
+        } else if self.strange >= FAULTY && self.agreed < kind.calm {
+            self.agreed += 1;
             value
         } else {
-            self.strange = 0;
+            (self.strange, self.agreed) = (0, 0);
             self.last = Some(reading);
             reading
         }

@@ -113,3 +113,50 @@ pub fn ground_plane(
     }
     plane.height_m.is_finite().then_some(plane)
 }
+
+#[cfg(test)]
+mod tests {
+    use sample::Wheel;
+
+    use super::*;
+    use crate::suspension::Corner;
+    use crate::vehicle::Vehicle;
+
+    #[test]
+    fn a_contact_point_that_stands_higher_turns_the_plane_as_told() {
+        let vehicle = Vehicle::builtin("prowler").unwrap();
+        let poses = PerWheel::from_fn(|wheel| {
+            let corner = Corner::of(&vehicle, wheel).unwrap();
+            corner.pose(corner.design_strut_length_m(), 0.0).unwrap()
+        });
+        let radius = PerWheel::from_fn(|wheel| {
+            let axle = if wheel.is_front() {
+                &vehicle.front
+            } else {
+                &vehicle.rear
+            };
+            axle.tyre.unloaded_radius_m
+        });
+        let weight = PerWheel([1.0, 1.0, 1.0, 0.5]);
+        let plane = |compression| ground_plane(&poses, &radius, &compression, &weight).unwrap();
+        let slopes = |plane: &GroundPlane| {
+            let n = plane.normal;
+            [-n.x / n.z, -n.y / n.z]
+        };
+        let level = plane(PerWheel([0.0; 4]));
+        let higher_m = 1e-5;
+        for wheel in Wheel::ALL {
+            let mut compression = PerWheel([0.0; 4]);
+            compression[wheel] = higher_m;
+            let (now, before) = (slopes(&plane(compression)), slopes(&level));
+            for axis in 0..2 {
+                let found = (now[axis] - before[axis]) / higher_m;
+                let told = level.slopes_per_height[wheel.index()][axis];
+                assert!(
+                    (found - told).abs() < 1e-3 * (1.0 + told.abs()),
+                    "{wheel:?} {found} {told}"
+                );
+            }
+        }
+    }
+}
