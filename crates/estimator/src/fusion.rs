@@ -18,8 +18,8 @@
 //! I w' = sum(r_i x R_i F_i + R_i M_i) - w x (I w + h) - h'
 //!
 //! with h the spin momentum of the wheels. A member's force is A F + B M + c_0 out of
-//! [`CornerStatics`](model::suspension::CornerStatics); a bridge with a first-order lag tau that
-//! was read `age` ago shows y = A (F - (age + tau) F') + B M + c_0 + offset.
+//! [`CornerStatics`]; a bridge with a first-order lag tau that was read `age` ago shows
+//! y = A (F - (age + tau) F') + B M + c_0 + offset, A, B and c_0 those of the linkage `age` + tau ago.
 //!
 //! Every equation is linear in the states once geometry, attitude and inertia forces are taken
 //! from the motion filter, so that no iteration is needed. Measurements are scalars, judged one

@@ -3,13 +3,11 @@
 use nalgebra::Vector3;
 use sample::{CornerSample, LogTime, PerWheel, StrainChannel, Wheel};
 
-use crate::calibration::CornerChannels;
+use crate::calibration::{Channel, CornerChannels};
 
 /// A reading older than this says nothing about the present, s.
 pub const FRESH_S: f64 = 0.1;
 
-/// The same count so often in a row is no measurement where the converter has noise of its own.
-const FROZEN_REPEATS: u32 = 200;
 /// Position of the spring potentiometer among a corner's channels, after the strain channels.
 pub const POTENTIOMETER: usize = StrainChannel::COUNT;
 
@@ -22,18 +20,25 @@ struct Liveness {
 }
 
 impl Liveness {
-    fn frozen(self) -> bool {
-        self.repeats >= FROZEN_REPEATS
+    fn frozen(self, channel: &Channel) -> bool {
+        channel
+            .frozen_after
+            .is_some_and(|repeats| self.repeats >= repeats)
     }
 
-    fn take(&mut self, counts: u16) -> bool {
+    /// The channel's value, unless its counts do not move any more.
+    fn take(&mut self, counts: u16, channel: &Channel) -> Option<f64> {
         self.repeats = if counts == self.counts {
             self.repeats.saturating_add(1)
         } else {
             0
         };
         self.counts = counts;
-        !self.frozen()
+        if self.frozen(channel) {
+            None
+        } else {
+            channel.value(counts)
+        }
     }
 }
 
@@ -104,19 +109,14 @@ impl Readings {
         let liveness = &mut self.liveness[corner.wheel.index()];
         if use_strain {
             for (i, counts) in corner.strain_counts.iter().enumerate() {
-                let value = counts
-                    .filter(|counts| liveness[i].take(*counts) || !channels.strain[i].noisy)
-                    .and_then(|counts| channels.strain[i].value(counts));
+                let value = counts.and_then(|counts| liveness[i].take(counts, &channels.strain[i]));
                 replace(&mut readings.strain[i], time, value);
             }
         }
         if use_deflection {
             let value = corner
                 .deflection_counts
-                .filter(|counts| {
-                    liveness[POTENTIOMETER].take(*counts) || !channels.deflection.noisy
-                })
-                .and_then(|counts| channels.deflection.value(counts));
+                .and_then(|counts| liveness[POTENTIOMETER].take(counts, &channels.deflection));
             replace(&mut readings.compression_m, time, value);
         }
     }
@@ -131,7 +131,7 @@ impl Readings {
             let corner = &channels[wheel];
             for (i, liveness) in self.liveness[wheel.index()].iter_mut().enumerate() {
                 let channel = corner.strain.get(i).unwrap_or(&corner.deflection);
-                let frozen = liveness.frozen() && channel.noisy && !channel.dead;
+                let frozen = liveness.frozen(channel) && !channel.dead;
                 if frozen != liveness.told {
                     liveness.told = frozen;
                     out(FrozenChange {

@@ -68,8 +68,9 @@ pub struct Channel {
     pub noise_sigma: f64,
     /// Largest count that the converter gives; a reading at 0 or there is saturated.
     pub counts_max: u16,
-    /// The converter's noise moves its counts even at rest, so that unmoved counts are a fault.
-    pub noisy: bool,
+    /// How often in a row the same count is a fault: the converter's noise moves its counts even at
+    /// rest. None where it has too little of it.
+    pub frozen_after: Option<u32>,
     /// Not fitted, or called dead.
     pub dead: bool,
 }
@@ -174,6 +175,12 @@ fn full_scale(adc_bits: u8) -> f64 {
     f64::from(adc_bits.min(16)).exp2()
 }
 
+/// How often in a row a count may come again where noise has this standard deviation, counts. Were
+/// it but a third of what the sensors file says, that would be once in ten thousand times by chance.
+fn frozen_after(noise: f64) -> Option<u32> {
+    (noise >= 0.5).then(|| (100.0 / noise).max(30.0) as u32)
+}
+
 /// A converter's noise with its rounding, counts.
 fn noise_counts(noise: f64) -> f64 {
     (noise * noise + 1.0 / 12.0).sqrt()
@@ -263,7 +270,7 @@ fn resolve(
         offset_sigma: gain.abs() * finite(&format!("{name}.offset_sigma_counts"), zero_sigma)?,
         gain,
         noise_sigma: gain.abs() * noise_counts(noise),
-        noisy: noise >= 0.5,
+        frozen_after: frozen_after(noise),
         counts_max: (full_scale - 1.0) as u16,
         dead,
     })

@@ -236,7 +236,7 @@ fn refuse_unless_hanging(
         .filter_map(|(wheel, loads)| {
             let rest = input.hanging[wheel].deflection.as_ref()?;
             let chain = &resolved.corners[wheel].deflection;
-            (rest.saturated <= SATURATED && !(rest.unmoved && chain.noisy))
+            (rest.saturated <= SATURATED && !(rest.unmoved && chain.frozen_after.is_some()))
                 .then(|| chain.gain * (rest.mean - chain.offset_counts) - loads.compression_m[0])
         })
         .collect();

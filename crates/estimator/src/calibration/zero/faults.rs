@@ -159,7 +159,7 @@ pub(super) fn faults_of(chain: &Channel, said: &Said<'_>, expected: [f64; 2]) ->
             FaultKind::Saturated
         }];
     }
-    if rest.unmoved && chain.noisy {
+    if rest.unmoved && chain.frozen_after.is_some() {
         return vec![FaultKind::Frozen];
     }
     let mut faults = Vec::new();
