@@ -234,7 +234,7 @@ const WILD_S: f64 = 3.0;
 /// When faults begin, s.
 const FAULT_S: f64 = 8.0;
 /// How soon they must be named, s.
-const NAMED_WITHIN_S: f64 = 2.5;
+const NAMED_WITHIN_S: f64 = 1.2;
 
 #[test]
 fn every_subset_gives_forces_and_faults_are_named() {

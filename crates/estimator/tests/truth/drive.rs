@@ -62,17 +62,13 @@ fn of_wheels(state: &TruthState) -> Named {
         let columns = [
             named(["Fx", "Fy", "Fz"], truth.force_n),
             named(links, truth.link_force_n),
-            named(["lbj_x", "lbj_y", "lbj_z"], truth.lower_ball_m),
             named(
-                ["LCA_ball_Fx", "LCA_ball_Fy", "LCA_ball_Fz"],
-                truth.lower_ball_force_n,
-            ),
-            named(
-                ["omega", "spring_len", "mu"],
+                ["omega", "spring_len", "mu", "ball_normal"],
                 [
                     truth.angular_speed_rad_s,
                     truth.strut_length_m,
                     truth.friction,
+                    truth.ball_normal_n,
                 ],
             ),
         ];

@@ -168,8 +168,11 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
 
 /// Force of the upright on the lower arm along the arm's upward normal, N.
 fn ball_normal(run: &Run, vehicle: &Vehicle, wheel: Wheel) -> Vec<f64> {
-    let points = Corner::of(vehicle, wheel).unwrap().points;
     let w = wheel.abbreviation();
+    if let Some(told) = run.columns.get(&format!("{w}_ball_normal")) {
+        return told.clone();
+    }
+    let points = Corner::of(vehicle, wheel).unwrap().points;
     let vector = |name: &str, axis: &str| run.column(&format!("{w}_{name}{axis}"));
     let ball = ["_x", "_y", "_z"].map(|axis| vector("lbj", axis));
     let force = ["x", "y", "z"].map(|axis| vector("LCA_ball_F", axis));
