@@ -37,13 +37,14 @@ const RUNS: [&str; 5] = [
     "h_jack",
 ];
 
-const MANOEUVRES: [Manoeuvre; 7] = [
+const MANOEUVRES: [Manoeuvre; 8] = [
     Manoeuvre::Circle,
     Manoeuvre::SlowSine,
     Manoeuvre::FastSine,
     Manoeuvre::StepSteer,
     Manoeuvre::AsphaltToGravel,
     Manoeuvre::LaunchBrake,
+    Manoeuvre::Hillside,
     Manoeuvre::MixedDriving,
 ];
 

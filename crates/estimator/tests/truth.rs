@@ -80,6 +80,10 @@ const QUICK_MAX: [f64; 3] = [1.05, 1.25, 0.7];
 /// Length of a drive in which whatever adds up has done so, s.
 const LONG_DRIVE_S: f64 = 900.0;
 
+/// Largest errors F_x, F_y, F_z on a slope of 15 %, per cent, and of all angles there, degrees.
+const HILLSIDE_MAX: [f64; 3] = [0.6, 0.5, 0.25];
+const HILLSIDE_MAX_DEG: f64 = 0.15;
+
 /// What a locked rear axle's left wheel pushes more than half in the sharpest turn, N, and the
 /// largest errors F_x, F_y, F_z, per cent (16.9, 6.7 and 1.4 where the shafts are taken for alike).
 const LOCKED_N: f64 = 300.0;
@@ -291,6 +295,36 @@ fn forces_and_deviations_hold_on_a_long_drive() {
     eprintln!("Fx, Fy, Fz {force:.2?} %, NEES {axes:.2?}, {inside:.3} of windows inside");
     assert!(force.iter().all(|error| *error < 0.8), "{force:?}");
     assert!(inside > 0.9, "{inside} of windows inside, NEES {axes:?}");
+    assert!(result.events.is_empty(), "{:?}", result.events);
+}
+
+/// Circles on a slope of 15 %: bank and grade go round with the heading and are told from the body's
+/// own roll and pitch, and no force or event mistakes them for anything else.
+#[test]
+fn a_hillside_is_no_roll_and_no_force() {
+    let vehicle = Vehicle::builtin("prowler").unwrap();
+    let run = drive::virtual_drive(&vehicle, Manoeuvre::Hillside, 0.0);
+    let result = through("thesis-10bit", &vehicle, &run);
+    let force = force_errors(&run, &vehicle, &result);
+    let motion = motion_errors(&run, &result);
+    let [bank, grade] = [0, 1].map(|i| {
+        let truth = run.column(["bank", "grade"][i]);
+        judge::rms(result.estimates.iter().filter_map(|estimate| {
+            let row = judge::row(estimate);
+            let value = [estimate.motion.bank_rad, estimate.motion.grade_rad][i];
+            (row > 600 && row < truth.len()).then(|| (value - truth[row]).to_degrees())
+        }))
+    });
+    eprintln!(
+        "hillside: Fx, Fy, Fz {force:.2?} %; sideslip, roll, pitch {motion:.3?}, bank {bank:.3}, \
+         grade {grade:.3} deg"
+    );
+    for (error, most) in force.iter().zip(HILLSIDE_MAX) {
+        assert!(*error < most, "{force:?}");
+    }
+    for error in motion.into_iter().chain([bank, grade]) {
+        assert!(error < HILLSIDE_MAX_DEG, "{motion:?} {bank} {grade}");
+    }
     assert!(result.events.is_empty(), "{:?}", result.events);
 }
 

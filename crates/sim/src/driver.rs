@@ -8,6 +8,7 @@ use model::suspension::Corner;
 use model::vehicle::{Steering, Vehicle};
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
+use crate::slope::Slope;
 use crate::truth::fill_missing;
 use crate::{SimError, TruthState};
 use car::{Car, Commands};
@@ -41,6 +42,8 @@ pub(crate) struct Plan {
     /// East coordinate from which the surface is another, with its friction and stiffness as
     /// parts of the tyre's.
     pub(crate) surface_line: Option<SurfaceLine>,
+    /// The slope that it is driven on; none for level ground.
+    pub(crate) slope: Option<Slope>,
 }
 
 /// What the driver does with the hand wheel.
@@ -71,8 +74,8 @@ struct Drive<'a> {
     pedal_m_s2: f64,
 }
 
-/// Drives a plan and tells its states, 200 a second, to its end or until the vehicle tips over, and
-/// whether it did.
+/// Drives a plan and tells its states in the ground's axes, 200 a second, to its end or until the
+/// vehicle tips over, and whether it did.
 ///
 /// # Errors
 /// Springs that cannot carry the vehicle.
@@ -97,6 +100,8 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, 
             let state = TruthState {
                 time_s,
                 hand_wheel_rad: drive.hand_wheel_rad,
+                bank_rad: commands.bank_rad,
+                grade_rad: commands.grade_rad,
                 ..drive.car.truth(&commands)
             };
             tips_over = state.roll_rad.abs() > tipping_rad;
@@ -115,6 +120,10 @@ impl Drive<'_> {
     /// What the driver does now.
     fn commands(&mut self, time_s: f64) -> Commands {
         let mut commands = Commands::coasting();
+        if let Some(slope) = &self.plan.slope {
+            let yaw_rad = self.car.place().yaw_rad;
+            [commands.bank_rad, commands.grade_rad] = slope.bank_grade_rad(yaw_rad);
+        }
         self.steer(time_s);
         let struts = self.car.strut_lengths_m();
         commands.steer_rad = self.gear.road_wheels_rad(self.hand_wheel_rad, struts);

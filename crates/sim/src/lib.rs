@@ -28,6 +28,7 @@ mod motion;
 mod options;
 mod random;
 mod serial_line;
+mod slope;
 mod truth;
 mod virtual_vehicle;
 mod workshop;

@@ -358,7 +358,9 @@ impl Linkage {
             .map(|of_angle| corner.rack_m_rad * of_angle);
         let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
         if load_n > OFF_GROUND_N {
-            motion = motion.on_ground(&corner.corner, &pose, normal, STANDARD_GRAVITY_M_S2);
+            let along_normal = state.bank_rad.cos() * state.grade_rad.cos();
+            let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
+            motion = motion.on_ground(&corner.corner, &pose, normal, gravity_m_s2);
         }
         let wrench = corner.wrench(truth, pose.spindle.dot(&normal).asin());
         motion.spin_rad_s = truth.angular_speed_rad_s;

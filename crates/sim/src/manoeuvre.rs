@@ -2,6 +2,7 @@ use model::vehicle::Vehicle;
 
 use crate::driver::{self, Intent, Plan, SurfaceLine};
 use crate::jackstand::{self, smooth};
+use crate::slope::Slope;
 use crate::{Motion, SimError, workshop};
 
 /// A manoeuvre that the model drives.
@@ -33,11 +34,13 @@ pub enum Manoeuvre {
     TurnPlates,
     /// A minute of ordinary driving that ends as it begins, to be [repeated](Motion::repeated).
     MixedDriving,
+    /// Circles of 25 m radius on a slope of 15 %.
+    Hillside,
 }
 
 impl Manoeuvre {
     /// All manoeuvres.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Circle,
         Self::SlowSine,
         Self::FastSine,
@@ -51,6 +54,7 @@ impl Manoeuvre {
         Self::LoadRig,
         Self::TurnPlates,
         Self::MixedDriving,
+        Self::Hillside,
     ];
 
     /// The name on the command line.
@@ -70,6 +74,7 @@ impl Manoeuvre {
             Self::LoadRig => "load-rig",
             Self::TurnPlates => "turn-plates",
             Self::MixedDriving => "mixed-driving",
+            Self::Hillside => "hillside",
         }
     }
 
@@ -92,6 +97,7 @@ impl Manoeuvre {
             Self::LoadRig => "on stands, each wheel pushed by known forces, with marks",
             Self::TurnPlates => "on turn plates, steered from side to side, with marks",
             Self::MixedDriving => "a minute of turns, braking and speeding up, for repetition",
+            Self::Hillside => "circles of 25 m radius on a slope of 15 %",
         }
     }
 
@@ -117,8 +123,9 @@ impl Manoeuvre {
     /// # Errors
     /// A linkage that cannot stand as the model moves it.
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
-        let (states, tips_over) = match (self, self.plan()) {
-            (_, Some(plan)) => driver::drive(vehicle, &plan)?,
+        let plan = self.plan();
+        let (states, tips_over) = match (self, &plan) {
+            (_, Some(plan)) => driver::drive(vehicle, plan)?,
             (Self::Turned, _) => return workshop::turned(vehicle),
             (Self::Weighed, _) => return workshop::weighed(vehicle),
             (Self::LoadRig, _) => return workshop::rigged(vehicle),
@@ -126,8 +133,9 @@ impl Manoeuvre {
             _ => (jackstand::states(vehicle)?, false),
         };
         let states = match self {
-            // The tyres' first deflection would be a jump at the end of each lap.
-            Self::MixedDriving => states
+            // The tyres' first deflection would be a jump at the end of each lap; on the slope the
+            // springs settle first.
+            Self::MixedDriving | Self::Hillside => states
                 .into_iter()
                 .filter(|state| state.time_s >= RUN_IN_S)
                 .collect(),
@@ -135,7 +143,10 @@ impl Manoeuvre {
         };
         let mut motion = Motion::new(self.name(), states)?.with_end(tips_over);
         motion.complete(vehicle)?;
-        Ok(motion)
+        Ok(match plan.and_then(|plan| plan.slope) {
+            Some(slope) => motion.laid_on(&slope),
+            None => motion,
+        })
     }
 
     /// What the driver intends; none where nobody drives.
@@ -146,6 +157,7 @@ impl Manoeuvre {
             speed_m_s,
             steering,
             surface_line: None,
+            slope: None,
         };
         Some(match self {
             Self::Circle => Plan {
@@ -214,6 +226,15 @@ impl Manoeuvre {
                 |t| mixed_speed(t - RUN_IN_S),
                 Intent::HandWheel(|t| mixed_hand_wheel(t - RUN_IN_S)),
             ),
+            Self::Hillside => Plan {
+                slope: Some(Slope::turned(HILLSIDE_RAD[0], HILLSIDE_RAD[1])),
+                ..plan(
+                    RUN_IN_S + 56.0,
+                    7.0,
+                    |_| 7.0,
+                    Intent::Curvature(|t| smooth((t - RUN_IN_S) / 3.0) / HILLSIDE_RADIUS_M),
+                )
+            },
         })
     }
 }
@@ -242,7 +263,11 @@ const FRESH_ASPHALT: SurfaceLine = SurfaceLine {
     stiffness_scale: 2.2,
 };
 
-/// Straight driving before the minute of mixed driving begins.
+/// The hillside's turn about east and north, rad, and its circles' radius.
+const HILLSIDE_RAD: [f64; 2] = [0.12, -0.09];
+const HILLSIDE_RADIUS_M: f64 = 25.0;
+
+/// Straight driving before a manoeuvre begins that must not begin with a jump.
 const RUN_IN_S: f64 = 4.0;
 
 /// Speed of mixed driving: 8 m/s at both ends.

@@ -3,6 +3,7 @@ use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::SimError;
 use crate::linkage::{Linkage, struts_alone};
+use crate::slope::Slope;
 
 /// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +31,10 @@ pub struct TruthState {
     pub acceleration_m_s2: [f64; 3],
     /// Hand-wheel angle, left positive, rad.
     pub hand_wheel_rad: f64,
+    /// Bank of the ground, right side down positive, rad.
+    pub bank_rad: f64,
+    /// Grade of the ground, nose down positive, rad.
+    pub grade_rad: f64,
     /// Each corner.
     pub wheels: PerWheel<WheelTruth>,
 }
@@ -96,14 +101,15 @@ impl Default for TruthState {
             specific_force_m_s2: [0.0, 0.0, sample::STANDARD_GRAVITY_M_S2],
             acceleration_m_s2: [0.0; 3],
             hand_wheel_rad: 0.0,
+            bank_rad: 0.0,
+            grade_rad: 0.0,
             wheels: PerWheel([WheelTruth::default(); 4]),
         }
     }
 }
 
 impl TruthState {
-    /// The motion in the form that the estimator publishes, without standard deviations. Bank and
-    /// grade are zero: truth is driven on level ground.
+    /// The motion in the form that the estimator publishes, without standard deviations.
     #[must_use]
     pub fn motion(&self) -> sample::Motion {
         let [velocity_x_m_s, velocity_y_m_s, _] = self.velocity_body_m_s;
@@ -123,8 +129,8 @@ impl TruthState {
             acceleration_m_s2: self.acceleration_m_s2,
             steer_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].steer_rad),
             slip_angle_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].slip_angle_rad),
-            bank_rad: 0.0,
-            grade_rad: 0.0,
+            bank_rad: self.bank_rad,
+            grade_rad: self.grade_rad,
         }
     }
 
@@ -186,6 +192,8 @@ impl TruthState {
             specific_force_m_s2: mix(&a.specific_force_m_s2, &b.specific_force_m_s2, weight),
             acceleration_m_s2: mix(&a.acceleration_m_s2, &b.acceleration_m_s2, weight),
             hand_wheel_rad: l(a.hand_wheel_rad, b.hand_wheel_rad),
+            bank_rad: l(a.bank_rad, b.bank_rad),
+            grade_rad: l(a.grade_rad, b.grade_rad),
             wheels: PerWheel::from_fn(|wheel| {
                 WheelTruth::between(&a.wheels[wheel], &b.wheels[wheel], weight)
             }),
@@ -295,6 +303,16 @@ impl Motion {
                 this
             })
             .collect();
+        self
+    }
+
+    /// The same motion on a slope, where it was one in the slope's own axes.
+    pub(crate) fn laid_on(mut self, slope: &Slope) -> Self {
+        for state in &mut self.states {
+            slope.lay(state);
+        }
+        let [east_m, north_m, _] = self.states[0].position_m;
+        self.lap_starts_m = vec![[east_m, north_m]];
         self
     }
 

@@ -3,11 +3,11 @@
 //! what a person would read off; each stands at the beginning of at least two seconds of rest.
 
 use model::vehicle::Vehicle;
-use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use crate::jackstand::smooth;
 use crate::linkage::Linkage;
+use crate::slope::Slope;
 use crate::truth::fill_missing;
 use crate::{Motion, SimError, TruthState, WheelTruth};
 
@@ -53,23 +53,18 @@ pub(crate) fn turned(vehicle: &Vehicle) -> Result<Motion, SimError> {
         ..level(vehicle)
     });
     complete(vehicle, &mut states)?;
-    let (tilt, gravity) = (
-        Rotation3::new(Vector3::new(FLOOR_RAD[0], FLOOR_RAD[1], 0.0)),
-        Vector3::new(0.0, 0.0, STANDARD_GRAVITY_M_S2),
-    );
+    let floor = Slope::turned(FLOOR_RAD[0], FLOOR_RAD[1]);
     for state in &mut states {
         let [part, slower] = [0.0, 1e-3]
             .map(|ahead| smooth((state.time_s + ahead - rest_s) / turn_s) * std::f64::consts::PI);
         let rate = (slower - part) / 1e-3;
-        let settled = Rotation3::from_euler_angles(state.roll_rad, state.pitch_rad, 0.0);
-        let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), part);
-        let earth: Matrix3<f64> = (tilt * turned * settled).into_inner();
-        state.pitch_rad = -earth[(2, 0)].asin();
-        state.roll_rad = earth[(2, 1)].atan2(earth[(2, 2)]);
-        state.yaw_rad = earth[(1, 0)].atan2(earth[(0, 0)]);
-        state.rate_rad_s = (settled.inverse() * Vector3::new(0.0, 0.0, rate)).into();
+        state.rate_rad_s = state.earth_from_body()[2].map(|up| rate * up);
         state.rate_derivative_rad_s2 = [f64::NAN; 3];
-        state.specific_force_m_s2 = (earth.transpose() * gravity).into();
+        state.yaw_rad = part;
+        floor.lay(state);
+        let up = state.earth_from_body()[2];
+        state.specific_force_m_s2 = up.map(|part| STANDARD_GRAVITY_M_S2 * part);
+        state.acceleration_m_s2 = [0.0; 3];
     }
     fill_missing(&mut states);
     Motion::new("turned", states)

@@ -41,6 +41,7 @@ fn of_body(state: &TruthState) -> Named {
             ["roll", "pitch", "yaw"],
             [state.roll_rad, state.pitch_rad, state.yaw_rad],
         ),
+        named(["bank", "grade"], [state.bank_rad, state.grade_rad]),
         named(
             ["beta", "handwheel"],
             [motion.sideslip_rad, state.hand_wheel_rad],

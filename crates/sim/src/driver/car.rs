@@ -16,6 +16,10 @@ pub(super) struct Commands {
     pub(super) drive_n_m: [f64; 4],
     /// Brake torque of each wheel, N m.
     pub(super) brake_n_m: [f64; 4],
+    /// Bank of the ground below the car, rad: right side down positive.
+    pub(super) bank_rad: f64,
+    /// Grade of the ground, rad: nose down positive.
+    pub(super) grade_rad: f64,
     /// Factor on each tyre's friction.
     pub(super) friction_scale: [f64; 4],
     /// Factor on each tyre's slip stiffnesses.
@@ -23,12 +27,14 @@ pub(super) struct Commands {
 }
 
 impl Commands {
-    /// Straight ahead without torque, on the file's ground.
+    /// Straight ahead without torque, on the file's ground, level.
     pub(super) const fn coasting() -> Self {
         Self {
             steer_rad: [0.0; 4],
             drive_n_m: [0.0; 4],
             brake_n_m: [0.0; 4],
+            bank_rad: 0.0,
+            grade_rad: 0.0,
             friction_scale: [1.0; 4],
             stiffness_scale: [1.0; 4],
         }

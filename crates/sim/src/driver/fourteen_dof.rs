@@ -34,6 +34,8 @@ fn inputs(commands: &Commands) -> Inputs<f64> {
         steer_rad: commands.steer_rad,
         drive_n_m: commands.drive_n_m,
         brake_n_m: commands.brake_n_m,
+        bank_rad: commands.bank_rad,
+        grade_rad: commands.grade_rad,
         friction_scale: commands.friction_scale,
         stiffness_scale: commands.stiffness_scale,
         ..Inputs::coasting()

@@ -265,6 +265,51 @@ fn vehicles_without_hard_points_drive_too() {
     }
 }
 
+/// On a slope of 15 % the tyres carry what gravity and the path call for, along all axes of the
+/// ground, and bank and grade go round with the heading.
+#[test]
+fn a_hillside_is_circled_by_newtons_laws() {
+    let motion = drive(Manoeuvre::Hillside);
+    let mut seen = [[0.0_f64; 2]; 2];
+    for time_s in (1..28).map(|k| 2.0 * f64::from(k)) {
+        let state = motion.at(time_s);
+        let level = TruthState {
+            roll_rad: state.roll_rad - state.bank_rad,
+            pitch_rad: state.pitch_rad - state.grade_rad,
+            yaw_rad: 0.0,
+            ..state
+        };
+        let mass_kg = vehicle().body.mass_kg;
+        let felt = level.earth_from_body().map(|row| {
+            let along: f64 = (row.iter().zip(state.specific_force_m_s2))
+                .map(|(r, f)| r * f)
+                .sum();
+            mass_kg * along
+        });
+        let mut pushed = [0.0; 3];
+        for wheel in &state.wheels.0 {
+            let (sin, cos) = wheel.steer_rad.sin_cos();
+            let [x, y, z] = wheel.force_n;
+            pushed[0] += x * cos - y * sin;
+            pushed[1] += x * sin + y * cos;
+            pushed[2] += z;
+        }
+        for axis in 0..3 {
+            let error = pushed[axis] - felt[axis];
+            assert!(
+                error.abs() < 2.0 * NEWTON_TOLERANCE_N,
+                "{time_s} s, axis {axis}: {error} N"
+            );
+        }
+        for (seen, now) in seen.iter_mut().zip([state.bank_rad, state.grade_rad]) {
+            *seen = [seen[0].min(now), seen[1].max(now)];
+        }
+    }
+    for [least, most] in seen {
+        assert!((least + 0.15).abs() < 0.01 && (most - 0.15).abs() < 0.01);
+    }
+}
+
 #[test]
 fn mixed_driving_ends_as_it_begins() {
     let motion = drive(Manoeuvre::MixedDriving);
