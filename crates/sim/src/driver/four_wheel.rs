@@ -29,7 +29,6 @@ fn inputs(commands: &Commands) -> Inputs<f64> {
         grade_rad: commands.grade_rad,
         friction_scale: commands.friction_scale,
         stiffness_scale: commands.stiffness_scale,
-        ..Inputs::coasting()
     }
 }
 
