@@ -309,8 +309,8 @@ fn a_hillside_is_no_roll_and_no_force() {
     let motion = motion_errors(&run, &result);
     let [bank, grade] = [0, 1].map(|i| {
         let truth = run.column(["bank", "grade"][i]);
-        judge::rms(result.estimates.iter().filter_map(|estimate| {
-            let row = judge::row(estimate);
+        rms(result.estimates.iter().filter_map(|estimate| {
+            let row = row(estimate);
             let value = [estimate.motion.bank_rad, estimate.motion.grade_rad][i];
             (row > 600 && row < truth.len()).then(|| (value - truth[row]).to_degrees())
         }))
