@@ -300,10 +300,14 @@ impl Estimator {
         if self.planar.is_some() && planar.is_none() && !navigated {
             motion = Motion::UNKNOWN;
         }
-        let [push, _, _] = motion.acceleration_m_s2;
+        if let Some(corners) = &self.corners {
+            let (roll, pitch) = kinematics::ground_angles(corners.normal());
+            motion.bank_rad = motion.roll_rad - roll;
+            motion.grade_rad = motion.pitch_rad - pitch;
+        }
         let expected = self
             .expected
-            .step(GRID_S, state.velocity_m_s.x, push, steer);
+            .step(GRID_S, state.velocity_m_s.x, &motion, steer);
         self.measured = self.measure(time, &state, &expected, out);
         self.watch_wheels(time, &state, settled, out);
         let moving = state.velocity_m_s.x.hypot(state.velocity_m_s.y) > MOVING_M_S;
@@ -342,11 +346,6 @@ impl Estimator {
             };
             self.grip
                 .step(&input, &mut |event| out(Output::Event(event)));
-        }
-        if let Some(corners) = &self.corners {
-            let (roll, pitch) = kinematics::ground_angles(corners.normal());
-            motion.bank_rad = motion.roll_rad - roll;
-            motion.grade_rad = motion.pitch_rad - pitch;
         }
         let estimate = Estimate {
             time,

@@ -1,11 +1,11 @@
 //! Tyre forces that the four-wheel model expects from steer and motion alone (section 2.1.2 of
-//! the thesis): the model is driven with the measured steer angles and speed; sideslip, yaw rate,
-//! roll, pitch and forces are its own.
+//! the thesis): the model is driven with the measured steer angles and speed on ground of the bank
+//! and grade that were found; sideslip, yaw rate, roll, pitch and forces are its own.
 
 use model::chassis::four_wheel::{self, Inputs, Parameters, State};
 use model::simulation::Model;
 use model::vehicle::Vehicle;
-use sample::{ForceSource, PerWheel, TyreForce};
+use sample::{ForceSource, Motion, PerWheel, TyreForce};
 
 /// Speed below which the model is held at rest, m/s: slip means little there.
 const REST_M_S: f64 = 1.0;
@@ -50,25 +50,31 @@ impl ExpectedForces {
         self.state.lateral_m_s
     }
 
-    /// Carries the model on by `dt` with the measured speed, steer angles and longitudinal
-    /// acceleration (the force that drives or brakes, per unit of mass).
+    /// Carries the model on by `dt` with the measured speed and steer angles, and of the motion its
+    /// longitudinal acceleration, bank and grade, which together tell what drives or brakes.
     pub fn step(
         &mut self,
         dt: f64,
         speed_m_s: f64,
-        acceleration_m_s2: f64,
+        motion: &Motion,
         steer_rad: [f64; 4],
     ) -> PerWheel<TyreForce> {
         let mut inputs = Inputs::coasting();
+        let (bank_rad, grade_rad) = (motion.bank_rad, motion.grade_rad);
+        let felt_m_s2 =
+            motion.acceleration_m_s2[0] - self.parameters.gravity_m_s2 * grade_rad.sin();
         let known = speed_m_s.is_finite()
-            && acceleration_m_s2.is_finite()
+            && felt_m_s2.is_finite()
+            && bank_rad.is_finite()
             && steer_rad.iter().all(|angle| angle.is_finite());
         if !known || speed_m_s.abs() < REST_M_S {
             self.state = State::at_rest();
             return self.forces(&inputs);
         }
         inputs.steer_rad = steer_rad.map(|angle| angle.clamp(-1.0, 1.0));
-        let push = self.parameters.mass_kg * acceleration_m_s2.clamp(-15.0, 15.0);
+        (inputs.bank_rad, inputs.grade_rad) =
+            (bank_rad.clamp(-1.0, 1.0), grade_rad.clamp(-1.0, 1.0));
+        let push = self.parameters.mass_kg * felt_m_s2.clamp(-15.0, 15.0);
         let front = if push > 0.0 {
             self.drive_split_front
         } else {

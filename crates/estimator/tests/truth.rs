@@ -83,6 +83,9 @@ const LONG_DRIVE_S: f64 = 900.0;
 /// Largest errors F_x, F_y, F_z on a slope of 15 %, per cent, and of all angles there, degrees.
 const HILLSIDE_MAX: [f64; 3] = [0.6, 0.5, 0.25];
 const HILLSIDE_MAX_DEG: f64 = 0.15;
+/// The same of the forces that the vehicle model expects: 18, 8 and 14 if it takes the ground for
+/// level.
+const HILLSIDE_MODEL_MAX: f64 = 9.0;
 
 /// What a locked rear axle's left wheel pushes more than half in the sharpest turn, N, and the
 /// largest errors F_x, F_y, F_z, per cent (16.9, 6.7 and 1.4 where the shafts are taken for alike).
@@ -306,6 +309,7 @@ fn a_hillside_is_no_roll_and_no_force() {
     let run = drive::virtual_drive(&vehicle, Manoeuvre::Hillside, 0.0);
     let result = through("thesis-10bit", &vehicle, &run);
     let force = force_errors(&run, &vehicle, &result);
+    let model = force_errors(&run, &vehicle, &alone::model(&result));
     let motion = motion_errors(&run, &result);
     let [bank, grade] = [0, 1].map(|i| {
         let truth = run.column(["bank", "grade"][i]);
@@ -316,12 +320,16 @@ fn a_hillside_is_no_roll_and_no_force() {
         }))
     });
     eprintln!(
-        "hillside: Fx, Fy, Fz {force:.2?} %; sideslip, roll, pitch {motion:.3?}, bank {bank:.3}, \
+        "hillside: Fx, Fy, Fz {force:.2?} %, by the model {model:.1?} %; sideslip, roll, pitch {motion:.3?}, bank {bank:.3}, \
          grade {grade:.3} deg"
     );
     for (error, most) in force.iter().zip(HILLSIDE_MAX) {
         assert!(*error < most, "{force:?}");
     }
+    assert!(
+        model.iter().all(|error| *error < HILLSIDE_MODEL_MAX),
+        "{model:?}"
+    );
     for error in motion.into_iter().chain([bank, grade]) {
         assert!(error < HILLSIDE_MAX_DEG, "{motion:?} {bank} {grade}");
     }
