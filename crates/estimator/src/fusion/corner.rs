@@ -264,7 +264,7 @@ impl Fusion {
 
 /// The members' forces of one corner, A (F - age F') + B (M, with rolling resistance and half-shaft
 /// torque) + offset, with A, B and offset of the linkage as it stood `age` ago: a strut that moves
-/// at 0.1 m/s turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N of a ton's quarter.
+/// at 0.1 m/s turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N of a wheel's static load.
 struct Members<'a> {
     wheel: usize,
     /// The linkage's map now and a step before.
