@@ -104,6 +104,10 @@ impl Vehicle {
     }
 }
 
+/// How far the sprung part's centre of gravity may lie from where the whole vehicle's has it, m: what
+/// a workshop may be wrong by, many times over.
+const SPRUNG_CG_M: f64 = 0.05;
+
 type Contradiction = (String, String, String, String);
 
 fn contradictions(vehicle: &Vehicle) -> Vec<Contradiction> {
@@ -147,6 +151,19 @@ fn contradictions(vehicle: &Vehicle) -> Vec<Contradiction> {
                     -rest
                 ),
                 "make body.mass_kg = sprung + unsprung".into(),
+            ));
+        }
+        let [x, _, z] = vehicle.whole_less_unsprung().cg_m;
+        let [own_x, _, own_z] = sprung.cg_m;
+        if (own_x - x).abs().max((own_z - z).abs()) > SPRUNG_CG_M {
+            found.push((
+                "body.sprung.cg_m".into(),
+                format!("{:?}", sprung.cg_m),
+                format!(
+                    "does not fit the whole vehicle's centre of gravity, which less the unsprung \
+                     masses puts it at [{x:.3}, 0, {z:.3}]"
+                ),
+                "give it from the ground below the whole vehicle's centre of gravity".into(),
             ));
         }
     }
@@ -270,7 +287,11 @@ mod tests {
 
     fn errors(change: impl Fn(&str) -> String) -> VehicleErrors {
         let text = change(Vehicle::builtin_text("prowler").unwrap());
-        Vehicle::from_toml(&text, "bad.toml").unwrap_err()
+        errors_of(&text).unwrap_err()
+    }
+
+    fn errors_of(text: &str) -> Result<Vehicle, VehicleErrors> {
+        Vehicle::from_toml(text, "bad.toml")
     }
 
     fn fields(errors: &VehicleErrors) -> Vec<&str> {
@@ -333,6 +354,22 @@ mod tests {
             ]
         );
         assert!(errors.problems.iter().all(|problem| problem.line.is_some()));
+    }
+
+    #[test]
+    fn a_sprung_part_must_fit_the_whole() {
+        let sprung = |x: f64| {
+            errors_of(&Vehicle::builtin_text("prowler").unwrap().replace(
+                "[front]",
+                &format!(
+                    "[body.sprung]\nmass_kg = 540.0\ncg_m = [{x}, 0.0, 0.63]\n\
+                     inertia_kg_m2 = [174.0, 377.0, 369.0]\n\n[front]"
+                ),
+            ))
+        };
+        assert!(sprung(-0.02).is_ok());
+        let errors = sprung(-0.9).unwrap_err();
+        assert_eq!(fields(&errors), ["body.sprung.cg_m"]);
     }
 
     #[test]

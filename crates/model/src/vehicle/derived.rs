@@ -58,9 +58,14 @@ impl Vehicle {
     /// are taken at the wheel centres. Without unsprung masses, the whole mass is sprung.
     #[must_use]
     pub fn sprung(&self) -> Sprung {
-        if let Some(sprung) = &self.body.sprung {
-            return sprung.clone();
+        match &self.body.sprung {
+            Some(sprung) => sprung.clone(),
+            None => self.whole_less_unsprung(),
         }
+    }
+
+    /// The whole vehicle less the unsprung masses at the wheel centres.
+    pub(super) fn whole_less_unsprung(&self) -> Sprung {
         let body = &self.body;
         let corners = [
             (body.front_axle_to_cg_m, &self.front),
