@@ -1,6 +1,7 @@
 //! The four linkages as they stand at this instant: where spring deflection, rack and body motion
 //! put them, and the linear map between member forces and tyre forces that follows.
 
+mod hand_wheel;
 mod length;
 
 use model::suspension::{
@@ -16,6 +17,7 @@ use crate::fusion::StrutBelief;
 use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
 
+use hand_wheel::{ANGLE_KEEP, HandWheel, RATE_KEEP};
 use length::LengthFilter;
 
 /// Load under which a wheel's contact point says nothing about the ground, N.
@@ -75,50 +77,6 @@ struct Linkage {
     stands_at_m: f64,
     pose: CornerPose,
     fallback_load_n: f64,
-}
-
-/// What of the hand wheel a memory that fades keeps from step to step: for its angle, which the
-/// driver's quickest steering must pass as it is, and for its rate and acceleration.
-const ANGLE_KEEP: f64 = 0.7;
-const RATE_KEEP: f64 = 0.85;
-
-/// Fastest rack and its greatest acceleration that count, m/s and m/s^2: an encoder may jump.
-const RACK_MAX_M_S: f64 = 0.2;
-const RACK_MAX_M_S2: f64 = 2.0;
-
-/// The hand wheel by a parabola of least squares with a fading memory, which neither a steady turn
-/// nor one that begins evenly leaves behind. The encoder's noise differentiated would turn the
-/// spinning front wheels about at 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at
-/// 15 m/s; a straight line's rate would lag by 0.12 s.
-#[derive(Clone, Copy, Debug, Default)]
-struct HandWheel {
-    angle_rad: f64,
-    rate_rad_s: f64,
-    rate_dot_rad_s2: f64,
-    known: bool,
-}
-
-impl HandWheel {
-    fn follow(&mut self, reading_rad: f64, keep: f64, dt: f64) {
-        if !self.known {
-            (self.angle_rad, self.known) = (reading_rad, true);
-        }
-        let lost = 1.0 - keep;
-        self.angle_rad += (self.rate_rad_s + 0.5 * self.rate_dot_rad_s2 * dt) * dt;
-        self.rate_rad_s += self.rate_dot_rad_s2 * dt;
-        let error = reading_rad - self.angle_rad;
-        self.angle_rad += (1.0 - keep.powi(3)) * error;
-        self.rate_rad_s += 1.5 * lost * lost * (1.0 + keep) * error / dt;
-        self.rate_dot_rad_s2 += lost.powi(3) * error / (dt * dt);
-    }
-
-    /// Rate and acceleration of a rack that moves so far for a radian, m/s and m/s^2.
-    fn motion(&self, rack_m_rad: f64) -> [f64; 2] {
-        [
-            (self.rate_rad_s * rack_m_rad).clamp(-RACK_MAX_M_S, RACK_MAX_M_S),
-            (self.rate_dot_rad_s2 * rack_m_rad).clamp(-RACK_MAX_M_S2, RACK_MAX_M_S2),
-        ]
-    }
 }
 
 /// What the filters have told so far.
@@ -322,9 +280,9 @@ impl Corners {
             let pose = &linkage.pose;
             let along = along_heading(pose.wheel_centre_m, pose.spindle, gained, yaw_dot);
             let rolling = [spin, along / radius, gravity];
+            self.before[i] = self.states[i].statics;
             // A linkage whose map is singular keeps the last one.
             if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
-                self.before[i] = self.states[i].statics;
                 self.states[i] = state;
             }
         }
@@ -694,22 +652,6 @@ mod tests {
         let [_, across] = plane([0.0, 0.14, 0.0, 0.14]);
         let lower_m = 0.32 * (1.0 - 0.14_f64.cos());
         assert!((across + lower_m).abs() < 1e-12, "{across}");
-    }
-
-    #[test]
-    fn a_hand_wheel_that_turns_ever_faster_is_not_left_behind() {
-        let mut wheel = HandWheel::default();
-        let (dt, rate_dot) = (0.01, 3.0);
-        for k in 0..=100 {
-            let time_s = dt * f64::from(k);
-            wheel.follow(0.5 * rate_dot * time_s * time_s, RATE_KEEP, dt);
-        }
-        let [rate, acceleration] = wheel.motion(0.01);
-        assert!((rate - 0.01 * rate_dot).abs() < 1e-6, "{rate}");
-        assert!(
-            (acceleration - 0.01 * rate_dot).abs() < 1e-4,
-            "{acceleration}"
-        );
     }
 
     #[test]

@@ -80,8 +80,13 @@ const QUICK_MAX: [f64; 3] = [1.05, 1.25, 0.7];
 /// Length of a drive in which whatever adds up has done so, s.
 const LONG_DRIVE_S: f64 = 900.0;
 
-/// Largest errors F_x, F_y, F_z on a slope of 15 %, per cent, and of all angles there, degrees.
-const HILLSIDE_MAX: [f64; 3] = [0.6, 0.5, 0.25];
+/// Largest errors F_x, F_y, F_z on a slope of 15 %, per cent, with 10-bit and with bending bridges (a
+/// linkage for which gravity is not along the slope's normal is 0.18 % off), and of all angles there,
+/// degrees.
+const HILLSIDE_MAX: [(&str, [f64; 3]); 2] = [
+    ("thesis-10bit", [0.6, 0.5, 0.25]),
+    ("full-bridge-16bit-bending", [0.15, 0.15, 0.05]),
+];
 const HILLSIDE_MAX_DEG: f64 = 0.15;
 /// The same of the forces that the vehicle model expects: 18, 8 and 14 if it takes the ground for
 /// level.
@@ -307,33 +312,35 @@ fn forces_and_deviations_hold_on_a_long_drive() {
 fn a_hillside_is_no_roll_and_no_force() {
     let vehicle = Vehicle::builtin("prowler").unwrap();
     let run = drive::virtual_drive(&vehicle, Manoeuvre::Hillside, 0.0);
-    let result = through("thesis-10bit", &vehicle, &run);
-    let force = force_errors(&run, &vehicle, &result);
-    let model = force_errors(&run, &vehicle, &alone::model(&result));
-    let motion = motion_errors(&run, &result);
-    let [bank, grade] = [0, 1].map(|i| {
-        let truth = run.column(["bank", "grade"][i]);
-        rms(result.estimates.iter().filter_map(|estimate| {
-            let row = row(estimate);
-            let value = [estimate.motion.bank_rad, estimate.motion.grade_rad][i];
-            (row > 600 && row < truth.len()).then(|| (value - truth[row]).to_degrees())
-        }))
-    });
-    eprintln!(
-        "hillside: Fx, Fy, Fz {force:.2?} %, by the model {model:.1?} %; sideslip, roll, pitch {motion:.3?}, bank {bank:.3}, \
-         grade {grade:.3} deg"
-    );
-    for (error, most) in force.iter().zip(HILLSIDE_MAX) {
-        assert!(*error < most, "{force:?}");
+    for (file, force_max) in HILLSIDE_MAX {
+        let result = through(file, &vehicle, &run);
+        let force = force_errors(&run, &vehicle, &result);
+        let model = force_errors(&run, &vehicle, &alone::model(&result));
+        let motion = motion_errors(&run, &result);
+        let [bank, grade] = [0, 1].map(|i| {
+            let truth = run.column(["bank", "grade"][i]);
+            rms(result.estimates.iter().filter_map(|estimate| {
+                let row = row(estimate);
+                let value = [estimate.motion.bank_rad, estimate.motion.grade_rad][i];
+                (row > 600 && row < truth.len()).then(|| (value - truth[row]).to_degrees())
+            }))
+        });
+        eprintln!(
+            "hillside, {file}: Fx, Fy, Fz {force:.2?} %, by the model {model:.1?} %; sideslip, \
+             roll, pitch {motion:.3?}, bank {bank:.3}, grade {grade:.3} deg"
+        );
+        for (error, most) in force.iter().zip(force_max) {
+            assert!(*error < most, "{file} {force:?}");
+        }
+        assert!(
+            model.iter().all(|error| *error < HILLSIDE_MODEL_MAX),
+            "{file} {model:?}"
+        );
+        for error in motion.into_iter().chain([bank, grade]) {
+            assert!(error < HILLSIDE_MAX_DEG, "{file} {motion:?} {bank} {grade}");
+        }
+        assert!(result.events.is_empty(), "{file} {:?}", result.events);
     }
-    assert!(
-        model.iter().all(|error| *error < HILLSIDE_MODEL_MAX),
-        "{model:?}"
-    );
-    for error in motion.into_iter().chain([bank, grade]) {
-        assert!(error < HILLSIDE_MAX_DEG, "{motion:?} {bank} {grade}");
-    }
-    assert!(result.events.is_empty(), "{:?}", result.events);
 }
 
 /// Of a tall vehicle on the circle first one wheel of the inner side leaves the ground, then both,

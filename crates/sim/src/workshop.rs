@@ -63,7 +63,7 @@ pub(crate) fn turned(vehicle: &Vehicle) -> Result<Motion, SimError> {
         state.yaw_rad = part;
         floor.lay(state);
         let up = state.earth_from_body()[2];
-        state.specific_force_m_s2 = up.map(|part| STANDARD_GRAVITY_M_S2 * part);
+        state.specific_force_m_s2 = up.map(|up| STANDARD_GRAVITY_M_S2 * up);
         state.acceleration_m_s2 = [0.0; 3];
     }
     fill_missing(&mut states);

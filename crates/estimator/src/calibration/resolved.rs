@@ -176,7 +176,7 @@ fn full_scale(adc_bits: u8) -> f64 {
 }
 
 /// How often in a row a count may come again where noise has this standard deviation, counts. Were
-/// it but a third of what the sensors file says, that would be once in ten thousand times by chance.
+/// it but half of what the sensors file says, that would be once in ten thousand times by chance.
 fn frozen_after(noise: f64) -> Option<u32> {
     (noise >= 0.5).then(|| (100.0 / noise).max(30.0) as u32)
 }
