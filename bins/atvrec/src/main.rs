@@ -9,8 +9,6 @@ mod cmd;
 mod config;
 mod control;
 mod devices;
-#[expect(unsafe_code, reason = "names that the linker looks for")]
-mod elementary;
 mod engine;
 mod exit;
 mod messages;

@@ -383,12 +383,8 @@ fn leaning_slopes(
     radius_m: &PerWheel<f64>,
 ) -> [f64; 2] {
     let unknown_m: [f64; 4] = std::array::from_fn(|i| {
-        let lean = poses.0[i]
-            .spindle
-            .dot(&plane.normal)
-            .clamp(-1.0, 1.0)
-            .asin();
-        radius_m.0[i] * (1.0 - lean.cos())
+        let lean = math::asin(poses.0[i].spindle.dot(&plane.normal).clamp(-1.0, 1.0));
+        radius_m.0[i] * (1.0 - math::cos(lean))
     });
     [0, 1].map(|axis| {
         let heights = plane.slopes_per_height.iter().zip(unknown_m);
@@ -606,14 +602,14 @@ mod tests {
             ..TyreForce::default()
         };
         let doubted = corners.doubt_frames(&PerWheel([force; 4]), 2e-3);
-        let near = |sigma: f64, error: f64| (sigma - 1.0_f64.hypot(error)).abs() < 0.01;
+        let near = |sigma: f64, error: f64| (sigma - math::hypot(1.0_f64, error)).abs() < 0.01;
         let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| doubted[wheel].sigma_n);
         assert!(
             near(front[0], 2e-3 * 500.0) && near(rear[0], 0.0),
             "{front:?} {rear:?}"
         );
         assert!(
-            near(front[1], 3.0_f64.hypot(0.2)) && near(rear[1], 3.0),
+            near(front[1], math::hypot(3.0_f64, 0.2)) && near(rear[1], 3.0),
             "{front:?} {rear:?}"
         );
         assert!(near(rear[2], 0.5), "{rear:?}");
@@ -635,7 +631,7 @@ mod tests {
         let plane = |leans: [f64; 4]| {
             let mut poses = poses;
             for (pose, lean) in poses.0.iter_mut().zip(leans) {
-                pose.spindle = Vector3::new(0.0, lean.cos(), lean.sin());
+                pose.spindle = Vector3::new(0.0, math::cos(lean), math::sin(lean));
             }
             let plane = GroundPlane {
                 normal: Vector3::z(),
@@ -650,7 +646,7 @@ mod tests {
             "{along} {across}"
         );
         let [_, across] = plane([0.0, 0.14, 0.0, 0.14]);
-        let lower_m = 0.32 * (1.0 - 0.14_f64.cos());
+        let lower_m = 0.32 * (1.0 - math::cos(0.14_f64));
         assert!((across + lower_m).abs() < 1e-12, "{across}");
     }
 
@@ -662,7 +658,7 @@ mod tests {
         let straight = along_heading(at, Vector3::y(), gained, 2.0);
         assert!((straight - 0.0).abs() < 1e-12);
         // Steered left by delta: forward is (cos, sin), the spindle (-sin, cos).
-        let (sin, cos) = 0.3_f64.sin_cos();
+        let (sin, cos) = math::sin_cos(0.3_f64);
         let steered = along_heading(at, Vector3::new(-sin, cos, 0.0), gained, 2.0);
         assert!((steered - (3.0 + 1.6) * sin).abs() < 1e-12);
     }

@@ -310,7 +310,7 @@ impl Estimator {
             .step(GRID_S, state.velocity_m_s.x, &motion, steer);
         self.measured = self.measure(time, &state, &expected, out);
         self.watch_wheels(time, &state, settled, out);
-        let moving = state.velocity_m_s.x.hypot(state.velocity_m_s.y) > MOVING_M_S;
+        let moving = math::hypot(state.velocity_m_s.x, state.velocity_m_s.y) > MOVING_M_S;
         let rollover = self
             .lift
             .step(time, GRID_S, moving, &self.measured, &mut |event| {

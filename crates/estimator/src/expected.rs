@@ -62,7 +62,7 @@ impl ExpectedForces {
         let mut inputs = Inputs::coasting();
         let (bank_rad, grade_rad) = (motion.bank_rad, motion.grade_rad);
         let felt_m_s2 =
-            motion.acceleration_m_s2[0] - self.parameters.gravity_m_s2 * grade_rad.sin();
+            motion.acceleration_m_s2[0] - self.parameters.gravity_m_s2 * math::sin(grade_rad);
         let known = speed_m_s.is_finite()
             && felt_m_s2.is_finite()
             && bank_rad.is_finite()
@@ -109,7 +109,7 @@ impl ExpectedForces {
     fn along_m_s(&self, i: usize, steer_rad: f64) -> f64 {
         let [x, y] = self.parameters.wheel_position_m(i);
         let state = &self.state;
-        let (sin, cos) = steer_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(steer_rad);
         (state.longitudinal_m_s - state.yaw_rate_rad_s * y) * cos
             + (state.lateral_m_s + state.yaw_rate_rad_s * x) * sin
     }

@@ -183,7 +183,7 @@ impl Grip {
     pub fn axle(&self, axle: usize, now: LogTime) -> AxleGrip {
         let a = &self.axles[axle];
         let [stiffness_sigma, friction_sigma] = [0, 1].map(|i| a.covariance[(i, i)].sqrt());
-        let (stiffness_factor, friction) = (a.state[0].exp(), a.friction());
+        let (stiffness_factor, friction) = (math::exp(a.state[0]), a.friction());
         let friction_min = a.used.largest(now);
         let utilisation = friction_min / friction;
         let seen = utilisation >= UTILISATION_MIN && friction_sigma < FRICTION_SIGMA_MAX;
@@ -224,7 +224,7 @@ impl Grip {
         known.then(|| {
             let angle = linear_part(used, a.state[3]) * a.friction() * load / stiffness;
             let doubt = a.covariance[(0, 0)].sqrt() + 0.1 + 0.5 * used;
-            (-angle.atan() * lateral.signum(), 0.006 + doubt * angle)
+            (-math::atan(angle) * lateral.signum(), 0.006 + doubt * angle)
         })
     }
 
@@ -245,7 +245,7 @@ impl Grip {
                 continue;
             }
             let rolled_m = input.speed_m_s * input.dt;
-            let slip = axle.relaxed(pair.map(|(_, slip)| slip.tan()), rolled_m);
+            let slip = axle.relaxed(pair.map(|(_, slip)| math::tan(slip)), rolled_m);
             axle.block.add(pair.map(|(force, _)| force), slip);
             if axle.block.steps < BLOCK_STEPS {
                 continue;
@@ -370,19 +370,19 @@ impl AxleTyres {
     }
 
     fn stiffness_at(&self, load_n: f64) -> f64 {
-        self.file_stiffness(load_n) * self.state[0].exp()
+        self.file_stiffness(load_n) * math::exp(self.state[0])
     }
 
     fn file_stiffness(&self, load_n: f64) -> f64 {
-        self.stiffness_n_rad * (load_n.max(0.0) / self.reference_n).powf(self.exponent)
+        self.stiffness_n_rad * math::powf(load_n.max(0.0) / self.reference_n, self.exponent)
     }
 
     fn friction(&self) -> f64 {
-        self.friction * self.state[1].exp()
+        self.friction * math::exp(self.state[1])
     }
 
     fn lateral_n(&self, block: &Block, state: &Vector4<f64>) -> f64 {
-        let [stiffness, friction] = [state[0].exp(), self.friction * state[1].exp()];
+        let [stiffness, friction] = [math::exp(state[0]), self.friction * math::exp(state[1])];
         let wheels = block.load_n.iter().zip(block.slip);
         wheels
             .map(|(load, slip)| {
@@ -485,7 +485,7 @@ impl ChangeRun {
         Some(Change {
             ratio,
             values: self.values,
-            probability: 1.0 / (1.0 + (-odds).exp()),
+            probability: 1.0 / (1.0 + math::exp(-odds)),
         })
     }
 }

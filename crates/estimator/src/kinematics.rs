@@ -38,8 +38,8 @@ pub fn slip_angles_on(corners: &Corners, state: &MotionState) -> PerWheel<f64> {
 }
 
 fn direction(along_m_s: f64, across_m_s: f64) -> Option<f64> {
-    let moves = along_m_s.hypot(across_m_s) >= SLIP_SPEED_MIN_M_S;
-    moves.then(|| across_m_s.atan2(along_m_s))
+    let moves = math::hypot(along_m_s, across_m_s) >= SLIP_SPEED_MIN_M_S;
+    moves.then(|| math::atan2(across_m_s, along_m_s))
 }
 
 /// Slip angle of each wheel whose steer angle is `steer_rad`, rad, of a vehicle that neither rolls
@@ -63,7 +63,7 @@ pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) 
 /// Roll and pitch of the body against the ground whose normal is given in body axes, rad.
 pub fn ground_angles(normal: Vector3<f64>) -> (f64, f64) {
     (
-        normal.y.atan2(normal.z),
-        (-normal.x).atan2(normal.y.hypot(normal.z)),
+        math::atan2(normal.y, normal.z),
+        math::atan2(-normal.x, math::hypot(normal.y, normal.z)),
     )
 }

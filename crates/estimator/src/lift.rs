@@ -156,7 +156,7 @@ impl Load {
     fn and(self, other: Self) -> Self {
         Self {
             value_n: self.value_n + other.value_n,
-            sigma_n: self.sigma_n.hypot(other.sigma_n),
+            sigma_n: math::hypot(self.sigma_n, other.sigma_n),
         }
     }
 }
@@ -178,7 +178,7 @@ fn transfer_ratio(left: Load, right: Load) -> (f64, f64) {
     }
     let [l, r] = [left, right].map(|load| load.value_n.max(0.0));
     let sum = (l + r).max(1.0);
-    let sigma = 2.0 * (l * right.sigma_n).hypot(r * left.sigma_n) / (sum * sum);
+    let sigma = 2.0 * math::hypot(l * right.sigma_n, r * left.sigma_n) / (sum * sum);
     ((r - l) / sum, sigma)
 }
 
@@ -332,7 +332,7 @@ impl Instant {
 /// of the normal distribution, within 0.01).
 fn probability(margin: f64, sigma: f64) -> f64 {
     if sigma.is_finite() && sigma > 0.0 {
-        1.0 / (1.0 + (-1.702 * margin / sigma).exp())
+        1.0 / (1.0 + math::exp(-1.702 * margin / sigma))
     } else {
         0.5
     }

@@ -180,7 +180,7 @@ impl MotionState {
     #[must_use]
     pub fn level_velocity(&self) -> [f64; 2] {
         let earth = self.earth_from_body * self.velocity_m_s;
-        let (sine, cosine) = self.euler_rad().2.sin_cos();
+        let (sine, cosine) = math::sin_cos(self.euler_rad().2);
         [
             cosine * earth.x + sine * earth.y,
             cosine * earth.y - sine * earth.x,
@@ -489,8 +489,8 @@ impl MotionFilter {
         if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > AT_REST {
             return;
         }
-        let roll = force.y.atan2(force.z);
-        let pitch = (-force.x).atan2(force.y.hypot(force.z));
+        let roll = math::atan2(force.y, force.z);
+        let pitch = math::atan2(-force.x, math::hypot(force.y, force.z));
         let (_, _, yaw) = self.earth_from_body.euler_angles();
         self.earth_from_body = Rotation3::from_euler_angles(roll, pitch, yaw);
     }

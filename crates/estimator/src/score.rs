@@ -122,7 +122,9 @@ mod tests {
 
     fn wave(length: usize, late: f64) -> Vec<f64> {
         (0..length)
-            .map(|i| (0.11 * (i as f64 - late)).sin() + 0.3 * (0.031 * (i as f64 - late)).cos())
+            .map(|i| {
+                math::sin(0.11 * (i as f64 - late)) + 0.3 * math::cos(0.031 * (i as f64 - late))
+            })
             .collect()
     }
 

@@ -55,7 +55,7 @@ pub fn tyre_force(
         if let Some(value) = reading {
             members[i] = value;
             let c = &channels.strain[channel.index()];
-            sigma[i] = c.noise_sigma.hypot(c.offset_sigma).max(1.0);
+            sigma[i] = math::hypot(c.noise_sigma, c.offset_sigma).max(1.0);
             alive += 1;
         }
     }

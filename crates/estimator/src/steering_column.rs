@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     fn bent(hand_rad: f64) -> f64 {
-        0.04 * hand_rad + 0.01 * (1.5 * hand_rad).sin()
+        0.04 * hand_rad + 0.01 * math::sin(1.5 * hand_rad)
     }
 
     fn mapped(mut vehicle: Vehicle) -> Vehicle {

@@ -96,7 +96,7 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
     all.push((
         5,
         Measurement::Steer(SteerSample {
-            hand_wheel_rad: 0.1 * (TAU * step as f64 / 300.0).sin(),
+            hand_wheel_rad: 0.1 * math::sin(TAU * step as f64 / 300.0),
         }),
     ));
     all.push((
@@ -398,7 +398,7 @@ fn shuffled(steps: usize, order: u64) -> Vec<Sample> {
         let grid = START_NANOS + step as u64 * STEP_NANOS;
         let mut group: Vec<(u64, Measurement)> = Vec::new();
         for (kind, mut measurement) in healthy(step) {
-            let swing = 0.05 * (0.37 * step as f64 + f64::from(kind)).sin();
+            let swing = 0.05 * math::sin(0.37 * step as f64 + f64::from(kind));
             let late = match &mut measurement {
                 Measurement::GnssVelocity(gnss) => {
                     gnss.velocity_enu_m_s = [swing, -swing, 0.3 * swing];

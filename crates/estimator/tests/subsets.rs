@@ -163,7 +163,7 @@ const CASES: [Case; 13] = [
             if let Measurement::GnssAttitude(gnss) = measurement
                 && time_s < WILD_S
             {
-                gnss.yaw_rad = gnss.yaw_rad.map(|yaw| yaw + (700.0 * time_s).sin());
+                gnss.yaw_rad = gnss.yaw_rad.map(|yaw| yaw + math::sin(700.0 * time_s));
             }
         },
         force_max: [0.8, 1.0, 0.6],

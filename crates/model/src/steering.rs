@@ -143,9 +143,12 @@ fn rack_map(vehicle: &Vehicle, wheel: Wheel, rack_m_rad: f64) -> Result<Monotone
 /// angle delta whose tangent is L/R: tan(delta_i) = tan(delta)/(1 -+ t tan(delta)/(2 L)).
 #[must_use]
 pub fn ackermann(mean_rad: f64, wheelbase_m: f64, track_m: f64) -> [f64; 2] {
-    let slope = mean_rad.tan();
+    let slope = math::tan(mean_rad);
     let part = 0.5 * track_m * slope / wheelbase_m;
-    [(slope / (1.0 - part)).atan(), (slope / (1.0 + part)).atan()]
+    [
+        math::atan(slope / (1.0 - part)),
+        math::atan(slope / (1.0 + part)),
+    ]
 }
 
 /// Free play: the gear stands still until the hand wheel has crossed it.
@@ -176,7 +179,7 @@ mod tests {
     #[test]
     fn ackermann_normals_meet_on_the_rear_axle() {
         let [left, right] = ackermann(0.3, 1.4471, 1.143);
-        let cotangents = 1.0 / right.tan() - 1.0 / left.tan();
+        let cotangents = 1.0 / math::tan(right) - 1.0 / math::tan(left);
         assert!((cotangents - 1.143 / 1.4471).abs() < 1e-12);
         assert!(left > right, "the inner wheel turns more");
     }

@@ -52,7 +52,7 @@ impl<T: Scalar> Contact<T> {
     pub fn combined(load_n: T, slip_angle_rad: T, slip_ratio: T) -> Self {
         Self {
             load_n,
-            slip_tangent: slip_angle_rad.tan(),
+            slip_tangent: slip_angle_rad.tangent(),
             slip_ratio,
             camber_rad: T::from(0.0),
             friction_scale: T::from(1.0),

@@ -271,7 +271,7 @@ impl Tyre {
                 ] = std::array::from_fn(|column| values[column][row]);
                 let forces = self.inner.forces(&Contact {
                     load_n,
-                    slip_tangent: angle.tan(),
+                    slip_tangent: math::tan(angle),
                     slip_ratio,
                     camber_rad,
                     friction_scale,

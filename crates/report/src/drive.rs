@@ -227,7 +227,7 @@ impl Drive {
             Measurement::GnssVelocity(velocity) if velocity.quality.is_solved() => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
                 let series = self.gnss_speed_m_s.entry(name).or_default();
-                series.push(time_s, east.hypot(north));
+                series.push(time_s, math::hypot(east, north));
             }
             Measurement::GnssPosition(position) if position.quality.is_solved() => {
                 let here = [position.longitude_rad, position.latitude_rad];
@@ -247,7 +247,7 @@ impl Drive {
 fn local_m(origin: [f64; 2], here: [f64; 2]) -> [f64; 2] {
     const MEAN_RADIUS_M: f64 = 6_371_008.8;
     [
-        (here[0] - origin[0]) * origin[1].cos() * MEAN_RADIUS_M,
+        (here[0] - origin[0]) * math::cos(origin[1]) * MEAN_RADIUS_M,
         (here[1] - origin[1]) * MEAN_RADIUS_M,
     ]
 }

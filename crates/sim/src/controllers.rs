@@ -126,7 +126,8 @@ impl Controller {
             .map(|wheel| {
                 let truth = &state.wheels[wheel];
                 let rolling = self.rolling_resistance[usize::from(!wheel.is_front())];
-                truth.force_n[0] + rolling * truth.force_n[2] * truth.angular_speed_rad_s.tanh()
+                truth.force_n[0]
+                    + rolling * truth.force_n[2] * math::tanh(truth.angular_speed_rad_s)
             })
             .sum();
         force_n / self.weight_n

@@ -195,7 +195,7 @@ impl Drive<'_> {
         };
         let y = 0.5 * wheel.side() * track_m;
         let place = self.car.place();
-        let (sin, cos) = place.yaw_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(place.yaw_rad);
         (place.east_m + x * cos - y * sin > line.east_m).then_some(line)
     }
 }
@@ -205,8 +205,8 @@ pub(crate) fn body_rates(
     [roll_rad, pitch_rad]: [f64; 2],
     [roll_rate, pitch_rate, yaw_rate]: [f64; 3],
 ) -> [f64; 3] {
-    let (sin_roll, cos_roll) = roll_rad.sin_cos();
-    let (sin_pitch, cos_pitch) = pitch_rad.sin_cos();
+    let (sin_roll, cos_roll) = math::sin_cos(roll_rad);
+    let (sin_pitch, cos_pitch) = math::sin_cos(pitch_rad);
     [
         roll_rate - yaw_rate * sin_pitch,
         pitch_rate * cos_roll + yaw_rate * sin_roll * cos_pitch,

@@ -69,7 +69,7 @@ fn best_velocity(s: &Solution) -> novatel::Body {
     novatel::Body::Velocity(novatel::Velocity {
         solution: status(s.valid, 8),
         latency_s: s.latency_s as f32,
-        horizontal_m_s: east.hypot(north),
+        horizontal_m_s: math::hypot(east, north),
         track_deg: course_deg(s),
         vertical_m_s: up,
         ..novatel::Velocity::default()
@@ -152,7 +152,7 @@ fn mode(valid: bool) -> (u8, u8) {
 
 fn course_deg(s: &Solution) -> f64 {
     let [east, north, _] = s.velocity_enu_m_s;
-    heading_deg_from_yaw(north.atan2(east))
+    heading_deg_from_yaw(math::atan2(north, east))
 }
 
 /// Latitude, longitude, height; velocity north, east, up.

@@ -78,7 +78,7 @@ impl Receiver {
     }
 
     fn solve(&mut self, motion: &Motion, tag_s: f64, valid: bool) -> Solution {
-        let decay = (-self.period_s / self.options.position_correlation_s).exp();
+        let decay = math::exp(-self.period_s / self.options.position_correlation_s);
         let drive = self.position_noise_m * (1.0 - decay * decay).sqrt();
         let step_m = self.noise.normal3(drive);
         for (error, step) in self.position_error_m.iter_mut().zip(step_m) {

@@ -187,7 +187,10 @@ mod tests {
     fn misalignment_turns_vectors_from_body_to_sensor() {
         let matrix = sensor_from_body([0.0, 0.0, 0.1]);
         let seen = rotate(&matrix, [1.0, 0.0, 0.0]);
-        for (found, expected) in seen.into_iter().zip([0.1_f64.cos(), 0.1_f64.sin(), 0.0]) {
+        for (found, expected) in seen
+            .into_iter()
+            .zip([math::cos(0.1_f64), math::sin(0.1_f64), 0.0])
+        {
             assert!((found - expected).abs() < 1e-12);
         }
     }

@@ -80,7 +80,7 @@ fn state(vehicle: &Vehicle, time_s: f64) -> TruthState {
         let touch_s = start_s + TOUCH * length_s;
         let pressed = ramp(time_s, [touch_s, (1.0 - TOUCH) * length_s]);
         let load_n = static_load_n[axle] * pressed;
-        let scrub_n = -wheel.side() * SCRUB_N * pressed * (-rolled_m / RELAXATION_M).exp();
+        let scrub_n = -wheel.side() * SCRUB_N * pressed * math::exp(-rolled_m / RELAXATION_M);
         WheelTruth {
             force_n: [0.0, scrub_n, load_n],
             moment_n_m: [0.0; 3],
@@ -92,7 +92,7 @@ fn state(vehicle: &Vehicle, time_s: f64) -> TruthState {
     TruthState {
         time_s,
         position_m: [rolled_m, 0.0, body.cg_height_m + height_at_cg_m],
-        pitch_rad: ((height_m[1] - height_m[0]) / (a + b)).asin(),
+        pitch_rad: math::asin((height_m[1] - height_m[0]) / (a + b)),
         hand_wheel_rad: swing(time_s - STEERED_S),
         wheels: PerWheel::from_fn(wheel),
         ..TruthState::default()

@@ -358,11 +358,11 @@ impl Linkage {
             .map(|of_angle| corner.rack_m_rad * of_angle);
         let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
         if load_n > OFF_GROUND_N {
-            let along_normal = state.bank_rad.cos() * state.grade_rad.cos();
+            let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
             let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
             motion = motion.on_ground(&corner.corner, &pose, normal, gravity_m_s2);
         }
-        let wrench = corner.wrench(truth, pose.spindle.dot(&normal).asin());
+        let wrench = corner.wrench(truth, math::asin(pose.spindle.dot(&normal)));
         motion.spin_rad_s = truth.angular_speed_rad_s;
         motion.spin_dot_rad_s2 = turning.spin_rad_s2;
         motion.axle_torque_n_m =
@@ -432,7 +432,7 @@ impl LinkedCorner {
         let rolling = self.tyre.rolling_resistance
             * self.tyre.unloaded_radius_m
             * load_n
-            * truth.angular_speed_rad_s.tanh();
+            * math::tanh(truth.angular_speed_rad_s);
         let tipping = -self.tyre.tread_moment_n_m(load_n, inclination_rad);
         let own = [tipping, -rolling, -trail_m * lateral_n];
         let moment = |axis: usize| match truth.moment_n_m[axis] {

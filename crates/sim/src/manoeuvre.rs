@@ -313,7 +313,7 @@ fn gathered(time_s: f64) -> f64 {
 fn sine(time_s: f64, frequency_hz: f64, periods: f64) -> f64 {
     let phase = frequency_hz * time_s;
     if (0.0..=periods).contains(&phase) {
-        (std::f64::consts::TAU * phase).sin()
+        math::sin(std::f64::consts::TAU * phase)
     } else {
         0.0
     }
@@ -328,10 +328,10 @@ const SWEEP_HZ: [f64; 2] = [0.2, 2.5];
 fn sweep(time_s: f64) -> f64 {
     let t = time_s.max(0.0) % SWEEP_S;
     let [low, high] = SWEEP_HZ;
-    let octaves = (high / low).ln() / SWEEP_S;
-    let phase = low * ((octaves * t).exp() - 1.0) / octaves;
+    let octaves = math::ln(high / low) / SWEEP_S;
+    let phase = low * (math::exp(octaves * t) - 1.0) / octaves;
     let edge = smooth(t) * smooth(SWEEP_S - t);
-    edge * (std::f64::consts::TAU * phase).sin()
+    edge * math::sin(std::f64::consts::TAU * phase)
 }
 
 #[cfg(test)]

@@ -117,8 +117,8 @@ impl TruthState {
         sample::Motion {
             velocity_x_m_s,
             velocity_y_m_s,
-            sideslip_rad: if forward.hypot(leftward) > 0.0 {
-                leftward.atan2(forward)
+            sideslip_rad: if math::hypot(forward, leftward) > 0.0 {
+                math::atan2(leftward, forward)
             } else {
                 0.0
             },
@@ -155,9 +155,9 @@ impl TruthState {
     /// pitch, then roll.
     #[must_use]
     pub fn earth_from_body(&self) -> [[f64; 3]; 3] {
-        let (sr, cr) = self.roll_rad.sin_cos();
-        let (sp, cp) = self.pitch_rad.sin_cos();
-        let (sy, cy) = self.yaw_rad.sin_cos();
+        let (sr, cr) = math::sin_cos(self.roll_rad);
+        let (sp, cp) = math::sin_cos(self.pitch_rad);
+        let (sy, cy) = math::sin_cos(self.yaw_rad);
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
@@ -168,8 +168,8 @@ impl TruthState {
     /// Velocity along the heading and to its left, both in the horizontal plane, m/s.
     fn velocity_along_ground_m_s(&self) -> [f64; 2] {
         let [x, y, z] = self.velocity_body_m_s;
-        let (sr, cr) = self.roll_rad.sin_cos();
-        let (sp, cp) = self.pitch_rad.sin_cos();
+        let (sr, cr) = math::sin_cos(self.roll_rad);
+        let (sp, cp) = math::sin_cos(self.pitch_rad);
         [cp * x + sp * (sr * y + cr * z), cr * y - sr * z]
     }
 
@@ -436,7 +436,7 @@ impl Motion {
 
 /// The point that lies `way` from `start`, once the way is turned left.
 fn ahead(start: [f64; 2], turn_rad: f64, way: [f64; 2]) -> [f64; 2] {
-    let (sin, cos) = turn_rad.sin_cos();
+    let (sin, cos) = math::sin_cos(turn_rad);
     [
         start[0] + cos * way[0] - sin * way[1],
         start[1] + sin * way[0] + cos * way[1],
@@ -464,7 +464,7 @@ mod tests {
             yaw_rad: 0.7,
             ..TruthState::default()
         };
-        let (sin, cos) = (state.yaw_rad + 0.1).sin_cos();
+        let (sin, cos) = math::sin_cos(state.yaw_rad + 0.1);
         let rows = state.earth_from_body();
         state.velocity_body_m_s = std::array::from_fn(|i| rows[0][i] * cos + rows[1][i] * sin);
         assert!((state.motion().sideslip_rad - 0.1).abs() < 1e-12);

@@ -66,9 +66,9 @@ mod tests {
         let yaw_rad = 7.0;
         let [bank, grade] = slope.bank_grade_rad(yaw_rad);
         let up = [
-            -grade.sin(),
-            bank.sin() * grade.cos(),
-            bank.cos() * grade.cos(),
+            -math::sin(grade),
+            math::sin(bank) * math::cos(grade),
+            math::cos(bank) * math::cos(grade),
         ];
         let mut state = TruthState {
             yaw_rad,

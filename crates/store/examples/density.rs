@@ -48,7 +48,7 @@ fn traffic(seconds: u32, per_call: u32) -> Vec<Arrival> {
             let mut data = [0_u8; 8];
             for (channel, bytes) in data.chunks_exact_mut(2).enumerate() {
                 let phase = f64::from(cycle) * 0.01 + (channel as f64) + f64::from(box_number);
-                let counts = 512.0 + 120.0 * phase.sin() + random.normal();
+                let counts = 512.0 + 120.0 * math::sin(phase) + random.normal();
                 bytes.copy_from_slice(&(counts as u16).to_le_bytes());
             }
             let frame = CanFrame::new(0x100 + 16 * box_number, CanFlags::default(), &data);

@@ -394,7 +394,7 @@ impl Row {
         );
         let level = east.zip(north).or_else(|| {
             let (speed, course) = speed.zip(course)?;
-            Some((speed * course.sin(), speed * course.cos()))
+            Some((speed * math::sin(course), speed * math::cos(course)))
         });
         if let Some((east, north)) = level {
             all.push(Measurement::GnssVelocity(GnssVelocity {

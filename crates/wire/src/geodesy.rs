@@ -23,8 +23,8 @@ impl Geodetic {
     /// Earth-centred, earth-fixed coordinates, m.
     #[must_use]
     pub fn to_ecef(self) -> [f64; 3] {
-        let (sin_lat, cos_lat) = self.latitude_rad.sin_cos();
-        let (sin_lon, cos_lon) = self.longitude_rad.sin_cos();
+        let (sin_lat, cos_lat) = math::sin_cos(self.latitude_rad);
+        let (sin_lon, cos_lon) = math::sin_cos(self.longitude_rad);
         let normal = SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
         let equatorial = (normal + self.height_m) * cos_lat;
         [
@@ -39,28 +39,33 @@ impl Geodetic {
     /// the earth's centre or for numbers that are not finite.
     #[must_use]
     pub fn from_ecef([x, y, z]: [f64; 3]) -> Option<Self> {
-        let equatorial = x.hypot(y);
-        let radius = equatorial.hypot(z);
+        let equatorial = math::hypot(x, y);
+        let radius = math::hypot(equatorial, z);
         if !radius.is_finite() || radius < 1000.0 {
             return None;
         }
         let semi_minor = SEMI_MAJOR_M * (1.0 - FLATTENING);
         let second = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED);
-        let mut reduced = (z * SEMI_MAJOR_M).atan2(equatorial * semi_minor);
+        let mut reduced = math::atan2(z * SEMI_MAJOR_M, equatorial * semi_minor);
         let mut latitude = reduced;
         for _ in 0..4 {
-            let (s, c) = reduced.sin_cos();
-            latitude = (z + second * semi_minor * s.powi(3))
-                .atan2(equatorial - ECCENTRICITY_SQUARED * SEMI_MAJOR_M * c.powi(3));
-            reduced = ((1.0 - FLATTENING) * latitude.sin()).atan2(latitude.cos());
+            let (s, c) = math::sin_cos(reduced);
+            latitude = math::atan2(
+                z + second * semi_minor * s.powi(3),
+                equatorial - ECCENTRICITY_SQUARED * SEMI_MAJOR_M * c.powi(3),
+            );
+            reduced = math::atan2(
+                (1.0 - FLATTENING) * math::sin(latitude),
+                math::cos(latitude),
+            );
         }
-        let (sin_lat, cos_lat) = latitude.sin_cos();
+        let (sin_lat, cos_lat) = math::sin_cos(latitude);
         let normal = SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
         // The distance along the normal, from both components: good at the equator and the poles.
         let height = equatorial * cos_lat + z * sin_lat - SEMI_MAJOR_M * SEMI_MAJOR_M / normal;
         Some(Self {
             latitude_rad: latitude,
-            longitude_rad: y.atan2(x),
+            longitude_rad: math::atan2(y, x),
             height_m: height,
         })
     }
@@ -68,8 +73,8 @@ impl Geodetic {
     /// Rotation from earth-fixed to east, north, up axes here, rows first.
     #[must_use]
     pub fn enu_from_ecef(self) -> [[f64; 3]; 3] {
-        let (sin_lat, cos_lat) = self.latitude_rad.sin_cos();
-        let (sin_lon, cos_lon) = self.longitude_rad.sin_cos();
+        let (sin_lat, cos_lat) = math::sin_cos(self.latitude_rad);
+        let (sin_lon, cos_lon) = math::sin_cos(self.longitude_rad);
         [
             [-sin_lon, cos_lon, 0.0],
             [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],

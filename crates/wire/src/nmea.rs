@@ -315,7 +315,7 @@ fn horizontal(valid: bool, speed_m_s: Option<f64>, course_deg: Option<f64>) -> M
     let (Some(speed), Some(course)) = (speed_m_s, course_deg) else {
         return Measurements::none();
     };
-    let (east, north) = course.to_radians().sin_cos();
+    let (east, north) = math::sin_cos(course.to_radians());
     Measurements::one(Measurement::GnssVelocity(GnssVelocity {
         quality: if valid {
             FixQuality::Single
@@ -360,8 +360,8 @@ pub fn encode_rmc(
     out: &mut Vec<u8>,
 ) {
     let [east, north, _] = velocity_enu_m_s;
-    let knots = east.hypot(north) / M_S_PER_KNOT;
-    let course = heading_deg_from_yaw(north.atan2(east));
+    let knots = math::hypot(east, north) / M_S_PER_KNOT;
+    let course = heading_deg_from_yaw(math::atan2(north, east));
     let (utc, position) = (utc_field(utc_s), position_fields(place));
     encode_sentence(
         &format!("GPRMC,{utc},A,{position},{knots:.4},{course:.3},{date},,,R"),

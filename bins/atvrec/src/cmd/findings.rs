@@ -137,7 +137,7 @@ pub fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    let size = value.abs().log10().floor();
+    let size = math::log10(value.abs()).floor();
     if !(-4.0..=7.0).contains(&size) {
         return format!("{value:.3e}");
     }

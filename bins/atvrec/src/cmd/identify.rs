@@ -110,7 +110,7 @@ fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
     for (name, (axle, arm)) in AXLES.into_iter().zip(axles) {
         // The file's stiffness is one tyre's, at its reference load.
         let load_n = 0.5 * weight_n * arm / (a + b);
-        let at_load = (load_n / axle.tyre.reference_load_n).powf(axle.tyre.load_exponent);
+        let at_load = math::powf(load_n / axle.tyre.reference_load_n, axle.tyre.load_exponent);
         let of_axle = result.value(&format!("cornering_stiffness_{name}"))[0];
         let key = format!("{name}.tyre.cornering_stiffness_n_rad");
         found.overrides.set(&key, 0.5 * of_axle / at_load);

@@ -94,7 +94,10 @@ fn a_drive_that_begins_at_speed_begins_upright() {
                 continue;
             };
             let (told, true_) = (&estimate.motion, &truth.motion);
-            let tilt = (told.roll_rad - true_.roll_rad).hypot(told.pitch_rad - true_.pitch_rad);
+            let tilt = math::hypot(
+                told.roll_rad - true_.roll_rad,
+                told.pitch_rad - true_.pitch_rad,
+            );
             // The first attitude of the receiver arrives after 0.15 s.
             let after_s = estimate.time.seconds_since(start);
             let most = if after_s < 0.2 { 6.0 } else { 2.0 };

@@ -350,7 +350,7 @@ fn a_steer_sweep_gives_the_yaw_response_that_the_vehicle_has() {
     for expected in &had.findings {
         let (name, of_truth) = (&expected.name, expected.value);
         let (value, sigma) = (value(&found, name), sigma(&found, name));
-        let apart = (value - of_truth).abs() / sigma.hypot(expected.sigma);
+        let apart = (value - of_truth).abs() / math::hypot(sigma, expected.sigma);
         assert!(apart < 2.0, "{name}: {value} +- {sigma}, {of_truth}");
     }
 }

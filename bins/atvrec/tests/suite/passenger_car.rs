@@ -44,10 +44,11 @@ fn vehicle() -> String {
 fn tyre_n(slip: f64, load_n: f64, stiffness: f64) -> f64 {
     let reference = MASS_KG * GRAVITY_M_S2 / 4.0;
     let friction = 1.15 * (1.0 - 0.08 * (load_n / reference - 1.0));
-    let cornering = stiffness * reference * 1.6 * (2.0 * (load_n / (1.6 * reference)).atan()).sin();
+    let cornering =
+        stiffness * reference * 1.6 * math::sin(2.0 * math::atan(load_n / (1.6 * reference)));
     let peak = friction * load_n.max(1.0);
-    let bx = cornering / (1.35 * peak) * slip.tan();
-    peak * (1.35 * (bx + 0.6 * (bx - bx.atan())).atan()).sin()
+    let bx = cornering / (1.35 * peak) * math::tan(slip);
+    peak * math::sin(1.35 * math::atan(bx + 0.6 * (bx - math::atan(bx))))
 }
 
 /// White noise from -1 to 1, times the square root of 3: deviation one.
@@ -74,10 +75,10 @@ fn drive(seconds: f64) -> String {
     let mut text = "# a drive on a track\nt,vx,steer,yaw,ay,beta\n".to_owned();
     for step in 0..(seconds / DT_S) as usize {
         let t = step as f64 * DT_S;
-        let aim: f64 = 21.0 + 7.0 * (0.11 * t).sin();
+        let aim: f64 = 21.0 + 7.0 * math::sin(0.11 * t);
         let push: f64 = (1.5 * (aim - v)).clamp(-5.0, 3.0);
-        let want =
-            8.5 * (0.31 * t).sin() * (0.5 + 0.5 * (0.043 * t).cos().abs()) + 1.2 * (2.9 * t).sin();
+        let want = 8.5 * math::sin(0.31 * t) * (0.5 + 0.5 * math::cos(0.043 * t).abs())
+            + 1.2 * math::sin(2.9 * t);
         let steer = want / (v * v) * (a + b + 0.0028 * v * v);
         let loads: [f64; 4] = std::array::from_fn(|i| {
             let arm = if i < 2 { b } else { a };
@@ -98,14 +99,14 @@ fn drive(seconds: f64) -> String {
             } else {
                 -0.02 * roll
             };
-            let slip = own - ((lateral + rate * x) / along).atan();
+            let slip = own - math::atan((lateral + rate * x) / along);
             let aimed = tyre_n(slip, loads[i], if i < 2 { 17.0 } else { 22.0 });
             force[i] += DT_S * along / 0.5 * (aimed - force[i]);
         }
         let (front, rear) = (force[0] + force[1], force[2] + force[3]);
-        side = (front * steer.cos() + rear) / MASS_KG;
-        let turn = (a * front * steer.cos() - b * rear) / inertia;
-        let bank = 0.02 * (0.07 * t).sin();
+        side = (front * math::cos(steer) + rear) / MASS_KG;
+        let turn = (a * front * math::cos(steer) - b * rear) / inertia;
+        let bank = 0.02 * math::sin(0.07 * t);
         let tip =
             MASS_KG * 0.45 * (side + GRAVITY_M_S2 * roll) - 95_000.0 * roll - 6_000.0 * roll_rate;
         v += DT_S * (push + rate * lateral);
@@ -114,14 +115,14 @@ fn drive(seconds: f64) -> String {
         roll_rate += DT_S * tip / 600.0;
         roll += DT_S * roll_rate;
         if step % 5 == 0 {
-            let sensed = side + GRAVITY_M_S2 * roll.sin() + 0.12 + 0.2 * noise.next();
+            let sensed = side + GRAVITY_M_S2 * math::sin(roll) + 0.12 + 0.2 * noise.next();
             let _ = writeln!(
                 text,
                 "{t:.2},{:.3},{:.4},{:.4},{sensed:.4},{:.5}",
                 3.6 * (v * 1.003 + 0.03 * noise.next()),
                 STEERING_RATIO * (steer.to_degrees() - 0.25 + 0.02 * noise.next()),
                 rate.to_degrees() + 0.2 + 0.15 * noise.next(),
-                lateral.atan2(v).to_degrees(),
+                math::atan2(lateral, v).to_degrees(),
             );
         }
     }

@@ -131,19 +131,19 @@ pub fn imu(
         straight.fit.coefficients[1],
     ];
     // The turns follow each other, z last.
-    let (sine, cosine) = misalignment[2].sin_cos();
+    let (sine, cosine) = math::sin_cos(misalignment[2]);
     let across = [b_eff * cosine + a_eff * sine, a_eff * cosine - b_eff * sine];
     let g = STANDARD_GRAVITY_M_S2;
-    let upright = a_eff.cos() * b_eff.cos() * level.slope_rad.cos();
+    let upright = math::cos(a_eff) * math::cos(b_eff) * math::cos(level.slope_rad);
     let bias = [
         level.force[0] - g * across[0],
         level.force[1] + g * across[1],
         level.force[2] - g * upright,
     ];
-    let [about_x, about_y] = [pitch, roll].map(|fit| fit.sigma(1).hypot(LEAN_DOUBT_RAD));
+    let [about_x, about_y] = [pitch, roll].map(|fit| math::hypot(fit.sigma(1), LEAN_DOUBT_RAD));
     let bias_sigma = [
-        level.force_sigma[0].hypot(g * about_y),
-        level.force_sigma[1].hypot(g * about_x),
+        math::hypot(level.force_sigma[0], g * about_y),
+        math::hypot(level.force_sigma[1], g * about_x),
         level.force_sigma[2],
     ];
     let sigma = [about_x, about_y, straight.fit.sigma(1)];
@@ -207,7 +207,7 @@ fn scale_refusal(level: &Level) -> Refusal {
     Refusal::NotExcited {
         what: "scale factors".to_owned(),
         quantity: "change of gravity along an axis between the headings at rest".to_owned(),
-        found: 2.0 * STANDARD_GRAVITY_M_S2 * level.slope_rad.sin(),
+        found: 2.0 * STANDARD_GRAVITY_M_S2 * math::sin(level.slope_rad),
         needed: STANDARD_GRAVITY_M_S2,
         unit: "m/s^2".to_owned(),
         help: "they are taken as 1; only the unit on its sides would tell them from its biases"
@@ -249,6 +249,6 @@ fn interval(design: &DMatrix<f64>, response: &DVector<f64>, fit: &Fit) -> Option
 /// A 95 % interval widened by a doubt of this deviation.
 fn doubted([low, high]: [f64; 2], sigma: f64) -> [f64; 2] {
     let half = 0.5 * (high - low);
-    let more = half.hypot(1.96 * sigma) - half;
+    let more = math::hypot(half, 1.96 * sigma) - half;
     [low - more, high + more]
 }

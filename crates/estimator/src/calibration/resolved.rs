@@ -172,7 +172,7 @@ fn plausible(handling: Option<Handling>) -> Result<Option<Handling>, EstimatorEr
 }
 
 fn full_scale(adc_bits: u8) -> f64 {
-    f64::from(adc_bits.min(16)).exp2()
+    math::exp2(f64::from(adc_bits.min(16)))
 }
 
 /// How often in a row a count may come again where noise has this standard deviation, counts. Were

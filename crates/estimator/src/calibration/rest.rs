@@ -118,7 +118,7 @@ impl Rest {
             .and_then(|intervals| intervals.first().copied());
         Some(Self {
             mean: centre,
-            mean_sigma: (spread * inflation / n.sqrt()).hypot(rounding),
+            mean_sigma: math::hypot(spread * inflation / n.sqrt(), rounding),
             noise,
             slope_per_s: slope,
             slope_sigma: spread * inflation / square.sqrt(),
@@ -188,7 +188,7 @@ pub fn stretches(steady: &[Signal<'_>], wheels_rad_s: &[Signal<'_>]) -> Vec<Stre
     };
     let differ = |a: usize, b: usize| {
         live.iter().any(|levels| match (levels[a], levels[b]) {
-            (Some([x, s]), Some([y, t])) => (x - y).abs() > MOVED * s.hypot(t),
+            (Some([x, s]), Some([y, t])) => (x - y).abs() > MOVED * math::hypot(s, t),
             _ => false,
         })
     };

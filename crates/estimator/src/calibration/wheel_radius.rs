@@ -163,7 +163,7 @@ fn windows(input: &RadiusInput<'_>) -> Vec<(f64, f64)> {
             let speeds: Vec<f64> = solved
                 .map(|i| velocity.value[i])
                 .filter(|v| v[0].is_finite())
-                .map(|[east, north, _]| east.hypot(north))
+                .map(|[east, north, _]| math::hypot(east, north))
                 .collect();
             let speed = speeds.iter().sum::<f64>() / speeds.len() as f64;
             (!readings.is_empty() && straight && even && speed > SPEED_NEEDED_M_S)

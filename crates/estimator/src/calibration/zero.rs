@@ -190,10 +190,10 @@ impl Zero {
                 _ => None,
             });
             let model = weight_sigma * expected[0] / gain;
-            let sigma = rest.mean_sigma.hypot(model);
+            let sigma = math::hypot(rest.mean_sigma, model);
             *slot = ChannelCalibration {
                 offset_counts: Some(offset),
-                offset_sigma_counts: Some(sigma.hypot(drift.unwrap_or(0.0))),
+                offset_sigma_counts: Some(math::hypot(sigma, drift.unwrap_or(0.0))),
                 gain_per_count: if inverted {
                     Some(gain)
                 } else {

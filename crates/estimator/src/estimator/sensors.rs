@@ -339,7 +339,7 @@ impl Estimator {
                 .slip_angle(axle, &self.measured)
                 .unwrap_or((0.0, BLIND_SLIP_RAD));
             let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
-            let across = forward * (wheels + slip).tan() - left.dot(&travel);
+            let across = forward * math::tan(wheels + slip) - left.dot(&travel);
             let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
             let _ = self
                 .motion

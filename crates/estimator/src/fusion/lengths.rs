@@ -56,7 +56,7 @@ impl LengthWatch {
         if self.doubted {
             (1.0, DOUBTED_WALK_MM.powi(2) * dt)
         } else {
-            let keep = (-dt / FADE_S).exp();
+            let keep = math::exp(-dt / FADE_S);
             (keep, (1.0 - keep * keep) * start)
         }
     }

@@ -47,7 +47,7 @@ impl Fusion {
         speed_m_s: f64,
     ) -> KnownMoment {
         let normal = corner.frame.vehicle_from_tyre.column(2).into_owned();
-        let inclination = corner.pose.spindle.dot(&normal).clamp(-1.0, 1.0).asin();
+        let inclination = math::asin(corner.pose.spindle.dot(&normal).clamp(-1.0, 1.0));
         let tyre = &self.body.tyres[wheel];
         let lateral = self.state[FORCE + 3 * wheel + 1];
         let load = self.state[FORCE + 3 * wheel + 2].max(0.0);
@@ -65,7 +65,7 @@ impl Fusion {
         let unknown = self.body.moment_sigma_n_m(wheel);
         KnownMoment {
             moment_n_m: Vector3::new(tipping, 0.0, turning),
-            sigma_n_m: std::array::from_fn(|i| unknown[i].hypot(errors[i])),
+            sigma_n_m: std::array::from_fn(|i| math::hypot(unknown[i], errors[i])),
         }
     }
 }

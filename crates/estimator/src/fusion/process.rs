@@ -104,7 +104,7 @@ impl Fusion {
         c.integrate(dt);
         let mut keep = [1.0; SIZE];
         let mut fade = |first: usize, count: usize, time_s: f64| {
-            let kept = (-dt / time_s).exp();
+            let kept = math::exp(-dt / time_s);
             keep[first..first + count].fill(kept);
             1.0 - kept * kept
         };

@@ -223,7 +223,7 @@ fn axle_rows(
         let slip: Vec<f64> = (0..drive.rows())
             .map(|row| {
                 let angle_rad = slip_rad(drive, body, axle, row, instants[row].roll_rate_rad_s);
-                offsets_rad[axle] + (angle_rad - offsets_rad[axle]).tan()
+                offsets_rad[axle] + math::tan(angle_rad - offsets_rad[axle])
             })
             .collect();
         let force: Vec<f64> = forces_n.iter().map(|forces| forces[axle]).collect();
@@ -275,11 +275,11 @@ fn instants(drive: &Drive, options: &Options, steer_offset_rad: f64) -> Vec<Inst
 fn slip_rad(drive: &Drive, body: &Body, axle: usize, row: usize, roll_rate_rad_s: f64) -> f64 {
     let ahead_m = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m][axle];
     let steer_rad = [drive.steer_rad[row], 0.0][axle];
-    let (sin, cos) = drive.sideslip_rad[row].sin_cos();
+    let (sin, cos) = math::sin_cos(drive.sideslip_rad[row]);
     let speed_m_s = drive.speed_m_s[row];
     let across_m_s =
         speed_m_s * sin + body.sway_m * roll_rate_rad_s + ahead_m * drive.yaw_rate_rad_s[row];
-    across_m_s.atan2(speed_m_s * cos) - steer_rad
+    math::atan2(across_m_s, speed_m_s * cos) - steer_rad
 }
 
 /// Stiffness front, stiffness rear, steer offset, sideslip offset of the two axles' coefficients.
@@ -407,7 +407,7 @@ fn figures(body: &Body, axles: &[AxleRows; 2], fits: &[AxleFit; 2], step_s: f64)
     let mut figures = Vec::new();
     for (i, name) in ["front", "rear"].into_iter().enumerate() {
         let (axle, fit) = (&axles[i], &fits[i]);
-        let degrees = |values: &[f64]| values.iter().map(|v| v.atan().to_degrees()).collect();
+        let degrees = |values: &[f64]| values.iter().map(|v| math::atan(*v).to_degrees()).collect();
         let most = axle
             .force_n
             .iter()

@@ -76,7 +76,7 @@ fn sliding_part(data: &Data, found: &Findings, reference_load_n: f64, exponent: 
     };
     let rows = data.slip_angle_rad.iter().zip(&data.load_n);
     let parts = rows.filter(|(_, load)| **load > 50.0).map(|(slip, load)| {
-        let stiffness = value("cornering_stiffness") * (load / reference_load_n).powf(power);
+        let stiffness = value("cornering_stiffness") * math::powf(load / reference_load_n, power);
         stiffness * (slip - value("slip_angle_offset")).abs() / (3.0 * value("friction") * load)
     });
     percentile_99(parts.filter(|part| part.is_finite()).collect())

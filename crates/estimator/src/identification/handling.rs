@@ -308,7 +308,7 @@ fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
     let values = values(h);
     std::array::from_fn(|j| {
         if LOGARITHMIC[j] {
-            values[j].ln()
+            math::ln(values[j])
         } else {
             values[j]
         }
@@ -318,7 +318,7 @@ fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
 fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
     let at = |j: usize| {
         if LOGARITHMIC[j] {
-            theta[j].exp()
+            math::exp(theta[j])
         } else {
             theta[j]
         }
@@ -407,8 +407,8 @@ impl Problem<'_> {
         for front in STARTS {
             for rear in STARTS {
                 let mut theta = self.prior;
-                theta[0] += f64::ln(front);
-                theta[1] += f64::ln(rear);
+                theta[0] += math::ln(front);
+                theta[1] += math::ln(rear);
                 let cost = self.residuals(&theta, &held, doubt).norm_squared();
                 if cost < best.0 {
                     best = (cost, theta);
@@ -518,7 +518,11 @@ fn deviations(
     };
     let of_search = |j: usize| (covariance[(j, j)].max(0.0) * inflation).sqrt();
     let sigma = std::array::from_fn(|j| {
-        let value = if LOGARITHMIC[j] { theta[j].exp() } else { 1.0 };
+        let value = if LOGARITHMIC[j] {
+            math::exp(theta[j])
+        } else {
+            1.0
+        };
         value * of_search(j)
     });
     let told = std::array::from_fn(|j| {

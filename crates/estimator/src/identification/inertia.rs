@@ -125,8 +125,8 @@ pub fn pendulum(
             .zip(&values)
             .map(|(row, value)| {
                 let t = *row as f64 * dt_s;
-                let (sin, cos) = (c[0] * t).sin_cos();
-                value - (-c[1] * t).exp() * (c[2] * cos + c[3] * sin) - c[4]
+                let (sin, cos) = math::sin_cos(c[0] * t);
+                value - math::exp(-c[1] * t) * (c[2] * cos + c[3] * sin) - c[4]
             })
             .collect()
     })
@@ -207,7 +207,7 @@ fn dominant(values: &[f64], dt_s: f64) -> Result<f64, Refusal> {
     let power = |frequency_hz: f64| {
         let (mut re, mut im) = (0.0, 0.0);
         for (row, value) in values.iter().enumerate() {
-            let (sin, cos) = (TAU * frequency_hz * row as f64 * dt_s).sin_cos();
+            let (sin, cos) = math::sin_cos(TAU * frequency_hz * row as f64 * dt_s);
             re += (value - middle) * cos;
             im += (value - middle) * sin;
         }

@@ -292,11 +292,12 @@ pub fn transfer(
 fn spectrum(values: &[f64], line: usize) -> Complex<f64> {
     let n = values.len() as f64;
     let middle = values.iter().sum::<f64>() / n;
-    let turn = Complex::from_polar(1.0, -TAU * line as f64 / n);
+    let (sine, cosine) = math::sin_cos(-TAU * line as f64 / n);
+    let turn = Complex::new(cosine, sine);
     let mut phase = Complex::new(1.0, 0.0);
     let mut sum = Complex::new(0.0, 0.0);
     for (i, value) in values.iter().enumerate() {
-        let window = 0.5 - 0.5 * (TAU * i as f64 / n).cos();
+        let window = 0.5 - 0.5 * math::cos(TAU * i as f64 / n);
         sum += phase * ((value - middle) * window);
         phase *= turn;
     }
@@ -335,9 +336,9 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
     let weight = |line: usize| {
         let coherence = transfer.coherence[line].min(1.0 - 1e-9);
         let error = ((1.0 - coherence) / (2.0 * coherence * transfer.windows)).sqrt();
-        (error * transfer.response[line].norm()).recip()
+        (error * size(transfer.response[line])).recip()
     };
-    let start_gain = transfer.response[lines[0]].norm();
+    let start_gain = size(transfer.response[lines[0]]);
     let problem = Nonlinear {
         start: vec![start_gain, 1.5, 0.8, 0.1],
         scale: vec![start_gain, 1.5, 0.5, 0.1],
@@ -379,10 +380,10 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
     });
     let first = lines[0];
     let low = transfer.response[first];
-    let equivalent_s = -low.arg() / (TAU * transfer.frequency_hz[first]);
+    let equivalent_s = -phase(low) / (TAU * transfer.frequency_hz[first]);
     let bandwidth = lines
         .iter()
-        .find(|line| transfer.response[**line].norm() < low.norm() * 0.5_f64.sqrt())
+        .find(|line| size(transfer.response[**line]) < size(low) * 0.5_f64.sqrt())
         .map_or(f64::NAN, |line| transfer.frequency_hz[*line]);
     Ok(Findings {
         what: FREQUENCY.to_owned(),
@@ -405,6 +406,14 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
 }
 
 /// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency; omega is told in Hz.
+fn size(of: Complex<f64>) -> f64 {
+    math::hypot(of.re, of.im)
+}
+
+fn phase(of: Complex<f64>) -> f64 {
+    math::atan2(of.im, of.re)
+}
+
 fn second_order(c: &[f64], frequency_hz: f64) -> Complex<f64> {
     let s = Complex::new(0.0, TAU * frequency_hz);
     let part = s / (TAU * c[1]);
@@ -414,8 +423,8 @@ fn second_order(c: &[f64], frequency_hz: f64) -> Complex<f64> {
 fn bode(transfer: &Transfer, c: &[f64]) -> Vec<Figure> {
     let hz = &transfer.frequency_hz;
     let model: Vec<Complex<f64>> = hz.iter().map(|f| second_order(c, *f)).collect();
-    let degrees = |values: &[Complex<f64>]| values.iter().map(|v| v.arg().to_degrees()).collect();
-    let sizes = |values: &[Complex<f64>]| values.iter().map(|v| v.norm()).collect();
+    let degrees = |values: &[Complex<f64>]| values.iter().map(|v| phase(*v).to_degrees()).collect();
+    let sizes = |values: &[Complex<f64>]| values.iter().map(|v| size(*v)).collect();
     let figure = |title: &str, y_label: &str, series: Vec<_>| Figure {
         title: title.to_owned(),
         x_label: "frequency (Hz)".to_owned(),

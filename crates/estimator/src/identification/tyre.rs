@@ -149,8 +149,8 @@ fn magic89(p: &[f64], reference_load_n: f64) -> MagicFormula89 {
     // Growth of sin(a_4 atan(a_5 F)): n = a_4 x cot(a_4 atan x)/(1 + x^2) with x = a_5 F, solved
     // for x; it falls from 1 at x = 0.
     let growth = |x: f64| {
-        let angle = A4 * x.atan();
-        A4 * x / (1.0 + x * x) * angle.cos() / angle.sin()
+        let angle = A4 * math::atan(x);
+        A4 * x / (1.0 + x * x) * math::cos(angle) / math::sin(angle)
     };
     let wanted = p[EXPONENT].clamp(0.05, 0.999);
     let (mut low, mut high) = (1e-6, 1.15);
@@ -168,7 +168,7 @@ fn magic89(p: &[f64], reference_load_n: f64) -> MagicFormula89 {
     let a = &mut formula.lateral.0;
     *a = [0.0; 13];
     a[1] = 1000.0 * p[FRICTION];
-    a[2] = per_degree / (A4 * x.atan()).sin();
+    a[2] = per_degree / math::sin(A4 * math::atan(x));
     a[3] = A4;
     a[4] = x / load_kn;
     a[7] = p[4];
@@ -202,7 +202,7 @@ fn rational(p: &[f64], reference_load_n: f64) -> Rational {
     let curve = |times: f64| {
         let peak_n = p[FRICTION] * times * reference_load_n;
         // Below this slope the rational function has a pole near its peak.
-        let slope_n = (p[STIFFNESS] * times.powf(p[EXPONENT])).max(0.5 * peak_n / slip);
+        let slope_n = (p[STIFFNESS] * math::powf(times, p[EXPONENT])).max(0.5 * peak_n / slip);
         Curve {
             slope_n,
             peak_n,
@@ -299,7 +299,7 @@ pub fn fit(
         ("residual_rms".to_owned(), rms, "N".to_owned()),
         (
             "akaike_criterion".to_owned(),
-            2.0 * size * rms.ln() + 2.0 * free.len() as f64,
+            2.0 * size * math::ln(rms) + 2.0 * free.len() as f64,
             "-".to_owned(),
         ),
         (

@@ -73,7 +73,7 @@ impl Body {
         let stiffness_n_rad =
             [(&vehicle.front.tyre, b), (&vehicle.rear.tyre, a)].map(|(tyre, arm)| {
                 let load_n = 0.5 * axles.mass_kg * STANDARD_GRAVITY_M_S2 * arm / (a + b);
-                let at_load = (load_n / tyre.reference_load_n).powf(tyre.load_exponent);
+                let at_load = math::powf(load_n / tyre.reference_load_n, tyre.load_exponent);
                 2.0 * tyre.cornering_stiffness_n_rad * at_load
             });
         Self {
@@ -204,7 +204,7 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
         .steer_rad
         .iter()
         .zip(&steady.curvature_1_m)
-        .map(|(steer, curvature)| steer - (wheelbase_m * curvature).atan())
+        .map(|(steer, curvature)| steer - math::atan(wheelbase_m * curvature))
         .collect();
     let both_sides = steady.to_both_sides();
     let own = bent(*body);
@@ -225,7 +225,7 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
         let turned: Vec<f64> = sideslip
             .iter()
             .zip(&steady.curvature_1_m)
-            .map(|(sideslip, curvature)| sideslip - (rear_m * curvature).atan())
+            .map(|(sideslip, curvature)| sideslip - math::atan(rear_m * curvature))
             .collect();
         let own = bent_rear(*body);
         let others = body.doubted().map(bent_rear);

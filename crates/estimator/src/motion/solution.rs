@@ -69,12 +69,12 @@ impl Solution {
         let earth = at_imu + earth_from_body * rate.cross(&arm);
         let body = earth_from_body.inverse() * earth;
         let (_, _, yaw) = earth_from_body.euler_angles();
-        let speed = earth.x.hypot(earth.y);
-        let course = earth.y.atan2(earth.x);
+        let speed = math::hypot(earth.x, earth.y);
+        let course = math::atan2(earth.y, earth.x);
         let mut slope = SVector::<f64, STATES>::zeros();
         slope[ATTITUDE + 2] = -1.0;
-        slope[VELOCITY] = -course.sin() / speed.max(0.1);
-        slope[VELOCITY + 1] = course.cos() / speed.max(0.1);
+        slope[VELOCITY] = -math::sin(course) / speed.max(0.1);
+        slope[VELOCITY + 1] = math::cos(course) / speed.max(0.1);
         let variance = (slope.transpose() * self.covariance * slope)[0];
         let moving = speed > 0.3;
         MotionState {

@@ -63,11 +63,11 @@ impl MotionFilter {
                 }
             })
         });
-        let speed = velocity_m_s.x.hypot(velocity_m_s.y);
+        let speed = math::hypot(velocity_m_s.x, velocity_m_s.y);
         if !self.heading_known && speed > COURSE_SPEED_M_S {
             // No antenna has told a heading yet: a vehicle drives forward, nearly.
             let (_, _, yaw) = pose.earth_from_body.euler_angles();
-            let course = velocity_m_s.y.atan2(velocity_m_s.x);
+            let course = math::atan2(velocity_m_s.y, velocity_m_s.x);
             self.adopt_yaw(wrap(course - yaw), COURSE_SIGMA_RAD);
             self.heading_known = true;
             return Verdict::Used;
@@ -208,9 +208,9 @@ impl MotionFilter {
                 used = true;
             }
         }
-        let (sine, cosine) = yaw.sin_cos();
-        let tangent = pitch.tan().clamp(-2.0, 2.0);
-        let secant = (1.0 / pitch.cos()).clamp(0.0, 2.0);
+        let (sine, cosine) = math::sin_cos(yaw);
+        let tangent = math::tan(pitch).clamp(-2.0, 2.0);
+        let secant = (1.0 / math::cos(pitch)).clamp(0.0, 2.0);
         let slopes = [
             [tangent * cosine, tangent * sine, 1.0],
             [-sine, cosine, 0.0],

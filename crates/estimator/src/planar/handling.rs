@@ -50,7 +50,7 @@ impl Handling {
         let stiffness = |axle: &Axle, load_n: f64| {
             let tyre = &axle.tyre;
             let ratio = 0.5 * load_n / tyre.reference_load_n;
-            2.0 * tyre.cornering_stiffness_n_rad * ratio.powf(tyre.load_exponent)
+            2.0 * tyre.cornering_stiffness_n_rad * math::powf(ratio, tyre.load_exponent)
         };
         let roll: f64 = [&vehicle.front, &vehicle.rear]
             .iter()

@@ -184,7 +184,7 @@ impl PlanarReadings {
             }
             Measurement::GnssVelocity(velocity) if uses(Input::GnssVelocity) => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
-                let speed = east.hypot(north);
+                let speed = math::hypot(east, north);
                 if velocity.quality.is_measured() && speed < SPEED_MAX_M_S {
                     let time = time.offset_seconds(-calibration.velocity_latency_s);
                     self.wait(time, Quantity::Satellite, speed);

@@ -238,15 +238,15 @@ impl PlanarMotion {
         let speed = self.input.speed_m_s.max(SPEED_MIN_M_S);
         let own = self.state.lateral_sigma_m_s / speed;
         let model = MODEL_SIGMA_RAD + MODEL_SIGMA_PART * self.state.rear_slip_rad.abs();
-        own.hypot(model)
+        math::hypot(own, model)
     }
 
     fn sideslip_rad(&self) -> f64 {
         let (forward, left) = (self.input.speed_m_s, self.state.lateral_m_s);
-        if forward.hypot(left) < 0.1 {
+        if math::hypot(forward, left) < 0.1 {
             return 0.0;
         }
-        left.atan2(forward)
+        math::atan2(left, forward)
     }
 
     /// What the filter knows of the motion; attitude, which it does not, is unknown.

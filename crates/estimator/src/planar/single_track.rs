@@ -71,7 +71,7 @@ impl PlanarModel {
             yaw_rate_rad_s: state[YAW_RATE],
             acceleration_m_s2: if rolls { side } else { 0.0 },
             steer_rad: driven.steer_rad + state[STEER],
-            rear_slip_rad: -(across / driven.speed_m_s).atan(),
+            rear_slip_rad: -math::atan(across / driven.speed_m_s),
             force_n: if rolls { forces.force_n } else { [f64::NAN; 2] },
             innovations: [Innovation::NONE; 2],
         }
@@ -121,7 +121,7 @@ impl PlanarModel {
         AxleForces {
             force_n,
             slope_n_rad,
-            steer_cosine: (input.steer_rad + state[STEER]).cos(),
+            steer_cosine: math::cos(input.steer_rad + state[STEER]),
         }
     }
 
@@ -165,7 +165,7 @@ impl PlanarModel {
         let steer = input.steer_rad + state[STEER];
         for (i, steer, arm) in [(SLIP[0], steer, self.front_m), (SLIP[1], 0.0, -self.rear_m)] {
             let drift = (state[LATERAL] + arm * state[YAW_RATE]) / v;
-            rate[i] = lag * (steer - drift.atan() - state[i]);
+            rate[i] = lag * (steer - math::atan(drift) - state[i]);
             let over = lag / (v * (1.0 + drift * drift));
             slope[(i, LATERAL)] = -over;
             slope[(i, YAW_RATE)] = -arm * over;

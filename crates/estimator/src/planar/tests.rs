@@ -128,8 +128,8 @@ fn offsets_and_sideslip_are_found_from_yaw_rate_and_acceleration() {
     let mut worst: f64 = 0.0;
     for step in 0..6000 {
         let time_s = f64::from(step) * 0.01;
-        let speed = 14.0 + 4.0 * (0.21 * time_s).sin();
-        let steer = 0.05 * (1.7 * time_s).sin() * (0.13 * time_s).cos();
+        let speed = 14.0 + 4.0 * math::sin(0.21 * time_s);
+        let steer = 0.05 * math::sin(1.7 * time_s) * math::cos(0.13 * time_s);
         let real = truth.step(0.01, &input(time_s, speed, steer));
         let driven = truth.model.driven(&input(time_s, speed, steer));
         let turn = model.pushed(&model.forces(&truth.state, &driven))[1].0;

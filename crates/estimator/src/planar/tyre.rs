@@ -13,9 +13,9 @@ pub fn normalised_force(x: f64, shape: f64) -> (f64, f64) {
     if size > 1e3 {
         return (x.signum(), 0.0);
     }
-    let root = (1.0 + size.powf(shape)).powf(-1.0 / shape);
+    let root = math::powf(1.0 + math::powf(size, shape), -1.0 / shape);
     // d/dx x (1 + x^n)^(-1/n) = (1 + x^n)^(-1/n - 1)
-    (x * root, root.powf(shape + 1.0))
+    (x * root, math::powf(root, shape + 1.0))
 }
 
 #[cfg(test)]

@@ -155,6 +155,6 @@ pub fn block_length(influence: &DMatrix<f64>) -> usize {
     };
     let rho = (0..columns).map(correlation).fold(0.0, f64::max).min(0.999);
     let ratio = rho / (1.0 - rho * rho);
-    let length = (1.5 * (6.0 * ratio * ratio).cbrt()).max(1.0) * (rows as f64).cbrt();
+    let length = (1.5 * math::cbrt(6.0 * ratio * ratio)).max(1.0) * math::cbrt(rows as f64);
     (length.ceil() as usize).clamp(1, (rows / 6).max(1))
 }

@@ -65,7 +65,7 @@ pub(super) fn autoregression(values: &[f64]) -> Vec<f64> {
     }
     let mut variance = covariance[0];
     let mut phi: Vec<f64> = Vec::new();
-    let mut best = (n as f64 * variance.ln(), Vec::new());
+    let mut best = (n as f64 * math::ln(variance), Vec::new());
     for order in 1..=most {
         let explained: f64 = phi
             .iter()
@@ -82,7 +82,7 @@ pub(super) fn autoregression(values: &[f64]) -> Vec<f64> {
         if variance <= 0.0 {
             break;
         }
-        let criterion = n as f64 * variance.ln() + order as f64 * (n as f64).ln();
+        let criterion = n as f64 * math::ln(variance) + order as f64 * math::ln(n as f64);
         if criterion < best.0 {
             best = (criterion, phi.clone());
         }
@@ -115,7 +115,7 @@ fn bandwidth(scores: &DMatrix<f64>) -> f64 {
         below += square / (1.0 - rho).powi(4);
     }
     if below > 0.0 {
-        1.1447 * (above / below * rows as f64).cbrt()
+        1.1447 * math::cbrt(above / below * rows as f64)
     } else {
         0.0
     }

@@ -40,7 +40,7 @@ fn sine_design() -> DMatrix<f64> {
         if j == 0 {
             1.0
         } else {
-            (std::f64::consts::TAU * 0.3 * 0.1 * i as f64).sin()
+            math::sin(std::f64::consts::TAU * 0.3 * 0.1 * i as f64)
         }
     })
 }
@@ -138,10 +138,10 @@ fn weights_count_as_repetitions() {
 fn total_least_squares_is_demings_regression_in_one_dimension() {
     let mut noise = Noise::new(3);
     let x: Vec<f64> = (0..200)
-        .map(|i| (0.1 * f64::from(i)).sin() + 0.3 * noise.normal())
+        .map(|i| math::sin(0.1 * f64::from(i)) + 0.3 * noise.normal())
         .collect();
     let y: Vec<f64> = (0..200)
-        .map(|i| 2.0 * (0.1 * f64::from(i)).sin() + 0.5 + 0.6 * noise.normal())
+        .map(|i| 2.0 * math::sin(0.1 * f64::from(i)) + 0.5 + 0.6 * noise.normal())
         .collect();
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
     let (mx, my) = (mean(&x), mean(&y));
@@ -326,7 +326,7 @@ fn misra1a_is_met_to_its_certified_digits() {
     };
     let fit = nonlinear(&problem, |b| {
         DATA.iter()
-            .map(|[y, x]| y - b[0] * (1.0 - (-b[1] * x).exp()))
+            .map(|[y, x]| y - b[0] * (1.0 - math::exp(-b[1] * x)))
             .collect()
     })
     .expect("converges");

@@ -157,7 +157,7 @@ fn drawn(phi: &[f64], rows: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
 /// A normal number (Box and Muller 1958).
 fn normal(random: &mut ChaCha8Rng) -> f64 {
     let [size, turn]: [f64; 2] = std::array::from_fn(|_| random.random());
-    (-2.0 * (1.0 - size).ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
+    (-2.0 * math::ln(1.0 - size)).sqrt() * math::cos(std::f64::consts::TAU * turn)
 }
 
 fn mean_square(values: &[f64]) -> f64 {

@@ -42,7 +42,7 @@ pub fn whiteness(residuals: &[f64]) -> Whiteness {
 /// Probability that a chi-square variable exceeds `value` (Wilson and Hilferty 1931).
 fn chi_square_above(value: f64, freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * freedom);
-    let z = ((value / freedom).cbrt() - (1.0 - spread)) / spread.sqrt();
+    let z = (math::cbrt(value / freedom) - (1.0 - spread)) / spread.sqrt();
     normal_above(z)
 }
 
@@ -57,7 +57,7 @@ fn normal_above(z: f64) -> f64 {
     ];
     let t = (1.0 + 0.231_641_9 * z.abs()).recip();
     let sum = B.iter().rev().fold(0.0, |sum, b| (sum + b) * t);
-    let tail = (-0.5 * z * z).exp() / (std::f64::consts::TAU).sqrt() * sum;
+    let tail = math::exp(-0.5 * z * z) / (std::f64::consts::TAU).sqrt() * sum;
     if z < 0.0 { 1.0 - tail } else { tail }
 }
 

@@ -25,15 +25,15 @@ struct Drive {
 impl Drive {
     fn attitude(&self, t: f64) -> Rotation3<f64> {
         let (w, k) = (self.turning, 1.1);
-        let yaw = 0.3 + w / k * (1.0 - (k * t).cos());
-        let roll = self.leaning / 2.3 * (2.3 * t).sin();
-        let pitch = self.leaning / 3.1 * (3.1 * t).sin();
+        let yaw = 0.3 + w / k * (1.0 - math::cos(k * t));
+        let roll = self.leaning / 2.3 * math::sin(2.3 * t);
+        let pitch = self.leaning / 3.1 * math::sin(3.1 * t);
         Rotation3::from_euler_angles(roll, pitch, yaw)
     }
 
     /// Velocity of the unit, earth axes.
     fn velocity(&self, t: f64) -> Vector3<f64> {
-        let speed = 8.0 + 3.0 * (0.37 * t).sin();
+        let speed = 8.0 + 3.0 * math::sin(0.37 * t);
         self.attitude(t) * Vector3::new(speed, 0.0, 0.0)
     }
 

@@ -141,7 +141,7 @@ const RADIUS_M: f64 = 0.2795;
 /// Half a minute straight on at a speed that changes slowly.
 fn radii(seed: u64) -> Findings {
     let mut noise = Noise::new(seed);
-    let speed = |t: f64| 6.0 + 2.0 * (0.1 * t).sin();
+    let speed = |t: f64| 6.0 + 2.0 * math::sin(0.1 * t);
     let grid = |step_s: f64| -> Vec<f64> {
         (0..(30.0 / step_s) as usize)
             .map(|k| k as f64 * step_s)

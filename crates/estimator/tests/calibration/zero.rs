@@ -38,7 +38,7 @@ fn rest(random: &mut ChaCha8Rng, level: impl Fn(f64) -> f64) -> Option<Rest> {
 }
 
 fn offset(wheel: Wheel, channel: usize) -> f64 {
-    512.0 + 37.0 * (1.3 * channel as f64 + 2.1 * wheel.index() as f64).sin()
+    512.0 + 37.0 * math::sin(1.3 * channel as f64 + 2.1 * wheel.index() as f64)
 }
 
 /// All channels hanging, with these offsets.

@@ -29,6 +29,6 @@ impl Random {
     }
 
     pub fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.unit()).ln()).sqrt() * (TAU * self.unit()).cos()
+        (-2.0 * math::ln(1.0 - self.unit())).sqrt() * math::cos(TAU * self.unit())
     }
 }

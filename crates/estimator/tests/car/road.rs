@@ -77,7 +77,7 @@ fn bends(random: &mut Random) -> Vec<f64> {
     while raw.len() < 2600 {
         let straight_m = random.between(20.0, 260.0) as usize;
         raw.extend(std::iter::repeat_n(0.0, straight_m));
-        let radius_m = random.between(2.6, 4.8).exp();
+        let radius_m = math::exp(random.between(2.6, 4.8));
         let angle = random.between(0.5, 2.4);
         let sign = if turned.abs() > 2.5 {
             -turned.signum()
@@ -100,7 +100,7 @@ fn waves(random: &mut Random, n: usize, size: f64) -> Vec<f64> {
         .collect();
     let at = |i: usize| {
         let turn = TAU * i as f64 / n as f64;
-        let sum = |[size, count, phase]: &[f64; 3]| size * (count * turn + phase).sin();
+        let sum = |[size, count, phase]: &[f64; 3]| size * math::sin(count * turn + phase);
         size * 0.577 * parts.iter().map(sum).sum::<f64>()
     };
     (0..n).map(at).collect()

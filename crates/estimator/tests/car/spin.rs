@@ -31,10 +31,10 @@ pub fn inserted(rows: &[Row], from: usize, errors: &Errors) -> Vec<Row> {
             turned * TURN_RAD_S2
         };
         turn = (turn + ROW_S * rate).clamp(-TURN_MAX_RAD_S, TURN_MAX_RAD_S);
-        let push = -FRICTION * GRAVITY_M_S2 * slip.sin();
+        let push = -FRICTION * GRAVITY_M_S2 * math::sin(slip);
         all.push(Row {
             time_s: 0.0,
-            speed_m_s: speed * slip.cos(),
+            speed_m_s: speed * math::cos(slip),
             steer_rad: errors.steer_rad - 0.2 * turned,
             yaw_rate_rad_s: errors.gyro_rad_s + turn,
             lateral_m_s2: errors.accel_m_s2 + push,

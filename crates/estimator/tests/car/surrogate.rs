@@ -169,9 +169,9 @@ impl<'c> Driven<'c> {
         let course = (self.heading + self.lateral / v).clamp(-0.3, 0.3);
         let want = ahead - 0.6 / (v * v) * beside - 1.5 / v * course;
         let part = (v * v * want / (front.friction * GRAVITY_M_S2)).clamp(-0.93, 0.93);
-        let slip = front.friction / front.stiffness * part / (1.0 - part.abs().powi(3)).cbrt();
+        let slip = front.friction / front.stiffness * part / math::cbrt(1.0 - part.abs().powi(3));
         let bent = front.compliance_rad_n * 2.0 * self.still_n[0] * front.friction * part;
-        let floats = ((self.lateral + self.car.front_m * self.yaw_rate) / v).atan();
+        let floats = math::atan((self.lateral + self.car.front_m * self.yaw_rate) / v);
         self.floated += 0.03 * (floats - self.floated);
         let aim = self.floated
             + slip
@@ -202,7 +202,7 @@ impl<'c> Driven<'c> {
             self.tyre(i, demand_n, grip);
             let (x, y) = self.place_of(i);
             let (sin, cos) = if i < 2 {
-                self.steer.sin_cos()
+                math::sin_cos(self.steer)
             } else {
                 (0.0, 1.0)
             };
@@ -229,7 +229,7 @@ impl<'c> Driven<'c> {
         self.yaw_rate += DT_S * moment / car.yaw_inertia_kg_m2;
         self.roll_rate += DT_S * self.roll_acceleration;
         self.roll += DT_S * self.roll_rate;
-        let (sin, cos) = self.heading.sin_cos();
+        let (sin, cos) = math::sin_cos(self.heading);
         let gone = (self.speed * cos - self.lateral * sin) / (1.0 - k * self.beside_m).max(0.2);
         self.place_m += DT_S * gone;
         self.beside_m += DT_S * (self.speed * sin + self.lateral * cos);
@@ -273,7 +273,7 @@ impl<'c> Driven<'c> {
         let (left, right) = (self.force_n[i / 2 * 2][1], self.force_n[i / 2 * 2 + 1][1]);
         let angle = if i < 2 { self.steer } else { 0.0 } + axle.roll_steer * self.roll
             - axle.compliance_rad_n * (left + right);
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = math::sin_cos(angle);
         let (ux, uy) = (
             self.speed - self.yaw_rate * y,
             self.lateral + self.yaw_rate * x,
@@ -295,7 +295,7 @@ impl<'c> Driven<'c> {
     }
 
     fn sensed(&mut self, time_s: f64, e: &Errors) -> Row {
-        let leaning = self.side_m_s2 + GRAVITY_M_S2 * self.roll.sin();
+        let leaning = self.side_m_s2 + GRAVITY_M_S2 * math::sin(self.roll);
         let lateral_m_s2 = leaning - self.roll_acceleration * e.imu_height_m + e.accel_m_s2;
         let [speed, steer, yaw_rate, lateral] = e.noise.map(|size| size * self.random.normal());
         Row {
@@ -304,7 +304,7 @@ impl<'c> Driven<'c> {
             steer_rad: self.steer * e.steer_gain + e.steer_rad + steer,
             yaw_rate_rad_s: self.yaw_rate + e.gyro_rad_s + yaw_rate,
             lateral_m_s2: lateral_m_s2 + lateral,
-            sideslip_rad: self.lateral.atan2(self.speed),
+            sideslip_rad: math::atan2(self.lateral, self.speed),
         }
     }
 }
@@ -314,13 +314,13 @@ impl<'c> Driven<'c> {
 fn tyre_n(axle: &AxleOfCar, slip: [f64; 2], load_n: f64, still_n: f64, grip: f64) -> [f64; 2] {
     let ratio = load_n / still_n;
     let top = axle.load_of_greatest;
-    let rising = |ratio: f64| (2.0 * (ratio / top).atan()).sin();
+    let rising = |ratio: f64| math::sin(2.0 * math::atan(ratio / top));
     let stiffness = grip * axle.stiffness * still_n * rising(ratio) / rising(1.0);
     let peak = grip * axle.friction * (1.0 - axle.friction_fall * (ratio - 1.0)) * load_n;
     let along = SLIP_RATIO * slip[0];
-    let size = along.hypot(slip[1]).max(1e-9);
+    let size = math::hypot(along, slip[1]).max(1e-9);
     let bx = stiffness / (axle.shape * peak) * size;
-    let bent = bx - axle.curvature * (bx - bx.atan());
-    let force = peak * (axle.shape * bent.atan()).sin();
+    let bent = bx - axle.curvature * (bx - math::atan(bx));
+    let force = peak * math::sin(axle.shape * math::atan(bent));
     [force * along / size, force * slip[1] / size]
 }

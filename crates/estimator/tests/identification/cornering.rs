@@ -19,7 +19,7 @@ fn truth(vehicle: &Vehicle) -> [f64; 2] {
     [(&vehicle.front.tyre, b), (&vehicle.rear.tyre, a)].map(|(tyre, arm)| {
         let load = 0.5 * weight * arm / (a + b);
         2.0 * tyre.cornering_stiffness_n_rad
-            * (load / tyre.reference_load_n).powf(tyre.load_exponent)
+            * math::powf(load / tyre.reference_load_n, tyre.load_exponent)
     })
 }
 
@@ -104,7 +104,7 @@ fn a_straight_line_a_short_drive_and_an_absent_signal_are_refused_by_name() {
     let mut straight = rides::drive(&vehicle, 20.0, |_| 8.0, |_| 0.0);
     Noise::new(1).spoil(&mut straight.sideslip_rad, 0.002, 0.5);
     assert!(matches!(refusal(straight), Refusal::NotExcited { .. }));
-    let short = rides::drive(&vehicle, 4.0, |_| 8.0, |t| 0.1 * (2.0 * t).sin());
+    let short = rides::drive(&vehicle, 4.0, |_| 8.0, |t| 0.1 * math::sin(2.0 * t));
     assert!(matches!(refusal(short), Refusal::TooShort { .. }));
     let mut blind = rides::sine(&vehicle, 0.14, 0.3, 62.0);
     blind.sideslip_rad.clear();

@@ -17,7 +17,7 @@ fn drive(run: &Run) -> Drive {
     let across = |names: [&str; 3]| {
         each(&|row| {
             let [_, y, z] = run.vector(names, row);
-            let (sin, cos) = run.column("roll")[row].sin_cos();
+            let (sin, cos) = math::sin_cos(run.column("roll")[row]);
             y * cos - z * sin
         })
     };
@@ -29,12 +29,12 @@ fn drive(run: &Run) -> Drive {
         speed_m_s: forward
             .iter()
             .zip(&left)
-            .map(|(x, y)| x.hypot(*y))
+            .map(|(x, y)| math::hypot(*x, *y))
             .collect(),
         sideslip_rad: forward
             .iter()
             .zip(&left)
-            .map(|(x, y)| y.atan2(*x))
+            .map(|(x, y)| math::atan2(*y, *x))
             .collect(),
         yaw_rate_rad_s: column("r"),
         lateral_m_s2: across(["ax_body", "ay_body", "az_body"]),

@@ -29,7 +29,7 @@ fn gradient(vehicle: &Vehicle) -> f64 {
     let axle = |tyre: &model::vehicle::Tyre, arm: f64| {
         let load = 0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm / length;
         2.0 * tyre.cornering_stiffness_n_rad
-            * (load / tyre.reference_load_n).powf(tyre.load_exponent)
+            * math::powf(load / tyre.reference_load_n, tyre.load_exponent)
     };
     let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
     let [front, rear] =
@@ -77,7 +77,7 @@ fn slope_of(clean: &Drive) -> f64 {
     let rows: Vec<[f64; 2]> = (0..clean.rows())
         .map(|row| {
             let curvature = clean.yaw_rate_rad_s[row] / clean.speed_m_s[row];
-            let beyond = clean.steer_rad[row] - (length_m * curvature).atan();
+            let beyond = clean.steer_rad[row] - math::atan(length_m * curvature);
             [clean.lateral_m_s2[row], beyond]
         })
         .filter(|[lateral, _]| (0.45..1.6).contains(lateral))
@@ -203,7 +203,7 @@ fn roll_stiffness_is_within_five_per_cent_and_its_intervals_hold() {
 #[test]
 fn pitch_stiffness_comes_from_braking() {
     let vehicle = rides::vehicle();
-    let clean = rides::drive(&vehicle, 24.0, |t| 8.0 + 3.0 * (0.8 * t).sin(), |_| 0.0);
+    let clean = rides::drive(&vehicle, 24.0, |t| 8.0 + 3.0 * math::sin(0.8 * t), |_| 0.0);
     let drive = rides::as_measured(&clean, 0.0, 3);
     let found = roll_pitch::identify(
         &drive,
@@ -228,7 +228,8 @@ fn a_known_second_order_system_is_found_in_its_frequency_response() {
         ..Default::default()
     };
     let phase = |t: f64| std::f64::consts::TAU * (0.1 * t + 0.5 * 0.05 * (t % 60.0) * t);
-    let steer = |t: f64| 0.05 * (phase(t).sin() + 0.4 * (1.7 * t).sin() + 0.4 * (4.3 * t).sin());
+    let steer =
+        |t: f64| 0.05 * (math::sin(phase(t)) + 0.4 * math::sin(1.7 * t) + 0.4 * math::sin(4.3 * t));
     let (mut x, mut v) = (0.0, 0.0);
     for row in 0..8_000 {
         for k in 0..20 {
@@ -272,15 +273,20 @@ fn a_first_order_step_takes_its_time() {
             .map(|row| if at(row) < 0.0 { 0.0 } else { 0.1 })
             .collect(),
         yaw_rate_rad_s: (0..rows)
-            .map(|row| 0.5 * (1.0 - (-at(row).max(0.0) / tau).exp()))
+            .map(|row| 0.5 * (1.0 - math::exp(-at(row).max(0.0) / tau)))
             .collect(),
         lateral_m_s2: (0..rows)
-            .map(|row| 3.0 * (1.0 - (-at(row).max(0.0) / tau).exp()))
+            .map(|row| 3.0 * (1.0 - math::exp(-at(row).max(0.0) / tau)))
             .collect(),
         ..Default::default()
     };
     let found = response::step(&drive, 0.02).expect("a step");
-    near(&found, "yaw_rate_response_time", tau * 10.0_f64.ln(), 0.03);
+    near(
+        &found,
+        "yaw_rate_response_time",
+        tau * math::ln(10.0_f64),
+        0.03,
+    );
     near(&found, "yaw_rate_gain", 5.0, 0.01);
     near(&found, "lateral_acceleration_gain", 30.0, 0.01);
     assert!(found.value("yaw_rate_overshoot")[0] < 0.01);
@@ -306,8 +312,8 @@ fn every_tyre_model_is_fitted_and_the_wrong_shape_is_told() {
     };
     for row in 0..600 {
         let t = f64::from(row) * 0.05;
-        let slip = 0.25 * (1.9 * t).sin();
-        let load = 1330.0 * (1.0 + 0.4 * (1.9 * t + 0.4).sin());
+        let slip = 0.25 * math::sin(1.9 * t);
+        let load = 1330.0 * (1.0 + 0.4 * math::sin(1.9 * t + 0.4));
         data.load_n.push(load);
         data.slip_angle_rad
             .push(slip + 0.02 + 0.001 * noise.normal());
@@ -359,7 +365,7 @@ fn a_pendulums_inertia_is_found_and_its_intervals_hold() {
     let find = |seed| {
         let swing = |row: i32| {
             let time_s = f64::from(row) * 0.05;
-            0.1 * (-0.01 * time_s).exp() * (omega * time_s).cos()
+            0.1 * math::exp(-0.01 * time_s) * math::cos(omega * time_s)
         };
         let mut rate: Vec<f64> = (0..800).map(swing).collect();
         Noise::new(seed).spoil(&mut rate, 0.008, 0.02);

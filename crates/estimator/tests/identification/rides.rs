@@ -55,10 +55,12 @@ pub fn drive(
             if substep == 0 {
                 let told = outputs(&parameters, &state, &inputs);
                 let lateral = state.lateral_m_s - sway_m * state.roll_rate_rad_s;
-                drive.speed_m_s.push(state.longitudinal_m_s.hypot(lateral));
+                drive
+                    .speed_m_s
+                    .push(math::hypot(state.longitudinal_m_s, lateral));
                 drive
                     .sideslip_rad
-                    .push(lateral.atan2(state.longitudinal_m_s));
+                    .push(math::atan2(lateral, state.longitudinal_m_s));
                 drive.yaw_rate_rad_s.push(state.yaw_rate_rad_s);
                 drive
                     .lateral_m_s2
@@ -81,7 +83,7 @@ pub fn sine(vehicle: &Vehicle, amplitude_rad: f64, frequency_hz: f64, duration_s
         vehicle,
         duration_s,
         |_| 8.0,
-        |t| amplitude_rad * (std::f64::consts::TAU * frequency_hz * (t - 1.0).max(0.0)).sin(),
+        |t| amplitude_rad * math::sin(std::f64::consts::TAU * frequency_hz * (t - 1.0).max(0.0)),
     )
 }
 
@@ -100,7 +102,7 @@ impl Noise {
     /// Adds noise that wanders with this correlation time, or is white for zero.
     pub fn spoil(&mut self, values: &mut [f64], sigma: f64, correlation_s: f64) {
         let keep = if correlation_s > 0.0 {
-            (-DT_S / correlation_s).exp()
+            math::exp(-DT_S / correlation_s)
         } else {
             0.0
         };

@@ -366,7 +366,7 @@ impl Points {
 
 /// The angle within half a turn.
 fn turned(angle: f64) -> f64 {
-    angle.sin().atan2(angle.cos())
+    math::atan2(math::sin(angle), math::cos(angle))
 }
 
 /// The point from which the points' errors are zero on average.

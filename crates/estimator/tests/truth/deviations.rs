@@ -32,7 +32,7 @@ pub fn deviations(run: &Run, result: &Result) -> Squares {
                     let force = &estimate.measured[wheel];
                     let sigma = force.sigma_n[axis];
                     series.push((force.force_n[axis] - truth[row]) / sigma);
-                    logs += sigma.ln();
+                    logs += math::ln(sigma);
                 }
             }
             let count = series.len() as f64;

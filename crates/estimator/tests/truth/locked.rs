@@ -37,8 +37,8 @@ pub fn lock_axles(run: &mut Run, vehicle: &Vehicle, more_n: impl Fn(usize) -> f6
             let forward = share * more_n(row);
             let at = |column: &str| run.column(column)[row];
             let of_wheel = |column: &str| at(&format!("{name}_{column}"));
-            let (sin_roll, cos_roll) = at("roll").sin_cos();
-            let (sin_pitch, cos_pitch) = at("pitch").sin_cos();
+            let (sin_roll, cos_roll) = math::sin_cos(at("roll"));
+            let (sin_pitch, cos_pitch) = math::sin_cos(at("pitch"));
             let normal = Vector3::new(-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll);
             let rack = if wheel.is_front() {
                 rack_m_rad * at("handwheel")

@@ -87,7 +87,8 @@ fn judge_friction(name: &str, found: &Parameters) {
         let factor = grip.utilisation * truth / grip.friction_min;
         assert!(
             grip.friction_min == 0.0
-                || factor.ln().abs() <= DEVIATIONS_MAX * grip.utilisation_sigma / grip.utilisation,
+                || math::ln(factor).abs()
+                    <= DEVIATIONS_MAX * grip.utilisation_sigma / grip.utilisation,
             "{name} {found:?}"
         );
         if let (Some(friction), Some(sigma)) = (grip.friction, grip.friction_sigma) {

@@ -37,7 +37,7 @@ impl Source<'_> {
 
     fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> u16 {
         let ideal = channel.offset_counts + zero + value / channel.gain + noise * self.normal();
-        ideal.round().clamp(0.0, f64::from(bits).exp2() - 1.0) as u16
+        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as u16
     }
 
     fn push(&mut self, arrived_s: f64, valid_s: f64, measurement: Measurement) {

@@ -125,12 +125,12 @@ pub fn adaptive<const N: usize>(
             x = ahead;
             k[0] = k[6];
             observe(time, &x);
-            let growth = 0.9 * error.max(1e-10).powf(-0.17) * last_error.powf(0.04);
+            let growth = 0.9 * math::powf(error.max(1e-10), -0.17) * math::powf(last_error, 0.04);
             step = (step_now * growth.clamp(0.2, 5.0)).min(tolerance.step_most_s);
             last_error = error.max(1e-4);
         } else {
             let shrink = if error.is_finite() {
-                (0.9 * error.powf(-0.2)).clamp(0.1, 0.9)
+                (0.9 * math::powf(error, -0.2)).clamp(0.1, 0.9)
             } else {
                 0.1
             };
@@ -196,7 +196,7 @@ mod tests {
             |_, _| steps += 1,
         )
         .unwrap();
-        let error = (end[0] - 20.0_f64.cos()).hypot(end[1] + 20.0_f64.sin());
+        let error = math::hypot(end[0] - math::cos(20.0_f64), end[1] + math::sin(20.0_f64));
         (error, steps)
     }
 
@@ -206,7 +206,7 @@ mod tests {
         let (fine, many) = circle(1e-10);
         assert!(coarse < 1e-3 && fine < 2e-8, "{coarse} {fine}");
         // Fifth order: 1e5 times less error for ten times the steps.
-        let order = (coarse / fine).ln() / (many as f64 / few as f64).ln();
+        let order = math::ln(coarse / fine) / math::ln(many as f64 / few as f64);
         assert!((4.5..5.8).contains(&order), "{order}");
     }
 

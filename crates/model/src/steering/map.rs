@@ -62,7 +62,7 @@ impl MonotoneMap {
                 continue;
             }
             let (left, right) = (slopes[k] / secant, slopes[k + 1] / secant);
-            let size = left.hypot(right);
+            let size = math::hypot(left, right);
             if size > 3.0 {
                 slopes[k] = 3.0 / size * left * secant;
                 slopes[k + 1] = 3.0 / size * right * secant;

@@ -60,7 +60,10 @@ impl GroundPlane {
     #[must_use]
     pub fn body_roll_pitch_rad(&self) -> [f64; 2] {
         let n = self.normal;
-        [n.y.atan2(n.z), (-n.x).atan2(n.y.hypot(n.z))]
+        [
+            math::atan2(n.y, n.z),
+            math::atan2(-n.x, math::hypot(n.y, n.z)),
+        ]
     }
 }
 

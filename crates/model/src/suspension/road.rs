@@ -85,12 +85,13 @@ impl RoadProfile {
         )?;
         require(sines > 0, "waves", sines as f64, "", "1 or more")?;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let edge = |k: usize| (longest_m / shortest_m).powf(k as f64 / sines as f64) / longest_m;
+        let edge =
+            |k: usize| math::powf(longest_m / shortest_m, k as f64 / sines as f64) / longest_m;
         let sines = (0..sines)
             .map(|k| {
                 let (low, high) = (edge(k), edge(k + 1));
                 // Anywhere within its band, so that the sum does not repeat.
-                let cycles_m = low * (high / low).powf(random.random::<f64>());
+                let cycles_m = low * math::powf(high / low, random.random::<f64>());
                 // The band's power: the integral of G_d over it.
                 let power = class.density_m3(1.0) * (1.0 / low - 1.0 / high);
                 Sine {
@@ -108,7 +109,7 @@ impl RoadProfile {
     pub fn height_m(&self, position_m: f64) -> f64 {
         self.sines
             .iter()
-            .map(|s| s.amplitude_m * (s.rad_m * position_m + s.phase_rad).sin())
+            .map(|s| s.amplitude_m * math::sin(s.rad_m * position_m + s.phase_rad))
             .sum()
     }
 
@@ -117,7 +118,7 @@ impl RoadProfile {
     pub fn slope(&self, position_m: f64) -> f64 {
         self.sines
             .iter()
-            .map(|s| s.amplitude_m * s.rad_m * (s.rad_m * position_m + s.phase_rad).cos())
+            .map(|s| s.amplitude_m * s.rad_m * math::cos(s.rad_m * position_m + s.phase_rad))
             .sum()
     }
 }

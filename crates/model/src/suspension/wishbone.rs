@@ -85,7 +85,7 @@ impl CornerPose {
     /// Steer angle of the wheel about the vehicle's z axis, left positive, rad.
     #[must_use]
     pub fn steer_rad(&self) -> f64 {
-        (-self.spindle.x).atan2(self.spindle.y)
+        math::atan2(-self.spindle.x, self.spindle.y)
     }
 
     /// Inclination of the wheel plane about its heading, rad: right-hand rule, so that the top
@@ -93,7 +93,7 @@ impl CornerPose {
     /// [`CornerPose::camber_rad`].
     #[must_use]
     pub fn inclination_rad(&self) -> f64 {
-        self.spindle.z.clamp(-1.0, 1.0).asin()
+        math::asin(self.spindle.z.clamp(-1.0, 1.0))
     }
 
     /// Camber against the vehicle's z axis, rad: positive where the wheel's top leans outwards.

@@ -95,7 +95,7 @@ impl Brush {
         };
         let brush = Self {
             cornering: if grows {
-                cornering / reference_load_n.powf(0.75)
+                cornering / math::powf(reference_load_n, 0.75)
             } else {
                 cornering
             },

@@ -12,12 +12,12 @@ use crate::Scalar;
 #[inline]
 fn sine<T: Scalar>(b: T, c: f64, d: T, e: T, x: T) -> T {
     let bx = b * x;
-    d * ((bx - e * (bx - bx.atan())).atan() * c).sin()
+    d * ((bx - e * (bx - bx.arctangent())).arctangent() * c).sine()
 }
 
 /// D cos[C atan(B x - E (B x - atan(B x)))].
 #[inline]
 fn cosine<T: Scalar>(b: T, c: f64, d: T, e: T, x: T) -> T {
     let bx = b * x;
-    d * ((bx - e * (bx - bx.atan())).atan() * c).cos()
+    d * ((bx - e * (bx - bx.arctangent())).arctangent() * c).cosine()
 }

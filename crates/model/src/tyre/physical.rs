@@ -89,7 +89,7 @@ impl Physical {
         let y = cornering * contact.stiffness_scale * contact.slip_tangent;
         let (force, trail) = match self.law {
             Law::Linear => {
-                let angle = contact.slip_tangent.atan();
+                let angle = contact.slip_tangent.arctangent();
                 let stiffness = self.cornering.at(load) * contact.stiffness_scale;
                 (
                     [x, -stiffness * angle],
@@ -99,9 +99,9 @@ impl Physical {
             Law::Fiala => self.fiala(contact, grip, x, y),
             Law::Brush => self.brush(grip, x, y),
             Law::Exponential => {
-                let angle = contact.slip_tangent.atan();
+                let angle = contact.slip_tangent.arctangent();
                 let lateral = self.cornering.at(load) * contact.stiffness_scale * angle;
-                let scale = along(grip, x, lateral, |part| -(-part).exp_m1());
+                let scale = along(grip, x, lateral, |part| -(-part).exponential_less_one());
                 ([x * scale, -lateral * scale], T::from(0.0))
             }
             Law::Dugoff => (dugoff(grip, contact.slip_ratio, x, y), T::from(0.0)),

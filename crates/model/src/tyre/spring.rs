@@ -58,7 +58,7 @@ impl RadialSpringTyre {
         // Springs of the lower half; those beyond it never touch drivable ground.
         let side = (std::f64::consts::FRAC_PI_2 / self.spacing_rad) as i32;
         let deflection = |k: i32| -> f64 {
-            let (sin, cos) = (f64::from(k) * self.spacing_rad).sin_cos();
+            let (sin, cos) = math::sin_cos(f64::from(k) * self.spacing_rad);
             self.reach(axle_height_m, sin, cos, &ground_m)
         };
         let mut total = SpringForce::default();
@@ -68,7 +68,7 @@ impl RadialSpringTyre {
             if here > 0.0 {
                 let pull =
                     self.radial_n_m * here + self.interradial_n_m * (2.0 * here - before - after);
-                let (sin, cos) = (f64::from(k) * self.spacing_rad).sin_cos();
+                let (sin, cos) = math::sin_cos(f64::from(k) * self.spacing_rad);
                 total.longitudinal_n -= pull * sin;
                 total.vertical_n += pull * cos;
             }
@@ -122,7 +122,7 @@ mod tests {
         };
         let height: f64 = 0.30;
         let expected: f64 = (-89..=89)
-            .map(|k| f64::from(k).to_radians().cos())
+            .map(|k| math::cos(f64::from(k).to_radians()))
             .filter(|cos| 0.3175 * cos > height)
             .map(|cos| 1000.0 * (0.3175 * cos - height))
             .sum();

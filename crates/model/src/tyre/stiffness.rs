@@ -82,6 +82,6 @@ fn power<T: Scalar>(base: T, exponent: f64) -> T {
     } else if exponent == 0.5 {
         base.sqrt()
     } else {
-        base.powf(exponent)
+        base.power(exponent)
     }
 }

@@ -60,7 +60,7 @@ proptest! {
             prop_assert!(f.longitudinal_n.is_finite() && f.lateral_n.is_finite() && f.aligning_n_m.is_finite(), "{tyre:?}");
             if let Tyre::Physical(_) = &tyre {
                 let most = 0.87 * friction_scale * load * (1.0 + 1e-9) + 1e-9;
-                prop_assert!(f.longitudinal_n.hypot(f.lateral_n) <= most, "{tyre:?} {f:?}");
+                prop_assert!(math::hypot(f.longitudinal_n, f.lateral_n) <= most, "{tyre:?} {f:?}");
             }
             // Friction takes power: F_x slip_x >= 0 where the shifts and camber play no part.
             if let (Tyre::Physical(_), true) = (&tyre, slip_ratio.abs() > 1e-6) {
@@ -136,7 +136,7 @@ fn load_laws_meet_their_definitions() {
         load_of_most_n: 2500.0,
     };
     for load in [500.0, 1831.0, 2500.0, 4000.0_f64] {
-        let expected = 9000.0 * (2.0 * (load / 2500.0).atan()).sin();
+        let expected = 9000.0 * math::sin(2.0 * math::atan(load / 2500.0));
         assert!((sine.at(load) - expected).abs() < 1e-9);
         for exponent in [0.0, 0.5, 0.75, 0.766, 1.0_f64] {
             let power = Stiffness::Power {
@@ -144,7 +144,7 @@ fn load_laws_meet_their_definitions() {
                 reference_load_n: 1831.0,
                 exponent,
             };
-            let expected = 8538.0 * (load / 1831.0).powf(exponent);
+            let expected = 8538.0 * math::powf(load / 1831.0, exponent);
             assert!((power.at(load) - expected).abs() < 1e-9);
         }
     }

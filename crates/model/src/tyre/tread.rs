@@ -15,7 +15,7 @@ impl vehicle::Tyre {
     #[must_use]
     pub fn tread_moment_n_m(&self, load_n: f64, inclination_rad: f64) -> f64 {
         let stiffness = self.vertical_stiffness_n_m;
-        let tilt = inclination_rad.tan();
+        let tilt = math::tan(inclination_rad);
         tread_moment(self.width_m, stiffness, load_n.max(0.0), tilt)
     }
 
@@ -23,7 +23,7 @@ impl vehicle::Tyre {
     #[must_use]
     pub fn tread_carrying(&self, load_n: f64, inclination_rad: f64) -> f64 {
         let stiffness = self.vertical_stiffness_n_m;
-        let tilt = inclination_rad.tan().abs();
+        let tilt = math::tan(inclination_rad).abs();
         tread_carrying(self.width_m, stiffness, load_n.max(0.0), tilt)
     }
 }
@@ -68,7 +68,7 @@ mod tests {
                 let (mut load, mut moment) = (0.0, 0.0);
                 for i in 0..strips {
                     let y = tyre.width_m * ((f64::from(i) + 0.5) / f64::from(strips) - 0.5);
-                    let depth = (press + y * inclination.tan()).max(0.0);
+                    let depth = (press + y * math::tan(inclination)).max(0.0);
                     let force = tyre.vertical_stiffness_n_m * depth / f64::from(strips);
                     load += force;
                     moment += y * force;

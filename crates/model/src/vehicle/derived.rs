@@ -37,7 +37,7 @@ impl Vehicle {
     #[must_use]
     pub fn tipping_angle_rad(&self) -> f64 {
         let track_m = self.front.track_m.min(self.rear.track_m);
-        (0.5 * track_m).atan2(self.body.cg_height_m)
+        math::atan2(0.5 * track_m, self.body.cg_height_m)
     }
 
     /// Height of the roll axis above ground, under the centre of gravity, m: straight between both roll

@@ -37,9 +37,9 @@ fn hanging_wheels_rest_where_the_simulator_says() {
         .expect("18 s of data");
     let (roll, pitch) = (run.get("roll", row), run.get("pitch", row));
     let up = Vector3::new(
-        -pitch.sin(),
-        roll.sin() * pitch.cos(),
-        roll.cos() * pitch.cos(),
+        -math::sin(pitch),
+        math::sin(roll) * math::cos(pitch),
+        math::cos(roll) * math::cos(pitch),
     );
     for wheel in Wheel::ALL {
         let get = |name: &str| run.get(&format!("{wheel}_{name}"), row);

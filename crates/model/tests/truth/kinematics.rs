@@ -134,7 +134,7 @@ fn roll_centre_by_the_instant_centre() {
                 - lower * p.lower_front.y)
                 / (upper - lower);
             let z = p.lower_front.z + lower * (y - p.lower_front.y);
-            let (sine, cosine) = pose.spindle.z.asin().sin_cos();
+            let (sine, cosine) = math::sin_cos(math::asin(pose.spindle.z));
             let contact_y = pose.wheel_centre_m.y + radius * sine;
             let contact_z = pose.wheel_centre_m.z - radius * cosine;
             let height = -contact_y * (z - contact_z) / (y - contact_y);

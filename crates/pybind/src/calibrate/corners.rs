@@ -42,7 +42,7 @@ impl Counts<'_> {
                 time_s: &time_s,
                 value,
             };
-            let range = [0.0, f64::from(bits).exp2() - 1.0];
+            let range = [0.0, math::exp2(f64::from(bits)) - 1.0];
             Rest::of(&signal, f64::NEG_INFINITY, f64::INFINITY, range)
         };
         Ok(PerWheel::from_fn(|wheel| {

@@ -111,7 +111,7 @@ impl FourWheel {
         let rolling = axle.rolling_resistance * axle.rolling_radius_m * told.load_n[i];
         WheelTruth {
             force_n: [told.longitudinal_n[i], told.lateral_n[i], told.load_n[i]],
-            moment_n_m: [0.0, -rolling * spin.tanh(), told.aligning_n_m[i]],
+            moment_n_m: [0.0, -rolling * math::tanh(spin), told.aligning_n_m[i]],
             angular_speed_rad_s: spin,
             steer_rad: inputs.steer_rad[i] + axle.roll_steer * self.state.roll_rad,
             slip_angle_rad: told.slip_angle_rad[i],

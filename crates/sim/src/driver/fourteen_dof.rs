@@ -106,7 +106,7 @@ impl FourteenDof {
     fn aligning_n_m(&self, wheel: usize, told: &Outputs<f64>, commands: &Commands) -> f64 {
         let contact = Contact {
             load_n: told.load_n[wheel],
-            slip_tangent: told.slip_angle_rad[wheel].tan(),
+            slip_tangent: math::tan(told.slip_angle_rad[wheel]),
             slip_ratio: told.slip_ratio[wheel],
             camber_rad: 0.0,
             friction_scale: commands.friction_scale[wheel],

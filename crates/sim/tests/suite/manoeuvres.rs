@@ -25,7 +25,7 @@ const NEWTON_TOLERANCE_N: f64 = 25.0;
 
 fn check_newton(state: &TruthState) {
     let earth_from_body = state.earth_from_body();
-    let (sin_yaw, cos_yaw) = state.yaw_rad.sin_cos();
+    let (sin_yaw, cos_yaw) = math::sin_cos(state.yaw_rad);
     let earth: Vec<f64> = earth_from_body
         .iter()
         .map(|row| {
@@ -43,7 +43,7 @@ fn check_newton(state: &TruthState) {
     let mass_kg = vehicle().body.mass_kg;
     let (mut sum, mut load_n) = ([0.0; 2], 0.0);
     for wheel in &state.wheels.0 {
-        let (sin, cos) = wheel.steer_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(wheel.steer_rad);
         let [x, y, z] = wheel.force_n;
         sum[0] += x * cos - y * sin;
         sum[1] += x * sin + y * cos;
@@ -72,7 +72,7 @@ fn a_circle_has_its_radius_and_rolls_to_the_right() {
     for time_s in [20.0, 35.0, 50.0] {
         let state = motion.at(time_s);
         let [vx, vy, _] = state.velocity_body_m_s;
-        let radius_m = vx.hypot(vy) / state.rate_rad_s[2];
+        let radius_m = math::hypot(vx, vy) / state.rate_rad_s[2];
         assert!((radius_m - 15.24).abs() < 0.5, "{radius_m} m at {time_s} s");
         assert!(state.roll_rad > 0.03 && state.acceleration_m_s2[1] > 2.0);
         let load_n = |wheel: Wheel| state.wheels[wheel].force_n[2];
@@ -185,7 +185,7 @@ fn a_vehicle_whose_tyres_do_not_relax_stands_still() {
     let motion = Manoeuvre::LaunchBrake.drive(&vehicle).expect("a motion");
     for state in motion.states().iter().filter(|state| state.time_s < 0.9) {
         let [ahead, _, _] = state.specific_force_m_s2;
-        let weight = -STANDARD_GRAVITY_M_S2 * state.pitch_rad.sin();
+        let weight = -STANDARD_GRAVITY_M_S2 * math::sin(state.pitch_rad);
         assert!((ahead - weight).abs() < 0.02, "{} s: {ahead}", state.time_s);
     }
     for time_s in [2.5, 4.0, 10.0] {
@@ -288,7 +288,7 @@ fn a_hillside_is_circled_by_newtons_laws() {
         });
         let mut pushed = [0.0; 3];
         for wheel in &state.wheels.0 {
-            let (sin, cos) = wheel.steer_rad.sin_cos();
+            let (sin, cos) = math::sin_cos(wheel.steer_rad);
             let [x, y, z] = wheel.force_n;
             pushed[0] += x * cos - y * sin;
             pushed[1] += x * sin + y * cos;

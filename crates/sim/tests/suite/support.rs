@@ -23,8 +23,8 @@ pub fn circle(speed_m_s: f64, radius_m: f64, duration_s: f64) -> Motion {
             TruthState {
                 time_s,
                 position_m: [
-                    radius_m * yaw_rad.sin(),
-                    radius_m * (1.0 - yaw_rad.cos()),
+                    radius_m * math::sin(yaw_rad),
+                    radius_m * (1.0 - math::cos(yaw_rad)),
                     0.579,
                 ],
                 yaw_rad,

@@ -20,8 +20,8 @@ fn column(index: usize, name: &str) -> Vec<f64> {
     (0..ROWS)
         .map(|row| match name {
             "t[s]" => 3.0 + row as f64 * 0.005,
-            _ if name.ends_with("spring_len[m]") => 0.35 + (0.1 * row as f64).sin() / 100.0,
-            _ => (0.1 * row as f64 + index as f64).sin() / 8.0,
+            _ if name.ends_with("spring_len[m]") => 0.35 + math::sin(0.1 * row as f64) / 100.0,
+            _ => math::sin(0.1 * row as f64 + index as f64) / 8.0,
         })
         .collect()
 }

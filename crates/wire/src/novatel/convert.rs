@@ -63,7 +63,7 @@ impl Position {
 
 impl Velocity {
     fn to_sample(self) -> GnssVelocity {
-        let (east, north) = self.track_deg.to_radians().sin_cos();
+        let (east, north) = math::sin_cos(self.track_deg.to_radians());
         let speed = self.horizontal_m_s;
         GnssVelocity {
             quality: self.solution.quality(),

@@ -107,7 +107,7 @@ pub fn rig(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     for recording in &bench.recordings {
         let range = [
             0.0,
-            f64::from(recording.sensors.strain.adc_bits).exp2() - 1.0,
+            math::exp2(f64::from(recording.sensors.strain.adc_bits)) - 1.0,
         ];
         for (time_s, wheel, values) in rig_marks(recording)? {
             let of = |signal: Signal<'_>| {

@@ -73,7 +73,7 @@ fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
         .filter_map(level)
         .fold(f64::INFINITY, f64::min);
     // Counts rise with compression: a tenth of the range is well above noise and below travel.
-    let span = 0.1 * f64::from(recording.sensors.deflection.adc_bits).exp2();
+    let span = 0.1 * math::exp2(f64::from(recording.sensors.deflection.adc_bits));
     stretches
         .iter()
         .filter(|stretch| level(stretch).is_some_and(|l| l < lowest + 0.5 * span))
@@ -100,7 +100,7 @@ fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> O
 
 fn said(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
     let Stretch { from_s, to_s } = stretch;
-    let range = |bits: u8| [0.0, f64::from(bits).exp2() - 1.0];
+    let range = |bits: u8| [0.0, math::exp2(f64::from(bits)) - 1.0];
     let strain_range = range(recording.sensors.strain.adc_bits);
     let pot_range = range(recording.sensors.deflection.adc_bits);
     PerWheel::from_fn(|wheel| {

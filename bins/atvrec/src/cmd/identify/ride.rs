@@ -100,12 +100,16 @@ impl Ride {
         // The body's axes lean with it; what turns and brakes the vehicle is horizontal.
         let horizontal = |along: &[f64], up: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
             let rows = along.iter().zip(up).zip(lean);
-            rows.map(|((a, z), angle)| a * angle.cos() + sign * z * angle.sin())
+            rows.map(|((a, z), angle)| a * math::cos(*angle) + sign * z * math::sin(*angle))
                 .collect()
         };
         let drive = Drive {
             dt_s: DT_S,
-            speed_m_s: vx.iter().zip(&vy).map(|(x, y)| x.hypot(*y)).collect(),
+            speed_m_s: vx
+                .iter()
+                .zip(&vy)
+                .map(|(x, y)| math::hypot(*x, *y))
+                .collect(),
             sideslip_rad: each("sideslip_rad"),
             yaw_rate_rad_s: each("yaw_rate_rad_s"),
             lateral_m_s2: horizontal(&ay, &az, &roll_rad, -1.0),
@@ -191,7 +195,7 @@ impl Ride {
                     let (Some(along), Some(across)) = (along.get(row), across.get(row)) else {
                         return f64::NAN;
                     };
-                    let (sin, cos) = self.steer_rad[wheel][row].sin_cos();
+                    let (sin, cos) = math::sin_cos(self.steer_rad[wheel][row]);
                     let force = [along * cos - across * sin, along * sin + across * cos];
                     let (ahead_m, track_m) = if wheel.is_front() {
                         (body.front_axle_to_cg_m, self.vehicle.front.track_m)

@@ -76,10 +76,10 @@ impl TruthPoint {
         let get = |truth| self.values.get(&truth).copied().unwrap_or(f64::NAN);
         let forward = get(Truth::ForwardSpeed);
         let (mut sideslip, mut leftward) = (get(Truth::Sideslip), get(Truth::LeftwardSpeed));
-        if sideslip.is_nan() && forward.hypot(leftward) > 0.0 {
-            sideslip = leftward.atan2(forward);
+        if sideslip.is_nan() && math::hypot(forward, leftward) > 0.0 {
+            sideslip = math::atan2(leftward, forward);
         } else if leftward.is_nan() {
-            leftward = forward * sideslip.tan();
+            leftward = forward * math::tan(sideslip);
         }
         let motion = Motion {
             velocity_x_m_s: forward,

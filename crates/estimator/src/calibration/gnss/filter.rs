@@ -214,8 +214,8 @@ impl Filter {
 
     pub(super) fn push_attitude(&mut self, read: &[f64; 3], motion: &Motion, sigma: [f64; 4]) {
         let (roll, pitch, yaw) = self.earth_from_body.euler_angles();
-        let (sine, cosine) = yaw.sin_cos();
-        let (tangent, secant) = (pitch.tan(), 1.0 / pitch.cos());
+        let (sine, cosine) = math::sin_cos(yaw);
+        let (tangent, secant) = (math::tan(pitch), 1.0 / math::cos(pitch));
         // How a turn of earth axes moves yaw, pitch and roll.
         let slopes = [
             Vector3::new(tangent * cosine, tangent * sine, 1.0),

@@ -92,7 +92,7 @@ impl Level {
         let (mut normal, mut right, mut spread) =
             (Matrix4::zeros(), Vector4::zeros(), Matrix4::zeros());
         for still in stills {
-            let (sine, cosine) = still.heading_rad.sin_cos();
+            let (sine, cosine) = math::sin_cos(still.heading_rad);
             let rows = Matrix2x4::new(1.0, 0.0, cosine, sine, 0.0, 1.0, -sine, cosine);
             for axis in 0..2 {
                 let row = rows.row(axis).transpose();
@@ -136,7 +136,7 @@ impl Level {
                 deviation(&|s| s.noise[1][axis]) / readings.sqrt()
             }),
             lean: [0, 1].map(|axis| over(&|s| s.lean[axis])),
-            slope_rad: solution[2].hypot(solution[3]) / STANDARD_GRAVITY_M_S2,
+            slope_rad: math::hypot(solution[2], solution[3]) / STANDARD_GRAVITY_M_S2,
             condition: (values.max() / values.min()).sqrt(),
             span: Span {
                 from_s: first,

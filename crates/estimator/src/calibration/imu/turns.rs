@@ -108,7 +108,7 @@ fn turn_row(
         |value: &dyn Fn(usize) -> f64| window.clone().map(value).sum::<f64>() / window.len() as f64;
     let rate = |k: usize, axis: usize| imu.rate_rad_s[k][axis] - level.rate[axis];
     let [p_s, q_s, yaw_rate] = [0, 1, 2].map(|axis| over(&|k| rate(k, axis)));
-    let (sine, cosine) = about_z_rad.sin_cos();
+    let (sine, cosine) = math::sin_cos(about_z_rad);
     let (p, q) = (cosine * p_s + sine * q_s, cosine * q_s - sine * p_s);
     if leaning {
         let at = |axis: usize, k: usize| {

@@ -172,7 +172,7 @@ pub(super) fn faults_of(chain: &Channel, said: &Said<'_>, expected: [f64; 2]) ->
     if rest.unsteadiness > UNSTEADY {
         faults.push(FaultKind::Unsteady);
     }
-    if rest.noise > NOISY * said.noise_counts.hypot(1.0 / 12.0_f64.sqrt()) {
+    if rest.noise > NOISY * math::hypot(said.noise_counts, 1.0 / 12.0_f64.sqrt()) {
         faults.push(FaultKind::Noisy { counts: rest.noise });
     }
     let drifted = slope

@@ -189,7 +189,7 @@ impl Body {
         let weight_n = self.mass_kg * STANDARD_GRAVITY_M_S2;
         let lateral_n = self.mass_kg * now.lateral_m_s2;
         let roll_n_m = lateral_n * self.cg_height_m + weight_n * self.sway_m * now.roll_rad;
-        let sin = now.steer_rad.sin();
+        let sin = math::sin(now.steer_rad);
         let turning = self.between_sides_n_m(now.lateral_m_s2, roll_n_m, sin);
         let carried = self.cg_to_rear_axle_m / self.wheelbase_m();
         let resistance_n = self.rolling_resistance * weight_n * carried;
@@ -200,7 +200,7 @@ impl Body {
     /// with their spin momentum.
     fn forces_under_n(&self, now: &Instant, loads_n: [f64; 4]) -> [f64; 2] {
         let f = self.rolling_resistance;
-        let (sin, cos) = now.steer_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(now.steer_rad);
         let spin_n_m = self.spin_kg_m * now.speed_m_s * now.roll_rate_rad_s;
         let resistance_n = f * (loads_n[0] + loads_n[1]);
         let rear_n_m = 0.5 * self.track_m[1] * f * (loads_n[3] - loads_n[2]);
@@ -225,7 +225,7 @@ impl Body {
 
     /// An axle's force by its tyres, whose stiffness grows with the load.
     fn by_tyre_n(&self, axle: usize, force_n: f64, parts: [f64; 2]) -> [f64; 2] {
-        let grown = parts.map(|part| part.max(LOAD_PART_MIN).powf(self.load_exponent[axle]));
+        let grown = parts.map(|part| math::powf(part.max(LOAD_PART_MIN), self.load_exponent[axle]));
         grown.map(|own| force_n * own / (grown[0] + grown[1]))
     }
 
@@ -243,7 +243,7 @@ impl Body {
         let (a, b) = (self.front_axle_to_cg_m, self.cg_to_rear_axle_m);
         let lateral_n = self.mass_kg * now.lateral_m_s2;
         let yaw_n_m = self.yaw_inertia_kg_m2 * now.yaw_acceleration_rad_s2 + turning_n_m;
-        let (sin, cos) = now.steer_rad.sin_cos();
+        let (sin, cos) = math::sin_cos(now.steer_rad);
         let front_n = (b * lateral_n + yaw_n_m) / (a + b);
         let rear_n = (a * lateral_n - yaw_n_m) / (a + b);
         [(front_n + resistance_n * sin) / cos, rear_n]
@@ -274,7 +274,7 @@ impl Body {
         grip_inverse: f64,
     ) -> Pull {
         let tyres = parts.map(|part| Tyre {
-            stiffness: 0.5 * part.powf(self.load_exponent[axle]),
+            stiffness: 0.5 * math::powf(part, self.load_exponent[axle]),
             grip_n: 0.5 * part / grip_inverse.abs(),
         });
         let most_n: f64 = tyres.iter().map(|tyre| GRIP_PART_MAX * tyre.grip_n).sum();
@@ -341,7 +341,7 @@ mod tests {
         for pull_n in [1.0, 300.0, 1500.0] {
             let part_of = |part: f64| {
                 let grip_n = 0.5 * body.grip_n[0] * part;
-                let slid = 0.5 * part.powf(body.load_exponent[0]) * pull_n / (3.0 * grip_n);
+                let slid = 0.5 * math::powf(part, body.load_exponent[0]) * pull_n / (3.0 * grip_n);
                 grip_n * (1.0 - (1.0 - slid).powi(3))
             };
             let force_n: f64 = parts.map(part_of).iter().sum();

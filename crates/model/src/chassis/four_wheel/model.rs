@@ -113,7 +113,7 @@ pub fn outputs<T: Scalar>(
         longitudinal_n: longitudinal.list(),
         lateral_n: lateral.list(),
         aligning_n_m: aligning.list(),
-        slip_angle_rad: wheels.tangent.list().map(|tangent| tangent.atan()),
+        slip_angle_rad: wheels.tangent.list().map(|tangent| tangent.arctangent()),
         slip_ratio: wheels.ratio.list(),
         longitudinal_m_s2: rate.longitudinal_m_s - state.lateral_m_s * state.yaw_rate_rad_s,
         lateral_m_s2: rate.lateral_m_s + state.longitudinal_m_s * state.yaw_rate_rad_s,

@@ -125,7 +125,7 @@ impl<T: Scalar> State<T> {
         if self.longitudinal_m_s == 0.0 && self.lateral_m_s == 0.0 {
             T::from(0.0)
         } else {
-            self.lateral_m_s.atan2(self.longitudinal_m_s)
+            self.lateral_m_s.arctangent_over(self.longitudinal_m_s)
         }
     }
 }
@@ -239,7 +239,7 @@ impl Pose {
         let half = 0.5 * step_s;
         let yaw_rad = self.yaw_rad + half * (from.yaw_rate_rad_s + to.yaw_rate_rad_s);
         let velocity = |state: &State<f64>, yaw: f64| {
-            let (sin, cos) = yaw.sin_cos();
+            let (sin, cos) = math::sin_cos(yaw);
             let (u, v) = (state.longitudinal_m_s, state.lateral_m_s);
             [u * cos - v * sin, u * sin + v * cos]
         };

@@ -129,7 +129,7 @@ impl Turn<'_> {
             let along = speed - state.yaw_rate_rad_s * y;
             let across = state.lateral_m_s + state.yaw_rate_rad_s * x;
             let steer = inputs.steer_rad[i] + state.roll_rad * axle.roll_steer;
-            let (sin, cos) = steer.sin_cos();
+            let (sin, cos) = (steer.sine(), steer.cosine());
             let rolling = along * cos + across * sin;
             state.slip_tangent[i] = (across * cos - along * sin) / rolling.magnitude();
             state.slip_ratio[i] = unknown[5 + i];

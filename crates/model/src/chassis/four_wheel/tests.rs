@@ -85,7 +85,7 @@ fn lateral_transfer_closes_on_the_overturning_moment() {
     let left = p.front.track_m * (n[1] - n[0]) / 2.0 + p.rear.track_m * (n[3] - n[2]) / 2.0;
     let height = p.roll_arm_m + 0.155;
     let right = p.mass_kg * found.outputs.lateral_m_s2 * height
-        + p.mass_kg * 9.81 * p.roll_arm_m * found.state.roll_rad.sin();
+        + p.mass_kg * 9.81 * p.roll_arm_m * math::sin(found.state.roll_rad);
     assert!((left / right - 1.0).abs() < 1e-12, "{left} {right}");
 }
 
@@ -164,7 +164,7 @@ proptest! {
         let (mut x, mut y, mut moment) = (0.0, 0.0, 0.0);
         for i in 0..4 {
             let [ahead, left] = p.wheel_position_m(i);
-            let (sin, cos) = inputs.steer_rad[i].sin_cos();
+            let (sin, cos) = math::sin_cos(inputs.steer_rad[i]);
             let fx = out.longitudinal_n[i] * cos - out.lateral_n[i] * sin;
             let fy = out.longitudinal_n[i] * sin + out.lateral_n[i] * cos;
             x += fx;
@@ -175,17 +175,17 @@ proptest! {
         let lever = p.sprung_mass_kg * p.roll_arm_m;
         let roll = out.rate.roll_rate_rad_s;
         let yaw = out.rate.yaw_rate_rad_s;
-        let felt = out.lateral_m_s2 + g * inputs.bank_rad.sin();
+        let felt = out.lateral_m_s2 + g * math::sin(inputs.bank_rad);
         let scale = 1e-9 * p.mass_kg * g;
-        prop_assert!((p.mass_kg * (out.longitudinal_m_s2 - g * inputs.grade_rad.sin()) - x).abs() < scale);
+        prop_assert!((p.mass_kg * (out.longitudinal_m_s2 - g * math::sin(inputs.grade_rad)) - x).abs() < scale);
         prop_assert!((p.mass_kg * felt - lever * roll - y).abs() < scale);
         prop_assert!((p.yaw_inertia_kg_m2 * yaw - p.inertia_xz_kg_m2 * roll - moment).abs() < scale);
         let spring: f64 = [&p.front, &p.rear].iter().map(|axle| {
             axle.roll_stiffness_n_m_rad * state.roll_rad + axle.roll_damping_n_m_s_rad * state.roll_rate_rad_s
         }).sum();
         let rolling = (p.roll_inertia_kg_m2 + lever * p.roll_arm_m) * roll - p.inertia_xz_kg_m2 * yaw;
-        prop_assert!((rolling - lever * felt - lever * g * state.roll_rad.sin() + spring).abs() < scale);
-        let down = p.mass_kg * g * inputs.bank_rad.cos() * inputs.grade_rad.cos();
+        prop_assert!((rolling - lever * felt - lever * g * math::sin(state.roll_rad) + spring).abs() < scale);
+        let down = p.mass_kg * g * math::cos(inputs.bank_rad) * math::cos(inputs.grade_rad);
         prop_assert!(out.load_n.iter().all(|load| *load >= 0.0));
         prop_assert!((out.load_n.iter().sum::<f64>() - down).abs() < scale);
     }
@@ -380,7 +380,7 @@ fn the_fixed_step_converges_with_fourth_order() {
         state.to_vector()
     };
     let exact = run(6400);
-    let order: f64 = ((run(200) - exact).amax() / (run(400) - exact).amax()).log2();
+    let order: f64 = math::log2((run(200) - exact).amax() / (run(400) - exact).amax());
     assert!((3.7..4.6).contains(&order), "{order}");
 }
 

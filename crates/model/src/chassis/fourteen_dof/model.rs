@@ -115,7 +115,7 @@ pub fn outputs<T: Scalar>(
         deflection_m: each(|i| wheels[i].deflection),
         longitudinal_n: each(|i| wheels[i].contact[0]),
         lateral_n: each(|i| wheels[i].contact[1]),
-        slip_angle_rad: each(|i| wheels[i].slips[0].atan()),
+        slip_angle_rad: each(|i| wheels[i].slips[0].arctangent()),
         slip_ratio: each(|i| wheels[i].slips[1]),
         strut_length_m: each(|i| struts[i][0]),
         strut_force_n: each(|i| struts[i][1]),

@@ -94,7 +94,7 @@ impl State<f64> {
     /// The same state with a forward speed over ground, all wheels rolling without slip.
     #[must_use]
     pub fn rolling(mut self, speed_m_s: f64, parameters: &super::Parameters) -> Self {
-        let (sin, cos) = self.attitude_rad[1].sin_cos();
+        let (sin, cos) = math::sin_cos(self.attitude_rad[1]);
         self.velocity_m_s = [speed_m_s * cos, 0.0, speed_m_s * sin];
         for (wheel, corner) in self.wheel_speed_rad_s.iter_mut().zip(&parameters.corners) {
             *wheel = speed_m_s / corner.rolling_radius_m;

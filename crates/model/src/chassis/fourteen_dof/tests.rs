@@ -48,8 +48,8 @@ fn mechanics(p: &Parameters, s: &State<f64>, inputs: &Inputs<f64>) -> ([f64; 3],
     let mut turning = [x * w[0] - xz * w[2], y * w[1], z * w[2] - xz * w[0]];
     let mut energy = 0.5 * (p.sprung_mass_kg * dot(v, v) + dot(w, turning))
         + p.sprung_mass_kg * p.gravity_m_s2 * s.position_m[2];
-    let (sr, cr) = s.attitude_rad[0].sin_cos();
-    let (sp, cp) = s.attitude_rad[1].sin_cos();
+    let (sr, cr) = math::sin_cos(s.attitude_rad[0]);
+    let (sp, cp) = math::sin_cos(s.attitude_rad[1]);
     let up = [-sp, cp * sr, cp * cr];
     for (i, corner) in p.corners.iter().enumerate() {
         let r = centre(p, s, &held, i);
@@ -189,8 +189,8 @@ proptest! {
         let force = add(slope(before.0, after.0), cross(w, momentum));
         // About a point that moves with velocity v: H' + omega x H + v x P.
         let moment = add(add(slope(before.1, after.1), cross(w, turning)), cross(state.velocity_m_s, momentum));
-        let (sr, cr) = state.attitude_rad[0].sin_cos();
-        let (sp, cp) = state.attitude_rad[1].sin_cos();
+        let (sr, cr) = math::sin_cos(state.attitude_rad[0]);
+        let (sp, cp) = math::sin_cos(state.attitude_rad[1]);
         let up = [-sp, cp * sr, cp * cr];
         let (mut outer, mut outer_moment) = (scale(up, -p.gravity_m_s2 * p.mass_kg()), [0.0; 3]);
         let held = Held::of(&p, &inputs);
@@ -307,7 +307,7 @@ fn the_fixed_step_converges_with_fourth_order() {
         state.to_vector()
     };
     let exact = run(6400);
-    let order: f64 = ((run(200) - exact).amax() / (run(400) - exact).amax()).log2();
+    let order: f64 = math::log2((run(200) - exact).amax() / (run(400) - exact).amax());
     assert!((3.5..4.6).contains(&order), "{order}");
 }
 

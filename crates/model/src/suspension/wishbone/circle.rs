@@ -59,12 +59,12 @@ pub(super) struct Turn {
 
 impl Turn {
     pub(super) fn by(angle_rad: f64) -> Self {
-        let (sine, cosine) = angle_rad.sin_cos();
+        let (sine, cosine) = math::sin_cos(angle_rad);
         Self { cosine, sine }
     }
 
     pub(super) fn angle_rad(self) -> f64 {
-        self.sine.atan2(self.cosine)
+        math::atan2(self.sine, self.cosine)
     }
 
     /// `point` turned about the line through `origin` along the unit vector `axis`.

@@ -136,7 +136,7 @@ impl MagicFormula52 {
     pub(in crate::tyre) fn forces<T: Scalar>(&self, contact: &Contact<T>) -> Forces<T> {
         let load = contact.load_n;
         let excess = (load - self.nominal_load_n) / self.nominal_load_n;
-        let angle = contact.slip_tangent.atan();
+        let angle = contact.slip_tangent.arctangent();
         let (pull, pull_stiffness) = self.pull(contact, excess);
         let side = self.side(contact, excess, angle);
         let longitudinal_n = self.pull_weight(contact, excess, angle) * pull;
@@ -167,8 +167,10 @@ impl MagicFormula52 {
             (excess * c.pdx2 + c.pdx1) * (-camber * camber * c.pdx3 + 1.0) * contact.friction_scale;
         let peak = load * friction;
         let bend = (excess * (excess * c.pex3 + c.pex2) + c.pex1) * (1.0 - c.pex4 * slip.sign());
-        let stiffness =
-            load * (excess * c.pkx2 + c.pkx1) * (excess * c.pkx3).exp() * contact.stiffness_scale;
+        let stiffness = load
+            * (excess * c.pkx2 + c.pkx1)
+            * (excess * c.pkx3).exponential()
+            * contact.stiffness_scale;
         let b = stiffness / (peak * c.pcx1);
         let lift = load * (excess * c.pvx2 + c.pvx1) * contact.friction_scale;
         (sine(b, c.pcx1, peak, bend, slip) + lift, stiffness)
@@ -180,7 +182,7 @@ impl MagicFormula52 {
         let friction =
             (excess * c.pdy2 + c.pdy1) * (-camber * camber * c.pdy3 + 1.0) * contact.friction_scale;
         let peak = load * friction;
-        let stiffness = ((load / (c.pky2 * self.nominal_load_n)).atan() * 2.0).sin()
+        let stiffness = ((load / (c.pky2 * self.nominal_load_n)).arctangent() * 2.0).sine()
             * (c.pky1 * self.nominal_load_n)
             * (-camber.magnitude() * c.pky3 + 1.0)
             * contact.stiffness_scale;
@@ -204,7 +206,7 @@ impl MagicFormula52 {
     /// G_xa.
     fn pull_weight<T: Scalar>(&self, contact: &Contact<T>, excess: T, angle: T) -> T {
         let c = &self.combined;
-        let b = (contact.slip_ratio * c.rbx2).atan().cos() * c.rbx1;
+        let b = (contact.slip_ratio * c.rbx2).arctangent().cosine() * c.rbx1;
         let e = excess * c.rex2 + c.rex1;
         let one = T::from(1.0);
         let shift = T::from(c.rhx1);
@@ -214,7 +216,7 @@ impl MagicFormula52 {
     /// G_yk.
     fn side_weight<T: Scalar>(&self, contact: &Contact<T>, excess: T, angle: T) -> T {
         let c = &self.combined;
-        let b = ((angle - c.rby3) * c.rby2).atan().cos() * c.rby1;
+        let b = ((angle - c.rby3) * c.rby2).arctangent().cosine() * c.rby1;
         let e = excess * c.rey2 + c.rey1;
         let one = T::from(1.0);
         let shift = excess * c.rhy2 + c.rhy1;
@@ -233,8 +235,8 @@ impl MagicFormula52 {
         let size = friction
             * contact.load_n
             * (excess * c.rvy2 + contact.camber_rad * c.rvy3 + c.rvy1)
-            * (angle * c.rvy4).atan().cos();
-        size * ((contact.slip_ratio * c.rvy6).atan() * c.rvy5).sin()
+            * (angle * c.rvy4).arctangent().cosine();
+        size * ((contact.slip_ratio * c.rvy6).arctangent() * c.rvy5).sine()
     }
 
     /// M_z = -t F_y' + M_zr + s F_x with equivalent slip angles.
@@ -248,21 +250,21 @@ impl MagicFormula52 {
     ) -> T {
         let c = &self.aligning;
         let (load, camber) = (contact.load_n, contact.camber_rad);
-        let angle = contact.slip_tangent.atan();
+        let angle = contact.slip_tangent.arctangent();
         let ratio = pull_stiffness / side.stiffness * contact.slip_ratio;
         let equivalent = |slip: T| {
-            let slope = slip.tan();
+            let slope = slip.tangent();
             let square = slope * slope + ratio * ratio;
             if square < 1e-20 {
                 slip
             } else {
-                square.sqrt().atan() * slip.sign()
+                square.sqrt().arctangent() * slip.sign()
             }
         };
         let own_slip = angle + excess * c.qhz2 + (excess * c.qhz4 + c.qhz3) * camber + c.qhz1;
         let trail_slip = equivalent(own_slip);
         let residual_slip = equivalent(angle + side.shift + side.lift / side.stiffness);
-        let cos = angle.cos();
+        let cos = angle.cosine();
         let b = (excess * (excess * c.qbz3 + c.qbz2) + c.qbz1)
             * (camber * c.qbz4 + camber.magnitude() * c.qbz5 + 1.0);
         let d = load
@@ -270,7 +272,7 @@ impl MagicFormula52 {
             * (camber * (camber * c.qdz4 + c.qdz3) + 1.0)
             * (self.radius_m / self.nominal_load_n);
         // The curvature keeps to the slip angle: only the cosine takes the equivalent one.
-        let turn = (b * own_slip * c.qcz1).atan() * std::f64::consts::FRAC_2_PI;
+        let turn = (b * own_slip * c.qcz1).arctangent() * std::f64::consts::FRAC_2_PI;
         let e = (excess * (excess * c.qez3 + c.qez2) + c.qez1)
             * ((camber * c.qez5 + c.qez4) * turn + 1.0);
         let trail = cosine(b, c.qcz1, d, e, trail_slip) * cos;
@@ -279,7 +281,7 @@ impl MagicFormula52 {
             * (excess * c.qdz7 + c.qdz6 + (excess * c.qdz9 + c.qdz8) * camber)
             * self.radius_m
             * contact.friction_scale;
-        let residual = dr * (br * residual_slip).atan().cos() * cos;
+        let residual = dr * (br * residual_slip).arctangent().cosine() * cos;
         let s = &self.combined;
         let arm = (lateral * (s.ssz2 / self.nominal_load_n)
             + (excess * s.ssz4 + s.ssz3) * camber
@@ -375,7 +377,8 @@ mod tests {
         let mf = symmetric();
         let tyre = Tyre::MagicFormula52(Box::new(mf));
         let slope = tyre.forces(&Contact::lateral(4000.0, 1e-6)).lateral_n / 1e-6;
-        let expected = mf.lateral.pky1 * 4000.0 * (2.0 * (1.0_f64 / mf.lateral.pky2).atan()).sin();
+        let expected =
+            mf.lateral.pky1 * 4000.0 * math::sin(2.0 * math::atan(1.0_f64 / mf.lateral.pky2));
         assert!((slope / expected - 1.0).abs() < 1e-6, "{slope} {expected}");
         let slope = tyre
             .forces(&Contact::combined(4000.0_f64, 0.0, 1e-6))

@@ -53,14 +53,15 @@ const ALIGNING_SHAPE: f64 = 2.40;
 impl MagicFormula89 {
     pub(in crate::tyre) fn forces<T: Scalar>(&self, contact: &Contact<T>) -> Forces<T> {
         let load = contact.load_n / 1000.0;
-        let angle = contact.slip_tangent.atan() * 1f64.to_degrees();
+        let angle = contact.slip_tangent.arctangent() * 1f64.to_degrees();
         let camber = contact.camber_rad * 1f64.to_degrees();
         let tilt = camber.magnitude();
         let (grip, stiff) = (contact.friction_scale, contact.stiffness_scale);
 
         let Coefficients89(a) = self.lateral;
         let peak = quadratic(load, a[0], a[1]) * grip;
-        let slope = ((load * a[4]).atan() * a[3]).sin() * a[2] * (-tilt * a[11] + 1.0) * stiff;
+        let slope =
+            ((load * a[4]).arctangent() * a[3]).sine() * a[2] * (-tilt * a[11] + 1.0) * stiff;
         let bend = quadratic(load, a[5], a[6]) + a[7];
         let b = slope / (peak * LATERAL_SHAPE);
         let side = sine(b, LATERAL_SHAPE, peak, bend, angle + camber * a[8])
@@ -68,7 +69,7 @@ impl MagicFormula89 {
 
         let Coefficients89(x) = self.longitudinal;
         let most = quadratic(load, x[0], x[1]) * grip;
-        let slope = quadratic(load, x[2], x[3]) * (-load * x[4]).exp() * stiff;
+        let slope = quadratic(load, x[2], x[3]) * (-load * x[4]).exponential() * stiff;
         let bend = quadratic(load, x[5], x[6]) + x[7];
         let b = slope / (most * LONGITUDINAL_SHAPE);
         let pull = sine(
@@ -81,8 +82,10 @@ impl MagicFormula89 {
 
         let Coefficients89(z) = self.aligning;
         let peak = quadratic(load, z[0], z[1]) * grip;
-        let slope =
-            quadratic(load, z[2], z[3]) * (-load * z[4]).exp() * stiff * (-tilt * z[9] + 1.0);
+        let slope = quadratic(load, z[2], z[3])
+            * (-load * z[4]).exponential()
+            * stiff
+            * (-tilt * z[9] + 1.0);
         let bend = (quadratic(load, z[5], z[6]) + z[7]) / (-tilt * z[12] + 1.0);
         let b = slope / (peak * ALIGNING_SHAPE);
         let turn = sine(b, ALIGNING_SHAPE, peak, bend, angle + camber * z[8])
