@@ -15,8 +15,8 @@ venv: ## Python environment of the tests (reference MCAP readers, maturin, numpy
 	@scripts/setup python
 
 demo: setup ## Record a virtual drive, replay it bit for bit, draw the report
-	$(CARGO) build --release --bin atvrec
-	target/release/atvrec demo
+	$(CARGO) build --profile demo --locked --bin atvrec
+	target/demo/atvrec demo
 
 test: setup check python rig ## Everything that CI runs
 
