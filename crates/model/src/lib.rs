@@ -11,7 +11,6 @@ pub mod simulation;
 pub mod steering;
 pub mod strain;
 pub mod suspension;
-pub mod truth_params;
 pub mod tyre;
 mod values;
 pub mod vehicle;
