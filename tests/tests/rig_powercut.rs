@@ -1,6 +1,5 @@
 //! Power cuts: the machine is killed while the recorder writes to a disk, and boots again.
 #![cfg(feature = "rig")]
-
 #![allow(
     clippy::disallowed_types,
     clippy::disallowed_methods,

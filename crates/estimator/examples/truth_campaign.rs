@@ -5,7 +5,6 @@
 //! `cargo run --example truth_campaign -- [SEEDS] [SENSORS...]`
 
 #![allow(clippy::disallowed_methods, reason = "it takes arguments")]
-
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
