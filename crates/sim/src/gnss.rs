@@ -1,13 +1,12 @@
 //! The two satellite receivers: what they solve for, and when the solution leaves.
 
 use model::sensors::Sensors;
+use nalgebra::Vector3;
 use wire::geodesy::Geodetic;
 
 use crate::can_bus::period_s;
-use crate::corner::cross;
 use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
-use crate::imu::rotate;
 use crate::random::Noise;
 use crate::serial_line::SerialLine;
 use crate::{Motion, Options, SeptentrioBlocks, SimError, TruthState, encode};
@@ -259,13 +258,13 @@ impl Septentrio {
 
 /// Velocity of a point `r` of the body, earth axes: R (v + w x r).
 fn antenna_velocity(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
-    let turn = cross(state.rate_rad_s, r);
-    let body = std::array::from_fn(|i| state.velocity_body_m_s[i] + turn[i]);
-    rotate(&state.earth_from_body(), body)
+    let turn = Vector3::from(state.rate_rad_s).cross(&Vector3::from(r));
+    let velocity = Vector3::from(state.velocity_body_m_s) + turn;
+    (state.earth_from_body() * velocity).into()
 }
 
 /// Position of a point `r` of the body, east, north, up of the motion's origin.
 fn antenna_position(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
-    let arm = rotate(&state.earth_from_body(), r);
-    std::array::from_fn(|i| state.position_m[i] + arm[i])
+    let arm = state.earth_from_body() * Vector3::from(r);
+    (Vector3::from(state.position_m) + arm).into()
 }

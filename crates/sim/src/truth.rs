@@ -4,6 +4,7 @@ mod columns;
 
 use std::path::Path;
 
+use nalgebra::Vector3;
 use sample::{PerWheel, Wheel};
 
 pub use columns::{Columns, read_columns};
@@ -208,8 +209,8 @@ pub(crate) fn fill_missing(states: &mut [TruthState]) {
             states[after].rate_rad_s[axis] - states[before].rate_rad_s[axis]
         });
         let state = &mut states[row];
-        let up_body = state.earth_from_body()[2];
-        for (axis, up) in up_body.into_iter().enumerate() {
+        let up_body = state.up_body();
+        for (axis, up) in up_body.iter().enumerate() {
             if state.rate_derivative_rad_s2[axis].is_nan() {
                 let quotient = change[axis] / span_s;
                 state.rate_derivative_rad_s2[axis] = if span_s > 0.0 { quotient } else { 0.0 };
@@ -224,9 +225,8 @@ pub(crate) fn fill_missing(states: &mut [TruthState]) {
         let mut position_m = 0.0;
         let mut previous: Option<(f64, f64)> = None;
         for state in states.iter_mut() {
-            let velocity_m_s: f64 = (0..3)
-                .map(|j| state.earth_from_body()[axis][j] * state.velocity_body_m_s[j])
-                .sum();
+            let velocity = state.earth_from_body() * Vector3::from(state.velocity_body_m_s);
+            let velocity_m_s = velocity[axis];
             if let Some((time_s, earlier_m_s)) = previous {
                 position_m += 0.5 * (earlier_m_s + velocity_m_s) * (state.time_s - time_s);
             }
