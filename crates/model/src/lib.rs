@@ -16,6 +16,6 @@ mod values;
 pub mod vehicle;
 
 pub use error::Error;
-pub use file::{FileErrors, Problem};
+pub use file::{FileErrors, Problem, closest};
 pub use scalar::Scalar;
 pub use values::Values;
