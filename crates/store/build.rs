@@ -1,5 +1,10 @@
 //! Compiles the log's protobuf schemas to Rust and keeps their descriptors, which go into every log.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "Cargo names the folder of generated files in the environment"
+)]
+
 use std::path::Path;
 
 use prost::Message as _;

@@ -1,5 +1,11 @@
 //! Kills of the recorder while two buses send: what is lost, and whether what is left can be read.
 
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "it kills the program at known times, as often as the environment says"
+)]
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use acq::{Heard, VirtualPort};
 use atvrec_tests::atvrec;
+use math::Random;
 use sample::Payload;
 use store::Reader;
 
@@ -18,19 +25,6 @@ const FRAMES_PER_WRITE: u64 = 8;
 const WRITE_INTERVAL: Duration = Duration::from_millis(2);
 /// What a kill may cost.
 const LOST_MAX: Duration = Duration::from_millis(100);
-
-/// SplitMix64 (Steele, Lea and Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, end: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % end
-    }
-}
 
 /// Frames written so far, after each write.
 type Writes = Arc<Mutex<Vec<(u64, Instant)>>>;
@@ -201,7 +195,7 @@ fn count_frames(logs: &[PathBuf]) -> [u64; BUSES] {
 }
 
 fn campaign(kills: u64, seed: u64, keep: Option<&Path>) -> Vec<Duration> {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut losses = Vec::new();
     for number in 0..kills {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,9 @@
 //! The recorder as a service of a real Linux: installed, hardened, watched, reloaded, killed.
 #![cfg(feature = "rig")]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "the environment names the package"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

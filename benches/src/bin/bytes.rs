@@ -4,6 +4,8 @@
 //! usage: `bytes LOG...`: the raw CAN traffic of the logs is written again as a raw recording (no
 //! decoded channels, default options), and as `candump -L` would write it.
 
+#![allow(clippy::disallowed_methods, reason = "it takes arguments")]
+
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::PathBuf;

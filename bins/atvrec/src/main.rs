@@ -1,5 +1,10 @@
 //! `atvrec`: a telemetry recorder and tyre-force estimator for rugged vehicle PCs.
 
+#![allow(
+    clippy::disallowed_types,
+    reason = "the live pipeline and the progress display time themselves"
+)]
+
 #[macro_use]
 mod output;
 

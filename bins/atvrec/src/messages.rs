@@ -50,6 +50,10 @@ pub fn failed(error: &anyhow::Error) {
 
 /// Whether standard error is the journal's, as systemd tells by device and inode.
 fn goes_to_journal() -> bool {
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "systemd says it in the environment"
+    )]
     let Ok(told) = std::env::var("JOURNAL_STREAM") else {
         return false;
     };

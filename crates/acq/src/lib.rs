@@ -5,6 +5,11 @@
 //! to the recorder and to the estimator through bounded queues. Nothing here knows what the bytes
 //! mean, save for SLCAN, whose text is turned into frames, and the dialogues that set a device up.
 
+#![allow(
+    clippy::disallowed_types,
+    reason = "arrivals are stamped here, and nowhere else"
+)]
+
 mod can;
 mod can_sender;
 pub mod clock;

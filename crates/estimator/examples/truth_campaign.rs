@@ -4,6 +4,7 @@
 //!
 //! `cargo run --example truth_campaign -- [SEEDS] [SENSORS...]`
 
+#![allow(clippy::disallowed_methods, reason = "it takes arguments")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -1,5 +1,6 @@
 //! What a step costs: no allocation; `--nocapture` prints its time.
 
+#![allow(clippy::disallowed_types, reason = "it measures time")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

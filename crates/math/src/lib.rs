@@ -6,10 +6,16 @@
 //! has one variant of each. Clippy's list of disallowed methods keeps the standard library's
 //! functions out of the project.
 //!
+//! [`Random`] gives the numbers of a seed, the same ones everywhere.
+//!
 //! ```
 //! let (sine, cosine) = atvrec_math::sin_cos(0.5);
 //! assert!((atvrec_math::hypot(sine, cosine) - 1.0).abs() < 1e-15);
 //! ```
+
+mod random;
+
+pub use random::Random;
 
 macro_rules! of_one {
     ($($(#[$doc:meta])* $name:ident = $of:ident;)*) => {

@@ -1,6 +1,8 @@
 //! What one step of each chassis model costs, on one core, alone and in a batch of 10,000 rollouts.
 //! Run with `cargo bench -p atvrec-model`.
 
+#![allow(clippy::disallowed_types, reason = "it measures time")]
+
 use std::hint::black_box;
 use std::time::Instant;
 

@@ -4,6 +4,12 @@
 //!
 //! The Python tests compare the states with those of the Python package, the benchmark the times.
 
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "it measures time and takes arguments"
+)]
+
 use std::time::Instant;
 
 use model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};

@@ -1,5 +1,5 @@
-//! Reading vehicle and sensors files: every mistake of a file is told at once, with its line, the
-//! field, the value and what to do.
+//! Reading TOML files under rules, as vehicle and sensors files: all mistakes of a file are reported at
+//! once, each with its line, the field, the value and what to do.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -300,7 +300,7 @@ impl Walk<'_> {
                     &field,
                     "",
                     "no such field".into(),
-                    nearest(key.get_ref(), &known),
+                    remedy_of_unknown(key.get_ref(), &known),
                 );
                 continue;
             };
@@ -408,16 +408,62 @@ fn join(table: &str, field: &str) -> String {
     }
 }
 
-/// Suggests the known name that shares the longest beginning, or lists them.
-fn nearest(name: &str, known: &[&str]) -> String {
-    let shared = |other: &str| {
-        name.bytes()
-            .zip(other.bytes())
-            .take_while(|(a, b)| a == b)
-            .count()
+/// The known name that is meant by `name`, if one is near: a quarter of its letters and one more may
+/// differ. The nearest name wins, among equally near ones the first in the alphabet.
+#[must_use]
+pub fn closest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
+    known
+        .iter()
+        .map(|other| (strsim::levenshtein(name, other), *other))
+        .filter(|(distance, other)| *distance <= 1 + other.len() / 4)
+        .min()
+        .map(|(_, other)| other)
+}
+
+/// What to do about an unknown field.
+fn remedy_of_unknown(name: &str, known: &[&str]) -> String {
+    let stem = |full: &str| full.split('_').next().unwrap_or_default().to_owned();
+    // Units belong to names: "mass" and "mass_lb" mean "mass_kg".
+    let same_stem = || {
+        let mut alike = known.iter().filter(|other| stem(other) == stem(name));
+        alike.next().filter(|_| alike.next().is_none()).copied()
     };
-    match known.iter().max_by_key(|other| shared(other)) {
-        Some(best) if shared(best) >= 3 => format!("is {best} meant? Units belong to the name"),
-        _ => format!("remove it; known here: {}", known.join(", ")),
+    match closest(name, known).or_else(same_stem) {
+        Some(best) => format!("did you mean {best}? Units belong to the name"),
+        None => format!("remove it; known here: {}", known.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_misspelt_name_and_one_in_another_unit_are_recognised() {
+        let known = [
+            "mass_kg",
+            "cg_height_m",
+            "front_axle_to_cg_m",
+            "cg_to_rear_axle_m",
+        ];
+        assert_eq!(closest("mas_kg", &known), Some("mass_kg"));
+        assert_eq!(closest("cg_hieght_m", &known), Some("cg_height_m"));
+        assert_eq!(closest("colour", &known), None);
+        let remedy = |name| remedy_of_unknown(name, &known);
+        assert!(
+            remedy("mass_lb").starts_with("did you mean mass_kg?"),
+            "{}",
+            remedy("mass_lb")
+        );
+        assert!(
+            remedy("mass").starts_with("did you mean mass_kg?"),
+            "{}",
+            remedy("mass")
+        );
+        assert!(
+            remedy("colour").starts_with("remove it"),
+            "{}",
+            remedy("colour")
+        );
     }
 }

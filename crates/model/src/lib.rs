@@ -11,12 +11,11 @@ pub mod simulation;
 pub mod steering;
 pub mod strain;
 pub mod suspension;
-pub mod truth_params;
 pub mod tyre;
 mod values;
 pub mod vehicle;
 
 pub use error::Error;
-pub use file::{FileErrors, Problem};
+pub use file::{FileErrors, Problem, closest};
 pub use scalar::Scalar;
 pub use values::Values;

@@ -132,12 +132,10 @@ pub(crate) fn each<R>(of_wheel: impl Fn(usize) -> R) -> [R; 4] {
     [of_wheel(0), of_wheel(1), of_wheel(2), of_wheel(3)]
 }
 
-/// Sine and cosine without a branch or a call, so that loops over runs become vector code, and so
-/// that every machine gives the same bits.
+/// Sine and cosine without a branch or a call, so that loops over runs become vector code.
 ///
-/// A library's sine (the C library's, or the crate `libm`, which the program puts in its place for
-/// the sake of the same bits elsewhere) branches on the angle and is a call, which vector code
-/// cannot hold: kernels of the chassis use these, everything else the library's.
+/// The sine of a library branches on the angle and is a call, which vector code cannot hold. The
+/// kernels of the chassis models use this function; all other code uses those of the crate `math`.
 ///
 /// The angle less the nearest multiple of pi/2 (in three parts, Cody and Waite) goes into the
 /// polynomials of fdlibm (Sun Microsystems, 1993: kernels of sine and cosine on +-pi/4, error below

@@ -67,8 +67,11 @@ pub struct StrainChain {
     pub excitation_v: f64,
     /// Axial channels: wiring.
     pub bridge: Bridge,
-    /// Axial channels: gain resistor R_G of the INA2126, ohm.
+    /// Axial channels: gain resistor R_G of the amplifier, ohm.
     pub gain_resistor_ohm: f64,
+    /// Instrumentation amplifier of all channels.
+    #[serde(default)]
+    pub amplifier: Amplifier,
     /// Bending bridge on each lower tube, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bending: Option<BendingBridge>,
@@ -80,6 +83,27 @@ pub struct StrainChain {
     pub noise_counts: f64,
     /// Largest offset left after the jackstand zero, counts (uniform within plus and minus).
     pub zero_error_counts: f64,
+}
+
+/// An instrumentation amplifier whose gain one resistor sets: G = G_0 + R_0/R_G.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Amplifier {
+    /// Gain G_0 without a gain resistor.
+    pub base_gain: f64,
+    /// Resistance R_0 of the data sheet's gain equation, ohm.
+    pub gain_ohm: f64,
+}
+
+impl Default for Amplifier {
+    /// The amplifier of the thesis, equation 3.5: G = 5 + 80 kOhm/R_G. Sensors files without the
+    /// table `strain.amplifier` mean it.
+    fn default() -> Self {
+        Self {
+            base_gain: 5.0,
+            gain_ohm: 80_000.0,
+        }
+    }
 }
 
 /// A bending bridge on a lower tube.

@@ -11,24 +11,22 @@ mod section;
 
 use crate::Error;
 use crate::error::require;
-use crate::sensors::{BendingBridge, Bridge, StrainChain};
+use crate::sensors::{Amplifier, BendingBridge, Bridge, StrainChain};
 
 pub use circuits::{Circuit, CircuitBridge, CircuitMember, TABLE_3_2};
 pub use lag::{Lag, rc_corner_hz};
 pub use section::{MATERIALS, Material, Section};
 
-/// Gain of the INA2126 without a resistor (equation 3.5).
-const INA2126_GAIN: f64 = 5.0;
-/// Ohms over the gain resistor that add to the INA2126's gain (equation 3.5).
-const INA2126_GAIN_OHM: f64 = 80_000.0;
 /// Counts on the bus that mean "absent".
 const ABSENT_COUNT: u16 = u16::MAX;
 
-/// Gain of the INA2126 instrumentation amplifier, equation 3.5: G = 5 + 80 kOhm/R_G. A socket's
-/// resistance adds to R_G: 1 ohm costs 0.98 % at 100 ohm.
-#[must_use]
-pub fn ina2126_gain(gain_resistor_ohm: f64) -> f64 {
-    INA2126_GAIN + INA2126_GAIN_OHM / gain_resistor_ohm
+impl Amplifier {
+    /// Gain G = G_0 + R_0/R_G with a gain resistor R_G, ohm. A socket's resistance adds to R_G:
+    /// 1 ohm lowers the gain of the thesis's amplifier by 0.98 % at 100 ohm.
+    #[must_use]
+    pub fn gain(self, gain_resistor_ohm: f64) -> f64 {
+        self.base_gain + self.gain_ohm / gain_resistor_ohm
+    }
 }
 
 impl Bridge {
@@ -213,7 +211,7 @@ impl StrainChain {
             "1 to 16",
         )?;
         let full_scale = f64::from(1_u32 << bits);
-        let counts_per_unit = output_per_unit * ina2126_gain(gain_resistor_ohm) * full_scale;
+        let counts_per_unit = output_per_unit * self.amplifier.gain(gain_resistor_ohm) * full_scale;
         require(
             counts_per_unit != 0.0,
             name,
@@ -254,6 +252,7 @@ mod tests {
             excitation_v: 5.0,
             bridge,
             gain_resistor_ohm,
+            amplifier: Amplifier::default(),
             bending: Some(BendingBridge {
                 bridge: Bridge::FullBending,
                 gain_resistor_ohm: 680.0,
@@ -269,9 +268,10 @@ mod tests {
     #[test]
     fn gains_of_the_amplifier() {
         // 233 and 805 in section 3.4.
-        assert!((ina2126_gain(350.0) - 233.571_428_571).abs() < 1e-6);
-        assert!((ina2126_gain(100.0) - 805.0).abs() < 1e-12);
-        let socket = 1.0 - ina2126_gain(101.0) / ina2126_gain(100.0);
+        let amplifier = Amplifier::default();
+        assert!((amplifier.gain(350.0) - 233.571_428_571).abs() < 1e-6);
+        assert!((amplifier.gain(100.0) - 805.0).abs() < 1e-12);
+        let socket = 1.0 - amplifier.gain(101.0) / amplifier.gain(100.0);
         assert!((socket - 0.0098).abs() < 5e-5, "{socket}");
     }
 

@@ -6,6 +6,7 @@
 //! integrates; it stays finite at rest.
 
 mod brush;
+mod curve;
 pub mod magic;
 mod physical;
 mod rational;
@@ -14,6 +15,7 @@ mod stiffness;
 mod tread;
 
 pub(crate) use brush::{Brush, OnSurface, Slipping};
+pub use curve::{brush_over_grip, brush_over_linear};
 pub use magic::{MagicFormula52, MagicFormula89};
 pub use physical::{Law, Physical};
 pub use rational::{Curve, Offset, Rational};

@@ -2,8 +2,6 @@
 //! once, and calculate a wheel at a time or all four at once.
 
 mod listed;
-#[cfg(target_arch = "x86_64")]
-mod quad;
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -11,10 +9,8 @@ use crate::Scalar;
 use crate::scalar::sin_cos;
 
 pub(crate) use listed::Listed;
-#[cfg(target_arch = "x86_64")]
-pub(crate) use quad::Quad;
 
-/// What equations in a straight line calculate with.
+/// A value that equations without branches calculate with.
 pub trait Values:
     Copy
     + Add<Output = Self>
@@ -112,23 +108,15 @@ impl<T: Scalar> Values for T {
 
 /// Four values, one for each wheel.
 pub(crate) trait PerWheelValues: Values<Constants = [f64; 4]> {
-    /// Number of one wheel, outside of equations.
-    type Raw: Scalar;
-    /// One value for the whole vehicle.
-    type Number: Values;
+    /// One value of a wheel or of the whole vehicle.
+    type Number: Scalar;
     /// One value for each axle; its constants are those of the axle's wheels, which are alike.
     type Axles: Values<Constants = [f64; 4]>;
 
     /// From a list.
-    fn of(list: [Self::Raw; 4]) -> Self;
+    fn of(list: [Self::Number; 4]) -> Self;
     /// As a list.
-    fn list(self) -> [Self::Raw; 4];
-    /// A value of the vehicle from a number.
-    fn number(raw: Self::Raw) -> Self::Number;
-    /// Numbers of values of the vehicle.
-    fn raws(numbers: [Self::Number; 7]) -> [Self::Raw; 7];
-    /// Sine and cosine of two.
-    fn two_sine_cosines(angles: [Self::Number; 2]) -> [(Self::Number, Self::Number); 2];
+    fn list(self) -> [Self::Number; 4];
     /// The same for all wheels.
     fn all(number: Self::Number) -> Self;
     /// The same for both axles.

@@ -45,6 +45,6 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<strain::StrainChannel>()?;
     module.add_function(wrap_pyfunction!(suspension::road_height_m, module)?)?;
     module.add_function(wrap_pyfunction!(steering::ackermann_rad, module)?)?;
-    module.add_function(wrap_pyfunction!(strain::ina2126_gain, module)?)?;
+    module.add_function(wrap_pyfunction!(strain::amplifier_gain, module)?)?;
     module.add_function(wrap_pyfunction!(strain::strain_circuits, module)?)
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use model::sensors::Sensors;
+use model::sensors::{Amplifier, Sensors};
 use model::strain::{self, ChannelScale};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -107,11 +107,17 @@ impl StrainChannel {
     }
 }
 
-/// Gain of the INA2126 amplifier with a gain resistor, ohm (equation 3.5).
+/// Gain of an instrumentation amplifier with a gain resistor R_G, ohm: `base_gain` + `gain_ohm`/R_G.
+/// The defaults are those of the thesis, equation 3.5.
 #[pyfunction]
-pub fn ina2126_gain(gain_resistor_ohm: f64) -> PyResult<f64> {
+#[pyo3(signature = (gain_resistor_ohm, *, base_gain = 5.0, gain_ohm = 80_000.0))]
+pub fn amplifier_gain(gain_resistor_ohm: f64, base_gain: f64, gain_ohm: f64) -> PyResult<f64> {
     input::positive("gain_resistor_ohm", gain_resistor_ohm, "ohm")?;
-    Ok(strain::ina2126_gain(gain_resistor_ohm))
+    let amplifier = Amplifier {
+        base_gain,
+        gain_ohm,
+    };
+    Ok(amplifier.gain(gain_resistor_ohm))
 }
 
 /// Table 3.2 of the thesis: all strain circuits as a list of dicts.

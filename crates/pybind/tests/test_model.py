@@ -192,7 +192,9 @@ def test_strain_chain() -> None:
     loads = np.linspace(-1000.0, 1000.0, 21)
     error = channel.load(channel.counts(loads)) - loads
     assert np.abs(error).max() <= 0.51 * channel.load_per_count
-    assert atvrec.ina2126_gain(100.0) == pytest.approx(805.0)
+    assert atvrec.amplifier_gain(100.0) == pytest.approx(805.0)
+    other = atvrec.amplifier_gain(100.0, base_gain=1.0, gain_ohm=49_400.0)
+    assert other == pytest.approx(495.0)
     assert len(atvrec.strain_circuits()) == 16
 
 

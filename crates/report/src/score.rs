@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::score;
 use model::vehicle::Vehicle;
-use sample::{Estimate, Event, LogTime, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
+use sample::{Estimate, Event, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
@@ -138,12 +138,7 @@ pub fn vehicle_of(attachments: &[Attachment]) -> Option<Vehicle> {
 
 /// Load of each wheel at rest, N.
 fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
-    let body = &vehicle.body;
-    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-    PerWheel::from_fn(|wheel| {
-        let arm = if wheel.is_front() { b } else { a };
-        0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm / (a + b)
-    })
+    PerWheel::from_fn(|wheel| vehicle.static_load_n(wheel))
 }
 
 fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {

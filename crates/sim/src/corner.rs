@@ -269,12 +269,3 @@ fn bending_wired_scale(chain: &StrainChain) -> Result<ChannelScale, SimError> {
         None => chain.axial_scale()?,
     })
 }
-
-/// Vector product.
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}

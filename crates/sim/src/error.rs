@@ -1,5 +1,12 @@
 use std::path::PathBuf;
 
+/// Ends of names that truth files may have.
+#[cfg(feature = "parquet")]
+const KINDS: &str = ".parquet or .csv";
+/// Ends of names that truth files may have.
+#[cfg(not(feature = "parquet"))]
+const KINDS: &str = ".csv (this build reads no .parquet)";
+
 /// What can go wrong in making a virtual vehicle.
 ///
 /// A message names its cause, so causes are fields and not sources: whoever prints the chain of
@@ -14,13 +21,14 @@ pub enum SimError {
         /// What the operating system said.
         cause: std::io::Error,
     },
-    /// The file's name ends in something unknown.
-    #[error("truth file {path}: unknown kind of file; its name must end in .parquet or .csv")]
+    /// The file's name ends in something unknown, or in .parquet in a build without that feature.
+    #[error("truth file {path}: unknown kind of file; its name must end in {KINDS}")]
     UnknownKind {
         /// The file.
         path: PathBuf,
     },
     /// The Parquet file is damaged or of a kind that is not understood.
+    #[cfg(feature = "parquet")]
     #[error("truth file {path}: {cause}; write it as Parquet 2 with double columns")]
     Parquet {
         /// The file.

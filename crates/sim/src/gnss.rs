@@ -1,13 +1,13 @@
 //! The two satellite receivers: what they solve for, and when the solution leaves.
 
 use model::sensors::Sensors;
+use nalgebra::Vector3;
 use wire::geodesy::Geodetic;
+use wire::gps_time::SECONDS_PER_WEEK;
 
 use crate::can_bus::period_s;
-use crate::corner::cross;
 use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
-use crate::imu::rotate;
 use crate::random::Noise;
 use crate::serial_line::SerialLine;
 use crate::{Motion, Options, SeptentrioBlocks, SimError, TruthState, encode};
@@ -70,7 +70,7 @@ impl Receiver {
 
     /// Week and time of week of a tag.
     fn gps_time(&self, tag_s: f64) -> (u16, u32) {
-        const WEEK_MS: u64 = 7 * 86_400 * 1_000;
+        const WEEK_MS: u64 = SECONDS_PER_WEEK as u64 * 1_000;
         let start = self.options.gps_start;
         let total_ms = u64::from(start.time_of_week_ms) + (tag_s * 1e3).round() as u64;
         let week = u64::from(start.week) + total_ms / WEEK_MS;
@@ -259,13 +259,13 @@ impl Septentrio {
 
 /// Velocity of a point `r` of the body, earth axes: R (v + w x r).
 fn antenna_velocity(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
-    let turn = cross(state.rate_rad_s, r);
-    let body = std::array::from_fn(|i| state.velocity_body_m_s[i] + turn[i]);
-    rotate(&state.earth_from_body(), body)
+    let turn = Vector3::from(state.rate_rad_s).cross(&Vector3::from(r));
+    let velocity = Vector3::from(state.velocity_body_m_s) + turn;
+    (state.earth_from_body() * velocity).into()
 }
 
 /// Position of a point `r` of the body, east, north, up of the motion's origin.
 fn antenna_position(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
-    let arm = rotate(&state.earth_from_body(), r);
-    std::array::from_fn(|i| state.position_m[i] + arm[i])
+    let arm = state.earth_from_body() * Vector3::from(r);
+    (Vector3::from(state.position_m) + arm).into()
 }

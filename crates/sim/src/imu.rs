@@ -1,9 +1,9 @@
 //! The inertial unit: Crossbow 440, S1 packets.
 
 use model::sensors::Sensors;
+use nalgebra::{Rotation3, Vector3};
 
 use crate::can_bus::period_s;
-use crate::corner::cross;
 use crate::emission::{Emission, Output, Port};
 use crate::faults::{ImuFault, ImuFaultKind};
 use crate::random::Noise;
@@ -12,8 +12,8 @@ use crate::{Motion, Options, SimError, TruthState, encode};
 
 /// The unit, its errors and its line.
 pub(crate) struct Imu {
-    position_m: [f64; 3],
-    sensor_from_body: [[f64; 3]; 3],
+    position_m: Vector3<f64>,
+    sensor_from_body: Rotation3<f64>,
     accel_bias_m_s2: [f64; 3],
     gyro_bias_rad_s: [f64; 3],
     accel_noise_m_s2: f64,
@@ -41,7 +41,7 @@ impl Imu {
         let accel_bias_m_s2 = std::array::from_fn(|_| noise.sign() * imu.accel_bias_m_s2);
         let gyro_bias_rad_s = std::array::from_fn(|_| noise.sign() * imu.gyro_bias_rad_s);
         Ok(Self {
-            position_m: imu.position_m,
+            position_m: imu.position_m.into(),
             sensor_from_body: sensor_from_body(imu.misalignment_rad),
             accel_bias_m_s2,
             gyro_bias_rad_s,
@@ -71,22 +71,13 @@ impl Imu {
             return None;
         }
         let state = motion.at(time_s);
-        let force = rotate(
-            &self.sensor_from_body,
-            specific_force_at(&state, self.position_m),
-        );
-        let rate = rotate(&self.sensor_from_body, state.rate_rad_s);
-        let force = add3(
-            force,
-            self.accel_bias_m_s2,
-            self.noise.normal3(self.accel_noise_m_s2),
-        );
-        let rate = add3(
-            rate,
-            self.gyro_bias_rad_s,
-            self.noise.normal3(self.gyro_noise_rad_s),
-        );
-        let (force, rate) = self.with_faults(time_s, force, rate);
+        let force = self.sensor_from_body * specific_force_at(&state, &self.position_m)
+            + Vector3::from(self.accel_bias_m_s2)
+            + Vector3::from(self.noise.normal3(self.accel_noise_m_s2));
+        let rate = self.sensor_from_body * Vector3::from(state.rate_rad_s)
+            + Vector3::from(self.gyro_bias_rad_s)
+            + Vector3::from(self.noise.normal3(self.gyro_noise_rad_s));
+        let (force, rate) = self.with_faults(time_s, force.into(), rate.into());
         let bytes = encode::crossbow_s1(force, rate, self.count as u16);
         self.count += 1;
         // The unit samples, filters and starts to send within some tens of microseconds.
@@ -134,33 +125,17 @@ impl Imu {
 }
 
 /// Specific force at a point `r` from the centre of gravity: f + w' x r + w x (w x r), body axes.
-pub(crate) fn specific_force_at(state: &TruthState, r: [f64; 3]) -> [f64; 3] {
-    let w = state.rate_rad_s;
-    let tangential = cross(state.rate_derivative_rad_s2, r);
-    let centripetal = cross(w, cross(w, r));
-    add3(state.specific_force_m_s2, tangential, centripetal)
+fn specific_force_at(state: &TruthState, r: &Vector3<f64>) -> Vector3<f64> {
+    let rate = Vector3::from(state.rate_rad_s);
+    Vector3::from(state.specific_force_m_s2)
+        + Vector3::from(state.rate_derivative_rad_s2).cross(r)
+        + rate.cross(&rate.cross(r))
 }
 
-/// The matrix, row by row, that turns vectors from body into sensor axes: by the angles
-/// `[a, b, c]` about x, then y, then z.
-fn sensor_from_body([a, b, c]: [f64; 3]) -> [[f64; 3]; 3] {
-    let turn = nalgebra::Rotation3::from_euler_angles(a, b, c);
-    std::array::from_fn(|row| std::array::from_fn(|column| turn[(row, column)]))
-}
-
-/// Matrix, row by row, times vector.
-pub(crate) fn rotate(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
-    matrix.map(|row| row.iter().zip(vector).map(|(m, v)| m * v).sum())
-}
-
-/// The matrix of the inverse rotation.
-pub(crate) fn transpose(matrix: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    std::array::from_fn(|row| std::array::from_fn(|column| matrix[column][row]))
-}
-
-/// Sum of three vectors.
-pub(crate) fn add3(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] + b[i] + c[i])
+/// The rotation of vectors from body into sensor axes: by the angles `[a, b, c]` about x, then y,
+/// then z.
+fn sensor_from_body([a, b, c]: [f64; 3]) -> Rotation3<f64> {
+    Rotation3::from_euler_angles(a, b, c)
 }
 
 #[cfg(test)]
@@ -177,18 +152,17 @@ mod tests {
             specific_force_m_s2: [0.0, 0.0, 9.81],
             ..TruthState::default()
         };
-        let force = specific_force_at(&state, [0.5, 0.0, 0.0]);
-        for (found, expected) in force.into_iter().zip([-2.0, 1.5, 9.81]) {
+        let force = specific_force_at(&state, &Vector3::new(0.5, 0.0, 0.0));
+        for (found, expected) in force.iter().zip([-2.0, 1.5, 9.81]) {
             assert!((found - expected).abs() < 1e-12);
         }
     }
 
     #[test]
     fn misalignment_turns_vectors_from_body_to_sensor() {
-        let matrix = sensor_from_body([0.0, 0.0, 0.1]);
-        let seen = rotate(&matrix, [1.0, 0.0, 0.0]);
+        let seen = sensor_from_body([0.0, 0.0, 0.1]) * Vector3::x();
         for (found, expected) in seen
-            .into_iter()
+            .iter()
             .zip([math::cos(0.1_f64), math::sin(0.1_f64), 0.0])
         {
             assert!((found - expected).abs() < 1e-12);

@@ -3,9 +3,9 @@
 //! hand wheel turned to either side.
 
 use model::vehicle::Vehicle;
+use nalgebra::Vector3;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
-use crate::imu::{rotate, transpose};
 use crate::linkage::{ATTITUDE_ROUNDS, Linkage};
 use crate::truth::fill_missing;
 use crate::{SimError, TruthState, WheelTruth};
@@ -124,8 +124,8 @@ fn differentiate(states: &mut [TruthState]) {
             };
             (earth[after][axis] - earth[before][axis]) / span_s + gravity
         });
-        let to_body = transpose(&states[row].earth_from_body());
-        let turn = |v: [f64; 3]| rotate(&to_body, v);
+        let body_from_earth = states[row].earth_from_body().inverse();
+        let turn = |v: [f64; 3]| (body_from_earth * Vector3::from(v)).into();
         let state = &mut states[row];
         state.velocity_body_m_s = turn(earth[row]);
         state.specific_force_m_s2 = turn(force);

@@ -30,6 +30,7 @@ mod random;
 mod serial_line;
 mod slope;
 mod truth;
+mod truth_params;
 mod virtual_vehicle;
 mod workshop;
 
@@ -42,6 +43,7 @@ pub use hidden::{Hidden, HiddenErrors};
 pub use manoeuvre::Manoeuvre;
 pub use motion::{Motion, TruthState, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
-pub use truth::{optional_columns, required_columns};
+pub use truth::{Columns, optional_columns, read_columns, required_columns};
+pub use truth_params::{TruthParamsError, vehicle_from_truth_params};
 pub use virtual_vehicle::VirtualVehicle;
 pub use workshop::RIG_N;

@@ -9,7 +9,6 @@ use nalgebra::Vector3;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use crate::driver::body_rates;
-use crate::imu::{rotate, transpose};
 use crate::{SimError, TruthState, WheelTruth};
 
 /// Pneumatic trail of an unslipping tyre, parts of its contact length.
@@ -203,8 +202,8 @@ impl Linkage {
             }
             [state.roll_rad, state.pitch_rad] =
                 std::array::from_fn(|axis| own[axis] + turned[axis]);
-            let after = transpose(&state.earth_from_body());
-            let carry = |v: [f64; 3]| rotate(&after, rotate(&before, v));
+            let after = state.earth_from_body().inverse();
+            let carry = |v: [f64; 3]| (after * (before * Vector3::from(v))).into();
             state.velocity_body_m_s = carry(state.velocity_body_m_s);
             state.specific_force_m_s2 = carry(state.specific_force_m_s2);
             state.acceleration_m_s2 = carry(state.acceleration_m_s2);
@@ -342,7 +341,7 @@ impl Linkage {
         let pose = corner
             .corner
             .pose(length_m, corner.rack_m_rad * state.hand_wheel_rad)?;
-        let normal = Vector3::from(state.earth_from_body()[2]);
+        let normal = state.up_body();
         let load_n = truth.force_n[2];
         let compression_m = load_n / corner.tyre.vertical_stiffness_n_m;
         let radius_m = corner.tyre.unloaded_radius_m;

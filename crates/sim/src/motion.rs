@@ -1,4 +1,5 @@
 use model::vehicle::Vehicle;
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::SimError;
@@ -151,18 +152,30 @@ impl TruthState {
         friction.0.iter().all(|f| f.is_finite()).then_some(friction)
     }
 
-    /// Rotation of vectors from body axes into earth axes (east, north, up), row by row: yaw, then
-    /// pitch, then roll.
+    /// Rotation of vectors from body axes into earth axes (east, north, up): yaw, then pitch, then
+    /// roll.
     #[must_use]
-    pub fn earth_from_body(&self) -> [[f64; 3]; 3] {
+    pub fn earth_from_body(&self) -> Rotation3<f64> {
         let (sr, cr) = math::sin_cos(self.roll_rad);
         let (sp, cp) = math::sin_cos(self.pitch_rad);
         let (sy, cy) = math::sin_cos(self.yaw_rad);
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
+        Rotation3::from_matrix_unchecked(Matrix3::new(
+            cy * cp,
+            cy * sp * sr - sy * cr,
+            cy * sp * cr + sy * sr,
+            sy * cp,
+            sy * sp * sr + cy * cr,
+            sy * sp * cr - cy * sr,
+            -sp,
+            cp * sr,
+            cp * cr,
+        ))
+    }
+
+    /// The direction up, a unit vector in body axes.
+    #[must_use]
+    pub fn up_body(&self) -> Vector3<f64> {
+        self.earth_from_body().matrix().row(2).transpose()
     }
 
     /// Velocity along the heading and to its left, both in the horizontal plane, m/s.
@@ -465,8 +478,8 @@ mod tests {
             ..TruthState::default()
         };
         let (sin, cos) = math::sin_cos(state.yaw_rad + 0.1);
-        let rows = state.earth_from_body();
-        state.velocity_body_m_s = std::array::from_fn(|i| rows[0][i] * cos + rows[1][i] * sin);
+        let body_from_earth = state.earth_from_body().inverse();
+        state.velocity_body_m_s = (body_from_earth * Vector3::new(cos, sin, 0.0)).into();
         assert!((state.motion().sideslip_rad - 0.1).abs() < 1e-12);
     }
 

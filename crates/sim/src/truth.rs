@@ -1,12 +1,13 @@
 //! Truth files: a motion that some simulator wrote as Parquet or CSV.
 
-use std::collections::BTreeMap;
-use std::fs::File;
+mod columns;
+
 use std::path::Path;
 
-use parquet::column::reader::ColumnReader;
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use nalgebra::Vector3;
 use sample::{PerWheel, Wheel};
+
+pub use columns::{Columns, read_columns};
 
 use crate::{Motion, SimError, TruthState, WheelTruth};
 
@@ -76,15 +77,10 @@ impl Motion {
     /// A file that cannot be read, columns missing or in another unit (all missing ones are named
     /// at once), cells that are not finite numbers, time that does not rise.
     pub fn open(path: &Path) -> Result<Self, SimError> {
-        let columns = match path.extension().and_then(|end| end.to_str()) {
-            Some("parquet") => read_parquet(path)?,
-            Some("csv") => read_csv(path)?,
-            _ => {
-                return Err(SimError::UnknownKind {
-                    path: path.to_owned(),
-                });
-            }
-        };
+        let columns = read_columns(path, |name| known_column(path, name))?;
+        for (name, values) in &columns {
+            check_finite(path, name, values)?;
+        }
         let missing: Vec<String> = required_columns()
             .filter(|name| !columns.contains_key(name))
             .collect();
@@ -121,9 +117,6 @@ fn with_wheels(
     whole.iter().map(|&name| name.to_owned()).chain(wheels)
 }
 
-/// Columns by name; all are of one length.
-type Columns = BTreeMap<String, Vec<f64>>;
-
 /// The known column that a column of a file is, if it is one.
 fn known_column(path: &Path, found: &str) -> Result<Option<String>, SimError> {
     let stem = |name: &str| name.split('[').next().unwrap_or_default().trim().to_owned();
@@ -140,126 +133,6 @@ fn known_column(path: &Path, found: &str) -> Result<Option<String>, SimError> {
         }),
         None => Ok(None),
     }
-}
-
-fn read_parquet(path: &Path) -> Result<Columns, SimError> {
-    let damaged = |cause| SimError::Parquet {
-        path: path.to_owned(),
-        cause,
-    };
-    let file = File::open(path).map_err(|cause| SimError::Read {
-        path: path.to_owned(),
-        cause,
-    })?;
-    let reader = SerializedFileReader::new(file).map_err(damaged)?;
-    let schema = reader.metadata().file_metadata().schema_descr();
-    let mut columns = Columns::new();
-    for (index, descriptor) in schema.columns().iter().enumerate() {
-        let Some(name) = known_column(path, descriptor.name())? else {
-            continue;
-        };
-        let mut values = Vec::new();
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group).map_err(damaged)?;
-            let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-            let column = group.get_column_reader(index).map_err(damaged)?;
-            let before = values.len();
-            append_column(path, &name, column, rows, &mut values)?;
-            if values.len() - before != rows {
-                return Err(SimError::BadValue {
-                    path: path.to_owned(),
-                    row: values.len() + 1,
-                    column: name,
-                    value: "null".to_owned(),
-                });
-            }
-        }
-        check_finite(path, &name, &values)?;
-        columns.insert(name, values);
-    }
-    Ok(columns)
-}
-
-/// Appends one row group's values; nulls are left out, so that the caller sees too few.
-fn append_column(
-    path: &Path,
-    name: &str,
-    column: ColumnReader,
-    rows: usize,
-    values: &mut Vec<f64>,
-) -> Result<(), SimError> {
-    let damaged = |cause| SimError::Parquet {
-        path: path.to_owned(),
-        cause,
-    };
-    let mut levels = Vec::new();
-    match column {
-        ColumnReader::DoubleColumnReader(mut typed) => {
-            typed
-                .read_records(rows, Some(&mut levels), None, values)
-                .map_err(damaged)?;
-        }
-        ColumnReader::FloatColumnReader(mut typed) => {
-            let mut narrow = Vec::new();
-            typed
-                .read_records(rows, Some(&mut levels), None, &mut narrow)
-                .map_err(damaged)?;
-            values.extend(narrow.into_iter().map(f64::from));
-        }
-        other => {
-            let found = match other {
-                ColumnReader::BoolColumnReader(_) => "booleans",
-                ColumnReader::Int32ColumnReader(_) | ColumnReader::Int64ColumnReader(_) => {
-                    "integers"
-                }
-                _ => "bytes",
-            };
-            return Err(SimError::NotNumbers {
-                path: path.to_owned(),
-                column: name.to_owned(),
-                found: found.to_owned(),
-            });
-        }
-    }
-    Ok(())
-}
-
-fn read_csv(path: &Path) -> Result<Columns, SimError> {
-    let damaged = |cause| SimError::Csv {
-        path: path.to_owned(),
-        cause,
-    };
-    let file = File::open(path).map_err(|cause| SimError::Read {
-        path: path.to_owned(),
-        cause,
-    })?;
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(file);
-    let mut wanted = Vec::new();
-    for (index, found) in reader.headers().map_err(damaged)?.iter().enumerate() {
-        if let Some(name) = known_column(path, found)? {
-            wanted.push((index, name, Vec::new()));
-        }
-    }
-    for (row, record) in reader.records().enumerate() {
-        let record = record.map_err(damaged)?;
-        for (index, name, values) in &mut wanted {
-            let cell = record.get(*index).unwrap_or_default();
-            values.push(cell.parse::<f64>().map_err(|_| SimError::BadValue {
-                path: path.to_owned(),
-                row: row + 1,
-                column: name.clone(),
-                value: cell.to_owned(),
-            })?);
-        }
-    }
-    let mut columns = Columns::new();
-    for (_, name, values) in wanted {
-        check_finite(path, &name, &values)?;
-        columns.insert(name, values);
-    }
-    Ok(columns)
 }
 
 fn check_finite(path: &Path, name: &str, values: &[f64]) -> Result<(), SimError> {
@@ -336,8 +209,8 @@ pub(crate) fn fill_missing(states: &mut [TruthState]) {
             states[after].rate_rad_s[axis] - states[before].rate_rad_s[axis]
         });
         let state = &mut states[row];
-        let up_body = state.earth_from_body()[2];
-        for (axis, up) in up_body.into_iter().enumerate() {
+        let up_body = state.up_body();
+        for (axis, up) in up_body.iter().enumerate() {
             if state.rate_derivative_rad_s2[axis].is_nan() {
                 let quotient = change[axis] / span_s;
                 state.rate_derivative_rad_s2[axis] = if span_s > 0.0 { quotient } else { 0.0 };
@@ -352,9 +225,8 @@ pub(crate) fn fill_missing(states: &mut [TruthState]) {
         let mut position_m = 0.0;
         let mut previous: Option<(f64, f64)> = None;
         for state in states.iter_mut() {
-            let velocity_m_s: f64 = (0..3)
-                .map(|j| state.earth_from_body()[axis][j] * state.velocity_body_m_s[j])
-                .sum();
+            let velocity = state.earth_from_body() * Vector3::from(state.velocity_body_m_s);
+            let velocity_m_s = velocity[axis];
             if let Some((time_s, earlier_m_s)) = previous {
                 position_m += 0.5 * (earlier_m_s + velocity_m_s) * (state.time_s - time_s);
             }

@@ -58,12 +58,11 @@ pub(crate) fn turned(vehicle: &Vehicle) -> Result<Motion, SimError> {
         let [part, slower] = [0.0, 1e-3]
             .map(|ahead| smooth((state.time_s + ahead - rest_s) / turn_s) * std::f64::consts::PI);
         let rate = (slower - part) / 1e-3;
-        state.rate_rad_s = state.earth_from_body()[2].map(|up| rate * up);
+        state.rate_rad_s = (state.up_body() * rate).into();
         state.rate_derivative_rad_s2 = [f64::NAN; 3];
         state.yaw_rad = part;
         floor.lay(state);
-        let up = state.earth_from_body()[2];
-        state.specific_force_m_s2 = up.map(|up| STANDARD_GRAVITY_M_S2 * up);
+        state.specific_force_m_s2 = (state.up_body() * STANDARD_GRAVITY_M_S2).into();
         state.acceleration_m_s2 = [0.0; 3];
     }
     fill_missing(&mut states);

@@ -14,3 +14,5 @@ mod sensors;
 mod support;
 #[path = "suite/truth_files.rs"]
 mod truth_files;
+#[path = "suite/truth_params.rs"]
+mod truth_params;

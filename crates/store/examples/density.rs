@@ -5,37 +5,21 @@
 //!
 //! `cargo run --release -p atvrec-store --example density`
 
+#![allow(clippy::disallowed_types, reason = "it measures time")]
+
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use math::Random;
 use sample::{Arrival, CanFlags, CanFrame, LogTime, Payload, SourceId};
 use store::{LogWriter, Options, Reader, Session, Source, SourceKind};
-
-/// SplitMix64 (Steele, Lea and Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// About normal, with standard deviation 1: the sum of twelve uniform values.
-    fn normal(&mut self) -> f64 {
-        let sum: f64 = (0..12).map(|_| self.next() as f64 / u64::MAX as f64).sum();
-        sum - 6.0
-    }
-}
 
 const START: u64 = 1_790_000_000_000_000_000;
 const FRAMES_PER_CYCLE: u32 = 10;
 
 /// Frames of `seconds` of driving, `per_call` of them in one system call.
 fn traffic(seconds: u32, per_call: u32) -> Vec<Arrival> {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let mut arrivals = Vec::new();
     let mut waiting: Vec<CanFrame> = Vec::new();
     for cycle in 0..seconds * 100 {

@@ -2,6 +2,8 @@
 //!
 //! `cargo run -p atvrec-store --example sample_log -- /tmp/sample.mcap`
 
+#![allow(clippy::disallowed_methods, reason = "it takes arguments")]
+
 #[path = "../tests/common/mod.rs"]
 mod common;
 

@@ -1,5 +1,11 @@
 //! The recorder's threads: rotation, losses, disks that fail.
 
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "it times the recorder and starts itself with a variable set"
+)]
+
 mod common;
 
 use std::path::PathBuf;

@@ -91,9 +91,41 @@ pub fn meant_week(week: u16, near: u16) -> u16 {
     }
 }
 
+/// Year, month and day (Gregorian) of days since 1970-01-01, from that day on. Years begin in March
+/// in the calculation, so that the leap day is a year's last.
+#[must_use]
+pub fn civil_date(unix_days: u32) -> (u32, u8, u8) {
+    let shifted = unix_days + 719_468;
+    let era = shifted / 146_097;
+    let day_of_era = shifted % 146_097;
+    let year_of_era =
+        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = (month_from_march + 2) % 12 + 1;
+    let year = era * 400 + year_of_era + u32::from(month <= 2);
+    (year, month as u8, day as u8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn dates() {
+        for (days, date) in [
+            (0, (1970, 1, 1)),
+            (11_016, (2000, 2, 29)),
+            (14_349, (2009, 4, 15)),
+            (19_782, (2024, 2, 29)),
+            (19_783, (2024, 3, 1)),
+            (47_540, (2100, 2, 28)),
+            (47_541, (2100, 3, 1)),
+        ] {
+            assert_eq!(civil_date(days), date, "{days}");
+        }
+    }
 
     #[test]
     fn a_receiver_is_corrected_only_where_its_host_bears_that_out() {

@@ -51,16 +51,9 @@ fn tyre_n(slip: f64, load_n: f64, stiffness: f64) -> f64 {
     peak * math::sin(1.35 * math::atan(bx + 0.6 * (bx - math::atan(bx))))
 }
 
-/// White noise from -1 to 1, times the square root of 3: deviation one.
-struct Noise(u64);
-
-impl Noise {
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        3.0_f64.sqrt() * (2.0 * (self.0 >> 11) as f64 / (1u64 << 53) as f64 - 1.0)
-    }
+/// White noise from -1 to 1, times the square root of 3: the standard deviation is 1.
+fn white(random: &mut math::Random) -> f64 {
+    3.0_f64.sqrt() * (2.0 * random.unit() - 1.0)
 }
 
 /// A drive of a car with four tyres, roll, load transfer, relaxation and banked road: none of
@@ -71,7 +64,8 @@ fn drive(seconds: f64) -> String {
     let (track, height, inertia) = (1.53, 0.55, 2400.0);
     let (mut v, mut lateral, mut rate, mut roll, mut roll_rate) = (20.0, 0.0, 0.0, 0.0, 0.0);
     let (mut side, mut force) = (0.0, [0.0; 4]);
-    let mut noise = Noise(0x9E37_79B9_7F4A_7C15);
+    let mut random = math::Random::from_state(0x9E37_79B9_7F4A_7C15);
+    let mut noise = || white(&mut random);
     let mut text = "# a drive on a track\nt,vx,steer,yaw,ay,beta\n".to_owned();
     for step in 0..(seconds / DT_S) as usize {
         let t = step as f64 * DT_S;
@@ -115,13 +109,13 @@ fn drive(seconds: f64) -> String {
         roll_rate += DT_S * tip / 600.0;
         roll += DT_S * roll_rate;
         if step % 5 == 0 {
-            let sensed = side + GRAVITY_M_S2 * math::sin(roll) + 0.12 + 0.2 * noise.next();
+            let sensed = side + GRAVITY_M_S2 * math::sin(roll) + 0.12 + 0.2 * noise();
             let _ = writeln!(
                 text,
                 "{t:.2},{:.3},{:.4},{:.4},{sensed:.4},{:.5}",
-                3.6 * (v * 1.003 + 0.03 * noise.next()),
-                STEERING_RATIO * (steer.to_degrees() - 0.25 + 0.02 * noise.next()),
-                rate.to_degrees() + 0.2 + 0.15 * noise.next(),
+                3.6 * (v * 1.003 + 0.03 * noise()),
+                STEERING_RATIO * (steer.to_degrees() - 0.25 + 0.02 * noise()),
+                rate.to_degrees() + 0.2 + 0.15 * noise(),
                 math::atan2(lateral, v).to_degrees(),
             );
         }

@@ -3,7 +3,6 @@
 //! drive, and its second half is judged.
 
 mod cars;
-mod random;
 mod road;
 mod spin;
 mod surrogate;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::random::Random;
+use math::Random;
 
 /// Distance of the grid, m.
 const GRID_M: f64 = 1.0;

@@ -2,7 +2,8 @@
 //! slip, load-dependent stiffness and friction, relaxation, roll, compliant steering, roll steer,
 //! a road with bank and grade, and a driver who laps it.
 
-use crate::random::Random;
+use math::Random;
+
 use crate::road::{Lap, Road};
 
 pub const GRAVITY_M_S2: f64 = 9.806_65;

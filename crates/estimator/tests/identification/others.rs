@@ -9,7 +9,7 @@ use model::chassis::four_wheel::Parameters;
 use model::tyre::{Contact, Tyre};
 use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
-use sample::STANDARD_GRAVITY_M_S2;
+use sample::Wheel;
 
 use crate::coverage;
 use crate::rides::{self, DT_S, Noise};
@@ -26,14 +26,14 @@ fn near(found: &Findings, name: &str, truth: f64, part: f64) {
 /// Two-wheel model's m (b/C_f - a/C_r)/L, rad/(m/s^2).
 fn gradient(vehicle: &Vehicle) -> f64 {
     let (body, length) = (&vehicle.body, vehicle.wheelbase_m());
-    let axle = |tyre: &model::vehicle::Tyre, arm: f64| {
-        let load = 0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm / length;
+    let axle = |tyre: &model::vehicle::Tyre, wheel| {
+        let load = vehicle.static_load_n(wheel);
         2.0 * tyre.cornering_stiffness_n_rad
             * math::powf(load / tyre.reference_load_n, tyre.load_exponent)
     };
     let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-    let [front, rear] =
-        [(&vehicle.front.tyre, b), (&vehicle.rear.tyre, a)].map(|(t, x)| axle(t, x));
+    let front = axle(&vehicle.front.tyre, Wheel::FrontLeft);
+    let rear = axle(&vehicle.rear.tyre, Wheel::RearLeft);
     body.mass_kg / length * (b / front - a / rear)
 }
 

@@ -4,7 +4,7 @@ use estimator::calibration::Resolved;
 use estimator::{Calibration, Method, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{Measurement, PerWheel, STANDARD_GRAVITY_M_S2, Sample};
+use sample::{Measurement, PerWheel, Sample};
 
 use super::judge::{Result, estimate};
 
@@ -29,9 +29,6 @@ pub fn deflection(
     result: &Result,
 ) -> Result {
     let resolved = Resolved::new(sensors, &Calibration::nominal(&vehicle.name)).unwrap();
-    let body = &vehicle.body;
-    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-    let half = 0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 / (a + b);
     let mut load_n = PerWheel([f64::NAN; 4]);
     let mut samples = samples.iter().peekable();
     let mut estimates = result.estimates.clone();
@@ -40,16 +37,17 @@ pub fn deflection(
             let Measurement::Corner(corner) = &sample.measurement else {
                 continue;
             };
-            let (axle, arm) = if corner.wheel.is_front() {
-                (&vehicle.front, b)
+            let axle = if corner.wheel.is_front() {
+                &vehicle.front
             } else {
-                (&vehicle.rear, a)
+                &vehicle.rear
             };
             let strut = axle.strut.as_ref().unwrap();
             let pot = &resolved.corners[corner.wheel].deflection;
             if let Some(compression_m) = corner.deflection_counts.and_then(|c| pot.value(c)) {
                 let rate_n_m = strut.stiffness_n_m * strut.motion_ratio.unwrap();
-                load_n[corner.wheel] = half * arm + rate_n_m * compression_m;
+                load_n[corner.wheel] =
+                    vehicle.static_load_n(corner.wheel) + rate_n_m * compression_m;
             }
         }
         for (force, load) in estimate.measured.0.iter_mut().zip(load_n.0) {

@@ -1,7 +1,5 @@
 //! A drive of the virtual vehicle in the form of a truth run, as long as one wants.
 
-use std::collections::HashMap;
-
 use model::vehicle::Vehicle;
 use sample::Wheel;
 use sim::{Manoeuvre, TruthState};
@@ -14,7 +12,7 @@ pub fn virtual_drive(vehicle: &Vehicle, manoeuvre: Manoeuvre, span_s: f64) -> Ru
     let laps = (span_s / lap.duration_s()).ceil().max(1.0);
     let motion = lap.repeated(laps as u32);
     let rows = (motion.duration_s() * RATE_HZ) as usize;
-    let mut columns: HashMap<String, Vec<f64>> = HashMap::new();
+    let mut columns = sim::Columns::new();
     for row in 0..rows {
         let state = motion.at(row as f64 / RATE_HZ);
         for (name, value) in of_body(&state).into_iter().chain(of_wheels(&state)) {

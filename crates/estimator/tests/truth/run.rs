@@ -1,12 +1,8 @@
 //! Truth runs of the independent simulator, and the vehicle file made from their parameters.
 
-use std::collections::HashMap;
-use std::fs::File;
 use std::path::PathBuf;
 
 use model::vehicle::Vehicle;
-use parquet::column::reader::ColumnReader;
-use parquet::file::reader::{FileReader, SerializedFileReader};
 
 /// Rate of the truth files, Hz.
 pub const RATE_HZ: f64 = 200.0;
@@ -28,7 +24,7 @@ pub fn directory() -> Option<PathBuf> {
 /// The columns of one run.
 pub struct Run {
     pub rows: usize,
-    pub columns: HashMap<String, Vec<f64>>,
+    pub columns: sim::Columns,
 }
 
 impl Run {
@@ -36,38 +32,8 @@ impl Run {
         let path = directory()
             .expect("checked by the caller")
             .join(format!("{name}.parquet"));
-        let reader = SerializedFileReader::new(File::open(path).unwrap()).unwrap();
-        let schema = reader.metadata().file_metadata().schema_descr_ptr();
-        let mut columns = HashMap::new();
-        for index in 0..schema.num_columns() {
-            let full = schema.column(index).name().to_owned();
-            let short = full.split('[').next().unwrap_or(&full).to_owned();
-            let mut values = Vec::new();
-            for group in 0..reader.num_row_groups() {
-                let group = reader.get_row_group(group).unwrap();
-                let rows = group.metadata().num_rows() as usize;
-                match group.get_column_reader(index).unwrap() {
-                    ColumnReader::DoubleColumnReader(mut column) => {
-                        let mut part = Vec::with_capacity(rows);
-                        let mut levels = Vec::new();
-                        column
-                            .read_records(rows, Some(&mut levels), None, &mut part)
-                            .unwrap();
-                        values.extend(part);
-                    }
-                    ColumnReader::FloatColumnReader(mut column) => {
-                        let mut part = Vec::with_capacity(rows);
-                        let mut levels = Vec::new();
-                        column
-                            .read_records(rows, Some(&mut levels), None, &mut part)
-                            .unwrap();
-                        values.extend(part.into_iter().map(f64::from));
-                    }
-                    _ => panic!("column {full} is not a floating-point number"),
-                }
-            }
-            columns.insert(short, values);
-        }
+        let columns =
+            sim::read_columns(&path, |full| Ok(full.split('[').next().map(str::to_owned))).unwrap();
         let rows = columns["t"].len();
         Self { rows, columns }
     }
@@ -88,5 +54,5 @@ pub fn vehicle() -> Vehicle {
     let path = directory()
         .expect("checked by the caller")
         .join("params.json");
-    Vehicle::from_truth_params(&std::fs::read_to_string(path).unwrap()).unwrap()
+    sim::vehicle_from_truth_params(&std::fs::read_to_string(path).unwrap()).unwrap()
 }

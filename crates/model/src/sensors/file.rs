@@ -64,11 +64,19 @@ const SECTIONS: &[Section] = &[
             must("excitation_v", Number(Positive(100.0))),
             must("bridge", BRIDGES),
             must("gain_resistor_ohm", Number(Positive(1e6))),
+            may("amplifier", Table),
             may("bending", Table),
             must("lag_hz", Number(Positive(1e6))),
             must("adc_bits", Integer(4, 16)),
             must("noise_counts", Number(NonNegative(65_535.0))),
             must("zero_error_counts", Number(NonNegative(65_535.0))),
+        ],
+    },
+    Section {
+        tables: &["strain.amplifier"],
+        rules: &[
+            must("base_gain", Number(NonNegative(1e6))),
+            must("gain_ohm", Number(Positive(1e9))),
         ],
     },
     Section {
@@ -198,14 +206,32 @@ mod tests {
         assert_eq!(bending.bridge, Bridge::FullBending);
     }
 
+    /// Sensors files and logs from before the table existed mean the thesis's amplifier.
+    #[test]
+    fn another_amplifier_is_data_and_none_is_that_of_the_thesis() {
+        let text = Sensors::builtin_text("thesis-10bit").unwrap();
+        let newtons = |text: &str| {
+            let sensors = Sensors::from_toml(text, "s.toml").unwrap();
+            sensors.strain.axial_scale().unwrap().load_per_count()
+        };
+        let table = "[strain.amplifier]\nbase_gain = 5.0\ngain_ohm = 80000.0\n";
+        assert!(text.contains(table));
+        assert_eq!(newtons(&text.replace(table, "")), newtons(text));
+        let other = text.replace("= 5.0\ngain_ohm = 80000.0", "= 1.0\ngain_ohm = 49400.0");
+        let ratio = newtons(&other) / newtons(text);
+        assert!((ratio - 805.0 / 495.0).abs() < 1e-12, "{ratio}");
+        let none = text.replace("gain_ohm = 80000.0", "gain_ohm = 0.0");
+        assert!(Sensors::from_toml(&none, "s.toml").is_err());
+    }
+
     #[test]
     fn all_mistakes_are_told_at_once_with_their_lines() {
         let text = Sensors::builtin_text("thesis-10bit")
             .unwrap()
             .replace("half_axial", "half_axle")
             .replace(
-                "adc_bits = 10\nnoise_counts = 1.0\nzero_error_counts = 0.5\n\n[def",
-                "adc_bits = 40\n\n[def",
+                "adc_bits = 10\nnoise_counts = 1.0\nzero_error_counts = 0.5\n\n#",
+                "adc_bits = 40\n\n#",
             );
         let errors = Sensors::from_toml(&text, "s.toml").unwrap_err();
         let fields: Vec<_> = errors.problems.iter().map(|p| p.field.as_str()).collect();

@@ -1,7 +1,6 @@
 use sample::{StrainChannel, Wheel};
 
-use super::ina2126_gain;
-use crate::sensors::Bridge;
+use crate::sensors::{Amplifier, Bridge};
 
 /// Where a strain circuit's gauges sit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,7 +89,7 @@ impl Circuit {
     /// Gain of the amplifier, equation 3.5.
     #[must_use]
     pub fn gain(&self) -> f64 {
-        ina2126_gain(self.gain_resistor_ohm)
+        Amplifier::default().gain(self.gain_resistor_ohm)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tyres made of two stiffnesses and a friction coefficient.
 
-use super::{Contact, Forces, Stiffness, friction_ellipse};
+use super::{Contact, Forces, Stiffness, brush_over_linear, friction_ellipse};
 use crate::{Scalar, vehicle};
 
 /// How force grows with slip.
@@ -138,8 +138,7 @@ impl Physical {
             let scale = grip / pull;
             return ([x * scale, -y * scale], T::from(0.0));
         }
-        // mu F_z (1 - H^3)/|G| with H = 1 - part is 1 - part + part^2/3: no division by slip.
-        let scale = part * (part * (1.0 / 3.0) - 1.0) + 1.0;
+        let scale = brush_over_linear(part);
         if self.contact_length_m == 0.0 {
             return ([x * scale, -y * scale], T::from(0.0));
         }

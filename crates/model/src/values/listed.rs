@@ -109,7 +109,6 @@ values!(Listed, each, 1);
 values!(ListedAxles, each_axle, 2);
 
 impl<T: Scalar> PerWheelValues for Listed<T> {
-    type Raw = T;
     type Number = T;
     type Axles = ListedAxles<T>;
 
@@ -120,18 +119,6 @@ impl<T: Scalar> PerWheelValues for Listed<T> {
     #[inline(always)]
     fn list(self) -> [T; 4] {
         self.0
-    }
-    #[inline(always)]
-    fn number(raw: T) -> T {
-        raw
-    }
-    #[inline(always)]
-    fn raws(numbers: [T; 7]) -> [T; 7] {
-        numbers
-    }
-    #[inline(always)]
-    fn two_sine_cosines([a, b]: [T; 2]) -> [(T, T); 2] {
-        [sin_cos(a), sin_cos(b)]
     }
     #[inline(always)]
     fn all(number: T) -> Self {

@@ -322,7 +322,7 @@ mod tests {
         );
         let text = errors.to_string();
         assert!(text.contains("bad.toml:5: body.mass_kg = -644.0"), "{text}");
-        assert!(text.contains("is cg_height_m meant?"), "{text}");
+        assert!(text.contains("did you mean cg_height_m?"), "{text}");
     }
     #[test]
     fn contradictions_between_fields_are_told_together() {

@@ -1,5 +1,7 @@
 //! What follows from a vehicle's values.
 
+use sample::{STANDARD_GRAVITY_M_S2, Wheel};
+
 use super::{Axle, Pitch, Sprung, Vehicle};
 
 impl Axle {
@@ -30,6 +32,19 @@ impl Vehicle {
     #[must_use]
     pub fn wheelbase_m(&self) -> f64 {
         self.body.front_axle_to_cg_m + self.body.cg_to_rear_axle_m
+    }
+
+    /// Load of a wheel of the vehicle at rest on level ground, N: m g b/(2 L) at the front and
+    /// m g a/(2 L) at the rear, with a and b the distances of the front and the rear axle from the
+    /// centre of gravity.
+    #[must_use]
+    pub fn static_load_n(&self, wheel: Wheel) -> f64 {
+        let arm_m = if wheel.is_front() {
+            self.body.cg_to_rear_axle_m
+        } else {
+            self.body.front_axle_to_cg_m
+        };
+        0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 * arm_m / self.wheelbase_m()
     }
 
     /// Roll angle of a rigid vehicle whose centre of gravity stands above the outer wheels of the
@@ -138,5 +153,22 @@ impl Vehicle {
                 self.rear.wheel_damping_n_s_m(),
             ),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn static_loads_carry_the_weight_and_balance_about_the_centre_of_gravity() {
+        let vehicle = Vehicle::builtin("prowler").unwrap();
+        let [fl, fr, rl, rr] = Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel));
+        let weight_n = vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
+        assert!((fl + fr + rl + rr - weight_n).abs() < 1e-9);
+        let moment_n_m = (fl + fr) * vehicle.body.front_axle_to_cg_m
+            - (rl + rr) * vehicle.body.cg_to_rear_axle_m;
+        assert!(moment_n_m.abs() < 1e-9, "{moment_n_m}");
+        assert!(fl == fr && rl == rr);
     }
 }

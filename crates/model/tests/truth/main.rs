@@ -3,6 +3,5 @@
 mod hanging;
 mod instant;
 mod kinematics;
-mod params;
 mod run;
 mod statics;

@@ -1,13 +1,9 @@
 //! Reads a few columns of a truth run in place.
 
-use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::PathBuf;
 
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
-use parquet::column::reader::ColumnReader;
-use parquet::file::reader::{FileReader, SerializedFileReader};
 
 fn directory() -> PathBuf {
     PathBuf::from(concat!(
@@ -18,11 +14,11 @@ fn directory() -> PathBuf {
 
 /// The vehicle of the runs; `None`, said loudly, when the data is not there.
 pub fn vehicle() -> Option<Vehicle> {
-    params_text().map(|text| Vehicle::from_truth_params(&text).expect("params.json converts"))
+    params_text().map(|text| sim::vehicle_from_truth_params(&text).expect("params.json converts"))
 }
 
 /// Text of the runs' `params.json`.
-pub fn params_text() -> Option<String> {
+fn params_text() -> Option<String> {
     let path = directory().join("params.json");
     match std::fs::read_to_string(&path) {
         Ok(text) => Some(text),
@@ -35,7 +31,7 @@ pub fn params_text() -> Option<String> {
 
 /// Columns of one run, by name without unit.
 pub struct Run {
-    columns: BTreeMap<String, Vec<f64>>,
+    columns: sim::Columns,
     pub rows: usize,
     stride: usize,
 }
@@ -48,24 +44,15 @@ impl Run {
     /// `stride`th of the file's.
     pub fn open(name: &str, stride: usize, wanted: impl Fn(&str) -> bool) -> Option<Self> {
         let path = directory().join(name).with_extension("parquet");
-        let Ok(file) = File::open(&path) else {
+        if !path.exists() {
             eprintln!("SKIPPED: {} is missing", path.display());
             return None;
-        };
-        let reader = SerializedFileReader::new(file).expect("a parquet file");
-        let mut columns = BTreeMap::<String, Vec<f64>>::new();
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group).expect("a row group");
-            for index in 0..group.num_columns() {
-                let full = group.metadata().column(index).column_path().string();
-                let name = full.split('[').next().unwrap_or(&full).to_owned();
-                if wanted(&name) {
-                    let rows = group.metadata().num_rows() as usize;
-                    let values = read(group.get_column_reader(index).expect("a column"), rows);
-                    columns.entry(name).or_default().extend(values);
-                }
-            }
         }
+        let columns = sim::read_columns(&path, |full| {
+            let name = full.split('[').next().unwrap_or(full);
+            Ok(wanted(name).then(|| name.to_owned()))
+        })
+        .expect("columns of numbers");
         let all = columns.values().next().map_or(0, Vec::len);
         // The first and the last row have no slope.
         let rows = all.saturating_sub(2).div_ceil(stride);
@@ -106,25 +93,5 @@ impl Run {
     /// The vector of the columns `name` + `x`, `y`, `z` (+ `suffix`).
     pub fn vector(&self, name: &str, suffix: &str, row: usize) -> Vector3<f64> {
         Vector3::from_fn(|i, _| self.get(&format!("{name}{}{suffix}", ["x", "y", "z"][i]), row))
-    }
-}
-
-fn read(reader: ColumnReader, rows: usize) -> Vec<f64> {
-    match reader {
-        ColumnReader::DoubleColumnReader(mut typed) => {
-            let (mut values, mut levels) = (Vec::new(), Vec::new());
-            typed
-                .read_records(rows, Some(&mut levels), None, &mut values)
-                .expect("doubles");
-            values
-        }
-        ColumnReader::FloatColumnReader(mut typed) => {
-            let (mut values, mut levels) = (Vec::new(), Vec::new());
-            typed
-                .read_records(rows, Some(&mut levels), None, &mut values)
-                .expect("floats");
-            values.into_iter().map(f64::from).collect()
-        }
-        _ => panic!("only floats are expected in a truth run"),
     }
 }

@@ -45,6 +45,7 @@ __all__ = [
     "VehicleError",
     "__version__",
     "ackermann_rad",
+    "amplifier_gain",
     "calibrate_gnss",
     "calibrate_imu",
     "calibrate_load_rig",
@@ -63,7 +64,6 @@ __all__ = [
     "identify_tyre",
     "identify_understeer",
     "identify_yaw_inertia",
-    "ina2126_gain",
     "road_height_m",
     "strain_circuits",
 ]
@@ -433,7 +433,9 @@ def road_height_m(
 def ackermann_rad(
     mean_rad: float, wheelbase_m: float, track_m: float
 ) -> tuple[float, float]: ...
-def ina2126_gain(gain_resistor_ohm: float) -> float: ...
+def amplifier_gain(
+    gain_resistor_ohm: float, *, base_gain: float = 5.0, gain_ohm: float = 80_000.0
+) -> float: ...
 def strain_circuits() -> list[dict[str, Any]]: ...
 
 @final

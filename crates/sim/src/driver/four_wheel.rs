@@ -3,11 +3,11 @@
 use model::chassis::four_wheel::{Inputs, Outputs, Parameters, Pose, State, outputs};
 use model::simulation::Model;
 use model::vehicle::Vehicle;
+use nalgebra::Vector3;
 use sample::{PerWheel, Wheel};
 
 use super::body_rates;
 use super::car::Commands;
-use crate::imu::{rotate, transpose};
 use crate::{TruthState, WheelTruth};
 
 /// The car under way.
@@ -82,8 +82,8 @@ impl FourWheel {
         };
         let lateral_m_s = state.lateral_m_s - sway_m * state.roll_rate_rad_s;
         let lateral_m_s2 = told.lateral_m_s2 - sway_m * told.rate.roll_rate_rad_s;
-        let body_from_heading = transpose(&level.earth_from_body());
-        let turn = |x, y, z| rotate(&body_from_heading, [x, y, z]);
+        let body_from_heading = level.earth_from_body().inverse();
+        let turn = |x, y, z| (body_from_heading * Vector3::new(x, y, z)).into();
         TruthState {
             position_m: [self.pose.east_m, self.pose.north_m, self.cg_height_m],
             yaw_rad: self.pose.yaw_rad,

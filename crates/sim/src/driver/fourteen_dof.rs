@@ -6,11 +6,10 @@ use model::simulation::Model;
 use model::suspension::Corner;
 use model::tyre::{Contact, Tyre};
 use model::vehicle::Vehicle;
+use nalgebra::Vector3;
 use sample::{PerWheel, Wheel};
 
 use super::car::Commands;
-use crate::corner::cross;
-use crate::imu::{add3, rotate};
 use crate::{SimError, TruthState, WheelTruth};
 
 /// Adams' tyre width of a brush tyre, parts of its contact length: the trail is a third of the one
@@ -21,7 +20,7 @@ const WIDTH_OF_CONTACT_LENGTH: f64 = 0.5;
 pub(super) struct FourteenDof {
     parameters: Parameters,
     /// The whole vehicle's centre of gravity from that of the sprung part, body axes, m.
-    cg_m: [f64; 3],
+    cg_m: Vector3<f64>,
     /// Friction of the tyres, front and rear.
     friction: [f64; 2],
     /// Whether strut lengths are left to the linkage, which then also carries the body.
@@ -52,7 +51,7 @@ impl FourteenDof {
         lay_on_contact_length(&mut parameters);
         let [x, y, z] = vehicle.sprung().cg_m;
         Ok(Some(Self {
-            cg_m: [-x, -y, vehicle.body.cg_height_m - z],
+            cg_m: Vector3::new(-x, -y, vehicle.body.cg_height_m - z),
             friction: [vehicle.front.tyre.friction, vehicle.rear.tyre.friction],
             linked: Corner::of(vehicle, Wheel::FrontLeft).is_ok(),
             state: at_rest(&parameters)?.rolling(speed_m_s, &parameters),
@@ -117,18 +116,19 @@ impl FourteenDof {
     }
 
     fn position_m(&self) -> [f64; 3] {
-        let earth_from_body = self.attitude().earth_from_body();
-        add3(
-            self.state.position_m,
-            rotate(&earth_from_body, self.cg_m),
-            [0.0; 3],
-        )
+        let arm_m = self.attitude().earth_from_body() * self.cg_m;
+        (Vector3::from(self.state.position_m) + arm_m).into()
     }
 
     /// What is true now, at the whole vehicle's centre of gravity.
     pub(super) fn truth(&self, commands: &Commands) -> TruthState {
         let told = outputs(&self.parameters, &self.state, &inputs(commands));
-        let (rate, turning) = (self.state.rate_rad_s, told.rate.rate_rad_s);
+        let rate = Vector3::from(self.state.rate_rad_s);
+        let turning = Vector3::from(told.rate.rate_rad_s);
+        let velocity = Vector3::from(self.state.velocity_m_s) + rate.cross(&self.cg_m);
+        let force = Vector3::from(told.specific_force_m_s2)
+            + turning.cross(&self.cg_m)
+            + rate.cross(&rate.cross(&self.cg_m));
         let wheel = |wheel: Wheel| {
             let i = wheel.index();
             WheelTruth {
@@ -149,14 +149,10 @@ impl FourteenDof {
         };
         TruthState {
             position_m: self.position_m(),
-            velocity_body_m_s: add3(self.state.velocity_m_s, cross(rate, self.cg_m), [0.0; 3]),
-            rate_rad_s: rate,
-            rate_derivative_rad_s2: turning,
-            specific_force_m_s2: add3(
-                told.specific_force_m_s2,
-                cross(turning, self.cg_m),
-                cross(rate, cross(rate, self.cg_m)),
-            ),
+            velocity_body_m_s: velocity.into(),
+            rate_rad_s: self.state.rate_rad_s,
+            rate_derivative_rad_s2: told.rate.rate_rad_s,
+            specific_force_m_s2: force.into(),
             acceleration_m_s2: [f64::NAN; 3],
             wheels: PerWheel::from_fn(wheel),
             ..self.attitude()

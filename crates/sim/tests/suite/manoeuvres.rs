@@ -1,5 +1,6 @@
 //! What the model drives is what the manoeuvre's name says, and it obeys Newton.
 
+use nalgebra::Vector3;
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 use sim::{Manoeuvre, Motion, TruthState};
 
@@ -26,15 +27,7 @@ const NEWTON_TOLERANCE_N: f64 = 25.0;
 fn check_newton(state: &TruthState) {
     let earth_from_body = state.earth_from_body();
     let (sin_yaw, cos_yaw) = math::sin_cos(state.yaw_rad);
-    let earth: Vec<f64> = earth_from_body
-        .iter()
-        .map(|row| {
-            row.iter()
-                .zip(state.acceleration_m_s2)
-                .map(|(r, a)| r * a)
-                .sum()
-        })
-        .collect();
+    let earth = earth_from_body * Vector3::from(state.acceleration_m_s2);
     let upwards = earth[2] + STANDARD_GRAVITY_M_S2;
     let level = [
         cos_yaw * earth[0] + sin_yaw * earth[1],
@@ -280,12 +273,7 @@ fn a_hillside_is_circled_by_newtons_laws() {
             ..state
         };
         let mass_kg = vehicle().body.mass_kg;
-        let felt = level.earth_from_body().map(|row| {
-            let along: f64 = (row.iter().zip(state.specific_force_m_s2))
-                .map(|(r, f)| r * f)
-                .sum();
-            mass_kg * along
-        });
+        let felt = level.earth_from_body() * Vector3::from(state.specific_force_m_s2) * mass_kg;
         let mut pushed = [0.0; 3];
         for wheel in &state.wheels.0 {
             let (sin, cos) = math::sin_cos(wheel.steer_rad);

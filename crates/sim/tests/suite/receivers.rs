@@ -1,5 +1,6 @@
 //! Both receivers, read back by the project's decoder of a receiver port.
 
+use nalgebra::Vector3;
 use sample::{DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity, Measurement};
 use sim::{Emission, Faults, Interruption, Options, Port, SeptentrioBlocks, TruthState};
 use wire::geodesy::Geodetic;
@@ -56,9 +57,7 @@ fn velocity_at(truth: &TruthState, r: [f64; 3]) -> [f64; 3] {
         v[1] + w * r[0] - p * r[2],
         v[2] + p * r[1] - q * r[0],
     ];
-    truth
-        .earth_from_body()
-        .map(|row| row.iter().zip(body).map(|(m, b)| m * b).sum())
+    (truth.earth_from_body() * Vector3::from(body)).into()
 }
 
 fn rms(errors: &[f64]) -> f64 {

@@ -1,6 +1,7 @@
 //! A run with every kind of arrival and record.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+use math::Random;
 use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
     Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
@@ -55,26 +56,9 @@ pub fn session() -> Session {
     }
 }
 
-/// A generator that needs no crate: SplitMix64 (Steele, Lea and Flood 2014).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, limit: u64) -> u64 {
-        self.next() % limit
-    }
-}
-
 /// The `count` first arrivals of a run, of all kinds.
 pub fn arrivals(seed: u64, count: u64) -> Vec<Arrival> {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut log_time = START;
     (0..count)
         .map(|sequence| {
@@ -97,7 +81,7 @@ fn payload(random: &mut Random, log_time: LogTime) -> (u16, Payload) {
         1 => (2, Payload::Notice(notice(random))),
         2..=5 => {
             let length = random.below(90);
-            let bytes = (0..length).map(|_| random.next() as u8).collect();
+            let bytes = (0..length).map(|_| random.bits() as u8).collect();
             (2, Payload::Bytes(bytes))
         }
         6..=7 => (3, Payload::Bytes(b"#BESTPOSA,COM1,0".to_vec())),
@@ -133,7 +117,7 @@ fn frame(random: &mut Random, log_time: LogTime) -> CanFrame {
     };
     let length = random.below(if flags.fd { 65 } else { 9 }) as usize;
     let data: Vec<u8> = (0..length)
-        .map(|_| if flags.remote { 0 } else { random.next() as u8 })
+        .map(|_| if flags.remote { 0 } else { random.bits() as u8 })
         .collect();
     let mut frame =
         CanFrame::new(0x100 + random.below(6) as u32, flags, &data).expect("the length fits");

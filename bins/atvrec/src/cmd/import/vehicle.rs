@@ -1,7 +1,6 @@
 //! `atvrec import vehicle`.
 
 use anyhow::Context;
-use model::vehicle::Vehicle;
 
 use crate::cli::ImportVehicleArgs;
 use crate::exit::Outcome;
@@ -10,7 +9,7 @@ use crate::exit::Outcome;
 pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {
     let text = std::fs::read_to_string(&args.input)
         .with_context(|| format!("cannot read {}", args.input.display()))?;
-    let vehicle = Vehicle::from_truth_params(&text)
+    let vehicle = sim::vehicle_from_truth_params(&text)
         .with_context(|| format!("{} is not usable", args.input.display()))?;
     std::fs::write(&args.output, vehicle.to_toml()?)
         .with_context(|| format!("cannot write {}", args.output.display()))?;

@@ -95,13 +95,7 @@ pub(crate) fn axle_of(vehicle: &Vehicle, wheel: Wheel) -> &Axle {
 
 /// Load of a wheel on level ground at rest, N.
 pub(crate) fn static_load_n(vehicle: &Vehicle, wheel: Wheel) -> f64 {
-    let body = &vehicle.body;
-    let arm_m = if wheel.is_front() {
-        body.cg_to_rear_axle_m
-    } else {
-        body.front_axle_to_cg_m
-    };
-    0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm_m / vehicle.wheelbase_m()
+    vehicle.static_load_n(wheel)
 }
 
 /// Members, ball-normal force and strut length of a corner on level ground under its static load.

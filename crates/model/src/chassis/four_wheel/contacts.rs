@@ -65,7 +65,7 @@ pub(super) trait Contacts<V> {
 pub(super) struct AnyContacts<'a, V: PerWheelValues> {
     parameters: &'a Parameters,
     constants: &'a Constants,
-    inputs: &'a Inputs<V::Raw>,
+    inputs: &'a Inputs<V::Number>,
     wheels: Wheels<V>,
 }
 
@@ -73,7 +73,7 @@ impl<'a, V: PerWheelValues> AnyContacts<'a, V> {
     pub(super) fn new(
         parameters: &'a Parameters,
         constants: &'a Constants,
-        inputs: &'a Inputs<V::Raw>,
+        inputs: &'a Inputs<V::Number>,
         wheels: &Wheels<V>,
     ) -> Self {
         Self {
@@ -95,7 +95,7 @@ impl<V: PerWheelValues> Contacts<V> for AnyContacts<'_, V> {
                 load_n: load_n[i],
                 slip_tangent: tangent[i],
                 slip_ratio: ratio[i],
-                camber_rad: V::Raw::from(0.0),
+                camber_rad: V::Number::from(0.0),
                 friction_scale: self.inputs.friction_scale[i],
                 stiffness_scale: self.inputs.stiffness_scale[i],
             })
@@ -123,7 +123,7 @@ pub(super) struct BrushTyres<V: PerWheelValues> {
 
 impl<V: PerWheelValues> BrushTyres<V> {
     #[inline(always)]
-    pub(super) fn new(brush: Brush<[f64; 4]>, inputs: &Inputs<V::Raw>) -> Self {
+    pub(super) fn new(brush: Brush<[f64; 4]>, inputs: &Inputs<V::Number>) -> Self {
         let friction = V::of(inputs.friction_scale);
         let surface = brush.on_surface(friction, V::of(inputs.stiffness_scale));
         Self { brush, surface }

@@ -5,6 +5,7 @@ use super::contacts::{Contacts, Forces};
 use super::motion::Motion;
 use super::{Inputs, Parameters};
 use crate::chassis::form::Form;
+use crate::scalar::sin_cos;
 use crate::tyre::{saturated, slip_base};
 use crate::values::{PerWheelValues, Values};
 
@@ -49,11 +50,10 @@ pub(super) struct Held<V: PerWheelValues> {
 
 impl<V: PerWheelValues> Held<V> {
     #[inline(always)]
-    pub(super) fn of(p: &Parameters, inputs: &Inputs<V::Raw>) -> Self {
+    pub(super) fn of(p: &Parameters, inputs: &Inputs<V::Number>) -> Self {
         let steer = V::of(inputs.steer_rad);
         let (sin, cos) = steer.sine_cosine();
-        let slopes = [inputs.bank_rad, inputs.grade_rad].map(V::number);
-        let [(sb, cb), (sg, cg)] = V::two_sine_cosines(slopes);
+        let [(sb, cb), (sg, cg)] = [inputs.bank_rad, inputs.grade_rad].map(sin_cos);
         let g = p.gravity_m_s2;
         Self {
             steer,
@@ -181,7 +181,7 @@ pub(super) fn solve<V: PerWheelValues, F: Form>(
     let c = constants;
     let [half_weight, bank, grade] = held.road;
     let (u, v, r) = (at.longitudinal, at.lateral, at.yaw_rate);
-    let [(sin_roll, _), (sin_pitch, _)] = V::two_sine_cosines([at.roll, at.pitch]);
+    let [(sin_roll, _), (sin_pitch, _)] = [at.roll, at.pitch].map(sin_cos);
     let rolling =
         sin_roll.scaled(c.roll[0]) - (at.roll.scaled(c.roll[1]) + at.roll_rate.scaled(c.roll[2]));
     let pitching = sin_pitch.scaled(c.pitch[0])

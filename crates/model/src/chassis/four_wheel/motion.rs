@@ -19,15 +19,15 @@ pub(super) struct Motion<V: PerWheelValues> {
 
 impl<V: PerWheelValues> Motion<V> {
     #[inline(always)]
-    pub(super) fn of(state: &State<V::Raw>) -> Self {
+    pub(super) fn of(state: &State<V::Number>) -> Self {
         Self {
-            longitudinal: V::number(state.longitudinal_m_s),
-            lateral: V::number(state.lateral_m_s),
-            yaw_rate: V::number(state.yaw_rate_rad_s),
-            roll: V::number(state.roll_rad),
-            roll_rate: V::number(state.roll_rate_rad_s),
-            pitch: V::number(state.pitch_rad),
-            pitch_rate: V::number(state.pitch_rate_rad_s),
+            longitudinal: state.longitudinal_m_s,
+            lateral: state.lateral_m_s,
+            yaw_rate: state.yaw_rate_rad_s,
+            roll: state.roll_rad,
+            roll_rate: state.roll_rate_rad_s,
+            pitch: state.pitch_rad,
+            pitch_rate: state.pitch_rate_rad_s,
             tangent: V::of(state.slip_tangent),
             ratio: V::of(state.slip_ratio),
             spin: V::of(state.wheel_speed_rad_s),
@@ -35,24 +35,15 @@ impl<V: PerWheelValues> Motion<V> {
     }
 
     #[inline(always)]
-    pub(super) fn state(&self) -> State<V::Raw> {
-        let [u, v, r, roll, roll_rate, pitch, pitch_rate] = V::raws([
-            self.longitudinal,
-            self.lateral,
-            self.yaw_rate,
-            self.roll,
-            self.roll_rate,
-            self.pitch,
-            self.pitch_rate,
-        ]);
+    pub(super) fn state(&self) -> State<V::Number> {
         State {
-            longitudinal_m_s: u,
-            lateral_m_s: v,
-            yaw_rate_rad_s: r,
-            roll_rad: roll,
-            roll_rate_rad_s: roll_rate,
-            pitch_rad: pitch,
-            pitch_rate_rad_s: pitch_rate,
+            longitudinal_m_s: self.longitudinal,
+            lateral_m_s: self.lateral,
+            yaw_rate_rad_s: self.yaw_rate,
+            roll_rad: self.roll,
+            roll_rate_rad_s: self.roll_rate,
+            pitch_rad: self.pitch,
+            pitch_rate_rad_s: self.pitch_rate,
             slip_tangent: self.tangent.list(),
             slip_ratio: self.ratio.list(),
             wheel_speed_rad_s: self.spin.list(),

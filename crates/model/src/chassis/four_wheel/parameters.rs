@@ -1,4 +1,5 @@
 use nalgebra::Matrix3;
+use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::constants::Constants;
 use crate::tyre::{Brush, Tyre};
@@ -117,9 +118,7 @@ impl Parameters {
         let body = &vehicle.body;
         let sprung = vehicle.sprung();
         let pitch = vehicle.pitch();
-        let gravity = sample::STANDARD_GRAVITY_M_S2;
         let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-        let static_load = |arm: f64| 0.5 * body.mass_kg * gravity * arm / (a + b);
         let mut parameters = Self {
             mass_kg: body.mass_kg,
             sprung_mass_kg: sprung.mass_kg,
@@ -134,11 +133,11 @@ impl Parameters {
             pitch_stiffness_n_m_rad: pitch.stiffness_n_m_rad,
             pitch_damping_n_m_s_rad: pitch.damping_n_m_s_rad,
             drag_n_s2_m2: body.drag_n_s2_m2,
-            gravity_m_s2: gravity,
+            gravity_m_s2: STANDARD_GRAVITY_M_S2,
             low_speed_m_s: 0.5,
             load_passes: 2,
-            front: axle(vehicle, &vehicle.front, a, static_load(b), 0),
-            rear: axle(vehicle, &vehicle.rear, -b, static_load(a), 1),
+            front: axle(vehicle, &vehicle.front, a, Wheel::FrontLeft, 0),
+            rear: axle(vehicle, &vehicle.rear, -b, Wheel::RearLeft, 1),
             prepared: Prepared::default(),
         };
         parameters.prepare();
@@ -249,13 +248,13 @@ fn axle(
     vehicle: &Vehicle,
     axle: &Axle,
     ahead_m: f64,
-    static_load_n: f64,
+    wheel: Wheel,
     index: usize,
 ) -> AxleParameters {
     let tyre = &axle.tyre;
     // A rolling tyre turns as if its radius were short of a third of its deflection.
     let rolling_radius_m =
-        tyre.unloaded_radius_m - static_load_n / tyre.vertical_stiffness_n_m / 3.0;
+        tyre.unloaded_radius_m - vehicle.static_load_n(wheel) / tyre.vertical_stiffness_n_m / 3.0;
     AxleParameters {
         ahead_m,
         track_m: axle.track_m,

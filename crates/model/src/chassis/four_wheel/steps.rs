@@ -3,7 +3,6 @@
 use std::marker::PhantomData;
 
 use multiversion::multiversion;
-use multiversion::target::match_target;
 
 use super::constants::Constants;
 use super::contacts::BrushTyres;
@@ -15,8 +14,6 @@ use super::{Inputs, Parameters, STATES, State};
 use crate::chassis::form::{Form, Immediate, Relaxing};
 use crate::integrate::{LANES, RunningRate, StraightRate, rk4, rk4_lanes, rk4_steps};
 use crate::tyre::{Brush, OnSurface};
-#[cfg(target_arch = "x86_64")]
-use crate::values::Quad;
 use crate::values::{Listed, PerWheelValues, Values};
 
 /// Numbers of [`Held`] and the surfaces that the kernels read.
@@ -91,7 +88,7 @@ pub(crate) fn advance(
 
 macro_rules! kernels {
     ($alone:ident, $lanes:ident, $form:ty, $grows:literal) => {
-        /// Of one run the four wheels make vectors.
+        /// Steps of one run.
         #[multiversion(targets("x86_64+avx+avx2"))]
         fn $alone(
             parameters: &Parameters,
@@ -102,13 +99,10 @@ macro_rules! kernels {
             steps: usize,
         ) -> State<f64> {
             let rate = (parameters, brush, inputs);
-            match_target! {
-                "x86_64+avx+avx2" => alone::<Quad, $form, $grows>(rate, state, step_s, steps),
-                _ => alone::<Listed<f64>, $form, $grows>(rate, state, step_s, steps),
-            }
+            alone::<$form, $grows>(rate, state, step_s, steps)
         }
 
-        /// Of several runs the runs make vectors.
+        /// Steps of several runs: each vector of the processor holds one number of several runs.
         #[multiversion(targets("x86_64+avx+avx2"))]
         fn $lanes(
             parameters: &Parameters,
@@ -140,13 +134,13 @@ kernels!(
 
 /// Steps of one run with brush tyres.
 #[inline(always)]
-fn alone<V: PerWheelValues<Raw = f64>, F: Form, const GROWS: bool>(
+fn alone<F: Form, const GROWS: bool>(
     (parameters, brush, inputs): (&Parameters, &Brush<[f64; 4]>, &Inputs<f64>),
     state: &State<f64>,
     step_s: f64,
     steps: usize,
 ) -> State<f64> {
-    let rate = Alone::<V, F, GROWS> {
+    let rate = Alone::<F, GROWS> {
         constants: &parameters.prepared().constants,
         held: Held::of(parameters, inputs),
         tyres: BrushTyres::new(*brush, inputs),
@@ -156,19 +150,19 @@ fn alone<V: PerWheelValues<Raw = f64>, F: Form, const GROWS: bool>(
 }
 
 /// The rate of one run with brush tyres.
-struct Alone<'a, V: PerWheelValues, F, const GROWS: bool> {
+struct Alone<'a, F, const GROWS: bool> {
     constants: &'a Constants,
-    held: Held<V>,
-    tyres: BrushTyres<V>,
+    held: Held<Listed<f64>>,
+    tyres: BrushTyres<Listed<f64>>,
     form: PhantomData<F>,
 }
 
-impl<V: PerWheelValues, F: Form, const GROWS: bool> RunningRate for Alone<'_, V, F, GROWS> {
-    type State = Motion<V>;
+impl<F: Form, const GROWS: bool> RunningRate for Alone<'_, F, GROWS> {
+    type State = Motion<Listed<f64>>;
 
     #[inline(always)]
-    fn rate(&self, at: &Motion<V>) -> Motion<V> {
-        brush_rate::<V, F, GROWS>(self.constants, &self.held, &self.tyres, at)
+    fn rate(&self, at: &Self::State) -> Self::State {
+        brush_rate::<_, F, GROWS>(self.constants, &self.held, &self.tyres, at)
     }
 }
 
@@ -276,15 +270,15 @@ mod tests {
             let (found, expected) = match (prepared.shared, grows) {
                 (Shared::Relaxing, true) => (
                     relaxing_growing(&parameters, brush, &start, &inputs, 1e-3, 2000),
-                    alone::<Listed<f64>, Relaxing, true>(rate, &start, 1e-3, 2000),
+                    alone::<Relaxing, true>(rate, &start, 1e-3, 2000),
                 ),
                 (Shared::Immediate, true) => (
                     immediate_growing(&parameters, brush, &start, &inputs, 1e-3, 2000),
-                    alone::<Listed<f64>, Immediate, true>(rate, &start, 1e-3, 2000),
+                    alone::<Immediate, true>(rate, &start, 1e-3, 2000),
                 ),
                 (Shared::Immediate, false) => (
                     immediate_constant(&parameters, brush, &start, &inputs, 1e-3, 2000),
-                    alone::<Listed<f64>, Immediate, false>(rate, &start, 1e-3, 2000),
+                    alone::<Immediate, false>(rate, &start, 1e-3, 2000),
                 ),
                 other => panic!("{} has no kernel: {other:?}", vehicle.name),
             };

@@ -135,26 +135,20 @@ impl Parameters {
             }
         }
         let corner = |wheel: Wheel| {
-            let (axle, name, x, share) = if wheel.is_front() {
-                let share = body.cg_to_rear_axle_m;
+            let (axle, name, x) = if wheel.is_front() {
                 (
                     &vehicle.front,
                     ["front.unsprung", "front.strut"],
                     body.front_axle_to_cg_m,
-                    share,
                 )
             } else {
-                let share = body.front_axle_to_cg_m;
                 (
                     &vehicle.rear,
                     ["rear.unsprung", "rear.strut"],
                     -body.cg_to_rear_axle_m,
-                    share,
                 )
             };
-            let load =
-                0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 * share / vehicle.wheelbase_m();
-            corner(vehicle, axle, name, wheel, x, load, &sprung)
+            corner(vehicle, axle, name, wheel, x, &sprung)
         };
         Ok(Self {
             sprung_mass_kg: sprung.mass_kg,
@@ -191,7 +185,6 @@ fn corner(
     parts: [&'static str; 2],
     wheel: Wheel,
     ahead_m: f64,
-    static_load_n: f64,
     sprung: &Sprung,
 ) -> Result<CornerParameters, Error> {
     let missing = |part| Error::MissingPart {
@@ -202,7 +195,7 @@ fn corner(
     let unsprung = axle.unsprung.as_ref().ok_or_else(|| missing(parts[0]))?;
     let strut = axle.strut.as_ref().ok_or_else(|| missing(parts[1]))?;
     let tyre = &axle.tyre;
-    let squeeze = static_load_n / tyre.vertical_stiffness_n_m;
+    let squeeze = vehicle.static_load_n(wheel) / tyre.vertical_stiffness_n_m;
     let side = wheel.side();
     let mut centre = [
         ahead_m,

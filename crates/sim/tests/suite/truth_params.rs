@@ -3,8 +3,25 @@
 use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use sample::Wheel;
+use sim::vehicle_from_truth_params;
 
-use crate::run::{params_text, vehicle};
+fn vehicle() -> Option<Vehicle> {
+    params_text().map(|text| vehicle_from_truth_params(&text).expect("params.json converts"))
+}
+
+fn params_text() -> Option<String> {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/data/truth/params.json"
+    );
+    match std::fs::read_to_string(path) {
+        Ok(text) => Some(text),
+        Err(error) => {
+            eprintln!("SKIPPED: {path} is not readable: {error}");
+            None
+        }
+    }
+}
 
 #[test]
 fn vehicle_file_survives_the_round_trip() {
@@ -49,7 +66,7 @@ fn tyre_curves_are_not_taken() {
         }
         other[tyre]["cornering_stiffness_at_static_load_N_per_rad_per_tyre"] = 1.0.into();
     }
-    let changed = Vehicle::from_truth_params(&other.to_string()).expect("converts");
+    let changed = vehicle_from_truth_params(&other.to_string()).expect("converts");
     assert_eq!(changed, vehicle);
 }
 
@@ -64,7 +81,7 @@ fn heavier_vehicle_with_another_split() {
     other["a_m"] = 0.95.into();
     other["b_m"] = 0.498.into();
     other["suspension_rear"]["spring_k_N_per_m"] = 90_000.0.into();
-    let heavy = Vehicle::from_truth_params(&other.to_string()).expect("converts");
+    let heavy = vehicle_from_truth_params(&other.to_string()).expect("converts");
     assert!((heavy.body.mass_kg - 844.0).abs() < 1e-12);
     assert!((heavy.wheelbase_m() - first.wheelbase_m()).abs() < 1e-12);
     assert!(heavy.rear.tyre.reference_load_n > first.rear.tyre.reference_load_n + 500.0);
@@ -86,7 +103,7 @@ fn other_parameter_files_give_other_vehicles_with_no_hand_work() {
     let convert = |change: &dyn Fn(&mut serde_json::Value)| {
         let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         change(&mut other);
-        let vehicle = Vehicle::from_truth_params(&other.to_string()).expect("converts");
+        let vehicle = vehicle_from_truth_params(&other.to_string()).expect("converts");
         let text = vehicle.to_toml().expect("finite values");
         Vehicle::from_toml(&text, "vehicle.toml").expect("valid")
     };
@@ -142,11 +159,11 @@ fn other_parameter_files_give_other_vehicles_with_no_hand_work() {
 
 #[test]
 fn broken_files_are_errors() {
-    assert!(Vehicle::from_truth_params("{}").is_err());
+    assert!(vehicle_from_truth_params("{}").is_err());
     let Some(text) = params_text() else { return };
     let mut flat: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let points = &mut flat["suspension_front"]["hardpoints_left_in_axle_frame_m"];
     points["LCA_U"] = points["LCA_F"].clone();
-    let error = Vehicle::from_truth_params(&flat.to_string()).expect_err("degenerate");
+    let error = vehicle_from_truth_params(&flat.to_string()).expect_err("degenerate");
     assert!(error.to_string().contains("lower arm"), "{error}");
 }

@@ -2,19 +2,18 @@
 //!
 //! Only what a workshop could measure is taken: masses, inertia, geometry, springs, dampers,
 //! stops, the tyres' radius and vertical stiffness. The run's tyre curves and friction are left
-//! out on purpose: an estimator that is judged on the run must not be told them. In their place
-//! stand values that bias-ply tyres have in general.
+//! out on purpose: an estimator that is judged on the run must not know them. Values that bias-ply
+//! tyres have in general take their place.
 
 use std::collections::BTreeMap;
 
+use model::suspension::{Corner, SuspensionError};
+use model::vehicle::{
+    Axle, Body, Drivetrain, Sprung, Steering, Strut, Tyre, Unsprung, Vehicle, Wishbone,
+};
 use nalgebra::Vector3;
 use sample::Wheel;
 use serde::Deserialize;
-
-use crate::suspension::{Corner, SuspensionError};
-use crate::vehicle::{
-    Axle, Body, Drivetrain, Sprung, Steering, Strut, Tyre, Unsprung, Vehicle, Wishbone,
-};
 
 /// Cornering stiffness over load, 1/rad: 0.08 of the load per degree, rounded, the low end of what
 /// bias-ply tyres have (0.08 to 0.18; Gillespie, Fundamentals of Vehicle Dynamics, chapter 10), as
@@ -37,51 +36,49 @@ const TYRE_DAMPING_N_S_M: f64 = 500.0;
 #[derive(Debug, thiserror::Error)]
 pub enum TruthParamsError {
     /// The file is not the JSON that is expected.
-    #[error("the parameter file does not parse: {0}; compare its fields with model::truth_params")]
+    #[error("the parameter file does not parse: {0}; compare its fields with sim::truth_params")]
     Json(#[from] serde_json::Error),
     /// The hard-points make no linkage.
     #[error("the parameter file's hard-points: {0}")]
     Suspension(#[from] SuspensionError),
 }
 
-impl Vehicle {
-    /// The vehicle that a truth run's `params.json` describes, without its tyre curves.
-    ///
-    /// # Errors
-    /// When the text does not parse or its hard-points are degenerate.
-    pub fn from_truth_params(json: &str) -> Result<Self, TruthParamsError> {
-        let params: Params = serde_json::from_str(json)?;
-        let mut vehicle = params.vehicle();
-        vehicle.derive_from_hard_points()?;
-        Ok(vehicle)
-    }
+/// The vehicle that a truth run's `params.json` describes, without its tyre curves.
+///
+/// # Errors
+/// When the text does not parse or its hard-points are degenerate.
+pub fn vehicle_from_truth_params(json: &str) -> Result<Vehicle, TruthParamsError> {
+    let params: Params = serde_json::from_str(json)?;
+    let mut vehicle = params.vehicle();
+    derive_from_hard_points(&mut vehicle)?;
+    Ok(vehicle)
+}
 
-    /// Fills roll centre, roll stiffness, roll damping and steering ratio from the linkages.
-    fn derive_from_hard_points(&mut self) -> Result<(), SuspensionError> {
-        for wheel in [Wheel::FrontLeft, Wheel::RearLeft] {
-            let corner = Corner::of(self, wheel)?;
-            let axle = if wheel.is_front() {
-                &mut self.front
-            } else {
-                &mut self.rear
-            };
-            let pose = corner.pose_at_jounce(0.0, 0.0)?;
-            let rates = corner.rates(&pose);
-            let contact = Vector3::new(pose.wheel_centre_m.x, pose.wheel_centre_m.y, 0.0);
-            let path = rates.strut.at(&pose, contact);
-            axle.roll_centre_height_m = 0.5 * axle.track_m * path.y / path.z;
-            let lever = (rates.motion_ratio() * axle.track_m).powi(2) / 2.0;
-            if let Some(strut) = &mut axle.strut {
-                strut.motion_ratio = Some(rates.motion_ratio());
-                axle.roll_stiffness_n_m_rad = strut.stiffness_n_m * lever;
-                axle.roll_damping_n_m_s_rad = strut.damping_n_s_m * lever;
-            }
-            if let (true, Some(rack)) = (wheel.is_front(), self.steering.rack_m_rad) {
-                self.steering.ratio = 1.0 / (rates.rack.rotation.z * rack);
-            }
+/// Fills roll centre, roll stiffness, roll damping and steering ratio from the linkages.
+fn derive_from_hard_points(vehicle: &mut Vehicle) -> Result<(), SuspensionError> {
+    for wheel in [Wheel::FrontLeft, Wheel::RearLeft] {
+        let corner = Corner::of(vehicle, wheel)?;
+        let axle = if wheel.is_front() {
+            &mut vehicle.front
+        } else {
+            &mut vehicle.rear
+        };
+        let pose = corner.pose_at_jounce(0.0, 0.0)?;
+        let rates = corner.rates(&pose);
+        let contact = Vector3::new(pose.wheel_centre_m.x, pose.wheel_centre_m.y, 0.0);
+        let path = rates.strut.at(&pose, contact);
+        axle.roll_centre_height_m = 0.5 * axle.track_m * path.y / path.z;
+        let lever = (rates.motion_ratio() * axle.track_m).powi(2) / 2.0;
+        if let Some(strut) = &mut axle.strut {
+            strut.motion_ratio = Some(rates.motion_ratio());
+            axle.roll_stiffness_n_m_rad = strut.stiffness_n_m * lever;
+            axle.roll_damping_n_m_s_rad = strut.damping_n_s_m * lever;
         }
-        Ok(())
+        if let (true, Some(rack)) = (wheel.is_front(), vehicle.steering.rack_m_rad) {
+            vehicle.steering.ratio = 1.0 / (rates.rack.rotation.z * rack);
+        }
     }
+    Ok(())
 }
 
 #[derive(Deserialize)]
