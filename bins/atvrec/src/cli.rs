@@ -35,6 +35,17 @@ pub struct Cli {
     /// Say only what went wrong.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
+    /// Largest chunk of a log when inflated, and largest other record, in MB (2^20 bytes). A log with a
+    /// larger one is damaged or was made to exhaust memory.
+    #[arg(
+        long,
+        global = true,
+        hide_short_help = true,
+        value_name = "MB",
+        default_value_t = store::DEFAULT_MAX_CHUNK >> 20,
+        value_parser = clap::value_parser!(u64).range(1..=1 << 20)
+    )]
+    pub max_chunk: u64,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -435,12 +446,28 @@ pub struct SteerArgs {
     pub plate_sigma_deg: f64,
 }
 
+const RECOVER_HELP: &str = "\
+Recovery saves every chunk whose checksum is right, wherever it stands in the file, and the arrivals
+that the journals beside an unfinished log hold. Bytes at the end of a log that a kill cut are no loss
+if the journals hold their arrivals. If anything else is lost, the original stays as LOG.damaged beside
+the recovered log, the loss is printed and written into the log (metadata atvrec.recovered), and the
+exit code is 3.
+
+An unfinished log of a directory that cannot be recovered (another kind of file, a directory, a chunk
+above --max-chunk) is renamed to NAME.unrecoverable and not tried again. If the disk has no room for the
+recovered copy, nothing is changed.";
+
 /// `atvrec recover`.
 #[derive(Debug, Args)]
+#[command(after_help = RECOVER_HELP)]
 pub struct RecoverArgs {
     /// Logs, or directories whose unfinished logs (`*.active`) are meant.
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
+    /// Save records too that no checksum confirms: the beginning of a chunk that was cut, chunks
+    /// without a checksum, messages outside of chunks. The recovered log is marked as unchecked.
+    #[arg(long)]
+    pub unchecked: bool,
 }
 
 /// Where the running recorder listens.

@@ -44,6 +44,7 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> anyhow::Result<Outcome> {
+    store::set_max_chunk(cli.max_chunk << 20);
     let quiet = cli.quiet;
     match cli.command {
         Command::Record(args) => cmd::record::run(&args),

@@ -112,7 +112,8 @@ impl<T> Series<T> {
 impl Drive {
     /// Reads a drive.
     pub fn read(reader: &Reader) -> Result<Self, Error> {
-        let info = reader.info();
+        let mut info = reader.info();
+        info.missing.extend(reader.changed()?);
         let (start, end) = info.span.unwrap_or_default();
         let session = reader.session();
         let mut drive = Self {

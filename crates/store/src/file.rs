@@ -9,11 +9,18 @@ use sample::{Arrival, LogTime};
 
 use crate::journal;
 use crate::log_writer::{Latched, Pending};
+use crate::proto::atvrec as pb;
 use crate::recorder::LostItems;
 use crate::{Error, LogWriter, Options, Record, Result, Session, WriteCounters};
 
 /// What an unfinished log's name ends in.
 pub const ACTIVE_SUFFIX: &str = ".active";
+
+/// What is added to the name of an unfinished log that recovery cannot handle.
+pub const UNRECOVERABLE_SUFFIX: &str = ".unrecoverable";
+
+/// What is added to the name of a log whose damaged original is kept.
+pub const DAMAGED_SUFFIX: &str = ".damaged";
 
 /// Path of a part of a run: `<directory>/<stem>_<part>.mcap`.
 #[must_use]
@@ -101,6 +108,15 @@ pub(crate) fn sync_directory(path: &Path) -> Result<()> {
     File::open(directory)
         .and_then(|directory| directory.sync_all())
         .map_err(Error::file("sync the directory", directory))
+}
+
+/// The name that a log gets when it is whole.
+pub(crate) fn final_path(path: &Path) -> PathBuf {
+    let name = path.as_os_str().to_string_lossy();
+    name.strip_suffix(UNRECOVERABLE_SUFFIX)
+        .unwrap_or(&name)
+        .strip_suffix(ACTIVE_SUFFIX)
+        .map_or_else(|| path.to_owned(), PathBuf::from)
 }
 
 /// `path` with [`ACTIVE_SUFFIX`] behind it.
@@ -283,6 +299,10 @@ impl Writer {
 
     pub(crate) fn leave_disk_losses_to_recorder(&mut self) {
         self.log.leave_disk_losses_to_recorder();
+    }
+
+    pub(crate) fn take_new_channels(&mut self) -> Vec<pb::JournalChannel> {
+        self.log.take_new_channels()
     }
 
     pub(crate) fn group(&self) -> &[Arrival] {

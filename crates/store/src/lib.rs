@@ -31,14 +31,18 @@ pub use convert::Encoded;
 pub use counters::WriteCounters;
 pub use dynamic::{DynamicMessage, SignalSchema};
 pub use error::{Error, Result};
-pub use file::{ACTIVE_SUFFIX, Finished, Writer, part_path};
+pub use file::{ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, UNRECOVERABLE_SUFFIX, Writer, part_path};
 pub use log_writer::LogWriter;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };
 pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
 pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
-pub use recovery::{Recovered, recover, recover_directory, salvage};
+pub use recovery::{
+    Loss, RecoverOptions, Recovered, companions, recover, recover_directory, recover_each,
+    recover_with, salvage,
+};
+pub use scan::{DEFAULT_MAX_CHUNK, max_chunk, set_max_chunk};
 pub use session::{Attachment, Options, Session, Source, SourceKind};
 pub use table::{Column, Table, Values};
 

@@ -8,6 +8,7 @@ use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, Sou
 use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
+use crate::proto::atvrec as pb;
 use crate::recorder::LostItems;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
 use crate::{Options, Record, Result, Session, raw, schema};
@@ -32,6 +33,8 @@ pub struct LogWriter<W: Write> {
     latched: Latched,
     last_log_time: Option<LogTime>,
     groups: u64,
+    /// Channels that the journal does not hold yet.
+    new_channels: Vec<pb::JournalChannel>,
     /// The last groups in the log, which may not have reached the disk; `None` where nobody asks.
     unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
@@ -133,6 +136,7 @@ impl<W: Write> LogWriter<W> {
             latched: Latched::default(),
             last_log_time: None,
             groups: 0,
+            new_channels: Vec::new(),
             unsynced: None,
             counters: WriteCounters::default(),
             counts_disk_notices: true,
@@ -417,9 +421,25 @@ impl<W: Write> LogWriter<W> {
         let schema = self
             .mcap
             .add_schema(&message.schema, "protobuf", &descriptors)?;
-        Ok(self
+        let id = self
             .mcap
-            .add_channel(schema, &message.topic, "protobuf", &metadata)?)
+            .add_channel(schema, &message.topic, "protobuf", &metadata)?;
+        if self.unsynced.is_some() {
+            self.new_channels.push(pb::JournalChannel {
+                id: id.into(),
+                topic: message.topic.clone(),
+                metadata: metadata.into_iter().collect(),
+                schema_id: schema.into(),
+                schema: message.schema.clone(),
+                schema_data: descriptors,
+            });
+        }
+        Ok(id)
+    }
+
+    /// Channels that were added since the last call, of a log whose groups are kept.
+    pub(crate) fn take_new_channels(&mut self) -> Vec<pb::JournalChannel> {
+        std::mem::take(&mut self.new_channels)
     }
 
     /// Adds what was lost on the way to this log to its counters.

@@ -1,6 +1,7 @@
 //! Reading logs, whole or cut short.
 
 mod arrivals;
+mod definitions;
 mod index;
 mod integrity;
 mod messages;
@@ -17,8 +18,9 @@ pub use messages::{Message, MessageIter, Selection};
 use crate::recovery::RECOVERED_METADATA;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
 use crate::{Attachment, Error, Record, Result, Session, Stage};
-pub(crate) use index::Index;
+pub(crate) use definitions::{Definitions, placeholder};
 use index::attachment;
+pub(crate) use index::{Index, Lost, ScanOptions};
 
 /// One or more files of a run, read as one log.
 pub struct Reader {
@@ -68,6 +70,17 @@ pub enum Missing {
         path: PathBuf,
         /// Where it begins.
         offset: u64,
+        /// How long it is.
+        bytes: u64,
+        /// What it is.
+        what: String,
+    },
+    /// A part of a damaged or unfinished file that no checksum confirms was left out.
+    Unconfirmed {
+        /// Which file.
+        path: PathBuf,
+        /// Where it begins.
+        offset: u64,
         /// What it is.
         what: &'static str,
     },
@@ -105,8 +118,14 @@ impl Missing {
             Self::Cut { offset, .. } => {
                 format!("the file ends inside of the record at byte {offset}")
             }
-            Self::Damaged { offset, what, .. } => {
-                format!("the {what} at byte {offset} is damaged and left out")
+            Self::Damaged {
+                offset,
+                bytes,
+                what,
+                ..
+            } => format!("the {what} at byte {offset} is damaged; {bytes} bytes are left out"),
+            Self::Unconfirmed { offset, what, .. } => {
+                format!("the {what} at byte {offset} stands under no checksum and is left out")
             }
             Self::Changed { text, .. } => format!("bytes were changed since it was closed: {text}"),
             Self::BadMessage {
@@ -127,6 +146,7 @@ impl std::fmt::Display for Missing {
         if let Self::Unfinished { path }
         | Self::Cut { path, .. }
         | Self::Damaged { path, .. }
+        | Self::Unconfirmed { path, .. }
         | Self::Changed { path, .. } = self
         {
             write!(f, "{}: ", path.display())?;

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use sample::LogTime;
-use store::{Column, Reader};
+use store::{Column, Missing, Reader};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
@@ -31,7 +31,9 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         .to_s
         .map_or(LogTime(u64::MAX), |to_s| begin.offset_seconds(to_s));
     let table = reader.table(&args.topic, start, end)?;
-    for line in missing::summary(&table.missing) {
+    let mut missing = reader.info().missing;
+    missing.extend(table.missing.iter().cloned());
+    for line in missing::summary(&missing) {
         tracing::warn!("{line}");
     }
     match &args.output {
@@ -52,10 +54,13 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
             );
         }
     }
-    Ok(if table.missing.is_empty() {
-        Outcome::Good
-    } else {
+    // A log that is still being recorded lacks nothing.
+    let lacks =
+        |missing: &Missing| !matches!(missing, Missing::Unfinished { .. } | Missing::Cut { .. });
+    Ok(if missing.iter().any(lacks) {
         Outcome::DataLoss
+    } else {
+        Outcome::Good
     })
 }
 

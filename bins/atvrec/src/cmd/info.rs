@@ -14,6 +14,7 @@ use crate::missing;
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let mut info = reader.info();
+    info.missing.extend(reader.changed()?);
     info.span = info.span.map(|span| recorded(&reader, span));
     if args.json {
         println!("{:#}", as_json(&info, reader.session()));
