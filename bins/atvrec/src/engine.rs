@@ -7,6 +7,7 @@
 mod can;
 mod clock;
 mod source;
+mod utc;
 
 use std::collections::BTreeSet;
 
@@ -16,7 +17,7 @@ use sample::{
     Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
     Severity, SourceId,
 };
-use store::{LogMessage, Record, Stage};
+use store::{LogMessage, Record, Stage, UtcOffset};
 
 use crate::config::{self, Config};
 use source::{Silence, SourceState};
@@ -38,6 +39,7 @@ pub struct Engine {
     faulty_sensors: BTreeSet<String>,
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
+    utc_offset: Option<UtcOffset>,
 }
 
 impl Engine {
@@ -60,6 +62,7 @@ impl Engine {
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
             next_health: None,
+            utc_offset: None,
         })
     }
 
@@ -70,6 +73,11 @@ impl Engine {
         let told = config.estimator.as_ref();
         engine.smoother = told.map(|told| Smoother::new(&told.vehicle, LAG_STEPS));
         Ok(engine)
+    }
+
+    /// The last offset of UTC against the log clock that a receiver gave.
+    pub const fn utc_offset(&self) -> Option<UtcOffset> {
+        self.utc_offset
     }
 
     /// Whether it estimates, or decodes only.
@@ -194,6 +202,12 @@ impl Engine {
         records.push(Record::Health(self.health(now)));
         for source in &self.sources {
             records.extend(source.clocks(now).map(Record::ClockFit));
+        }
+        let offsets = self.sources.iter_mut().filter_map(|s| s.utc_offset(now));
+        // The first of those that are equally good.
+        if let Some(best) = offsets.min_by(|a, b| a.sigma_s.total_cmp(&b.sigma_s)) {
+            self.utc_offset = Some(best);
+            records.push(Record::UtcOffset(best));
         }
     }
 

@@ -13,6 +13,7 @@ mod devices;
 mod elementary;
 mod engine;
 mod exit;
+mod folder;
 mod messages;
 mod missing;
 mod pipeline;

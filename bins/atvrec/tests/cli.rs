@@ -8,6 +8,8 @@ mod configuration;
 mod estimate;
 #[path = "suite/export.rs"]
 mod export;
+#[path = "suite/folder.rs"]
+mod folder;
 #[path = "suite/identify.rs"]
 mod identify;
 #[path = "suite/import.rs"]

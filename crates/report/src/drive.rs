@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use sample::{
     Event, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover, Sample, TyreForce,
 };
-use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage};
+use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage, UtcOffset};
 
 use crate::Error;
 
@@ -35,6 +35,8 @@ pub struct Drive {
     pub attachments: Vec<Attachment>,
     /// Log clock of the first message.
     pub start: LogTime,
+    /// UTC against the log clock, where a receiver sent the date.
+    pub utc_offset: Option<UtcOffset>,
     /// Seconds from the first to the last message.
     pub duration_s: f64,
     /// Estimated motion.
@@ -116,6 +118,7 @@ impl Drive {
         info.missing.extend(reader.changed()?);
         let (start, end) = info.span.unwrap_or_default();
         let session = reader.session();
+        let utc_offset = reader.utc_offset()?;
         let mut drive = Self {
             files: info
                 .files
@@ -129,11 +132,16 @@ impl Drive {
                     "Recorded by".into(),
                     format!("atvrec {} {}", session.version, session.git_hash),
                 ),
+                (
+                    "Clock".into(),
+                    session.clock_statement(utc_offset).unwrap_or_default(),
+                ),
                 ("Host".into(), session.host.clone()),
                 ("Boot".into(), session.boot_id.clone()),
             ],
             attachments: reader.attachments()?,
             start,
+            utc_offset,
             duration_s: end.seconds_since(start),
             estimate: Series::default(),
             measured: Series::default(),

@@ -22,9 +22,11 @@ mod reader;
 mod record;
 mod recorder;
 mod recovery;
+mod rename;
 mod scan;
 mod schema;
 mod session;
+mod summary;
 mod table;
 
 pub use convert::Encoded;
@@ -36,14 +38,16 @@ pub use log_writer::LogWriter;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };
-pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
+pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform, UtcOffset};
 pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
 pub use recovery::{
     Loss, RecoverOptions, Recovered, companions, recover, recover_directory, recover_each,
     recover_with, salvage,
 };
+pub use rename::{RENAME_SUFFIX, finish_renames, rename_run};
 pub use scan::{DEFAULT_MAX_CHUNK, max_chunk, set_max_chunk};
-pub use session::{Attachment, Options, Session, Source, SourceKind};
+pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, utc_ns};
+pub use summary::Summary;
 pub use table::{Column, Table, Values};
 
 /// Types generated from the schemas in `proto/`, as they stand in the log.

@@ -5,13 +5,13 @@ use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
 use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
 
-use crate::convert::{self, Encoded};
+use crate::convert::{self, Encoded, Envelope};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
 use crate::proto::atvrec as pb;
 use crate::recorder::LostItems;
-use crate::session::{COUNTERS_METADATA, RUN_METADATA};
-use crate::{Options, Record, Result, Session, raw, schema};
+use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
+use crate::{Options, Record, Result, Session, UtcOffset, raw, schema};
 
 /// Writes one log to anything that takes bytes. It reads no clock: the same input gives the same
 /// bytes.
@@ -55,8 +55,27 @@ impl Latched {
         }
     }
 
+    /// The last offset of UTC, of this file or of the files before.
+    fn utc_offset(&self) -> Option<UtcOffset> {
+        let message = self.messages.get(&("/utc_offset".to_owned(), None))?;
+        let envelope = Envelope {
+            topic: &message.topic,
+            schema: &message.schema,
+            source: SourceId::HOST,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        match convert::decode(&envelope, &message.data) {
+            Ok(Some(Record::UtcOffset(offset))) => Some(offset),
+            _ => None,
+        }
+    }
+
     fn see_message(&mut self, message: &Encoded) {
-        if matches!(message.schema.as_str(), "atvrec.ClockFit" | "atvrec.Health") {
+        if matches!(
+            message.schema.as_str(),
+            "atvrec.ClockFit" | "atvrec.Health" | "atvrec.UtcOffset"
+        ) {
             let key = (message.topic.clone(), message.source);
             self.messages.insert(key, message.clone());
         }
@@ -469,6 +488,12 @@ impl<W: Write> LogWriter<W> {
     /// If the sink refuses bytes.
     pub fn finish(mut self, extra: &BTreeMap<String, String>) -> Result<W> {
         self.flush()?;
+        if let Some(offset) = self.latched.utc_offset() {
+            self.mcap.write_metadata(&Metadata {
+                name: UTC_METADATA.to_owned(),
+                metadata: offset.to_metadata(&self.session),
+            })?;
+        }
         let mut metadata = self.counters.to_metadata(&self.session);
         metadata.extend(extra.clone());
         self.mcap.write_metadata(&Metadata {

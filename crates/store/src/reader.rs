@@ -16,8 +16,8 @@ pub use arrivals::ArrivalIter;
 pub use messages::{Message, MessageIter, Selection};
 
 use crate::recovery::RECOVERED_METADATA;
-use crate::session::{COUNTERS_METADATA, RUN_METADATA};
-use crate::{Attachment, Error, Record, Result, Session, Stage};
+use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
+use crate::{Attachment, Error, Record, Result, Session, Stage, UtcOffset};
 pub(crate) use definitions::{Definitions, placeholder};
 use index::attachment;
 pub(crate) use index::{Index, Lost, ScanOptions};
@@ -264,6 +264,28 @@ impl Reader {
             info.missing.extend(index.missing.iter().cloned());
         }
         info
+    }
+
+    /// The last offset of UTC against the log clock that a receiver gave: from the metadata of the
+    /// last file that has it, else from the last message of `/utc_offset`.
+    ///
+    /// # Errors
+    /// If a file can no longer be read.
+    pub fn utc_offset(&self) -> Result<Option<UtcOffset>> {
+        let in_metadata = self.files.iter().rev().find_map(|file| {
+            let metadata = file.index.metadata.get(UTC_METADATA)?;
+            UtcOffset::from_metadata(metadata)
+        });
+        if in_metadata.is_some() {
+            return Ok(in_metadata);
+        }
+        let mut last = None;
+        for message in self.messages(Selection::topics(["/utc_offset"])) {
+            if let Ok(Some(Record::UtcOffset(offset))) = message?.record() {
+                last = Some(offset);
+            }
+        }
+        Ok(last)
     }
 
     /// Whether one of the files was cut short and made whole by [`crate::recover`].

@@ -38,8 +38,6 @@ useradd -G atvrec member
 useradd stranger
 
 say configure
-# The guest's disk is small.
-sed -i 's/^keep_free_mb = .*/keep_free_mb = 1/' /etc/atvrec/atvrec.toml
 cat >>/etc/atvrec/atvrec.toml <<'CONFIG'
 [source.middle]
 kind = "can"

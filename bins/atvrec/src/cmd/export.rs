@@ -9,7 +9,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use sample::LogTime;
-use store::{Column, Missing, Reader};
+use store::{Column, Missing, Reader, Table, UtcOffset, Values};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
@@ -30,7 +30,10 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     let end = args
         .to_s
         .map_or(LogTime(u64::MAX), |to_s| begin.offset_seconds(to_s));
-    let table = reader.table(&args.topic, start, end)?;
+    let mut table = reader.table(&args.topic, start, end)?;
+    if let Some(utc) = reader.utc_offset()? {
+        table.columns.push(utc_column(&table, utc));
+    }
     let mut missing = reader.info().missing;
     missing.extend(table.missing.iter().cloned());
     for line in missing::summary(&missing) {
@@ -62,6 +65,18 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     } else {
         Outcome::Good
     })
+}
+
+/// UTC of `publish_time_ns` by a receiver.
+fn utc_column(table: &Table, utc: UtcOffset) -> Column {
+    let times = table.publish_time_ns.iter();
+    Column {
+        name: "utc_ns".to_owned(),
+        unit: String::new(),
+        names: Vec::new(),
+        values: Values::I64(times.map(|ns| ns.saturating_add(utc.offset_ns)).collect()),
+        present: None,
+    }
 }
 
 /// What is written.

@@ -13,6 +13,7 @@ use crate::cmd::findings::write_whole;
 use crate::config::Config;
 use crate::engine::Engine;
 use crate::exit::Outcome;
+use crate::folder::Protected;
 use crate::progress::Progress;
 use crate::retention::{self, Limits};
 use crate::rig::{Ports, Rig};
@@ -144,7 +145,7 @@ impl Run {
         }
         if arrival.log_time >= self.look_at {
             self.look_at = arrival.log_time + LOOK_NANOS;
-            retention::enforce(&self.directory, self.limits)
+            retention::enforce(&self.directory, self.limits, &Protected::default())
                 .with_context(|| format!("cannot look after {}", self.directory.display()))?;
         }
         self.recorder.push(arrival);

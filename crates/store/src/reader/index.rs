@@ -115,6 +115,11 @@ impl Index {
         Self::scan(path, &ScanOptions::default())
     }
 
+    /// The index of a closed file; `None` without a sound summary, which costs no reading through.
+    pub(crate) fn of_closed(path: &Path) -> Result<Option<Self>> {
+        Self::from_summary(&mut Scanner::open(path)?).map_err(Error::file("read", path))
+    }
+
     fn from_summary(scanner: &mut Scanner<File>) -> std::io::Result<Option<Self>> {
         let bound = scan::max_chunk();
         if scanner.read_at(0, 8)? != scan::MAGIC {
