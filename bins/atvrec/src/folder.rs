@@ -89,14 +89,18 @@ pub fn next_run(directory: &Path) -> io::Result<u64> {
         .and_then(|_| std::fs::read_to_string(&path).ok())
         .and_then(|text| text.trim().parse::<u64>().ok())
         .filter(|run| *run < RUN_MAX);
-    let next = last.max(counted.unwrap_or(0)) + 1;
+    Ok(last.max(counted.unwrap_or(0)) + 1)
+}
+
+/// Keeps the number of a closed run, for the time when its logs were moved elsewhere.
+pub fn count_run(directory: &Path, run: u64) {
+    let path = directory.join(COUNTER);
     let temporary = directory.join(format!("{COUNTER}.new"));
-    let written = std::fs::write(&temporary, format!("{next}\n"))
+    let written = std::fs::write(&temporary, format!("{run}\n"))
         .and_then(|()| std::fs::rename(&temporary, &path));
     if let Err(error) = written {
         tracing::warn!(file = %path.display(), %error, "cannot write the run counter");
     }
-    Ok(next)
 }
 
 /// What the names of a run's logs are made of.
@@ -295,7 +299,7 @@ mod tests {
         let to_2031 = seconds(1_925_000_000 - 1_009_843_205);
         assert_eq!(
             run.stem_by_utc(&to_2031).as_deref(),
-            Some("drive-2-r000042-20310101T000640Z")
+            Some("drive-2-r000042-20310101T021320Z")
         );
         assert_eq!(run.stem_by_utc(&seconds(0)), None);
         let good = RunName {
@@ -310,7 +314,11 @@ mod tests {
     fn runs_are_counted_on_whatever_is_lost() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path();
-        let next = || next_run(path).expect("counted");
+        let next = || {
+            let run = next_run(path).expect("counted");
+            count_run(path, run);
+            run
+        };
         assert_eq!((next(), next()), (1, 2));
         // All logs were moved away: the file counts on.
         assert_eq!(next(), 3);

@@ -165,6 +165,7 @@ impl Run {
             Ok(None) => {}
             Err(error) => tracing::warn!(%error, "the logs keep their names until the next start"),
         }
+        folder::count_run(&self.name.directory, self.name.number);
         Ok((summary, engine, progress))
     }
 }
