@@ -14,6 +14,8 @@ mod folder;
 mod identify;
 #[path = "suite/import.rs"]
 mod import;
+#[path = "suite/outputs.rs"]
+mod outputs;
 #[path = "suite/passenger_car.rs"]
 mod passenger_car;
 #[path = "suite/record.rs"]

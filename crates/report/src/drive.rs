@@ -7,8 +7,6 @@ use sample::{
 };
 use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage, UtcOffset};
 
-use crate::Error;
-
 /// Topics that the report reads; raw bytes and DBC messages stay untouched.
 const TOPICS: [&str; 10] = [
     "/estimate/*",
@@ -113,7 +111,7 @@ impl<T> Series<T> {
 
 impl Drive {
     /// Reads a drive.
-    pub fn read(reader: &Reader) -> Result<Self, Error> {
+    pub fn read(reader: &Reader) -> store::Result<Self> {
         let mut info = reader.info();
         info.missing.extend(reader.changed()?);
         let (start, end) = info.span.unwrap_or_default();

@@ -60,10 +60,13 @@ impl Unfinished {
         journal::remove(&self.path)
     }
 
-    /// Syncs the file, gives it its final name, and syncs the directory.
-    pub(crate) fn finish(self) -> Result<PathBuf> {
+    /// Syncs the file, gives it its final name by `rename`, and syncs the directory.
+    fn finish(self, rename: impl FnOnce(&Path, &Path) -> std::io::Result<()>) -> Result<PathBuf> {
         self.sync()?;
-        self.give_name()?;
+        rename(&self.active, &self.path)
+            .map_err(Error::file("give its final name to", &self.active))?;
+        sync_directory(&self.path)?;
+        journal::remove(&self.path)?;
         Ok(self.path)
     }
 
@@ -255,15 +258,32 @@ impl Writer {
     }
 
     /// Closes the log with its counters, statistics and indexes, syncs it and gives it its name.
+    /// A file of that name is not replaced.
     ///
     /// # Errors
-    /// If the disk refuses; the unfinished file is then still there, to be recovered.
+    /// If the disk refuses or a file of that name exists; the unfinished file then remains and can
+    /// be recovered.
     pub fn finish(self) -> Result<Finished> {
+        self.finish_by(crate::rename_without_replacing)
+    }
+
+    /// As [`finish`](Self::finish), but replaces a file of that name.
+    ///
+    /// # Errors
+    /// If the disk refuses; the unfinished file then remains and can be recovered.
+    pub fn finish_replacing(self) -> Result<Finished> {
+        self.finish_by(|from, to| std::fs::rename(from, to))
+    }
+
+    fn finish_by(
+        self,
+        rename: impl FnOnce(&Path, &Path) -> std::io::Result<()>,
+    ) -> Result<Finished> {
         let counters = self.log.counters().clone();
         let bytes = Arc::clone(&self.bytes);
         let (file, closed) = self.close();
         closed?;
-        let path = file.finish()?;
+        let path = file.finish(rename)?;
         Ok(Finished {
             path,
             bytes: bytes.load(Ordering::Relaxed),

@@ -17,6 +17,7 @@ mod error;
 mod file;
 mod journal;
 mod log_writer;
+mod new_name;
 mod raw;
 mod reader;
 mod record;
@@ -35,6 +36,7 @@ pub use dynamic::{DynamicMessage, SignalSchema};
 pub use error::{Error, Result};
 pub use file::{ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, UNRECOVERABLE_SUFFIX, Writer, part_path};
 pub use log_writer::LogWriter;
+pub use new_name::rename_without_replacing;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };

@@ -3,21 +3,26 @@
 mod parquet;
 mod text;
 
-use std::fs::File;
 use std::io::BufWriter;
-use std::path::Path;
 
-use anyhow::Context;
 use sample::LogTime;
 use store::{Column, Missing, Reader, Table, UtcOffset, Values};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
+use crate::output::target::{Kind, Target};
 use crate::{missing, output};
 
 /// Exports.
 pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
-    let form = Form::of(args.output.as_deref())?;
+    let target = args
+        .output
+        .as_ref()
+        .map(|path| {
+            let inputs = args.logs.iter().map(|log| &**log);
+            Target::new(path, Kind::Table, args.replace.force, inputs)
+        })
+        .transpose()?;
     if let Some((from_s, to_s)) = args.from_s.zip(args.to_s).filter(|(from, to)| from > to) {
         let text = format!("--from {from_s} is later than --to {to_s}; nothing lies between them");
         return Err(UsageError(text).into());
@@ -39,19 +44,17 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     for line in missing::summary(&missing) {
         tracing::warn!("{line}");
     }
-    match &args.output {
+    match &target {
         None => text::write(&table, std::io::stdout().lock()).or_else(output::reader_left)?,
-        Some(path) => {
-            let file =
-                File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
-            let write = match form {
-                Form::Csv => text::write(&table, BufWriter::new(file)).map_err(Into::into),
-                Form::Parquet => parquet::write(&table, file),
-            };
-            write.with_context(|| format!("cannot write {}", path.display()))?;
+        Some(target) => {
+            let is_parquet = target.has_ending("parquet");
+            target.write_by(|file| match is_parquet {
+                true => parquet::write(&table, file),
+                false => Ok(text::write(&table, BufWriter::new(file))?),
+            })?;
             println!(
                 "{}: {} rows, {} columns",
-                path.display(),
+                target.path().display(),
                 table.log_time_ns.len(),
                 table.columns.len() + 2
             );
@@ -76,31 +79,6 @@ fn utc_column(table: &Table, utc: UtcOffset) -> Column {
         names: Vec::new(),
         values: Values::I64(times.map(|ns| ns.saturating_add(utc.offset_ns)).collect()),
         present: None,
-    }
-}
-
-/// What is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
-    Csv,
-    Parquet,
-}
-
-impl Form {
-    /// By the ending of the file's name; without a file it is CSV.
-    fn of(path: Option<&Path>) -> anyhow::Result<Self> {
-        let Some(path) = path else {
-            return Ok(Self::Csv);
-        };
-        match path.extension().and_then(|ending| ending.to_str()) {
-            Some("csv") => Ok(Self::Csv),
-            Some("parquet") => Ok(Self::Parquet),
-            _ => Err(UsageError(format!(
-                "{} is neither a .csv nor a .parquet file; end its name in one of them",
-                path.display()
-            ))
-            .into()),
-        }
     }
 }
 

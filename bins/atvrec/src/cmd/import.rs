@@ -41,6 +41,13 @@ struct Table<'t> {
     columns: &'t str,
 }
 
+/// What an import reads beside its tables and maps.
+fn files_of(into: &ImportInto) -> impl Iterator<Item = &Path> {
+    let named = [&into.vehicle, &into.sensors, &into.calibration];
+    let named = named.into_iter().flatten().map(Path::new);
+    named.chain(into.config.iter().map(|path| &**path))
+}
+
 /// Name of a file as a source: its stem, with what a topic cannot hold left out.
 fn source_names(paths: &[std::path::PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();

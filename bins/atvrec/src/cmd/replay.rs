@@ -3,7 +3,6 @@
 mod changes;
 
 use std::iter::Peekable;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime, Payload};
@@ -14,6 +13,7 @@ use crate::config::Config;
 use crate::engine::{Engine, Skipped};
 use crate::exit::{Outcome, UsageError};
 use crate::missing;
+use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::read_ahead::ReadAhead;
 use crate::session;
@@ -33,6 +33,7 @@ struct Done {
 
 /// Replays.
 pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let output = output(args)?;
     let reader = Reader::open(&args.logs)?;
     let config = match &args.config {
         Some(path) => Config::load(path)?,
@@ -41,7 +42,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let original = reader.session().clone();
     check_sources(&config, &original)?;
     let begin = Instant::now();
-    let mut replay = Replay::new(&reader, &config, &original, args)?;
+    let mut replay = Replay::new(&reader, &config, &original, args, output.as_ref())?;
     let progress = Progress::seconds("replay", log_seconds(&reader), quiet);
     let mut pace = args.rate.map(Pace::new);
     let mut done = Done::default();
@@ -94,7 +95,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
 struct Replay {
     engine: Engine,
     records: Vec<Record>,
-    writer: Option<(Writer, Truth)>,
+    writer: Option<(LogFile, Truth)>,
     verifier: Option<Verifier>,
 }
 
@@ -104,13 +105,13 @@ impl Replay {
         config: &Config,
         original: &Session,
         args: &ReplayArgs,
+        output: Option<&Target>,
     ) -> anyhow::Result<Self> {
         let session = session::replayed(config, original);
         let options = config.storage.options.clone();
-        let writer = match &args.output {
-            Some(path) => {
-                refuse_overwriting(path, &args.logs)?;
-                let writer = Writer::create(path, session.clone(), options.clone(), 0)?;
+        let writer = match output {
+            Some(target) => {
+                let writer = target.log(session.clone(), options.clone())?;
                 let truth = reader.messages(Selection::topics(["/truth/*"]));
                 Some((writer, truth.peekable()))
             }
@@ -148,7 +149,8 @@ impl Replay {
 
     /// Writes the arrival and what followed from it.
     fn keep(&mut self, arrival: Arrival) -> anyhow::Result<()> {
-        if let Some((writer, truth)) = &mut self.writer {
+        if let Some((log, truth)) = &mut self.writer {
+            let writer = log.writer();
             copy_truth(writer, truth, arrival.log_time)?;
             writer.push(arrival)?;
             for record in &self.records {
@@ -165,12 +167,12 @@ impl Replay {
         if let Some(verifier) = &mut self.verifier {
             verifier.expect(&self.records, END)?;
         }
-        if let Some((mut writer, mut truth)) = self.writer {
-            copy_truth(&mut writer, &mut truth, END)?;
+        if let Some((mut log, mut truth)) = self.writer {
+            copy_truth(log.writer(), &mut truth, END)?;
             for record in &self.records {
-                writer.record(record);
+                log.writer().record(record);
             }
-            writer.finish()?;
+            log.finish()?;
         }
         self.verifier.map(Verifier::finish).transpose()
     }
@@ -262,16 +264,21 @@ fn check_sources(config: &Config, original: &Session) -> anyhow::Result<()> {
     .into())
 }
 
-fn refuse_overwriting(output: &Path, logs: &[std::path::PathBuf]) -> anyhow::Result<()> {
-    let same = |log: &std::path::PathBuf| matches!((log.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if logs.iter().any(same) {
-        return Err(UsageError(format!(
-            "{} is replayed and cannot be written too; name another output",
-            output.display()
-        ))
-        .into());
-    }
-    Ok(())
+/// The new log, if one is wanted.
+fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
+    let Some(path) = &args.output else {
+        return Ok(None);
+    };
+    let changes = &args.changes;
+    let files = [
+        &args.config,
+        &changes.vehicle,
+        &changes.sensors,
+        &changes.calibration,
+    ];
+    let inputs = args.logs.iter().chain(files.into_iter().flatten());
+    let inputs = inputs.chain(&changes.overrides).map(|path| &**path);
+    Target::new(path, Kind::Log, args.replace.force, inputs).map(Some)
 }
 
 /// The program that made the log, if it was not this one.

@@ -62,6 +62,7 @@ fn simulate(directory: &Path, manoeuvre: &str, options: &str, output: &str) {
             output,
             "--true-calibration",
             "true.toml",
+            "--force",
         ])
         .assert()
         .success();
@@ -315,7 +316,7 @@ fn campaign_of_antennas_and_latencies() {
             .args(["--quiet", "simulate", "--manoeuvre", "mixed-driving"])
             .args(["--for", "480", "--seed", &seed.to_string()])
             .args(["--options", "options.toml", "--output", "drive.mcap"])
-            .args(["--true-calibration", "true.toml"])
+            .args(["--true-calibration", "true.toml", "--force"])
             .assert()
             .success();
         let _ = std::fs::remove_file(here.join("calibration.toml"));
