@@ -24,6 +24,8 @@ use source::{Silence, SourceState};
 
 /// Time between two health reports.
 const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
+/// While no source has delivered anything for longer than this, ns, there is no estimate.
+pub const SILENCE_NS: i64 = NANOS_PER_SECOND;
 /// Time between two looks for silent sources.
 const WATCH_INTERVAL_NS: i64 = NANOS_PER_SECOND / 10;
 
@@ -36,6 +38,7 @@ pub struct Engine {
     estimator: Option<Estimator>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
+    silence: Silent,
     faulty_sensors: BTreeSet<String>,
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
@@ -59,6 +62,7 @@ impl Engine {
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
             smoother: None,
             samples: Vec::new(),
+            silence: Silent::default(),
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
             next_health: None,
@@ -78,6 +82,18 @@ impl Engine {
     /// The last offset of UTC against the log clock that a receiver gave.
     pub const fn utc_offset(&self) -> Option<UtcOffset> {
         self.utc_offset
+    }
+
+    /// An engine that also estimates during silence, as earlier versions did: for the verification
+    /// of their logs.
+    pub fn through_silence(mut self) -> Self {
+        self.silence.bridged = true;
+        self
+    }
+
+    /// Instants during silence that an engine [`through_silence`](Self::through_silence) estimated.
+    pub const fn estimates_during_silence(&self) -> u64 {
+        self.silence.estimates
     }
 
     /// Whether it estimates, or decodes only.
@@ -102,20 +118,26 @@ impl Engine {
         if let Payload::Notice(notice) = &arrival.payload {
             self.announce(arrival.source, now, notice, records);
         }
-        self.estimate(now, records);
+        self.estimate(now, has_data(&arrival.payload), records);
         records.extend(self.samples.drain(..).map(Record::Sample));
         self.watch(now, records);
         self.report_health(now, records);
     }
 
-    fn estimate(&mut self, now: LogTime, records: &mut Vec<Record>) {
+    fn estimate(&mut self, now: LogTime, has_data: bool, records: &mut Vec<Record>) {
         let Some(estimator) = &mut self.estimator else {
             return;
         };
         let smoother = &mut self.smoother;
         let faulty = &mut self.faulty_sensors;
-        estimator.advance(now, &mut |output| match output {
-            Output::Estimate(estimate) => records.push(Record::Estimate(estimate)),
+        let silent_from = self.silence.begins(now, has_data);
+        let bridged = self.silence.bridged;
+        let estimates = &mut self.silence.estimates;
+        let mut take = |output| match output {
+            Output::Estimate(estimate) => {
+                *estimates += u64::from(silent_from.is_some_and(|from| estimate.time >= from));
+                records.push(Record::Estimate(estimate));
+            }
             Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
             Output::Event(event) => {
                 match &event.kind {
@@ -130,7 +152,16 @@ impl Engine {
                     smoother.push(*step, &mut |estimate| push_smoothed(records, &estimate));
                 }
             }
-        });
+        };
+        match silent_from {
+            Some(from) if !bridged => {
+                estimator.advance(from, &mut take);
+                if has_data {
+                    estimator.skip_to(now);
+                }
+            }
+            _ => estimator.advance(now, &mut take),
+        }
         for sample in &self.samples {
             estimator.push(sample);
         }
@@ -218,6 +249,37 @@ impl Engine {
             sources: self.sources.iter().map(SourceState::health).collect(),
             faulty_sensors: self.faulty_sensors.iter().cloned().collect(),
         }
+    }
+}
+
+/// Since when no source has delivered anything.
+#[derive(Default)]
+struct Silent {
+    /// Log time of the last data; before the first data, of the first arrival.
+    last_data: Option<LogTime>,
+    /// Estimates go on.
+    bridged: bool,
+    /// How many did.
+    estimates: u64,
+}
+
+impl Silent {
+    /// Where the silence begins whose end or middle `now` is, if there is one.
+    fn begins(&mut self, now: LogTime, has_data: bool) -> Option<LogTime> {
+        let from = *self.last_data.get_or_insert(now) + SILENCE_NS;
+        if has_data {
+            self.last_data = Some(now);
+        }
+        (now > from).then_some(from)
+    }
+}
+
+/// Whether a source delivered something.
+fn has_data(payload: &Payload) -> bool {
+    match payload {
+        Payload::Bytes(bytes) => !bytes.is_empty(),
+        Payload::Can(frames) => !frames.is_empty(),
+        Payload::Notice(_) | Payload::Tick => false,
     }
 }
 

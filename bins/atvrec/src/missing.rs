@@ -37,6 +37,7 @@ fn sort(missing: &Missing) -> &'static str {
         Missing::Unconfirmed { .. } => "records without a checksum",
         Missing::Changed { .. } => "wrong checksums",
         Missing::BadMessage { .. } => "malformed messages",
+        Missing::Parts { .. } => "holes in the row of parts",
         Missing::Arrivals { .. } => "gaps in the sequence of arrivals",
         _ => "losses",
     }

@@ -6,6 +6,7 @@ use sample::{LogTime, SourceId};
 use store::{ClockState, DynamicMessage, Session, SignalSchema, Source, SourceKind};
 
 use crate::config::{Config, Meaning};
+use crate::engine::SILENCE_NS;
 
 /// The session of a recording on this machine: run `run_number` of its log folder, by a clock whose
 /// state was `clock`.
@@ -82,6 +83,7 @@ fn common(config: &Config, started: LogTime) -> Session {
     Session {
         started,
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        silence_ns: SILENCE_NS.cast_unsigned(),
         git_hash: env!("ATVREC_GIT_HASH").to_owned(),
         sources,
         dynamic: dynamic(config),

@@ -10,6 +10,8 @@ mod estimate;
 mod export;
 #[path = "suite/folder.rs"]
 mod folder;
+#[path = "suite/hostile.rs"]
+mod hostile;
 #[path = "suite/identify.rs"]
 mod identify;
 #[path = "suite/import.rs"]
@@ -26,5 +28,7 @@ mod replay;
 mod report;
 #[path = "suite/score.rs"]
 mod score;
+#[path = "suite/silence.rs"]
+mod silence;
 #[path = "suite/support.rs"]
 mod support;

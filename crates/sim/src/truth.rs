@@ -1,11 +1,18 @@
 //! Truth files: a motion that some simulator wrote as Parquet or CSV.
+//!
+//! Files come from elsewhere: what one of them may cost is bounded, and a panic of a library that
+//! reads it is an error.
+
+mod csv_table;
+mod parquet_table;
+mod thrift;
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
-use parquet::column::reader::ColumnReader;
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use sample::boundary::guarded;
 use sample::{PerWheel, Wheel};
 
 use crate::{Motion, SimError, TruthState, WheelTruth};
@@ -77,8 +84,8 @@ impl Motion {
     /// at once), cells that are not finite numbers, time that does not rise.
     pub fn open(path: &Path) -> Result<Self, SimError> {
         let columns = match path.extension().and_then(|end| end.to_str()) {
-            Some("parquet") => read_parquet(path)?,
-            Some("csv") => read_csv(path)?,
+            Some("parquet") => protected(path, parquet_table::read)?,
+            Some("csv") => protected(path, csv_table::read)?,
             _ => {
                 return Err(SimError::UnknownKind {
                     path: path.to_owned(),
@@ -95,7 +102,19 @@ impl Motion {
             });
         }
         let name = path.file_stem().and_then(|stem| stem.to_str());
-        Self::new(name.unwrap_or("truth"), states(&columns))
+        let states = states(&columns);
+        for (row, pair) in states.windows(2).enumerate() {
+            let gap_s = pair[1].time_s - pair[0].time_s;
+            if gap_s > GAP_MAX_S {
+                return Err(SimError::Gap {
+                    previous: row + 1,
+                    row: row + 2,
+                    gap_s,
+                    most_s: GAP_MAX_S,
+                });
+            }
+        }
+        Self::new(name.unwrap_or("truth"), states)
     }
 }
 
@@ -124,142 +143,82 @@ fn with_wheels(
 /// Columns by name; all are of one length.
 type Columns = BTreeMap<String, Vec<f64>>;
 
-/// The known column that a column of a file is, if it is one.
-fn known_column(path: &Path, found: &str) -> Result<Option<String>, SimError> {
-    let stem = |name: &str| name.split('[').next().unwrap_or_default().trim().to_owned();
-    let found_stem = stem(found);
-    match required_columns()
-        .chain(optional_columns())
-        .find(|known| stem(known) == found_stem)
-    {
-        Some(known) if known == found.trim() => Ok(Some(known)),
-        Some(expected) => Err(SimError::WrongUnit {
-            path: path.to_owned(),
-            found: found.to_owned(),
-            expected,
-        }),
-        None => Ok(None),
-    }
-}
+/// Longest time between two rows, s: over a longer one a motion means nothing.
+const GAP_MAX_S: f64 = 10.0;
+/// Largest truth file, bytes.
+const FILE_MAX: u64 = 1 << 30;
+/// Most columns of a truth file, used or not.
+const COLUMNS_MAX: usize = 10_000;
+/// Most numbers that are taken from a truth file: 0.8 GB.
+const NUMBERS_MAX: usize = 100_000_000;
+/// Characters of a name or a cell that a message shows.
+const SHOWN_CHARS: usize = 60;
 
-fn read_parquet(path: &Path) -> Result<Columns, SimError> {
-    let damaged = |cause| SimError::Parquet {
-        path: path.to_owned(),
-        cause,
-    };
-    let file = File::open(path).map_err(|cause| SimError::Read {
-        path: path.to_owned(),
-        cause,
-    })?;
-    let reader = SerializedFileReader::new(file).map_err(damaged)?;
-    let schema = reader.metadata().file_metadata().schema_descr();
-    let mut columns = Columns::new();
-    for (index, descriptor) in schema.columns().iter().enumerate() {
-        let Some(name) = known_column(path, descriptor.name())? else {
-            continue;
-        };
-        let mut values = Vec::new();
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group).map_err(damaged)?;
-            let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-            let column = group.get_column_reader(index).map_err(damaged)?;
-            let before = values.len();
-            append_column(path, &name, column, rows, &mut values)?;
-            if values.len() - before != rows {
-                return Err(SimError::BadValue {
-                    path: path.to_owned(),
-                    row: values.len() + 1,
-                    column: name,
-                    value: "null".to_owned(),
-                });
-            }
-        }
-        check_finite(path, &name, &values)?;
-        columns.insert(name, values);
-    }
-    Ok(columns)
-}
-
-/// Appends one row group's values; nulls are left out, so that the caller sees too few.
-fn append_column(
+/// Calls the reader of a kind of file.
+fn protected(
     path: &Path,
-    name: &str,
-    column: ColumnReader,
-    rows: usize,
-    values: &mut Vec<f64>,
-) -> Result<(), SimError> {
-    let damaged = |cause| SimError::Parquet {
-        path: path.to_owned(),
-        cause,
-    };
-    let mut levels = Vec::new();
-    match column {
-        ColumnReader::DoubleColumnReader(mut typed) => {
-            typed
-                .read_records(rows, Some(&mut levels), None, values)
-                .map_err(damaged)?;
-        }
-        ColumnReader::FloatColumnReader(mut typed) => {
-            let mut narrow = Vec::new();
-            typed
-                .read_records(rows, Some(&mut levels), None, &mut narrow)
-                .map_err(damaged)?;
-            values.extend(narrow.into_iter().map(f64::from));
-        }
-        other => {
-            let found = match other {
-                ColumnReader::BoolColumnReader(_) => "booleans",
-                ColumnReader::Int32ColumnReader(_) | ColumnReader::Int64ColumnReader(_) => {
-                    "integers"
-                }
-                _ => "bytes",
-            };
-            return Err(SimError::NotNumbers {
-                path: path.to_owned(),
-                column: name.to_owned(),
-                found: found.to_owned(),
-            });
-        }
-    }
-    Ok(())
+    read: impl FnOnce(&Path, Vec<u8>) -> Result<Columns, SimError>,
+) -> Result<Columns, SimError> {
+    let bytes = read_file(path)?;
+    guarded(|| read(path, bytes)).unwrap_or_else(|panic| {
+        Err(SimError::Unreadable {
+            path: path.to_owned(),
+            what: format!("its reader failed: {panic}"),
+        })
+    })
 }
 
-fn read_csv(path: &Path) -> Result<Columns, SimError> {
-    let damaged = |cause| SimError::Csv {
-        path: path.to_owned(),
-        cause,
-    };
-    let file = File::open(path).map_err(|cause| SimError::Read {
-        path: path.to_owned(),
-        cause,
-    })?;
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(file);
-    let mut wanted = Vec::new();
-    for (index, found) in reader.headers().map_err(damaged)?.iter().enumerate() {
-        if let Some(name) = known_column(path, found)? {
-            wanted.push((index, name, Vec::new()));
-        }
+fn read_file(path: &Path) -> Result<Vec<u8>, SimError> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(FILE_MAX + 1).read_to_end(&mut bytes))
+        .map_err(|cause| SimError::Read {
+            path: path.to_owned(),
+            cause,
+        })?;
+    if bytes.len() as u64 > FILE_MAX {
+        return too_much(path, "bytes", FILE_MAX);
     }
-    for (row, record) in reader.records().enumerate() {
-        let record = record.map_err(damaged)?;
-        for (index, name, values) in &mut wanted {
-            let cell = record.get(*index).unwrap_or_default();
-            values.push(cell.parse::<f64>().map_err(|_| SimError::BadValue {
+    Ok(bytes)
+}
+
+fn too_much<T>(path: &Path, what: &'static str, most: u64) -> Result<T, SimError> {
+    Err(SimError::TooMuch {
+        path: path.to_owned(),
+        what,
+        most,
+    })
+}
+
+fn shown(text: &str) -> String {
+    text.chars().take(SHOWN_CHARS).collect()
+}
+
+/// The columns that are known, by what stands before the unit.
+struct Known(BTreeMap<String, String>);
+
+impl Known {
+    fn new() -> Self {
+        let all = required_columns().chain(optional_columns());
+        Self(all.map(|name| (stem(&name).to_owned(), name)).collect())
+    }
+
+    /// The known column that a column of a file is, if it is one.
+    fn find(&self, path: &Path, found: &str) -> Result<Option<String>, SimError> {
+        match self.0.get(stem(found)) {
+            Some(known) if known == found.trim() => Ok(Some(known.clone())),
+            Some(expected) => Err(SimError::WrongUnit {
                 path: path.to_owned(),
-                row: row + 1,
-                column: name.clone(),
-                value: cell.to_owned(),
-            })?);
+                found: shown(found),
+                expected: expected.clone(),
+            }),
+            None => Ok(None),
         }
     }
-    let mut columns = Columns::new();
-    for (_, name, values) in wanted {
-        check_finite(path, &name, &values)?;
-        columns.insert(name, values);
-    }
-    Ok(columns)
+}
+
+fn stem(name: &str) -> &str {
+    name.split('[').next().unwrap_or_default().trim()
 }
 
 fn check_finite(path: &Path, name: &str, values: &[f64]) -> Result<(), SimError> {

@@ -49,6 +49,14 @@ pub enum Error {
         /// Run of this file.
         found: String,
     },
+    /// A file was given twice.
+    #[error("{} and {} are the same file; give it once", first.display(), second.display())]
+    SameFile {
+        /// As it was named first.
+        first: PathBuf,
+        /// As it was named again.
+        second: PathBuf,
+    },
     /// No file was given.
     #[error("no log was given")]
     NoFiles,

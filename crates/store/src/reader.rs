@@ -5,6 +5,7 @@ mod definitions;
 mod index;
 mod integrity;
 mod messages;
+mod parts;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -100,6 +101,13 @@ pub enum Missing {
         /// What is wrong with it.
         text: String,
     },
+    /// Parts of the run are not given.
+    Parts {
+        /// The first that is missing.
+        first: u32,
+        /// The last of the hole.
+        last: u32,
+    },
     /// Arrivals are missing from the sequence.
     Arrivals {
         /// Sequence of the first that is missing.
@@ -133,6 +141,8 @@ impl Missing {
                 log_time,
                 text,
             } => format!("a message on {topic} at {log_time} s is malformed: {text}"),
+            Self::Parts { first, last } if first == last => format!("part {first} is missing"),
+            Self::Parts { first, last } => format!("parts {first} to {last} are missing"),
             Self::Arrivals {
                 first_sequence,
                 count,
@@ -179,7 +189,8 @@ impl Reader {
     /// Opens files of one run; they are put in order by themselves.
     ///
     /// # Errors
-    /// If no file is given, one cannot be read, is no MCAP file, or belongs to another run. A file
+    /// If no file is given, one is given twice, cannot be read, is no MCAP file, or belongs to
+    /// another run. A file
     /// that is cut or damaged is no error: see [`Info::missing`].
     pub fn open<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Self> {
         let mut files = Vec::new();
@@ -188,11 +199,8 @@ impl Reader {
             let index = Index::read(&path)?;
             files.push(LogFile { path, index });
         }
-        let part = |file: &LogFile| {
-            let run = file.index.metadata.get(RUN_METADATA);
-            let part = run.and_then(|run| run.get("part")?.parse::<u32>().ok());
-            (part, file.index.span.map(|span| span.0))
-        };
+        parts::refuse_twice(&files)?;
+        let part = |file: &LogFile| (parts::number(file), file.index.span.map(|span| span.0));
         files.sort_by_key(part);
         let sessions: Vec<Session> = files
             .iter()
@@ -263,6 +271,7 @@ impl Reader {
             }
             info.missing.extend(index.missing.iter().cloned());
         }
+        info.missing.extend(self.missing_parts());
         info
     }
 
@@ -286,6 +295,12 @@ impl Reader {
             }
         }
         Ok(last)
+    }
+
+    /// Parts of the run that are not among the files, before the last one that is.
+    #[must_use]
+    pub fn missing_parts(&self) -> Vec<Missing> {
+        parts::missing(self.files.iter().filter_map(|file| parts::number(file)))
     }
 
     /// Whether one of the files was cut short and made whole by [`crate::recover`].

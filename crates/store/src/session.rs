@@ -25,6 +25,9 @@ pub struct Session {
     pub run_number: Option<u64>,
     /// State of the host's clock when the log clock was set to it.
     pub clock: ClockState,
+    /// The recorder gives no estimate while no source has delivered anything for longer than this,
+    /// ns; 0 in logs of versions that always gave estimates.
+    pub silence_ns: u64,
     /// All sources of the resolved configuration.
     pub sources: Vec<Source>,
     /// Messages of the DBC files, so that their channels carry all signals from the first frame on.
@@ -228,6 +231,7 @@ impl Session {
             ("git_hash".to_owned(), self.git_hash.clone()),
             ("boot_id".to_owned(), self.boot_id.clone()),
             ("host".to_owned(), self.host.clone()),
+            ("silence_ns".to_owned(), self.silence_ns.to_string()),
         ]);
         if let Some(number) = self.run_number {
             map.insert("run_number".to_owned(), number.to_string());
@@ -268,6 +272,7 @@ impl Session {
             host: text("host"),
             run_number: text("run_number").parse().ok(),
             clock: ClockState::from_name(&text("clock")),
+            silence_ns: text("silence_ns").parse().unwrap_or_default(),
             sources,
             dynamic: Vec::new(),
             attachments: Vec::new(),

@@ -60,9 +60,11 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
             );
         }
     }
-    // A log that is still being recorded lacks nothing.
-    let lacks =
-        |missing: &Missing| !matches!(missing, Missing::Unfinished { .. } | Missing::Cut { .. });
+    // A log that is still being recorded lacks nothing, and parts that were not given are not lost.
+    let lacks = |missing: &Missing| {
+        use Missing::{Cut, Parts, Unfinished};
+        !matches!(missing, Unfinished { .. } | Cut { .. } | Parts { .. })
+    };
     Ok(if missing.iter().any(lacks) {
         Outcome::DataLoss
     } else {

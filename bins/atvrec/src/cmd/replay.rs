@@ -25,6 +25,8 @@ struct Done {
     arrivals: u64,
     records: u64,
     left_out: u64,
+    /// Estimates of the verified log that this version no longer gives.
+    during_silence: u64,
     span: Option<(LogTime, LogTime)>,
     missing: Vec<Missing>,
     /// Closed files are not what was written.
@@ -39,6 +41,12 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Some(path) => Config::load(path)?,
         None => Config::from_attachments(&changes::apply(&args.changes, reader.attachments()?)?)?,
     };
+    if let (true, Some(missing)) = (args.verify, reader.missing_parts().first()) {
+        anyhow::bail!(
+            "{missing}: the state of the estimator at the beginning of the next part is unknown, so \
+             that the log cannot be verified; give all parts of the run"
+        );
+    }
     let original = reader.session().clone();
     check_sources(&config, &original)?;
     let begin = Instant::now();
@@ -80,6 +88,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Vec::new()
     };
     progress.finish();
+    done.during_silence = replay.during_silence();
     let report = replay.finish()?;
     done.changed = !changed.is_empty();
     done.missing.extend(changed);
@@ -97,6 +106,8 @@ struct Replay {
     records: Vec<Record>,
     writer: Option<(LogFile, Truth)>,
     verifier: Option<Verifier>,
+    /// Computes what the verifier expects, where that is not what is written.
+    earlier: Option<(Engine, Vec<Record>)>,
 }
 
 impl Replay {
@@ -124,16 +135,21 @@ impl Replay {
             }
             false => None,
         };
-        let engine = if args.smooth || args.verify && holds_smoothed(reader) {
-            Engine::smoothing(config)?
-        } else {
-            Engine::new(config)?
+        let engine = || match args.smooth || args.verify && holds_smoothed(reader) {
+            true => Engine::smoothing(config),
+            false => Engine::new(config),
+        };
+        let (engine, earlier) = match args.verify && original.silence_ns == 0 {
+            true if writer.is_none() => (engine()?.through_silence(), None),
+            true => (engine()?, Some((engine()?.through_silence(), Vec::new()))),
+            false => (engine()?, None),
         };
         Ok(Self {
             engine,
             records: Vec::new(),
             writer,
             verifier,
+            earlier,
         })
     }
 
@@ -142,7 +158,15 @@ impl Replay {
         self.records.clear();
         self.engine.push(arrival, &mut self.records);
         if let Some(verifier) = &mut self.verifier {
-            verifier.expect(&self.records, arrival.log_time)?;
+            let expected = match &mut self.earlier {
+                Some((engine, records)) => {
+                    records.clear();
+                    engine.push(arrival, records);
+                    records
+                }
+                None => &self.records,
+            };
+            verifier.expect(expected, arrival.log_time)?;
         }
         Ok(self.records.len() as u64)
     }
@@ -161,11 +185,24 @@ impl Replay {
         Ok(())
     }
 
+    fn during_silence(&self) -> u64 {
+        let earlier = self.earlier.as_ref().map(|(engine, _)| engine);
+        earlier.unwrap_or(&self.engine).estimates_during_silence()
+    }
+
     fn finish(mut self) -> anyhow::Result<Option<Report>> {
         const END: LogTime = LogTime(u64::MAX);
         self.engine.finish(&mut self.records);
         if let Some(verifier) = &mut self.verifier {
-            verifier.expect(&self.records, END)?;
+            let expected = match &mut self.earlier {
+                Some((engine, records)) => {
+                    records.clear();
+                    engine.finish(records);
+                    records
+                }
+                None => &self.records,
+            };
+            verifier.expect(expected, END)?;
         }
         if let Some((mut log, mut truth)) = self.writer {
             copy_truth(log.writer(), &mut truth, END)?;
@@ -303,6 +340,7 @@ fn tell(
             "arrivals": done.arrivals,
             "records": done.records,
             "left_out": done.left_out,
+            "estimates_during_silence": done.during_silence,
             "log_s": span_s,
             "took_s": took_s,
             "missing": done.missing.iter().map(ToString::to_string).collect::<Vec<_>>(),
@@ -321,6 +359,12 @@ fn tell(
         println!(
             "  {} arrivals that the estimator left out while recording are left out again",
             done.left_out
+        );
+    }
+    if done.during_silence > 0 {
+        println!(
+            "  {} estimates during silence, which this version no longer gives",
+            done.during_silence
         );
     }
     for line in missing::summary(&done.missing) {
@@ -342,3 +386,6 @@ fn tell(
         println!("  {}", output.display());
     }
 }
+
+#[cfg(test)]
+mod tests;

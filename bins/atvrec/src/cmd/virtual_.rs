@@ -28,10 +28,15 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
     let config = directory.join("atvrec.toml");
     let text = rig.configuration(&ports);
     // An earlier run's file that says the same is left alone.
-    if !std::fs::read_to_string(&config).is_ok_and(|found| found == text) {
-        Target::new(&config, Kind::Toml, args.replace.force, inputs(args))?.write(&text)?;
-    }
+    let is_same = std::fs::read_to_string(&config).is_ok_and(|found| found == text);
+    let target = (!is_same)
+        .then(|| Target::new(&config, Kind::Toml, args.replace.force, inputs(args)))
+        .transpose()?;
     let mut devices = Devices::new(&args.directory, args.can.is_none())?;
+    // Who waits for the configuration finds the ports.
+    if let Some(target) = target {
+        target.write(&text)?;
+    }
     tell(&rig, &devices, &config);
 
     let mut bus = args.can.as_deref().map(open_bus).transpose()?;
