@@ -275,7 +275,7 @@ mod tests {
 
     #[test]
     fn names_are_parts_of_topics_and_differ() {
-        let paths = ["a/drive 1.csv", "b/drive 1.csv", ".csv"].map(std::path::PathBuf::from);
+        let paths = ["a/drive 1.csv", "b/drive 1.csv", ".csv"].map(PathBuf::from);
         assert_eq!(source_names(&paths), ["drive_1", "drive_1_2", "_csv"]);
     }
 }

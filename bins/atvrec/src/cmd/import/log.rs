@@ -102,13 +102,16 @@ fn gap_text(sources: &[Source<'_>], pieces: &[Piece], gap: Gap, count: usize) ->
         let path = sources[piece.source].path.display();
         format!("{path}:{} (at {} s)", piece.line, piece.time)
     };
+    let more = match count {
+        1 => String::new(),
+        _ => format!(" (the first of {count} such gaps)"),
+    };
     format!(
-        "{} and {} are {:.1} h apart, more than 1 h, and {} further gaps are as long; correct the \
-         times, or make a run of the rows on each side of a gap with --split-gaps",
+        "{} and {} are {:.1} h apart, more than 1 h{more}; correct the times, or make a run of the \
+         rows on each side of a gap with --split-gaps",
         row(before),
         row(behind),
         behind.time.seconds_since(before.time) / 3600.0,
-        count - 1,
     )
 }
 

@@ -5,16 +5,20 @@ use sample::SourceId;
 use super::*;
 use crate::engine;
 
-const CONFIGURATION: &str = "\
+const CONFIGURATION: &str = r#"
 [source.t]
-kind = \"line\"
-device = \"imported/t\"
-role = \"steer\"
-pulses_per_turn = 4000
+kind = "line"
+device = "imported/t"
+steer = "hand_wheel"
+
+[source.t.fields.hand_wheel]
+index = 0
+scale = 0.001
+unit = "rad"
 
 [vehicle]
-file = \"prowler\"
-";
+file = "prowler"
+"#;
 
 /// A log of one second of data, three of ticks, one of data, as an engine before the rule on silence
 /// made it, or one after.
