@@ -218,7 +218,7 @@ fn a_kill_in_the_middle_of_writing_leaves_the_earlier_file_whole() {
         .expect("listed")
         .find_map(|entry| {
             let path = entry.expect("an entry").path();
-            let is_new = path.extension().is_some_and(|end| end == "new");
+            let is_new = path.to_string_lossy().contains(".toml.partial-");
             is_new.then(|| std::fs::read_to_string(path).expect("text"))
         });
     let begun = begun.expect("a file that was begun");

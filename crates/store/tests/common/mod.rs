@@ -32,6 +32,7 @@ pub fn session() -> Session {
         host: "host".to_owned(),
         run_number: Some(42),
         clock: ClockState::Unsynchronised,
+        silence_ns: 1_000_000_000,
         sources: vec![
             source(0, "recorder", SourceKind::Recorder),
             source(1, "can0", SourceKind::Can),
