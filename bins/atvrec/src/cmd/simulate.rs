@@ -6,13 +6,13 @@ use std::time::Duration;
 use anyhow::Context;
 use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
 use sim::{Output, Port};
-use store::{Options, Record, Recorder, Session};
+use store::{ClockState, Options, Record, Recorder, Session};
 
 use crate::cli::SimulateArgs;
 use crate::config::Config;
 use crate::engine::Engine;
 use crate::exit::Outcome;
-use crate::folder::Protected;
+use crate::folder::{self, Protected, RunName};
 use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::retention::{self, Limits};
@@ -117,9 +117,15 @@ impl Sink {
             return Ok(Self::File(Box::new(log.log(session, options)?)));
         }
         let look_at = session.started;
-        let stem = retention::free_stem(directory, &config.storage.name)
-            .with_context(|| format!("cannot read {}", directory.display()))?;
-        let recorder = Recorder::start(directory, &stem, session, options)?;
+        let name = RunName {
+            directory: directory.to_owned(),
+            name: config.storage.name.clone(),
+            number: folder::next_run(directory)
+                .with_context(|| format!("cannot read {}", directory.display()))?,
+            started: session.started,
+            clock: ClockState::Unknown,
+        };
+        let recorder = Recorder::start(directory, &name.stem(), session, options)?;
         Ok(Self::Run(Box::new(Run {
             recorder,
             directory: directory.to_owned(),
