@@ -219,3 +219,30 @@ fn ticks_alone_give_no_estimates() {
         .assert()
         .success();
 }
+
+/// A recorder whose only device is missing has ticks and no data.
+#[test]
+fn a_recording_without_data_is_as_silent_as_its_replay() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let text = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n\n[vehicle]\nfile = \
+                \"prowler\"\n\n[storage]\ndirectory = \"logs\"\n";
+    fs::write(here.join("atvrec.toml"), text).expect("written");
+    atvrec(here).args(["-q", "record", "--for", "3"]).assert();
+    let logs = fs::read_dir(here.join("logs")).expect("listed");
+    let mut logs = logs.map(|entry| entry.expect("an entry").path());
+    let log = logs
+        .find(|path| path.extension().is_some_and(|end| end == "mcap"))
+        .expect("a log");
+    let reader = Reader::open([&log]).expect("a log");
+    let (first, last) = reader.info().span.expect("ticks");
+    assert!(last.seconds_since(first) > 2.0);
+    let last_s = instants(&log).last().copied().unwrap_or(0.0);
+    assert!(last_s <= 1.0, "estimates until {last_s} s");
+    atvrec(here)
+        .args(["replay", "--verify", "-o", "again.mcap"])
+        .arg(&log)
+        .assert()
+        .success();
+    assert_eq!(instants(&here.join("again.mcap")), instants(&log));
+}
