@@ -9,11 +9,12 @@ use std::path::Path;
 
 use prost::Message as _;
 
-const PROTOS: [&str; 7] = [
+const PROTOS: [&str; 8] = [
     "atvrec/raw.proto",
     "atvrec/sensor.proto",
     "atvrec/estimate.proto",
     "atvrec/health.proto",
+    "atvrec/time.proto",
     "foxglove/LocationFix.proto",
     "foxglove/Log.proto",
     "foxglove/FrameTransforms.proto",

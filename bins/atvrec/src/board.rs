@@ -6,10 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use sample::SourceId;
+use serde_json::{Value, json};
 use store::Recorder;
 
 use crate::config::Config;
-use crate::retention::{self, Limits};
+use crate::retention::{self, Limits, Outcome, Removed};
 
 /// A rate is measured once a run is this old.
 const MEASURED_AFTER: Duration = Duration::from_secs(10);
@@ -51,6 +52,17 @@ struct State {
     last_rate: Option<f64>,
     names: Vec<String>,
     faulty_sensors: Vec<String>,
+    removed: Removals,
+    /// Limits of the log directory that do not hold, and why.
+    broken: Vec<String>,
+}
+
+/// Logs that retention has removed since the start.
+#[derive(Default)]
+struct Removals {
+    count: u64,
+    bytes: u64,
+    last: Option<Removed>,
 }
 
 impl Board {
@@ -66,6 +78,8 @@ impl Board {
             limits: config.storage.limits,
             names: names(config),
             faulty_sensors: Vec::new(),
+            removed: Removals::default(),
+            broken: Vec::new(),
         }))
     }
 
@@ -74,6 +88,7 @@ impl Board {
         let mut state = self.lock();
         state.directory.clone_from(&config.storage.directory);
         state.limits = config.storage.limits;
+        state.broken.clear();
         state.names = names(config);
         state.faulty_sensors.clear();
     }
@@ -86,6 +101,31 @@ impl Board {
     /// Sensors that the estimator leaves out.
     pub fn faulty_sensors(&self) -> Vec<String> {
         self.lock().faulty_sensors.clone()
+    }
+
+    /// Takes in what a look at the log directory led to.
+    pub fn note_retention(&self, outcome: Outcome) {
+        let mut state = self.lock();
+        state.broken = outcome.broken;
+        for log in outcome.removed {
+            state.removed.count += 1;
+            state.removed.bytes += log.bytes;
+            state.removed.last = Some(log);
+        }
+    }
+
+    /// Which logs were removed since the start, and why: `removed`, `removed_bytes`, `last`,
+    /// `reason` (the limit), and `broken`, the limits that do not hold.
+    pub fn retention(&self) -> Value {
+        let state = self.lock();
+        let last = state.removed.last.as_ref();
+        json!({
+            "removed": state.removed.count,
+            "removed_bytes": state.removed.bytes,
+            "last": last.map(|log| log.path.display().to_string()),
+            "reason": last.map(|log| log.reason.to_string()),
+            "broken": state.broken,
+        })
     }
 
     /// A run begins.

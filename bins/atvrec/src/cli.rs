@@ -1,6 +1,8 @@
 //! The command line.
 
 mod identify;
+mod import;
+mod number;
 
 use std::path::{Path, PathBuf};
 
@@ -9,9 +11,10 @@ use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
 pub use identify::{
-    IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, ResponseArgs, RollCentreArgs,
-    TellArgs, TyreArgs,
+    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, PendulumKind, ResponseArgs,
+    RollCentreArgs, TellArgs, TyreArgs,
 };
+pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -35,6 +38,17 @@ pub struct Cli {
     /// Say only what went wrong.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
+    /// Largest chunk of a log when inflated, and largest other record, in MB (2^20 bytes). A log with a
+    /// larger one is damaged or was made to exhaust memory.
+    #[arg(
+        long,
+        global = true,
+        hide_short_help = true,
+        value_name = "MB",
+        default_value_t = store::DEFAULT_MAX_CHUNK >> 20,
+        value_parser = clap::value_parser!(u64).range(1..=1 << 20)
+    )]
+    pub max_chunk: u64,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
@@ -95,6 +109,14 @@ pub enum Command {
     Man(ManArgs),
 }
 
+/// Whether outputs may replace files.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct Replace {
+    /// Replace output files that exist. An input is never replaced.
+    #[arg(long)]
+    pub force: bool,
+}
+
 /// `atvrec record`.
 #[derive(Debug, Args)]
 pub struct RecordArgs {
@@ -105,7 +127,7 @@ pub struct RecordArgs {
     #[arg(short, long, value_name = "DIR")]
     pub directory: Option<PathBuf>,
     /// Stop after this many seconds.
-    #[arg(long = "for", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
     /// Print the summary as JSON.
     #[arg(long)]
@@ -132,7 +154,7 @@ pub struct ReplayArgs {
     #[arg(long, requires = "output")]
     pub smooth: bool,
     /// Replay at this multiple of real time instead of at full speed.
-    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    #[arg(long, value_name = "FACTOR", value_parser = number::rate, allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// Compare with what was decoded and estimated while recording; exit 1 unless every message
     /// is bit-identical.
@@ -141,6 +163,9 @@ pub struct ReplayArgs {
     /// Print the result as JSON.
     #[arg(long)]
     pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// What a replay tells the estimator in the place of what the log's configuration says.
@@ -180,6 +205,9 @@ pub struct ReportArgs {
     /// The report; it needs no network.
     #[arg(short, long, default_value = "report.html", value_name = "FILE")]
     pub output: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec score`.
@@ -198,7 +226,7 @@ pub struct ScoreArgs {
     #[arg(long, conflicts_with_all = ["against", "smoothed"])]
     pub innovations: bool,
     /// Leave out the first seconds, while the estimator settles.
-    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = not_negative)]
+    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,
     /// Print JSON.
     #[arg(long)]
@@ -208,18 +236,22 @@ pub struct ScoreArgs {
 /// `atvrec demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
-    /// Put everything here.
-    #[arg(short, long, default_value = "atvrec-demo", value_name = "DIR")]
-    pub directory: PathBuf,
+    /// Put everything here; without it, atvrec-demo, or the first of atvrec-demo-2, -3, ... that
+    /// holds no demonstration yet.
+    #[arg(short, long, value_name = "DIR")]
+    pub directory: Option<PathBuf>,
     /// Manoeuvre to drive.
     #[arg(long, default_value = "slow-sine", value_name = "NAME", value_parser = manoeuvres())]
     pub manoeuvre: String,
     /// Seconds to drive, in real time.
-    #[arg(long = "for", default_value = "25", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long = "for", default_value = "25", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
     pub duration_s: f64,
     /// Seed of the sensors' noise.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// What a virtual vehicle drives.
@@ -246,13 +278,13 @@ pub struct DriveArgs {
     #[arg(long, default_value = "thesis-10bit", value_name = "FILE")]
     pub sensors: String,
     /// Seed of the sensors' noise; the same seed gives the same bytes.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Further settings of the virtual vehicle (TOML): hidden errors, faults, delays.
     #[arg(long, value_name = "FILE")]
     pub options: Option<PathBuf>,
     /// Drive for this long; beyond the manoeuvre's own duration only mixed-driving goes on.
-    #[arg(long = "for", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
 }
 
@@ -271,6 +303,9 @@ pub struct VirtualArgs {
     /// Start over when the manoeuvre ends.
     #[arg(long)]
     pub repeat: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec simulate`.
@@ -289,6 +324,9 @@ pub struct SimulateArgs {
     /// Write the calibration that a perfect workshop would find to this file.
     #[arg(long, value_name = "FILE")]
     pub true_calibration: Option<PathBuf>,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec info`.
@@ -315,11 +353,14 @@ pub struct ExportArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Leave out what is earlier, in seconds from the log's start.
-    #[arg(long = "from", value_name = "SECONDS", value_parser = not_negative)]
+    #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: Option<f64>,
     /// Leave out what is later, in seconds from the log's start.
-    #[arg(long = "to", value_name = "SECONDS", value_parser = not_negative)]
+    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub to_s: Option<f64>,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec check`.
@@ -335,7 +376,7 @@ pub struct CheckArgs {
     #[arg(long)]
     pub no_devices: bool,
     /// Listen to each device for this long.
-    #[arg(long, default_value = "2", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, default_value = "2", value_name = "SECONDS", value_parser = number::listen_s, allow_negative_numbers = true)]
     pub listen_s: f64,
     /// Print JSON.
     #[arg(long)]
@@ -399,6 +440,9 @@ pub struct CalibrateArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec calibrate zero`.
@@ -408,7 +452,7 @@ pub struct ZeroArgs {
     #[command(flatten)]
     pub shared: CalibrateArgs,
     /// How well the weight of the hanging parts is known: standard deviation as a part of it.
-    #[arg(long, default_value = "0.02", value_name = "PART")]
+    #[arg(long, default_value = "0.02", value_name = "PART", value_parser = number::part, allow_negative_numbers = true)]
     pub weight_sigma: f64,
 }
 
@@ -431,16 +475,32 @@ pub struct SteerArgs {
     #[command(flatten)]
     pub shared: CalibrateArgs,
     /// How well a plate is read, degrees.
-    #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = positive)]
+    #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = number::angle_deg, allow_negative_numbers = true)]
     pub plate_sigma_deg: f64,
 }
 
+const RECOVER_HELP: &str = "\
+Recovery saves every chunk whose checksum is right, wherever it stands in the file, and the arrivals
+that the journals beside an unfinished log hold. Bytes at the end of a log that a kill cut are no loss
+if the journals hold their arrivals. If anything else is lost, the original stays as LOG.damaged beside
+the recovered log, the loss is printed and written into the log (metadata atvrec.recovered), and the
+exit code is 3.
+
+An unfinished log of a directory that cannot be recovered (another kind of file, a directory, a chunk
+above --max-chunk) is renamed to NAME.unrecoverable and not tried again. If the disk has no room for the
+recovered copy, nothing is changed.";
+
 /// `atvrec recover`.
 #[derive(Debug, Args)]
+#[command(after_help = RECOVER_HELP)]
 pub struct RecoverArgs {
     /// Logs, or directories whose unfinished logs (`*.active`) are meant.
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
+    /// Save records too that no checksum confirms: the beginning of a chunk that was cut, chunks
+    /// without a checksum, messages outside of chunks. The recovered log is marked as unchecked.
+    #[arg(long)]
+    pub unchecked: bool,
 }
 
 /// Where the running recorder listens.
@@ -494,98 +554,6 @@ pub struct LinkArgs {
     pub config: PathBuf,
 }
 
-/// `atvrec import`.
-#[derive(Debug, Subcommand)]
-pub enum ImportCommand {
-    /// A vehicle file from a multi-body simulator's params.json.
-    Vehicle(ImportVehicleArgs),
-    /// A log from delimited text, its columns told by a column map.
-    Csv(ImportCsvArgs),
-    /// A log from a MOOS .alog file.
-    Alog(ImportAlogArgs),
-}
-
-/// `atvrec import csv`.
-#[derive(Debug, Args)]
-pub struct ImportCsvArgs {
-    /// Files of one drive, with times of one clock.
-    #[arg(required = true, value_name = "FILE.csv")]
-    pub input: Vec<PathBuf>,
-    /// What the columns mean; one map for all files, or one for each (docs/import.md).
-    #[arg(long, required = true, value_name = "MAP.toml")]
-    pub columns: Vec<PathBuf>,
-    /// What to make.
-    #[command(flatten)]
-    pub into: ImportInto,
-}
-
-/// `atvrec import alog`.
-#[derive(Debug, Args)]
-pub struct ImportAlogArgs {
-    /// The file.
-    #[arg(value_name = "FILE.alog")]
-    pub input: PathBuf,
-    /// What the variables mean; without it, the names of Auburn's GAVLab.
-    #[arg(long, value_name = "MAP.toml")]
-    pub columns: Option<PathBuf>,
-    /// What to make.
-    #[command(flatten)]
-    pub into: ImportInto,
-}
-
-/// The log that an import makes.
-#[derive(Debug, Args)]
-pub struct ImportInto {
-    /// Vehicle file, or the name of one that ships with the program; without it nothing is
-    /// estimated.
-    #[arg(long, value_name = "FILE", conflicts_with = "config")]
-    pub vehicle: Option<String>,
-    /// Sensors file, or the name of one that ships with the program.
-    #[arg(long, value_name = "FILE", requires = "vehicle")]
-    pub sensors: Option<String>,
-    /// Calibration file.
-    #[arg(long, value_name = "FILE", requires = "vehicle")]
-    pub calibration: Option<String>,
-    /// Use this configuration; it must have the imported sources.
-    #[arg(short, long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// The log to write.
-    #[arg(short, long, value_name = "FILE")]
-    pub output: PathBuf,
-}
-
-/// `atvrec import vehicle`.
-#[derive(Debug, Args)]
-pub struct ImportVehicleArgs {
-    /// The simulator's parameters.
-    #[arg(value_name = "PARAMS.json")]
-    pub input: PathBuf,
-    /// The vehicle file to write.
-    #[arg(short, long, default_value = "vehicle.toml", value_name = "FILE")]
-    pub output: PathBuf,
-}
-
-/// `atvrec identify handling`.
-#[derive(Debug, Args)]
-pub struct IdentifyHandlingArgs {
-    /// Logs, in the order in which they were recorded.
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
-    /// Use the drive up to here only, s from its start.
-    #[arg(long = "until", value_name = "SECONDS", value_parser = positive)]
-    pub until_s: Option<f64>,
-    /// Use this configuration instead of the one in the log.
-    #[arg(short, long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Write calibration.toml here, with an atvrec.toml for `replay --config` and all files that it
-    /// names.
-    #[arg(short, long, value_name = "DIR")]
-    pub output: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// `atvrec completions`.
 #[derive(Debug, Args)]
 pub struct CompletionsArgs {
@@ -599,25 +567,14 @@ pub struct ManArgs {
     /// Where to; it is made if it is not there.
     #[arg(value_name = "DIR")]
     pub directory: PathBuf,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 fn manoeuvres() -> PossibleValuesParser {
     let value = |one: Manoeuvre| PossibleValue::new(one.name()).help(one.description());
     PossibleValuesParser::new(Manoeuvre::ALL.map(value))
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err(format!("{text:?} is not a number above zero")),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
-        _ => Err(format!("{text:?} is not a number, zero or above")),
-    }
 }
 
 #[cfg(test)]

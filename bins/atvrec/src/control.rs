@@ -203,6 +203,7 @@ fn status(desk: &Desk) -> Value {
         "sources": sources,
         "faulty_sensors": desk.board.faulty_sensors(),
         "disk": disk(&desk.board),
+        "retention": desk.board.retention(),
     })
 }
 

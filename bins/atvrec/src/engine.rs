@@ -7,6 +7,7 @@
 mod can;
 mod clock;
 mod source;
+mod utc;
 
 use std::collections::BTreeSet;
 
@@ -16,13 +17,15 @@ use sample::{
     Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
     Severity, SourceId,
 };
-use store::{LogMessage, Record, Stage};
+use store::{LogMessage, Record, Stage, UtcOffset};
 
 use crate::config::{self, Config};
 use source::{Silence, SourceState};
 
 /// Time between two health reports.
 const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
+/// While no source has delivered anything for longer than this, ns, there is no estimate.
+pub const SILENCE_NS: i64 = NANOS_PER_SECOND;
 /// Time between two looks for silent sources.
 const WATCH_INTERVAL_NS: i64 = NANOS_PER_SECOND / 10;
 
@@ -35,9 +38,11 @@ pub struct Engine {
     estimator: Option<Estimator>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
+    silence: Silent,
     faulty_sensors: BTreeSet<String>,
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
+    utc_offset: Option<UtcOffset>,
 }
 
 impl Engine {
@@ -57,9 +62,11 @@ impl Engine {
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
             smoother: None,
             samples: Vec::new(),
+            silence: Silent::default(),
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
             next_health: None,
+            utc_offset: None,
         })
     }
 
@@ -70,6 +77,23 @@ impl Engine {
         let told = config.estimator.as_ref();
         engine.smoother = told.map(|told| Smoother::new(&told.vehicle, LAG_STEPS));
         Ok(engine)
+    }
+
+    /// The last offset of UTC against the log clock that a receiver gave.
+    pub const fn utc_offset(&self) -> Option<UtcOffset> {
+        self.utc_offset
+    }
+
+    /// An engine that also estimates during silence, as earlier versions did: for the verification
+    /// of their logs.
+    pub fn through_silence(mut self) -> Self {
+        self.silence.bridged = true;
+        self
+    }
+
+    /// Instants during silence that an engine [`through_silence`](Self::through_silence) estimated.
+    pub const fn estimates_during_silence(&self) -> u64 {
+        self.silence.estimates
     }
 
     /// Whether it estimates, or decodes only.
@@ -94,20 +118,26 @@ impl Engine {
         if let Payload::Notice(notice) = &arrival.payload {
             self.announce(arrival.source, now, notice, records);
         }
-        self.estimate(now, records);
+        self.estimate(now, has_data(&arrival.payload), records);
         records.extend(self.samples.drain(..).map(Record::Sample));
         self.watch(now, records);
         self.report_health(now, records);
     }
 
-    fn estimate(&mut self, now: LogTime, records: &mut Vec<Record>) {
+    fn estimate(&mut self, now: LogTime, has_data: bool, records: &mut Vec<Record>) {
         let Some(estimator) = &mut self.estimator else {
             return;
         };
         let smoother = &mut self.smoother;
         let faulty = &mut self.faulty_sensors;
-        estimator.advance(now, &mut |output| match output {
-            Output::Estimate(estimate) => records.push(Record::Estimate(estimate)),
+        let silent_from = self.silence.begins(now, has_data);
+        let bridged = self.silence.bridged;
+        let estimates = &mut self.silence.estimates;
+        let mut take = |output| match output {
+            Output::Estimate(estimate) => {
+                *estimates += u64::from(silent_from.is_some_and(|from| estimate.time >= from));
+                records.push(Record::Estimate(estimate));
+            }
             Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
             Output::Event(event) => {
                 match &event.kind {
@@ -122,7 +152,16 @@ impl Engine {
                     smoother.push(*step, &mut |estimate| push_smoothed(records, &estimate));
                 }
             }
-        });
+        };
+        match silent_from {
+            Some(from) if !bridged => {
+                estimator.advance(from, &mut take);
+                if has_data {
+                    estimator.skip_to(now);
+                }
+            }
+            _ => estimator.advance(now, &mut take),
+        }
         for sample in &self.samples {
             estimator.push(sample);
         }
@@ -195,6 +234,12 @@ impl Engine {
         for source in &self.sources {
             records.extend(source.clocks(now).map(Record::ClockFit));
         }
+        let offsets = self.sources.iter_mut().filter_map(|s| s.utc_offset(now));
+        // The first of those that are equally good.
+        if let Some(best) = offsets.min_by(|a, b| a.sigma_s.total_cmp(&b.sigma_s)) {
+            self.utc_offset = Some(best);
+            records.push(Record::UtcOffset(best));
+        }
     }
 
     /// Counters of all sources, and the sensors that the estimator leaves out.
@@ -204,6 +249,37 @@ impl Engine {
             sources: self.sources.iter().map(SourceState::health).collect(),
             faulty_sensors: self.faulty_sensors.iter().cloned().collect(),
         }
+    }
+}
+
+/// Since when no source has delivered anything.
+#[derive(Default)]
+struct Silent {
+    /// Log time of the last data; before the first data, of the first arrival.
+    last_data: Option<LogTime>,
+    /// Estimates go on.
+    bridged: bool,
+    /// How many did.
+    estimates: u64,
+}
+
+impl Silent {
+    /// Where the silence begins whose end or middle `now` is, if there is one.
+    fn begins(&mut self, now: LogTime, has_data: bool) -> Option<LogTime> {
+        let from = *self.last_data.get_or_insert(now) + SILENCE_NS;
+        if has_data {
+            self.last_data = Some(now);
+        }
+        (now > from).then_some(from)
+    }
+}
+
+/// Whether a source delivered something.
+fn has_data(payload: &Payload) -> bool {
+    match payload {
+        Payload::Bytes(bytes) => !bytes.is_empty(),
+        Payload::Can(frames) => !frames.is_empty(),
+        Payload::Notice(_) | Payload::Tick => false,
     }
 }
 

@@ -16,6 +16,7 @@ mod control;
 mod devices;
 mod engine;
 mod exit;
+mod folder;
 mod messages;
 mod missing;
 mod pipeline;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> anyhow::Result<Outcome> {
+    store::set_max_chunk(cli.max_chunk << 20);
     let quiet = cli.quiet;
     match cli.command {
         Command::Record(args) => cmd::record::run(&args),

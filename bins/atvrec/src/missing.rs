@@ -34,8 +34,10 @@ fn sort(missing: &Missing) -> &'static str {
         Missing::Unfinished { .. } => "files that were not closed",
         Missing::Cut { .. } => "cut files",
         Missing::Damaged { .. } => "damaged parts",
+        Missing::Unconfirmed { .. } => "records without a checksum",
         Missing::Changed { .. } => "wrong checksums",
         Missing::BadMessage { .. } => "malformed messages",
+        Missing::Parts { .. } => "holes in the row of parts",
         Missing::Arrivals { .. } => "gaps in the sequence of arrivals",
         _ => "losses",
     }

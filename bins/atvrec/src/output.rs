@@ -1,6 +1,8 @@
 //! Standard output. Who reads it may have had enough (`atvrec info drive.mcap | head -1`): that is no
 //! failure, and what a command does beside printing goes on.
 
+pub mod target;
+
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 

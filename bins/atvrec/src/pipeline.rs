@@ -13,11 +13,12 @@
 //! same.
 
 mod pulse;
+mod recovery;
 mod run;
 
 use std::collections::BTreeMap;
 use std::future::Future;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -25,7 +26,7 @@ use std::time::{Duration, Instant};
 use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
-use store::RecorderSummary;
+use store::{ClockState, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinSet};
@@ -33,9 +34,10 @@ use tokio::task::{JoinError, JoinSet};
 use crate::config::{Config, Trigger};
 use crate::control::{self, Answer, Board, Desk, Listener, Order, Writing};
 use crate::engine::Engine;
-use crate::retention;
+use crate::folder::{Folder, Protected};
+use crate::{retention, session};
 use pulse::{Pulses, notify};
-use run::{Fired, Live, Progress, Run, Voice, join, judge, open_files};
+use run::{Files, Fired, Live, Progress, Run, Voice, join, judge};
 
 /// Time between two ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
@@ -99,17 +101,16 @@ pub async fn record(
     stop: impl Future<Output = ()>,
 ) -> anyhow::Result<Summary> {
     let begin = Instant::now();
-    make_directory(&config)?;
     let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
-    recover_unfinished(&config.storage.directory);
-    let socket = control::socket_path(&config);
+    // Whoever must stop because another recorder is there has made no file.
+    let folder = Folder::take(&config.storage.directory)?;
+    let listener = Listener::open(&control::socket_path(&config))?;
     let (orders, mut waiting) = mpsc::channel(ORDER_QUEUE);
     let (fired, mut triggers) = mpsc::channel(FIRED_QUEUE);
-    let mut conductor = Conductor::new(config, reload, fired);
+    let mut conductor = Conductor::new(config, reload, fired, folder);
     conductor.start().await?;
-    // Whoever finds the socket finds a recorder that records.
-    let listener = Listener::open(&socket)?;
     notify(&[sd_notify::NotifyState::Ready]);
+    conductor.look_after_folder();
 
     let desk = Desk {
         sequencer: conductor.sequencer.clone(),
@@ -161,45 +162,6 @@ async fn until(left: Option<Duration>) {
     }
 }
 
-fn make_directory(config: &Config) -> anyhow::Result<()> {
-    let directory = &config.storage.directory;
-    std::fs::create_dir_all(directory).with_context(|| {
-        format!(
-            "cannot make the log directory {}; name another one in storage.directory",
-            directory.display()
-        )
-    })
-}
-
-/// Makes whole what an earlier run could not close. What cannot be made whole stays as it is.
-fn recover_unfinished(directory: &Path) {
-    let logs = match store::recover_directory(directory) {
-        Ok(logs) => logs,
-        Err(error) => {
-            tracing::warn!(%error, "unfinished logs were not looked for");
-            return;
-        }
-    };
-    for (path, result) in logs {
-        match result {
-            Ok(recovered) if recovered.was_empty => tracing::info!(
-                log = %path.display(),
-                "an unfinished log in which nothing had been recorded yet was removed"
-            ),
-            Ok(recovered) => tracing::warn!(
-                log = %recovered.path.display(),
-                messages = recovered.messages,
-                "an unfinished log was made whole"
-            ),
-            Err(error) => tracing::error!(
-                log = %path.display(),
-                %error,
-                "an unfinished log was not made whole"
-            ),
-        }
-    }
-}
-
 /// Decides when files are written, and by which configuration.
 struct Conductor<'a> {
     config: Arc<Config>,
@@ -219,13 +181,26 @@ struct Conductor<'a> {
     summary: Summary,
     /// The first run that did not end well.
     failed: Option<anyhow::Error>,
+    /// Log folders that this process owns.
+    folders: Vec<Folder>,
+    /// Runs whose logs retention leaves alone.
+    protected: Protected,
+    /// State of the host's clock when the log clock was set to it.
+    clock: ClockState,
 }
 
 type Closed = anyhow::Result<(RecorderSummary, Engine, Progress)>;
 
 impl<'a> Conductor<'a> {
-    fn new(config: Config, reload: Option<Reload<'a>>, fired: mpsc::Sender<Fired>) -> Self {
-        let sequencer = Sequencer::idle(LogClock::start());
+    fn new(
+        config: Config,
+        reload: Option<Reload<'a>>,
+        fired: mpsc::Sender<Fired>,
+        folder: Folder,
+    ) -> Self {
+        let log_clock = LogClock::start();
+        let clock = session::clock_state(log_clock.now());
+        let sequencer = Sequencer::idle(log_clock);
         Self {
             board: Arc::new(Board::new(&config)),
             config: Arc::new(config),
@@ -241,7 +216,29 @@ impl<'a> Conductor<'a> {
             closing: JoinSet::new(),
             summary: Summary::default(),
             failed: None,
+            folders: vec![folder],
+            protected: Protected::default(),
+            clock,
         }
+    }
+
+    /// Beside the recording: makes whole what an earlier run could not close, and states which
+    /// limits cannot hold.
+    fn look_after_folder(&self) {
+        let storage = &self.config.storage;
+        let rate = self.board.estimate().rate_bytes_s;
+        let options = &storage.options;
+        for text in retention::warnings(&storage.directory, storage.limits, options, rate) {
+            tracing::warn!("{text}");
+        }
+        if self.clock.is_implausible() {
+            tracing::warn!(
+                clock = self.clock.name(),
+                "the date of the computer's clock may be wrong; the logs are marked until a \
+                 receiver gives the date"
+            );
+        }
+        recovery::start(storage.directory.clone(), self.protected.clone());
     }
 
     async fn start(&mut self) -> anyhow::Result<()> {
@@ -261,7 +258,8 @@ impl<'a> Conductor<'a> {
 
     fn retention(&self) -> impl Future<Output = ()> + use<> {
         let storage = &self.config.storage;
-        retention::keep(storage.directory.clone(), storage.limits)
+        let (protected, board) = (self.protected.clone(), Arc::clone(&self.board));
+        retention::keep(storage.directory.clone(), storage.limits, protected, board)
     }
 
     async fn obey(&mut self, order: Order) -> Answer {
@@ -298,14 +296,16 @@ impl<'a> Conductor<'a> {
             },
             events: None,
         };
-        let made = tokio::task::spawn_blocking(move || open_files(&config, started));
-        let recorder = made.await.context("making the files failed")??;
+        let (clock, protected) = (self.clock, self.protected.clone());
+        let made = move || Files::open(&config, started, clock, &protected);
+        let made = tokio::task::spawn_blocking(made);
+        let files = made.await.context("making the files failed")??;
         let numbers = numbers.unwrap_or_default();
         let sizes = QueueSizes::default();
         let streams = self.sequencer.begin(sizes, since, &numbers);
-        self.board.write_to(&recorder);
+        self.board.write_to(files.recorder());
         let sequencer = self.sequencer.clone();
-        let next = Run::start(recorder, engine, sequencer, streams, &self.pulses, voice)?;
+        let next = Run::start(files, engine, sequencer, streams, &self.pulses, voice)?;
         if let Some(old) = self.run.replace(next) {
             self.close(old);
         }
@@ -467,7 +467,11 @@ impl<'a> Conductor<'a> {
         let config = Arc::new(reload()?);
         // What only the engine finds wrong is to be found before anything changes.
         Engine::new(&config)?;
-        make_directory(&config)?;
+        let directory = &config.storage.directory;
+        let is_new = !self.folders.iter().any(|folder| folder.is(directory));
+        if is_new {
+            self.folders.push(Folder::take(directory)?);
+        }
         if control::socket_path(&config) != control::socket_path(&self.config) {
             tracing::warn!("control.socket stays as it is until the next start");
         }
@@ -490,6 +494,9 @@ impl<'a> Conductor<'a> {
         if let Err(stuck) = self.supervisor.apply(specs, STOP_DEADLINE).await {
             tracing::warn!(%stuck, "sources did not end in time");
             self.summary.stuck.extend(stuck.names);
+        }
+        if is_new {
+            self.look_after_folder();
         }
         let sources = self.config.sources.len();
         tracing::info!(sources, "the configuration was read again");

@@ -1,14 +1,26 @@
-//! Keeps the log directory within its limits: the oldest logs go first, those with marks last. The
-//! file that is being written is never touched.
+//! Keeps the log directory within its limits: the oldest logs go first, those with marks last.
+//!
+//! The order is that of the runs' numbers, never that of modification times: a computer without a
+//! battery behind its clock has wrong ones. Logs of the present drive stay, and nothing is removed
+//! where that would not reach the limit.
 
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::sync::Arc;
+use std::time::Duration;
 
-use store::{ACTIVE_SUFFIX, Reader};
+use store::{ACTIVE_SUFFIX, Summary};
+
+use crate::board::Board;
+use crate::folder::{LogName, Protected};
 
 /// How often the directory is looked at.
 const PERIOD: Duration = Duration::from_secs(10);
+/// One MiB, bytes.
+const MIB: f64 = 1_048_576.0;
 
 /// Limits of the log directory, in bytes; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,230 +31,314 @@ pub struct Limits {
     pub keep_free: Option<u64>,
 }
 
-/// A log of the directory.
-struct Log {
-    path: PathBuf,
-    bytes: u64,
-    modified: SystemTime,
+/// The limit that a log was removed for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// All logs together took more than the quota.
+    Quota,
+    /// Less than the limit was free on the disk.
+    KeepFree,
 }
 
-/// Keeps `directory` within `limits` until it is dropped.
-pub async fn keep(directory: PathBuf, limits: Limits) {
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Quota => "quota_mb",
+            Self::KeepFree => "keep_free_mb",
+        })
+    }
+}
+
+/// A log that was removed with all that belongs to it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Removed {
+    /// The log.
+    pub path: PathBuf,
+    /// Bytes of it and of what belonged to it.
+    pub bytes: u64,
+    /// For which limit.
+    pub reason: Reason,
+}
+
+/// What a look at the directory led to.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    /// Logs that were removed.
+    pub removed: Vec<Removed>,
+    /// Limits that do not hold, and why.
+    pub broken: Vec<String>,
+}
+
+/// A log of the directory and the files that belong to it: its journals, the original of a damaged
+/// one, what was lost.
+struct Log {
+    /// Up to `.mcap`, which is included.
+    path: PathBuf,
+    run: Option<u64>,
+    part: Option<u32>,
+    /// All files.
+    files: Vec<PathBuf>,
+    bytes: u64,
+    /// It is closed, and nothing shows that it is being recovered.
+    whole: bool,
+}
+
+/// Keeps `directory` within `limits` until it is dropped, and states on `board` what was removed.
+pub async fn keep(directory: PathBuf, limits: Limits, protected: Protected, board: Arc<Board>) {
     if limits == Limits::default() {
         return std::future::pending().await;
     }
     let mut interval = tokio::time::interval(PERIOD);
+    let mut broken_before = Vec::new();
     loop {
         interval.tick().await;
-        let directory = directory.clone();
-        let enforced = tokio::task::spawn_blocking(move || enforce(&directory, limits)).await;
-        match enforced {
-            Ok(Ok(removed)) => {
-                for path in removed {
-                    tracing::warn!(log = %path.display(), "removed to keep within the limits");
+        let (directory, protected) = (directory.clone(), protected.clone());
+        let look = move || enforce(&directory, limits, &protected);
+        match tokio::task::spawn_blocking(look).await {
+            Ok(Ok(outcome)) => {
+                for log in &outcome.removed {
+                    tracing::warn!(
+                        log = %log.path.display(),
+                        bytes = log.bytes,
+                        limit = %log.reason,
+                        "removed a log to keep within a limit"
+                    );
                 }
+                if outcome.broken != broken_before {
+                    for text in &outcome.broken {
+                        tracing::warn!("{text}");
+                    }
+                    broken_before.clone_from(&outcome.broken);
+                }
+                board.note_retention(outcome);
             }
-            Ok(Err(error)) => tracing::error!(%error, "the log directory was not looked at"),
+            Ok(Err(error)) => tracing::error!(%error, "cannot look at the log directory"),
             Err(error) => tracing::error!(%error, "the look at the log directory failed"),
         }
     }
 }
 
-/// Removes logs until the limits hold, and says which.
-pub fn enforce(directory: &Path, limits: Limits) -> io::Result<Vec<PathBuf>> {
-    let (mut logs, total) = list(directory)?;
-    let mut excess = limits
-        .quota
-        .map_or(0, |quota| total.saturating_sub(quota))
-        .max(shortage(directory, limits)?);
-    if excess == 0 {
-        return Ok(Vec::new());
+/// Removes logs until each limit holds that removing can reach. Logs of `protected` runs, unfinished
+/// logs and logs that another process holds stay.
+pub fn enforce(directory: &Path, limits: Limits, protected: &Protected) -> io::Result<Outcome> {
+    let logs = list(directory)?;
+    let total: u64 = logs.iter().map(|log| log.bytes).sum();
+    let free = acq::disk_space(directory)?.free_bytes;
+    let excess = [
+        (
+            Reason::Quota,
+            limits.quota.map_or(0, |q| total.saturating_sub(q)),
+        ),
+        (
+            Reason::KeepFree,
+            limits.keep_free.map_or(0, |k| k.saturating_sub(free)),
+        ),
+    ];
+    let mut outcome = Outcome::default();
+    if excess.iter().all(|(_, bytes)| *bytes == 0) {
+        return Ok(outcome);
     }
-    logs.sort_by_cached_key(|log| (has_mark(&log.path), log.modified, log.path.clone()));
-    let mut removed = Vec::new();
-    for log in logs {
-        if excess == 0 {
+    let mut removable: Vec<Log> = logs
+        .into_iter()
+        .filter(|log| log.whole && !log.run.is_some_and(|run| protected.contains(run)))
+        .collect();
+    let most: u64 = removable.iter().map(|log| log.bytes).sum();
+    let mut needed = (0, Reason::Quota);
+    for (reason, bytes) in excess {
+        if bytes > most {
+            outcome.broken.push(format!(
+                "{reason} does not hold: {:.0} MiB too much, and the logs that may be removed take \
+                 {:.0} MiB; no log is removed for it. Free the disk, or change the limit",
+                bytes as f64 / MIB,
+                most as f64 / MIB
+            ));
+        } else if bytes > needed.0 {
+            needed = (bytes, reason);
+        }
+    }
+    let (mut missing, reason) = needed;
+    if missing == 0 {
+        return Ok(outcome);
+    }
+    removable.sort_by_cached_key(Log::order);
+    for log in removable {
+        if missing == 0 {
             break;
         }
-        std::fs::remove_file(&log.path)?;
-        excess = excess.saturating_sub(log.bytes);
-        removed.push(log.path);
+        match log.remove() {
+            Ok(true) => {
+                missing = missing.saturating_sub(log.bytes);
+                outcome.removed.push(Removed {
+                    path: log.path,
+                    bytes: log.bytes,
+                    reason,
+                });
+            }
+            Ok(false) => {}
+            Err(error) => outcome
+                .broken
+                .push(format!("cannot remove {}: {error}", log.path.display())),
+        }
     }
-    Ok(removed)
-}
-
-/// `stem`, or with a number behind it if logs of that stem are there: a computer without a clock
-/// that lasts begins each of its days at the same second.
-pub fn free_stem(directory: &Path, stem: &str) -> io::Result<String> {
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(directory)? {
-        names.push(entry?.file_name().to_string_lossy().into_owned());
-    }
-    // Names keep the order of the runs.
-    let numbered = (2..).map(|number| format!("{stem}x{number:02}"));
-    let is_free = |stem: &String| {
-        let start = format!("{stem}_");
-        !names.iter().any(|name| name.starts_with(&start))
-    };
-    let mut stems = std::iter::once(stem.to_owned()).chain(numbered);
-    Ok(stems.find(is_free).unwrap_or_else(|| stem.to_owned()))
+    Ok(outcome)
 }
 
 /// Bytes that logs may still take before the disk is full or the oldest ones go.
 pub fn room(directory: &Path, limits: Limits) -> io::Result<u64> {
-    let free = acq::free_bytes(directory)?.saturating_sub(limits.keep_free.unwrap_or(0));
-    match limits.quota {
-        Some(quota) => Ok(free.min(quota.saturating_sub(list(directory)?.1))),
-        None => Ok(free),
-    }
+    let free = acq::disk_space(directory)?.free_bytes;
+    let free = free.saturating_sub(limits.keep_free.unwrap_or(0));
+    Ok(match limits.quota {
+        Some(quota) => {
+            let total: u64 = list(directory)?.iter().map(|log| log.bytes).sum();
+            free.min(quota.saturating_sub(total))
+        }
+        None => free,
+    })
 }
 
-/// Bytes a second of the newest whole log.
+/// Bytes a second of the newest closed log, by its summary.
 pub fn last_rate(directory: &Path) -> Option<f64> {
-    let (logs, _) = list(directory).ok()?;
-    let newest = logs.iter().max_by_key(|log| (log.modified, &log.path))?;
-    let (first, last) = Reader::open([&newest.path]).ok()?.info().span?;
+    let logs = list(directory).ok()?;
+    let closed = logs.iter().filter(|log| log.whole);
+    let newest = closed.max_by_key(|log| (log.run, log.part, &log.path))?;
+    let (first, last) = Summary::read(&newest.path).ok()??.span?;
     let seconds = last.seconds_since(first);
     (seconds > 0.0).then(|| newest.bytes as f64 / seconds)
 }
 
-/// Whole logs, and the bytes that all logs take, unfinished ones included.
-fn list(directory: &Path) -> io::Result<(Vec<Log>, u64)> {
-    let mut logs = Vec::new();
-    let mut total = 0;
-    for entry in std::fs::read_dir(directory)? {
-        let entry = entry?;
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let metadata = entry.metadata()?;
-        if name.ends_with(&format!(".mcap{ACTIVE_SUFFIX}")) {
-            total += metadata.len();
-        } else if name.ends_with(".mcap") && metadata.is_file() {
-            total += metadata.len();
-            logs.push(Log {
-                path: entry.path(),
-                bytes: metadata.len(),
-                modified: metadata.modified()?,
-            });
+/// Limits that cannot hold on this disk, in words. `rate_bytes_s` is that of the newest log.
+pub fn warnings(
+    directory: &Path,
+    limits: Limits,
+    options: &store::Options,
+    rate_bytes_s: Option<f64>,
+) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let there = directory.ancestors().find(|path| path.is_dir());
+    let there = there.unwrap_or_else(|| Path::new("."));
+    let disk = acq::disk_space(there).ok().map(|space| space.total_bytes);
+    let mib = |bytes: u64| format!("{:.0} MiB", bytes as f64 / MIB);
+    if let (Some(keep_free), Some(disk)) = (limits.keep_free, disk)
+        && keep_free >= disk
+    {
+        warnings.push(format!(
+            "storage.keep_free_mb cannot hold: {} is to stay free, and the disk has {}",
+            mib(keep_free),
+            mib(disk)
+        ));
+    }
+    if let (Some(quota), Some(disk)) = (limits.quota, disk)
+        && quota > disk
+    {
+        warnings.push(format!(
+            "storage.quota_mb has no effect: it is {}, and the disk has {}",
+            mib(quota),
+            mib(disk)
+        ));
+    }
+    if let Some(quota) = limits.quota {
+        match part_bytes(options, rate_bytes_s) {
+            Some(part) if quota < part.saturating_mul(2) => warnings.push(format!(
+                "storage.quota_mb may not hold: it is {}, and two parts of a drive take {}; lower \
+                 storage.rotate_after_mb",
+                mib(quota),
+                mib(part.saturating_mul(2))
+            )),
+            Some(_) => {}
+            None => warnings.push(
+                "storage.quota_mb may not hold: a drive is one file, since rotate_after_s and \
+                 rotate_after_mb are 0"
+                    .to_owned(),
+            ),
         }
     }
-    Ok((logs, total))
+    warnings
 }
 
-/// Bytes that the disk lacks.
-fn shortage(directory: &Path, limits: Limits) -> io::Result<u64> {
-    match limits.keep_free {
-        Some(keep_free) => Ok(keep_free.saturating_sub(acq::free_bytes(directory)?)),
-        None => Ok(0),
+/// Largest size of a part, where it has one: by size, or by time at a known rate.
+fn part_bytes(options: &store::Options, rate_bytes_s: Option<f64>) -> Option<u64> {
+    let by_time = options.rotate_after.zip(rate_bytes_s);
+    let by_time = by_time.map(|(after, rate)| (after.as_secs_f64() * rate) as u64);
+    match (options.rotate_bytes, by_time) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        // Rotated by time at a rate that is not known yet: no size to compare with.
+        (None, None) if options.rotate_after.is_some() => Some(0),
+        (a, b) => a.or(b),
     }
 }
 
-/// Whether somebody set a mark in the log. One that cannot be read is kept as if it had one.
-fn has_mark(path: &Path) -> bool {
-    match Reader::open([path]) {
-        Ok(reader) => reader
-            .info()
-            .channels
-            .get("/mark")
-            .is_some_and(|(_, count)| *count > 0),
-        Err(_) => true,
+/// All logs with what belongs to them.
+fn list(directory: &Path) -> io::Result<Vec<Log>> {
+    let mut logs: BTreeMap<PathBuf, Log> = BTreeMap::new();
+    for entry in std::fs::read_dir(directory)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let (Some(end), Some(parsed)) = (name.find(".mcap"), LogName::parse(&name)) else {
+            continue;
+        };
+        let end = end + ".mcap".len();
+        let rest = &name[end..];
+        // A file that vanished has been given its name or was removed.
+        let Some(data) = entry.metadata().ok().filter(std::fs::Metadata::is_file) else {
+            continue;
+        };
+        if !(rest.is_empty() || rest.starts_with('.')) {
+            continue;
+        }
+        let path = directory.join(&name[..end]);
+        let log = logs.entry(path.clone()).or_insert_with(|| Log {
+            path,
+            run: parsed.run,
+            part: parsed.part,
+            files: Vec::new(),
+            bytes: 0,
+            whole: true,
+        });
+        log.bytes += data.len();
+        log.whole &= !rest.ends_with(ACTIVE_SUFFIX) && !rest.ends_with(".recovering");
+        log.files.push(entry.path());
+    }
+    let mut logs: Vec<Log> = logs.into_values().collect();
+    for log in &mut logs {
+        log.whole &= log.files.contains(&log.path);
+    }
+    Ok(logs)
+}
+
+impl Log {
+    /// What is removed first comes first: logs without marks; logs without a run's number, by name;
+    /// runs by their number, parts by theirs.
+    fn order(&self) -> (bool, Option<u64>, Option<u32>, PathBuf) {
+        let summary = Summary::read(&self.path).ok().flatten();
+        // A log that a person has renamed still knows its number.
+        let of_summary = |summary: &Summary| (summary.session.run_number, summary.part);
+        let (run, part) = match (self.run, &summary) {
+            (None, Some(summary)) => of_summary(summary),
+            _ => (self.run, self.part),
+        };
+        // A log whose end cannot be read is kept as if it had a mark.
+        let has_mark = summary.is_none_or(|summary| summary.marks > 0);
+        (has_mark, run, run.and(part), self.path.clone())
+    }
+
+    /// Removes the log and what belongs to it; `false` if another process holds it.
+    fn remove(&self) -> io::Result<bool> {
+        let lock = File::open(&self.path)?;
+        if lock.try_lock().is_err() {
+            return Ok(false);
+        }
+        // The log goes last: what belongs to it is never left alone.
+        let beside = self.files.iter().filter(|file| **file != self.path);
+        for file in beside.chain([&self.path]) {
+            match std::fs::remove_file(file) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
+        }
+        Ok(true)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use sample::LogTime;
-    use store::{Options, Record, Session, Writer};
-
-    use super::*;
-
-    fn log(directory: &Path, name: &str, age_s: u64, mark: bool) -> u64 {
-        let path = directory.join(name);
-        let mut writer =
-            Writer::create(&path, Session::default(), Options::default(), 0).expect("a log");
-        if mark {
-            writer.record(&Record::Mark {
-                time: LogTime(1),
-                text: "here".to_owned(),
-            });
-        }
-        writer.finish().expect("closed");
-        let file = fs::File::options().write(true).open(&path).expect("a log");
-        let modified = SystemTime::UNIX_EPOCH + Duration::from_secs(2_000_000_000 - age_s);
-        file.set_modified(modified).expect("its time is set");
-        file.metadata().expect("metadata").len()
-    }
-
-    #[test]
-    fn the_oldest_go_first_and_marked_ones_last() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let path = directory.path();
-        log(path, "a.mcap", 400, true);
-        log(path, "b.mcap", 300, false);
-        log(path, "c.mcap", 200, false);
-        let newest = log(path, "d.mcap", 100, false);
-        fs::write(path.join("e.mcap.active"), "being written").expect("written");
-        fs::write(path.join("notes.txt"), "not a log").expect("written");
-        let total: u64 = list(path).expect("listed").1;
-        let within = |quota| Limits {
-            quota: Some(quota),
-            keep_free: None,
-        };
-        assert!(enforce(path, within(total)).expect("enforced").is_empty());
-        let removed = enforce(path, within(total - newest - 1)).expect("enforced");
-        assert_eq!(removed, [path.join("b.mcap"), path.join("c.mcap")]);
-        let removed = enforce(path, within(0)).expect("enforced");
-        assert_eq!(removed, [path.join("d.mcap"), path.join("a.mcap")]);
-        assert!(path.join("e.mcap.active").exists() && path.join("notes.txt").exists());
-    }
-
-    #[test]
-    fn a_run_never_takes_the_names_of_another() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let free = || free_stem(directory.path(), "drive-20020101T000005Z").expect("listed");
-        assert_eq!(free(), "drive-20020101T000005Z");
-        log(
-            directory.path(),
-            "drive-20020101T000005Z_0000.mcap",
-            1,
-            false,
-        );
-        assert_eq!(free(), "drive-20020101T000005Zx02");
-        let active = directory
-            .path()
-            .join("drive-20020101T000005Zx02_0000.mcap.active");
-        fs::write(active, "").expect("written");
-        assert_eq!(free(), "drive-20020101T000005Zx03");
-    }
-
-    #[test]
-    fn the_room_is_what_the_limits_leave() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let bytes = log(directory.path(), "a.mcap", 1, false);
-        let limits = Limits {
-            quota: Some(bytes + 1000),
-            keep_free: None,
-        };
-        assert_eq!(room(directory.path(), limits).expect("listed"), 1000);
-        let limits = Limits {
-            quota: None,
-            keep_free: Some(u64::MAX),
-        };
-        assert_eq!(room(directory.path(), limits).expect("listed"), 0);
-    }
-
-    #[test]
-    fn free_space_is_a_limit_too() {
-        let directory = tempfile::tempdir().expect("a directory");
-        log(directory.path(), "a.mcap", 1, false);
-        let limits = Limits {
-            quota: None,
-            keep_free: Some(u64::MAX),
-        };
-        assert_eq!(
-            enforce(directory.path(), limits).expect("enforced").len(),
-            1
-        );
-    }
-}
+mod tests;

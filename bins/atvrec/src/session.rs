@@ -1,20 +1,45 @@
-//! What a log says about the run that made it.
+//! What a log states about its run.
 
 use std::fs;
 
 use sample::{LogTime, SourceId};
-use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
+use store::{ClockState, DynamicMessage, Session, SignalSchema, Source, SourceKind};
 
 use crate::config::{Config, Meaning};
+use crate::engine::SILENCE_NS;
 
-/// The session of a recording on this machine.
-pub fn live(config: &Config, started: LogTime) -> Session {
+/// The session of a recording on this machine: run `run_number` of its log folder, by a clock whose
+/// state was `clock`.
+pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockState) -> Session {
     let seconds = started.0 / 1_000_000_000;
     Session {
+        run_number: Some(run_number),
+        clock,
         run_id: format!("{}-{:06x}", utc_compact(seconds), started.0 & 0xFF_FFFF),
         boot_id: read_line("/proc/sys/kernel/random/boot_id"),
         host: read_line("/proc/sys/kernel/hostname"),
         ..common(config, started)
+    }
+}
+
+/// Date of the source that this program is built from: a clock that stands before it is wrong.
+pub fn build_time() -> LogTime {
+    let seconds: u64 = env!("ATVREC_BUILD_UNIX_S").parse().unwrap_or(0);
+    LogTime(seconds * 1_000_000_000)
+}
+
+/// State of the host's clock, which stood at `anchor` when the log clock was set to it.
+pub fn clock_state(anchor: LogTime) -> ClockState {
+    if anchor < build_time() {
+        return ClockState::BeforeBuild;
+    }
+    match acq::clock_is_synchronised() {
+        Ok(true) => ClockState::Synchronised,
+        Ok(false) => ClockState::Unsynchronised,
+        Err(error) => {
+            tracing::debug!(%error, "the kernel does not say whether the clock is synchronised");
+            ClockState::Unknown
+        }
     }
 }
 
@@ -32,6 +57,7 @@ pub fn replayed(config: &Config, original: &Session) -> Session {
         run_id: format!("{}-replay", original.run_id),
         boot_id: original.boot_id.clone(),
         host: original.host.clone(),
+        clock: original.clock,
         ..common(config, original.started)
     }
 }
@@ -57,6 +83,7 @@ fn common(config: &Config, started: LogTime) -> Session {
     Session {
         started,
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        silence_ns: SILENCE_NS.cast_unsigned(),
         git_hash: env!("ATVREC_GIT_HASH").to_owned(),
         sources,
         dynamic: dynamic(config),

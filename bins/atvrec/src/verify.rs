@@ -13,8 +13,10 @@ const RAW: &str = "atvrec.Raw";
 const FOREIGN: [&str; 1] = ["/truth/"];
 /// Topics that only a log of a replay may have.
 const SMOOTHED: &str = "/smoothed/";
+/// A topic that logs of version 0.1.0 do not have.
+const UTC_OFFSET: &str = "/utc_offset";
 /// Schemas of states that every file of a run repeats at its beginning.
-const REPEATED: [&str; 2] = ["atvrec.Health", "atvrec.ClockFit"];
+const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
 /// Differences that are told in full.
 const TOLD_MAX: usize = 3;
 
@@ -26,6 +28,8 @@ pub struct Verifier {
     states: BTreeMap<String, Message>,
     /// Whether the log has smoothed estimates to compare with.
     smoothed: bool,
+    /// Whether the log has offsets of UTC to compare with.
+    utc_offset: bool,
     report: Report,
 }
 
@@ -71,6 +75,7 @@ impl Verifier {
                 .channels
                 .keys()
                 .any(|topic| topic.starts_with(SMOOTHED)),
+            utc_offset: info.channels.contains_key(UTC_OFFSET),
             report,
         }
     }
@@ -92,7 +97,9 @@ impl Verifier {
     }
 
     fn computed(&mut self, message: Encoded) {
-        if message.topic.starts_with(SMOOTHED) && !self.smoothed {
+        if message.topic.starts_with(SMOOTHED) && !self.smoothed
+            || message.topic == UTC_OFFSET && !self.utc_offset
+        {
             return;
         }
         let waiting = self.waiting.entry(message.topic.clone()).or_default();

@@ -8,10 +8,16 @@ mod configuration;
 mod estimate;
 #[path = "suite/export.rs"]
 mod export;
+#[path = "suite/folder.rs"]
+mod folder;
+#[path = "suite/hostile.rs"]
+mod hostile;
 #[path = "suite/identify.rs"]
 mod identify;
 #[path = "suite/import.rs"]
 mod import;
+#[path = "suite/outputs.rs"]
+mod outputs;
 #[path = "suite/passenger_car.rs"]
 mod passenger_car;
 #[path = "suite/record.rs"]
@@ -22,5 +28,7 @@ mod replay;
 mod report;
 #[path = "suite/score.rs"]
 mod score;
+#[path = "suite/silence.rs"]
+mod silence;
 #[path = "suite/support.rs"]
 mod support;

@@ -35,5 +35,5 @@ pub use spec::{
     CanFilter, CanSpec, Parity, PortSpec, SerialSpec, Setup, SlcanSpec, SourceKind, SourceSpec,
 };
 pub use supervisor::{StuckTasks, Supervisor};
-pub use sys::free_bytes;
+pub use sys::{DiskSpace, clock_is_synchronised, disk_space, run_at_idle_priority};
 pub use virtual_port::{Heard, VirtualPort};

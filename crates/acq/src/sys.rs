@@ -326,8 +326,21 @@ pub fn open_pseudo_terminal_nonblocking() -> io::Result<(File, std::path::PathBu
     pseudo_terminal(libc::O_NONBLOCK)
 }
 
-/// Bytes that an unprivileged user may still write on the disk of `path`.
-pub fn free_bytes(path: &std::path::Path) -> io::Result<u64> {
+/// Size of the file system that holds a path, and what an unprivileged user may still write, in
+/// bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DiskSpace {
+    /// Size of the file system.
+    pub total_bytes: u64,
+    /// Free for an unprivileged user.
+    pub free_bytes: u64,
+}
+
+/// Space of the file system that holds `path`.
+///
+/// # Errors
+/// If the path does not exist or the file system gives no figures.
+pub fn disk_space(path: &std::path::Path) -> io::Result<DiskSpace> {
     use std::os::unix::ffi::OsStrExt;
 
     let path = std::ffi::CString::new(path.as_os_str().as_bytes())?;
@@ -340,7 +353,43 @@ pub fn free_bytes(path: &std::path::Path) -> io::Result<u64> {
         clippy::unnecessary_cast,
         reason = "the C libraries differ in these types"
     )]
-    Ok((status.f_bavail as u64).saturating_mul(status.f_frsize as u64))
+    let bytes = |blocks| (blocks as u64).saturating_mul(status.f_frsize as u64);
+    Ok(DiskSpace {
+        total_bytes: bytes(status.f_blocks),
+        free_bytes: bytes(status.f_bavail),
+    })
+}
+
+/// Gives the calling thread the processor and the disk only while no other thread wants them
+/// (`SCHED_IDLE`, idle I/O class).
+///
+/// # Errors
+/// If the system refuses, as a system call filter may; the thread then runs on as before.
+pub fn run_at_idle_priority() -> io::Result<()> {
+    /// `IOPRIO_WHO_PROCESS` of `linux/ioprio.h`; process 0 is the calling thread.
+    const WHO_PROCESS: c_int = 1;
+    /// `IOPRIO_CLASS_IDLE` in the place of the class.
+    const CLASS_IDLE: c_int = 3 << 13;
+    // SAFETY: all fields of the structure are integers.
+    let mut parameters: libc::sched_param = unsafe { std::mem::zeroed() };
+    parameters.sched_priority = 0;
+    // SAFETY: sched_setscheduler reads one structure; 0 is the calling thread.
+    check(unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &raw const parameters) })?;
+    // SAFETY: ioprio_set takes three integers.
+    let result = unsafe { libc::syscall(libc::SYS_ioprio_set, WHO_PROCESS, 0, CLASS_IDLE) };
+    check(result as c_int).map(drop)
+}
+
+/// Whether the kernel says that the wall clock is synchronised to a reference (NTP, PTP, GNSS).
+///
+/// # Errors
+/// If the system refuses to say, as a system call filter may.
+pub fn clock_is_synchronised() -> io::Result<bool> {
+    // SAFETY: all fields of the structure are integers; no mode bit asks for no change.
+    let mut state: libc::timex = unsafe { std::mem::zeroed() };
+    // SAFETY: adjtimex writes one structure.
+    let answer = check(unsafe { libc::adjtimex(&raw mut state) })?;
+    Ok(answer != libc::TIME_ERROR && state.status & libc::STA_UNSYNC == 0)
 }
 
 /// No line discipline: bytes pass as they are, before a program has set the port up too.

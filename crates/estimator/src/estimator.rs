@@ -183,6 +183,11 @@ impl Estimator {
         }
     }
 
+    /// Leaves out all instants before `now`: time has passed in which nothing was measured.
+    pub fn skip_to(&mut self, now: LogTime) {
+        self.next_grid = Some(LogTime(now.0.div_ceil(GRID_NANOS) * GRID_NANOS));
+    }
+
     /// Takes one sample in. Samples that do not concern the estimator are ignored, and so are
     /// values that no vehicle can have.
     pub fn push(&mut self, sample: &Sample) {

@@ -5,9 +5,7 @@ use std::collections::BTreeMap;
 use sample::{
     Event, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover, Sample, TyreForce,
 };
-use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage};
-
-use crate::Error;
+use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage, UtcOffset};
 
 /// Topics that the report reads; raw bytes and DBC messages stay untouched.
 const TOPICS: [&str; 10] = [
@@ -35,6 +33,8 @@ pub struct Drive {
     pub attachments: Vec<Attachment>,
     /// Log clock of the first message.
     pub start: LogTime,
+    /// UTC against the log clock, where a receiver sent the date.
+    pub utc_offset: Option<UtcOffset>,
     /// Seconds from the first to the last message.
     pub duration_s: f64,
     /// Estimated motion.
@@ -111,10 +111,12 @@ impl<T> Series<T> {
 
 impl Drive {
     /// Reads a drive.
-    pub fn read(reader: &Reader) -> Result<Self, Error> {
-        let info = reader.info();
+    pub fn read(reader: &Reader) -> store::Result<Self> {
+        let mut info = reader.info();
+        info.missing.extend(reader.changed()?);
         let (start, end) = info.span.unwrap_or_default();
         let session = reader.session();
+        let utc_offset = reader.utc_offset()?;
         let mut drive = Self {
             files: info
                 .files
@@ -128,11 +130,16 @@ impl Drive {
                     "Recorded by".into(),
                     format!("atvrec {} {}", session.version, session.git_hash),
                 ),
+                (
+                    "Clock".into(),
+                    session.clock_statement(utc_offset).unwrap_or_default(),
+                ),
                 ("Host".into(), session.host.clone()),
                 ("Boot".into(), session.boot_id.clone()),
             ],
             attachments: reader.attachments()?,
             start,
+            utc_offset,
             duration_s: end.seconds_since(start),
             estimate: Series::default(),
             measured: Series::default(),

@@ -2,12 +2,11 @@
 //! to believe it by. It works without a network, zooms and prints.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::Figure;
 use crate::page::{SCRIPT, STYLE, escape, json_in_html, plotly_script};
-use crate::{Error, Figure};
 
 /// What the page shows.
 #[derive(Clone, Debug, Default)]
@@ -35,17 +34,9 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// Writes the page to `output` and tells its size in bytes.
-///
-/// # Errors
-/// If the file cannot be written.
-pub fn write_html(page: &Page, output: &Path) -> Result<u64, Error> {
-    let html = render(page);
-    crate::write(output, &html)?;
-    Ok(html.len() as u64)
-}
-
-fn render(page: &Page) -> String {
+/// The page as HTML.
+#[must_use]
+pub fn html(page: &Page) -> String {
     let figures: Vec<&Figure> = page.figures.iter().filter(|f| f.has_data()).collect();
     let title = escape(&page.title);
     let mut body = format!("<h1>{title}</h1><p class=\"when\">");
@@ -164,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_page_holds_its_table_its_warning_and_its_points() {
-        let html = render(&page());
+        let html = html(&page());
         for part in [
             "stands &lt;1&gt;.mcap",
             "FR lower_front drifts",
@@ -180,6 +171,6 @@ mod tests {
     fn a_figure_without_data_is_left_out() {
         let mut page = page();
         page.figures[0].panels[0].traces[0].y = vec![f64::NAN; 2];
-        assert!(!render(&page).contains("counts-plot"));
+        assert!(!html(&page).contains("counts-plot"));
     }
 }

@@ -66,7 +66,8 @@ fn figures_json(figures: &[Figure]) -> Value {
 }
 
 fn title(drive: &Drive) -> String {
-    format!("Drive of {}", utc(drive.start))
+    let start_ns = store::utc_ns(drive.start, drive.utc_offset);
+    format!("Drive of {}", utc(LogTime(start_ns)))
 }
 
 fn head(drive: &Drive, body: &mut String) {

@@ -12,10 +12,12 @@
 //! - Wheels are ordered front left, front right, rear left, rear right everywhere ([`Wheel::ALL`]).
 
 mod arrival;
+pub mod boundary;
 mod estimate;
 mod innovation;
 mod measurement;
 mod stamp;
+pub mod text;
 mod wheel;
 
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};

@@ -36,6 +36,24 @@ pub enum SimError {
         /// What the Parquet reader said.
         cause: parquet::errors::ParquetError,
     },
+    /// The file is damaged, or declares what it does not hold.
+    #[error("truth file {path} cannot be read: {what}; write it again")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The file holds more than is read.
+    #[error("truth file {path} has more than {most} {what}; split it")]
+    TooMuch {
+        /// The file.
+        path: PathBuf,
+        /// What there is too much of.
+        what: &'static str,
+        /// How much is read.
+        most: u64,
+    },
     /// The CSV file is malformed.
     #[error("truth file {path}: {cause}; the first line must name the columns")]
     Csv {
@@ -102,6 +120,21 @@ pub enum SimError {
         time_s: f64,
         /// The time of the row before it.
         previous_s: f64,
+    },
+    /// A gap that no motion can be interpolated over.
+    #[error(
+        "rows {previous} and {row} are {gap_s} s apart, more than {most_s} s; correct the times, \
+         or split the file"
+    )]
+    Gap {
+        /// Row before the gap, from 1.
+        previous: usize,
+        /// Row behind it.
+        row: usize,
+        /// Time between them, s.
+        gap_s: f64,
+        /// Longest gap, s.
+        most_s: f64,
     },
     /// The model refuses vehicle or sensors.
     #[error(transparent)]

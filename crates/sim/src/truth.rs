@@ -1,13 +1,22 @@
 //! Truth files: a motion that some simulator wrote as Parquet or CSV.
+//!
+//! Files come from elsewhere: what one of them may cost is bounded, and a panic of a library that
+//! reads it is an error.
 
-mod columns;
+mod csv_table;
+#[cfg(feature = "parquet")]
+mod parquet_table;
+#[cfg(feature = "parquet")]
+mod thrift;
 
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use nalgebra::Vector3;
+use sample::boundary::guarded;
 use sample::{PerWheel, Wheel};
-
-pub use columns::{Columns, read_columns};
 
 use crate::{Motion, SimError, TruthState, WheelTruth};
 
@@ -77,7 +86,8 @@ impl Motion {
     /// A file that cannot be read, columns missing or in another unit (all missing ones are named
     /// at once), cells that are not finite numbers, time that does not rise.
     pub fn open(path: &Path) -> Result<Self, SimError> {
-        let columns = read_columns(path, |name| known_column(path, name))?;
+        let known = Known::new();
+        let columns = read_columns(path, |found| known.find(path, found))?;
         for (name, values) in &columns {
             check_finite(path, name, values)?;
         }
@@ -91,7 +101,19 @@ impl Motion {
             });
         }
         let name = path.file_stem().and_then(|stem| stem.to_str());
-        Self::new(name.unwrap_or("truth"), states(&columns))
+        let states = states(&columns);
+        for (row, pair) in states.windows(2).enumerate() {
+            let gap_s = pair[1].time_s - pair[0].time_s;
+            if gap_s > GAP_MAX_S {
+                return Err(SimError::Gap {
+                    previous: row + 1,
+                    row: row + 2,
+                    gap_s,
+                    most_s: GAP_MAX_S,
+                });
+            }
+        }
+        Self::new(name.unwrap_or("truth"), states)
     }
 }
 
@@ -117,22 +139,104 @@ fn with_wheels(
     whole.iter().map(|&name| name.to_owned()).chain(wheels)
 }
 
-/// The known column that a column of a file is, if it is one.
-fn known_column(path: &Path, found: &str) -> Result<Option<String>, SimError> {
-    let stem = |name: &str| name.split('[').next().unwrap_or_default().trim().to_owned();
-    let found_stem = stem(found);
-    match required_columns()
-        .chain(optional_columns())
-        .find(|known| stem(known) == found_stem)
-    {
-        Some(known) if known == found.trim() => Ok(Some(known)),
-        Some(expected) => Err(SimError::WrongUnit {
+/// Columns by name; all are of one length.
+pub type Columns = BTreeMap<String, Vec<f64>>;
+
+/// The name under which a column of a file is kept, by its name in the file; `None` leaves it out.
+type Wanted<'a> = &'a dyn Fn(&str) -> Result<Option<String>, SimError>;
+
+/// Longest time between two rows, s: over a longer one a motion means nothing.
+const GAP_MAX_S: f64 = 10.0;
+/// Largest truth file, bytes.
+const FILE_MAX: u64 = 1 << 30;
+/// Most columns of a truth file, used or not.
+const COLUMNS_MAX: usize = 10_000;
+/// Most numbers that are taken from a truth file: 0.8 GB.
+const NUMBERS_MAX: usize = 100_000_000;
+/// Characters of a name or a cell that a message shows.
+const SHOWN_CHARS: usize = 60;
+
+/// Reads columns of numbers from a Parquet or CSV file; the end of the file's name says which.
+/// `wanted` gives the name under which a column of the file is kept, or `None` to leave it out.
+///
+/// # Errors
+/// A file that cannot be read, is damaged or too large, a wanted column that holds anything but
+/// numbers (nulls included), and the errors of `wanted`.
+pub fn read_columns(
+    path: &Path,
+    wanted: impl Fn(&str) -> Result<Option<String>, SimError>,
+) -> Result<Columns, SimError> {
+    let read: fn(&Path, Vec<u8>, Wanted<'_>) -> Result<Columns, SimError> =
+        match path.extension().and_then(|end| end.to_str()) {
+            #[cfg(feature = "parquet")]
+            Some("parquet") => parquet_table::read,
+            Some("csv") => csv_table::read,
+            _ => {
+                return Err(SimError::UnknownKind {
+                    path: path.to_owned(),
+                });
+            }
+        };
+    let bytes = read_file(path)?;
+    guarded(|| read(path, bytes, &wanted)).unwrap_or_else(|panic| {
+        Err(SimError::Unreadable {
             path: path.to_owned(),
-            found: found.to_owned(),
-            expected,
-        }),
-        None => Ok(None),
+            what: format!("its reader failed: {panic}"),
+        })
+    })
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, SimError> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(FILE_MAX + 1).read_to_end(&mut bytes))
+        .map_err(|cause| SimError::Read {
+            path: path.to_owned(),
+            cause,
+        })?;
+    if bytes.len() as u64 > FILE_MAX {
+        return too_much(path, "bytes", FILE_MAX);
     }
+    Ok(bytes)
+}
+
+fn too_much<T>(path: &Path, what: &'static str, most: u64) -> Result<T, SimError> {
+    Err(SimError::TooMuch {
+        path: path.to_owned(),
+        what,
+        most,
+    })
+}
+
+fn shown(text: &str) -> String {
+    text.chars().take(SHOWN_CHARS).collect()
+}
+
+/// The columns that are known, by what stands before the unit.
+struct Known(BTreeMap<String, String>);
+
+impl Known {
+    fn new() -> Self {
+        let all = required_columns().chain(optional_columns());
+        Self(all.map(|name| (stem(&name).to_owned(), name)).collect())
+    }
+
+    /// The known column that a column of a file is, if it is one.
+    fn find(&self, path: &Path, found: &str) -> Result<Option<String>, SimError> {
+        match self.0.get(stem(found)) {
+            Some(known) if known == found.trim() => Ok(Some(known.clone())),
+            Some(expected) => Err(SimError::WrongUnit {
+                path: path.to_owned(),
+                found: shown(found),
+                expected: expected.clone(),
+            }),
+            None => Ok(None),
+        }
+    }
+}
+
+fn stem(name: &str) -> &str {
+    name.split('[').next().unwrap_or_default().trim()
 }
 
 fn check_finite(path: &Path, name: &str, values: &[f64]) -> Result<(), SimError> {

@@ -8,7 +8,7 @@ use sample::{LogTime, Motion, NANOS_PER_SECOND, PerWheel, Rollover, Sample, Sour
 
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
-use crate::{ClockFit, Pose, Record, Stage};
+use crate::{ClockFit, Pose, Record, Stage, UtcOffset};
 use estimate::{
     clock_fit_to_proto, event_from_proto, event_to_proto, force_from_proto, forces_to_proto,
     health_from_proto, health_to_proto, log_from_proto, log_to_proto, motion_from_proto,
@@ -131,6 +131,15 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
             fit.time,
             &|topic, time| Encoded::new(topic, time, time, &clock_fit_to_proto(fit)),
         ),
+        Record::UtcOffset(offset) => one("/utc_offset".to_owned(), offset.time, &|topic, time| {
+            let message = pb::UtcOffset {
+                offset_ns: offset.offset_ns,
+                sigma_s: offset.sigma_s,
+                source: u32::from(offset.source.0),
+                leap_seconds: offset.leap_seconds,
+            };
+            Encoded::new(topic, time, time, &message)
+        }),
         Record::Mark { time, text } => one("/mark".to_owned(), *time, &|topic, time| {
             Encoded::new(topic, time, time, &pb::Mark { text: text.clone() })
         }),
@@ -282,6 +291,16 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
                 residual_sigma_s: fit.residual_sigma_s,
                 count: fit.count,
                 steps: fit.steps,
+            })
+        }
+        "atvrec.UtcOffset" => {
+            let offset = pb::UtcOffset::decode(data)?;
+            Record::UtcOffset(UtcOffset {
+                time,
+                offset_ns: offset.offset_ns,
+                sigma_s: offset.sigma_s,
+                source: SourceId(narrow("source", offset.source)?),
+                leap_seconds: offset.leap_seconds,
             })
         }
         "atvrec.Mark" => Record::Mark {

@@ -49,6 +49,14 @@ pub enum Error {
         /// Run of this file.
         found: String,
     },
+    /// A file was given twice.
+    #[error("{} and {} are the same file; give it once", first.display(), second.display())]
+    SameFile {
+        /// As it was named first.
+        first: PathBuf,
+        /// As it was named again.
+        second: PathBuf,
+    },
     /// No file was given.
     #[error("no log was given")]
     NoFiles,
@@ -83,6 +91,72 @@ pub enum Error {
     /// Another process is writing the file.
     #[error("{} is being written by another process; stop it first", .0.display())]
     InUse(PathBuf),
+    /// A recovery was told to stop; the file is as it was.
+    #[error("the recovery of {} was stopped; the file is as it was", .0.display())]
+    Stopped(PathBuf),
+    /// The disk has no room for the recovered copy of a log.
+    #[error(
+        "{} is damaged or unfinished, and the disk has no room for a recovered copy: {needed} bytes \
+         are needed, {free} are free; the file is as it was and can be read where it is; make room, \
+         then run `atvrec recover`",
+        path.display()
+    )]
+    NoRoom {
+        /// The log.
+        path: PathBuf,
+        /// Bytes that the copy needs.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+    },
+    /// A part of a file is larger than allowed, so that the file is not recovered.
+    #[error(
+        "{} holds a record of {bytes} bytes, more than the {bound} that are allowed; the file is as it \
+         was; run `atvrec recover --max-chunk` with a larger bound",
+        path.display()
+    )]
+    TooLarge {
+        /// Which file.
+        path: PathBuf,
+        /// Size of the record, as it claims or inflates.
+        bytes: u64,
+        /// The bound.
+        bound: u64,
+    },
+    /// A log whose name another file has.
+    #[error(
+        "{} cannot be recovered: {} exists and holds something else; rename one of them",
+        path.display(), existing.display()
+    )]
+    NameTaken {
+        /// The unfinished log.
+        path: PathBuf,
+        /// The file that has its name.
+        existing: PathBuf,
+    },
+    /// What bears the name of an unfinished log is no file.
+    #[error("{} is not a regular file", .0.display())]
+    NoFile(PathBuf),
+    /// Recovery cannot handle a file; it bears another name from now on.
+    #[error("{cause}; it was set aside as {}", to.display())]
+    SetAside {
+        /// Its new name.
+        to: PathBuf,
+        /// Why recovery failed.
+        cause: Box<Error>,
+    },
+    /// The recovered copy of a log does not read as it was written.
+    #[error(
+        "the recovered copy of {} does not read as it was written: {what}; the file is as it was; \
+         check the disk",
+        path.display()
+    )]
+    NotVerified {
+        /// The log.
+        path: PathBuf,
+        /// What is wrong with the copy.
+        what: String,
+    },
     /// The writer's thread ended before it was told to.
     #[error("the writer thread ended early; the log was closed as far as it was written")]
     WriterGone,

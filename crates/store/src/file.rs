@@ -9,11 +9,18 @@ use sample::{Arrival, LogTime};
 
 use crate::journal;
 use crate::log_writer::{Latched, Pending};
+use crate::proto::atvrec as pb;
 use crate::recorder::LostItems;
 use crate::{Error, LogWriter, Options, Record, Result, Session, WriteCounters};
 
 /// What an unfinished log's name ends in.
 pub const ACTIVE_SUFFIX: &str = ".active";
+
+/// What is added to the name of an unfinished log that recovery cannot handle.
+pub const UNRECOVERABLE_SUFFIX: &str = ".unrecoverable";
+
+/// What is added to the name of a log whose damaged original is kept.
+pub const DAMAGED_SUFFIX: &str = ".damaged";
 
 /// Path of a part of a run: `<directory>/<stem>_<part>.mcap`.
 #[must_use]
@@ -53,10 +60,13 @@ impl Unfinished {
         journal::remove(&self.path)
     }
 
-    /// Syncs the file, gives it its final name, and syncs the directory.
-    pub(crate) fn finish(self) -> Result<PathBuf> {
+    /// Syncs the file, gives it its final name by `rename`, and syncs the directory.
+    fn finish(self, rename: impl FnOnce(&Path, &Path) -> std::io::Result<()>) -> Result<PathBuf> {
         self.sync()?;
-        self.give_name()?;
+        rename(&self.active, &self.path)
+            .map_err(Error::file("give its final name to", &self.active))?;
+        sync_directory(&self.path)?;
+        journal::remove(&self.path)?;
         Ok(self.path)
     }
 
@@ -101,6 +111,15 @@ pub(crate) fn sync_directory(path: &Path) -> Result<()> {
     File::open(directory)
         .and_then(|directory| directory.sync_all())
         .map_err(Error::file("sync the directory", directory))
+}
+
+/// The name that a log gets when it is whole.
+pub(crate) fn final_path(path: &Path) -> PathBuf {
+    let name = path.as_os_str().to_string_lossy();
+    name.strip_suffix(UNRECOVERABLE_SUFFIX)
+        .unwrap_or(&name)
+        .strip_suffix(ACTIVE_SUFFIX)
+        .map_or_else(|| path.to_owned(), PathBuf::from)
 }
 
 /// `path` with [`ACTIVE_SUFFIX`] behind it.
@@ -239,15 +258,32 @@ impl Writer {
     }
 
     /// Closes the log with its counters, statistics and indexes, syncs it and gives it its name.
+    /// A file of that name is not replaced.
     ///
     /// # Errors
-    /// If the disk refuses; the unfinished file is then still there, to be recovered.
+    /// If the disk refuses or a file of that name exists; the unfinished file then remains and can
+    /// be recovered.
     pub fn finish(self) -> Result<Finished> {
+        self.finish_by(crate::rename_without_replacing)
+    }
+
+    /// As [`finish`](Self::finish), but replaces a file of that name.
+    ///
+    /// # Errors
+    /// If the disk refuses; the unfinished file then remains and can be recovered.
+    pub fn finish_replacing(self) -> Result<Finished> {
+        self.finish_by(|from, to| std::fs::rename(from, to))
+    }
+
+    fn finish_by(
+        self,
+        rename: impl FnOnce(&Path, &Path) -> std::io::Result<()>,
+    ) -> Result<Finished> {
         let counters = self.log.counters().clone();
         let bytes = Arc::clone(&self.bytes);
         let (file, closed) = self.close();
         closed?;
-        let path = file.finish()?;
+        let path = file.finish(rename)?;
         Ok(Finished {
             path,
             bytes: bytes.load(Ordering::Relaxed),
@@ -283,6 +319,10 @@ impl Writer {
 
     pub(crate) fn leave_disk_losses_to_recorder(&mut self) {
         self.log.leave_disk_losses_to_recorder();
+    }
+
+    pub(crate) fn take_new_channels(&mut self) -> Vec<pb::JournalChannel> {
+        self.log.take_new_channels()
     }
 
     pub(crate) fn group(&self) -> &[Arrival] {

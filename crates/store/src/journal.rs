@@ -4,27 +4,34 @@
 //! arrivals go into a journal beside the log as well, every few tens of milliseconds. There are two
 //! files that take turns with each chunk: one is emptied only when the chunk that holds its arrivals
 //! has reached the disk itself. Recovery puts what is only in the journals behind the last chunk.
+//!
+//! A third file holds the definitions of the log's channels. The log holds each of them in one chunk
+//! alone, until it is closed: without the copy, damage to that chunk would make the messages of all
+//! later chunks unreadable.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use prost::Message as _;
 use sample::{Arrival, LogTime, SourceId};
 
 use crate::convert::Encoded;
-use crate::file::sync_directory;
+use crate::file::{DAMAGED_SUFFIX, sync_directory};
 use crate::proto::atvrec as pb;
-use crate::{Error, Result, Session, raw};
+use crate::{Error, Result, Session, raw, scan};
 
-const SUFFIXES: [&str; 2] = [".journal-a", ".journal-b"];
+const SUFFIXES: [&str; 3] = [".journal-a", ".journal-b", ".journal-channels"];
+/// Which of the files holds the channels.
+const CHANNELS: usize = 2;
 /// Stands before each entry; length and CRC-32 of the entry follow.
 const ENTRY_MAGIC: [u8; 4] = *b"ATVJ";
 const ENTRY_PREFIX: usize = 12;
 
 /// Paths of the journals of the log whose final name is `path`.
-pub(crate) fn paths(path: &Path) -> [PathBuf; 2] {
+pub(crate) fn paths(path: &Path) -> [PathBuf; 3] {
     SUFFIXES.map(|suffix| {
         let mut name = path.as_os_str().to_owned();
         name.push(suffix);
@@ -54,10 +61,20 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Lets the journals of a log that is damaged stand beside its damaged original.
+pub(crate) fn keep_damaged(path: &Path) -> Result<()> {
+    for journal in paths(path).into_iter().filter(|path| path.is_file()) {
+        let mut kept = journal.clone().into_os_string();
+        kept.push(DAMAGED_SUFFIX);
+        std::fs::rename(&journal, &kept).map_err(Error::file("rename", &journal))?;
+    }
+    Ok(())
+}
+
 /// Keeps the arrivals of the open group.
 pub(crate) struct Journal {
-    files: [File; 2],
-    paths: [PathBuf; 2],
+    files: [File; 3],
+    paths: [PathBuf; 3],
     session: Session,
     interval: Duration,
     encoder: raw::Encoder,
@@ -80,7 +97,7 @@ impl Journal {
                 .open(path)
                 .map_err(Error::file("create", path))
         };
-        let files = [create(&paths[0])?, create(&paths[1])?];
+        let files = [create(&paths[0])?, create(&paths[1])?, create(&paths[2])?];
         sync_directory(path)?;
         Ok(Self {
             files,
@@ -95,13 +112,13 @@ impl Journal {
     }
 
     /// Handles for syncing.
-    pub(crate) fn handles(&self) -> Result<[File; 2]> {
+    pub(crate) fn handles(&self) -> Result<[File; 3]> {
         let again = |index: usize| {
             self.files[index]
                 .try_clone()
                 .map_err(Error::file("open again", &self.paths[index]))
         };
-        Ok([again(0)?, again(1)?])
+        Ok([again(0)?, again(1)?, again(2)?])
     }
 
     /// Whether something of the open group is not in it.
@@ -146,19 +163,32 @@ impl Journal {
                 data: batch.data,
             })
             .collect();
-        let body = pb::JournalEntry { batches }.encode_to_vec();
+        let channels = Vec::new();
+        self.write(
+            (self.chunks % 2) as usize,
+            &pb::JournalEntry { batches, channels },
+        )?;
+        self.kept = group.len();
+        self.kept_until = last.log_time;
+        Ok(())
+    }
+
+    /// Adds the definitions of channels.
+    pub(crate) fn define(&mut self, channels: Vec<pb::JournalChannel>) -> Result<()> {
+        let batches = Vec::new();
+        self.write(CHANNELS, &pb::JournalEntry { batches, channels })
+    }
+
+    fn write(&mut self, file: usize, entry: &pb::JournalEntry) -> Result<()> {
+        let body = entry.encode_to_vec();
         let mut entry = Vec::with_capacity(body.len() + ENTRY_PREFIX);
         entry.extend(ENTRY_MAGIC);
         entry.extend((body.len() as u32).to_le_bytes());
         entry.extend(crc32fast::hash(&body).to_le_bytes());
         entry.extend(body);
-        let turn = (self.chunks % 2) as usize;
-        self.files[turn]
+        self.files[file]
             .write_all(&entry)
-            .map_err(Error::file("write", &self.paths[turn]))?;
-        self.kept = group.len();
-        self.kept_until = last.log_time;
-        Ok(())
+            .map_err(Error::file("write", &self.paths[file]))
     }
 
     /// The chunk of the open group is written, `chunks` in all, `synced` of which have reached the
@@ -178,37 +208,64 @@ impl Journal {
     }
 }
 
-/// The batches that the journals of a log hold, as far as they are intact, in the order of their
-/// groups; none if there are no journals.
-pub(crate) fn read(path: &Path) -> Result<Vec<(u64, Encoded)>> {
+/// What the journals of a log hold, as far as they are intact.
+#[derive(Default)]
+pub(crate) struct Contents {
+    /// There is a journal, be it empty.
+    pub is_there: bool,
+    /// Raw batches by the first sequence of their group, in that order.
+    pub batches: Vec<(u64, Encoded)>,
+    pub channels: Vec<Channel>,
+}
+
+/// A channel of the log, with name and data of its schema.
+pub(crate) type Channel = (mcap::records::Channel, String, Arc<[u8]>);
+
+/// What the journals of the log `path` hold; nothing if there are none.
+pub(crate) fn read(path: &Path) -> Result<Contents> {
     let mut journals = Vec::new();
+    let mut is_there = false;
     for journal in paths(path) {
+        // Opening a FIFO would wait for its writer.
+        if !journal.is_file() {
+            continue;
+        }
         let mut bytes = Vec::new();
-        match File::open(&journal) {
-            Ok(mut file) => file
-                .read_to_end(&mut bytes)
-                .map_err(Error::file("read", &journal))?,
-            Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => continue,
-            Err(cause) => return Err(Error::file("open", &journal)(cause)),
-        };
+        let mut file = File::open(&journal)
+            .map_err(Error::file("open", &journal))?
+            .take(scan::max_chunk());
+        file.read_to_end(&mut bytes)
+            .map_err(Error::file("read", &journal))?;
         journals.push(bytes);
+        is_there = true;
     }
-    Ok(parse(journals.iter().map(Vec::as_slice)))
+    let mut contents = parse(journals.iter().map(Vec::as_slice));
+    contents.is_there = is_there;
+    Ok(contents)
+}
+
+/// The channels that the journals of the log `path` hold.
+pub(crate) fn channels(path: &Path) -> Result<Vec<Channel>> {
+    Ok(read(path)?.channels)
 }
 
 /// What [`read`] gives, of journals that are in memory.
-pub(crate) fn parse<'a>(journals: impl Iterator<Item = &'a [u8]>) -> Vec<(u64, Encoded)> {
-    let mut batches = Vec::new();
+pub(crate) fn parse<'a>(journals: impl Iterator<Item = &'a [u8]>) -> Contents {
+    let mut contents = Contents::default();
     for bytes in journals {
-        read_entries(bytes, &mut batches);
+        contents.is_there = true;
+        read_entries(bytes, &mut contents);
     }
-    batches.sort_by_key(|(first, _)| *first);
-    batches
+    contents.batches.sort_by_key(|(first, _)| *first);
+    contents
 }
 
-fn read_entries(mut bytes: &[u8], batches: &mut Vec<(u64, Encoded)>) {
+fn read_entries(mut bytes: &[u8], contents: &mut Contents) {
     while let Some((entry, rest)) = split_entry(bytes) {
         bytes = rest;
+        contents
+            .channels
+            .extend(entry.channels.into_iter().filter_map(channel));
         for batch in entry.batches {
             let Some(group) = raw::group(&batch.data) else {
                 continue;
@@ -223,9 +280,20 @@ fn read_entries(mut bytes: &[u8], batches: &mut Vec<(u64, Encoded)>) {
                 publish_time: time,
                 data: batch.data,
             };
-            batches.push((group.first_sequence, encoded));
+            contents.batches.push((group.first_sequence, encoded));
         }
     }
+}
+
+fn channel(channel: pb::JournalChannel) -> Option<Channel> {
+    let record = mcap::records::Channel {
+        id: channel.id.try_into().ok()?,
+        schema_id: channel.schema_id.try_into().ok().filter(|id| *id != 0)?,
+        topic: channel.topic,
+        message_encoding: "protobuf".to_owned(),
+        metadata: channel.metadata.into_iter().collect(),
+    };
+    Some((record, channel.schema, channel.schema_data.into()))
 }
 
 /// The first entry, if it is there in full and its checksum is right.

@@ -17,29 +17,39 @@ mod error;
 mod file;
 mod journal;
 mod log_writer;
+mod new_name;
 mod raw;
 mod reader;
 mod record;
 mod recorder;
 mod recovery;
+mod rename;
 mod scan;
 mod schema;
 mod session;
+mod summary;
 mod table;
 
 pub use convert::Encoded;
 pub use counters::WriteCounters;
 pub use dynamic::{DynamicMessage, SignalSchema};
 pub use error::{Error, Result};
-pub use file::{ACTIVE_SUFFIX, Finished, Writer, part_path};
+pub use file::{ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, UNRECOVERABLE_SUFFIX, Writer, part_path};
 pub use log_writer::LogWriter;
+pub use new_name::rename_without_replacing;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };
-pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform};
+pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform, UtcOffset};
 pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
-pub use recovery::{Recovered, recover, recover_directory, salvage};
-pub use session::{Attachment, Options, Session, Source, SourceKind};
+pub use recovery::{
+    Loss, RecoverOptions, Recovered, companions, recover, recover_directory, recover_each,
+    recover_with, salvage,
+};
+pub use rename::{RENAME_SUFFIX, finish_renames, rename_run};
+pub use scan::{DEFAULT_MAX_CHUNK, max_chunk, set_max_chunk};
+pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, utc_ns};
+pub use summary::Summary;
 pub use table::{Column, Table, Values};
 
 /// Types generated from the schemas in `proto/`, as they stand in the log.

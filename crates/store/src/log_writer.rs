@@ -5,12 +5,13 @@ use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
 use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
 
-use crate::convert::{self, Encoded};
+use crate::convert::{self, Encoded, Envelope};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
+use crate::proto::atvrec as pb;
 use crate::recorder::LostItems;
-use crate::session::{COUNTERS_METADATA, RUN_METADATA};
-use crate::{Options, Record, Result, Session, raw, schema};
+use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
+use crate::{Options, Record, Result, Session, UtcOffset, raw, schema};
 
 /// Writes one log to anything that takes bytes. It reads no clock: the same input gives the same
 /// bytes.
@@ -32,6 +33,8 @@ pub struct LogWriter<W: Write> {
     latched: Latched,
     last_log_time: Option<LogTime>,
     groups: u64,
+    /// Channels that the journal does not hold yet.
+    new_channels: Vec<pb::JournalChannel>,
     /// The last groups in the log, which may not have reached the disk; `None` where nobody asks.
     unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
@@ -52,8 +55,27 @@ impl Latched {
         }
     }
 
+    /// The last offset of UTC, of this file or of the files before.
+    fn utc_offset(&self) -> Option<UtcOffset> {
+        let message = self.messages.get(&("/utc_offset".to_owned(), None))?;
+        let envelope = Envelope {
+            topic: &message.topic,
+            schema: &message.schema,
+            source: SourceId::HOST,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        match convert::decode(&envelope, &message.data) {
+            Ok(Some(Record::UtcOffset(offset))) => Some(offset),
+            _ => None,
+        }
+    }
+
     fn see_message(&mut self, message: &Encoded) {
-        if matches!(message.schema.as_str(), "atvrec.ClockFit" | "atvrec.Health") {
+        if matches!(
+            message.schema.as_str(),
+            "atvrec.ClockFit" | "atvrec.Health" | "atvrec.UtcOffset"
+        ) {
             let key = (message.topic.clone(), message.source);
             self.messages.insert(key, message.clone());
         }
@@ -133,6 +155,7 @@ impl<W: Write> LogWriter<W> {
             latched: Latched::default(),
             last_log_time: None,
             groups: 0,
+            new_channels: Vec::new(),
             unsynced: None,
             counters: WriteCounters::default(),
             counts_disk_notices: true,
@@ -417,9 +440,25 @@ impl<W: Write> LogWriter<W> {
         let schema = self
             .mcap
             .add_schema(&message.schema, "protobuf", &descriptors)?;
-        Ok(self
+        let id = self
             .mcap
-            .add_channel(schema, &message.topic, "protobuf", &metadata)?)
+            .add_channel(schema, &message.topic, "protobuf", &metadata)?;
+        if self.unsynced.is_some() {
+            self.new_channels.push(pb::JournalChannel {
+                id: id.into(),
+                topic: message.topic.clone(),
+                metadata: metadata.into_iter().collect(),
+                schema_id: schema.into(),
+                schema: message.schema.clone(),
+                schema_data: descriptors,
+            });
+        }
+        Ok(id)
+    }
+
+    /// Channels that were added since the last call, of a log whose groups are kept.
+    pub(crate) fn take_new_channels(&mut self) -> Vec<pb::JournalChannel> {
+        std::mem::take(&mut self.new_channels)
     }
 
     /// Adds what was lost on the way to this log to its counters.
@@ -449,6 +488,12 @@ impl<W: Write> LogWriter<W> {
     /// If the sink refuses bytes.
     pub fn finish(mut self, extra: &BTreeMap<String, String>) -> Result<W> {
         self.flush()?;
+        if let Some(offset) = self.latched.utc_offset() {
+            self.mcap.write_metadata(&Metadata {
+                name: UTC_METADATA.to_owned(),
+                metadata: offset.to_metadata(&self.session),
+            })?;
+        }
         let mut metadata = self.counters.to_metadata(&self.session);
         metadata.extend(extra.clone());
         self.mcap.write_metadata(&Metadata {

@@ -1,9 +1,11 @@
 //! Reading logs, whole or cut short.
 
 mod arrivals;
+mod definitions;
 mod index;
 mod integrity;
 mod messages;
+mod parts;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,10 +17,11 @@ pub use arrivals::ArrivalIter;
 pub use messages::{Message, MessageIter, Selection};
 
 use crate::recovery::RECOVERED_METADATA;
-use crate::session::{COUNTERS_METADATA, RUN_METADATA};
-use crate::{Attachment, Error, Record, Result, Session, Stage};
-pub(crate) use index::Index;
+use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
+use crate::{Attachment, Error, Record, Result, Session, Stage, UtcOffset};
+pub(crate) use definitions::{Definitions, placeholder};
 use index::attachment;
+pub(crate) use index::{Index, Lost, ScanOptions};
 
 /// One or more files of a run, read as one log.
 pub struct Reader {
@@ -68,6 +71,17 @@ pub enum Missing {
         path: PathBuf,
         /// Where it begins.
         offset: u64,
+        /// How long it is.
+        bytes: u64,
+        /// What it is.
+        what: String,
+    },
+    /// A part of a damaged or unfinished file that no checksum confirms was left out.
+    Unconfirmed {
+        /// Which file.
+        path: PathBuf,
+        /// Where it begins.
+        offset: u64,
         /// What it is.
         what: &'static str,
     },
@@ -87,6 +101,13 @@ pub enum Missing {
         /// What is wrong with it.
         text: String,
     },
+    /// Parts of the run are not given.
+    Parts {
+        /// The first that is missing.
+        first: u32,
+        /// The last of the hole.
+        last: u32,
+    },
     /// Arrivals are missing from the sequence.
     Arrivals {
         /// Sequence of the first that is missing.
@@ -105,8 +126,14 @@ impl Missing {
             Self::Cut { offset, .. } => {
                 format!("the file ends inside of the record at byte {offset}")
             }
-            Self::Damaged { offset, what, .. } => {
-                format!("the {what} at byte {offset} is damaged and left out")
+            Self::Damaged {
+                offset,
+                bytes,
+                what,
+                ..
+            } => format!("the {what} at byte {offset} is damaged; {bytes} bytes are left out"),
+            Self::Unconfirmed { offset, what, .. } => {
+                format!("the {what} at byte {offset} stands under no checksum and is left out")
             }
             Self::Changed { text, .. } => format!("bytes were changed since it was closed: {text}"),
             Self::BadMessage {
@@ -114,6 +141,8 @@ impl Missing {
                 log_time,
                 text,
             } => format!("a message on {topic} at {log_time} s is malformed: {text}"),
+            Self::Parts { first, last } if first == last => format!("part {first} is missing"),
+            Self::Parts { first, last } => format!("parts {first} to {last} are missing"),
             Self::Arrivals {
                 first_sequence,
                 count,
@@ -127,6 +156,7 @@ impl std::fmt::Display for Missing {
         if let Self::Unfinished { path }
         | Self::Cut { path, .. }
         | Self::Damaged { path, .. }
+        | Self::Unconfirmed { path, .. }
         | Self::Changed { path, .. } = self
         {
             write!(f, "{}: ", path.display())?;
@@ -159,7 +189,8 @@ impl Reader {
     /// Opens files of one run; they are put in order by themselves.
     ///
     /// # Errors
-    /// If no file is given, one cannot be read, is no MCAP file, or belongs to another run. A file
+    /// If no file is given, one is given twice, cannot be read, is no MCAP file, or belongs to
+    /// another run. A file
     /// that is cut or damaged is no error: see [`Info::missing`].
     pub fn open<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Self> {
         let mut files = Vec::new();
@@ -168,11 +199,8 @@ impl Reader {
             let index = Index::read(&path)?;
             files.push(LogFile { path, index });
         }
-        let part = |file: &LogFile| {
-            let run = file.index.metadata.get(RUN_METADATA);
-            let part = run.and_then(|run| run.get("part")?.parse::<u32>().ok());
-            (part, file.index.span.map(|span| span.0))
-        };
+        parts::refuse_twice(&files)?;
+        let part = |file: &LogFile| (parts::number(file), file.index.span.map(|span| span.0));
         files.sort_by_key(part);
         let sessions: Vec<Session> = files
             .iter()
@@ -243,7 +271,36 @@ impl Reader {
             }
             info.missing.extend(index.missing.iter().cloned());
         }
+        info.missing.extend(self.missing_parts());
         info
+    }
+
+    /// The last offset of UTC against the log clock that a receiver gave: from the metadata of the
+    /// last file that has it, else from the last message of `/utc_offset`.
+    ///
+    /// # Errors
+    /// If a file can no longer be read.
+    pub fn utc_offset(&self) -> Result<Option<UtcOffset>> {
+        let in_metadata = self.files.iter().rev().find_map(|file| {
+            let metadata = file.index.metadata.get(UTC_METADATA)?;
+            UtcOffset::from_metadata(metadata)
+        });
+        if in_metadata.is_some() {
+            return Ok(in_metadata);
+        }
+        let mut last = None;
+        for message in self.messages(Selection::topics(["/utc_offset"])) {
+            if let Ok(Some(Record::UtcOffset(offset))) = message?.record() {
+                last = Some(offset);
+            }
+        }
+        Ok(last)
+    }
+
+    /// Parts of the run that are not among the files, before the last one that is.
+    #[must_use]
+    pub fn missing_parts(&self) -> Vec<Missing> {
+        parts::missing(self.files.iter().filter_map(|file| parts::number(file)))
     }
 
     /// Whether one of the files was cut short and made whole by [`crate::recover`].

@@ -77,6 +77,8 @@ pub enum Record {
     Health(Health),
     /// How a device's clock maps to the log clock.
     ClockFit(ClockFit),
+    /// UTC against the log clock.
+    UtcOffset(UtcOffset),
     /// A mark set by a person or a program.
     Mark {
         /// When.
@@ -143,6 +145,30 @@ pub struct ClockFit {
     pub count: u64,
     /// Steps of the device's clock seen so far.
     pub steps: u64,
+}
+
+/// UTC against the log clock, from a receiver that sends date and time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UtcOffset {
+    /// Log clock of the statement.
+    pub time: LogTime,
+    /// UTC minus log clock, ns.
+    pub offset_ns: i64,
+    /// Standard deviation of the offset, s.
+    pub sigma_s: f64,
+    /// The receiver.
+    pub source: SourceId,
+    /// GPS time minus UTC, s, where the receiver sent it.
+    pub leap_seconds: Option<i32>,
+}
+
+impl UtcOffset {
+    /// UTC of a log time, ns since 1970.
+    #[must_use]
+    pub fn utc_ns(&self, time: LogTime) -> i64 {
+        let log_ns = i64::try_from(time.0).unwrap_or(i64::MAX);
+        log_ns.saturating_add(self.offset_ns)
+    }
 }
 
 /// A message for people, as on the recorder's standard error.

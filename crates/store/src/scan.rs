@@ -1,229 +1,155 @@
-//! Walking through an MCAP file record by record, as far as it goes.
+//! Records of MCAP files: what a record must look like, and how a file is read in bounded memory.
+
+mod chunk;
+mod search;
+mod walk;
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use mcap::records::{ChunkHeader, Record, op};
+use mcap::records::{Record, op};
+
+pub(crate) use chunk::{Chunk, Decompressor, Proof, Refusal, of_cut};
+pub(crate) use search::repaired;
+pub(crate) use walk::{Cause, Damage, Ending, Item, Walker, summary};
 
 use crate::{Error, Result};
 
 pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Opcode and length.
-const PREFIX: u64 = 9;
-/// Chunks that claim to be larger than this when decompressed are not believed.
-const CHUNK_LIMIT: u64 = 1 << 30;
+pub(crate) const PREFIX: u64 = 9;
 
-/// A file and how far it has been read.
+/// The bound of [`max_chunk`] when nothing else is set, bytes.
+pub const DEFAULT_MAX_CHUNK: u64 = 64 << 20;
+
+static MAX_CHUNK: AtomicU64 = AtomicU64::new(DEFAULT_MAX_CHUNK);
+
+/// Bytes that a chunk may have when inflated, and any other record, before it is refused. The
+/// memory that a file can cost is a small multiple of it.
+#[must_use]
+pub fn max_chunk() -> u64 {
+    MAX_CHUNK.load(Ordering::Relaxed)
+}
+
+/// Sets [`max_chunk`] for the whole process.
+pub fn set_max_chunk(bytes: u64) {
+    MAX_CHUNK.store(bytes, Ordering::Relaxed);
+}
+
+/// A file of which any part can be read, with a bounded allocation for each.
 pub(crate) struct Scanner<R> {
     file: BufReader<R>,
     position: u64,
     length: u64,
-}
-
-/// One step through a file.
-pub(crate) enum Step {
-    /// A whole record.
-    Record {
-        opcode: u8,
-        offset: u64,
-        body: Vec<u8>,
-    },
-    /// The file ends inside of a record: what is there of it.
-    Cut {
-        opcode: u8,
-        offset: u64,
-        body: Vec<u8>,
-    },
-    /// The file ends between two records.
-    End,
+    /// Finds the next byte of a sparse file that is stored.
+    next_data: fn(&R, u64) -> Option<u64>,
+    stop: Option<Arc<AtomicBool>>,
 }
 
 impl Scanner<File> {
-    /// Opens a file and checks that it begins like MCAP. A file shorter than the magic is an empty
-    /// log.
+    /// Opens a file.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::file("open", path))?;
-        let (scanner, magic) = Self::new(file).map_err(Error::file("read", path))?;
-        if magic != MAGIC[..magic.len()] {
-            return Err(Error::NotMcap {
-                path: path.to_owned(),
-                found: magic,
-            });
-        }
+        let mut scanner = Self::new(file).map_err(Error::file("read", path))?;
+        scanner.next_data = next_data;
         Ok(scanner)
     }
 }
 
+/// The first stored byte at or after `offset`; `None` if the file system does not say, or if none
+/// follows.
+#[cfg(target_os = "linux")]
+fn next_data(file: &File, offset: u64) -> Option<u64> {
+    match rustix::fs::seek(file, rustix::fs::SeekFrom::Data(offset)) {
+        Err(rustix::io::Errno::NXIO) => Some(u64::MAX),
+        found => found.ok(),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn next_data(_: &File, _: u64) -> Option<u64> {
+    None
+}
+
 impl<R: Read + Seek> Scanner<R> {
-    /// Starts behind the magic, and gives what stands in its place.
-    pub(crate) fn new(mut file: R) -> std::io::Result<(Self, Vec<u8>)> {
+    pub(crate) fn new(mut file: R) -> std::io::Result<Self> {
         let length = file.seek(SeekFrom::End(0))?;
         file.seek(SeekFrom::Start(0))?;
-        let mut scanner = Self {
+        Ok(Self {
             file: BufReader::with_capacity(1 << 18, file),
             position: 0,
             length,
-        };
-        let magic = scanner.take(MAGIC.len() as u64)?;
-        Ok((scanner, magic))
+            next_data: |_, _| None,
+            stop: None,
+        })
+    }
+
+    /// From now on reading fails with an error that [`is_stop`] knows, once `stop` is set.
+    pub(crate) fn stop_at(&mut self, stop: Option<Arc<AtomicBool>>) {
+        self.stop = stop;
     }
 
     pub(crate) fn length(&self) -> u64 {
         self.length
     }
 
-    pub(crate) fn seek(&mut self, offset: u64) -> std::io::Result<()> {
+    /// Reads `length` bytes at `offset`, fewer at the end of the file. The allocation is bounded by
+    /// the file's length; the caller bounds it further.
+    pub(crate) fn read_at(&mut self, offset: u64, length: u64) -> std::io::Result<Vec<u8>> {
+        if self
+            .stop
+            .as_ref()
+            .is_some_and(|s| s.load(Ordering::Relaxed))
+        {
+            return Err(interrupted());
+        }
         // A relative seek keeps what is buffered.
         let distance = offset.wrapping_sub(self.position) as i64;
         self.file.seek_relative(distance)?;
         self.position = offset;
-        Ok(())
-    }
-
-    /// Reads `length` bytes at `offset`, fewer at the end of the file.
-    pub(crate) fn read_at(&mut self, offset: u64, length: u64) -> std::io::Result<Vec<u8>> {
-        self.file.seek(SeekFrom::Start(offset))?;
-        self.position = offset;
-        self.take(length)
-    }
-
-    fn take(&mut self, length: u64) -> std::io::Result<Vec<u8>> {
-        // The allocation is bounded by what the file can hold, whatever a length field claims.
-        let available = length.min(self.length.saturating_sub(self.position));
+        let available = length.min(self.length.saturating_sub(offset));
         let mut bytes = Vec::with_capacity(available as usize);
         self.file.by_ref().take(available).read_to_end(&mut bytes)?;
         self.position += bytes.len() as u64;
         Ok(bytes)
     }
 
-    /// The next record.
-    pub(crate) fn step(&mut self) -> std::io::Result<Step> {
-        let offset = self.position;
-        let prefix = self.take(PREFIX)?;
-        let Ok(prefix) = <[u8; PREFIX as usize]>::try_from(prefix.as_slice()) else {
-            return Ok(if prefix.is_empty() {
-                Step::End
-            } else {
-                Step::Cut {
-                    opcode: prefix[0],
-                    offset,
-                    body: Vec::new(),
-                }
-            });
-        };
-        let [opcode, length @ ..] = prefix;
-        let length = u64::from_le_bytes(length);
-        let body = self.take(length)?;
-        Ok(if (body.len() as u64) < length {
-            Step::Cut {
-                opcode,
-                offset,
-                body,
-            }
-        } else {
-            Step::Record {
-                opcode,
-                offset,
-                body,
-            }
-        })
+    /// Opcode and length of the record at `offset`; `None` if fewer bytes are there.
+    pub(crate) fn prefix(&mut self, offset: u64) -> std::io::Result<Option<(u8, u64)>> {
+        let bytes = self.read_at(offset, PREFIX)?;
+        Ok(<[u8; PREFIX as usize]>::try_from(bytes.as_slice())
+            .ok()
+            .map(|[opcode, length @ ..]| (opcode, u64::from_le_bytes(length))))
+    }
+
+    /// The first byte at or after `offset` that is not in a hole of a sparse file.
+    fn skip_hole(&mut self, offset: u64) -> std::io::Result<u64> {
+        let found = (self.next_data)(self.file.get_ref(), offset);
+        // The search moved the file behind the buffer's back.
+        self.file.seek(SeekFrom::Start(offset))?;
+        self.position = offset;
+        Ok(found.map_or(offset, |found| found.clamp(offset, self.length)))
     }
 }
 
-/// What came out of a chunk.
-pub(crate) struct ChunkContents {
-    /// Records, one after the other; the last may be cut.
-    pub records: Vec<u8>,
+/// A reading was told to stop.
+fn interrupted() -> std::io::Error {
+    // Not `Interrupted`: that kind is tried again by the standard library.
+    std::io::Error::new(std::io::ErrorKind::TimedOut, Stopped)
 }
 
-/// Decompresses chunks, keeping the decoder between them.
-#[derive(Default)]
-pub(crate) struct Decompressor {
-    zstd: Option<zstd::bulk::Decompressor<'static>>,
+/// Whether an error is that of [`interrupted`].
+pub(crate) fn is_stop(error: &std::io::Error) -> bool {
+    error.get_ref().is_some_and(|inner| inner.is::<Stopped>())
 }
 
-impl Decompressor {
-    /// The records of a chunk's body. A chunk that is cut, or whose checksum is wrong, gives what
-    /// its compression lets through: nothing if the checksum is wrong, since its bytes cannot be
-    /// trusted.
-    pub(crate) fn chunk(&mut self, body: &[u8], cut: bool) -> Option<ChunkContents> {
-        let (header, data) = chunk_header(body)?;
-        if header.uncompressed_size > CHUNK_LIMIT {
-            return None;
-        }
-        let size = header.uncompressed_size as usize;
-        let complete = !cut && data.len() as u64 == header.compressed_size;
-        if !complete {
-            let records = decompress_stream(&header.compression, data, size)?;
-            return Some(ChunkContents { records });
-        }
-        let records = if header.compression == "zstd" {
-            if self.zstd.is_none() {
-                self.zstd = zstd::bulk::Decompressor::new().ok();
-            }
-            self.zstd.as_mut()?.decompress(data, size).ok()?
-        } else {
-            decompress_stream(&header.compression, data, size)?
-        };
-        let sound = records.len() == size
-            && (header.uncompressed_crc == 0
-                || crc32fast::hash(&records) == header.uncompressed_crc);
-        sound.then_some(ChunkContents { records })
-    }
-}
-
-/// The header of a chunk, and its compressed bytes as far as they are there.
-pub(crate) fn chunk_header(body: &[u8]) -> Option<(ChunkHeader, &[u8])> {
-    let mut rest = body;
-    let mut take = |count: usize| {
-        let (head, tail) = rest.split_at_checked(count)?;
-        rest = tail;
-        Some(head)
-    };
-    let message_start_time = u64::from_le_bytes(take(8)?.try_into().ok()?);
-    let message_end_time = u64::from_le_bytes(take(8)?.try_into().ok()?);
-    let uncompressed_size = u64::from_le_bytes(take(8)?.try_into().ok()?);
-    let uncompressed_crc = u32::from_le_bytes(take(4)?.try_into().ok()?);
-    let name_length = u32::from_le_bytes(take(4)?.try_into().ok()?) as usize;
-    let compression = String::from_utf8(take(name_length)?.to_vec()).ok()?;
-    let compressed_size = u64::from_le_bytes(take(8)?.try_into().ok()?);
-    let header = ChunkHeader {
-        message_start_time,
-        message_end_time,
-        uncompressed_size,
-        uncompressed_crc,
-        compression,
-        compressed_size,
-    };
-    Some((header, rest))
-}
-
-/// Decompresses as far as the data goes.
-fn decompress_stream(compression: &str, data: &[u8], size: usize) -> Option<Vec<u8>> {
-    match compression {
-        "" => Some(data[..data.len().min(size)].to_vec()),
-        "zstd" => Some(read_while_good(
-            zstd::stream::read::Decoder::with_buffer(data).ok()?,
-            size,
-        )),
-        "lz4" => Some(read_while_good(lz4::Decoder::new(data).ok()?, size)),
-        _ => None,
-    }
-}
-
-fn read_while_good(mut from: impl Read, size: usize) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut buffer = [0; 4096];
-    while bytes.len() < size {
-        match from.read(&mut buffer) {
-            Ok(0) | Err(_) => break,
-            Ok(count) => bytes.extend_from_slice(&buffer[..count]),
-        }
-    }
-    bytes.truncate(size);
-    bytes
-}
+/// The cause inside of the error that [`interrupted`] makes.
+#[derive(Debug, thiserror::Error)]
+#[error("the reading was stopped")]
+struct Stopped;
 
 /// The records of a chunk, as far as they are whole. Says whether all were.
 pub(crate) fn for_each_record<'a>(records: &'a [u8], mut f: impl FnMut(u8, &'a [u8])) -> bool {
@@ -259,9 +185,110 @@ pub(crate) fn message(body: &[u8]) -> Option<(mcap::records::MessageHeader, &[u8
     Some((header, data))
 }
 
-/// Parses any other record; `None` if it is malformed.
+/// Parses any record but messages and chunks; `None` if its lengths do not add up to its body's,
+/// or its checksum is wrong.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
+    if !is_well_formed(opcode, body) {
+        return None;
+    }
     mcap::parse_record(opcode, body).ok()
+}
+
+/// Whether the lengths inside of a record add up to its own: the parser behind allocates what they
+/// say.
+fn is_well_formed(opcode: u8, body: &[u8]) -> bool {
+    let mut rest = Fields(body);
+    let parsed = match opcode {
+        op::HEADER => rest.blob().and_then(|_| rest.blob()),
+        op::FOOTER => rest.take(20),
+        op::SCHEMA => rest
+            .skip(2)
+            .and_then(|()| rest.blob())
+            .and_then(|_| rest.blob())
+            .and_then(|_| rest.blob()),
+        op::CHANNEL => rest
+            .skip(4)
+            .and_then(|()| rest.blob())
+            .and_then(|_| rest.blob())
+            .and_then(|_| rest.blob())
+            .filter(|map| is_string_map(map)),
+        op::MESSAGE_INDEX => rest.skip(2).and_then(|()| rest.blob()),
+        op::CHUNK_INDEX => rest
+            .skip(32)
+            .and_then(|()| rest.blob())
+            .and_then(|_| rest.skip(8))
+            .and_then(|()| rest.blob())
+            .and_then(|_| rest.take(16)),
+        op::ATTACHMENT => return attachment_is_sound(body),
+        op::ATTACHMENT_INDEX => rest
+            .skip(40)
+            .and_then(|()| rest.blob())
+            .and_then(|_| rest.blob()),
+        op::STATISTICS => rest.skip(42).and_then(|()| rest.blob()),
+        op::METADATA => rest
+            .blob()
+            .and_then(|_| rest.blob())
+            .filter(|map| is_string_map(map)),
+        op::METADATA_INDEX => rest.skip(16).and_then(|()| rest.blob()),
+        op::SUMMARY_OFFSET => rest.take(17),
+        op::DATA_END => rest.take(4),
+        _ => return true,
+    };
+    parsed.is_some() && rest.0.is_empty()
+}
+
+/// Whether pairs of strings fill the bytes of a map.
+fn is_string_map(map: &[u8]) -> bool {
+    let mut rest = Fields(map);
+    while !rest.0.is_empty() {
+        if rest.blob().and_then(|_| rest.blob()).is_none() {
+            return false;
+        }
+    }
+    true
+}
+
+/// Whether an attachment's lengths add up, and its checksum is right.
+fn attachment_is_sound(body: &[u8]) -> bool {
+    let mut rest = Fields(body);
+    let parsed = rest
+        .skip(16)
+        .and_then(|()| rest.blob())
+        .and_then(|_| rest.blob())
+        .and_then(|_| rest.take(8));
+    let Some(length) = parsed.and_then(|bytes| bytes.try_into().ok()) else {
+        return false;
+    };
+    let Some(Ok(crc)) = usize::try_from(u64::from_le_bytes(length))
+        .ok()
+        .and_then(|length| rest.skip(length))
+        .map(|()| <[u8; 4]>::try_from(rest.0))
+    else {
+        return false;
+    };
+    let crc = u32::from_le_bytes(crc);
+    crc == 0 || crc32fast::hash(&body[..body.len() - 4]) == crc
+}
+
+/// Cuts fields off the front of a record.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (head, tail) = self.0.split_at_checked(count)?;
+        self.0 = tail;
+        Some(head)
+    }
+
+    fn skip(&mut self, count: usize) -> Option<()> {
+        self.take(count).map(drop)
+    }
+
+    /// Bytes behind their length, of 32 bits.
+    fn blob(&mut self) -> Option<&'a [u8]> {
+        let length = u32::from_le_bytes(self.take(4)?.try_into().ok()?);
+        self.take(length as usize)
+    }
 }
 
 /// Whether a file may hold this record at its top level.

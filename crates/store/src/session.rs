@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use sample::{LogTime, SourceId};
 
-use crate::DynamicMessage;
+use crate::{DynamicMessage, UtcOffset};
 
 /// What every file of a run says about itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,12 +20,65 @@ pub struct Session {
     pub boot_id: String,
     /// Name of the host; empty in simulations.
     pub host: String,
+    /// Number of the run in its log folder, which rises from run to run; `None` outside of a log
+    /// folder and in logs of older versions.
+    pub run_number: Option<u64>,
+    /// State of the host's clock when the log clock was set to it.
+    pub clock: ClockState,
+    /// The recorder gives no estimate while no source has delivered anything for longer than this,
+    /// ns; 0 in logs of versions that always gave estimates.
+    pub silence_ns: u64,
     /// All sources of the resolved configuration.
     pub sources: Vec<Source>,
     /// Messages of the DBC files, so that their channels carry all signals from the first frame on.
     pub dynamic: Vec<DynamicMessage>,
     /// Configuration, vehicle, calibration and DBC files.
     pub attachments: Vec<Attachment>,
+}
+
+/// State of the host's clock when the log clock was set to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ClockState {
+    /// Not known: a simulation, a log of an older version, or a kernel that does not say.
+    #[default]
+    Unknown,
+    /// The kernel said that it is synchronised to a reference.
+    Synchronised,
+    /// The kernel said that it is not synchronised.
+    Unsynchronised,
+    /// It stood before the date of the recorder's build: no battery, or never set.
+    BeforeBuild,
+}
+
+impl ClockState {
+    const ALL: [Self; 4] = [
+        Self::Unknown,
+        Self::Synchronised,
+        Self::Unsynchronised,
+        Self::BeforeBuild,
+    ];
+
+    /// Lower-case name, as in the log's metadata.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Synchronised => "synchronised",
+            Self::Unsynchronised => "unsynchronised",
+            Self::BeforeBuild => "before_build",
+        }
+    }
+
+    /// Whether the date of the log clock may be wrong.
+    #[must_use]
+    pub const fn is_implausible(self) -> bool {
+        matches!(self, Self::Unsynchronised | Self::BeforeBuild)
+    }
+
+    fn from_name(name: &str) -> Self {
+        let found = Self::ALL.into_iter().find(|state| state.name() == name);
+        found.unwrap_or_default()
+    }
 }
 
 /// One source of the configuration.
@@ -130,6 +183,8 @@ impl Default for Options {
 
 /// Name of the metadata record that opens each file.
 pub(crate) const RUN_METADATA: &str = "atvrec.run";
+/// Name of the metadata record with the last offset of UTC.
+pub(crate) const UTC_METADATA: &str = "atvrec.utc_offset";
 /// Name of the metadata record that closes each file.
 pub(crate) const COUNTERS_METADATA: &str = "atvrec.counters";
 
@@ -143,6 +198,30 @@ impl Session {
             .map_or_else(|| format!("source{}", id.0), |source| source.name.clone())
     }
 
+    /// What is known of the log clock's date, in words; `None` if nothing is.
+    #[must_use]
+    pub fn clock_statement(&self, utc: Option<UtcOffset>) -> Option<String> {
+        let state = match self.clock {
+            ClockState::Unsynchronised => Some("not synchronised at the start"),
+            ClockState::BeforeBuild => Some("not set at the start"),
+            ClockState::Synchronised => Some("synchronised at the start"),
+            ClockState::Unknown => None,
+        };
+        let by_receiver = utc.map(|utc| {
+            format!(
+                "UTC minus log clock is {:.3} s, standard deviation {:.3} s, by {}",
+                utc.offset_ns as f64 * 1e-9,
+                utc.sigma_s,
+                self.source_name(utc.source)
+            )
+        });
+        let is_doubtful = self.clock.is_implausible() && by_receiver.is_none();
+        let doubt = is_doubtful.then(|| "the date may be wrong".to_owned());
+        let parts = [state.map(str::to_owned), by_receiver, doubt];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+
     pub(crate) fn to_metadata(&self, part: u32) -> BTreeMap<String, String> {
         let mut map = BTreeMap::from([
             ("run_id".to_owned(), self.run_id.clone()),
@@ -152,7 +231,14 @@ impl Session {
             ("git_hash".to_owned(), self.git_hash.clone()),
             ("boot_id".to_owned(), self.boot_id.clone()),
             ("host".to_owned(), self.host.clone()),
+            ("silence_ns".to_owned(), self.silence_ns.to_string()),
         ]);
+        if let Some(number) = self.run_number {
+            map.insert("run_number".to_owned(), number.to_string());
+        }
+        if self.clock != ClockState::Unknown {
+            map.insert("clock".to_owned(), self.clock.name().to_owned());
+        }
         for source in &self.sources {
             map.insert(
                 format!("source.{:05}", source.id.0),
@@ -162,7 +248,7 @@ impl Session {
         map
     }
 
-    /// The session that a file's metadata tells of; attachments and dynamic messages stay empty.
+    /// The session that a file's metadata states; attachments and dynamic messages stay empty.
     pub(crate) fn from_metadata(map: &BTreeMap<String, String>) -> Self {
         let text = |key: &str| map.get(key).cloned().unwrap_or_default();
         let sources = map
@@ -184,9 +270,48 @@ impl Session {
             git_hash: text("git_hash"),
             boot_id: text("boot_id"),
             host: text("host"),
+            run_number: text("run_number").parse().ok(),
+            clock: ClockState::from_name(&text("clock")),
+            silence_ns: text("silence_ns").parse().unwrap_or_default(),
             sources,
             dynamic: Vec::new(),
             attachments: Vec::new(),
         }
+    }
+}
+
+/// UTC of a log time, ns since 1970: by a receiver where one sent the date, else the log clock.
+#[must_use]
+pub fn utc_ns(time: LogTime, utc: Option<UtcOffset>) -> u64 {
+    let by_receiver = utc.and_then(|utc| u64::try_from(utc.utc_ns(time)).ok());
+    by_receiver.unwrap_or(time.0)
+}
+
+impl UtcOffset {
+    /// The metadata record that closes a file. Keys: `time_ns` (log clock), `offset_ns`, `sigma_s`,
+    /// `source` (position), `source_name`, `leap_seconds` (absent if not sent).
+    pub(crate) fn to_metadata(self, session: &Session) -> BTreeMap<String, String> {
+        let mut map = BTreeMap::from([
+            ("time_ns".to_owned(), self.time.0.to_string()),
+            ("offset_ns".to_owned(), self.offset_ns.to_string()),
+            ("sigma_s".to_owned(), self.sigma_s.to_string()),
+            ("source".to_owned(), self.source.0.to_string()),
+            ("source_name".to_owned(), session.source_name(self.source)),
+        ]);
+        if let Some(seconds) = self.leap_seconds {
+            map.insert("leap_seconds".to_owned(), seconds.to_string());
+        }
+        map
+    }
+
+    /// The offset that a metadata record states; `None` if it is incomplete.
+    pub(crate) fn from_metadata(map: &BTreeMap<String, String>) -> Option<Self> {
+        Some(Self {
+            time: LogTime(map.get("time_ns")?.parse().ok()?),
+            offset_ns: map.get("offset_ns")?.parse().ok()?,
+            sigma_s: map.get("sigma_s")?.parse().ok()?,
+            source: SourceId(map.get("source")?.parse().ok()?),
+            leap_seconds: map.get("leap_seconds").and_then(|text| text.parse().ok()),
+        })
     }
 }

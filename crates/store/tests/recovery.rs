@@ -10,8 +10,8 @@ use std::time::Duration;
 use common::{START, arrivals, estimate, records, session};
 use sample::{Arrival, Payload};
 use store::{
-    LogWriter, Missing, Options, Reader, Record, Selection, Writer, recover, recover_directory,
-    salvage,
+    LogWriter, Missing, Options, Reader, Record, RecoverOptions, Recovered, Selection, Writer,
+    companions, recover, recover_directory, recover_with, salvage,
 };
 
 /// A log with small chunks, so that cuts meet every kind of record.
@@ -125,11 +125,17 @@ fn a_cut_log_reads_as_it_recovers() {
         let cut_arrivals = all_arrivals(&path);
         let recovered = recover(&path).expect("recovery never fails");
         assert!(!path.exists());
-        assert_eq!(recovered.was_empty, cut_messages.is_empty());
         if recovered.was_empty {
+            assert_eq!(cut_messages, []);
             continue;
         }
         assert_eq!(all_messages(&recovered.path), cut_messages);
+        let name = directory.path().join(format!("{length}.mcap"));
+        std::fs::rename(&recovered.path, &name).expect("renamed");
+        let recovered = Recovered {
+            path: name,
+            ..recovered
+        };
         assert_eq!(all_arrivals(&recovered.path), cut_arrivals);
         assert_eq!(cut_arrivals, written[..cut_arrivals.len()]);
         let reader = Reader::open([&recovered.path]).expect("a log");
@@ -137,8 +143,10 @@ fn a_cut_log_reads_as_it_recovers() {
     }
 }
 
+/// Nothing confirms what a chunk that is cut lets through: it is given out where that is asked for, and
+/// the log says so.
 #[test]
-fn messages_of_a_chunk_that_is_cut_are_saved() {
+fn messages_of_a_chunk_that_is_cut_are_saved_unchecked_only() {
     // One chunk far larger than zstd's blocks, so that whole blocks stand before the cut.
     let options = Options {
         raw_interval: Duration::from_secs(3600),
@@ -154,14 +162,26 @@ fn messages_of_a_chunk_that_is_cut_are_saved() {
     let summary = mcap::Summary::read(&bytes).expect("good").expect("there");
     let chunk = &summary.chunk_indexes[0];
     let cut = (chunk.chunk_start_offset + chunk.chunk_length / 2) as usize;
-    let directory = tempfile::tempdir().expect("a directory");
-    let path = write_active(directory.path(), &bytes[..cut]);
-    let recovered = recover(&path).expect("recovered");
-    assert!(recovered.messages_of_cut_chunk > 1_000, "{recovered:?}");
-    assert_eq!(
-        all_messages(&recovered.path).len() as u64,
-        recovered.messages
-    );
+    for unchecked in [false, true] {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = write_active(directory.path(), &bytes[..cut]);
+        assert_eq!(all_messages(&path), []);
+        let options = RecoverOptions {
+            unchecked,
+            ..RecoverOptions::default()
+        };
+        let recovered = recover_with(&path, &options).expect("recovered");
+        assert!(recovered.loss.is_some(), "{recovered:?}");
+        let original = recovered.original.expect("kept");
+        assert_eq!(std::fs::read(original).expect("there"), bytes[..cut]);
+        let saved = all_messages(&recovered.path).len() as u64;
+        assert_eq!(saved, recovered.messages);
+        assert_eq!(saved, recovered.messages_of_cut_chunk);
+        assert_eq!(saved > 1_000, unchecked, "{saved}");
+        let metadata = Reader::open([&recovered.path]).expect("a log").metadata();
+        let mark = metadata["atvrec.recovered"].get("unchecked");
+        assert_eq!(mark.is_some(), unchecked);
+    }
 }
 
 /// Counters are made again from what is saved; what was lost on the way to the disk stands only in
@@ -178,6 +198,7 @@ fn a_recovered_log_has_counters_of_what_was_saved() {
     let recovered = recover(&path).expect("recovered");
     assert!(!recovered.was_whole);
     assert_eq!(counters(&recovered.path), counters(&whole));
+    std::fs::remove_file(&recovered.path).expect("removed");
 
     let summary = mcap::Summary::read(&bytes).expect("good").expect("there");
     let chunk = &summary.chunk_indexes[summary.chunk_indexes.len() / 2];
@@ -301,6 +322,7 @@ fn a_log_cut_before_its_first_arrival_is_removed() {
     for length in [0, 8, before_first_chunk] {
         let directory = tempfile::tempdir().expect("a directory");
         write_active(directory.path(), &bytes[..length]);
+        // The recorder makes the journals with the log.
         std::fs::write(directory.path().join("log.mcap.journal-a"), b"").expect("written");
         let results = recover_directory(directory.path()).expect("readable");
         assert!(results[0].1.as_ref().expect("recovered").was_empty);
@@ -327,4 +349,321 @@ fn what_is_no_log_is_refused_and_kept() {
     let path = write_active(directory.path(), b"can0 100#0011\n");
     assert!(matches!(recover(&path), Err(store::Error::NotMcap { .. })));
     assert!(path.exists());
+}
+
+/// A directory, a FIFO or a file of another kind with the name of an unfinished log used to be tried
+/// at each start; opening the FIFO blocked it.
+#[cfg(unix)]
+#[test]
+fn what_recovery_cannot_handle_is_set_aside_after_one_try() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let name = |name: &str| directory.path().join(name);
+    std::fs::create_dir(name("a.mcap.active")).expect("made");
+    let fifo = std::process::Command::new("mkfifo")
+        .arg(name("b.mcap.active"))
+        .status();
+    assert!(fifo.expect("mkfifo runs").success());
+    std::fs::write(name("c.mcap.active"), b"can0 100#0011\n").expect("written");
+    std::fs::write(name("d.mcap.active"), bomb(2_000_000_000)).expect("written");
+    let (_, bytes) = sample_log(50);
+    std::fs::write(name("e.mcap.active"), &bytes).expect("written");
+    let results = recover_directory(directory.path()).expect("readable");
+    assert_eq!(results.len(), 5);
+    for (path, result) in &results[..4] {
+        let Err(store::Error::SetAside { to, .. }) = result else {
+            panic!("{}: {result:?}", path.display());
+        };
+        assert!(!path.exists() && to.exists(), "{}", path.display());
+        assert_eq!(to.extension(), Some("unrecoverable".as_ref()));
+    }
+    assert!(results[4].1.as_ref().expect("recovered").was_whole);
+    assert_eq!(
+        recover_directory(directory.path()).expect("readable").len(),
+        0
+    );
+}
+
+/// A log whose only chunk inflates to so many bytes of zeros.
+fn bomb(size: u64) -> Vec<u8> {
+    let compressed = zstd_of_zeros(size);
+    let mut body = Vec::new();
+    body.extend([0; 16]);
+    body.extend(size.to_le_bytes());
+    body.extend(1_u32.to_le_bytes());
+    body.extend(4_u32.to_le_bytes());
+    body.extend(b"zstd");
+    body.extend((compressed.len() as u64).to_le_bytes());
+    body.extend(compressed);
+    let mut file = b"\x89MCAP0\r\n".to_vec();
+    // Header: profile and library are empty.
+    file.extend([1, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    file.push(6);
+    file.extend((body.len() as u64).to_le_bytes());
+    file.extend(body);
+    file
+}
+
+/// A zstd frame of run-length blocks (RFC 8878, section 3.1.1.2.2).
+fn zstd_of_zeros(size: u64) -> Vec<u8> {
+    const BLOCK: u64 = 1 << 17;
+    let mut frame = 0xFD2F_B528_u32.to_le_bytes().to_vec();
+    frame.push(0b1110_0000);
+    frame.extend(size.to_le_bytes());
+    let blocks = size.div_ceil(BLOCK);
+    for block in 0..blocks {
+        let bytes = (size - block * BLOCK).min(BLOCK) as u32;
+        let header = bytes << 3 | 1 << 1 | u32::from(block + 1 == blocks);
+        frame.extend(&header.to_le_bytes()[..3]);
+        frame.push(0);
+    }
+    frame
+}
+
+/// Cut by one to eight bytes, a closed log used to be called whole (nothing is lost in it); with a
+/// damaged chunk too, or with a hole.
+#[test]
+fn a_closed_log_is_whole_only_if_all_of_it_is() {
+    let (_, bytes) = sample_log(300);
+    let whole = foreign(&bytes);
+    let summary = mcap::Summary::read(&bytes).expect("good").expect("there");
+    let chunk = &summary.chunk_indexes[2];
+    let in_chunk = (chunk.chunk_start_offset + chunk.chunk_length / 2) as usize;
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path().join("log.mcap");
+    for cut in 1..=8 {
+        std::fs::write(&path, &bytes[..bytes.len() - cut]).expect("written");
+        let recovered = recover(&path).expect("recovered");
+        assert!(
+            !recovered.was_whole && recovered.loss.is_none(),
+            "{recovered:?}"
+        );
+        assert_eq!(foreign(&std::fs::read(&path).expect("there")), whole);
+        assert_eq!(companions(&path), [] as [PathBuf; 0]);
+    }
+    let mut flipped = bytes.clone();
+    flipped[in_chunk] ^= 1;
+    let mut hole = bytes.clone();
+    hole[chunk.chunk_start_offset as usize..][..64].fill(0);
+    for (number, damaged) in [flipped, hole].into_iter().enumerate() {
+        std::fs::write(&path, &damaged).expect("written");
+        let reader = Reader::open([&path]).expect("a log");
+        assert_eq!(reader.changed().expect("readable").len(), 1, "{number}");
+        let recovered = recover(&path).expect("recovered");
+        let loss = recovered.loss.expect("a chunk");
+        assert_eq!(loss.chunks, 1, "{loss:?}");
+        let original = recovered.original.expect("kept");
+        assert_eq!(std::fs::read(&original).expect("there"), damaged);
+        assert_eq!(companions(&path).len(), number + 1);
+        let saved = foreign(&std::fs::read(&path).expect("there"));
+        let in_it: u64 = chunk_messages(&bytes, chunk);
+        assert_eq!(saved.len() as u64, whole.len() as u64 - in_it);
+        let metadata = Reader::open([&path]).expect("a log").metadata();
+        assert_eq!(metadata["atvrec.recovered"]["lost_chunks"], "1");
+    }
+}
+
+fn chunk_messages(bytes: &[u8], chunk: &mcap::records::ChunkIndex) -> u64 {
+    let indexes = chunk.message_index_offsets.values();
+    indexes
+        .map(|offset| {
+            let list = &bytes[*offset as usize + 11..][..4];
+            u64::from(u32::from_le_bytes(list.try_into().expect("four"))) / 16
+        })
+        .sum()
+}
+
+/// A chunk of a compression that the program does not know used to be dropped with the file.
+#[test]
+fn a_chunk_of_unknown_compression_is_kept() {
+    let (_, mut bytes) = sample_log(100);
+    let summary = mcap::Summary::read(&bytes).expect("good").expect("there");
+    for chunk in &summary.chunk_indexes {
+        let start = chunk.chunk_start_offset as usize;
+        bytes[start + 41..start + 45].copy_from_slice(b"brot");
+        // A frame of another kind.
+        bytes[start + 53..start + 57].copy_from_slice(b"BROT");
+    }
+    bytes.truncate(bytes.len() - 40);
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = write_active(directory.path(), &bytes);
+    let recovered = recover(&path).expect("recovered");
+    assert_eq!(recovered.messages, 0);
+    let told = recovered.missing.iter().map(ToString::to_string);
+    assert!(told.filter(|text| text.contains("\"brot\"")).count() > 1);
+    let original = recovered.original.expect("kept");
+    assert_eq!(std::fs::read(original).expect("there"), bytes);
+}
+
+/// The chunk that introduces the channels is lost: they come from the journal.
+#[test]
+fn channels_come_from_the_journal() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let recorder = store::Recorder::start(directory.path(), "run", session(), Options::default())
+        .expect("started");
+    for arrival in arrivals(7, 3_000) {
+        while !recorder.push(arrival.clone()) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+    let begin = std::time::Instant::now();
+    while recorder.status().waiting > 0 {
+        assert!(begin.elapsed() < Duration::from_secs(20), "it never came");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let copies = tempfile::tempdir().expect("a directory");
+    for entry in std::fs::read_dir(directory.path()).expect("readable") {
+        let path = entry.expect("an entry").path();
+        std::fs::copy(&path, copies.path().join(path.file_name().expect("a name")))
+            .expect("copied");
+    }
+    recorder.finish().expect("finished");
+    let path = copies.path().join("run_0000.mcap.active");
+    let mut bytes = std::fs::read(&path).expect("there");
+    let reader = Reader::open([&path]).expect("a log");
+    let topics: Vec<String> = reader
+        .channels()
+        .map(|channel| channel.topic.clone())
+        .collect();
+    let marker = bytes
+        .windows(8)
+        .position(|bytes| bytes == b"\x04\0\0\0zstd");
+    let chunk = marker.expect("a chunk") - 37;
+    bytes[chunk..chunk + 200].fill(0);
+    std::fs::write(&path, &bytes).expect("written");
+    let recovered = recover(&path).expect("recovered");
+    assert!(
+        recovered.loss.is_some() && recovered.messages > 0,
+        "{recovered:?}"
+    );
+    let reader = Reader::open([&recovered.path]).expect("a log");
+    for channel in reader.channels() {
+        assert!(topics.contains(&channel.topic), "{}", channel.topic);
+        assert!(!channel.schema.is_empty(), "{}", channel.topic);
+    }
+    let journals = companions(&recovered.path);
+    assert_eq!(journals.len(), 4, "{journals:?}");
+}
+
+/// A file that has the name which an unfinished log would get is not replaced.
+#[test]
+fn a_recovered_log_replaces_no_other() {
+    let (_, bytes) = sample_log(50);
+    let directory = tempfile::tempdir().expect("a directory");
+    let other = directory.path().join("log.mcap");
+    for length in [bytes.len(), bytes.len() - 3] {
+        let path = write_active(directory.path(), &bytes[..length]);
+        std::fs::write(&other, b"another recording").expect("written");
+        let error = recover(&path).expect_err("the name is taken");
+        assert!(matches!(error, store::Error::NameTaken { .. }), "{error}");
+        assert_eq!(std::fs::read(&other).expect("there"), b"another recording");
+        assert_eq!(std::fs::read(&path).expect("there"), bytes[..length]);
+    }
+}
+
+#[test]
+fn profile_and_library_survive() {
+    let mut bytes = Vec::new();
+    let mut writer = mcap::WriteOptions::new()
+        .profile("ros2")
+        .library("another library")
+        .create(Cursor::new(&mut bytes))
+        .expect("a vector");
+    let channel = writer
+        .add_channel(0, "/x", "", &BTreeMap::new())
+        .expect("a vector");
+    let header = mcap::records::MessageHeader {
+        channel_id: channel,
+        sequence: 1,
+        log_time: 2,
+        publish_time: 3,
+    };
+    writer
+        .write_to_known_channel(&header, b"data")
+        .expect("a vector");
+    writer.finish().expect("a vector");
+    drop(writer);
+    let mut output = Vec::new();
+    salvage(Cursor::new(&bytes[..bytes.len() - 1]), &[], &mut output).expect("recovered");
+    let record = mcap::read::LinearReader::new(&output).expect("MCAP").next();
+    let mcap::records::Record::Header(header) = record.expect("there").expect("sound") else {
+        panic!("no header");
+    };
+    assert_eq!(
+        (header.profile.as_str(), header.library.as_str()),
+        ("ros2", "another library")
+    );
+}
+
+/// A recovery that is told to stop leaves the log as it was; the next one does all.
+#[test]
+fn a_recovery_that_is_stopped_changes_nothing() {
+    let (_, bytes) = sample_log(300);
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = write_active(directory.path(), &bytes[..bytes.len() / 2]);
+    let options = RecoverOptions {
+        stop: Some(std::sync::Arc::new(true.into())),
+        ..RecoverOptions::default()
+    };
+    assert!(matches!(
+        recover_with(&path, &options),
+        Err(store::Error::Stopped(_))
+    ));
+    assert_eq!(
+        std::fs::read_dir(directory.path())
+            .expect("readable")
+            .count(),
+        1
+    );
+    assert!(recover(&path).expect("recovered").messages > 0);
+}
+
+/// Messages outside of chunks and chunks without a checksum are given out of a whole file, not of a
+/// damaged one.
+#[test]
+fn what_no_checksum_confirms_is_left_out() {
+    for chunked in [false, true] {
+        let mut bytes = Vec::new();
+        let mut writer = mcap::WriteOptions::new()
+            .use_chunks(chunked)
+            .calculate_chunk_crcs(false)
+            .calculate_data_section_crc(false)
+            .create(Cursor::new(&mut bytes))
+            .expect("a vector");
+        let channel = writer
+            .add_channel(0, "/x", "", &BTreeMap::new())
+            .expect("a vector");
+        for time in 0..10 {
+            let header = mcap::records::MessageHeader {
+                channel_id: channel,
+                sequence: 1,
+                log_time: time,
+                publish_time: time,
+            };
+            writer
+                .write_to_known_channel(&header, b"data")
+                .expect("a vector");
+        }
+        writer.finish().expect("a vector");
+        drop(writer);
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("log.mcap");
+        std::fs::write(&path, &bytes).expect("written");
+        assert_eq!(all_messages(&path).len(), 10);
+        assert!(recover(&path).expect("recovered").was_whole);
+        let cut = &bytes[..bytes.len() - 1];
+        std::fs::write(&path, cut).expect("written");
+        assert_eq!(all_messages(&path).len(), 0);
+        let recovered = recover(&path).expect("recovered");
+        assert_eq!(recovered.messages, 0);
+        assert!(recovered.loss.is_some() && recovered.original.is_some());
+        std::fs::write(&path, cut).expect("written");
+        let options = RecoverOptions {
+            unchecked: true,
+            ..RecoverOptions::default()
+        };
+        assert_eq!(
+            recover_with(&path, &options).expect("recovered").messages,
+            10
+        );
+    }
 }

@@ -51,6 +51,29 @@ pub fn unix_ns_from_gps(week: u16, time_of_week_s: f64) -> i64 {
     unix_ns - offset * 1_000_000_000
 }
 
+/// Midnight UTC of a Gregorian date as UNIX time, s; `None` for a date that does not exist (era
+/// arithmetic with years that begin in March).
+#[must_use]
+pub fn unix_s_of_date(year: u16, month: u8, day: u8) -> Option<i64> {
+    let is_leap = year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    let days = match month {
+        4 | 6 | 9 | 11 => 30,
+        2 => 28 + u8::from(is_leap),
+        1..=12 => 31,
+        _ => return None,
+    };
+    if !(1..=days).contains(&day) {
+        return None;
+    }
+    let (month, day) = (i64::from(month), i64::from(day));
+    let shifted_year = i64::from(year) - i64::from(month <= 2);
+    let era = shifted_year.div_euclid(400);
+    let year_of_era = shifted_year - era * 400;
+    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
+    Some((era * 146_097 + day_of_era - 719_468) * 86_400)
+}
+
 /// GPS week and time of week of a UNIX time in ns. Instants before the GPS epoch give week 0.
 #[must_use]
 pub fn gps_from_unix_ns(unix_ns: i64) -> (u16, f64) {
@@ -147,6 +170,23 @@ mod tests {
         assert_eq!(gps_minus_utc_s(1_483_228_800), 18);
         // 2014-06-01: the thesis's years.
         assert_eq!(gps_minus_utc_s(1_401_580_800), 16);
+    }
+
+    #[test]
+    fn dates_are_days_since_1970() {
+        assert_eq!(unix_s_of_date(1970, 1, 1), Some(0));
+        assert_eq!(unix_s_of_date(2000, 2, 29), Some(951_782_400));
+        assert_eq!(unix_s_of_date(2017, 1, 1), Some(1_483_228_800));
+        for (year, month, day) in [
+            (2023, 2, 29),
+            (1900, 2, 29),
+            (2023, 0, 1),
+            (2023, 4, 31),
+            (2023, 13, 1),
+            (2023, 1, 0),
+        ] {
+            assert_eq!(unix_s_of_date(year, month, day), None);
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! NMEA 0183 sentences of GNSS receivers: GGA, RMC, VTG and HDT through the `nmea` crate, and
+//! NMEA 0183 sentences of GNSS receivers: GGA, RMC, VTG and HDT through the `nmea` crate, ZDA, and
 //! Septentrio's attitude sentence `$PSSN,HRP`.
 
 use ::nmea::ParseResult;
@@ -46,6 +46,15 @@ pub enum Sentence {
         speed_m_s: Option<f64>,
         /// Course over ground, degrees.
         course_deg: Option<f64>,
+        /// UTC date: year, month, day.
+        date: Option<(u16, u8, u8)>,
+    },
+    /// Date and time.
+    Zda {
+        /// UTC time of day, s.
+        utc_s: Option<f64>,
+        /// UTC date: year, month, day.
+        date: Option<(u16, u8, u8)>,
     },
     /// Speed and course; without a time.
     Vtg {
@@ -143,6 +152,12 @@ pub(crate) fn decode(bytes: &[u8]) -> Decoded {
             None => Decoded::Malformed,
         };
     }
+    if text.get(3..6) == Some("ZDA") && !text.starts_with("$P") {
+        return match parse_zda(&text[6..]) {
+            Some(sentence) => Decoded::Sentence("ZDA", sentence),
+            None => Decoded::Malformed,
+        };
+    }
     if !matches!(text.get(3..6), Some("GGA" | "RMC" | "VTG" | "HDT")) || text.starts_with("$P") {
         return Decoded::Unknown;
     }
@@ -165,6 +180,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Decoded {
                 position_deg: pair(d.lat, d.lon),
                 speed_m_s: d.speed_over_ground.map(|k| f64::from(k) * M_S_PER_KNOT),
                 course_deg: d.true_course.map(f64::from),
+                date: d.fix_date.and_then(date),
             };
             Decoded::Sentence("RMC", sentence)
         }
@@ -189,6 +205,38 @@ fn seconds_of_day(time: impl std::fmt::Display) -> f64 {
     text.split(':')
         .filter_map(|part| part.parse::<f64>().ok())
         .fold(0.0, |sum, part| sum * 60.0 + part)
+}
+
+/// Year, month and day of a date that prints as `YYYY-MM-DD`.
+fn date(date: impl std::fmt::Display) -> Option<(u16, u8, u8)> {
+    let text = date.to_string();
+    let mut parts = text.split('-');
+    let year = parts.next()?.parse().ok()?;
+    let month = parts.next()?.parse().ok()?;
+    Some((year, month, parts.next()?.parse().ok()?))
+}
+
+/// `,hhmmss.ss,dd,mm,yyyy,zone,zone*…`; a receiver without the time leaves the fields empty.
+fn parse_zda(fields: &str) -> Option<Sentence> {
+    let (fields, _) = fields.strip_prefix(',')?.split_once('*')?;
+    let fields: Vec<&str> = fields.split(',').collect();
+    let [time, day, month, year, ..] = fields.as_slice() else {
+        return None;
+    };
+    let part = |range: std::ops::Range<usize>| time.get(range)?.parse::<f64>().ok();
+    let utc_s = part(0..2)
+        .zip(part(2..4))
+        .zip(part(4..time.len().max(4)))
+        .map(|((hours, minutes), seconds)| 3600.0 * hours + 60.0 * minutes + seconds);
+    let date = year
+        .parse()
+        .ok()
+        .zip(month.parse().ok())
+        .zip(day.parse().ok());
+    Some(Sentence::Zda {
+        utc_s,
+        date: date.map(|((year, month), day)| (year, month, day)),
+    })
 }
 
 fn pair(latitude: Option<f64>, longitude: Option<f64>) -> Option<[f64; 2]> {
@@ -234,9 +282,10 @@ impl Sentence {
     #[must_use]
     pub fn device_time(&self) -> Option<DeviceTime> {
         match self {
-            Self::Gga { utc_s, .. } | Self::Rmc { utc_s, .. } | Self::Hrp { utc_s, .. } => {
-                utc_s.map(DeviceTime::UtcTimeOfDay)
-            }
+            Self::Gga { utc_s, .. }
+            | Self::Rmc { utc_s, .. }
+            | Self::Zda { utc_s, .. }
+            | Self::Hrp { utc_s, .. } => utc_s.map(DeviceTime::UtcTimeOfDay),
             Self::Vtg { .. } | Self::Hdt { .. } => None,
         }
     }
@@ -273,6 +322,7 @@ impl Sentence {
                 course_deg,
                 ..
             } => horizontal(valid, speed_m_s, course_deg),
+            Self::Zda { .. } => Measurements::none(),
             Self::Vtg {
                 speed_m_s,
                 course_deg,

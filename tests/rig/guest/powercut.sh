@@ -17,10 +17,12 @@ CONFIG
 if [ -e /rig/last ]; then
     begin=$(date +%s%N)
     /rig/atvrec record --config /tmp/atvrec.toml --for 0.5 2>/rig/record.log
-    echo "recovery and half a second of recording took $((($(date +%s%N) - begin) / 1000000)) ms"
+    echo "half a second of recording took $((($(date +%s%N) - begin) / 1000000)) ms"
+    # The stop has abandoned a recovery that was not finished.
+    /rig/atvrec recover /data/logs 2>>/rig/record.log
     mkdir /rig/logs
     ls -l /data/logs
-    cp /data/logs/* /rig/logs/
+    cp /data/logs/*.mcap* /rig/logs/
     umount /data
     exit 0
 fi

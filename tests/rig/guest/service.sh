@@ -38,8 +38,6 @@ useradd -G atvrec member
 useradd stranger
 
 say configure
-# The guest's disk is small.
-sed -i 's/^keep_free_mb = .*/keep_free_mb = 1/' /etc/atvrec/atvrec.toml
 cat >>/etc/atvrec/atvrec.toml <<'CONFIG'
 [source.middle]
 kind = "can"
@@ -134,6 +132,8 @@ begin=$(now)
 wait_for "the watchdog" sh -c '[ "$(systemctl show -P NRestarts atvrec)" -gt '"$restarts"' ]'
 wait_for "the restart after the watchdog" atvrec status --socket /run/atvrec/control
 echo "back after $(since "$begin") s"
+# A stop abandons a recovery.
+wait_for "the second recovery" sh -c '[ "$(ls /var/lib/atvrec/*.active | wc -l)" -le 1 ]'
 systemctl stop atvrec
 mkdir /rig/recovered
 cp /var/lib/atvrec/*.mcap /rig/recovered/

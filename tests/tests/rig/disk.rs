@@ -102,7 +102,7 @@ fn every_frame_is_there(logs: &[PathBuf], candump: &Path, count: usize) {
 /// Estimates went on while the disk failed: those in the log are those of a replay, which has no gap.
 fn estimates_went_on(logs: &[PathBuf], again: &Path) {
     let replayed = Command::new(atvrec())
-        .args(["-q", "replay", "-o"])
+        .args(["-q", "replay", "--force", "-o"])
         .arg(again)
         .args(logs)
         .status();

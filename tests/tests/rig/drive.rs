@@ -13,7 +13,7 @@ fn a_drive_on_socketcan_is_recorded_frame_by_frame_and_replays_here() {
     let made = out.join("made.mcap");
     let status = Command::new(atvrec())
         .args(["-q", "simulate", "--manoeuvre", "step-steer", "--seed", "5"])
-        .args(["--for", "6", "-o"])
+        .args(["--for", "6", "--force", "-o"])
         .arg(&made)
         .status();
     assert!(status.expect("the simulation starts").success());

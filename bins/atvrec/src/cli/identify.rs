@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::positive;
+use super::{Replace, number};
 
 /// `atvrec identify`.
 #[derive(Debug, Subcommand)]
@@ -26,7 +26,7 @@ pub enum IdentifyCommand {
     /// Friction between tyres and ground (up to the limit of grip).
     Friction(IdentifyArgs),
     /// Tyres, yaw inertia, gains and offsets for the sideslip of a car without suspension sensors.
-    Handling(super::IdentifyHandlingArgs),
+    Handling(IdentifyHandlingArgs),
 }
 
 /// What all of `atvrec identify` take.
@@ -39,16 +39,16 @@ pub struct IdentifyArgs {
     #[command(flatten)]
     pub tell: TellArgs,
     /// Leave out what was before this time, s from the log's first estimate.
-    #[arg(long = "from", default_value = "2", value_name = "SECONDS")]
+    #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,
     /// Leave out what was after this time, s from the log's first estimate.
-    #[arg(long = "to", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub to_s: Option<f64>,
     /// Vehicle file instead of the log's; a vehicle of another name is refused.
     #[arg(long, value_name = "FILE")]
     pub vehicle: Option<String>,
     /// Seed of the bootstrap.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
 }
 
@@ -64,6 +64,9 @@ pub struct TellArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }
 
 /// `atvrec identify tyre`.
@@ -91,19 +94,19 @@ pub struct InertiaArgs {
     #[arg(long, default_value = "z", value_name = "AXIS", value_parser = ["x", "y", "z"])]
     pub axis: String,
     /// Mass of what swings, kg; without it, the vehicle file's.
-    #[arg(long, value_name = "KG", value_parser = positive)]
+    #[arg(long, value_name = "KG", value_parser = number::mass_kg, allow_negative_numbers = true)]
     pub mass_kg: Option<f64>,
     /// compound: centre of gravity below the pivot, m. wires: radius of the wires, m.
-    #[arg(long, value_name = "M", value_parser = positive)]
+    #[arg(long, value_name = "M", value_parser = number::length_m, allow_negative_numbers = true)]
     pub arm_m: Option<f64>,
     /// wires: their length, m.
-    #[arg(long, value_name = "M", value_parser = positive)]
+    #[arg(long, value_name = "M", value_parser = number::length_m, allow_negative_numbers = true)]
     pub length_m: Option<f64>,
     /// springs: stiffness about the axis, N m/rad.
-    #[arg(long, value_name = "NM_RAD", value_parser = positive)]
+    #[arg(long, value_name = "NM_RAD", value_parser = number::stiffness_n_m_rad, allow_negative_numbers = true)]
     pub stiffness_n_m_rad: Option<f64>,
     /// Inertia of platform and fixings, kg m^2.
-    #[arg(long, default_value = "0", value_name = "KG_M2")]
+    #[arg(long, default_value = "0", value_name = "KG_M2", value_parser = number::inertia_kg_m2, allow_negative_numbers = true)]
     pub fixture_kg_m2: f64,
 }
 
@@ -136,9 +139,33 @@ pub struct ResponseArgs {
     #[command(flatten)]
     pub shared: IdentifyArgs,
     /// Least step at the road wheels, degrees.
-    #[arg(long, default_value = "1.5", value_name = "DEG", value_parser = positive)]
+    #[arg(long, default_value = "1.5", value_name = "DEG", value_parser = number::angle_deg, allow_negative_numbers = true)]
     pub step_min_deg: f64,
     /// Length of a window of the frequency response, s.
-    #[arg(long, default_value = "10", value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, default_value = "10", value_name = "SECONDS", value_parser = number::window_s, allow_negative_numbers = true)]
     pub window_s: f64,
+}
+
+/// `atvrec identify handling`.
+#[derive(Debug, Args)]
+pub struct IdentifyHandlingArgs {
+    /// Logs, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Use the drive up to here only, s from its start.
+    #[arg(long = "until", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
+    pub until_s: Option<f64>,
+    /// Use this configuration instead of the one in the log.
+    #[arg(short, long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Write calibration.toml here, with an atvrec.toml for `replay --config` and all files that it
+    /// names.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
 }

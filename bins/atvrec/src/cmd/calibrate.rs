@@ -14,6 +14,7 @@ use estimator::Calibration;
 use crate::cli::{CalibrateArgs, CalibrateCommand};
 use crate::cmd::findings;
 use crate::exit::Outcome;
+use crate::output::target::{Kind, Target};
 
 use recording::Recording;
 
@@ -28,6 +29,12 @@ pub struct Bench {
 /// Calibrates.
 pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let args = command.shared();
+    let inputs = || args.logs.iter().map(|log| &**log);
+    // What other steps wrote into the file is kept, so that the file is not replaced.
+    let output = Target::new(&args.output, Kind::Toml, true, inputs())?;
+    let page = args.report.as_ref();
+    let page = page.map(|path| Target::new(path, Kind::Page, args.replace.force, inputs()));
+    let page = page.transpose()?;
     let mut bench = Bench::set_up(args)?;
     let (title, results) = match command {
         CalibrateCommand::Zero(own) => ("zero", zero::run(own, &mut bench)),
@@ -39,10 +46,10 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
         CalibrateCommand::WheelRadius(_) => ("wheel-radius", gnss::wheels(&mut bench)),
     };
     let results = results.with_context(|| format!("calibrate {title}"))?;
-    findings::write_whole(&args.output, &bench.calibration.to_toml()?)?;
-    if let Some(path) = &args.report {
+    output.write(&bench.calibration.to_toml()?)?;
+    if let Some(page) = page {
         let title = format!("Calibration: {title}");
-        findings::write_page(&title, bench.facts(), &results, path)?;
+        page.write(&findings::page(&title, bench.facts(), &results))?;
     }
     findings::tell(&results, args.json)?;
     if !args.json {

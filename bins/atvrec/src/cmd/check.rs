@@ -11,6 +11,7 @@ use crate::cli::CheckArgs;
 use crate::config::{Config, Problems, device_name};
 use crate::engine::Engine;
 use crate::exit::Outcome;
+use crate::retention;
 
 /// How long sources may take to end.
 const STOP_DEADLINE: Duration = Duration::from_secs(1);
@@ -58,14 +59,20 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     } else {
         listen(&config, Duration::from_secs_f64(args.listen_s))?
     };
+    let storage = &config.storage;
+    let rate = retention::last_rate(&storage.directory);
+    let warnings = retention::warnings(&storage.directory, storage.limits, &storage.options, rate);
     if args.json {
-        println!("{:#}", as_json(&answers));
+        println!("{:#}", as_json(&answers, &warnings));
     } else {
         println!(
             "{}: {} sources, no errors",
             path.display(),
             config.sources.len()
         );
+        for warning in &warnings {
+            println!("warning: {warning}");
+        }
         tell(&answers);
     }
     let all_answer = answers.iter().all(|answer| answer.state == State::Answers);
@@ -147,7 +154,7 @@ fn tell(answers: &[Answer]) {
     }
 }
 
-fn as_json(answers: &[Answer]) -> serde_json::Value {
+fn as_json(answers: &[Answer], warnings: &[String]) -> serde_json::Value {
     let devices: Vec<_> = answers
         .iter()
         .map(|answer| {
@@ -167,7 +174,7 @@ fn as_json(answers: &[Answer]) -> serde_json::Value {
             })
         })
         .collect();
-    json!({ "errors": [], "devices": devices })
+    json!({ "errors": [], "warnings": warnings, "devices": devices })
 }
 
 fn problems_as_json(error: &anyhow::Error) -> serde_json::Value {
@@ -188,5 +195,5 @@ fn problems_as_json(error: &anyhow::Error) -> serde_json::Value {
             .collect(),
         None => vec![json!({ "message": format!("{error:#}") })],
     };
-    json!({ "errors": errors, "devices": [] })
+    json!({ "errors": errors, "warnings": [], "devices": [] })
 }

@@ -109,6 +109,7 @@ fn tell(answer: &Value) {
         disk["waiting"]
     );
     println!("  {}", disk["estimate"].as_str().unwrap_or_default());
+    tell_retention(&answer["retention"]);
     for source in answer["sources"].as_array().into_iter().flatten() {
         println!(
             "  {:<14}{:<10}{:>10} items {:>12} bytes  {}",
@@ -128,5 +129,21 @@ fn tell(answer: &Value) {
             "  the estimator leaves out: {}",
             name.as_str().unwrap_or_default()
         );
+    }
+}
+
+fn tell_retention(retention: &Value) {
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    if retention["removed"].as_u64().is_some_and(|count| count > 0) {
+        println!(
+            "  removed {} logs, {} bytes, to keep within {}; the last was {}",
+            retention["removed"],
+            retention["removed_bytes"],
+            text(&retention["reason"]),
+            text(&retention["last"])
+        );
+    }
+    for broken in retention["broken"].as_array().into_iter().flatten() {
+        println!("  {}", text(broken));
     }
 }

@@ -8,12 +8,19 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 
 use super::{record, replay};
-use crate::cli::{DemoArgs, DriveArgs, ReplayArgs, ReplayChanges};
+use crate::cli::{DemoArgs, DriveArgs, Replace, ReplayArgs, ReplayChanges};
 use crate::config::Config;
 use crate::devices::{Devices, Sent};
 use crate::exit::Outcome;
+use crate::output::target::{Kind, Target};
 use crate::pipeline::Summary;
 use crate::rig::{Ports, Rig};
+
+/// Directory of a demonstration that names none.
+const DIRECTORY: &str = "atvrec-demo";
+/// Files in it beside ports and logs.
+const CONFIGURATION: &str = "atvrec.toml";
+const PAGE: &str = "report.html";
 
 /// The recording begins before the drive and ends after it by this much.
 const MARGIN: Duration = Duration::from_millis(300);
@@ -21,13 +28,13 @@ const MARGIN: Duration = Duration::from_millis(300);
 /// Drives, records, replays and reports.
 pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let begin = Instant::now();
-    std::fs::create_dir_all(&args.directory)
-        .with_context(|| format!("cannot make the directory {}", args.directory.display()))?;
-    let directory = args
-        .directory
+    let named = directory(args)?;
+    std::fs::create_dir_all(&named)
+        .with_context(|| format!("cannot make the directory {}", named.display()))?;
+    let directory = named
         .canonicalize()
-        .with_context(|| format!("cannot find {}", args.directory.display()))?;
-    let config_path = directory.join("atvrec.toml");
+        .with_context(|| format!("cannot find {}", named.display()))?;
+    let config_path = directory.join(CONFIGURATION);
 
     step(
         1,
@@ -43,8 +50,8 @@ pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let verified = replay::run(&replay_args(&summary.files), quiet)?;
 
     step(3, "the report");
-    let page = directory.join("report.html");
-    super::report::write(&summary.files, &page)?;
+    let page = directory.join(PAGE);
+    super::report::write(&summary.files, &page, args.replace.force)?;
 
     println!(
         "\nDone in {:.0} s. Everything is in {}:",
@@ -63,6 +70,32 @@ pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Outcome::Good => record::outcome(&summary),
         other => other,
     })
+}
+
+/// The directory that is named, or the first of a row that holds no demonstration yet.
+fn directory(args: &DemoArgs) -> anyhow::Result<PathBuf> {
+    let files = |directory: &Path| [CONFIGURATION, PAGE].map(|name| directory.join(name));
+    if let Some(directory) = &args.directory {
+        if directory.exists() {
+            for path in files(directory) {
+                Target::new(&path, Kind::Any, args.replace.force, [])?;
+            }
+        }
+        return Ok(directory.clone());
+    }
+    let numbered = (2..).map(|number| format!("{DIRECTORY}-{number}"));
+    let mut names = std::iter::once(DIRECTORY.to_owned()).chain(numbered);
+    let is_free = |name: &String| {
+        let used = |path: PathBuf| path.symlink_metadata().is_ok();
+        args.replace.force || !files(Path::new(name)).into_iter().any(used)
+    };
+    let name = names
+        .find(is_free)
+        .context("every directory atvrec-demo-N is used; name one with -d")?;
+    if name != DIRECTORY {
+        println!("{DIRECTORY} holds an earlier demonstration; this one goes to {name}");
+    }
+    Ok(name.into())
 }
 
 fn step(number: u32, text: &str) {
@@ -91,8 +124,7 @@ fn drive_and_record(
         can: None,
     };
     let text = rig.configuration(&ports);
-    std::fs::write(config_path, &text)
-        .with_context(|| format!("cannot write {}", config_path.display()))?;
+    Target::new(config_path, Kind::Toml, args.replace.force, [])?.write(&text)?;
     let config = Config::load(config_path)?;
     let limit = Duration::from_secs_f64(rig.duration_s()) + 2 * MARGIN;
     println!("  {}, {:.0} s", rig.drive, rig.duration_s());
@@ -123,6 +155,7 @@ fn replay_args(files: &[PathBuf]) -> ReplayArgs {
     ReplayArgs {
         logs: files.to_vec(),
         output: None,
+        replace: Replace::default(),
         config: None,
         rate: None,
         changes: ReplayChanges::default(),

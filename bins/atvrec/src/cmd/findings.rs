@@ -1,11 +1,5 @@
-//! What calibration and identification share: telling findings, drawing their page, and writing
-//! files that are whole at any time.
+//! What calibration and identification share: printing findings and drawing their page.
 
-use std::fs::File;
-use std::io::Write;
-use std::path::Path;
-
-use anyhow::Context;
 use estimator::finding::{Figure, Finding, Findings};
 use report::findings::{Page, Table};
 use report::{Panel, Pen, Trace};
@@ -47,13 +41,8 @@ pub fn to_json(results: &[Findings]) -> anyhow::Result<Value> {
     Ok(json!({ "results": serde_json::to_value(results)? }))
 }
 
-/// Writes the page of the results.
-pub fn write_page(
-    title: &str,
-    facts: Vec<(String, String)>,
-    results: &[Findings],
-    path: &Path,
-) -> anyhow::Result<()> {
+/// The page of the results, HTML.
+pub fn page(title: &str, facts: Vec<(String, String)>, results: &[Findings]) -> String {
     let mut page = Page {
         title: title.to_owned(),
         facts,
@@ -71,38 +60,7 @@ pub fn write_page(
         page.figures
             .extend(figures.map(|(k, figure)| drawn(&format!("figure-{place}-{k}"), figure)));
     }
-    report::findings::write_html(&page, path)?;
-    Ok(())
-}
-
-/// Puts `text` into the file `path` in one step: whoever reads it finds the old text or the new
-/// one, whenever the program or the machine stops.
-pub fn write_whole(path: &Path, text: &str) -> anyhow::Result<()> {
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let name = path
-        .file_name()
-        .with_context(|| format!("{} names no file", path.display()))?;
-    let temporary = directory.join(format!(
-        ".{}.{}.new",
-        name.to_string_lossy(),
-        std::process::id()
-    ));
-    let written = write_synced(&temporary, text)
-        .and_then(|()| std::fs::rename(&temporary, path))
-        .and_then(|()| File::open(directory)?.sync_all());
-    if written.is_err() {
-        let _ = std::fs::remove_file(&temporary);
-    }
-    written.with_context(|| format!("cannot write {}; it is as it was", path.display()))
-}
-
-fn write_synced(path: &Path, text: &str) -> std::io::Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(text.as_bytes())?;
-    file.sync_all()
+    report::findings::html(&page)
 }
 
 /// Value, deviation, unit, interval and condition number of a finding as texts.
@@ -232,27 +190,5 @@ mod tests {
             texts,
             ["-511.25", "0.012346", "12346", "1.000e-9", "0", "-"]
         );
-    }
-
-    #[test]
-    fn a_file_is_replaced_whole_and_nothing_else_is_left() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("calibration.toml");
-        write_whole(&path, "first").unwrap();
-        write_whole(&path, "second").unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "second");
-        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_file_that_cannot_be_replaced_stays_as_it_was() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("calibration.toml");
-        // A directory of that name cannot be replaced by a file.
-        std::fs::create_dir(&path).unwrap();
-        let error = write_whole(&path, "text").unwrap_err();
-        assert!(error.to_string().contains("it is as it was"), "{error}");
-        assert!(path.is_dir());
-        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 }

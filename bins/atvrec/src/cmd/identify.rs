@@ -1,6 +1,7 @@
 //! `atvrec identify`: parameters of the vehicle from logs of drives.
 
 mod handling;
+mod outputs;
 mod overrides;
 mod ride;
 
@@ -14,11 +15,12 @@ use model::vehicle::Vehicle;
 
 use crate::cli::{
     IdentifyArgs, IdentifyCommand, InertiaArgs, PendulumKind, ResponseArgs, RollCentreArgs,
-    TellArgs, TyreArgs,
+    TyreArgs,
 };
 use crate::cmd::findings;
 use crate::exit::{Outcome, UsageError};
 
+use outputs::Outputs;
 use overrides::Overrides;
 use ride::{Ride, Sense};
 
@@ -42,6 +44,7 @@ struct Found {
 
 /// Identifies.
 pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
+    let outputs = Outputs::check(command)?;
     let (found, tell) = match command {
         IdentifyCommand::Cornering(args) => (cornering(args)?, &args.tell),
         IdentifyCommand::Tyre(args) => (tyre(args)?, &args.shared.tell),
@@ -53,27 +56,9 @@ pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
         IdentifyCommand::Friction(args) => (friction(args)?, &args.tell),
         IdentifyCommand::Handling(args) => return handling::run(args),
     };
-    told(&found, tell)?;
+    outputs.write(&found)?;
+    findings::tell(&found.results, tell.json)?;
     Ok(Outcome::Good)
-}
-
-fn told(found: &Found, tell: &TellArgs) -> anyhow::Result<()> {
-    if let Some(path) = &tell.output {
-        let text =
-            found
-                .overrides
-                .file(found.title, &found.vehicle, &found.logs, &found.results)?;
-        findings::write_whole(path, &text)?;
-    }
-    if let Some(path) = &tell.report {
-        let facts = vec![
-            ("vehicle".to_owned(), found.vehicle.clone()),
-            ("logs".to_owned(), found.logs.join(", ")),
-        ];
-        let title = format!("Identification: {}", found.title);
-        findings::write_page(&title, facts, &found.results, path)?;
-    }
-    findings::tell(&found.results, tell.json)
 }
 
 impl Found {

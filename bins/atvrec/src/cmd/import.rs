@@ -9,16 +9,26 @@ mod log;
 mod truth;
 mod vehicle;
 
-use std::path::Path;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use sample::LogTime;
 
 use crate::cli::{ImportCommand, ImportInto};
 use crate::config::Config;
 use crate::exit::{Outcome, UsageError};
+use crate::output::target::{Kind, Target};
 
 /// Time zero of a file that does not say when it was made: 2000-01-01 UTC, ns.
 const START_DEFAULT_NS: u64 = 946_684_800_000_000_000;
+/// End of the times that a log can have, ns.
+const TIME_END_NS: u64 = u64::MAX / 2;
+/// Largest text that is imported, bytes: an import holds it in memory.
+const INPUT_MAX: u64 = 1 << 30;
+/// Characters of a cell, and names of columns, that a message shows.
+const TOLD_CHARS: usize = 60;
+const TOLD_NAMES: usize = 50;
 /// A time column that begins later than this counts from 1970: 1980, ns.
 const UNIX_TIME_FROM_NS: i128 = 315_532_800_000_000_000;
 
@@ -41,8 +51,64 @@ struct Table<'t> {
     columns: &'t str,
 }
 
+/// The outputs of an import.
+struct Output<'p> {
+    /// The log, if it is one.
+    log: Target,
+    /// What the user asked for.
+    into: &'p ImportInto,
+    /// Files that are read.
+    inputs: Vec<&'p Path>,
+}
+
+/// Checks the output; `tables` are the files that are imported and their column maps.
+fn output<'p>(
+    into: &'p ImportInto,
+    tables: impl IntoIterator<Item = &'p PathBuf>,
+) -> anyhow::Result<Output<'p>> {
+    let named = [&into.vehicle, &into.sensors, &into.calibration];
+    let mut inputs: Vec<&Path> = named.into_iter().flatten().map(Path::new).collect();
+    inputs.extend(into.config.iter().chain(tables).map(|path| &**path));
+    Ok(Output {
+        log: Target::new(&into.output, Kind::Log, into.replace.force, inputs.clone())?,
+        into,
+        inputs,
+    })
+}
+
+/// A time that a log can have.
+fn log_time(nanos: i128) -> Option<LogTime> {
+    let time = u64::try_from(nanos).ok()?;
+    (time < TIME_END_NS).then_some(LogTime(time))
+}
+
+/// The beginning of a text of the input, for a message.
+fn shortened(text: &str) -> String {
+    let mut shown: String = text.chars().take(TOLD_CHARS).collect();
+    if shown.len() < text.len() {
+        shown.push_str("...");
+    }
+    shown
+}
+
+/// The first names of a list, for a message.
+fn listed(names: &[&str]) -> String {
+    let shown: Vec<String> = names
+        .iter()
+        .take(TOLD_NAMES)
+        .map(|n| shortened(n))
+        .collect();
+    let more = names.len() - shown.len();
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    shown.join(", ") + &more
+}
+
 /// Name of a file as a source: its stem, with what a topic cannot hold left out.
-fn source_names(paths: &[std::path::PathBuf]) -> Vec<String> {
+fn source_names(paths: &[PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for path in paths {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -112,8 +178,19 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
+/// A whole text file within [`INPUT_MAX`].
 fn read_text(path: &Path) -> anyhow::Result<String> {
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(INPUT_MAX + 1).read_to_end(&mut bytes))
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    if bytes.len() as u64 > INPUT_MAX {
+        return Err(UsageError(format!(
+            "{} has more than {INPUT_MAX} bytes; split it into files of one drive each",
+            path.display()
+        ))
+        .into());
+    }
     // Files from elsewhere are often in Latin-1, whose bytes are the code points; a byte order mark
     // is none of the first column's name.
     let text = String::from_utf8(bytes)
@@ -198,7 +275,7 @@ mod tests {
 
     #[test]
     fn names_are_parts_of_topics_and_differ() {
-        let paths = ["a/drive 1.csv", "b/drive 1.csv", ".csv"].map(std::path::PathBuf::from);
+        let paths = ["a/drive 1.csv", "b/drive 1.csv", ".csv"].map(PathBuf::from);
         assert_eq!(source_names(&paths), ["drive_1", "drive_1_2", "_csv"]);
     }
 }

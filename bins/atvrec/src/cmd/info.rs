@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use sample::LogTime;
 use serde_json::json;
-use store::{Info, Reader, Session};
+use store::{Info, Reader, Session, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
@@ -14,11 +14,13 @@ use crate::missing;
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let mut info = reader.info();
+    info.missing.extend(reader.changed()?);
     info.span = info.span.map(|span| recorded(&reader, span));
+    let utc = reader.utc_offset()?;
     if args.json {
-        println!("{:#}", as_json(&info, reader.session()));
+        println!("{:#}", as_json(&info, reader.session(), utc));
     } else {
-        print!("{}", as_text(&info, reader.session()));
+        print!("{}", as_text(&info, reader.session(), utc));
     }
     Ok(Outcome::Good)
 }
@@ -35,7 +37,7 @@ fn seconds(info: &Info) -> f64 {
         .map_or(0.0, |(first, last)| last.seconds_since(first))
 }
 
-fn as_text(info: &Info, session: &Session) -> String {
+fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     let mut text = String::new();
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "{label:<10}{value}");
@@ -43,7 +45,10 @@ fn as_text(info: &Info, session: &Session) -> String {
     for (path, bytes) in &info.files {
         line("file", format!("{} ({})", path.display(), size(*bytes)));
     }
-    line("run", session.run_id.clone());
+    let number = session
+        .run_number
+        .map(|number| format!(", number {number}"));
+    line("run", session.run_id.clone() + &number.unwrap_or_default());
     if !session.host.is_empty() {
         line(
             "host",
@@ -55,8 +60,11 @@ fn as_text(info: &Info, session: &Session) -> String {
         format!("atvrec {} ({})", session.version, session.git_hash),
     );
     if let Some((first, _)) = info.span {
-        let begin = crate::session::utc_compact(first.0 / 1_000_000_000);
+        let begin = crate::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
         line("time", format!("{begin}, {:.1} s", seconds(info)));
+    }
+    if let Some(text) = session.clock_statement(utc) {
+        line("clock", text);
     }
     for missing in missing::summary(&info.missing) {
         line("missing", missing);
@@ -85,7 +93,7 @@ fn as_text(info: &Info, session: &Session) -> String {
     text
 }
 
-fn as_json(info: &Info, session: &Session) -> serde_json::Value {
+fn as_json(info: &Info, session: &Session, utc: Option<UtcOffset>) -> serde_json::Value {
     let channels: serde_json::Map<_, _> = info
         .channels
         .iter()
@@ -104,11 +112,20 @@ fn as_json(info: &Info, session: &Session) -> serde_json::Value {
     json!({
         "files": info.files.iter().map(|(path, bytes)| json!({ "path": path, "bytes": bytes })).collect::<Vec<_>>(),
         "run_id": session.run_id,
+        "run_number": session.run_number,
+        "clock": session.clock.name(),
+        "utc_offset": utc.map(|utc| json!({
+            "offset_ns": utc.offset_ns,
+            "sigma_s": utc.sigma_s,
+            "source": session.source_name(utc.source),
+            "leap_seconds": utc.leap_seconds,
+        })),
         "version": session.version,
         "git_hash": session.git_hash,
         "host": session.host,
         "boot_id": session.boot_id,
         "start_ns": info.span.map(|(first, _)| first.0),
+        "utc_start_ns": info.span.map(|(first, _)| utc_ns(first, utc)),
         "end_ns": info.span.map(|(_, last)| last.0),
         "duration_s": seconds(info),
         "sources": sources,

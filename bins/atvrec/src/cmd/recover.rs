@@ -1,55 +1,78 @@
 //! `atvrec recover`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use store::{Recovered, recover, recover_directory};
+use store::{RecoverOptions, Recovered, recover_each, recover_with};
 
 use crate::cli::RecoverArgs;
 use crate::exit::Outcome;
+use crate::missing;
 
 /// Makes logs whole.
 pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {
-    let mut outcome = Outcome::Good;
+    let options = RecoverOptions {
+        unchecked: args.unchecked,
+        ..RecoverOptions::default()
+    };
+    let (mut failed, mut lost) = (false, false);
+    let mut report = |log: &Path, result: store::Result<Recovered>| match result {
+        Ok(recovered) => {
+            lost |= recovered.loss.is_some();
+            print(&recovered);
+        }
+        Err(error) => {
+            eprintln!("error: {}: {error}", log.display());
+            failed = true;
+        }
+    };
     for path in &args.paths {
-        for (log, result) in of_path(path)? {
-            match result {
-                Ok(recovered) => tell(&recovered),
-                Err(error) => {
-                    eprintln!("error: {}: {error}", log.display());
-                    outcome = Outcome::Failed;
-                }
+        if path.is_dir() {
+            let mut is_empty = true;
+            for (log, result) in recover_each(path, options.clone())? {
+                is_empty = false;
+                report(&log, result);
             }
+            if is_empty {
+                println!("{}: no unfinished log", path.display());
+            }
+        } else {
+            report(path, recover_with(path, &options));
         }
     }
-    Ok(outcome)
+    Ok(match (failed, lost) {
+        (true, _) => Outcome::Failed,
+        (false, true) => Outcome::DataLoss,
+        (false, false) => Outcome::Good,
+    })
 }
 
-fn of_path(path: &Path) -> anyhow::Result<Vec<(PathBuf, store::Result<Recovered>)>> {
-    if path.is_dir() {
-        let found = recover_directory(path)?;
-        if found.is_empty() {
-            println!("{}: no unfinished log", path.display());
-        }
-        return Ok(found);
-    }
-    Ok(vec![(path.to_owned(), recover(path))])
-}
-
-fn tell(recovered: &Recovered) {
+fn print(recovered: &Recovered) {
     let path = recovered.path.display();
     if recovered.was_whole {
         println!("{path}: whole, nothing to do");
         return;
     }
     if recovered.was_empty {
-        println!("{path}: removed, nothing had been recorded in it yet");
+        println!("{path}: removed, no arrival had been recorded in it");
         return;
     }
     println!(
-        "{path}: {} messages saved, {} of them from a chunk that was cut",
-        recovered.messages, recovered.messages_of_cut_chunk
+        "{path}: {} messages saved, {} arrivals from the journals",
+        recovered.messages, recovered.arrivals_of_journal
     );
-    for missing in &recovered.missing {
-        println!("  {missing}");
+    if recovered.messages_of_cut_chunk > 0 {
+        println!(
+            "  {} of the messages stand in a chunk that was cut: no checksum confirms them",
+            recovered.messages_of_cut_chunk
+        );
+    }
+    for line in missing::summary(&recovered.missing) {
+        println!("  {line}");
+    }
+    if let Some(loss) = &recovered.loss {
+        println!("  lost: {loss}");
+    }
+    if let Some(original) = &recovered.original {
+        println!("  the damaged original is kept as {}", original.display());
     }
 }

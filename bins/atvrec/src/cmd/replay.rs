@@ -3,7 +3,6 @@
 mod changes;
 
 use std::iter::Peekable;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime, Payload};
@@ -14,6 +13,7 @@ use crate::config::Config;
 use crate::engine::{Engine, Skipped};
 use crate::exit::{Outcome, UsageError};
 use crate::missing;
+use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::read_ahead::ReadAhead;
 use crate::session;
@@ -25,6 +25,8 @@ struct Done {
     arrivals: u64,
     records: u64,
     left_out: u64,
+    /// Estimates of the verified log that this version no longer gives.
+    during_silence: u64,
     span: Option<(LogTime, LogTime)>,
     missing: Vec<Missing>,
     /// Closed files are not what was written.
@@ -33,15 +35,22 @@ struct Done {
 
 /// Replays.
 pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let output = output(args)?;
     let reader = Reader::open(&args.logs)?;
     let config = match &args.config {
         Some(path) => Config::load(path)?,
         None => Config::from_attachments(&changes::apply(&args.changes, reader.attachments()?)?)?,
     };
+    if let (true, Some(missing)) = (args.verify, reader.missing_parts().first()) {
+        anyhow::bail!(
+            "{missing}: the state of the estimator at the beginning of the next part is unknown, so \
+             that the log cannot be verified; give all parts of the run"
+        );
+    }
     let original = reader.session().clone();
     check_sources(&config, &original)?;
     let begin = Instant::now();
-    let mut replay = Replay::new(&reader, &config, &original, args)?;
+    let mut replay = Replay::new(&reader, &config, &original, args, output.as_ref())?;
     let progress = Progress::seconds("replay", log_seconds(&reader), quiet);
     let mut pace = args.rate.map(Pace::new);
     let mut done = Done::default();
@@ -79,6 +88,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Vec::new()
     };
     progress.finish();
+    done.during_silence = replay.during_silence();
     let report = replay.finish()?;
     done.changed = !changed.is_empty();
     done.missing.extend(changed);
@@ -94,8 +104,10 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
 struct Replay {
     engine: Engine,
     records: Vec<Record>,
-    writer: Option<(Writer, Truth)>,
+    writer: Option<(LogFile, Truth)>,
     verifier: Option<Verifier>,
+    /// Computes what the verifier expects, where that is not what is written.
+    earlier: Option<(Engine, Vec<Record>)>,
 }
 
 impl Replay {
@@ -104,13 +116,13 @@ impl Replay {
         config: &Config,
         original: &Session,
         args: &ReplayArgs,
+        output: Option<&Target>,
     ) -> anyhow::Result<Self> {
         let session = session::replayed(config, original);
         let options = config.storage.options.clone();
-        let writer = match &args.output {
-            Some(path) => {
-                refuse_overwriting(path, &args.logs)?;
-                let writer = Writer::create(path, session.clone(), options.clone(), 0)?;
+        let writer = match output {
+            Some(target) => {
+                let writer = target.log(session.clone(), options.clone())?;
                 let truth = reader.messages(Selection::topics(["/truth/*"]));
                 Some((writer, truth.peekable()))
             }
@@ -123,16 +135,21 @@ impl Replay {
             }
             false => None,
         };
-        let engine = if args.smooth || args.verify && holds_smoothed(reader) {
-            Engine::smoothing(config)?
-        } else {
-            Engine::new(config)?
+        let engine = || match args.smooth || args.verify && holds_smoothed(reader) {
+            true => Engine::smoothing(config),
+            false => Engine::new(config),
+        };
+        let (engine, earlier) = match args.verify && original.silence_ns == 0 {
+            true if writer.is_none() => (engine()?.through_silence(), None),
+            true => (engine()?, Some((engine()?.through_silence(), Vec::new()))),
+            false => (engine()?, None),
         };
         Ok(Self {
             engine,
             records: Vec::new(),
             writer,
             verifier,
+            earlier,
         })
     }
 
@@ -141,14 +158,23 @@ impl Replay {
         self.records.clear();
         self.engine.push(arrival, &mut self.records);
         if let Some(verifier) = &mut self.verifier {
-            verifier.expect(&self.records, arrival.log_time)?;
+            let expected = match &mut self.earlier {
+                Some((engine, records)) => {
+                    records.clear();
+                    engine.push(arrival, records);
+                    records
+                }
+                None => &self.records,
+            };
+            verifier.expect(expected, arrival.log_time)?;
         }
         Ok(self.records.len() as u64)
     }
 
     /// Writes the arrival and what followed from it.
     fn keep(&mut self, arrival: Arrival) -> anyhow::Result<()> {
-        if let Some((writer, truth)) = &mut self.writer {
+        if let Some((log, truth)) = &mut self.writer {
+            let writer = log.writer();
             copy_truth(writer, truth, arrival.log_time)?;
             writer.push(arrival)?;
             for record in &self.records {
@@ -159,18 +185,31 @@ impl Replay {
         Ok(())
     }
 
+    fn during_silence(&self) -> u64 {
+        let earlier = self.earlier.as_ref().map(|(engine, _)| engine);
+        earlier.unwrap_or(&self.engine).estimates_during_silence()
+    }
+
     fn finish(mut self) -> anyhow::Result<Option<Report>> {
         const END: LogTime = LogTime(u64::MAX);
         self.engine.finish(&mut self.records);
         if let Some(verifier) = &mut self.verifier {
-            verifier.expect(&self.records, END)?;
+            let expected = match &mut self.earlier {
+                Some((engine, records)) => {
+                    records.clear();
+                    engine.finish(records);
+                    records
+                }
+                None => &self.records,
+            };
+            verifier.expect(expected, END)?;
         }
-        if let Some((mut writer, mut truth)) = self.writer {
-            copy_truth(&mut writer, &mut truth, END)?;
+        if let Some((mut log, mut truth)) = self.writer {
+            copy_truth(log.writer(), &mut truth, END)?;
             for record in &self.records {
-                writer.record(record);
+                log.writer().record(record);
             }
-            writer.finish()?;
+            log.finish()?;
         }
         self.verifier.map(Verifier::finish).transpose()
     }
@@ -262,16 +301,21 @@ fn check_sources(config: &Config, original: &Session) -> anyhow::Result<()> {
     .into())
 }
 
-fn refuse_overwriting(output: &Path, logs: &[std::path::PathBuf]) -> anyhow::Result<()> {
-    let same = |log: &std::path::PathBuf| matches!((log.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if logs.iter().any(same) {
-        return Err(UsageError(format!(
-            "{} is replayed and cannot be written too; name another output",
-            output.display()
-        ))
-        .into());
-    }
-    Ok(())
+/// The new log, if one is wanted.
+fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
+    let Some(path) = &args.output else {
+        return Ok(None);
+    };
+    let changes = &args.changes;
+    let files = [
+        &args.config,
+        &changes.vehicle,
+        &changes.sensors,
+        &changes.calibration,
+    ];
+    let inputs = args.logs.iter().chain(files.into_iter().flatten());
+    let inputs = inputs.chain(&changes.overrides).map(|path| &**path);
+    Target::new(path, Kind::Log, args.replace.force, inputs).map(Some)
 }
 
 /// The program that made the log, if it was not this one.
@@ -296,6 +340,7 @@ fn tell(
             "arrivals": done.arrivals,
             "records": done.records,
             "left_out": done.left_out,
+            "estimates_during_silence": done.during_silence,
             "log_s": span_s,
             "took_s": took_s,
             "missing": done.missing.iter().map(ToString::to_string).collect::<Vec<_>>(),
@@ -314,6 +359,12 @@ fn tell(
         println!(
             "  {} arrivals that the estimator left out while recording are left out again",
             done.left_out
+        );
+    }
+    if done.during_silence > 0 {
+        println!(
+            "  {} estimates during silence, which this version no longer gives",
+            done.during_silence
         );
     }
     for line in missing::summary(&done.missing) {
@@ -335,3 +386,6 @@ fn tell(
         println!("  {}", output.display());
     }
 }
+
+#[cfg(test)]
+mod tests;

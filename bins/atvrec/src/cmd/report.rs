@@ -4,16 +4,20 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::ReportArgs;
 use crate::exit::Outcome;
+use crate::output::target::{Kind, Target};
 
 /// Runs the command.
 pub fn run(args: &ReportArgs) -> anyhow::Result<Outcome> {
-    write(&args.logs, &args.output)?;
+    write(&args.logs, &args.output, args.replace.force)?;
     Ok(Outcome::Good)
 }
 
 /// Writes the report and says where it is.
-pub fn write(logs: &[PathBuf], output: &Path) -> anyhow::Result<()> {
-    let summary = report::write_html(logs, output)?;
+pub fn write(logs: &[PathBuf], output: &Path, force: bool) -> anyhow::Result<()> {
+    let inputs = logs.iter().map(|log| &**log);
+    let target = Target::new(output, Kind::Page, force, inputs)?;
+    let (html, summary) = report::html(logs)?;
+    target.write(&html)?;
     println!(
         "{}: {:.1} s, {} estimates, {} figures, {:.1} MB",
         output.display(),

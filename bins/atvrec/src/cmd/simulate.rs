@@ -6,13 +6,14 @@ use std::time::Duration;
 use anyhow::Context;
 use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
 use sim::{Output, Port};
-use store::{Options, Record, Recorder, Session, Writer};
+use store::{ClockState, Options, Record, Recorder, Session};
 
 use crate::cli::SimulateArgs;
-use crate::cmd::findings::write_whole;
 use crate::config::Config;
 use crate::engine::Engine;
 use crate::exit::Outcome;
+use crate::folder::{self, Protected, RunName};
+use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::retention::{self, Limits};
 use crate::rig::{Ports, Rig};
@@ -25,6 +26,7 @@ const TRUTH_S: f64 = 0.01;
 
 /// Drives and writes.
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let (output, calibration) = outputs(args)?;
     let mut rig = Rig::new(&args.drive)?;
     let ports = Ports {
         directory: Path::new("virtual"),
@@ -39,12 +41,12 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let session = session::simulated(&config, &run_id, rig.start());
     let mut log = Log {
         engine: Engine::new(&config)?,
-        sink: Sink::open(&args.output, &config, session)?,
+        sink: Sink::open(output.as_ref(), &args.output, &config, session)?,
         sequence: 0,
         records: Vec::new(),
     };
-    if let Some(path) = &args.true_calibration {
-        write_whole(path, &rig.true_calibration.to_toml()?)?;
+    if let Some(target) = calibration {
+        target.write(&rig.true_calibration.to_toml()?)?;
     }
     let progress = Progress::seconds("simulate", rig.duration_s(), quiet);
     drive(&mut rig, &config, &mut log, &progress)?;
@@ -60,10 +62,27 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
+/// The log, unless the output is a directory, and the file of the true calibration.
+fn outputs(args: &SimulateArgs) -> anyhow::Result<(Option<Target>, Option<Target>)> {
+    let drive = &args.drive;
+    let named = [&drive.vehicle, &drive.sensors].map(Path::new);
+    let files = [&args.config, &drive.truth, &drive.options];
+    let inputs = || {
+        let files = files.into_iter().flatten();
+        files.map(|path| &**path).chain(named)
+    };
+    let force = args.replace.force;
+    let calibration = args.true_calibration.as_ref();
+    let calibration = calibration.map(|path| Target::new(path, Kind::Toml, force, inputs()));
+    let is_log = !args.output.is_dir();
+    let log = is_log.then(|| Target::new(&args.output, Kind::Log, force, inputs()));
+    Ok((log.transpose()?, calibration.transpose()?))
+}
+
 /// Where a simulation goes.
 enum Sink {
     /// One log.
-    File(Box<Writer>),
+    File(Box<LogFile>),
     /// A directory, as a recording writes it: rotated, and kept within its limits.
     Run(Box<Run>),
 }
@@ -87,17 +106,29 @@ const LOOK_NANOS: i64 = 10 * NANOS_PER_SECOND;
 const WRITER_PAUSE: Duration = Duration::from_millis(1);
 
 impl Sink {
-    fn open(output: &Path, config: &Config, session: Session) -> anyhow::Result<Self> {
+    fn open(
+        log: Option<&Target>,
+        directory: &Path,
+        config: &Config,
+        session: Session,
+    ) -> anyhow::Result<Self> {
         let options: Options = config.storage.options.clone();
-        if !output.is_dir() {
-            let writer = Writer::create(output, session, options, 0)?;
-            return Ok(Self::File(Box::new(writer)));
+        if let Some(log) = log {
+            return Ok(Self::File(Box::new(log.log(session, options)?)));
         }
         let look_at = session.started;
-        let recorder = Recorder::start(output, &config.storage.name, session, options)?;
+        let name = RunName {
+            directory: directory.to_owned(),
+            name: config.storage.name.clone(),
+            number: folder::next_run(directory)
+                .with_context(|| format!("cannot read {}", directory.display()))?,
+            started: session.started,
+            clock: ClockState::Unknown,
+        };
+        let recorder = Recorder::start(directory, &name.stem(), session, options)?;
         Ok(Self::Run(Box::new(Run {
             recorder,
-            directory: output.to_owned(),
+            directory: directory.to_owned(),
             limits: config.storage.limits,
             look_at,
         })))
@@ -105,14 +136,14 @@ impl Sink {
 
     fn push(&mut self, arrival: Arrival) -> anyhow::Result<()> {
         match self {
-            Self::File(writer) => Ok(writer.push(arrival)?),
+            Self::File(log) => Ok(log.writer().push(arrival)?),
             Self::Run(run) => run.push(arrival),
         }
     }
 
     fn record(&mut self, record: Record) {
         match self {
-            Self::File(writer) => writer.record(&record),
+            Self::File(log) => log.writer().record(&record),
             Self::Run(run) => {
                 run.recorder.record(record);
             }
@@ -122,7 +153,7 @@ impl Sink {
     /// Closes the files; says how many decoded messages are in them.
     fn finish(self) -> anyhow::Result<u64> {
         match self {
-            Self::File(writer) => Ok(writer.finish()?.counters.messages),
+            Self::File(log) => Ok(log.finish()?.counters.messages),
             Self::Run(run) => {
                 let summary = run.recorder.finish()?;
                 let lost = summary.lost_arrivals + summary.lost_records;
@@ -144,7 +175,7 @@ impl Run {
         }
         if arrival.log_time >= self.look_at {
             self.look_at = arrival.log_time + LOOK_NANOS;
-            retention::enforce(&self.directory, self.limits)
+            retention::enforce(&self.directory, self.limits, &Protected::default())
                 .with_context(|| format!("cannot look after {}", self.directory.display()))?;
         }
         self.recorder.push(arrival);

@@ -9,12 +9,14 @@ use anyhow::Context;
 use crate::cli::VirtualArgs;
 use crate::devices::Devices;
 use crate::exit::Outcome;
+use crate::output::target::{Kind, Target};
 use crate::rig::{Ports, Rig};
 
 /// Drives until the manoeuvre ends or a signal comes.
 pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
     let mut rig = Rig::new(&args.drive)?;
-    let mut devices = Devices::new(&args.directory, args.can.is_none())?;
+    std::fs::create_dir_all(&args.directory)
+        .with_context(|| format!("cannot make the directory {}", args.directory.display()))?;
     let directory = args
         .directory
         .canonicalize()
@@ -24,8 +26,17 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
         can: args.can.as_deref(),
     };
     let config = directory.join("atvrec.toml");
-    std::fs::write(&config, rig.configuration(&ports))
-        .with_context(|| format!("cannot write {}", config.display()))?;
+    let text = rig.configuration(&ports);
+    // An earlier run's file that says the same is left alone.
+    let is_same = std::fs::read_to_string(&config).is_ok_and(|found| found == text);
+    let target = (!is_same)
+        .then(|| Target::new(&config, Kind::Toml, args.replace.force, inputs(args)))
+        .transpose()?;
+    let mut devices = Devices::new(&args.directory, args.can.is_none())?;
+    // Who waits for the configuration finds the ports.
+    if let Some(target) = target {
+        target.write(&text)?;
+    }
     tell(&rig, &devices, &config);
 
     let mut bus = args.can.as_deref().map(open_bus).transpose()?;
@@ -45,6 +56,13 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
         println!("  {sent}");
     }
     Ok(Outcome::Good)
+}
+
+fn inputs(args: &VirtualArgs) -> impl Iterator<Item = &Path> {
+    let drive = &args.drive;
+    let files = [&drive.truth, &drive.options].into_iter().flatten();
+    let named = [&drive.vehicle, &drive.sensors].map(Path::new);
+    files.map(|path| &**path).chain(named)
 }
 
 fn open_bus(interface: &str) -> anyhow::Result<acq::CanSender> {

@@ -38,6 +38,9 @@ const CONTRADICTIONS_MAX: u32 = 8;
 const WEEK_S: f64 = 604_800.0;
 const DAY_S: f64 = 86_400.0;
 
+/// Weeks below this may have lost their high bits.
+const WEEK_OF_TEN_BITS_END: u16 = 1024;
+
 /// The time scale of a device time; each has a fit of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scale {
@@ -75,6 +78,9 @@ pub struct ClockState {
     pub messages: u64,
     /// Times the fit was started anew because the device's clock was set.
     pub restarts: u32,
+    /// The device time is a date by itself: GPS time with a week of more than ten bits. Fewer bits
+    /// take theirs from the log clock.
+    pub is_dated: bool,
 }
 
 /// Lower-envelope fit of one device clock.
@@ -91,6 +97,7 @@ pub struct ClockFit {
     messages: u64,
     contradictions: u32,
     restarts: u32,
+    is_dated: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -127,6 +134,7 @@ impl ClockFit {
             messages: 0,
             contradictions: 0,
             restarts: 0,
+            is_dated: false,
         }
     }
 
@@ -135,6 +143,7 @@ impl ClockFit {
     /// finite.
     pub fn push(&mut self, device: DeviceTime, log_time: LogTime) -> Option<LogTime> {
         let device_s = self.unroll(device, log_time)?;
+        self.is_dated = matches!(device, DeviceTime::Gps { week: Some(week), .. } if week >= WEEK_OF_TEN_BITS_END);
         let Some((device_0, log_0)) = self.origin else {
             self.restart(device_s, log_time);
             return Some(log_time);
@@ -173,6 +182,7 @@ impl ClockFit {
             jitter_s: self.jitter_s,
             messages: self.messages,
             restarts: self.restarts,
+            is_dated: self.is_dated,
         })
     }
 

@@ -4,11 +4,12 @@ use sample::{
     Arrival, CanFrame, DeviceTime, LogTime, LossPlace, Measurement, NANOS_PER_SECOND, Notice,
     Payload, Sample, SourceHealth, SourceId,
 };
-use store::ClockFit as ClockRecord;
+use store::{ClockFit as ClockRecord, UtcOffset};
 use wire::{Item, Protocol, Statistics};
 
 use super::can::{Arrived, CanDecoder};
 use super::clock::{ClockFit, Scale};
+use super::utc::UtcClock;
 use crate::config::{GnssMeaning, Meaning, Source};
 
 /// Seconds from the UNIX epoch to GPS time zero, 1980-01-06, leap seconds left out.
@@ -54,6 +55,7 @@ struct Timing {
     attitude_latency_s: f64,
     last_velocity_tag_s: Option<f64>,
     velocity_interval_s: f64,
+    utc: UtcClock,
 }
 
 /// What became of a source's silence.
@@ -147,6 +149,7 @@ impl SourceState {
         let (id, timing) = (self.id, &mut self.timing);
         let deliver = |item: Item<'_>| {
             let tag = timing.tag(item.device_time, log_time);
+            timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
                 let latency_s = match item.protocol {
                     Protocol::Csv | Protocol::Alog => item.latency_s.unwrap_or(0.0),
@@ -257,6 +260,21 @@ impl SourceState {
     }
 }
 
+impl SourceState {
+    /// UTC against the log clock, if the device has sent date and time since the last call.
+    pub fn utc_offset(&mut self, now: LogTime) -> Option<UtcOffset> {
+        let timing = &mut self.timing;
+        let offset = timing.utc.offset(&timing.fits, timing.transport_delay_s)?;
+        Some(UtcOffset {
+            time: now,
+            offset_ns: offset.offset_ns,
+            sigma_s: offset.sigma_s,
+            source: self.id,
+            leap_seconds: offset.leap_seconds,
+        })
+    }
+}
+
 impl Timing {
     fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
         Self {
@@ -268,6 +286,7 @@ impl Timing {
                 .unwrap_or(attitude_latency_s),
             last_velocity_tag_s: None,
             velocity_interval_s: 0.0,
+            utc: UtcClock::default(),
         }
     }
 

@@ -10,14 +10,15 @@ use anyhow::Context;
 use sample::{
     Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity, SourceId,
 };
-use store::{LogMessage, Record, Recorder, RecorderSummary};
+use store::{ClockState, LogMessage, Record, Recorder, RecorderSummary};
 use tokio::sync::mpsc;
 
 use super::pulse::{Pulse, Pulses};
 use crate::board::Board;
 use crate::config::{Config, Trigger};
 use crate::engine::Engine;
-use crate::{retention, session};
+use crate::folder::{self, Protected, RunGuard, RunName};
+use crate::session;
 
 /// Arrivals and records that may wait for the writer while a backlog is taken in.
 const BACKLOG_WAITING_MAX: usize = 8_192;
@@ -44,6 +45,9 @@ pub struct Run {
     raw: JoinHandle<()>,
     engine: JoinHandle<(Engine, Progress)>,
     pulses: [Arc<Pulse>; 2],
+    name: RunName,
+    /// Retention leaves the logs alone until they are closed.
+    _guard: RunGuard,
 }
 
 /// How far an engine has come.
@@ -56,27 +60,66 @@ pub struct Progress {
 }
 
 /// The files of a run; made beforehand, so that the run begins between two arrivals.
-pub fn open_files(config: &Config, started: LogTime) -> anyhow::Result<Arc<Recorder>> {
-    let storage = &config.storage;
-    let session = session::live(config, started);
-    let time = session::utc_compact(started.0 / 1_000_000_000);
-    let stem = format!("{}-{time}", storage.name);
-    let stem = retention::free_stem(&storage.directory, &stem)?;
-    let options = storage.options.clone();
-    let recorder = Recorder::start(&storage.directory, &stem, session, options)?;
-    Ok(Arc::new(recorder))
+pub struct Files {
+    recorder: Arc<Recorder>,
+    name: RunName,
+    guard: RunGuard,
+}
+
+impl Files {
+    /// Makes the files of a run that starts at `started` by a clock in the state `clock`.
+    pub fn open(
+        config: &Config,
+        started: LogTime,
+        clock: ClockState,
+        protected: &Protected,
+    ) -> anyhow::Result<Self> {
+        let storage = &config.storage;
+        let number = folder::next_run(&storage.directory).with_context(|| {
+            format!(
+                "cannot read the log directory {}",
+                storage.directory.display()
+            )
+        })?;
+        let name = RunName {
+            directory: storage.directory.clone(),
+            name: storage.name.clone(),
+            number,
+            started,
+            clock,
+        };
+        let guard = protected.begin(number);
+        let session = session::live(config, started, number, clock);
+        let options = storage.options.clone();
+        let recorder = Recorder::start(&storage.directory, &name.stem(), session, options)?;
+        Ok(Self {
+            recorder: Arc::new(recorder),
+            name,
+            guard,
+        })
+    }
+
+    /// What writes them.
+    pub const fn recorder(&self) -> &Arc<Recorder> {
+        &self.recorder
+    }
 }
 
 impl Run {
     /// Begins to write `streams` and what `engine` makes of them.
     pub fn start(
-        recorder: Arc<Recorder>,
+        files: Files,
         engine: Engine,
         sequencer: Sequencer,
         streams: Streams,
         pulses: &Pulses,
         voice: Voice,
     ) -> anyhow::Result<Self> {
+        let Files {
+            recorder,
+            name,
+            guard,
+        } = files;
         let pulse = [pulses.add("recorder"), pulses.add("engine")];
         let estimates = streams.estimator.context("a stream without estimator")?;
         let raw = Raw {
@@ -101,6 +144,8 @@ impl Run {
             raw: spawn("recorder", move || raw.run())?,
             engine: spawn("engine", move || worker.run())?,
             pulses: pulse,
+            name,
+            _guard: guard,
         })
     }
 
@@ -112,9 +157,30 @@ impl Run {
         join("recorder", self.raw)?;
         let recorder =
             Arc::into_inner(self.recorder).context("a thread still holds the recorder")?;
-        let summary = recorder.finish()?;
+        let mut summary = recorder.finish()?;
         let (engine, progress) = engine?;
+        // Renamed under the names' guard: retention must not meet half of it.
+        match self.name.rename(engine.utc_offset()) {
+            Ok(Some((old, new))) => rename_in(&mut summary, &old, &new),
+            Ok(None) => {}
+            Err(error) => tracing::warn!(%error, "the logs keep their names until the next start"),
+        }
+        folder::count_run(&self.name.directory, self.name.number);
         Ok((summary, engine, progress))
+    }
+}
+
+/// The files' paths after their stem has changed.
+fn rename_in(summary: &mut RecorderSummary, old: &str, new: &str) {
+    for file in &mut summary.files {
+        let name = file.path.file_name().unwrap_or_default().to_string_lossy();
+        if let Some(rest) = name.strip_prefix(old) {
+            let renamed = file.path.with_file_name(format!("{new}{rest}"));
+            // One whose new name was taken has kept its old one.
+            if renamed.exists() {
+                file.path = renamed;
+            }
+        }
     }
 }
 

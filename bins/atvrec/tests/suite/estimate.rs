@@ -78,7 +78,7 @@ fn a_drive_that_begins_at_speed_begins_upright() {
     for seed in ["1", "2", "3"] {
         atvrec(directory.path())
             .args(["-q", "simulate", "--manoeuvre", "slow-sine", "--for", "1.5"])
-            .args(["--seed", seed, "-o", "start.mcap"])
+            .args(["--seed", seed, "-o", "start.mcap", "--force"])
             .assert()
             .success();
         let reader = Reader::open([directory.path().join("start.mcap")]).expect("the log opens");
@@ -178,7 +178,7 @@ fn an_independent_simulators_runs_are_estimated_and_judged_end_to_end() {
     ] {
         let file = format!("{truth}/{name}.parquet");
         let drive = ["-q", "simulate", "--truth", &file, "-o", "drive.mcap"];
-        run(&[&drive[..], &["--vehicle", "vehicle.toml"]].concat());
+        run(&[&drive[..], &["--vehicle", "vehicle.toml", "--force"]].concat());
         let told: Value = serde_json::from_str(&run(&["score", "drive.mcap", "--json"])).unwrap();
         let declared = |kind: &str| told["events"][kind].as_u64().unwrap_or(0);
         assert_eq!(declared("lift"), lifts, "{name}: {}", told["events"]);

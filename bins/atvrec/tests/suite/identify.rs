@@ -12,7 +12,7 @@ use crate::support::atvrec;
 
 fn simulate(directory: &Path, name: &str, arguments: &[&str]) {
     atvrec(directory)
-        .args(["simulate", "-o", name])
+        .args(["simulate", "--force", "-o", name])
         .args(arguments)
         .assert()
         .success();

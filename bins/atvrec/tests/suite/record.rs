@@ -228,10 +228,16 @@ fn an_unfinished_log_is_made_whole_by_the_next_start() {
     let unfinished = directory.path().join("logs/old.mcap.active");
     fs::write(&unfinished, &bytes[..bytes.len() / 2]).expect("written");
     fs::write(directory.path().join("atvrec.toml"), "").expect("written");
-    atvrec(directory.path())
-        .args(["record", "--for", "0.2"])
-        .assert()
-        .success();
+    // Beside the recording, which a stop does not wait for.
+    for _ in 0..20 {
+        atvrec(directory.path())
+            .args(["record", "--for", "1"])
+            .assert()
+            .success();
+        if !unfinished.exists() {
+            break;
+        }
+    }
     assert!(!unfinished.exists());
     atvrec(directory.path())
         .args(["replay", "logs/old.mcap", "--verify"])

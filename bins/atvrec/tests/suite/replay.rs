@@ -160,7 +160,8 @@ fn a_replay_with_another_vehicle_or_fewer_inputs_is_compared_with_the_first() {
         ("--method", "thesis"),
     ] {
         atvrec(directory.path())
-            .args(["replay", "drive.mcap", "-o", "other.mcap", change, value])
+            .args(["replay", "drive.mcap", "-o", "other.mcap", "--force"])
+            .args([change, value])
             .assert()
             .success();
         let assert = atvrec(directory.path())
@@ -184,7 +185,7 @@ fn a_replay_with_another_vehicle_or_fewer_inputs_is_compared_with_the_first() {
         ["drive.mcap", "--without", "imu", "-o", "less.mcap"],
     ] {
         atvrec(directory.path())
-            .arg("replay")
+            .args(["replay", "--force"])
             .args(arguments)
             .assert()
             .success();
@@ -290,8 +291,14 @@ fn a_log_that_is_cut_replays_as_far_as_it_goes() {
     let assert = atvrec(directory.path())
         .args(["recover", "cut.mcap"])
         .assert()
-        .success();
-    assert!(stdout(&assert).contains("messages saved"));
+        .code(3);
+    let text = stdout(&assert);
+    assert!(
+        text.contains("messages saved") && text.contains("lost: "),
+        "{text}"
+    );
+    let original = fs::read(directory.path().join("cut.mcap.damaged")).expect("kept");
+    assert_eq!(original, bytes[..bytes.len() * 2 / 3]);
     atvrec(directory.path())
         .args(["replay", "cut.mcap", "--verify"])
         .assert()
@@ -390,7 +397,7 @@ fn what_cannot_be_replayed_is_refused_by_name() {
         .args(["replay", "drive.mcap", "-o", "drive.mcap"])
         .assert()
         .code(2);
-    assert!(stderr(&assert).contains("name another output"));
+    assert!(stderr(&assert).contains("cannot be its output"));
 }
 
 /// Writes a log again with changed arrivals and records.

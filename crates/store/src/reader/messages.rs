@@ -9,7 +9,7 @@ use sample::{Estimate, LogTime, Measurement, Sample, Signal, SignalFrame, Source
 
 use super::{ChannelInfo, LogFile, Missing, unknown_estimate};
 use crate::convert::{self, Envelope};
-use crate::scan::{self, Decompressor, Scanner, Step};
+use crate::scan::{self, Decompressor, Refusal, Scanner};
 use crate::{Error, Record, Result, Stage, dynamic};
 
 /// Which messages to read.
@@ -79,7 +79,6 @@ pub struct MessageIter {
     files: VecDeque<Arc<LogFile>>,
     selection: Selection,
     open: Option<OpenFile>,
-    ready: VecDeque<Message>,
     missing: Vec<Missing>,
     decompressor: Decompressor,
 }
@@ -89,6 +88,9 @@ struct OpenFile {
     scanner: Scanner<File>,
     wanted: BTreeSet<u16>,
     next_part: usize,
+    /// Records of the part that is being read, and how many of its bytes are done.
+    records: Vec<u8>,
+    done: usize,
 }
 
 impl MessageIter {
@@ -97,7 +99,6 @@ impl MessageIter {
             files: files.into(),
             selection,
             open: None,
-            ready: VecDeque::new(),
             missing: Vec::new(),
             decompressor: Decompressor::default(),
         }
@@ -126,6 +127,8 @@ impl MessageIter {
                 file,
                 wanted,
                 next_part: 0,
+                records: Vec::new(),
+                done: 0,
             });
             return Ok(true);
         };
@@ -140,34 +143,35 @@ impl MessageIter {
             .as_ref()
             .is_none_or(|channels| !channels.is_disjoint(&open.wanted));
         if in_time && has_wanted {
-            let path = &open.file.path;
-            let offset = part.offset;
-            let step = open
-                .scanner
-                .seek(offset)
-                .and_then(|()| open.scanner.step())
-                .map_err(Error::file("read", path))?;
-            self.take(step, offset);
+            let (offset, bytes) = (part.offset, part.bytes_end.saturating_sub(part.offset));
+            let records = records_of(&mut open.scanner, &mut self.decompressor, offset, bytes)
+                .map_err(Error::file("read", &open.file.path))?;
+            open.done = 0;
+            open.records = records.unwrap_or_else(|what| {
+                self.missing.push(Missing::Damaged {
+                    path: open.file.path.clone(),
+                    offset,
+                    bytes,
+                    what,
+                });
+                Vec::new()
+            });
         }
         Ok(true)
     }
 
-    fn take(&mut self, step: Step, offset: u64) {
-        let Some(open) = &self.open else { return };
-        let (opcode, body, cut) = match step {
-            Step::Record { opcode, body, .. } => (opcode, body, false),
-            Step::Cut { opcode, body, .. } => (opcode, body, true),
-            Step::End => (0, Vec::new(), true),
-        };
-        let (wanted, selection, index) = (&open.wanted, &self.selection, &open.file.index);
-        let ready = &mut self.ready;
-        let mut add = |body: &[u8]| {
-            if let Some((header, data)) = scan::message(body)
-                && wanted.contains(&header.channel_id)
-                && (selection.start.0..=selection.end.0).contains(&header.log_time)
-                && let Some(channel) = index.channels.get(&header.channel_id)
+    /// The next message of the part that is being read.
+    fn next_of_part(&mut self) -> Option<Message> {
+        let open = self.open.as_mut()?;
+        while let Some((opcode, body, _)) = scan::split_record(&open.records[open.done..]) {
+            open.done += scan::PREFIX as usize + body.len();
+            if opcode == op::MESSAGE
+                && let Some((header, data)) = scan::message(body)
+                && open.wanted.contains(&header.channel_id)
+                && (self.selection.start.0..=self.selection.end.0).contains(&header.log_time)
+                && let Some(channel) = open.file.index.channels.get(&header.channel_id)
             {
-                ready.push_back(Message {
+                return Some(Message {
                     channel: Arc::clone(channel),
                     sequence: header.sequence,
                     log_time: LogTime(header.log_time),
@@ -175,29 +179,46 @@ impl MessageIter {
                     data: data.to_vec(),
                 });
             }
-        };
-        match opcode {
-            op::MESSAGE => add(&body),
-            op::CHUNK => {
-                if let Some(contents) = self.decompressor.chunk(&body, cut) {
-                    scan::for_each_record(&contents.records, |opcode, body| {
-                        if opcode == op::MESSAGE {
-                            add(body);
-                        }
-                    });
-                } else {
-                    let path = open.file.path.clone();
-                    let what = "chunk";
-                    self.missing.push(Missing::Damaged { path, offset, what });
-                }
+        }
+        open.records = Vec::new();
+        open.done = 0;
+        None
+    }
+}
+
+/// The records of a chunk or of a stretch of loose messages; what it is, if it is damaged.
+fn records_of(
+    scanner: &mut Scanner<File>,
+    decompressor: &mut Decompressor,
+    offset: u64,
+    bytes: u64,
+) -> std::io::Result<std::result::Result<Vec<u8>, String>> {
+    let bound = scan::max_chunk();
+    let first = scanner.prefix(offset)?;
+    if let Some((op::MESSAGE, _)) = first {
+        return Ok(Ok(scanner.read_at(offset, bytes.min(bound))?));
+    }
+    if let Some((op::CHUNK, length)) = first
+        && length <= bound + bound / 64 + 4096
+    {
+        let body = scanner.read_at(offset + scan::PREFIX, length)?;
+        match decompressor.chunk(&body, bound) {
+            Ok(chunk) => return Ok(Ok(chunk.records)),
+            Err(Refusal::Compression(name)) => {
+                return Ok(Err(format!("chunk of unknown compression {name:?}")));
             }
-            _ => {
-                let path = open.file.path.clone();
-                let what = "chunk";
-                self.missing.push(Missing::Damaged { path, offset, what });
+            Err(Refusal::TooLarge(size)) => {
+                return Ok(Err(format!(
+                    "chunk of {size} bytes, more than --max-chunk allows,"
+                )));
             }
+            Err(Refusal::Damaged) => {}
         }
     }
+    let found = scan::repaired(scanner, bound, offset)?;
+    Ok(found
+        .map(|found| found.chunk.records)
+        .ok_or_else(|| "chunk".to_owned()))
 }
 
 impl Iterator for MessageIter {
@@ -205,7 +226,7 @@ impl Iterator for MessageIter {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(message) = self.ready.pop_front() {
+            if let Some(message) = self.next_of_part() {
                 return Some(Ok(message));
             }
             match self.advance() {

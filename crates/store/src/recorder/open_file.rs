@@ -131,6 +131,10 @@ impl OpenFile {
     }
 
     fn turn_journal(&mut self) -> Result<()> {
+        let channels = self.writer.take_new_channels();
+        if let Some(journal) = self.journal.as_mut().filter(|_| !channels.is_empty()) {
+            journal.define(channels)?;
+        }
         let written = self.writer.groups();
         if written == self.groups.written.load(Ordering::Relaxed) {
             return Ok(());

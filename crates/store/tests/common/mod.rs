@@ -10,8 +10,8 @@ use sample::{
     Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 use store::{
-    Attachment, ClockFit, DynamicMessage, LogMessage, Pose, Record, Session, SignalSchema, Source,
-    SourceKind, Stage, Transform,
+    Attachment, ClockFit, ClockState, DynamicMessage, LogMessage, Pose, Record, Session,
+    SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset,
 };
 
 /// Log clock at the start of the run.
@@ -31,6 +31,9 @@ pub fn session() -> Session {
         git_hash: "0123abc".to_owned(),
         boot_id: "boot".to_owned(),
         host: "host".to_owned(),
+        run_number: Some(42),
+        clock: ClockState::Unsynchronised,
+        silence_ns: 1_000_000_000,
         sources: vec![
             source(0, "recorder", SourceKind::Recorder),
             source(1, "can0", SourceKind::Can),
@@ -184,6 +187,13 @@ pub fn records(time: LogTime) -> Vec<Record> {
             residual_sigma_s: 0.001,
             count: 40,
             steps: 1,
+        }),
+        Record::UtcOffset(UtcOffset {
+            time,
+            offset_ns: -86_400_000_000_123,
+            sigma_s: 0.1,
+            source: SourceId(3),
+            leap_seconds: Some(18),
         }),
         Record::Mark {
             time,

@@ -2,6 +2,7 @@
 //! reference of sideslip.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
@@ -17,6 +18,7 @@ use crate::cli::IdentifyHandlingArgs;
 use crate::config::{self, Config};
 use crate::engine::Engine;
 use crate::exit::{Outcome, UsageError};
+use crate::output::target::{Kind, Target};
 
 /// The calibration among the files that are written.
 const CALIBRATION_NAME: &str = "calibration.toml";
@@ -28,6 +30,9 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
         Some(path) => Config::load(path)?,
         None => Config::from_attachments(&reader.attachments()?)?,
     };
+    if let Some(directory) = args.output.as_ref().filter(|directory| directory.exists()) {
+        targets(directory, &config, args)?;
+    }
     let Some(told) = config.estimator.clone() else {
         return Err(UsageError(
             "the configuration names no vehicle; give one with --config, or import with --vehicle"
@@ -49,7 +54,7 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
         reader.session().run_id
     );
     if let Some(directory) = &args.output {
-        write(directory, &config, &calibration)?;
+        write(directory, &config, &calibration, args)?;
     }
     if args.json {
         println!("{:#}", as_json(&found));
@@ -99,14 +104,20 @@ fn inputs(
 
 /// Writes the calibration with the log's configuration and all files that it names, side by side,
 /// so that `replay --config` needs nothing else.
-fn write(directory: &Path, config: &Config, calibration: &Calibration) -> anyhow::Result<()> {
-    let refused = || format!("cannot write into {}", directory.display());
-    std::fs::create_dir_all(directory).with_context(refused)?;
+fn write(
+    directory: &Path,
+    config: &Config,
+    calibration: &Calibration,
+    args: &IdentifyHandlingArgs,
+) -> anyhow::Result<()> {
+    std::fs::create_dir_all(directory)
+        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+    let targets = targets(directory, config, args)?;
     let names = flat_names(&config.attachments);
     for attachment in &config.attachments {
         if attachment.name != config::ATTACHED_NAME && names[&attachment.name] != CALIBRATION_NAME {
-            let path = directory.join(&names[&attachment.name]);
-            std::fs::write(path, &attachment.data).with_context(refused)?;
+            targets[&names[&attachment.name]]
+                .write_by(|mut file| Ok(file.write_all(&attachment.data)?))?;
         }
     }
     let text = config
@@ -125,10 +136,28 @@ fn write(directory: &Path, config: &Config, calibration: &Calibration) -> anyhow
     if let Value::Table(vehicle) = vehicle {
         vehicle.insert("calibration".to_owned(), CALIBRATION_NAME.into());
     }
-    std::fs::write(directory.join(CALIBRATION_NAME), calibration.to_toml()?)
-        .with_context(refused)?;
-    let configuration = toml::to_string_pretty(&document)?;
-    std::fs::write(directory.join(config::ATTACHED_NAME), configuration).with_context(refused)
+    targets[CALIBRATION_NAME].write(&calibration.to_toml()?)?;
+    // The configuration comes last: where it is, all that it names is there.
+    targets[config::ATTACHED_NAME].write(&toml::to_string_pretty(&document)?)
+}
+
+/// All files that go into the directory, by name.
+fn targets(
+    directory: &Path,
+    config: &Config,
+    args: &IdentifyHandlingArgs,
+) -> anyhow::Result<BTreeMap<String, Target>> {
+    let own = [CALIBRATION_NAME, config::ATTACHED_NAME].map(str::to_owned);
+    let attached = flat_names(&config.attachments).into_values();
+    own.into_iter()
+        .chain(attached)
+        .map(|name| {
+            let path = directory.join(&name);
+            let inputs = args.logs.iter().chain(&args.config).map(|path| &**path);
+            let target = Target::new(&path, Kind::Any, args.replace.force, inputs)?;
+            Ok((name, target))
+        })
+        .collect()
 }
 
 /// Names of the attached files without directories, each once.

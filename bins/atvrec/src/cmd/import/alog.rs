@@ -3,12 +3,13 @@
 use sample::LogTime;
 use wire::alog::{Format, Line, is_remark, log_start};
 use wire::column::Quantity;
+use wire::csv::MAX_LINE;
 
-use super::log::{self, Piece};
+use super::log::{self, Piece, Source};
 use super::truth::Reference;
 use super::{
-    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, nanos, read_text,
-    source_names,
+    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, listed, log_time, nanos,
+    output, read_text, shortened, source_names,
 };
 use crate::cli::ImportAlogArgs;
 use crate::config::{GAVLAB, Problems, alog_map};
@@ -16,6 +17,7 @@ use crate::exit::{Outcome, UsageError};
 
 /// Imports a MOOS log.
 pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
+    let output = output(&args.into, args.columns.iter().chain([&args.input]))?;
     let map_name = args
         .columns
         .as_ref()
@@ -38,7 +40,7 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
         return Err(UsageError(format!(
             "{} has none of the variables of {map_name}; it has: {}",
             args.input.display(),
-            variables(&text).join(", ")
+            listed(&variables(&text))
         ))
         .into());
     }
@@ -59,12 +61,19 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
     };
     let config = configuration(&names, &[table], &args.into)?;
     let truth = reference.on_grid();
-    log::write(&config, &names, pieces, &truth, &args.into.output)
+    let source = Source {
+        name: &names[0],
+        path: &args.input,
+        preamble: Vec::new(),
+    };
+    log::write(&config, &[source], pieces, &truth, &output)
 }
 
 /// A line with its time.
 struct Timed<'t> {
     time: LogTime,
+    /// Number of the line, from one.
+    number: usize,
     /// Its text, with remarks that stand before it.
     text: &'t str,
     line: Line<'t>,
@@ -95,14 +104,24 @@ fn lines<'t>(
                 continue;
             }
             complaints.add(|| {
-                let shown: String = raw.trim_end().chars().take(60).collect();
                 format!(
-                    "{}: \"{shown}\" is not `time variable source value`",
-                    place()
+                    "{}: \"{}\" is not `time variable source value`",
+                    place(),
+                    shortened(raw.trim_end())
                 )
             });
             continue;
         };
+        if raw.len() > MAX_LINE {
+            complaints.add(|| {
+                let bytes = raw.len();
+                format!(
+                    "{}: the line has {bytes} bytes; at most {MAX_LINE} are read",
+                    place()
+                )
+            });
+            continue;
+        }
         let mut wanted = false;
         for (_, variable, value) in format.values(&line) {
             wanted = true;
@@ -112,7 +131,7 @@ fn lines<'t>(
                         "{}: variable {}: \"{}\" holds no number that the column map asks for",
                         place(),
                         variable.name,
-                        line.value
+                        shortened(line.value)
                     )
                 });
             }
@@ -124,12 +143,19 @@ fn lines<'t>(
         } else {
             start_ns.unwrap_or(i128::from(START_DEFAULT_NS))
         };
-        let Ok(time) = u64::try_from(zero_ns + since_ns) else {
-            complaints.add(|| format!("{}: the time {word} s is out of range", place()));
+        let Some(time) = log_time(zero_ns + since_ns) else {
+            complaints.add(|| {
+                format!(
+                    "{}: the time {} s is out of range",
+                    place(),
+                    shortened(word)
+                )
+            });
             continue;
         };
         lines.push(Timed {
-            time: LogTime(time),
+            time,
+            number: number + 1,
             text: &text[begin..at],
             line,
             wanted,
@@ -162,6 +188,7 @@ fn pieces(mut lines: Vec<Timed<'_>>) -> Vec<Piece> {
             _ => pieces.push(Piece {
                 source: 0,
                 time: line.time,
+                line: line.number,
                 bytes,
             }),
         }

@@ -6,11 +6,11 @@ use sample::LogTime;
 use wire::column::{Column, Quantity};
 use wire::csv::{Format, MAX_LINE, Place};
 
-use super::log::{self, Piece};
+use super::log::{self, Piece, Source};
 use super::truth::Reference;
 use super::{
-    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, nanos, read_text,
-    source_names,
+    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, nanos, output,
+    read_text, shortened, source_names,
 };
 use crate::cli::ImportCsvArgs;
 use crate::config::{CsvMap, Problems, RowTime, csv_map};
@@ -27,10 +27,12 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
         ))
         .into());
     }
+    let output = output(&args.into, args.input.iter().chain(columns))?;
     let map_of = |file: usize| &columns[file.min(columns.len() - 1)];
     let names = source_names(&args.input);
     let (mut tables, mut complaints) = (Vec::new(), Complaints::default());
     let (mut pieces, mut reference) = (Vec::new(), Reference::default());
+    let mut sources = Vec::new();
     for (source, path) in args.input.iter().enumerate() {
         let map_path = map_of(source);
         let map_name = map_path.display().to_string();
@@ -38,6 +40,11 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
         let text = read_text(path)?;
         let rows = Rows::read(path, &text, &map, &mut complaints)?;
         rows.reference(&map.format, &mut reference);
+        sources.push(Source {
+            name: &names[source],
+            path,
+            preamble: rows.preamble.as_bytes().to_vec(),
+        });
         pieces.extend(rows.pieces(source));
         tables.push((path, map_name));
     }
@@ -53,17 +60,21 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
         .collect();
     let config = configuration(&names, &tables, &args.into)?;
     let truth = reference.on_grid();
-    log::write(&config, &names, pieces, &truth, &args.into.output)
+    log::write(&config, &sources, pieces, &truth, &output)
 }
 
 /// The rows of a file.
 struct Rows<'t> {
+    /// What stands before the first row: remarks, the header.
+    preamble: &'t str,
     rows: Vec<Row<'t>>,
 }
 
 struct Row<'t> {
     time: LogTime,
-    /// Its line, with remarks and header that stand before it.
+    /// Number of its line, from one.
+    line: usize,
+    /// Its line, with remarks that stand before it.
     text: &'t str,
     values: Vec<Option<f64>>,
 }
@@ -77,12 +88,19 @@ impl<'t> Rows<'t> {
     ) -> anyhow::Result<Self> {
         let mut reader = RowReader::new(path, map);
         let (mut at, mut begin) = (0, 0);
+        let mut preamble = "";
         let mut rows: Vec<Row<'t>> = Vec::new();
         for (number, line) in text.split_inclusive('\n').enumerate() {
+            let line_begin = at;
             at += line.len();
             if let Some((time, values)) = reader.take(number, line, complaints)? {
+                if rows.is_empty() {
+                    preamble = &text[..line_begin];
+                    begin = line_begin;
+                }
                 rows.push(Row {
                     time,
+                    line: number + 1,
                     text: &text[begin..at],
                     values,
                 });
@@ -115,7 +133,7 @@ impl<'t> Rows<'t> {
                 }
             }
         }
-        Ok(Self { rows })
+        Ok(Self { preamble, rows })
     }
 
     fn reference(&self, format: &Format, reference: &mut Reference) {
@@ -139,6 +157,7 @@ impl<'t> Rows<'t> {
             Piece {
                 source,
                 time: row.time,
+                line: row.line,
                 bytes,
             }
         })
@@ -220,7 +239,7 @@ impl<'m> RowReader<'m> {
             UsageError(format!(
                 "{} has no column {place}; it has: {}",
                 self.path.display(),
-                header.join(", ")
+                super::listed(header)
             ))
         };
         let mut positions = Vec::with_capacity(format.columns.len());
@@ -263,7 +282,10 @@ impl<'m> RowReader<'m> {
                 }
                 let Some(nanos) = nanos(&text, *unit_ns) else {
                     complaints.add(|| {
-                        format!("{place}: column {name}: \"{cell}\" is no time; correct the cell")
+                        format!(
+                            "{place}: column {name}: \"{}\" is no time; correct the cell",
+                            shortened(cell)
+                        )
                     });
                     return None;
                 };
@@ -278,20 +300,21 @@ impl<'m> RowReader<'m> {
                 START_DEFAULT_NS
             });
         let nanos = i128::from(start_ns) + since_ns;
-        let time = u64::try_from(nanos).ok().filter(|t| *t < u64::MAX / 2);
+        let time = super::log_time(nanos);
         if time.is_none() {
             complaints.add(|| format!("{place}: the time {nanos} ns is out of range"));
         }
-        time.map(LogTime)
+        time
     }
 }
 
 fn complaint(place: &str, name: &Place, column: &Column, text: Option<&str>) -> String {
     match text {
         Some(text) => format!(
-            "{place}: column {name} ({}): \"{text}\" is no number; correct the cell, or name what \
+            "{place}: column {name} ({}): \"{}\" is no number; correct the cell, or name what \
              stands for no value in missing under [table] of the column map",
-            column.quantity.name()
+            column.quantity.name(),
+            shortened(text)
         ),
         None => format!(
             "{place}: the row ends before column {name} ({}); correct it, or name the delimiter \

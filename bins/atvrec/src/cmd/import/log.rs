@@ -3,20 +3,36 @@
 use std::path::Path;
 
 use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
-use store::{Record, Writer};
+use store::Record;
 
+use super::Output;
 use super::truth::TruthPoint;
 use crate::config::Config;
-use crate::engine::Engine;
-use crate::exit::Outcome;
+use crate::engine::{Engine, SILENCE_NS};
+use crate::exit::{Outcome, UsageError};
+use crate::output::target::{Kind, LogFile, Target};
 use crate::session;
 
 /// Interval of ticks, as the recorder has it, ns.
 const TICK_NS: i64 = NANOS_PER_SECOND / 10;
 /// Time runs on for this long behind the last line, so that its estimate comes out, ns.
 const TAIL_NS: i64 = NANOS_PER_SECOND / 20;
+/// A longer time without rows is a mistake, or parts two runs, ns.
+const GAP_MAX_NS: i64 = 3600 * NANOS_PER_SECOND;
+/// Runs of one import at most.
+const RUNS_MAX: usize = 1000;
 /// An interval this many times the usual one is a gap.
 const GAP_FACTOR: u64 = 5;
+
+/// A file that is imported.
+pub struct Source<'s> {
+    /// Its name in the log.
+    pub name: &'s str,
+    /// The file.
+    pub path: &'s Path,
+    /// What stands before its first row, which every log begins with.
+    pub preamble: Vec<u8>,
+}
 
 /// Bytes of one source and when they came.
 pub struct Piece {
@@ -24,69 +40,179 @@ pub struct Piece {
     pub source: usize,
     /// When.
     pub time: LogTime,
+    /// Number of the line, from one.
+    pub line: usize,
     /// The bytes, as they stand in the file.
     pub bytes: Vec<u8>,
 }
 
-/// Writes the log and tells what is in it. `pieces` stand by rising time.
+/// Writes the log, or a log for each run, and tells what is in it. `pieces` stand by rising time.
 pub fn write(
     config: &Config,
-    names: &[String],
+    sources: &[Source<'_>],
     pieces: Vec<Piece>,
     truth: &[TruthPoint],
-    output: &Path,
+    output: &Output<'_>,
 ) -> anyhow::Result<Outcome> {
-    let Some(start) = pieces.first().map(|piece| piece.time) else {
+    if pieces.is_empty() {
         anyhow::bail!("no row has data; look at the column map's time and at the files");
+    }
+    let gaps = gaps(&pieces);
+    if let (Some(first), false) = (gaps.first(), output.into.split_gaps) {
+        return Err(UsageError(gap_text(sources, &pieces, *first, gaps.len())).into());
+    }
+    tell(sources, &pieces, truth);
+    let targets = targets(output, gaps.len() + 1)?;
+    let mut pieces = pieces.into_iter().peekable();
+    let mut truth = truth.iter().peekable();
+    let ends = gaps.iter().map(|gap| Some(gap.middle)).chain([None]);
+    for (end, target) in ends.zip(targets) {
+        let before = |time: LogTime| end.is_none_or(|end| time < end);
+        let pieces = std::iter::from_fn(|| pieces.next_if(|piece| before(piece.time))).collect();
+        let truth = std::iter::from_fn(|| truth.next_if(|point| before(point.time))).collect();
+        write_run(config, sources, pieces, truth, &target)?;
+    }
+    Ok(Outcome::Good)
+}
+
+/// A time without rows that is too long for one run.
+#[derive(Clone, Copy)]
+struct Gap {
+    /// Position of the first row behind it.
+    behind: usize,
+    middle: LogTime,
+}
+
+fn gaps(pieces: &[Piece]) -> Vec<Gap> {
+    let pairs = pieces.windows(2).enumerate();
+    pairs
+        .filter_map(|(at, pair)| {
+            let length_ns = pair[1].time - pair[0].time;
+            (length_ns > GAP_MAX_NS).then(|| Gap {
+                behind: at + 1,
+                middle: pair[0].time + length_ns / 2,
+            })
+        })
+        .collect()
+}
+
+fn gap_text(sources: &[Source<'_>], pieces: &[Piece], gap: Gap, count: usize) -> String {
+    let [before, behind] = [&pieces[gap.behind - 1], &pieces[gap.behind]];
+    let row = |piece: &Piece| {
+        let path = sources[piece.source].path.display();
+        format!("{path}:{} (at {} s)", piece.line, piece.time)
     };
-    tell(names, &pieces, truth);
-    let ids: Vec<SourceId> = names
+    let more = match count {
+        1 => String::new(),
+        _ => format!(" (the first of {count} such gaps)"),
+    };
+    format!(
+        "{} and {} are {:.1} h apart, more than 1 h{more}; correct the times, or make a run of the \
+         rows on each side of a gap with --split-gaps",
+        row(before),
+        row(behind),
+        behind.time.seconds_since(before.time) / 3600.0,
+    )
+}
+
+/// The log, or those of the runs: `NAME-1.mcap` and so on.
+fn targets(output: &Output<'_>, runs: usize) -> anyhow::Result<Vec<Target>> {
+    if runs == 1 {
+        return Ok(vec![output.log.clone()]);
+    }
+    if runs > RUNS_MAX {
+        return Err(UsageError(format!(
+            "{runs} runs are parted by gaps over 1 h, more than {RUNS_MAX}; correct the times"
+        ))
+        .into());
+    }
+    let path = output.log.path();
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let dot = if ending.is_empty() { "" } else { "." };
+    (1..=runs)
+        .map(|number| {
+            let path = path.with_file_name(format!("{stem}-{number}{dot}{ending}"));
+            let inputs = output.inputs.iter().copied();
+            Target::new(&path, Kind::Log, output.into.replace.force, inputs)
+        })
+        .collect()
+}
+
+fn write_run(
+    config: &Config,
+    sources: &[Source<'_>],
+    pieces: Vec<Piece>,
+    truth: Vec<&TruthPoint>,
+    target: &Target,
+) -> anyhow::Result<()> {
+    let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else {
+        return Ok(());
+    };
+    let (start, end) = (first.time, last.time + TAIL_NS);
+    let ids: Vec<SourceId> = sources
         .iter()
-        .filter_map(|name| config.sources.iter().find(|s| s.spec.name == *name))
+        .filter_map(|source| config.sources.iter().find(|s| s.spec.name == source.name))
         .map(|source| source.spec.id)
         .collect();
+    let names: Vec<&str> = sources.iter().map(|source| source.name).collect();
     let run_id = format!("import-{}-{}", names.join("-"), start.0);
     let session = session::simulated(config, &run_id, start);
     let mut log = Log {
         engine: Engine::new(config)?,
-        writer: Writer::create(output, session, config.storage.options.clone(), 0)?,
-        truth: truth.iter().peekable(),
+        file: target.log(session, config.storage.options.clone())?,
+        truth: truth.into_iter().peekable(),
         sequence: 0,
+        start,
         next_tick: start,
+        last_data: start,
         records: Vec::new(),
     };
     for id in &ids {
-        log.push(
-            *id,
-            start,
-            Payload::Notice(Notice::Opened("imported".to_owned())),
-        )?;
+        let opened = Payload::Notice(Notice::Opened("imported".to_owned()));
+        log.push(*id, start, opened)?;
     }
-    let end = pieces.last().map_or(start, |piece| piece.time) + TAIL_NS;
+    let mut preambles: Vec<Vec<u8>> = sources.iter().map(|s| s.preamble.clone()).collect();
     for piece in pieces {
         log.tick_until(piece.time)?;
-        log.push(ids[piece.source], piece.time, Payload::Bytes(piece.bytes))?;
+        let mut bytes = std::mem::take(&mut preambles[piece.source]);
+        bytes.extend(piece.bytes);
+        log.push(ids[piece.source], piece.time, Payload::Bytes(bytes))?;
+        log.last_data = piece.time;
     }
     log.tick_until(end)?;
     log.push(SourceId::HOST, end, Payload::Tick)?;
     let finished = log.finish()?;
-    println!("{}: {finished} decoded messages", output.display());
-    Ok(Outcome::Good)
+    println!("{}: {finished} decoded messages", target.path().display());
+    Ok(())
 }
 
 /// The log being written and the engine that fills it.
 struct Log<'t> {
     engine: Engine,
-    writer: Writer,
-    truth: std::iter::Peekable<std::slice::Iter<'t, TruthPoint>>,
+    file: LogFile,
+    truth: std::iter::Peekable<std::vec::IntoIter<&'t TruthPoint>>,
     sequence: u64,
+    start: LogTime,
     next_tick: LogTime,
+    last_data: LogTime,
     records: Vec<Record>,
 }
 
 impl Log<'_> {
+    /// Lets time pass. In silence, when nothing is estimated, there are no ticks, so that the log's
+    /// size follows the input's.
     fn tick_until(&mut self, time: LogTime) -> anyhow::Result<()> {
+        let silent = self.last_data + (SILENCE_NS + TICK_NS);
         while self.next_tick <= time {
+            if self.next_tick > silent {
+                let ticks = (time - self.start) / TICK_NS;
+                self.next_tick = self.start + ticks * TICK_NS;
+                if self.next_tick < time {
+                    self.next_tick = self.next_tick + TICK_NS;
+                }
+                return Ok(());
+            }
             let tick = self.next_tick;
             self.push(SourceId::HOST, tick, Payload::Tick)?;
             self.next_tick = tick + TICK_NS;
@@ -96,7 +222,7 @@ impl Log<'_> {
 
     fn push(&mut self, source: SourceId, time: LogTime, payload: Payload) -> anyhow::Result<()> {
         while let Some(point) = self.truth.next_if(|point| point.time <= time) {
-            self.writer.record(&point.record());
+            self.file.writer().record(&point.record());
         }
         let arrival = Arrival {
             sequence: self.sequence,
@@ -108,20 +234,20 @@ impl Log<'_> {
         self.sequence += 1;
         self.records.clear();
         self.engine.push(&arrival, &mut self.records);
-        self.writer.push(arrival)?;
+        self.file.writer().push(arrival)?;
         for record in &self.records {
-            self.writer.record(record);
+            self.file.writer().record(record);
         }
         Ok(())
     }
 
     fn finish(self) -> anyhow::Result<u64> {
-        Ok(self.writer.finish()?.counters.messages)
+        Ok(self.file.finish()?.counters.messages)
     }
 }
 
-fn tell(names: &[String], pieces: &[Piece], truth: &[TruthPoint]) {
-    for (source, name) in names.iter().enumerate() {
+fn tell(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint]) {
+    for (source, name) in sources.iter().map(|source| source.name).enumerate() {
         let times: Vec<u64> = pieces
             .iter()
             .filter(|piece| piece.source == source)

@@ -4,15 +4,17 @@ use anyhow::Context;
 
 use crate::cli::ImportVehicleArgs;
 use crate::exit::Outcome;
+use crate::output::target::{Kind, Target};
 
 /// Writes a vehicle file from a simulator's parameters.
 pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {
+    let inputs = [&*args.input];
+    let target = Target::new(&args.output, Kind::Toml, args.replace.force, inputs)?;
     let text = std::fs::read_to_string(&args.input)
         .with_context(|| format!("cannot read {}", args.input.display()))?;
     let vehicle = sim::vehicle_from_truth_params(&text)
         .with_context(|| format!("{} is not usable", args.input.display()))?;
-    std::fs::write(&args.output, vehicle.to_toml()?)
-        .with_context(|| format!("cannot write {}", args.output.display()))?;
+    target.write(&vehicle.to_toml()?)?;
     println!("{}: {}", args.output.display(), vehicle.name);
     for warning in vehicle.warnings() {
         println!("  {warning}");

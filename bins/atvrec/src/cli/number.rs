@@ -1,0 +1,94 @@
+//! Numbers on the command line, each within its range.
+
+use std::ops::RangeInclusive;
+
+/// Seconds of a drive or a recording: up to a year.
+pub fn duration_s(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=31_536_000.0, "s")
+}
+
+/// A moment of a log, seconds from its start.
+pub fn moment_s(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1e9, "s")
+}
+
+/// Seconds for which a command listens to a device.
+pub fn listen_s(text: &str) -> Result<f64, String> {
+    within(text, 0.01..=3600.0, "s")
+}
+
+/// Length of a window of a drive.
+pub fn window_s(text: &str) -> Result<f64, String> {
+    within(text, 0.1..=3600.0, "s")
+}
+
+/// A multiple of real time.
+pub fn rate(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=1e6, "times real time")
+}
+
+/// A standard deviation as a part of its value.
+pub fn part(text: &str) -> Result<f64, String> {
+    within(text, 1e-6..=1.0, "")
+}
+
+/// A small angle or its standard deviation.
+pub fn angle_deg(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=90.0, "degrees")
+}
+
+/// A mass.
+pub fn mass_kg(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=1e6, "kg")
+}
+
+/// A length of a pendulum.
+pub fn length_m(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=1000.0, "m")
+}
+
+/// A stiffness about an axis.
+pub fn stiffness_n_m_rad(text: &str) -> Result<f64, String> {
+    within(text, 0.001..=1e9, "N m/rad")
+}
+
+/// A moment of inertia that may be zero.
+pub fn inertia_kg_m2(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1e6, "kg m^2")
+}
+
+/// A seed of random numbers.
+pub fn seed(text: &str) -> Result<u64, String> {
+    text.parse()
+        .map_err(|_| format!("a whole number from 0 to {} is needed", u64::MAX))
+}
+
+/// `text` as a number of `range`. NaN is in no range.
+fn within(text: &str, range: RangeInclusive<f64>, unit: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if range.contains(&value) => Ok(value),
+        _ => {
+            let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
+            Err(format!("{} is needed", allowed.trim_end()))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_of_the_range_is_refused() {
+        for wrong in [
+            "1e300", "1e-300", "0", "-1", "nan", "inf", "-inf", "", "x", "1e999",
+        ] {
+            assert!(duration_s(wrong).is_err(), "{wrong}");
+            assert!(rate(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(duration_s("25"), Ok(25.0));
+        assert_eq!(moment_s("0"), Ok(0.0));
+        let refused = rate("1e-300").unwrap_err();
+        assert!(refused.contains("0.001 to 1000000 times"), "{refused}");
+    }
+}

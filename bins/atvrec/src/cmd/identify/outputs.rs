@@ -1,0 +1,73 @@
+//! The files that an identification writes.
+
+use std::path::{Path, PathBuf};
+
+use super::Found;
+use crate::cli::{IdentifyArgs, IdentifyCommand, TellArgs};
+use crate::cmd::findings;
+use crate::output::target::{Kind, Target};
+
+/// The files that a command writes.
+pub struct Outputs {
+    values: Option<Target>,
+    page: Option<Target>,
+}
+
+impl Outputs {
+    /// Checks them before anything is computed.
+    pub fn check(command: &IdentifyCommand) -> anyhow::Result<Self> {
+        let (logs, vehicle, tell) = match command {
+            IdentifyCommand::Cornering(args)
+            | IdentifyCommand::RollPitch(args)
+            | IdentifyCommand::Understeer(args)
+            | IdentifyCommand::Friction(args) => inputs(args),
+            IdentifyCommand::Tyre(args) => inputs(&args.shared),
+            IdentifyCommand::Inertia(args) => inputs(&args.shared),
+            IdentifyCommand::Response(args) => inputs(&args.shared),
+            IdentifyCommand::RollCentre(args) => (&[][..], Some(&args.vehicle), &args.tell),
+            IdentifyCommand::Handling(_) => {
+                return Ok(Self {
+                    values: None,
+                    page: None,
+                });
+            }
+        };
+        let target = |path: &Option<PathBuf>, kind| {
+            let logs = logs.iter().map(|log| &**log);
+            let inputs = logs.chain(vehicle.map(Path::new));
+            let path = path.as_ref();
+            path.map(|path| Target::new(path, kind, tell.replace.force, inputs))
+                .transpose()
+        };
+        Ok(Self {
+            values: target(&tell.output, Kind::Toml)?,
+            page: target(&tell.report, Kind::Page)?,
+        })
+    }
+
+    /// Writes what was found.
+    pub fn write(&self, found: &Found) -> anyhow::Result<()> {
+        if let Some(target) = &self.values {
+            let text =
+                found
+                    .overrides
+                    .file(found.title, &found.vehicle, &found.logs, &found.results)?;
+            target.write(&text)?;
+        }
+        if let Some(target) = &self.page {
+            let facts = vec![
+                ("vehicle".to_owned(), found.vehicle.clone()),
+                ("logs".to_owned(), found.logs.join(", ")),
+            ];
+            let title = format!("Identification: {}", found.title);
+            target.write(&findings::page(&title, facts, &found.results))?;
+        }
+        Ok(())
+    }
+}
+
+type Inputs<'a> = (&'a [PathBuf], Option<&'a String>, &'a TellArgs);
+
+fn inputs(args: &IdentifyArgs) -> Inputs<'_> {
+    (&args.logs, args.vehicle.as_ref(), &args.tell)
+}

@@ -1,0 +1,360 @@
+//! The log folder: which recorder owns it, the numbers of its runs, and the names of its logs.
+
+use std::collections::BTreeSet;
+use std::fs::{File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use anyhow::Context;
+use sample::LogTime;
+use store::{ClockState, UtcOffset};
+
+use crate::session;
+
+/// File with the number of the last run.
+const COUNTER: &str = "run_counter";
+/// A number of a run above this is damage.
+const RUN_MAX: u64 = 999_999_999;
+/// Least number of digits of a run's number in a name.
+const RUN_DIGITS: usize = 6;
+/// What stands in a name behind a start time that may be wrong.
+const UNSYNCED: &str = "unsynced";
+/// An offset to UTC below this does not change the name of a run whose clock was synchronised, ns.
+const RENAME_OFFSET_MIN_NS: u64 = 1_000_000_000;
+
+/// A log folder that this process owns until it ends: a lock on the directory itself, so that
+/// nothing is left behind.
+pub struct Folder {
+    path: PathBuf,
+    _lock: Option<File>,
+}
+
+impl Folder {
+    /// Makes the directory if it is not there, and takes it.
+    pub fn take(directory: &Path) -> anyhow::Result<Self> {
+        std::fs::create_dir_all(directory).with_context(|| {
+            format!(
+                "cannot make the log directory {}; name another one in storage.directory",
+                directory.display()
+            )
+        })?;
+        let lock = File::open(directory)
+            .with_context(|| format!("cannot open the log directory {}", directory.display()))?;
+        let lock = match lock.try_lock() {
+            Ok(()) => Some(lock),
+            Err(TryLockError::WouldBlock) => anyhow::bail!(
+                "another recorder writes into {}; stop it, or give this one another \
+                 storage.directory",
+                directory.display()
+            ),
+            Err(TryLockError::Error(error)) => {
+                tracing::warn!(
+                    directory = %directory.display(),
+                    %error,
+                    "cannot lock the log directory; start no second recorder in it"
+                );
+                None
+            }
+        };
+        Ok(Self {
+            path: resolved(directory),
+            _lock: lock,
+        })
+    }
+
+    /// Whether this is the directory `path`.
+    pub fn is(&self, path: &Path) -> bool {
+        self.path == resolved(path)
+    }
+}
+
+fn resolved(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
+/// The number of the next run: one more than the counter file and every log say. A counter file that
+/// is lost or damaged costs nothing as long as a log of the last run is there.
+pub fn next_run(directory: &Path) -> io::Result<u64> {
+    let mut last = 0;
+    for entry in std::fs::read_dir(directory)? {
+        let name = entry?.file_name();
+        let run = LogName::parse(&name.to_string_lossy()).and_then(|name| name.run);
+        last = last.max(run.unwrap_or(0));
+    }
+    let path = directory.join(COUNTER);
+    let counted = std::fs::metadata(&path)
+        .ok()
+        .filter(|data| data.is_file() && data.len() <= 32)
+        .and_then(|_| std::fs::read_to_string(&path).ok())
+        .and_then(|text| text.trim().parse::<u64>().ok())
+        .filter(|run| *run < RUN_MAX);
+    Ok(last.max(counted.unwrap_or(0)) + 1)
+}
+
+/// Keeps the number of a closed run, for the time when its logs were moved elsewhere.
+pub fn count_run(directory: &Path, run: u64) {
+    let path = directory.join(COUNTER);
+    let temporary = directory.join(format!("{COUNTER}.new"));
+    let written = std::fs::write(&temporary, format!("{run}\n"))
+        .and_then(|()| std::fs::rename(&temporary, &path));
+    if let Err(error) = written {
+        tracing::warn!(file = %path.display(), %error, "cannot write the run counter");
+    }
+}
+
+/// What the names of a run's logs are made of.
+#[derive(Clone, Debug)]
+pub struct RunName {
+    /// The directory.
+    pub directory: PathBuf,
+    /// First part of the name, from the configuration.
+    pub name: String,
+    /// Number of the run.
+    pub number: u64,
+    /// Log clock at the start of the run.
+    pub started: LogTime,
+    /// State of the host's clock then.
+    pub clock: ClockState,
+}
+
+impl RunName {
+    /// What all names of the run begin with: `drive-r000042-20261121T140500Z`, with `-unsynced`
+    /// behind it where that time may be wrong.
+    pub fn stem(&self) -> String {
+        let stem = self.stem_at(self.started.0);
+        if self.clock.is_implausible() {
+            format!("{stem}-{UNSYNCED}")
+        } else {
+            stem
+        }
+    }
+
+    /// The same by a receiver's UTC; `None` if the names are right as they are, or if the receiver's
+    /// date is before the build of this program and thus wrong.
+    pub fn stem_by_utc(&self, offset: &UtcOffset) -> Option<String> {
+        let start_ns = u64::try_from(offset.utc_ns(self.started)).ok()?;
+        let differs = offset.offset_ns.unsigned_abs() >= RENAME_OFFSET_MIN_NS;
+        let is_plausible = start_ns >= session::build_time().0;
+        (is_plausible && (differs || self.clock.is_implausible())).then(|| self.stem_at(start_ns))
+    }
+
+    /// Gives all logs of the closed run their names by UTC; says the new stem if they have changed.
+    pub fn rename(&self, offset: Option<UtcOffset>) -> store::Result<Option<(String, String)>> {
+        let Some(new) = offset.and_then(|offset| self.stem_by_utc(&offset)) else {
+            return Ok(None);
+        };
+        let old = self.stem();
+        if old == new || !store::rename_run(&self.directory, &old, &new)? {
+            return Ok(None);
+        }
+        tracing::info!(%old, %new, "the logs of the run got names by the receiver's date");
+        Ok(Some((old, new)))
+    }
+
+    fn stem_at(&self, unix_ns: u64) -> String {
+        let time = session::utc_compact(unix_ns / 1_000_000_000);
+        let (name, number) = (&self.name, self.number);
+        format!("{name}-r{number:0RUN_DIGITS$}-{time}")
+    }
+}
+
+/// What the name of a log, or of a file beside a log, says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogName<'a> {
+    /// First part of the name, from the configuration of that run.
+    pub name: &'a str,
+    /// All up to the part's number.
+    pub stem: &'a str,
+    /// Number of the run; `None` in names of older versions and in names that a person gave.
+    pub run: Option<u64>,
+    /// Number of the part.
+    pub part: Option<u32>,
+    /// Whether the start time may be wrong.
+    pub unsynced: bool,
+}
+
+impl<'a> LogName<'a> {
+    /// Parses the name of a log or of a file beside it; `None` for a file that is neither.
+    pub fn parse(file: &'a str) -> Option<Self> {
+        let log = &file[..file.find(".mcap")?];
+        let (stem, part) = match log.rsplit_once('_') {
+            Some((stem, part)) => (stem, part.parse().ok()),
+            None => (log, None),
+        };
+        let unsynced = stem
+            .strip_suffix(UNSYNCED)
+            .and_then(|s| s.strip_suffix('-'));
+        let mut rest = unsynced.unwrap_or(stem).rsplitn(3, '-');
+        let (_time, run) = (rest.next(), rest.next());
+        let run = run
+            .and_then(|run| run.strip_prefix('r'))
+            .filter(|digits| digits.len() >= RUN_DIGITS)
+            .and_then(|digits| digits.parse().ok())
+            .filter(|run| *run <= RUN_MAX);
+        Some(Self {
+            name: rest.next().unwrap_or_default(),
+            stem,
+            run,
+            part,
+            unsynced: unsynced.is_some(),
+        })
+    }
+}
+
+/// The runs of this process whose logs are not to be removed: those that are being written or
+/// closed, and the newest one.
+#[derive(Clone, Debug, Default)]
+pub struct Protected(Arc<Mutex<Runs>>);
+
+#[derive(Debug, Default)]
+struct Runs {
+    open: BTreeSet<u64>,
+    newest: Option<u64>,
+}
+
+impl Protected {
+    /// Protects a run until the guard is dropped, and as long as no newer one begins.
+    pub fn begin(&self, run: u64) -> RunGuard {
+        let mut runs = self.lock();
+        runs.open.insert(run);
+        runs.newest = runs.newest.max(Some(run));
+        drop(runs);
+        RunGuard {
+            runs: self.clone(),
+            run,
+        }
+    }
+
+    /// Whether logs of this run must stay.
+    pub fn contains(&self, run: u64) -> bool {
+        let runs = self.lock();
+        runs.newest == Some(run) || runs.open.contains(&run)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Runs> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Protects the logs of a run that is being written or closed.
+#[derive(Debug)]
+pub struct RunGuard {
+    runs: Protected,
+    run: u64,
+}
+
+impl Drop for RunGuard {
+    fn drop(&mut self) {
+        self.runs.lock().open.remove(&self.run);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run_name(clock: ClockState) -> RunName {
+        RunName {
+            directory: PathBuf::new(),
+            name: "drive-2".to_owned(),
+            number: 42,
+            started: LogTime(1_009_843_205_000_000_000),
+            clock,
+        }
+    }
+
+    #[test]
+    fn names_say_run_start_and_part() {
+        let stem = run_name(ClockState::BeforeBuild).stem();
+        assert_eq!(stem, "drive-2-r000042-20020101T000005Z-unsynced");
+        for end in [".mcap", ".mcap.active", ".mcap.damaged"] {
+            let file = format!("{stem}_0003{end}");
+            let parsed = LogName::parse(&file).expect("a log");
+            let expected = LogName {
+                name: "drive-2",
+                stem: &stem,
+                run: Some(42),
+                part: Some(3),
+                unsynced: true,
+            };
+            assert_eq!(parsed, expected);
+        }
+        let old = LogName::parse("drive-20020101T000005Zx02_0001.mcap").expect("a log");
+        assert_eq!((old.run, old.part, old.unsynced), (None, Some(1), false));
+        assert_eq!(LogName::parse("keep.mcap").expect("a log").run, None);
+        assert_eq!(LogName::parse("notes.txt"), None);
+    }
+
+    #[test]
+    fn a_receiver_names_the_run_unless_its_date_is_wrong_too() {
+        let run = run_name(ClockState::BeforeBuild);
+        let seconds = |s: i64| UtcOffset {
+            time: run.started,
+            offset_ns: s * 1_000_000_000,
+            sigma_s: 0.1,
+            source: sample::SourceId(0),
+            leap_seconds: None,
+        };
+        let to_2031 = seconds(1_925_000_000 - 1_009_843_205);
+        assert_eq!(
+            run.stem_by_utc(&to_2031).as_deref(),
+            Some("drive-2-r000042-20310101T021320Z")
+        );
+        assert_eq!(run.stem_by_utc(&seconds(0)), None);
+        let good = RunName {
+            started: LogTime(1_925_000_000_000_000_000),
+            ..run_name(ClockState::Synchronised)
+        };
+        assert_eq!(good.stem_by_utc(&seconds(0)), None);
+        assert!(good.stem_by_utc(&seconds(2)).is_some());
+    }
+
+    #[test]
+    fn runs_are_counted_on_whatever_is_lost() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path();
+        let next = || {
+            let run = next_run(path).expect("counted");
+            count_run(path, run);
+            run
+        };
+        assert_eq!((next(), next()), (1, 2));
+        // All logs were moved away: the file counts on.
+        assert_eq!(next(), 3);
+        std::fs::write(
+            path.join("drive-r000040-20020101T000005Z_0000.mcap.active"),
+            "",
+        )
+        .expect("written");
+        assert_eq!(next(), 41);
+        for damage in ["", "x", "999999999999999999999", "1"] {
+            std::fs::write(path.join(COUNTER), damage).expect("written");
+            assert_eq!(next(), 41, "{damage}");
+        }
+        std::fs::remove_file(path.join(COUNTER)).expect("removed");
+        assert_eq!(next(), 41);
+        assert_eq!(next(), 42);
+    }
+
+    #[test]
+    fn a_folder_has_one_owner() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let first = Folder::take(directory.path()).expect("taken");
+        let refused = Folder::take(directory.path()).err().expect("refused");
+        assert!(refused.to_string().contains("another recorder"));
+        drop(first);
+        assert!(Folder::take(directory.path()).is_ok());
+        let entries = std::fs::read_dir(directory.path()).expect("listed");
+        assert_eq!(entries.count(), 0);
+    }
+
+    #[test]
+    fn open_runs_and_the_newest_are_protected() {
+        let runs = Protected::default();
+        let (first, second) = (runs.begin(1), runs.begin(2));
+        assert!(runs.contains(1) && runs.contains(2) && !runs.contains(3));
+        drop((first, second));
+        assert!(!runs.contains(1) && runs.contains(2));
+    }
+}

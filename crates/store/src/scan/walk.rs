@@ -1,0 +1,628 @@
+//! Walks through a file from record to record, and on behind what is damaged.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::io::{Read, Seek};
+
+use mcap::records::{Record, op};
+
+use super::chunk::{self, Decompressor};
+use super::search::repaired;
+use super::{
+    Chunk, Fields, MAGIC, PREFIX, Proof, Refusal, Scanner, for_each_record, is_known, message,
+    parse, split_record,
+};
+
+/// Opcode, length, two offsets, checksum; then the magic.
+pub(crate) const FOOTER_LENGTH: u64 = PREFIX + 20 + 8;
+/// A run of zeros at the end of a file that is as long as this was not written, but left by a power
+/// cut.
+const ZERO_TAIL: u64 = 512;
+/// Zeros at the end of a file are looked for in so many bytes.
+const ZEROS_MAX: u64 = 64 << 20;
+
+/// What stands in a file.
+pub(crate) enum Item {
+    /// A chunk.
+    Chunk {
+        offset: u64,
+        /// One past its last byte.
+        end: u64,
+        chunk: Chunk,
+    },
+    /// Another record of the data section.
+    Record {
+        opcode: u8,
+        offset: u64,
+        body: Vec<u8>,
+    },
+    /// Bytes that are left out.
+    Damage(Damage),
+}
+
+/// A stretch of a file that is not what was written, or that nothing confirms.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Damage {
+    pub offset: u64,
+    pub length: u64,
+    /// Chunks whose records are lost, as far as they can be counted.
+    pub chunks: u64,
+    pub cause: Cause,
+}
+
+/// What is wrong with a stretch of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Cause {
+    /// A chunk whose checksum is wrong, or which is overwritten.
+    Chunk,
+    /// The header of a chunk, whose records are intact.
+    ChunkHeader,
+    /// A chunk of a compression that is not known.
+    Compression(String),
+    /// A record of so many bytes, more than allowed.
+    TooLarge(u64),
+    /// An index of messages.
+    Index,
+    /// Any other record.
+    Record,
+    /// The first bytes of the file.
+    Magic,
+    /// Bytes that the file's last checksum covers and no other.
+    DataSection,
+}
+
+/// How a file ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// As a closed file does, with the right checksums.
+    Closed,
+    /// Between two records.
+    Unfinished,
+    /// Inside of a record, in zeros that a power cut left, or in a summary that is not whole.
+    Cut {
+        offset: u64,
+        /// What the record is; `None` in zeros.
+        opcode: Option<u8>,
+        /// Of a chunk, what is there of it.
+        chunk: Option<Vec<u8>>,
+        /// Messages, attachments or metadata may have stood here.
+        data: bool,
+    },
+}
+
+/// Walks through a file from record to record, and on behind what is damaged.
+pub(crate) struct Walker<R> {
+    pub(super) scanner: Scanner<R>,
+    pub(super) bound: u64,
+    /// Bytes that a search has read for candidates.
+    pub(super) searched: u64,
+    decompressor: Decompressor,
+    position: u64,
+    pending: VecDeque<Item>,
+    ending: Option<Ending>,
+    /// Where the last byte that is not zero ends.
+    written: u64,
+    /// Where the data section ends, as an intact footer says.
+    data_end: Option<u64>,
+    /// Checksum of all since the beginning, or since the end of the data section; `None` once
+    /// something was left out.
+    checksum: Option<crc32fast::Hasher>,
+    in_summary: bool,
+    data_confirmed: bool,
+    /// Indexes that should follow the last chunk: log times and places of its messages.
+    indexes: BTreeMap<u16, Vec<(u64, u64)>>,
+}
+
+/// The record at an offset.
+enum Framed {
+    Chunk {
+        end: u64,
+        chunk: Chunk,
+        raw: Vec<u8>,
+    },
+    Record {
+        opcode: u8,
+        body: Vec<u8>,
+    },
+    /// It is not intact; where it would end if its length is right.
+    Bad {
+        cause: Cause,
+        end: Option<u64>,
+    },
+    /// The file ends before the record does.
+    Short {
+        opcode: Option<u8>,
+    },
+}
+
+impl<R: Read + Seek> Walker<R> {
+    /// Starts at the beginning of a file; no record of more than `bound` bytes is read.
+    pub(crate) fn new(mut scanner: Scanner<R>, bound: u64) -> std::io::Result<Self> {
+        let magic = scanner.read_at(0, MAGIC.len() as u64)?;
+        let written = written(&mut scanner)?;
+        let mut walker = Self {
+            bound,
+            searched: 0,
+            decompressor: Decompressor::default(),
+            position: magic.len() as u64,
+            pending: VecDeque::new(),
+            ending: None,
+            written,
+            data_end: None,
+            checksum: Some(crc32fast::Hasher::new()),
+            in_summary: false,
+            data_confirmed: false,
+            indexes: BTreeMap::new(),
+            scanner,
+        };
+        walker.data_end = walker.data_end_of_footer()?;
+        if magic == MAGIC[..magic.len()] {
+            walker.hash(&magic);
+        } else {
+            let from = 0;
+            let end = walker.position;
+            if matches!(
+                walker.framed(end)?,
+                Framed::Record {
+                    opcode: op::HEADER,
+                    ..
+                }
+            ) {
+                walker.leave_out(from, end, 0, Cause::Magic);
+            } else {
+                walker.position = 0;
+                walker.damaged(from, Cause::Magic, None)?;
+            }
+        }
+        Ok(walker)
+    }
+
+    /// The next thing in the file.
+    pub(crate) fn next(&mut self) -> std::io::Result<Option<Item>> {
+        loop {
+            if let Some(item) = self.pending.pop_front() {
+                return Ok(Some(item));
+            }
+            if self.ending.is_some() {
+                return Ok(None);
+            }
+            self.advance()?;
+        }
+    }
+
+    /// How the file ends, once [`Walker::next`] has given its last item.
+    pub(crate) fn ending(&self) -> &Ending {
+        self.ending.as_ref().unwrap_or(&Ending::Unfinished)
+    }
+
+    fn advance(&mut self) -> std::io::Result<()> {
+        let offset = self.position;
+        if offset >= self.scanner.length() {
+            self.ending = Some(Ending::Unfinished);
+            return Ok(());
+        }
+        if self.in_summary {
+            return self.summary_record(offset);
+        }
+        match self.framed(offset)? {
+            Framed::Chunk { end, chunk, raw } => {
+                self.hash_record(op::CHUNK, &raw);
+                self.take_chunk(offset, end, chunk);
+            }
+            Framed::Record { opcode, body } => self.take_record(opcode, offset, body),
+            Framed::Bad { cause, end } => self.damaged(offset, cause, end)?,
+            Framed::Short { opcode } => self.short(offset, opcode)?,
+        }
+        Ok(())
+    }
+
+    fn framed(&mut self, offset: u64) -> std::io::Result<Framed> {
+        let Some((opcode, length)) = self.scanner.prefix(offset)? else {
+            let first = self.scanner.read_at(offset, 1)?;
+            let opcode = first.first().copied().filter(|opcode| is_known(*opcode));
+            return Ok(Framed::Short { opcode });
+        };
+        let start = offset + PREFIX;
+        let bad = |cause, end| Ok(Framed::Bad { cause, end });
+        if !is_known(opcode) {
+            let end = start.checked_add(length);
+            return bad(Cause::Record, end);
+        }
+        let Some(end) = start
+            .checked_add(length)
+            .filter(|end| *end <= self.scanner.length())
+        else {
+            return Ok(Framed::Short {
+                opcode: Some(opcode),
+            });
+        };
+        // A chunk of random bytes grows a little when it is compressed.
+        if length > self.bound + self.bound / 64 + 4096 {
+            return bad(Cause::TooLarge(length), Some(end));
+        }
+        let body = self.scanner.read_at(start, length)?;
+        if opcode == op::CHUNK {
+            return match self.decompressor.chunk(&body, self.bound) {
+                Ok(chunk) => Ok(Framed::Chunk {
+                    end,
+                    chunk,
+                    raw: body,
+                }),
+                Err(Refusal::Damaged) => bad(Cause::Chunk, Some(end)),
+                Err(Refusal::Compression(name)) => bad(Cause::Compression(name), Some(end)),
+                Err(Refusal::TooLarge(size)) => bad(Cause::TooLarge(size), Some(end)),
+            };
+        }
+        let intact = match opcode {
+            op::MESSAGE => message(&body).is_some(),
+            0x80.. => true,
+            _ => parse(opcode, &body).is_some(),
+        };
+        if intact {
+            Ok(Framed::Record { opcode, body })
+        } else {
+            bad(Cause::Record, Some(end))
+        }
+    }
+
+    fn take_chunk(&mut self, offset: u64, end: u64, chunk: Chunk) {
+        self.position = end;
+        self.indexes.clear();
+        let base = chunk.records.as_ptr() as usize;
+        for_each_record(&chunk.records, |opcode, body| {
+            if opcode == op::MESSAGE
+                && let Some((header, _)) = message(body)
+            {
+                let place = (body.as_ptr() as usize - base) as u64 - PREFIX;
+                let index = self.indexes.entry(header.channel_id).or_default();
+                index.push((header.log_time, place));
+            }
+        });
+        self.pending.push_back(Item::Chunk { offset, end, chunk });
+    }
+
+    fn take_record(&mut self, opcode: u8, offset: u64, body: Vec<u8>) {
+        let end = offset + PREFIX + body.len() as u64;
+        self.position = end;
+        match opcode {
+            op::MESSAGE_INDEX => {
+                self.hash_record(opcode, &body);
+                if !self.index_is_right(&body) {
+                    self.leave_out(offset, end, 0, Cause::Index);
+                }
+            }
+            op::DATA_END => {
+                let (stored, counted) = (
+                    body.first_chunk::<4>()
+                        .map_or(0, |crc| u32::from_le_bytes(*crc)),
+                    self.checksum.take().map(crc32fast::Hasher::finalize),
+                );
+                self.data_confirmed = stored != 0 && counted == Some(stored);
+                if stored != 0 && counted.is_some_and(|counted| counted != stored) {
+                    self.pending.push_back(Item::Damage(Damage {
+                        offset: 0,
+                        length: 0,
+                        chunks: 0,
+                        cause: Cause::DataSection,
+                    }));
+                }
+                self.in_summary = true;
+                self.checksum = Some(crc32fast::Hasher::new());
+            }
+            op::FOOTER => {
+                let data = false;
+                let (opcode, chunk) = (Some(opcode), None);
+                self.ending = Some(Ending::Cut {
+                    offset,
+                    opcode,
+                    chunk,
+                    data,
+                });
+            }
+            _ => {
+                self.hash_record(opcode, &body);
+                self.pending.push_back(Item::Record {
+                    opcode,
+                    offset,
+                    body,
+                });
+            }
+        }
+    }
+
+    /// Whether an index is that of the chunk before it; where that chunk is lost, nobody can say.
+    fn index_is_right(&mut self, body: &[u8]) -> bool {
+        let Some(Record::MessageIndex(index)) = parse(op::MESSAGE_INDEX, body) else {
+            return false;
+        };
+        let Some(mut expected) = self.indexes.remove(&index.channel_id) else {
+            return index.records.is_empty() || self.indexes.is_empty();
+        };
+        let mut found: Vec<(u64, u64)> = index
+            .records
+            .iter()
+            .map(|entry| (entry.log_time, entry.offset))
+            .collect();
+        expected.sort_unstable();
+        found.sort_unstable();
+        found == expected
+    }
+
+    /// A record of the summary, or the footer.
+    fn summary_record(&mut self, offset: u64) -> std::io::Result<()> {
+        let cut = Ending::Cut {
+            offset,
+            opcode: Some(op::FOOTER),
+            chunk: None,
+            data: false,
+        };
+        let Framed::Record { opcode, body } = self.framed(offset)? else {
+            self.ending = Some(cut);
+            return Ok(());
+        };
+        self.position = offset + PREFIX + body.len() as u64;
+        if opcode != op::FOOTER {
+            self.hash_record(opcode, &body);
+            return Ok(());
+        }
+        self.hash_record(opcode, &body[..16]);
+        let stored = body[16..]
+            .first_chunk::<4>()
+            .map_or(0, |crc| u32::from_le_bytes(*crc));
+        let counted = self.checksum.take().map_or(0, crc32fast::Hasher::finalize);
+        let magic = self
+            .scanner
+            .read_at(self.position, MAGIC.len() as u64 + 1)?;
+        let whole = magic == MAGIC && (stored == 0 || stored == counted);
+        self.ending = Some(if whole { Ending::Closed } else { cut });
+        Ok(())
+    }
+
+    /// The file ends before the record at `offset` does.
+    fn short(&mut self, offset: u64, opcode: Option<u8>) -> std::io::Result<()> {
+        if opcode.is_none_or(|opcode| opcode == op::CHUNK)
+            && let Some(found) = repaired(&mut self.scanner, self.bound, offset)?
+        {
+            self.take_repaired(offset, found.end, found.chunk);
+            return Ok(());
+        }
+        let mut chunks = 0;
+        if let Some(next) = self.search(offset + 1, self.scanner.length(), &mut chunks)? {
+            let lost = chunks + u64::from(opcode == Some(op::CHUNK));
+            self.leave_out(offset, next, lost, Cause::Chunk);
+            return Ok(());
+        }
+        self.cut(offset, opcode)
+    }
+
+    /// Nothing that is intact follows: either the file was cut here, or its rest is damaged.
+    fn cut(&mut self, offset: u64, opcode: Option<u8>) -> std::io::Result<()> {
+        let rest = self.scanner.length() - offset;
+        let body = self
+            .scanner
+            .read_at(offset + PREFIX, rest.min(self.bound))?;
+        let length = self.scanner.prefix(offset)?.map(|(_, length)| length);
+        let plausible = match (opcode, length) {
+            (_, _) if offset >= self.written => true,
+            (Some(op::CHUNK), Some(length)) => match chunk::header(&body) {
+                Some((header, _)) => chunk::adds_up(&header, length),
+                None => true,
+            },
+            (Some(op::MESSAGE_INDEX), Some(length)) => Fields(&body).take(6).is_none_or(|head| {
+                let list = u32::from_le_bytes([head[2], head[3], head[4], head[5]]);
+                u64::from(list) + 6 == length
+            }),
+            (Some(_), Some(length)) => length <= self.bound,
+            (opcode, None) => opcode.is_some() || offset >= self.written,
+            (None, Some(_)) => false,
+        };
+        if plausible {
+            let index = opcode.is_some_and(|opcode| {
+                (op::MESSAGE_INDEX..=op::CHUNK_INDEX).contains(&opcode)
+                    || (op::ATTACHMENT_INDEX..=op::STATISTICS).contains(&opcode)
+                    || (op::METADATA_INDEX..=op::DATA_END).contains(&opcode)
+                    || opcode == op::FOOTER
+            });
+            self.ending = Some(Ending::Cut {
+                offset,
+                opcode,
+                chunk: (opcode == Some(op::CHUNK)).then_some(body),
+                data: !index,
+            });
+        } else {
+            let lost = u64::from(self.indexes.is_empty());
+            self.leave_out(offset, self.scanner.length(), lost, Cause::Chunk);
+            self.ending = Some(Ending::Unfinished);
+        }
+        Ok(())
+    }
+
+    /// The record at `offset` is damaged; finds where the file goes on.
+    fn damaged(&mut self, offset: u64, cause: Cause, end: Option<u64>) -> std::io::Result<()> {
+        if let Some(found) = repaired(&mut self.scanner, self.bound, offset)? {
+            self.take_repaired(offset, found.end, found.chunk);
+            return Ok(());
+        }
+        if let Some((end, body)) = self.repaired_metadata(offset)? {
+            self.leave_out(offset, offset + PREFIX, 0, Cause::Record);
+            self.position = end;
+            let opcode = op::METADATA;
+            self.pending.push_back(Item::Record {
+                opcode,
+                offset,
+                body,
+            });
+            return Ok(());
+        }
+        let is_chunk = !matches!(cause, Cause::Record | Cause::Magic | Cause::Index);
+        // Zeros that a power cut left may reach into the record.
+        if let Some(end) = end.filter(|end| *end <= self.written)
+            && self.goes_on_at(end)?
+        {
+            self.leave_out(offset, end, u64::from(is_chunk), cause);
+            return Ok(());
+        }
+        // The record that a chunk's damage hid is a chunk itself, unless its indexes are due.
+        let mut chunks = u64::from(is_chunk || self.indexes.is_empty());
+        let limit = self.data_end.filter(|end| *end > offset);
+        let limit = limit.unwrap_or(self.scanner.length());
+        let next = self.search(offset + 1, limit, &mut chunks)?;
+        if next.is_none()
+            && limit == self.scanner.length()
+            && end.is_none_or(|end| end >= self.written)
+        {
+            let opcode = self.scanner.prefix(offset)?.map(|(opcode, _)| opcode);
+            return self.cut(offset, opcode.filter(|opcode| is_known(*opcode)));
+        }
+        self.leave_out(offset, next.unwrap_or(limit), chunks, cause);
+        Ok(())
+    }
+
+    /// Whether what stands at `offset` confirms that the record before ends there.
+    fn goes_on_at(&mut self, offset: u64) -> std::io::Result<bool> {
+        if offset >= self.scanner.length() {
+            return Ok(offset == self.scanner.length());
+        }
+        Ok(match self.framed(offset)? {
+            Framed::Chunk { .. } => true,
+            Framed::Record { opcode, body } => match opcode {
+                op::MESSAGE_INDEX | op::METADATA => body.len() > 8,
+                op::HEADER | op::ATTACHMENT | op::DATA_END => true,
+                _ => false,
+            },
+            _ => false,
+        })
+    }
+
+    /// The metadata record at `offset` whose opcode or length is damaged: where it ends by what is in
+    /// it, if another record follows there.
+    fn repaired_metadata(&mut self, offset: u64) -> std::io::Result<Option<(u64, Vec<u8>)>> {
+        let mut body = self.scanner.read_at(offset + PREFIX, 1 << 16)?;
+        let mut rest = Fields(&body);
+        let Some(name) = rest.blob().filter(|name| name.starts_with(b"atvrec.")) else {
+            return Ok(None);
+        };
+        let Some(map) = rest.blob() else {
+            return Ok(None);
+        };
+        let length = 8 + name.len() + map.len();
+        let end = offset + PREFIX + length as u64;
+        body.truncate(length);
+        let intact = parse(op::METADATA, &body).is_some() && self.goes_on_at(end)?;
+        Ok(intact.then_some((end, body)))
+    }
+
+    fn take_repaired(&mut self, offset: u64, end: u64, chunk: Chunk) {
+        let header = PREFIX + chunk::HEADER_LENGTH;
+        self.leave_out(offset, offset + header, 0, Cause::ChunkHeader);
+        self.take_chunk(offset, end, chunk);
+    }
+
+    fn leave_out(&mut self, offset: u64, end: u64, chunks: u64, cause: Cause) {
+        self.checksum = None;
+        self.indexes.clear();
+        self.position = end;
+        self.pending.push_back(Item::Damage(Damage {
+            offset,
+            length: end - offset,
+            chunks,
+            cause,
+        }));
+    }
+
+    fn hash(&mut self, bytes: &[u8]) {
+        if let Some(checksum) = &mut self.checksum {
+            checksum.update(bytes);
+        }
+    }
+
+    fn hash_record(&mut self, opcode: u8, body: &[u8]) {
+        let length = if opcode == op::FOOTER {
+            20
+        } else {
+            body.len() as u64
+        };
+        self.hash(&[opcode]);
+        self.hash(&length.to_le_bytes());
+        self.hash(body);
+    }
+
+    /// The checksum of the data section is there and right.
+    pub(crate) fn data_confirmed(&self) -> bool {
+        self.data_confirmed
+    }
+
+    /// Gives the file back.
+    pub(crate) fn into_scanner(self) -> Scanner<R> {
+        self.scanner
+    }
+
+    /// Where the data section ends, if the file ends in an intact footer behind an intact summary.
+    fn data_end_of_footer(&mut self) -> std::io::Result<Option<u64>> {
+        let Some((start, _)) = summary(&mut self.scanner, self.bound)? else {
+            return Ok(None);
+        };
+        let Some(end) = start.checked_sub(PREFIX + 4) else {
+            return Ok(None);
+        };
+        let is_there = self.scanner.prefix(end)? == Some((op::DATA_END, 4));
+        Ok(is_there.then_some(end))
+    }
+}
+
+/// Where the summary of a closed file begins, and its bytes, if its checksum holds.
+pub(crate) fn summary<R: Read + Seek>(
+    scanner: &mut Scanner<R>,
+    bound: u64,
+) -> std::io::Result<Option<(u64, Vec<u8>)>> {
+    let Some(footer_start) = scanner.length().checked_sub(FOOTER_LENGTH) else {
+        return Ok(None);
+    };
+    let tail = scanner.read_at(footer_start, FOOTER_LENGTH)?;
+    let footer = tail
+        .ends_with(MAGIC)
+        .then(|| split_record(&tail))
+        .flatten()
+        .and_then(|(opcode, body, _)| parse(opcode, body));
+    let Some(Record::Footer(footer)) = footer else {
+        return Ok(None);
+    };
+    let length = footer_start.saturating_sub(footer.summary_start);
+    if footer.summary_start == 0 || length == 0 || length > bound {
+        return Ok(None);
+    }
+    let mut summary = scanner.read_at(footer.summary_start, length)?;
+    // The checksum covers the summary and the footer up to itself.
+    summary.extend_from_slice(&tail[..PREFIX as usize + 16]);
+    if footer.summary_crc != 0 && crc32fast::hash(&summary) != footer.summary_crc {
+        return Ok(None);
+    }
+    summary.truncate(length as usize);
+    Ok(Some((footer.summary_start, summary)))
+}
+
+/// Where the file ends, without zeros that a power cut left.
+fn written<R: Read + Seek>(scanner: &mut Scanner<R>) -> std::io::Result<u64> {
+    let length = scanner.length();
+    let mut end = length;
+    while end > length.saturating_sub(ZEROS_MAX) {
+        let start = end.saturating_sub(1 << 16);
+        let block = scanner.read_at(start, end - start)?;
+        if let Some(last) = block.iter().rposition(|byte| *byte != 0) {
+            end = start + last as u64 + 1;
+            break;
+        }
+        end = start;
+    }
+    Ok(if length - end >= ZERO_TAIL {
+        end
+    } else {
+        length
+    })
+}
+
+impl Chunk {
+    /// Whether its records may be given out.
+    pub(crate) fn is_confirmed(&self) -> bool {
+        self.proof == Proof::Checksum || self.records.is_empty()
+    }
+}
