@@ -22,6 +22,8 @@ mod outputs;
 mod passenger_car;
 #[path = "suite/record.rs"]
 mod record;
+#[path = "suite/recover.rs"]
+mod recover;
 #[path = "suite/replay.rs"]
 mod replay;
 #[path = "suite/report.rs"]

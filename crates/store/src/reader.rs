@@ -133,7 +133,7 @@ impl Missing {
                 ..
             } => format!("the {what} at byte {offset} is damaged; {bytes} bytes are left out"),
             Self::Unconfirmed { offset, what, .. } => {
-                format!("the {what} at byte {offset} stands under no checksum and is left out")
+                format!("no checksum covers the {what} at byte {offset}; it is left out")
             }
             Self::Changed { text, .. } => format!("bytes were changed since it was closed: {text}"),
             Self::BadMessage {
