@@ -51,7 +51,7 @@ fn damage(log: &[u8], length: usize, number: u64) -> Vec<u8> {
     if length == 0 {
         damaged[place] ^= 1 << (random & 7);
     } else {
-        let start = place / length * length;
+        let start = place - place % length;
         let end = (start + length).min(log.len());
         damaged[start..end].fill(0);
     }
