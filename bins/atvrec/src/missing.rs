@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use sample::text::printable;
 use store::Missing;
 
 /// How many of one sort are told one by one.
@@ -15,7 +16,7 @@ pub fn summary(missing: &[Missing]) -> Vec<String> {
         let count = counts.entry(sort(one)).or_default();
         *count += 1;
         if *count <= TOLD {
-            lines.push(one.to_string());
+            lines.push(printable(&one.to_string()).into_owned());
         }
     }
     for (sort, count) in counts {

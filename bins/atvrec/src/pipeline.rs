@@ -104,11 +104,13 @@ pub async fn record(
     let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     // Whoever must stop because another recorder is there has made no file.
     let folder = Folder::take(&config.storage.directory)?;
-    let listener = Listener::open(&control::socket_path(&config))?;
+    let sockets = control::paths(&config);
     let (orders, mut waiting) = mpsc::channel(ORDER_QUEUE);
     let (fired, mut triggers) = mpsc::channel(FIRED_QUEUE);
     let mut conductor = Conductor::new(config, reload, fired, folder);
     conductor.start().await?;
+    // Whoever finds the socket finds a recorder that records.
+    let listener = open_control(&sockets);
     notify(&[sd_notify::NotifyState::Ready]);
     conductor.look_after_folder();
 
@@ -117,7 +119,7 @@ pub async fn record(
         board: Arc::clone(&conductor.board),
         orders,
     };
-    let mut serving = Box::pin(listener.serve(desk));
+    let mut serving = Box::pin(serve(listener, desk));
     let watchdog = tokio::spawn(conductor.pulses.clone().watch());
     let mut stop = std::pin::pin!(stop);
     let mut keep = Box::pin(conductor.retention());
@@ -126,7 +128,7 @@ pub async fn record(
         tokio::select! {
             biased;
             () = &mut stop => break,
-            () = &mut serving => break,
+            () = &mut serving => {}
             Some((order, reply)) = waiting.recv() => {
                 let answer = conductor.obey(order).await;
                 // Who asked may have gone.
@@ -148,11 +150,34 @@ pub async fn record(
     watchdog.abort();
     notify(&[sd_notify::NotifyState::Stopping]);
     drop(serving);
-    drop(listener);
     drop(triggers);
     let mut summary = conductor.finish().await?;
     summary.duration_s = begin.elapsed().as_secs_f64();
     Ok(summary)
+}
+
+/// Opens the control socket; a recording without one goes on.
+fn open_control(paths: &[PathBuf]) -> Option<Listener> {
+    match Listener::open(paths) {
+        Ok(listener) => {
+            tracing::info!(path = %listener.path().display(), "control socket");
+            Some(listener)
+        }
+        Err(error) => {
+            tracing::warn!(
+                "no control socket, so mark, status, start, stop and reload cannot reach this \
+                 recorder; recording goes on: {error:#}"
+            );
+            None
+        }
+    }
+}
+
+async fn serve(listener: Option<Listener>, desk: Desk) {
+    match listener {
+        Some(listener) => listener.serve(desk).await,
+        None => std::future::pending().await,
+    }
 }
 
 async fn until(left: Option<Duration>) {
@@ -472,8 +497,8 @@ impl<'a> Conductor<'a> {
         if is_new {
             self.folders.push(Folder::take(directory)?);
         }
-        if control::socket_path(&config) != control::socket_path(&self.config) {
-            tracing::warn!("control.socket stays as it is until the next start");
+        if control::paths(&config) != control::paths(&self.config) {
+            tracing::warn!("the control socket stays where it is until the next start");
         }
         let specs = specs(&config);
         let numbers = self.supervisor.numbers(&specs);

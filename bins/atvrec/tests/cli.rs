@@ -18,6 +18,8 @@ mod identify;
 mod import;
 #[path = "suite/outputs.rs"]
 mod outputs;
+#[path = "suite/outside.rs"]
+mod outside;
 #[path = "suite/passenger_car.rs"]
 mod passenger_car;
 #[path = "suite/record.rs"]

@@ -3,10 +3,11 @@
 
 use std::fmt::Write;
 
+use sample::text::{html as escape, json_in_html};
 use serde_json::{Value, json};
 
 use crate::Figure;
-use crate::page::{SCRIPT, STYLE, escape, json_in_html, plotly_script};
+use crate::page::{SCRIPT, STYLE, plotly_script};
 
 /// What the page shows.
 #[derive(Clone, Debug, Default)]
@@ -68,7 +69,7 @@ pub fn html(page: &Page) -> String {
          <script type=\"application/json\" id=\"figures\">{data}</script>\
          <script>{SCRIPT}</script></body></html>\n",
         plotly = plotly_script(),
-        data = json_in_html(&figures_json(&figures)),
+        data = json_in_html(&figures_json(&figures).to_string()),
     )
 }
 
@@ -155,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_page_holds_its_table_its_warning_and_its_points() {
-        let html = html(&page());
+        let html = escape(&page());
         for part in [
             "stands &lt;1&gt;.mcap",
             "FR lower_front drifts",
@@ -171,6 +172,6 @@ mod tests {
     fn a_figure_without_data_is_left_out() {
         let mut page = page();
         page.figures[0].panels[0].traces[0].y = vec![f64::NAN; 2];
-        assert!(!html(&page).contains("counts-plot"));
+        assert!(!escape(&page).contains("counts-plot"));
     }
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use sample::LossPlace;
+use sample::text::printable;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::RecordArgs;
@@ -13,15 +14,15 @@ use crate::pipeline::{self, Reload, Summary};
 
 /// Records until a signal or the time given.
 pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
-    let load = || {
-        let mut config = Config::load(&args.config)?;
+    let placed = |mut config: Config| {
         if let Some(directory) = &args.directory {
             config.storage.directory.clone_from(directory);
         }
-        Ok(config)
+        config
     };
+    let reload = || Config::load_again(&args.config).map(placed);
     let limit = args.duration_s.map(Duration::from_secs_f64);
-    let summary = block_on(load()?, Some(&load), limit)?;
+    let summary = block_on(placed(Config::load(&args.config)?), Some(&reload), limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));
     } else {
@@ -105,7 +106,11 @@ pub fn as_text(summary: &Summary) -> String {
         );
     }
     for name in &summary.health.faulty_sensors {
-        let _ = writeln!(text, "  left out by the estimator at the end: {name}");
+        let _ = writeln!(
+            text,
+            "  left out by the estimator at the end: {}",
+            printable(name)
+        );
     }
     for (place, count) in LossPlace::ALL.into_iter().zip(summary.lost()) {
         if count > 0 {
@@ -113,7 +118,7 @@ pub fn as_text(summary: &Summary) -> String {
         }
     }
     for file in &summary.files {
-        let _ = writeln!(text, "  {}", file.display());
+        let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
     }
     text
 }

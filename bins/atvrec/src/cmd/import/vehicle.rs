@@ -4,6 +4,7 @@ use anyhow::Context;
 use model::vehicle::Vehicle;
 
 use crate::cli::ImportVehicleArgs;
+use crate::config::{TOML_MAX, read_text};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
@@ -11,7 +12,7 @@ use crate::output::target::{Kind, Target};
 pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {
     let inputs = [&*args.input];
     let target = Target::new(&args.output, Kind::Toml, args.replace.force, inputs)?;
-    let text = std::fs::read_to_string(&args.input)
+    let text = read_text(&args.input, TOML_MAX)
         .with_context(|| format!("cannot read {}", args.input.display()))?;
     let vehicle = Vehicle::from_truth_params(&text)
         .with_context(|| format!("{} is not usable", args.input.display()))?;
