@@ -60,7 +60,7 @@ pub struct Report {
     different: u64,
     only_recorded: BTreeMap<String, u64>,
     only_computed: BTreeMap<String, u64>,
-    /// Messages behind missing arrivals that differ or have no counterpart.
+    /// Messages of the log behind missing arrivals that differ or have no counterpart.
     uncertain: u64,
     /// Number of the first arrival that is missing, and since when messages may depend on it.
     gap: Option<(u64, LogTime)>,
@@ -276,10 +276,11 @@ impl Report {
         loop {
             let what = match (recorded.next(), computed.next()) {
                 (None, None) => return,
-                _ if behind_gap => {
+                (Some(_), _) if behind_gap => {
                     self.uncertain += 1;
                     continue;
                 }
+                (None, Some(_)) if behind_gap => continue,
                 (Some(recorded), Some(computed)) => {
                     self.count(topic);
                     self.different += 1;
