@@ -1,16 +1,20 @@
+mod handover;
+
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
+use sample::{Arrival, LogTime, Measurement, Payload, Sample, Signal, SourceId};
 
-use crate::convert::{self, Encoded, Envelope};
+use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
 use crate::proto::atvrec as pb;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
 use crate::{Losses, Options, Record, Result, Session, UtcOffset, raw, schema};
+
+pub(crate) use handover::{Latched, Pending};
 
 /// Writes one log to anything that takes bytes. It reads no clock: the same input gives the same
 /// bytes.
@@ -36,68 +40,6 @@ pub struct LogWriter<W: Write> {
     /// The last groups in the log, which may not have reached the disk; `None` where nobody asks.
     unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
-}
-
-/// What a file of a run hands on to the next one: the states that last, which the next file repeats
-/// at its start, and the schemas made at run time, without which it cannot describe its channels.
-#[derive(Clone, Default)]
-pub(crate) struct Latched {
-    notices: BTreeMap<SourceId, Arrival>,
-    messages: BTreeMap<(String, Option<SourceId>), Encoded>,
-    /// Messages of the DBC files and of controllers, by topic.
-    dynamic: BTreeMap<String, DynamicMessage>,
-}
-
-impl Latched {
-    fn see_arrival(&mut self, arrival: &Arrival) {
-        if let Payload::Notice(Notice::Opened(_) | Notice::Closed(_)) = &arrival.payload {
-            self.notices.insert(arrival.source, arrival.clone());
-        }
-    }
-
-    /// The last offset of UTC, of this file or of the files before.
-    fn utc_offset(&self) -> Option<UtcOffset> {
-        let message = self.messages.get(&("/utc_offset".to_owned(), None))?;
-        let envelope = Envelope {
-            topic: &message.topic,
-            schema: &message.schema,
-            source: SourceId::HOST,
-            log_time: message.log_time,
-            publish_time: message.publish_time,
-        };
-        match convert::decode(&envelope, &message.data) {
-            Ok(Some(Record::UtcOffset(offset))) => Some(offset),
-            _ => None,
-        }
-    }
-
-    fn see_message(&mut self, message: &Encoded) {
-        if matches!(
-            message.schema.as_str(),
-            "atvrec.ClockFit" | "atvrec.Health" | "atvrec.UtcOffset"
-        ) {
-            let key = (message.topic.clone(), message.source);
-            self.messages.insert(key, message.clone());
-        }
-    }
-}
-
-/// What a log that failed did not take.
-#[derive(Default)]
-pub(crate) struct Pending {
-    pub arrivals: Vec<Arrival>,
-    /// What the log took before, but perhaps not the disk.
-    pub unsynced: Vec<Arrival>,
-    pub messages: Vec<Encoded>,
-}
-
-impl Pending {
-    /// What may not have reached the disk goes into the next log too.
-    pub(crate) fn with_unsynced(mut self) -> Self {
-        self.arrivals
-            .splice(..0, std::mem::take(&mut self.unsynced));
-        self
-    }
 }
 
 type ChannelKey = (String, String, Option<SourceId>);

@@ -349,15 +349,6 @@ impl Reader {
             .any(|file| file.index.metadata.contains_key(RECOVERED_METADATA))
     }
 
-    /// Whether the first file is not the first part of its run: what happened before it is unknown.
-    #[must_use]
-    pub fn begins_late(&self) -> bool {
-        let first = self.files.first();
-        let run = first.and_then(|file| file.index.metadata.get(RUN_METADATA));
-        let part = run.and_then(|run| run.get("part")?.parse::<u32>().ok());
-        part.is_some_and(|part| part > 0)
-    }
-
     /// All channels of all files, in order.
     pub fn channels(&self) -> impl Iterator<Item = &Arc<ChannelInfo>> {
         self.files

@@ -154,7 +154,7 @@ impl Replay {
             writer,
             verifier,
             earlier,
-            next: (reader.begins_late().then_some(0), LogTime(0)),
+            next: (None, LogTime(0)),
         })
     }
 
