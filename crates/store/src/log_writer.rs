@@ -5,14 +5,14 @@ use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, Measurement, Payload, Sample, Signal, SourceId};
+use sample::{Arrival, LogTime, Measurement, Sample, Signal, SourceId};
 
 use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
 use crate::proto::atvrec as pb;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
-use crate::{Losses, Options, Record, Result, Session, UtcOffset, raw, schema};
+use crate::{Losses, Options, Record, Result, Session, raw, schema};
 
 pub(crate) use handover::{Latched, Pending};
 
@@ -476,6 +476,8 @@ pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, Str
 mod tests {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
+
+    use sample::Payload;
 
     use super::*;
 
