@@ -10,9 +10,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use acq::Sequencer;
+use sample::LossPlace;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use store::DiskState;
+use store::{DiskState, GoneLog, Losses};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::UnixStream;
 use tokio::sync::{mpsc, oneshot};
@@ -118,6 +119,7 @@ fn mark(sequencer: &Sequencer, text: &str) -> Value {
 }
 
 fn status(desk: &Desk) -> Value {
+    let losses = desk.sequencer.ledger().losses();
     let sources: Vec<Value> = desk
         .sequencer
         .counters()
@@ -130,7 +132,7 @@ fn status(desk: &Desk) -> Value {
                 "state": counters.state,
                 "items": counters.items,
                 "bytes": counters.bytes,
-                "lost": counters.lost,
+                "lost": losses.of(id),
                 "last_data_ns": counters.last_data.map(|time| time.0),
             })
         })
@@ -146,6 +148,7 @@ fn status(desk: &Desk) -> Value {
         "writing": desk.board.writing(),
         "memory_s": kept_s,
         "sources": sources,
+        "lost": by_place(&losses),
         "faulty_sensors": desk.board.faulty_sensors(),
         "disk": disk(&desk.board),
         "retention": desk.board.retention(),
@@ -175,8 +178,40 @@ fn disk(board: &Board) -> Value {
         disk["detail"] = detail.into();
         disk["bytes"] = status.bytes.into();
         disk["waiting"] = status.waiting.into();
-        disk["lost_arrivals"] = status.lost_arrivals.into();
-        disk["lost_records"] = status.lost_records.into();
+        disk["lost_arrivals"] = status.losses.arrivals.into();
+        disk["lost_records"] = status.losses.records.into();
+        disk["raw_only"] = status.raw_only.into();
+        disk["gone"] = status.gone.iter().map(gone).collect();
+        let backlog = status.backlog;
+        disk["backlog"] = json!({
+            "arrivals": backlog.arrivals,
+            "bytes": backlog.bytes,
+            "seconds": backlog.span.as_secs_f64(),
+            "queue_percent": backlog.queue_fill,
+            "unsynced_s": backlog.unsynced.as_secs_f64(),
+        });
     }
     disk
+}
+
+/// A file that was deleted or renamed while it was being written.
+pub fn gone(gone: &GoneLog) -> Value {
+    json!({
+        "path": gone.path,
+        "arrivals": gone.arrivals,
+        "what": if gone.deleted { "deleted" } else { "renamed" },
+    })
+}
+
+/// Items lost by place; on the way to the disk arrivals, and decoded records, which a replay computes
+/// again.
+pub fn by_place(losses: &Losses) -> Value {
+    let mut lost: serde_json::Map<String, Value> = LossPlace::ALL
+        .into_iter()
+        .zip(losses.totals())
+        .map(|(place, count)| (place.name().to_owned(), count.into()))
+        .collect();
+    lost.insert(LossPlace::Disk.name().to_owned(), losses.arrivals.into());
+    lost.insert("records".to_owned(), losses.records.into());
+    Value::Object(lost)
 }

@@ -39,6 +39,8 @@ fn sort(missing: &Missing) -> &'static str {
         Missing::Changed { .. } => "wrong checksums",
         Missing::BadMessage { .. } => "malformed messages",
         Missing::Parts { .. } => "holes in the row of parts",
+        Missing::NoSchema { .. } => "channels without a schema",
+        Missing::Unwritten { .. } => "files that state losses",
         Missing::Arrivals { .. } => "gaps in the sequence of arrivals",
         _ => "losses",
     }

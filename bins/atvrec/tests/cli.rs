@@ -16,6 +16,9 @@ mod hostile;
 mod identify;
 #[path = "suite/import.rs"]
 mod import;
+#[cfg(target_os = "linux")]
+#[path = "suite/losses.rs"]
+mod losses;
 #[path = "suite/outputs.rs"]
 mod outputs;
 #[path = "suite/outside.rs"]

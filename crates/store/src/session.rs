@@ -161,6 +161,9 @@ pub struct Options {
     pub backlog_capacity: usize,
     /// A disk that failed is tried again this often (recorder only).
     pub retry_interval: Duration,
+    /// Closing the last file may take this long; what is not written by then is counted as lost
+    /// (recorder only).
+    pub stop_within: Duration,
 }
 
 impl Default for Options {
@@ -177,6 +180,7 @@ impl Default for Options {
             queue_capacity: 1 << 16,
             backlog_capacity: 1 << 17,
             retry_interval: Duration::from_secs(1),
+            stop_within: Duration::from_secs(20),
         }
     }
 }

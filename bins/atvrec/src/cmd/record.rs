@@ -9,6 +9,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::RecordArgs;
 use crate::config::Config;
+use crate::control;
 use crate::exit::Outcome;
 use crate::pipeline::{self, Reload, Summary};
 
@@ -67,7 +68,7 @@ async fn after(limit: Option<Duration>) {
 
 /// Whether anything was lost.
 pub fn outcome(summary: &Summary) -> Outcome {
-    if summary.lost().iter().sum::<u64>() > 0 {
+    if summary.has_loss() {
         Outcome::DataLoss
     } else {
         Outcome::Good
@@ -117,6 +118,28 @@ pub fn as_text(summary: &Summary) -> String {
             let _ = writeln!(text, "  lost in {}: {count}", place.name());
         }
     }
+    if summary.losses.records > 0 {
+        let _ = writeln!(
+            text,
+            "  decoded records not written: {}; `atvrec replay` computes them again",
+            summary.losses.records
+        );
+    }
+    for gone in &summary.recorder.gone {
+        let what = if gone.deleted { "deleted" } else { "renamed" };
+        let _ = writeln!(
+            text,
+            "  {} was {what} while it was being written: {} arrivals lost",
+            gone.path.display(),
+            gone.arrivals
+        );
+    }
+    if let Some(reason) = &summary.recorder.cut_off {
+        let _ = writeln!(text, "  not closed in time: {reason}");
+    }
+    for file in &summary.recorder.unfinished {
+        let _ = writeln!(text, "  {} waits for recovery", file.display());
+    }
     for file in &summary.files {
         let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
     }
@@ -134,6 +157,10 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "arrivals": summary.arrivals,
         "files": summary.files,
         "lost": lost,
+        "lost_records": summary.losses.records,
+        "gone": summary.recorder.gone.iter().map(control::gone).collect::<Vec<_>>(),
+        "cut_off": summary.recorder.cut_off,
+        "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,
         "sources": summary.health.sources,
         "faulty_sensors": summary.health.faulty_sensors,

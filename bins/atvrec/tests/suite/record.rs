@@ -8,10 +8,10 @@ use std::thread::JoinHandle;
 use crate::support::{atvrec, stdout};
 
 /// The virtual vehicle on its ports; ends with this.
-struct Virtual(Child);
+pub struct Virtual(Child);
 
 impl Virtual {
-    fn start(directory: &Path) -> Self {
+    pub fn start(directory: &Path) -> Self {
         Self::start_with(directory, &[])
     }
 
@@ -635,7 +635,7 @@ fn an_event_of_the_estimator_is_a_trigger() {
         .success();
 }
 
-fn signal(child: &Child, signal: &str) {
+pub fn signal(child: &Child, signal: &str) {
     let status = Command::new("kill")
         .args([signal, &child.id().to_string()])
         .status()
