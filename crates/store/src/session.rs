@@ -315,3 +315,40 @@ impl UtcOffset {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metadata_keeps_run_number_clock_and_offset() {
+        for clock in ClockState::ALL {
+            let session = Session {
+                run_number: Some(42),
+                clock,
+                ..Session::default()
+            };
+            assert_eq!(Session::from_metadata(&session.to_metadata(3)), session);
+        }
+        let offset = UtcOffset {
+            time: LogTime(7),
+            offset_ns: -86_400_000_000_123,
+            sigma_s: 0.1,
+            source: SourceId(3),
+            leap_seconds: Some(18),
+        };
+        let map = offset.to_metadata(&Session::default());
+        assert_eq!(UtcOffset::from_metadata(&map), Some(offset));
+    }
+
+    #[test]
+    fn a_doubtful_date_is_stated_until_a_receiver_gives_one() {
+        let session = Session {
+            clock: ClockState::BeforeBuild,
+            ..Session::default()
+        };
+        let text = session.clock_statement(None).expect("a statement");
+        assert!(text.contains("may be wrong"), "{text}");
+        assert_eq!(Session::default().clock_statement(None), None);
+    }
+}
