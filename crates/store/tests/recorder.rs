@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use common::{START, arrivals, estimate, session};
 use sample::{Arrival, LossPlace, Notice, Payload};
-use store::{DiskState, Options, Reader, Record, Recorder, RecorderSummary, Selection};
+use store::{DiskState, Missing, Options, Reader, Record, Recorder, RecorderSummary, Selection};
 
 fn paths(summary: &RecorderSummary) -> Vec<PathBuf> {
     summary.files.iter().map(|file| file.path.clone()).collect()
@@ -46,7 +46,8 @@ fn files_rotate_without_a_gap_and_explain_themselves() {
     for path in &paths {
         let reader = Reader::open([path]).expect("a log");
         assert_eq!(reader.attachments().expect("readable").len(), 1);
-        assert_eq!(reader.info().missing, []);
+        let other = |missing: &Missing| !matches!(missing, Missing::Parts { .. });
+        assert!(!reader.info().missing.iter().any(other));
     }
     // The states that last are told again by each file.
     let last = Reader::open([paths.last().expect("a file")]).expect("a log");

@@ -135,23 +135,7 @@ fn print(answer: &Value) {
         disk["waiting"]
     );
     println!("  {}", text(&disk["estimate"]));
-    tell_backlog(&disk["backlog"]);
-    if disk["raw_only"] == true {
-        println!("  the disk is nearly full: decoded records are left out, raw data is written");
-    }
-    for gone in disk["gone"].as_array().into_iter().flatten() {
-        println!(
-            "  {} was {} while it was being written: {} arrivals lost",
-            text(&gone["path"]),
-            text(&gone["what"]),
-            gone["arrivals"]
-        );
-    }
-    for (place, count) in answer["lost"].as_object().into_iter().flatten() {
-        if count.as_u64().is_some_and(|count| count > 0) {
-            println!("lost ({place}): {count}");
-        }
-    }
+    print_losses(answer);
     print_retention(&answer["retention"]);
     for source in answer["sources"].as_array().into_iter().flatten() {
         println!(
@@ -187,8 +171,30 @@ fn print_retention(retention: &Value) {
     }
 }
 
+/// What waits for the disk, what is gone, and what is lost.
+fn print_losses(answer: &Value) {
+    let disk = &answer["disk"];
+    print_backlog(&disk["backlog"]);
+    if disk["raw_only"] == true {
+        println!("  the disk is nearly full: decoded records are left out, raw data is written");
+    }
+    for gone in disk["gone"].as_array().into_iter().flatten() {
+        println!(
+            "  {} was {} while it was being written: {} arrivals lost",
+            text(&gone["path"]),
+            text(&gone["what"]),
+            gone["arrivals"]
+        );
+    }
+    for (place, count) in answer["lost"].as_object().into_iter().flatten() {
+        if count.as_u64().is_some_and(|count| count > 0) {
+            println!("lost ({}): {count}", printable(place));
+        }
+    }
+}
+
 /// What waits for the disk, once that is more than what waits for a disk that keeps pace.
-fn tell_backlog(backlog: &Value) {
+fn print_backlog(backlog: &Value) {
     let number = |name: &str| backlog[name].as_f64().unwrap_or_default();
     let (seconds, unsynced_s) = (number("seconds"), number("unsynced_s"));
     if seconds < 1.0 && unsynced_s < 1.0 {

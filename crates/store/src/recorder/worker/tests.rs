@@ -144,7 +144,8 @@ fn every_channel_of_every_part_has_its_schema() {
     let mut seen = 0;
     for file in &summary.files {
         let reader = crate::Reader::open([&file.path]).expect("a log");
-        assert_eq!(reader.info().missing, []);
+        let without = |m: &crate::Missing| matches!(m, crate::Missing::NoSchema { .. });
+        assert!(!reader.info().missing.iter().any(without));
         for channel in reader.channels() {
             assert!(!channel.schema_data.is_empty(), "{}", channel.topic);
         }
