@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_page_holds_its_table_its_warning_and_its_points() {
-        let html = escape(&page());
+        let html = html(&page());
         for part in [
             "stands &lt;1&gt;.mcap",
             "FR lower_front drifts",
@@ -172,6 +172,6 @@ mod tests {
     fn a_figure_without_data_is_left_out() {
         let mut page = page();
         page.figures[0].panels[0].traces[0].y = vec![f64::NAN; 2];
-        assert!(!escape(&page).contains("counts-plot"));
+        assert!(!html(&page).contains("counts-plot"));
     }
 }

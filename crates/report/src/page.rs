@@ -341,6 +341,7 @@ fn utc(time: LogTime) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::Series;
 
     #[test]
     fn times_are_utc() {
@@ -356,5 +357,53 @@ mod tests {
         assert!(script.contains("plotly.js v"));
         assert!(script.contains("MIT license"));
         assert_eq!(script.matches("</script>").count(), 1);
+    }
+
+    /// A log whose texts were made to leave their place in the page.
+    #[test]
+    fn texts_of_a_log_cannot_leave_their_place() {
+        const NAME: &str = "<!--<script>\u{1b}\u{202e}";
+        let series = || Series {
+            time_s: vec![0.0, 1.0],
+            values: vec![1.0, 2.0],
+        };
+        let drive = Drive {
+            files: vec![(NAME.into(), 1)],
+            missing: vec![NAME.into()],
+            facts: vec![(NAME.into(), NAME.into())],
+            attachments: vec![store::Attachment {
+                name: NAME.into(),
+                media_type: String::new(),
+                data: NAME.into(),
+            }],
+            start: LogTime(0),
+            duration_s: 1.0,
+            estimate: Series::default(),
+            measured: Series::default(),
+            expected: Series::default(),
+            truth: Series::default(),
+            truth_forces: Series::default(),
+            rollover: Series::default(),
+            learnt: Series::default(),
+            hand_wheel_rad: Series::default(),
+            gnss_speed_m_s: [(NAME.to_owned(), series())].into(),
+            track_m: [(NAME.to_owned(), vec![[0.0; 2], [1.0; 2]])].into(),
+            events: Vec::new(),
+            marks: vec![(LogTime(0), NAME.into())],
+            messages: Vec::new(),
+            health: None,
+            utc_offset: None,
+            clocks: std::collections::BTreeMap::new(),
+        };
+        let figures: Vec<Figure> = crate::figures::all(&drive)
+            .into_iter()
+            .filter(Figure::has_data)
+            .collect();
+        assert!(figures.len() > 1, "names reach the figures");
+        let page = render(&drive, &figures);
+        let own = page.replace(plotly_script().as_str(), "");
+        assert!(!own.contains(NAME) && !own.contains("<!--"));
+        assert!(!own.contains(['\u{1b}', '\u{202e}']));
+        assert_eq!(own.matches("<script").count(), 2);
     }
 }

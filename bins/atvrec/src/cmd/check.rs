@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
+use sample::text::printable;
 use sample::{LossPlace, SourceId};
 use serde_json::json;
 use store::Losses;
@@ -145,7 +146,7 @@ fn tell(answers: &[Answer]) {
         println!(
             "  {:<14}{:<32}{:<10}{:>8} items {:>9} bytes{}",
             answer.name,
-            answer.device,
+            printable(&answer.device),
             answer.state.name(),
             answer.counters.items,
             answer.counters.bytes,
@@ -156,7 +157,7 @@ fn tell(answers: &[Answer]) {
             },
         );
         if answer.state != State::Answers && !answer.counters.state.is_empty() {
-            println!("                {}", answer.counters.state);
+            println!("                {}", printable(&answer.counters.state));
         }
     }
 }

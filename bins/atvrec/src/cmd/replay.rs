@@ -5,6 +5,7 @@ mod changes;
 use std::iter::Peekable;
 use std::time::{Duration, Instant};
 
+use sample::text::printable;
 use sample::{Arrival, LogTime, Payload};
 use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Stage, Writer};
 
@@ -394,6 +395,7 @@ fn tell(
     } else if let Some(report) = report {
         print!("{report}");
         if let Some(made_by) = made_by.filter(|_| !report.is_identical()) {
+            let made_by = printable(&made_by);
             println!(
                 "  the log was made by atvrec {made_by}; another program may estimate otherwise"
             );

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use model::vehicle::Vehicle;
+use sample::text::printable;
 
 use crate::cli::ImportVehicleArgs;
 use crate::config::{TOML_MAX, read_text};
@@ -17,9 +18,9 @@ pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {
     let vehicle = Vehicle::from_truth_params(&text)
         .with_context(|| format!("{} is not usable", args.input.display()))?;
     target.write(&vehicle.to_toml()?)?;
-    println!("{}: {}", args.output.display(), vehicle.name);
+    println!("{}: {}", args.output.display(), printable(&vehicle.name));
     for warning in vehicle.warnings() {
-        println!("  {warning}");
+        println!("  {}", printable(&warning.to_string()));
     }
     Ok(Outcome::Good)
 }
