@@ -56,9 +56,10 @@ kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each cos
 fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
 	@scripts/fuzz
 
-campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator?
+campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved?
 	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test motion_faults --test car -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec --test cli campaign_of -- --ignored --nocapture
+	$(CARGO) test --locked -p atvrec-store --test damage campaign_of -- --ignored --nocapture
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench

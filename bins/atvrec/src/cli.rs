@@ -509,8 +509,11 @@ pub struct SocketArgs {
     /// Configuration of the recorder [default: atvrec.toml, else /etc/atvrec/atvrec.toml].
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// Storage directory of the recorder, if `record --directory` replaced the configuration's.
+    #[arg(short, long, value_name = "DIR")]
+    pub directory: Option<PathBuf>,
     /// Its control socket, if the configuration is not at hand.
-    #[arg(long, value_name = "PATH", conflicts_with = "config")]
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["config", "directory"])]
     pub socket: Option<PathBuf>,
 }
 

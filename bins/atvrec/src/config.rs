@@ -16,12 +16,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use store::Attachment;
-use toml::de::DeTable;
 
 pub use columns::{CsvMap, GAVLAB_MAP, RowTime, alog_map, csv_map};
 pub use estimator::Estimator;
-pub use files::{FileKind, Files, GAVLAB};
-pub use reader::Problems;
+pub use files::{FileKind, Files, GAVLAB, read_text};
+pub use reader::{Problems, TOML_MAX};
 pub use roles::Role;
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::Storage;
@@ -42,7 +41,7 @@ pub struct Config {
     pub storage: Storage,
     /// What the estimator is told; `None` switches it off.
     pub estimator: Option<Estimator>,
-    /// Control socket; `None` puts it into the storage directory.
+    /// Control socket; `None` leaves the place to [`crate::control::paths`].
     pub control: Option<PathBuf>,
     /// The configuration itself and every file that it names, for the log.
     pub attachments: Vec<Attachment>,
@@ -51,7 +50,7 @@ pub struct Config {
 impl Config {
     /// Reads a configuration file.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| {
+        let text = read_text(path, TOML_MAX).with_context(|| {
             UsageError(format!(
                 "cannot read the configuration {}; `atvrec virtual` writes one to begin with, \
                  docs/configuration.md explains every field",
@@ -66,6 +65,27 @@ impl Config {
         for source in &mut config.sources {
             source.look_from(&directory);
         }
+        Ok(config)
+    }
+
+    /// Reads a configuration file again for a running recorder.
+    ///
+    /// # Errors
+    /// As [`Config::load`]; a file without any field is an error too, since it is rather a file that
+    /// is being written than the wish to end all sources.
+    pub fn load_again(path: &Path) -> anyhow::Result<Self> {
+        let config = Self::load(path)?;
+        let written = config.attachments.first();
+        let is_field = |line: &[u8]| {
+            let line = line.trim_ascii();
+            !line.is_empty() && !line.starts_with(b"#")
+        };
+        let lines = written.map(|own| own.data.split(|byte| *byte == b'\n'));
+        anyhow::ensure!(
+            lines.is_some_and(|mut lines| lines.any(is_field)),
+            "the configuration {} is empty; nothing was changed",
+            path.display()
+        );
         Ok(config)
     }
 
@@ -90,13 +110,9 @@ impl Config {
 
     fn resolve(name: &str, text: &str, mut files: Files) -> Result<Self, Problems> {
         let mut gather = Gatherer::new(name, text);
-        let (table, syntax) = DeTable::parse_recoverable(text);
-        for error in &syntax {
-            gather.add_syntax(error);
-        }
-        if !syntax.is_empty() {
+        let Some(table) = reader::parse(text, &mut gather) else {
             return Err(Problems(gather.into_problems()));
-        }
+        };
         let mut top = Section::new("", table);
         let sources = top.section("source", &mut gather);
         let sources = source::read_all(sources, &mut files, &mut gather);

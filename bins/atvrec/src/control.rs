@@ -1,30 +1,33 @@
-//! The control socket of a running recorder: one JSON line asked, one JSON line answered.
+//! The control socket of a running recorder: one JSON line is the request, one JSON line the answer.
 //!
 //! Only this user and group can open it; nothing listens on a network.
 
+mod socket;
+
 use std::io;
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use acq::Sequencer;
-use anyhow::Context;
+use sample::LossPlace;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use store::DiskState;
+use store::{DiskState, GoneLog, Losses};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
-use tokio::net::{UnixListener, UnixStream};
+use tokio::net::UnixStream;
 use tokio::sync::{mpsc, oneshot};
+use tokio::time::timeout;
 
 pub use crate::board::{Board, Writing};
-use crate::config::Config;
+pub use socket::{Listener, paths};
 
-/// Longest request, bytes.
-const REQUEST_MAX: u64 = 4096;
+/// Longest request, bytes: a mark of [`MARK_MAX`] characters, each escaped.
+const REQUEST_MAX: u64 = 16_384;
 /// Longest text of a mark, characters.
 const MARK_MAX: usize = 1000;
-/// Name of the socket in the storage directory.
-const NAME: &str = "control";
+/// Time in which a client sends its request, and in which it reads the answer.
+const IDLE_MAX: Duration = Duration::from_secs(10);
 
 /// What can be asked.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,88 +73,31 @@ pub struct Desk {
     pub orders: mpsc::Sender<(Order, oneshot::Sender<Answer>)>,
 }
 
-/// Where a recorder with this configuration listens.
-pub fn socket_path(config: &Config) -> PathBuf {
-    match &config.control {
-        Some(path) => path.clone(),
-        None => config.storage.directory.join(NAME),
-    }
-}
-
-/// The socket; removed when dropped.
-pub struct Listener {
-    listener: UnixListener,
-    path: PathBuf,
-}
-
-impl Listener {
-    /// Opens the socket. One that nobody listens to any more is replaced.
-    pub fn open(path: &Path) -> anyhow::Result<Self> {
-        if std::os::unix::net::UnixStream::connect(path).is_ok() {
-            anyhow::bail!(
-                "another recorder listens on {}; stop it, or give this one another \
-                 storage.directory or control.socket",
-                path.display()
-            );
-        }
-        match std::fs::remove_file(path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-            _ => Ok(()),
-        }
-        .with_context(|| format!("cannot replace the old socket {}", path.display()))?;
-        let listener = UnixListener::bind(path)
-            .with_context(|| format!("cannot make the control socket {}", path.display()))?;
-        std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o660))
-            .with_context(|| format!("cannot set the permissions of {}", path.display()))?;
-        Ok(Self {
-            listener,
-            path: path.to_owned(),
-        })
-    }
-
-    /// Answers, one after the other, until it is dropped.
-    pub async fn serve(&self, desk: Desk) {
-        loop {
-            match self.listener.accept().await {
-                Ok((stream, _)) => {
-                    let desk = desk.clone();
-                    tokio::spawn(async move {
-                        if let Err(error) = answer(stream, &desk).await {
-                            tracing::debug!(%error, "a control request was not answered");
-                        }
-                    });
-                }
-                Err(error) => {
-                    tracing::warn!(%error, "the control socket does not answer");
-                    tokio::time::sleep(std::time::Duration::from_secs(1)).await;
-                }
-            }
-        }
-    }
-}
-
-impl Drop for Listener {
-    fn drop(&mut self) {
-        // The next start replaces what is left.
-        let _ = std::fs::remove_file(&self.path);
-    }
-}
-
-async fn answer(stream: UnixStream, desk: &Desk) -> io::Result<()> {
+/// Reads one request, carries it out, writes its answer. `busy` is true while it is carried out.
+async fn answer(stream: UnixStream, desk: &Desk, busy: &AtomicBool) -> io::Result<()> {
     let (read, mut write) = stream.into_split();
-    let mut line = String::new();
-    BufReader::new(read.take(REQUEST_MAX))
-        .read_line(&mut line)
-        .await?;
-    let value = match serde_json::from_str(&line) {
+    let mut line = Vec::new();
+    let mut read = BufReader::new(read.take(REQUEST_MAX));
+    timeout(IDLE_MAX, read.read_until(b'\n', &mut line)).await??;
+    busy.store(true, Ordering::Relaxed);
+    let value = carry_out(&line, desk).await;
+    busy.store(false, Ordering::Relaxed);
+    let text = format!("{value}\n");
+    timeout(IDLE_MAX, write.write_all(text.as_bytes())).await?
+}
+
+async fn carry_out(line: &[u8], desk: &Desk) -> Value {
+    if !line.ends_with(b"\n") && line.len() as u64 >= REQUEST_MAX {
+        return json!({ "error": format!("the request is longer than {REQUEST_MAX} bytes") });
+    }
+    match serde_json::from_slice(line) {
         Ok(Request::Mark { text }) => mark(&desk.sequencer, &text),
         Ok(Request::Status) => status(desk),
         Ok(Request::Start) => order(desk, Order::Start).await,
         Ok(Request::Stop) => order(desk, Order::Stop).await,
         Ok(Request::Reload) => order(desk, Order::Reload).await,
-        Err(error) => json!({ "error": format!("not understood: {error}") }),
-    };
-    write.write_all(format!("{value}\n").as_bytes()).await
+        Err(error) => json!({ "error": format!("the request is not valid: {error}") }),
+    }
 }
 
 async fn order(desk: &Desk, order: Order) -> Value {
@@ -173,6 +119,7 @@ fn mark(sequencer: &Sequencer, text: &str) -> Value {
 }
 
 fn status(desk: &Desk) -> Value {
+    let losses = desk.sequencer.ledger().losses();
     let sources: Vec<Value> = desk
         .sequencer
         .counters()
@@ -185,7 +132,7 @@ fn status(desk: &Desk) -> Value {
                 "state": counters.state,
                 "items": counters.items,
                 "bytes": counters.bytes,
-                "lost": counters.lost,
+                "lost": losses.of(id),
                 "last_data_ns": counters.last_data.map(|time| time.0),
             })
         })
@@ -201,6 +148,7 @@ fn status(desk: &Desk) -> Value {
         "writing": desk.board.writing(),
         "memory_s": kept_s,
         "sources": sources,
+        "lost": by_place(&losses),
         "faulty_sensors": desk.board.faulty_sensors(),
         "disk": disk(&desk.board),
         "retention": desk.board.retention(),
@@ -230,8 +178,40 @@ fn disk(board: &Board) -> Value {
         disk["detail"] = detail.into();
         disk["bytes"] = status.bytes.into();
         disk["waiting"] = status.waiting.into();
-        disk["lost_arrivals"] = status.lost_arrivals.into();
-        disk["lost_records"] = status.lost_records.into();
+        disk["lost_arrivals"] = status.losses.arrivals.into();
+        disk["lost_records"] = status.losses.records.into();
+        disk["raw_only"] = status.raw_only.into();
+        disk["gone"] = status.gone.iter().map(gone).collect();
+        let backlog = status.backlog;
+        disk["backlog"] = json!({
+            "arrivals": backlog.arrivals,
+            "bytes": backlog.bytes,
+            "seconds": backlog.span.as_secs_f64(),
+            "queue_percent": backlog.queue_fill,
+            "unsynced_s": backlog.unsynced.as_secs_f64(),
+        });
     }
     disk
+}
+
+/// A file that was deleted or renamed while it was being written.
+pub fn gone(gone: &GoneLog) -> Value {
+    json!({
+        "path": gone.path,
+        "arrivals": gone.arrivals,
+        "what": if gone.deleted { "deleted" } else { "renamed" },
+    })
+}
+
+/// Items lost by place; on the way to the disk arrivals, and decoded records, which a replay computes
+/// again.
+pub fn by_place(losses: &Losses) -> Value {
+    let mut lost: serde_json::Map<String, Value> = LossPlace::ALL
+        .into_iter()
+        .zip(losses.totals())
+        .map(|(place, count)| (place.name().to_owned(), count.into()))
+        .collect();
+    lost.insert(LossPlace::Disk.name().to_owned(), losses.arrivals.into());
+    lost.insert("records".to_owned(), losses.records.into());
+    Value::Object(lost)
 }

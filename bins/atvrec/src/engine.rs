@@ -17,7 +17,7 @@ use sample::{
     Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
     Severity, SourceId,
 };
-use store::{LogMessage, Record, Stage, UtcOffset};
+use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
 use crate::config::{self, Config};
 use source::{Silence, SourceState};
@@ -39,6 +39,8 @@ pub struct Engine {
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
     silence: Silent,
+    /// As the notices of the stream state them, so that a replay computes the same health.
+    losses: Losses,
     faulty_sensors: BTreeSet<String>,
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
@@ -63,6 +65,7 @@ impl Engine {
             smoother: None,
             samples: Vec::new(),
             silence: Silent::default(),
+            losses: Losses::default(),
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
             next_health: None,
@@ -116,6 +119,7 @@ impl Engine {
             source.push(arrival, &mut self.samples);
         }
         if let Payload::Notice(notice) = &arrival.payload {
+            self.losses.add_notice(arrival.source, notice);
             self.announce(arrival.source, now, notice, records);
         }
         self.estimate(now, has_data(&arrival.payload), records);
@@ -246,7 +250,11 @@ impl Engine {
     pub fn health(&self, time: LogTime) -> Health {
         Health {
             time,
-            sources: self.sources.iter().map(SourceState::health).collect(),
+            sources: self
+                .sources
+                .iter()
+                .map(|s| s.health(&self.losses))
+                .collect(),
             faulty_sensors: self.faulty_sensors.iter().cloned().collect(),
         }
     }

@@ -38,7 +38,9 @@ use exit::Outcome;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     messages::start(cli.verbose, cli.quiet);
-    match run(cli) {
+    let result = run(cli);
+    messages::finish();
+    match result {
         Ok(outcome) => outcome.into(),
         Err(error) => {
             messages::failed(&error);

@@ -1,18 +1,29 @@
 //! The program's own messages, on standard error: for people at a terminal with times, for the
 //! journal with priorities and without times, which the journal has itself.
+//!
+//! Every field of a message is printable text in one line, whatever a device or a mark put into it.
+
+mod limit;
 
 use std::fmt;
 use std::io::IsTerminal;
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
+use std::time::Instant;
 
+use sample::text::{printable, printable_lines};
 use tracing::{Event, Level, Subscriber};
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::fmt::format::{Compact, Format, Writer};
+use tracing_subscriber::field::MakeExt;
+use tracing_subscriber::fmt::format::{Compact, Format, Writer, debug_fn};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
-/// Begins to tell; `ATVREC_LOG` filters finer than `verbose` and `quiet`.
+use limit::Limit;
+
+/// Starts the output of messages; `ATVREC_LOG` filters finer than `verbose` and `quiet`.
 pub fn start(verbose: u8, quiet: bool) {
     let level = match (quiet, verbose) {
         (true, _) => "error",
@@ -21,40 +32,54 @@ pub fn start(verbose: u8, quiet: bool) {
         (false, _) => "trace",
     };
     let filter = EnvFilter::try_from_env("ATVREC_LOG").unwrap_or_else(|_| EnvFilter::new(level));
-    let builder = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let fields = debug_fn(|writer, field, value| {
+        let value = format!("{value:?}");
+        match field.name() {
+            "message" => write!(writer, "{}", printable(&value)),
+            name => write!(writer, "{name}={}", printable(&value)),
+        }
+    });
+    let layer = tracing_subscriber::fmt::layer()
+        .fmt_fields(fields.delimited(" "))
         .with_writer(std::io::stderr);
+    let subscriber = tracing_subscriber::registry().with(filter);
     if goes_to_journal() {
-        builder.with_ansi(false).event_format(Journal::new()).init();
+        let layer = layer.with_ansi(false).event_format(Journal::new());
+        subscriber.with(layer.with_filter(Limit)).init();
     } else {
-        builder
+        let layer = layer
             .with_ansi(std::io::stderr().is_terminal())
             .with_target(false)
-            .compact()
-            .init();
+            .compact();
+        subscriber.with(layer.with_filter(Limit)).init();
     }
 }
 
-/// Says why the program ends.
+/// Reports the messages that were left out since the last report. To be called at the end.
+pub fn finish() {
+    limit::report(Instant::now(), true);
+}
+
+/// Reports why the program ends.
 pub fn failed(error: &anyhow::Error) {
     let text = format!("error: {error:#}");
     if goes_to_journal() {
         // Each line is an entry of its own.
         for line in text.lines() {
-            eprintln!("<{}>{line}", priority(Level::ERROR));
+            eprintln!("<{}>{}", priority(Level::ERROR), printable(line));
         }
     } else {
-        eprintln!("{text}");
+        eprintln!("{}", printable_lines(&text));
     }
 }
 
-/// Whether standard error is the journal's, as systemd tells by device and inode.
+/// Whether standard error is the journal's, as systemd gives it by device and inode.
 fn goes_to_journal() -> bool {
     #[allow(
         clippy::disallowed_methods,
         reason = "systemd says it in the environment"
     )]
-    let Ok(told) = std::env::var("JOURNAL_STREAM") else {
+    let Ok(journal) = std::env::var("JOURNAL_STREAM") else {
         return false;
     };
     let Ok(stream) = std::io::stderr().as_fd().try_clone_to_owned() else {
@@ -63,7 +88,7 @@ fn goes_to_journal() -> bool {
     let Ok(metadata) = std::fs::File::from(stream).metadata() else {
         return false;
     };
-    told == format!("{}:{}", metadata.dev(), metadata.ino())
+    journal == format!("{}:{}", metadata.dev(), metadata.ino())
 }
 
 /// Priority of a level, as in syslog.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use sample::text::printable;
 use store::Missing;
 
 /// How many of one sort are told one by one.
@@ -15,7 +16,7 @@ pub fn summary(missing: &[Missing]) -> Vec<String> {
         let count = counts.entry(sort(one)).or_default();
         *count += 1;
         if *count <= TOLD {
-            lines.push(one.to_string());
+            lines.push(printable(&one.to_string()).into_owned());
         }
     }
     for (sort, count) in counts {
@@ -38,6 +39,8 @@ fn sort(missing: &Missing) -> &'static str {
         Missing::Changed { .. } => "wrong checksums",
         Missing::BadMessage { .. } => "malformed messages",
         Missing::Parts { .. } => "holes in the row of parts",
+        Missing::NoSchema { .. } => "channels without a schema",
+        Missing::Unwritten { .. } => "files that state losses",
         Missing::Arrivals { .. } => "gaps in the sequence of arrivals",
         _ => "losses",
     }

@@ -1,10 +1,12 @@
-//! Standard output. Who reads it may have had enough (`atvrec info drive.mcap | head -1`): that is no
-//! failure, and what a command does beside printing goes on.
+//! Standard output. Its reader may leave early (`atvrec info drive.mcap | head -1`): that is no
+//! failure, and the command goes on.
 
 pub mod target;
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
+
+use sample::text::printable_lines;
 
 use crate::messages;
 
@@ -19,9 +21,13 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::output::write_line(format_args!($($text)*)) };
 }
 
-/// Prints; ends the program if standard output fails otherwise than by its reader's leaving.
+/// Prints without control characters other than line feed and tab; in JSON their escapes keep the
+/// value. Ends the program if standard output fails for another reason than that its reader left.
 pub fn write(text: Arguments<'_>) {
-    let printed = std::io::stdout().lock().write_fmt(text);
+    let text = text.to_string();
+    let printed = std::io::stdout()
+        .lock()
+        .write_all(printable_lines(&text).as_bytes());
     if let Err(error) = printed.or_else(reader_left) {
         messages::failed(&anyhow::anyhow!("cannot write to standard output: {error}"));
         std::process::exit(1);

@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
-use store::{ClockState, RecorderSummary};
+use store::{ClockState, Losses, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinSet};
@@ -36,12 +36,12 @@ use crate::control::{self, Answer, Board, Desk, Listener, Order, Writing};
 use crate::engine::Engine;
 use crate::folder::{Folder, Protected};
 use crate::{retention, session};
-use pulse::{Pulses, notify};
+use pulse::{Pulses, extend_stop, notify};
 use run::{Files, Fired, Live, Progress, Run, Voice, join, judge};
 
 /// Time between two ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
-/// How long sources may take to end; the whole stop takes less than 2 s.
+/// How long sources may take to end.
 const STOP_DEADLINE: Duration = Duration::from_millis(1_000);
 /// Kept in memory beyond the time before a trigger, while files are being made.
 const MEMORY_SLACK: Duration = Duration::from_secs(2);
@@ -65,19 +65,23 @@ pub struct Summary {
     pub recorder: RecorderSummary,
     /// Counters of each source, of the last run or of the time without one.
     pub health: Health,
-    /// Items lost before the disk, by place, over all sources and runs.
-    pub lost: [u64; LossPlace::ALL.len()],
+    /// What was lost, over all sources and runs.
+    pub losses: Losses,
     /// Tasks that had to be cut off.
     pub stuck: Vec<String>,
 }
 
 impl Summary {
-    /// Items lost, by place, over all sources.
+    /// Losses over all sources, by place: items, and arrivals on the way to the disk.
     pub fn lost(&self) -> [u64; LossPlace::ALL.len()] {
-        let mut lost = self.lost;
-        // Health knows of these but for the last second.
-        lost[LossPlace::Disk as usize] = self.recorder.lost_arrivals;
+        let mut lost = self.losses.totals();
+        lost[LossPlace::Disk as usize] = self.losses.arrivals;
         lost
+    }
+
+    /// Whether raw data was lost, or its file is not where it was written.
+    pub fn has_loss(&self) -> bool {
+        self.losses.has_raw() || !self.recorder.gone.is_empty() || self.recorder.cut_off.is_some()
     }
 
     fn add(&mut self, more: RecorderSummary) {
@@ -85,8 +89,8 @@ impl Summary {
         let all = &mut self.recorder;
         all.files.extend(more.files);
         all.unfinished.extend(more.unfinished);
-        all.lost_arrivals += more.lost_arrivals;
-        all.lost_records += more.lost_records;
+        all.gone.extend(more.gone);
+        all.cut_off = more.cut_off.or(all.cut_off.take());
         all.last_failure = more.last_failure.or(all.last_failure.take());
     }
 }
@@ -104,11 +108,13 @@ pub async fn record(
     let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     // Whoever must stop because another recorder is there has made no file.
     let folder = Folder::take(&config.storage.directory)?;
-    let listener = Listener::open(&control::socket_path(&config))?;
+    let sockets = control::paths(&config);
     let (orders, mut waiting) = mpsc::channel(ORDER_QUEUE);
     let (fired, mut triggers) = mpsc::channel(FIRED_QUEUE);
     let mut conductor = Conductor::new(config, reload, fired, folder);
     conductor.start().await?;
+    // Whoever finds the socket finds a recorder that records.
+    let listener = open_control(&sockets);
     notify(&[sd_notify::NotifyState::Ready]);
     conductor.look_after_folder();
 
@@ -117,7 +123,7 @@ pub async fn record(
         board: Arc::clone(&conductor.board),
         orders,
     };
-    let mut serving = Box::pin(listener.serve(desk));
+    let mut serving = Box::pin(serve(listener, desk));
     let watchdog = tokio::spawn(conductor.pulses.clone().watch());
     let mut stop = std::pin::pin!(stop);
     let mut keep = Box::pin(conductor.retention());
@@ -126,7 +132,7 @@ pub async fn record(
         tokio::select! {
             biased;
             () = &mut stop => break,
-            () = &mut serving => break,
+            () = &mut serving => {}
             Some((order, reply)) = waiting.recv() => {
                 let answer = conductor.obey(order).await;
                 // Who asked may have gone.
@@ -148,11 +154,34 @@ pub async fn record(
     watchdog.abort();
     notify(&[sd_notify::NotifyState::Stopping]);
     drop(serving);
-    drop(listener);
     drop(triggers);
     let mut summary = conductor.finish().await?;
     summary.duration_s = begin.elapsed().as_secs_f64();
     Ok(summary)
+}
+
+/// Opens the control socket; a recording without one goes on.
+fn open_control(paths: &[PathBuf]) -> Option<Listener> {
+    match Listener::open(paths) {
+        Ok(listener) => {
+            tracing::info!(path = %listener.path().display(), "control socket");
+            Some(listener)
+        }
+        Err(error) => {
+            tracing::warn!(
+                "no control socket, so mark, status, start, stop and reload cannot reach this \
+                 recorder; recording goes on: {error:#}"
+            );
+            None
+        }
+    }
+}
+
+async fn serve(listener: Option<Listener>, desk: Desk) {
+    match listener {
+        Some(listener) => listener.serve(desk).await,
+        None => std::future::pending().await,
+    }
 }
 
 async fn until(left: Option<Duration>) {
@@ -178,6 +207,8 @@ struct Conductor<'a> {
     /// Ends the look for triggers and the engine that looks for events, when dropped.
     armed: JoinSet<()>,
     closing: JoinSet<Closed>,
+    /// How far the files are that are being closed.
+    watched: Vec<store::Progress>,
     summary: Summary,
     /// The first run that did not end well.
     failed: Option<anyhow::Error>,
@@ -214,6 +245,7 @@ impl<'a> Conductor<'a> {
             live: None,
             armed: JoinSet::new(),
             closing: JoinSet::new(),
+            watched: Vec::new(),
             summary: Summary::default(),
             failed: None,
             folders: vec![folder],
@@ -297,7 +329,8 @@ impl<'a> Conductor<'a> {
             events: None,
         };
         let (clock, protected) = (self.clock, self.protected.clone());
-        let made = move || Files::open(&config, started, clock, &protected);
+        let ledger = self.sequencer.ledger();
+        let made = move || Files::open(&config, started, clock, &protected, &ledger);
         let made = tokio::task::spawn_blocking(made);
         let files = made.await.context("making the files failed")??;
         let numbers = numbers.unwrap_or_default();
@@ -307,15 +340,19 @@ impl<'a> Conductor<'a> {
         let sequencer = self.sequencer.clone();
         let next = Run::start(files, engine, sequencer, streams, &self.pulses, voice)?;
         if let Some(old) = self.run.replace(next) {
-            self.close(old);
+            self.close(old, None);
         }
         self.board.set(Writing::Always);
         Ok(())
     }
 
     /// Closes a run's files beside everything else.
-    fn close(&mut self, run: Run) {
-        self.closing.spawn_blocking(move || run.finish());
+    fn close(&mut self, run: Run, deadline: Option<Instant>) {
+        if self.closing.is_empty() {
+            self.watched.clear();
+        }
+        self.watched.push(run.recorder.progress());
+        self.closing.spawn_blocking(move || run.finish(deadline));
     }
 
     fn closed(&mut self, closed: Result<Closed, JoinError>) {
@@ -370,7 +407,7 @@ impl<'a> Conductor<'a> {
         self.until = None;
         self.sequencer.pause();
         if let Some(run) = self.run.take() {
-            self.close(run);
+            self.close(run, None);
         }
         self.board.set(self.at_rest());
         tracing::info!("{}", self.board.writing());
@@ -392,7 +429,7 @@ impl<'a> Conductor<'a> {
         let queue = self.live.is_none().then(|| self.listen());
         self.sequencer.pause();
         self.board.set(self.at_rest());
-        let closed = tokio::task::spawn_blocking(move || run.finish());
+        let closed = tokio::task::spawn_blocking(move || run.finish(None));
         let (summary, engine, progress) = closed.await.context("closing the files failed")??;
         self.summary.add(summary);
         if let Some(queue) = queue {
@@ -472,8 +509,8 @@ impl<'a> Conductor<'a> {
         if is_new {
             self.folders.push(Folder::take(directory)?);
         }
-        if control::socket_path(&config) != control::socket_path(&self.config) {
-            tracing::warn!("control.socket stays as it is until the next start");
+        if control::paths(&config) != control::paths(&self.config) {
+            tracing::warn!("the control socket stays where it is until the next start");
         }
         let specs = specs(&config);
         let numbers = self.supervisor.numbers(&specs);
@@ -505,6 +542,7 @@ impl<'a> Conductor<'a> {
 
     /// Ends everything in order.
     async fn finish(mut self) -> anyhow::Result<Summary> {
+        let deadline = Instant::now() + self.config.storage.options.stop_within;
         let nobody = Supervisor::new(self.sequencer.clone());
         let supervisor = std::mem::replace(&mut self.supervisor, nobody);
         if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
@@ -512,22 +550,20 @@ impl<'a> Conductor<'a> {
             self.summary.stuck.extend(stuck.names);
         }
         self.summary.arrivals = self.sequencer.next_sequence();
-        for counters in self.sequencer.counters().values() {
-            for (sum, count) in self.summary.lost.iter_mut().zip(counters.lost) {
-                *sum += count;
-            }
-        }
         self.sequencer.finish();
         if let Some(live) = self.live.take() {
             let ended = tokio::task::spawn_blocking(move || join("live engine", live));
             self.summary.health = ended.await.context("the live engine failed")??;
         }
         if let Some(run) = self.run.take() {
-            self.close(run);
+            self.close(run, Some(deadline));
         }
+        let extending = tokio::spawn(extend_stop(self.watched.clone()));
         while let Some(closed) = self.closing.join_next().await {
             self.closed(closed);
         }
+        extending.abort();
+        self.summary.losses = self.sequencer.ledger().losses();
         match self.failed {
             Some(error) => Err(error),
             None => {

@@ -14,7 +14,7 @@ use store::{Pose, Record};
 use wire::line;
 
 use crate::cli::DriveArgs;
-use crate::config::{FileKind, Files};
+use crate::config::{FileKind, Files, TOML_MAX, read_text};
 use crate::exit::UsageError;
 
 /// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
@@ -253,7 +253,7 @@ fn motion(args: &DriveArgs, vehicle: &Vehicle) -> anyhow::Result<(Motion, String
 }
 
 fn read_options(path: &Path) -> anyhow::Result<Options> {
-    let text = std::fs::read_to_string(path)
+    let text = read_text(path, TOML_MAX)
         .with_context(|| format!("cannot read the options {}", path.display()))?;
     toml::from_str(&text).map_err(|error| UsageError(format!("{}: {error}", path.display())).into())
 }

@@ -1,10 +1,16 @@
 //! Compares what a replay computes with what was computed while recording, bit by bit.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashSet, VecDeque};
 use std::fmt;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Sink;
 
+<<<<<<< ours
+use sample::{LogTime, NANOS_PER_SECOND};
+=======
 use sample::LogTime;
+use sample::text::printable;
+>>>>>>> theirs
 use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection};
 
 /// Schemas of the raw stream, which is what a replay starts from.
@@ -17,15 +23,25 @@ const SMOOTHED: &str = "/smoothed/";
 const UTC_OFFSET: &str = "/utc_offset";
 /// Schemas of states that every file of a run repeats at its beginning.
 const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
-/// Differences that are told in full.
-const TOLD_MAX: usize = 3;
+/// Differences that are reported in full.
+const REPORTED_MAX: usize = 3;
+/// Messages that one decoded record becomes at most.
+const MESSAGES_A_RECORD_MAX: u64 = 4;
+/// A message waits so long for its counterpart, on the log clock: longer than either side is late.
+const PATIENCE_NANOS: i64 = 10 * NANOS_PER_SECOND;
+/// So long before missing arrivals estimates may depend on them.
+const LATENESS_NANOS: i64 = NANOS_PER_SECOND;
 
-/// Compares two streams of messages, topic by topic, in constant memory.
+/// Compares two streams of messages by topic and time, in bounded memory.
 pub struct Verifier {
     encoder: LogWriter<Sink>,
     recorded: std::iter::Peekable<MessageIter>,
-    waiting: BTreeMap<String, Waiting>,
+    waiting: BTreeMap<String, BTreeMap<LogTime, Waiting>>,
     states: BTreeMap<String, Message>,
+    /// Messages found on both sides a moment ago: a file after a failure may repeat them.
+    found: HashSet<u64>,
+    found_at: VecDeque<(LogTime, u64)>,
+    settle_at: LogTime,
     /// Whether the log has smoothed estimates to compare with.
     smoothed: bool,
     /// Whether the log has offsets of UTC to compare with.
@@ -33,11 +49,13 @@ pub struct Verifier {
     report: Report,
 }
 
-/// Messages of a topic whose counterpart has not come yet.
+/// Messages of a topic and an instant whose counterpart has not come yet.
 #[derive(Default)]
 struct Waiting {
-    recorded: VecDeque<Message>,
-    computed: VecDeque<Encoded>,
+    recorded: Vec<Message>,
+    computed: Vec<Encoded>,
+    /// When the last of them came.
+    since: LogTime,
 }
 
 /// What the comparison found.
@@ -47,8 +65,14 @@ pub struct Report {
     different: u64,
     only_recorded: BTreeMap<String, u64>,
     only_computed: BTreeMap<String, u64>,
+    /// Messages of the log behind missing arrivals that differ or have no counterpart.
+    uncertain: u64,
+    /// Number of the first arrival that is missing, and since when messages may depend on it.
+    gap: Option<(u64, LogTime)>,
+    /// Decoded records that the log states as lost.
+    lost_records: u64,
     unfinished: bool,
-    told: Vec<String>,
+    differences: Vec<String>,
 }
 
 impl Verifier {
@@ -62,8 +86,11 @@ impl Verifier {
                 !schema.starts_with(RAW) && !FOREIGN.iter().any(|t| topic.starts_with(t))
             })
             .map(|(topic, _)| topic.clone());
+        let cut = |missing: &store::Missing| !matches!(missing, store::Missing::NoSchema { .. });
+        let lost_records = info.counters.get("lost_records").copied();
         let report = Report {
-            unfinished: !info.missing.is_empty() || reader.was_recovered(),
+            unfinished: info.missing.iter().any(cut) || reader.was_recovered(),
+            lost_records: lost_records.unwrap_or_default(),
             ..Report::default()
         };
         Self {
@@ -71,6 +98,9 @@ impl Verifier {
             recorded: reader.messages(Selection::topics(topics)).peekable(),
             waiting: BTreeMap::new(),
             states: BTreeMap::new(),
+            found: HashSet::new(),
+            found_at: VecDeque::new(),
+            settle_at: LogTime(0),
             smoothed: info
                 .channels
                 .keys()
@@ -80,47 +110,86 @@ impl Verifier {
         }
     }
 
+    /// Arrivals from number `first` on are missing, the last before them came at `time`: what was
+    /// computed from then on cannot be computed again.
+    pub fn arrivals_missing(&mut self, first: u64, time: LogTime) {
+        self.report
+            .gap
+            .get_or_insert((first, time + -LATENESS_NANOS));
+    }
+
     /// Takes what followed from the arrival at `now`.
     pub fn expect(&mut self, records: &[Record], now: LogTime) -> anyhow::Result<()> {
         for record in records {
             for message in self.encoder.encode(record) {
-                self.computed(message);
+                self.computed(message, now);
             }
         }
         while let Some(next) = self.recorded.next_if(|message| match message {
             Ok(message) => message.log_time <= now,
             Err(_) => true,
         }) {
-            self.recorded(next?);
+            self.recorded(next?, now);
+        }
+        if now >= self.settle_at {
+            self.settle_at = LogTime(now.0.saturating_add(NANOS_PER_SECOND as u64));
+            self.settle(now + -PATIENCE_NANOS);
         }
         Ok(())
     }
 
-    fn computed(&mut self, message: Encoded) {
+    fn computed(&mut self, message: Encoded, now: LogTime) {
         if message.topic.starts_with(SMOOTHED) && !self.smoothed
             || message.topic == UTC_OFFSET && !self.utc_offset
         {
             return;
         }
-        let waiting = self.waiting.entry(message.topic.clone()).or_default();
-        match waiting.recorded.pop_front() {
-            Some(recorded) => self.report.compare(&recorded, &message),
-            None => waiting.computed.push_back(message),
+        let topic = self.waiting.entry(message.topic.clone()).or_default();
+        let waiting = topic.entry(message.log_time).or_default();
+        let same = |recorded: &Message| is_same(recorded, &message);
+        match waiting.recorded.iter().position(same) {
+            Some(position) => {
+                waiting.recorded.remove(position);
+                if waiting.is_empty() {
+                    topic.remove(&message.log_time);
+                }
+                self.identical(&message.topic, message.log_time, &message.data, now);
+            }
+            None => {
+                waiting.since = now;
+                waiting.computed.push(message);
+            }
         }
     }
 
-    fn recorded(&mut self, message: Message) {
+    fn recorded(&mut self, message: Message, now: LogTime) {
         if self.is_repeated(&message) {
             return;
         }
-        let waiting = self
-            .waiting
-            .entry(message.channel.topic.clone())
-            .or_default();
-        match waiting.computed.pop_front() {
-            Some(computed) => self.report.compare(&message, &computed),
-            None => waiting.recorded.push_back(message),
+        let name = &message.channel.topic;
+        let topic = self.waiting.entry(name.clone()).or_default();
+        let waiting = topic.entry(message.log_time).or_default();
+        let same = |computed: &Encoded| is_same(&message, computed);
+        match waiting.computed.iter().position(same) {
+            Some(position) => {
+                waiting.computed.remove(position);
+                if waiting.is_empty() {
+                    topic.remove(&message.log_time);
+                }
+                self.identical(name, message.log_time, &message.data, now);
+            }
+            None => {
+                waiting.since = now;
+                waiting.recorded.push(message);
+            }
         }
+    }
+
+    fn identical(&mut self, topic: &str, log_time: LogTime, data: &[u8], now: LogTime) {
+        self.report.count(topic);
+        let hash = hash_of(topic, log_time, data);
+        self.found.insert(hash);
+        self.found_at.push_back((now, hash));
     }
 
     /// Whether this state is the last one again, at the beginning of another file.
@@ -139,58 +208,108 @@ impl Verifier {
         same
     }
 
+    /// Gives up waiting for counterparts of what came before `before`.
+    fn settle(&mut self, before: LogTime) {
+        let (found, report) = (&self.found, &mut self.report);
+        for (topic, instants) in &mut self.waiting {
+            instants.retain(|time, waiting| {
+                if waiting.since >= before {
+                    return true;
+                }
+                let twice = |m: &Message| found.contains(&hash_of(topic, *time, &m.data));
+                waiting.recorded.retain(|message| !twice(message));
+                report.settle(topic, *time, std::mem::take(waiting));
+                false
+            });
+        }
+        while let Some((_, hash)) = self.found_at.pop_front_if(|(at, _)| *at < before) {
+            self.found.remove(&hash);
+        }
+    }
+
     /// The result, when the last arrival is replayed.
     pub fn finish(mut self) -> anyhow::Result<Report> {
+        const END: LogTime = LogTime(u64::MAX);
         while let Some(message) = self.recorded.next() {
-            self.recorded(message?);
+            self.recorded(message?, LogTime(0));
         }
-        let mut report = self.report;
-        for (topic, waiting) in self.waiting {
-            if let Some(first) = waiting.recorded.front() {
-                report.tell(format!(
-                    "{topic} at {} s is in the log, the replay does not compute it",
-                    first.log_time
-                ));
-                let count = waiting.recorded.len() as u64;
-                report.only_recorded.insert(topic.clone(), count);
-            }
-            if let Some(first) = waiting.computed.front() {
-                report.tell(format!(
-                    "{topic} at {} s is computed by the replay, the log does not have it",
-                    first.log_time
-                ));
-                let count = waiting.computed.len() as u64;
-                report.only_computed.insert(topic, count);
-            }
-        }
-        Ok(report)
+        self.settle(END);
+        Ok(self.report)
     }
 }
 
+impl Waiting {
+    fn is_empty(&self) -> bool {
+        self.recorded.is_empty() && self.computed.is_empty()
+    }
+}
+
+fn is_same(recorded: &Message, computed: &Encoded) -> bool {
+    recorded.publish_time == computed.publish_time && recorded.data == computed.data
+}
+
+fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (topic, log_time.0, data).hash(&mut hasher);
+    hasher.finish()
+}
+
 impl Report {
-    /// Whether every message is bit-identical. In a log that was cut short, the end that only one
-    /// side has does not count: what was computed is written later than the raw bytes, or earlier.
+    /// Whether every message is bit-identical that both sides can have. Decoded records that did not
+    /// reach the disk count as the log states them; in a log that was cut short, what only one side
+    /// has does not count: computed messages are written later than the raw bytes, or earlier.
     pub fn is_identical(&self) -> bool {
-        let complete = self.only_recorded.is_empty() && self.only_computed.is_empty();
-        self.different == 0 && (complete || self.unfinished) && !self.compared.is_empty()
+        !self.contradicts() && self.uncertain == 0 && !self.compared.is_empty()
     }
 
-    fn compare(&mut self, recorded: &Message, computed: &Encoded) {
-        *self.compared.entry(computed.topic.clone()).or_default() += 1;
-        let same = recorded.log_time == computed.log_time
-            && recorded.publish_time == computed.publish_time
-            && recorded.data == computed.data;
-        if same {
-            return;
-        }
-        self.different += 1;
-        self.tell(difference(recorded, computed));
+    /// Whether nothing contradicts, but raw bytes are missing that were there while recording.
+    pub fn is_partial(&self) -> bool {
+        !self.contradicts() && self.uncertain > 0
     }
 
-    fn tell(&mut self, text: String) {
-        if self.told.len() < TOLD_MAX {
-            self.told.push(text);
+    fn contradicts(&self) -> bool {
+        let explained = self.lost_records.saturating_mul(MESSAGES_A_RECORD_MAX);
+        let complete = self.only_recorded.is_empty() && Self::sum(&self.only_computed) <= explained;
+        self.different > 0 || !(complete || self.unfinished)
+    }
+
+    /// Takes the messages of a topic and an instant that have no identical counterpart.
+    fn settle(&mut self, topic: &str, time: LogTime, waiting: Waiting) {
+        let mut recorded = waiting.recorded.into_iter();
+        let mut computed = waiting.computed.into_iter();
+        let behind_gap = self.gap.is_some_and(|(_, since)| time >= since);
+        loop {
+            let what = match (recorded.next(), computed.next()) {
+                (None, None) => return,
+                (Some(_), _) if behind_gap => {
+                    self.uncertain += 1;
+                    continue;
+                }
+                (None, Some(_)) if behind_gap => continue,
+                (Some(recorded), Some(computed)) => {
+                    self.count(topic);
+                    self.different += 1;
+                    difference(&recorded, &computed)
+                }
+                (Some(_), None) => {
+                    *self.only_recorded.entry(topic.to_owned()).or_default() += 1;
+                    format!("{topic} at {time} s is in the log, the replay does not compute it")
+                }
+                (None, Some(_)) => {
+                    *self.only_computed.entry(topic.to_owned()).or_default() += 1;
+                    format!(
+                        "{topic} at {time} s is computed by the replay, the log does not have it"
+                    )
+                }
+            };
+            if self.differences.len() < REPORTED_MAX {
+                self.differences.push(what);
+            }
         }
+    }
+
+    fn count(&mut self, topic: &str) {
+        *self.compared.entry(topic.to_owned()).or_default() += 1;
     }
 
     fn sum(counts: &BTreeMap<String, u64>) -> u64 {
@@ -205,7 +324,10 @@ impl Report {
             "different": self.different,
             "only_recorded": self.only_recorded,
             "only_computed": self.only_computed,
-            "first_differences": self.told,
+            "uncertain": self.uncertain,
+            "first_missing_arrival": self.gap.map(|(first, _)| first),
+            "lost_records": self.lost_records,
+            "first_differences": self.differences,
         })
     }
 }
@@ -213,29 +335,54 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let compared = Self::sum(&self.compared);
-        if self.is_identical() {
+        let (recorded, computed) = (
+            Self::sum(&self.only_recorded),
+            Self::sum(&self.only_computed),
+        );
+        if compared == 0 && self.different == 0 {
+            return writeln!(f, "NOT VERIFIED: the log holds nothing to compare with");
+        }
+        if self.contradicts() {
+            writeln!(
+                f,
+                "NOT IDENTICAL: {} of {compared} messages differ, {recorded} are only in the log, \
+                 {computed} only in the replay",
+                self.different
+            )?;
+            for text in &self.differences {
+                writeln!(f, "  {text}")?;
+            }
+            return Ok(());
+        }
+        if let Some((first, _)) = self.gap.filter(|_| self.uncertain > 0) {
+            writeln!(
+                f,
+                "VERIFIED IN PART: {compared} messages are bit-identical, {} cannot be verified: \
+                 the arrivals from number {first} on, which they depend on, are not in the log",
+                self.uncertain
+            )?;
+        } else {
             writeln!(
                 f,
                 "verified: {compared} messages on {} topics are bit-identical",
                 self.compared.len()
             )?;
-            let (recorded, computed) = (
-                Self::sum(&self.only_recorded),
-                Self::sum(&self.only_computed),
-            );
-            if recorded + computed > 0 {
-                writeln!(
-                    f,
-                    "  the log was cut short: {recorded} messages at its end have no raw bytes, \
-                     {computed} were not written"
-                )?;
-            }
-            return Ok(());
         }
-        if compared == 0 {
-            writeln!(f, "NOT VERIFIED: the log holds nothing to compare with")?;
-            return Ok(());
-        }
+<<<<<<< ours
+        if computed > 0 && self.lost_records > 0 {
+            writeln!(
+                f,
+                "  {computed} messages of the replay are not in the log, which states {} decoded \
+                 records as lost on the way to the disk",
+                self.lost_records
+            )?;
+        } else if recorded + computed > 0 {
+            writeln!(
+                f,
+                "  the log was cut short: {recorded} messages at its end have no raw bytes, \
+                 {computed} were not written"
+            )?;
+=======
         writeln!(
             f,
             "NOT IDENTICAL: {} of {compared} messages differ, {} are only in the log, \
@@ -245,7 +392,8 @@ impl fmt::Display for Report {
             Self::sum(&self.only_computed)
         )?;
         for text in &self.told {
-            writeln!(f, "  {text}")?;
+            writeln!(f, "  {}", printable(text))?;
+>>>>>>> theirs
         }
         Ok(())
     }
@@ -254,12 +402,6 @@ impl fmt::Display for Report {
 /// Where two messages part.
 fn difference(recorded: &Message, computed: &Encoded) -> String {
     let topic = &computed.topic;
-    if recorded.log_time != computed.log_time {
-        return format!(
-            "{topic}: the log has a message at {} s where the replay has one at {} s",
-            recorded.log_time, computed.log_time
-        );
-    }
     let at = recorded.log_time;
     if recorded.publish_time != computed.publish_time {
         return format!(

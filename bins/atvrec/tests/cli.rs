@@ -16,12 +16,19 @@ mod hostile;
 mod identify;
 #[path = "suite/import.rs"]
 mod import;
+#[cfg(target_os = "linux")]
+#[path = "suite/losses.rs"]
+mod losses;
 #[path = "suite/outputs.rs"]
 mod outputs;
+#[path = "suite/outside.rs"]
+mod outside;
 #[path = "suite/passenger_car.rs"]
 mod passenger_car;
 #[path = "suite/record.rs"]
 mod record;
+#[path = "suite/recover.rs"]
+mod recover;
 #[path = "suite/replay.rs"]
 mod replay;
 #[path = "suite/report.rs"]

@@ -7,7 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use crate::ring::RingLimits;
 
-use sample::{Arrival, LogTime, LossPlace, Notice, Payload, SourceId};
+use sample::{Arrival, LogTime, Notice, Payload, SourceId};
+use store::LossLedger;
 use tokio::sync::mpsc;
 
 use crate::LogClock;
@@ -55,8 +56,6 @@ pub struct SourceCounters {
     pub items: u64,
     /// Payload bytes.
     pub bytes: u64,
-    /// Items lost, in the order of [`LossPlace::ALL`].
-    pub lost: [u64; LossPlace::ALL.len()],
     /// When data last came.
     pub last_data: Option<LogTime>,
     /// Whether the device is open.
@@ -167,6 +166,7 @@ impl Sequencer {
     pub fn push(&self, source: SourceId, payload: Payload) -> LogTime {
         let mut state = self.lock();
         state.settle(&self.clock);
+        state.enter_loss(source, &payload);
         state.emit(&self.clock, source, payload)
     }
 
@@ -184,6 +184,13 @@ impl Sequencer {
     #[must_use]
     pub const fn clock(&self) -> &LogClock {
         &self.clock
+    }
+
+    /// The ledger of losses: what sources and queues lost is entered here, and recorders may enter
+    /// what does not reach the disk.
+    #[must_use]
+    pub fn ledger(&self) -> LossLedger {
+        self.lock().ledger().clone()
     }
 
     /// What has come so far, by source.

@@ -150,7 +150,7 @@ async fn what_a_full_queue_costs_is_counted_to_the_last_read() {
     let source = SourceId(0);
     // Nobody takes arrivals meanwhile.
     let mut sent = 0;
-    while sequencer.counters()[&source].lost[LossPlace::Queue as usize] < 5 {
+    while sequencer.ledger().losses().of(source)[LossPlace::Queue as usize] < 5 {
         device
             .write_all(&[0x55; 64])
             .await
@@ -175,7 +175,8 @@ async fn what_a_full_queue_costs_is_counted_to_the_last_read() {
         }
     }
     assert_eq!(kept + lost, counters.items);
-    assert_eq!(lost, counters.lost[LossPlace::Queue as usize]);
+    let entered = sequencer.ledger().losses().of(source);
+    assert_eq!(lost, entered[LossPlace::Queue as usize]);
     assert!(skipped >= lost);
     assert!(last_sequence >= kept + lost);
 }

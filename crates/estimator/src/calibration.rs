@@ -211,7 +211,9 @@ impl Calibration {
     /// # Errors
     /// When the text is not TOML or has a field that does not exist; line and column are told.
     pub fn from_toml(text: &str) -> Result<Self, EstimatorError> {
-        toml::from_str(text).map_err(|error| EstimatorError::Parse(error.to_string()))
+        sample::boundary::guarded(|| toml::from_str(text))
+            .map_err(EstimatorError::Parse)?
+            .map_err(|error| EstimatorError::Parse(error.to_string()))
     }
 
     /// The file's text.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use sample::boundary::guarded;
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
@@ -184,16 +185,24 @@ impl<T> Checked<T> {
     }
 }
 
+/// Problems of one file that are reported.
+const PROBLEMS_MAX: usize = 100;
+
 /// Reads a file under rules.
 pub(crate) fn read<T: DeserializeOwned>(
     text: &str,
     path: &Path,
     sections: &[Section],
 ) -> Result<Checked<T>, FileErrors> {
-    let (document, errors) = DeTable::parse_recoverable(text);
+    let parsed = guarded(|| (DeTable::parse_recoverable(text), toml::from_str(text)));
+    let ((document, errors), value) = match parsed {
+        Ok(parsed) => parsed,
+        Err(panic) => return Err(sorted(path.to_owned(), vec![parser_problem(panic)])),
+    };
     if !errors.is_empty() {
         let problems = errors
             .iter()
+            .take(PROBLEMS_MAX)
             .map(|error| syntax_problem(text, error))
             .collect();
         return Err(sorted(path.to_owned(), problems));
@@ -208,7 +217,7 @@ pub(crate) fn read<T: DeserializeOwned>(
     if !walk.problems.is_empty() {
         return Err(sorted(path.to_owned(), walk.problems));
     }
-    match toml::from_str(text) {
+    match value {
         Ok(value) => Ok(Checked {
             value,
             lines: walk.lines,
@@ -216,6 +225,16 @@ pub(crate) fn read<T: DeserializeOwned>(
             problems: Vec::new(),
         }),
         Err(error) => Err(sorted(path.to_owned(), vec![syntax_problem(text, &error)])),
+    }
+}
+
+fn parser_problem(panic: String) -> Problem {
+    Problem {
+        line: None,
+        field: "syntax".into(),
+        value: String::new(),
+        message: format!("the TOML parser failed: {panic}"),
+        remedy: "correct the TOML".into(),
     }
 }
 
@@ -290,6 +309,9 @@ impl Walk<'_> {
 
     fn table(&mut self, name: &str, table: &DeTable<'_>) {
         for (key, value) in table {
+            if self.problems.len() >= PROBLEMS_MAX {
+                return;
+            }
             let field = join(name, key.get_ref());
             self.lines
                 .insert(field.clone(), line_at(self.text, key.span().start));

@@ -1,5 +1,6 @@
 //! Which figures a report has.
 
+use sample::text::html;
 use sample::{AxleGrip, Motion, Parameters, PerWheel, Rollover, TyreForce, Wheel};
 
 use crate::drive::{Drive, Series};
@@ -59,7 +60,7 @@ fn speed(drive: &Drive) -> Figure {
     let mut traces = motion(drive, "speed v<sub>x</sub>", |m| m.velocity_x_m_s);
     for (index, (name, series)) in drive.gnss_speed_m_s.iter().enumerate() {
         traces.push(Trace {
-            name: format!("{name} (antenna)"),
+            name: format!("{} (antenna)", html(name)),
             pen: Pen::Other(index),
             x: series.time_s.clone(),
             y: series.values.clone(),
@@ -310,7 +311,7 @@ fn track(drive: &Drive) -> Figure {
         .iter()
         .enumerate()
         .map(|(index, (name, points))| Trace {
-            name: name.clone(),
+            name: html(name),
             pen: Pen::Other(index),
             x: points.iter().map(|point| point[0]).collect(),
             y: points.iter().map(|point| point[1]).collect(),

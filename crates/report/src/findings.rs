@@ -3,10 +3,11 @@
 
 use std::fmt::Write;
 
+use sample::text::{html as escape, json_in_html};
 use serde_json::{Value, json};
 
 use crate::Figure;
-use crate::page::{SCRIPT, STYLE, escape, json_in_html, plotly_script};
+use crate::page::{SCRIPT, STYLE, plotly_script};
 
 /// What the page shows.
 #[derive(Clone, Debug, Default)]
@@ -68,7 +69,7 @@ pub fn html(page: &Page) -> String {
          <script type=\"application/json\" id=\"figures\">{data}</script>\
          <script>{SCRIPT}</script></body></html>\n",
         plotly = plotly_script(),
-        data = json_in_html(&figures_json(&figures)),
+        data = json_in_html(&figures_json(&figures).to_string()),
     )
 }
 

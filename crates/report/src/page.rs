@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use chrono::DateTime;
+use sample::text::{html, html_lines, json_in_html};
 use sample::{Event, LogTime, LossPlace, Severity};
 use serde_json::{Value, json};
 
@@ -40,9 +41,9 @@ pub fn render(drive: &Drive, figures: &[Figure]) -> String {
          are drawn by the extremes of short stretches, so no peak is lost.</footer>\
          <script type=\"application/json\" id=\"figures\">{data}</script>\
          <script>{SCRIPT}</script></body></html>\n",
-        title = escape(&title(drive)),
+        title = html(&title(drive)),
         plotly = plotly_script(),
-        data = json_in_html(&figures_json(figures)),
+        data = json_in_html(&figures_json(figures).to_string()),
     )
 }
 
@@ -71,9 +72,9 @@ fn title(drive: &Drive) -> String {
 }
 
 fn head(drive: &Drive, body: &mut String) {
-    let _ = write!(body, "<h1>{}</h1><p class=\"when\">", escape(&title(drive)));
+    let _ = write!(body, "<h1>{}</h1><p class=\"when\">", html(&title(drive)));
     for (name, value) in &drive.facts {
-        let _ = write!(body, "{}: {} · ", escape(name), escape(value));
+        let _ = write!(body, "{}: {} · ", html(name), html(value));
     }
     let _ = write!(body, "{:.1} s</p><div class=\"cards\">", drive.duration_s);
     let lost = drive.health.iter().flat_map(|health| &health.sources);
@@ -115,7 +116,7 @@ fn head(drive: &Drive, body: &mut String) {
     if !drive.missing.is_empty() {
         body.push_str("<div class=\"warning\"><b>This log is not whole.</b><ul>");
         for missing in &drive.missing {
-            let _ = write!(body, "<li>{}</li>", escape(missing));
+            let _ = write!(body, "<li>{}</li>", html(missing));
         }
         body.push_str("</ul></div>");
     }
@@ -185,7 +186,7 @@ fn events(drive: &Drive, body: &mut String) {
             body,
             "<tr><td class=\"n\">{:.2}</td><td>{kind}</td><td>{}</td></tr>",
             time.seconds_since(drive.start),
-            escape(&text)
+            html(&text)
         );
     }
     body.push_str("</table></div>");
@@ -256,11 +257,7 @@ fn sources(drive: &Drive, body: &mut String) {
             (true, true) => "silent",
             (true, false) => "open",
         };
-        let _ = write!(
-            body,
-            "<tr><td>{}</td><td>{state}</td>",
-            escape(&source.name)
-        );
+        let _ = write!(body, "<tr><td>{}</td><td>{state}</td>", html(&source.name));
         let counters = [
             source.messages,
             source.bytes,
@@ -277,7 +274,7 @@ fn sources(drive: &Drive, body: &mut String) {
     }
     body.push_str("</table></div>");
     if !health.faulty_sensors.is_empty() {
-        let names = escape(&health.faulty_sensors.join(", "));
+        let names = html(&health.faulty_sensors.join(", "));
         let _ = write!(
             body,
             "<p>Found faulty and left out at the end: {names}.</p>"
@@ -300,7 +297,7 @@ fn clocks(drive: &Drive, body: &mut String) {
             body,
             "<tr><td>{}</td><td class=\"n\">{:.4}</td><td class=\"n\">{:.1}</td>\
              <td class=\"n\">{:.2}</td><td class=\"n\">{}</td></tr>",
-            escape(name),
+            html(name),
             fit.offset_s,
             fit.drift_ppm,
             1e3 * fit.residual_sigma_s,
@@ -316,7 +313,7 @@ fn files(drive: &Drive, body: &mut String) {
         let _ = write!(
             body,
             "<li>{} ({:.1} MB)</li>",
-            escape(path),
+            html(path),
             *bytes as f64 / 1e6
         );
     }
@@ -326,9 +323,9 @@ fn files(drive: &Drive, body: &mut String) {
         let _ = write!(
             body,
             "<details><summary>{} ({} bytes, in the log)</summary><pre>{}</pre></details>",
-            escape(&attachment.name),
+            html(&attachment.name),
             attachment.data.len(),
-            escape(&text)
+            html_lines(&text)
         );
     }
 }
@@ -341,27 +338,10 @@ fn utc(time: LogTime) -> String {
     )
 }
 
-pub(crate) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-}
-
-/// JSON that cannot end the script element it stands in.
-pub(crate) fn json_in_html(value: &Value) -> String {
-    value.to_string().replace("</", "<\\/")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn text_from_a_log_cannot_leave_its_element() {
-        assert_eq!(escape("<script>\"&"), "&lt;script&gt;&quot;&amp;");
-        assert_eq!(json_in_html(&json!("</script>")), "\"<\\/script>\"");
-    }
+    use crate::drive::Series;
 
     #[test]
     fn times_are_utc() {
@@ -377,5 +357,53 @@ mod tests {
         assert!(script.contains("plotly.js v"));
         assert!(script.contains("MIT license"));
         assert_eq!(script.matches("</script>").count(), 1);
+    }
+
+    /// A log whose texts were made to leave their place in the page.
+    #[test]
+    fn texts_of_a_log_cannot_leave_their_place() {
+        const NAME: &str = "<!--<script>\u{1b}\u{202e}";
+        let series = || Series {
+            time_s: vec![0.0, 1.0],
+            values: vec![1.0, 2.0],
+        };
+        let drive = Drive {
+            files: vec![(NAME.into(), 1)],
+            missing: vec![NAME.into()],
+            facts: vec![(NAME.into(), NAME.into())],
+            attachments: vec![store::Attachment {
+                name: NAME.into(),
+                media_type: String::new(),
+                data: NAME.into(),
+            }],
+            start: LogTime(0),
+            duration_s: 1.0,
+            estimate: Series::default(),
+            measured: Series::default(),
+            expected: Series::default(),
+            truth: Series::default(),
+            truth_forces: Series::default(),
+            rollover: Series::default(),
+            learnt: Series::default(),
+            hand_wheel_rad: Series::default(),
+            gnss_speed_m_s: [(NAME.to_owned(), series())].into(),
+            track_m: [(NAME.to_owned(), vec![[0.0; 2], [1.0; 2]])].into(),
+            events: Vec::new(),
+            marks: vec![(LogTime(0), NAME.into())],
+            messages: Vec::new(),
+            health: None,
+            utc_offset: None,
+            clocks: std::collections::BTreeMap::new(),
+        };
+        let figures: Vec<Figure> = crate::figures::all(&drive)
+            .into_iter()
+            .filter(Figure::has_data)
+            .collect();
+        assert!(figures.len() > 1, "names reach the figures");
+        let page = render(&drive, &figures);
+        let own = page.replace(plotly_script().as_str(), "");
+        assert!(!own.contains(NAME) && !own.contains("<!--"));
+        assert!(!own.contains(['\u{1b}', '\u{202e}']));
+        assert_eq!(own.matches("<script").count(), 2);
     }
 }

@@ -7,9 +7,6 @@ use std::fmt::Write;
 /// Longest text that [`printable`] gives, characters.
 pub const PRINTABLE_MAX: usize = 1_000;
 
-/// Longest text that [`printable_lines`] gives, characters.
-pub const PRINTABLE_LINES_MAX: usize = 4_000_000;
-
 /// One line that can neither control a terminal nor begin another line.
 ///
 /// Control characters (C0, DEL, C1), line and paragraph separators, bidirectional controls and
@@ -28,11 +25,11 @@ pub fn printable_bytes(bytes: &[u8]) -> String {
     printable(&String::from_utf8_lossy(head)).into_owned()
 }
 
-/// [`printable`] that keeps line feeds and tabs and is cut at [`PRINTABLE_LINES_MAX`] characters:
-/// for text that stands in an element of its own, and for output that the program composed itself.
+/// [`printable`] that keeps line feeds and tabs and has no limit of length: for text that stands in
+/// an element of its own, and for output that the program composed itself.
 #[must_use]
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
-    clean(text, PRINTABLE_LINES_MAX, |c| matches!(c, '\n' | '\t'))
+    clean(text, usize::MAX, |c| matches!(c, '\n' | '\t'))
 }
 
 /// [`printable`], and HTML markup escaped for elements and quoted attributes.

@@ -1,8 +1,8 @@
 use std::collections::BTreeMap;
 
-use sample::{Arrival, LossPlace, Notice, Payload, SourceId};
+use sample::{Arrival, LossPlace, Payload, SourceId};
 
-use crate::{Session, raw};
+use crate::{Losses, Session, raw};
 
 /// What went into a log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -15,15 +15,15 @@ pub struct WriteCounters {
     pub serial_bytes: u64,
     /// Decoded messages, among them states repeated from the file before.
     pub messages: u64,
-    /// Decoded records lost on the way to the disk.
-    pub lost_records: u64,
     /// First sequence in the log.
     pub first_sequence: Option<u64>,
     /// Last sequence in the log.
     pub last_sequence: Option<u64>,
-    /// Items lost, by source and place: before they became arrivals, as the sources told, and on the
-    /// way to the disk, as the recorder counted.
-    pub lost: BTreeMap<(u16, &'static str), u64>,
+    /// What was lost: as the notices in the log state, and on the way to the disk, as the recorder
+    /// states.
+    pub losses: Losses,
+    /// What would be lost with the log.
+    pub(crate) held: Losses,
 }
 
 impl WriteCounters {
@@ -33,25 +33,12 @@ impl WriteCounters {
         // Recovery reads channel by channel, so that sequences do not only rise.
         self.first_sequence = Some(self.first_sequence.map_or(sequence, |s| s.min(sequence)));
         self.last_sequence = self.last_sequence.max(Some(sequence));
+        self.held.add_arrival(arrival);
         match &arrival.payload {
             Payload::Bytes(bytes) => self.serial_bytes += bytes.len() as u64,
             Payload::Can(frames) => self.can_frames += frames.len() as u64,
-            Payload::Notice(Notice::Lost { place, count }) if *place != LossPlace::Disk => {
-                self.lose(arrival.source, *place, *count);
-            }
-            Payload::Tick | Payload::Notice(_) => {}
-        }
-    }
-
-    /// Counts what a notice tells of losses on the way to the disk. A recorder counts its own, and
-    /// each of its files tells of those since the file before, so that notices would tell twice.
-    pub(crate) fn count_disk_notice(&mut self, arrival: &Arrival) {
-        if let Payload::Notice(Notice::Lost {
-            place: LossPlace::Disk,
-            count,
-        }) = arrival.payload
-        {
-            self.lose(arrival.source, LossPlace::Disk, count);
+            Payload::Notice(notice) => self.losses.add_notice(arrival.source, notice),
+            Payload::Tick => {}
         }
     }
 
@@ -67,9 +54,11 @@ impl WriteCounters {
         }
     }
 
-    pub(crate) fn lose(&mut self, source: SourceId, place: LossPlace, count: u64) {
-        let lost = self.lost.entry((source.0, place.name())).or_default();
-        *lost = lost.saturating_add(count);
+    /// Replaces the losses on the way to the disk that notices state by `losses`: each file of a run
+    /// states what was lost since the file before it, so that their sum is all.
+    pub(crate) fn state_losses(&mut self, losses: &Losses) {
+        self.losses.retain(|place| place != LossPlace::Disk);
+        self.losses.add(losses);
     }
 
     pub(crate) fn to_metadata(&self, session: &Session) -> BTreeMap<String, String> {
@@ -83,13 +72,7 @@ impl WriteCounters {
             map.insert("first_sequence".to_owned(), first.to_string());
             map.insert("last_sequence".to_owned(), last.to_string());
         }
-        if self.lost_records > 0 {
-            map.insert("lost_records".to_owned(), self.lost_records.to_string());
-        }
-        for ((source, place), count) in &self.lost {
-            let name = session.source_name(SourceId(*source));
-            map.insert(format!("lost.{name}.{place}"), count.to_string());
-        }
+        self.losses.put(session, &mut map);
         map
     }
 }

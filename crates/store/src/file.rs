@@ -10,8 +10,7 @@ use sample::{Arrival, LogTime};
 use crate::journal;
 use crate::log_writer::{Latched, Pending};
 use crate::proto::atvrec as pb;
-use crate::recorder::LostItems;
-use crate::{Error, LogWriter, Options, Record, Result, Session, WriteCounters};
+use crate::{Error, LogWriter, Losses, Options, Record, Result, Session, WriteCounters};
 
 /// What an unfinished log's name ends in.
 pub const ACTIVE_SUFFIX: &str = ".active";
@@ -21,6 +20,9 @@ pub const UNRECOVERABLE_SUFFIX: &str = ".unrecoverable";
 
 /// What is added to the name of a log whose damaged original is kept.
 pub const DAMAGED_SUFFIX: &str = ".damaged";
+
+/// What the name of a file ends in that states the losses of a log.
+pub const LOSSES_SUFFIX: &str = ".losses";
 
 /// Path of a part of a run: `<directory>/<stem>_<part>.mcap`.
 #[must_use]
@@ -53,7 +55,45 @@ pub(crate) struct Unfinished {
     pub path: PathBuf,
 }
 
+/// Where a file is that is being written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Presence {
+    /// Under its name.
+    Named,
+    /// Under another name, or behind a folder that was moved.
+    Moved,
+    /// Under no name: its bytes are gone once it is closed.
+    Deleted,
+}
+
 impl Unfinished {
+    /// Whether its name still leads to the file. A file that cannot be asked counts as there: its
+    /// next write or sync gives the error.
+    pub(crate) fn presence(&self) -> Presence {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::MetadataExt;
+            let Ok(file) = self.file.metadata() else {
+                return Presence::Named;
+            };
+            if file.nlink() == 0 {
+                return Presence::Deleted;
+            }
+            match std::fs::metadata(&self.active) {
+                Ok(named) if (named.dev(), named.ino()) != (file.dev(), file.ino()) => {
+                    return Presence::Moved;
+                }
+                Err(cause)
+                    if matches!(cause.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) =>
+                {
+                    return Presence::Moved;
+                }
+                _ => {}
+            }
+        }
+        Presence::Named
+    }
+
     /// Removes a file of no worth.
     pub(crate) fn discard(self) -> Result<()> {
         std::fs::remove_file(&self.active).map_err(Error::file("remove", &self.active))?;
@@ -122,6 +162,15 @@ pub(crate) fn final_path(path: &Path) -> PathBuf {
         .map_or_else(|| path.to_owned(), PathBuf::from)
 }
 
+/// Path of the file that states what was lost where the log `path` cannot: `<log>.mcap.losses`,
+/// for the finished and the unfinished name of a log alike.
+#[must_use]
+pub fn losses_path(path: &Path) -> PathBuf {
+    let mut name = final_path(path).into_os_string();
+    name.push(LOSSES_SUFFIX);
+    name.into()
+}
+
 /// `path` with [`ACTIVE_SUFFIX`] behind it.
 pub(crate) fn active_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -141,10 +190,14 @@ pub(crate) fn lock(file: &File, path: &Path) -> Result<()> {
 pub(crate) struct CountingFile {
     file: File,
     bytes: Arc<AtomicU64>,
+    #[cfg(test)]
+    active: PathBuf,
 }
 
 impl Write for CountingFile {
     fn write(&mut self, data: &[u8]) -> std::io::Result<usize> {
+        #[cfg(test)]
+        hung::wait(&self.active);
         let written = self.file.write(data)?;
         self.bytes.fetch_add(written as u64, Ordering::Relaxed);
         Ok(written)
@@ -176,6 +229,8 @@ impl Writer {
         let sink = CountingFile {
             file,
             bytes: Arc::clone(&bytes),
+            #[cfg(test)]
+            active: active.clone(),
         };
         let log = LogWriter::new(sink, session, options, part)
             .map_err(|error| error.at(&active))
@@ -300,9 +355,9 @@ impl Writer {
         (self.unfinished, closed)
     }
 
-    /// Adds what was lost on the way to this file to its counters.
-    pub(crate) fn lose(&mut self, items: &LostItems, records: u64) {
-        self.log.lose(items, records);
+    /// States what was lost on the way to this file.
+    pub(crate) fn state_losses(&mut self, losses: &Losses) {
+        self.log.state_losses(losses);
     }
 
     pub(crate) fn keep_unsynced(&mut self) {
@@ -317,8 +372,27 @@ impl Writer {
         self.log.reached_disk(groups);
     }
 
-    pub(crate) fn leave_disk_losses_to_recorder(&mut self) {
-        self.log.leave_disk_losses_to_recorder();
+    pub(crate) fn decoded_is_due(&self, now: LogTime) -> bool {
+        self.log.decoded_is_due(now)
+    }
+
+    pub(crate) fn has_decoded(&self) -> bool {
+        self.log.has_decoded()
+    }
+
+    pub(crate) fn drop_decoded(&mut self) {
+        self.log.drop_decoded();
+    }
+
+    pub(crate) fn flush_raw(&mut self) -> Result<()> {
+        self.log
+            .flush_raw()
+            .map_err(|error| error.at(&self.unfinished.active))
+    }
+
+    /// The file under its unfinished name.
+    pub(crate) fn unfinished(&self) -> &Unfinished {
+        &self.unfinished
     }
 
     pub(crate) fn take_new_channels(&mut self) -> Vec<pb::JournalChannel> {
@@ -361,6 +435,33 @@ impl Writer {
             .file
             .try_clone()
             .map_err(Error::file("open again", &self.unfinished.active))
+    }
+}
+
+/// Folders whose disk takes no byte and gives no answer, for tests.
+#[cfg(test)]
+pub(crate) mod hung {
+    use std::path::{Path, PathBuf};
+    use std::sync::Mutex;
+
+    static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+    pub(crate) fn hang(folder: &Path) {
+        FOLDERS.lock().unwrap().push(folder.to_owned());
+    }
+
+    pub(crate) fn release(folder: &Path) {
+        FOLDERS.lock().unwrap().retain(|hung| hung != folder);
+    }
+
+    pub(super) fn wait(path: &Path) {
+        let hangs = || {
+            let folders = FOLDERS.lock().unwrap();
+            folders.iter().any(|hung| path.starts_with(hung))
+        };
+        while hangs() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
     }
 }
 

@@ -16,6 +16,7 @@ mod dynamic;
 mod error;
 mod file;
 mod journal;
+mod ledger;
 mod log_writer;
 mod new_name;
 mod raw;
@@ -34,14 +35,20 @@ pub use convert::Encoded;
 pub use counters::WriteCounters;
 pub use dynamic::{DynamicMessage, SignalSchema};
 pub use error::{Error, Result};
-pub use file::{ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, UNRECOVERABLE_SUFFIX, Writer, part_path};
+pub use file::{
+    ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, LOSSES_SUFFIX, UNRECOVERABLE_SUFFIX, Writer,
+    losses_path, part_path,
+};
+pub use ledger::{LossLedger, Losses};
 pub use log_writer::LogWriter;
 pub use new_name::rename_without_replacing;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };
 pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform, UtcOffset};
-pub use recorder::{DiskState, Recorder, RecorderStatus, RecorderSummary};
+pub use recorder::{
+    Backlog, DiskState, GoneLog, Progress, Recorder, RecorderStatus, RecorderSummary,
+};
 pub use recovery::{
     Loss, RecoverOptions, Recovered, companions, recover, recover_directory, recover_each,
     recover_with, salvage,

@@ -1,17 +1,20 @@
+mod handover;
+
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, Measurement, Notice, Payload, Sample, Signal, SourceId};
+use sample::{Arrival, LogTime, Measurement, Sample, Signal, SourceId};
 
-use crate::convert::{self, Encoded, Envelope};
+use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
 use crate::proto::atvrec as pb;
-use crate::recorder::LostItems;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
-use crate::{Options, Record, Result, Session, UtcOffset, raw, schema};
+use crate::{Losses, Options, Record, Result, Session, raw, schema};
+
+pub(crate) use handover::{Latched, Pending};
 
 /// Writes one log to anything that takes bytes. It reads no clock: the same input gives the same
 /// bytes.
@@ -24,7 +27,6 @@ pub struct LogWriter<W: Write> {
     session: Session,
     options: Options,
     channels: HashMap<ChannelKey, Channel>,
-    dynamic: BTreeMap<String, DynamicMessage>,
     encoder: raw::Encoder,
     group: Vec<Arrival>,
     decoded: Vec<Encoded>,
@@ -38,66 +40,6 @@ pub struct LogWriter<W: Write> {
     /// The last groups in the log, which may not have reached the disk; `None` where nobody asks.
     unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
-    counts_disk_notices: bool,
-}
-
-/// The last word on states that last, repeated at the start of each file of a run.
-#[derive(Clone, Default)]
-pub(crate) struct Latched {
-    notices: BTreeMap<SourceId, Arrival>,
-    messages: BTreeMap<(String, Option<SourceId>), Encoded>,
-}
-
-impl Latched {
-    fn see_arrival(&mut self, arrival: &Arrival) {
-        if let Payload::Notice(Notice::Opened(_) | Notice::Closed(_)) = &arrival.payload {
-            self.notices.insert(arrival.source, arrival.clone());
-        }
-    }
-
-    /// The last offset of UTC, of this file or of the files before.
-    fn utc_offset(&self) -> Option<UtcOffset> {
-        let message = self.messages.get(&("/utc_offset".to_owned(), None))?;
-        let envelope = Envelope {
-            topic: &message.topic,
-            schema: &message.schema,
-            source: SourceId::HOST,
-            log_time: message.log_time,
-            publish_time: message.publish_time,
-        };
-        match convert::decode(&envelope, &message.data) {
-            Ok(Some(Record::UtcOffset(offset))) => Some(offset),
-            _ => None,
-        }
-    }
-
-    fn see_message(&mut self, message: &Encoded) {
-        if matches!(
-            message.schema.as_str(),
-            "atvrec.ClockFit" | "atvrec.Health" | "atvrec.UtcOffset"
-        ) {
-            let key = (message.topic.clone(), message.source);
-            self.messages.insert(key, message.clone());
-        }
-    }
-}
-
-/// What a log that failed did not take.
-#[derive(Default)]
-pub(crate) struct Pending {
-    pub arrivals: Vec<Arrival>,
-    /// What the log took before, but perhaps not the disk.
-    pub unsynced: Vec<Arrival>,
-    pub messages: Vec<Encoded>,
-}
-
-impl Pending {
-    /// What may not have reached the disk goes into the next log too.
-    pub(crate) fn with_unsynced(mut self) -> Self {
-        self.arrivals
-            .splice(..0, std::mem::take(&mut self.unsynced));
-        self
-    }
 }
 
 type ChannelKey = (String, String, Option<SourceId>);
@@ -146,24 +88,30 @@ impl<W: Write> LogWriter<W> {
             session,
             options,
             channels: HashMap::new(),
-            dynamic,
             encoder: raw::Encoder::new(raw::Packing::Dense),
             group: Vec::new(),
             decoded: Vec::new(),
             decoded_bytes: 0,
             decoded_since: None,
-            latched: Latched::default(),
+            latched: Latched {
+                dynamic,
+                ..Latched::default()
+            },
             last_log_time: None,
             groups: 0,
             new_channels: Vec::new(),
             unsynced: None,
             counters: WriteCounters::default(),
-            counts_disk_notices: true,
         })
     }
 
-    /// Goes on where another file of the run ended: repeats the states that last.
-    pub(crate) fn continue_from(&mut self, latched: Latched) -> Result<()> {
+    /// Continues where another file of the run ended: repeats the states that last.
+    pub(crate) fn continue_from(&mut self, mut latched: Latched) -> Result<()> {
+        let known = std::mem::take(&mut self.latched.dynamic);
+        for (topic, message) in known {
+            latched.dynamic.entry(topic).or_insert(message);
+        }
+        self.latched.dynamic = latched.dynamic.clone();
         let mut notices: Vec<Arrival> = latched.notices.values().cloned().collect();
         notices.sort_by_key(|arrival| arrival.sequence);
         let end = notices.last().map_or(0, |last| last.sequence + 1);
@@ -257,9 +205,6 @@ impl<W: Write> LogWriter<W> {
 
     fn take(&mut self, arrival: Arrival) {
         self.counters.count(&arrival);
-        if self.counts_disk_notices {
-            self.counters.count_disk_notice(&arrival);
-        }
         self.latched.see_arrival(&arrival);
         self.last_log_time = Some(arrival.log_time);
         self.group.push(arrival);
@@ -308,6 +253,7 @@ impl<W: Write> LogWriter<W> {
                 _ => return None,
             };
         let message = self
+            .latched
             .dynamic
             .entry(topic.clone())
             .or_insert_with(|| DynamicMessage {
@@ -337,18 +283,34 @@ impl<W: Write> LogWriter<W> {
     /// If the sink refuses bytes.
     pub fn flush_due(&mut self, now: LogTime) -> Result<()> {
         let raw_since = self.group.first().map(|arrival| arrival.log_time);
-        let older = |since: Option<LogTime>, limit: std::time::Duration| {
-            since.is_some_and(|since| now - since >= limit.as_nanos() as i64)
-        };
-        if older(self.decoded_since, self.options.decoded_interval)
-            || self.decoded_bytes >= self.options.decoded_chunk_bytes
-        {
-            self.flush_decoded()?;
-        }
-        if older(raw_since, self.options.raw_interval) {
+        let limit = self.options.raw_interval.as_nanos() as i64;
+        // Raw data first: what a disk that fills up does not take is to be decoded data.
+        if raw_since.is_some_and(|since| now - since >= limit) {
             self.flush_raw()?;
         }
+        if self.decoded_is_due(now) {
+            self.flush_decoded()?;
+        }
         Ok(())
+    }
+
+    /// Whether the decoded chunk is older or larger than it may be at `now`.
+    pub(crate) fn decoded_is_due(&self, now: LogTime) -> bool {
+        let limit = self.options.decoded_interval.as_nanos() as i64;
+        self.decoded_since.is_some_and(|since| now - since >= limit)
+            || self.decoded_bytes >= self.options.decoded_chunk_bytes
+    }
+
+    /// Whether decoded messages wait for the next flush.
+    pub(crate) fn has_decoded(&self) -> bool {
+        !self.decoded.is_empty()
+    }
+
+    /// Leaves out the decoded messages that wait for the next flush.
+    pub(crate) fn drop_decoded(&mut self) {
+        self.decoded.clear();
+        self.decoded_bytes = 0;
+        self.decoded_since = None;
     }
 
     /// Hands all that was taken to the sink.
@@ -356,8 +318,8 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// If the sink refuses bytes.
     pub fn flush(&mut self) -> Result<()> {
-        self.flush_decoded()?;
-        self.flush_raw()
+        self.flush_raw()?;
+        self.flush_decoded()
     }
 
     pub(crate) fn flush_raw(&mut self) -> Result<()> {
@@ -430,7 +392,7 @@ impl<W: Write> LogWriter<W> {
     }
 
     fn add_channel(&mut self, message: &Encoded) -> Result<u16> {
-        let dynamic = self.dynamic.get(&message.topic);
+        let dynamic = self.latched.dynamic.get(&message.topic);
         let descriptors = dynamic.map_or_else(
             || schema::descriptor_set(&message.schema),
             DynamicMessage::descriptor_set,
@@ -461,18 +423,9 @@ impl<W: Write> LogWriter<W> {
         std::mem::take(&mut self.new_channels)
     }
 
-    /// Adds what was lost on the way to this log to its counters.
-    pub(crate) fn lose(&mut self, items: &LostItems, records: u64) {
-        for ((source, place), count) in items {
-            self.counters.lose(*source, *place, *count);
-        }
-        self.counters.lost_records += records;
-    }
-
-    /// From now on notices of losses on the way to the disk are not counted: who caused them counts
-    /// them itself.
-    pub(crate) fn leave_disk_losses_to_recorder(&mut self) {
-        self.counts_disk_notices = false;
+    /// States what was lost on the way to this log; see [`WriteCounters::state_losses`].
+    pub(crate) fn state_losses(&mut self, losses: &Losses) {
+        self.counters.state_losses(losses);
     }
 
     /// What went into the log so far, the open group included.
@@ -523,6 +476,8 @@ pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, Str
 mod tests {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
+
+    use sample::Payload;
 
     use super::*;
 

@@ -30,6 +30,12 @@ pub(crate) const SCHEMAS: [&str; 4] = [
 /// Schema of the notices.
 pub(crate) const NOTICES_SCHEMA: &str = "atvrec.RawNotices";
 
+/// Arrivals, and CAN frames, that a message may hold: a group has some thousands, after a disk that
+/// failed as many as the backlog. A few bytes of each become a hundred in memory.
+const ARRIVALS_MAX: usize = 1 << 20;
+/// Bytes that a raw message may have, unless it holds reads of a port.
+const MESSAGE_BYTES_MAX: usize = 8 << 20;
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Lane {
     Clock,
@@ -272,9 +278,17 @@ pub(crate) fn decode(
     source: SourceId,
     data: &[u8],
 ) -> Result<Option<Batch>, MessageError> {
+    if !SCHEMAS.contains(&schema) {
+        return Ok(None);
+    }
+    // A read may be long; all else is some bytes an arrival.
+    if schema != "atvrec.RawBytes" {
+        expect_at_most("bytes", data.len(), MESSAGE_BYTES_MAX)?;
+    }
     let (stamps, payloads) = match schema {
         "atvrec.RawBytes" => {
             let message = pb::RawBytes::decode(data)?;
+            expect_at_most("length", message.length.len(), ARRIVALS_MAX)?;
             (
                 message.stamps,
                 split_reads(source, &message.length, &message.data)?,
@@ -283,11 +297,15 @@ pub(crate) fn decode(
         "atvrec.RawCan" => {
             let message = pb::RawCan::decode(data)?;
             let stamps = message.stamps.clone();
+            expect_at_most("frames", message.frames.len(), ARRIVALS_MAX)?;
+            expect_at_most("kind", message.kind.len(), ARRIVALS_MAX)?;
+            expect_at_most("kind_id", message.kind_id.len(), message.kind.len())?;
             (stamps, can::decode(source, &message)?)
         }
         "atvrec.RawTicks" => {
             let message = pb::RawTicks::decode(data)?;
             let count = message.stamps.as_ref().map_or(0, |s| s.sequence_gap.len());
+            expect_at_most("sequence_gap", count, ARRIVALS_MAX)?;
             let sources = if message.each_source.is_empty() {
                 vec![message.source; count]
             } else {
@@ -310,6 +328,14 @@ pub(crate) fn decode(
     };
     let stamps = stamps.ok_or(MessageError::Absent("stamps"))?;
     batch(&stamps, payloads).map(Some)
+}
+
+fn expect_at_most(field: &'static str, value: usize, limit: usize) -> Result<(), MessageError> {
+    if value <= limit {
+        return Ok(());
+    }
+    let value = value as i128;
+    Err(MessageError::Range { field, value })
 }
 
 fn batch(

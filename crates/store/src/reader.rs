@@ -108,6 +108,24 @@ pub enum Missing {
         /// The last of the hole.
         last: u32,
     },
+    /// A channel has no schema: its messages cannot be read, those of all other channels can.
+    NoSchema {
+        /// Which file.
+        path: PathBuf,
+        /// Topic of the channel.
+        topic: String,
+        /// Name of the schema that is not there.
+        schema: String,
+    },
+    /// The recorder had to stop before the disk took everything; see [`crate::losses_path`].
+    Unwritten {
+        /// The log beside which that stands.
+        path: PathBuf,
+        /// Raw arrivals.
+        arrivals: u64,
+        /// Decoded records.
+        records: u64,
+    },
     /// Arrivals are missing from the sequence.
     Arrivals {
         /// Sequence of the first that is missing.
@@ -133,7 +151,7 @@ impl Missing {
                 ..
             } => format!("the {what} at byte {offset} is damaged; {bytes} bytes are left out"),
             Self::Unconfirmed { offset, what, .. } => {
-                format!("the {what} at byte {offset} stands under no checksum and is left out")
+                format!("no checksum covers the {what} at byte {offset}; it is left out")
             }
             Self::Changed { text, .. } => format!("bytes were changed since it was closed: {text}"),
             Self::BadMessage {
@@ -143,6 +161,16 @@ impl Missing {
             } => format!("a message on {topic} at {log_time} s is malformed: {text}"),
             Self::Parts { first, last } if first == last => format!("part {first} is missing"),
             Self::Parts { first, last } => format!("parts {first} to {last} are missing"),
+            Self::NoSchema { topic, schema, .. } => format!(
+                "the channel {topic} has no schema {schema}: its messages cannot be read, those of \
+                 all other channels can"
+            ),
+            Self::Unwritten {
+                arrivals, records, ..
+            } => format!(
+                "{arrivals} arrivals and {records} decoded records did not reach the disk, as the \
+                 recorder stated in a file beside the log"
+            ),
             Self::Arrivals {
                 first_sequence,
                 count,
@@ -157,7 +185,9 @@ impl std::fmt::Display for Missing {
         | Self::Cut { path, .. }
         | Self::Damaged { path, .. }
         | Self::Unconfirmed { path, .. }
-        | Self::Changed { path, .. } = self
+        | Self::Changed { path, .. }
+        | Self::NoSchema { path, .. }
+        | Self::Unwritten { path, .. } = self
         {
             write!(f, "{}: ", path.display())?;
         }
@@ -270,6 +300,14 @@ impl Reader {
                 }
             }
             info.missing.extend(index.missing.iter().cloned());
+            let without = index.channels.values().filter(|c| c.has_no_schema());
+            info.missing
+                .extend(without.map(|channel| Missing::NoSchema {
+                    path: file.path.clone(),
+                    topic: channel.topic.clone(),
+                    schema: channel.schema.clone(),
+                }));
+            info.missing.extend(file.unwritten(&mut info.counters));
         }
         info.missing.extend(self.missing_parts());
         info
@@ -392,6 +430,28 @@ impl Reader {
         };
         let messages = self.messages(Selection::topics(topics));
         messages::joined(messages, stage)
+    }
+}
+
+impl ChannelInfo {
+    /// Whether the schema that its messages follow is not in the log.
+    pub(crate) fn has_no_schema(&self) -> bool {
+        self.schema_data.is_empty() && self.schema.contains('.')
+    }
+}
+
+impl LogFile {
+    /// Adds what stands in a file beside the log to the counters; says what that is.
+    fn unwritten(&self, counters: &mut BTreeMap<String, u64>) -> Option<Missing> {
+        let beside = crate::recorder::read_losses(&self.path);
+        let count = |name: &str| beside.get(name)?.parse().ok();
+        let missing = Missing::Unwritten {
+            path: self.path.clone(),
+            arrivals: count("lost_arrivals").unwrap_or_default(),
+            records: count("lost_records").unwrap_or_default(),
+        };
+        add_counters(counters, &beside);
+        (!beside.is_empty()).then_some(missing)
     }
 }
 

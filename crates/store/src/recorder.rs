@@ -5,32 +5,39 @@
     reason = "the recorder's threads time the disk: when to sync, when to try again; they stamp nothing"
 )]
 
+mod losses_file;
 mod open_file;
+mod shared;
+mod stop;
 mod sync;
 mod worker;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
-use sample::{Arrival, LossPlace, Notice, Payload, SourceId};
+use sample::Arrival;
 
-use crate::{Error, Finished, Options, Record, Result, Session};
-use sync::Returned;
+use crate::{Error, Finished, LossLedger, Losses, Options, Record, Result, Session};
+pub(crate) use losses_file::read as read_losses;
+pub(crate) use shared::Shared;
+use shared::Tally;
 use worker::Worker;
 
 /// Writes a run of log files on threads of its own. Feeding it never blocks: what cannot be taken
 /// is counted.
 ///
-/// A disk that fails is told by [`Recorder::status`]; what was on its way is kept as far as
+/// [`Recorder::status`] reports a disk that fails; arrivals are kept as far as
 /// [`Options::backlog_capacity`] goes, and a new file is tried until one can be written.
 pub struct Recorder {
     commands: SyncSender<Command>,
     shared: Arc<Shared>,
-    worker: Option<JoinHandle<RecorderSummary>>,
+    /// Gives the summary when the worker has ended; `None` once it is asked for.
+    ended: Option<Mutex<Receiver<RecorderSummary>>>,
+    session: Session,
+    stop_within: Duration,
 }
 
 pub(crate) enum Command {
@@ -38,37 +45,6 @@ pub(crate) enum Command {
     Record(Box<Record>),
     Rotate,
     Finish,
-}
-
-/// What the recorder's threads share with those who ask.
-pub(crate) struct Shared {
-    capacity: usize,
-    waiting: AtomicUsize,
-    pub bytes: AtomicU64,
-    pub dropped_records: AtomicU64,
-    pub rotate: AtomicBool,
-    returned: Mutex<Option<Returned>>,
-    lost: Mutex<Lost>,
-    state: Mutex<DiskState>,
-}
-
-#[derive(Default)]
-struct Lost {
-    arrivals: u64,
-    items: LostItems,
-}
-
-/// Items lost, by source and place.
-pub(crate) type LostItems = BTreeMap<(SourceId, LossPlace), u64>;
-
-/// Those that were lost on the way to the disk.
-fn on_disk(items: &LostItems) -> BTreeMap<SourceId, u64> {
-    let on_disk = items
-        .iter()
-        .filter(|((_, place), _)| *place == LossPlace::Disk);
-    on_disk
-        .map(|((source, _), count)| (*source, *count))
-        .collect()
 }
 
 /// How the disk does.
@@ -92,14 +68,42 @@ pub struct RecorderStatus {
     pub disk: DiskState,
     /// Bytes written in all files.
     pub bytes: u64,
-    /// Arrivals and records that wait for the writer.
+    /// Arrivals and records in the queue of the writer.
     pub waiting: usize,
-    /// Raw arrivals lost on the way to the disk.
-    pub lost_arrivals: u64,
-    /// Items in them, by source: frames on CAN, reads on serial ports.
-    pub lost_items: BTreeMap<SourceId, u64>,
-    /// Decoded records lost on the way to the disk; a replay makes them again.
-    pub lost_records: u64,
+    /// What waits for the disk.
+    pub backlog: Backlog,
+    /// Whether decoded records are left out, because the disk is nearly full.
+    pub raw_only: bool,
+    /// What the run lost on the way to the disk. Decoded records can be computed again by a replay.
+    pub losses: Losses,
+    /// Files that were deleted or renamed while they were being written.
+    pub gone: Vec<GoneLog>,
+}
+
+/// What waits for the disk: it is neither in a log nor in a log's journal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Backlog {
+    /// Raw arrivals.
+    pub arrivals: u64,
+    /// Their payload, bytes.
+    pub bytes: u64,
+    /// The log clock's time between the oldest and the newest of them.
+    pub span: Duration,
+    /// Per cent of the writer's queue that are taken.
+    pub queue_fill: u8,
+    /// How long the disk has not confirmed what was written, beyond the regular interval.
+    pub unsynced: Duration,
+}
+
+/// A file that was deleted or renamed while it was being written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GoneLog {
+    /// Its name while it was being written.
+    pub path: PathBuf,
+    /// Raw arrivals that are lost with it; 0 if it was renamed.
+    pub arrivals: u64,
+    /// Whether it was deleted; otherwise it lies under another name.
+    pub deleted: bool,
 }
 
 /// What a run left behind.
@@ -109,14 +113,26 @@ pub struct RecorderSummary {
     pub files: Vec<Finished>,
     /// Files that could not be closed and wait for recovery.
     pub unfinished: Vec<PathBuf>,
-    /// Raw arrivals lost on the way to the disk.
-    pub lost_arrivals: u64,
-    /// Items in them, by source: frames on CAN, reads on serial ports.
-    pub lost_items: BTreeMap<SourceId, u64>,
-    /// Decoded records lost on the way to the disk.
-    pub lost_records: u64,
+    /// Files that were deleted or renamed while they were being written.
+    pub gone: Vec<GoneLog>,
+    /// What was lost on the way to the disk.
+    pub losses: Losses,
+    /// Why the files were not closed within [`Options::stop_within`], if they were not.
+    pub cut_off: Option<String>,
     /// The disk's last refusal, if there was one.
     pub last_failure: Option<String>,
+}
+
+/// How far a [`Recorder`] is; outlives it.
+#[derive(Clone)]
+pub struct Progress(Arc<Shared>);
+
+impl Progress {
+    /// A number that rises with each piece of data that is written and with each sync.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.0.steps()
+    }
 }
 
 impl Recorder {
@@ -125,17 +141,44 @@ impl Recorder {
     /// # Errors
     /// If the first file cannot be made.
     pub fn start(directory: &Path, stem: &str, session: Session, options: Options) -> Result<Self> {
+        Self::start_in(&LossLedger::default(), directory, stem, session, options)
+    }
+
+    /// Begins a run that enters its losses in a ledger that exists.
+    ///
+    /// # Errors
+    /// If the first file cannot be made.
+    pub fn start_in(
+        ledger: &LossLedger,
+        directory: &Path,
+        stem: &str,
+        session: Session,
+        options: Options,
+    ) -> Result<Self> {
         let (commands, queue) = sync_channel(options.queue_capacity);
-        let shared = Arc::new(Shared::new(options.queue_capacity));
-        let worker = Worker::open(directory, stem, session, options, Arc::clone(&shared))?;
-        let worker = std::thread::Builder::new()
+        let shared = Arc::new(Shared::new(&options, ledger.account()));
+        let stop_within = options.stop_within;
+        let worker = Worker::open(
+            directory,
+            stem,
+            session.clone(),
+            options,
+            Arc::clone(&shared),
+        )?;
+        let (end, ended) = sync_channel(1);
+        std::thread::Builder::new()
             .name("store-write".to_owned())
-            .spawn(move || worker.run(&queue))
+            .spawn(move || {
+                // Who asked may have given up.
+                let _ = end.send(worker.run(&queue));
+            })
             .map_err(Error::file("start a thread for", directory))?;
         Ok(Self {
             commands,
             shared,
-            worker: Some(worker),
+            ended: Some(Mutex::new(ended)),
+            session,
+            stop_within,
         })
     }
 
@@ -152,6 +195,7 @@ impl Recorder {
             .shared
             .waiting
             .fetch_add(arrivals.len(), Ordering::Relaxed);
+        self.shared.enter(&arrivals);
         let room = self.shared.capacity.saturating_sub(waiting);
         let mut lost = arrivals.split_off(room.min(arrivals.len()));
         if !arrivals.is_empty()
@@ -173,6 +217,7 @@ impl Recorder {
     /// queue is three quarters full.
     pub fn record(&self, record: Record) -> bool {
         let waiting = self.shared.waiting.fetch_add(1, Ordering::Relaxed);
+        self.shared.enter_tally(&Tally::records(1));
         let room = waiting < self.shared.capacity - self.shared.capacity / 4;
         let taken = room
             && self
@@ -181,7 +226,7 @@ impl Recorder {
                 .is_ok();
         if !taken {
             self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
-            self.shared.dropped_records.fetch_add(1, Ordering::Relaxed);
+            self.shared.lose_tally(&Tally::records(1));
         }
         taken
     }
@@ -202,110 +247,50 @@ impl Recorder {
     /// How it does.
     #[must_use]
     pub fn status(&self) -> RecorderStatus {
-        let lost = self
-            .shared
-            .lost
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let waiting = self.shared.waiting.load(Ordering::Relaxed);
         RecorderStatus {
             disk: self.shared.state(),
             bytes: self.shared.bytes.load(Ordering::Relaxed),
-            waiting: self.shared.waiting.load(Ordering::Relaxed),
-            lost_arrivals: lost.arrivals,
-            lost_items: on_disk(&lost.items),
-            lost_records: self.shared.dropped_records.load(Ordering::Relaxed),
+            waiting,
+            backlog: self.shared.backlog(),
+            raw_only: self.shared.raw_only.load(Ordering::Relaxed),
+            losses: self.shared.ledger.losses(),
+            gone: self.shared.summary().gone,
         }
     }
 
-    /// Writes what waits, closes the file, and ends the threads. Blocks until all is on the disk.
-    ///
-    /// # Errors
-    /// If the writer's thread is gone. A disk that refused is told by the summary.
-    pub fn finish(mut self) -> Result<RecorderSummary> {
-        self.stop().unwrap_or(Err(Error::WriterGone))
+    /// How far it is, for somebody who watches while it is closed.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        Progress(Arc::clone(&self.shared))
     }
 
-    fn stop(&mut self) -> Option<Result<RecorderSummary>> {
-        let worker = self.worker.take()?;
-        // Blocks while the queue is full: the worker empties it whatever the disk does.
-        let _ = self.commands.send(Command::Finish);
-        Some(worker.join().map_err(|_| Error::WriterGone))
+    /// Writes what waits, closes the file, and ends the threads. Takes [`Options::stop_within`] at
+    /// most; see [`Recorder::finish_by`].
+    ///
+    /// # Errors
+    /// If the writer's thread is gone. The summary reports a disk that refused.
+    pub fn finish(self) -> Result<RecorderSummary> {
+        let stop_within = self.stop_within;
+        self.finish_by(stop::deadline(stop_within))
+    }
+
+    /// Writes what waits, closes the file, and ends the threads, until `deadline`. What is not
+    /// written shortly before it is counted as lost and stated in a file beside the log (see
+    /// [`crate::losses_path`]); the log keeps its unfinished name, and the threads, which wait for the
+    /// disk, are left behind.
+    ///
+    /// # Errors
+    /// If the writer's thread is gone. The summary reports a disk that refused.
+    pub fn finish_by(mut self, deadline: Instant) -> Result<RecorderSummary> {
+        self.stop(deadline).unwrap_or(Err(Error::WriterGone))
     }
 }
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        if let Some(Err(error)) = self.stop() {
+        if let Some(Err(error)) = self.stop(stop::deadline(self.stop_within)) {
             tracing::error!(%error, "the log was not closed");
         }
-    }
-}
-
-impl Shared {
-    fn new(capacity: usize) -> Self {
-        Self {
-            capacity,
-            waiting: AtomicUsize::new(0),
-            bytes: AtomicU64::new(0),
-            dropped_records: AtomicU64::new(0),
-            rotate: AtomicBool::new(false),
-            returned: Mutex::new(None),
-            lost: Mutex::default(),
-            state: Mutex::new(DiskState::Closed),
-        }
-    }
-
-    pub(crate) fn lose(&self, arrival: &Arrival) {
-        let (place, items) = match &arrival.payload {
-            Payload::Can(frames) => (LossPlace::Disk, frames.len() as u64),
-            Payload::Bytes(_) => (LossPlace::Disk, 1),
-            // What it told of is not forgotten with it. Losses on the way to the disk are counted
-            // here anyhow.
-            Payload::Notice(Notice::Lost { place, count }) if *place != LossPlace::Disk => {
-                (*place, *count)
-            }
-            Payload::Tick | Payload::Notice(_) => (LossPlace::Disk, 0),
-        };
-        let mut lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
-        lost.arrivals += 1;
-        if items > 0 {
-            *lost.items.entry((arrival.source, place)).or_default() += items;
-        }
-    }
-
-    pub(crate) fn lost(&self) -> (u64, LostItems) {
-        let lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
-        (lost.arrivals, lost.items.clone())
-    }
-
-    /// These arrivals did not reach the disk in a log that is closed.
-    fn give_back(&self, reason: String, arrivals: Vec<Arrival>) {
-        let mut returned = self.returned.lock().unwrap_or_else(PoisonError::into_inner);
-        match returned.as_mut() {
-            Some(before) => before.arrivals.extend(arrivals),
-            None => *returned = Some(Returned { reason, arrivals }),
-        }
-    }
-
-    fn take_returned(&self) -> Option<Returned> {
-        self.returned
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take()
-    }
-
-    pub(crate) fn taken(&self) {
-        self.waiting.fetch_sub(1, Ordering::Relaxed);
-    }
-
-    pub(crate) fn state(&self) -> DiskState {
-        self.state
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
-    }
-
-    pub(crate) fn set_state(&self, state: DiskState) {
-        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = state;
     }
 }

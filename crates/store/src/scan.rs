@@ -1,6 +1,7 @@
 //! Records of MCAP files: what a record must look like, and how a file is read in bounded memory.
 
 mod chunk;
+mod resync;
 mod search;
 mod walk;
 

@@ -161,6 +161,9 @@ pub struct Options {
     pub backlog_capacity: usize,
     /// A disk that failed is tried again this often (recorder only).
     pub retry_interval: Duration,
+    /// Closing the last file may take this long; what is not written by then is counted as lost
+    /// (recorder only).
+    pub stop_within: Duration,
 }
 
 impl Default for Options {
@@ -177,6 +180,7 @@ impl Default for Options {
             queue_capacity: 1 << 16,
             backlog_capacity: 1 << 17,
             retry_interval: Duration::from_secs(1),
+            stop_within: Duration::from_secs(20),
         }
     }
 }
@@ -313,5 +317,42 @@ impl UtcOffset {
             source: SourceId(map.get("source")?.parse().ok()?),
             leap_seconds: map.get("leap_seconds").and_then(|text| text.parse().ok()),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metadata_keeps_run_number_clock_and_offset() {
+        for clock in ClockState::ALL {
+            let session = Session {
+                run_number: Some(42),
+                clock,
+                ..Session::default()
+            };
+            assert_eq!(Session::from_metadata(&session.to_metadata(3)), session);
+        }
+        let offset = UtcOffset {
+            time: LogTime(7),
+            offset_ns: -86_400_000_000_123,
+            sigma_s: 0.1,
+            source: SourceId(3),
+            leap_seconds: Some(18),
+        };
+        let map = offset.to_metadata(&Session::default());
+        assert_eq!(UtcOffset::from_metadata(&map), Some(offset));
+    }
+
+    #[test]
+    fn a_doubtful_date_is_stated_until_a_receiver_gives_one() {
+        let session = Session {
+            clock: ClockState::BeforeBuild,
+            ..Session::default()
+        };
+        let text = session.clock_statement(None).expect("a statement");
+        assert!(text.contains("may be wrong"), "{text}");
+        assert_eq!(Session::default().clock_statement(None), None);
     }
 }

@@ -97,10 +97,15 @@ impl Reader {
     pub fn table(&self, topic: &str, start: LogTime, end: LogTime) -> Result<Table> {
         let mut table = Table::default();
         let mut plans: Vec<(Arc<ChannelInfo>, Plan)> = Vec::new();
+        let mut known = false;
         for channel in self.channels().filter(|channel| channel.topic == topic) {
-            plan_of(&mut plans, &mut table, channel)?;
+            known = true;
+            // A channel without a schema costs its own messages.
+            if !channel.has_no_schema() {
+                plan_of(&mut plans, &mut table, channel)?;
+            }
         }
-        if plans.is_empty() {
+        if !known {
             let known: Vec<String> = self.info().channels.into_keys().collect();
             return Err(Error::NoTopic {
                 topic: topic.to_owned(),
@@ -110,6 +115,9 @@ impl Reader {
         let mut messages = self.messages(Selection::topics([topic]).between(start, end));
         for message in messages.by_ref() {
             let message = message?;
+            if message.channel.has_no_schema() {
+                continue;
+            }
             let plan = plan_of(&mut plans, &mut table, &message.channel)?;
             let plan = &mut plans[plan].1;
             match table.push(plan, &message.data) {
@@ -127,6 +135,10 @@ impl Reader {
             }
         }
         table.missing.extend(messages.missing().iter().cloned());
+        let unreadable = |missing: &Missing| matches!(missing, Missing::NoSchema { topic: of, .. } if of == topic);
+        table
+            .missing
+            .extend(self.info().missing.into_iter().filter(unreadable));
         Ok(table)
     }
 }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use common::{START, arrivals, estimate, session};
 use sample::{Arrival, LossPlace, Notice, Payload};
-use store::{DiskState, Options, Reader, Record, Recorder, RecorderSummary, Selection};
+use store::{DiskState, Missing, Options, Reader, Record, Recorder, RecorderSummary, Selection};
 
 fn paths(summary: &RecorderSummary) -> Vec<PathBuf> {
     summary.files.iter().map(|file| file.path.clone()).collect()
@@ -48,11 +48,12 @@ fn files_rotate_without_a_gap_and_explain_themselves() {
     let paths = paths(&summary);
     assert!(paths.len() >= 4, "{paths:?}");
     assert_eq!(read(&paths), written);
-    assert_eq!(summary.lost_arrivals, 0);
+    assert_eq!(summary.losses.arrivals, 0);
     for path in &paths {
         let reader = Reader::open([path]).expect("a log");
         assert_eq!(reader.attachments().expect("readable").len(), 1);
-        assert_eq!(reader.info().missing, []);
+        let other = |missing: &Missing| !matches!(missing, Missing::Parts { .. });
+        assert!(!reader.info().missing.iter().any(other));
     }
     // The states that last are told again by each file.
     let last = Reader::open([paths.last().expect("a file")]).expect("a log");
@@ -298,7 +299,12 @@ fn wait_until(mut done: impl FnMut() -> bool) {
     }
 }
 
-/// A directory that is gone stands for a disk that refuses: no new file can be made in it.
+/// Moves the folder of the logs away and puts a file in its place: no new file can be made there.
+fn take_folder_away(directory: &std::path::Path, away: &std::path::Path) {
+    std::fs::rename(directory, away).expect("moved");
+    std::fs::write(directory, "").expect("written");
+}
+
 #[test]
 fn a_disk_that_comes_back_gets_what_was_kept() {
     let parent = tempfile::tempdir().expect("a directory");
@@ -313,15 +319,16 @@ fn a_disk_that_comes_back_gets_what_was_kept() {
     let written = arrivals(24, 600);
     push_all(&recorder, &written[..200]);
     wait_until(|| recorder.status().waiting == 0);
-    std::fs::rename(&directory, &away).expect("moved");
+    take_folder_away(&directory, &away);
     recorder.rotate();
     push_all(&recorder, &written[200..400]);
     wait_until(|| matches!(recorder.status().disk, DiskState::Failing { .. }));
+    std::fs::remove_file(&directory).expect("removed");
     std::fs::rename(&away, &directory).expect("moved");
     wait_until(|| matches!(recorder.status().disk, DiskState::Writing(_)));
     push_all(&recorder, &written[400..]);
     let summary = recorder.finish().expect("finished");
-    assert_eq!(summary.lost_arrivals, 0);
+    assert_eq!(summary.losses.arrivals, 0);
     assert!(summary.last_failure.is_some());
     let mut files = paths(&summary);
     for (_, result) in store::recover_directory(&directory).expect("readable") {
@@ -345,15 +352,98 @@ fn a_disk_that_stays_away_costs_what_is_counted() {
     let written = arrivals(25, 300);
     push_all(&recorder, &written[..100]);
     wait_until(|| recorder.status().waiting == 0);
-    std::fs::rename(&directory, parent.path().join("away")).expect("moved");
+    take_folder_away(&directory, &parent.path().join("away"));
     recorder.rotate();
     wait_until(|| matches!(recorder.status().disk, DiskState::Failing { .. }));
     push_all(&recorder, &written[100..]);
     let summary = recorder.finish().expect("finished");
-    assert_eq!(summary.lost_arrivals, 200);
+    assert_eq!(summary.losses.arrivals, 200);
     let active = parent.path().join("away/run_0000.mcap.active");
     let recovered = store::recover(&active).expect("recovered");
     assert_eq!(read(&[recovered.path]), written[..100]);
+}
+
+/// The recorder wrote on into the deleted file: status "writing", nothing recorded, nothing lost.
+#[test]
+fn a_deleted_log_is_noticed_within_a_second_and_counted() {
+    for folder_too in [false, true] {
+        let parent = tempfile::tempdir().expect("a directory");
+        let directory = parent.path().join("logs");
+        std::fs::create_dir(&directory).expect("made");
+        let recorder =
+            Recorder::start(&directory, "run", session(), Options::default()).expect("started");
+        let written = arrivals(41, 3_000);
+        // What is synced when the next group is written is not in memory any more.
+        push_all(&recorder, &written[..1_000]);
+        wait_until(|| recorder.status().waiting == 0);
+        std::thread::sleep(Duration::from_millis(1_200));
+        push_all(&recorder, &written[1_000..2_000]);
+        wait_until(|| recorder.status().waiting == 0);
+        if folder_too {
+            std::fs::remove_dir_all(&directory).expect("removed");
+        } else {
+            std::fs::remove_file(directory.join("run_0000.mcap.active")).expect("removed");
+        }
+        let begin = Instant::now();
+        let second = store::part_path(&directory, "run", 1);
+        wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
+        assert!(begin.elapsed() < Duration::from_secs(1));
+        assert_eq!(recorder.status().gone.len(), 1);
+        push_all(&recorder, &written[2_000..]);
+        let summary = recorder.finish().expect("finished");
+        let saved = read(&paths(&summary));
+        assert_eq!(saved, written[3_000 - saved.len()..]);
+        assert_eq!(summary.losses.arrivals as usize, 3_000 - saved.len());
+        assert!(summary.losses.arrivals > 0);
+        let [gone] = summary.gone.as_slice() else {
+            panic!("{summary:?}");
+        };
+        assert!(gone.deleted && gone.arrivals == summary.losses.arrivals);
+        // The next file states the losses, source by source, and begins with the states that last.
+        let info = Reader::open(paths(&summary)).expect("a log").info();
+        for source in session().sources {
+            let count = |run: &[Arrival]| -> u64 {
+                let own = run.iter().filter(|arrival| arrival.source == source.id);
+                own.map(items).sum()
+            };
+            let lost = count(&written) - count(&saved);
+            let stated = info.counters.get(&format!("lost.{}.disk", source.name));
+            assert_eq!(stated.copied().unwrap_or_default(), lost, "{}", source.name);
+        }
+        assert_eq!(info.counters["lost_arrivals"], summary.losses.arrivals);
+        assert!(info.channels["/notice"].1 >= 1);
+    }
+}
+
+#[test]
+fn a_log_that_was_renamed_stays_whole_and_the_run_continues_in_a_new_file() {
+    for folder_too in [false, true] {
+        let parent = tempfile::tempdir().expect("a directory");
+        let (directory, away) = (parent.path().join("logs"), parent.path().join("away"));
+        std::fs::create_dir(&directory).expect("made");
+        let recorder =
+            Recorder::start(&directory, "run", session(), Options::default()).expect("started");
+        let written = arrivals(42, 3_000);
+        push_all(&recorder, &written[..2_000]);
+        wait_until(|| recorder.status().waiting == 0);
+        let moved = if folder_too {
+            std::fs::rename(&directory, &away).expect("moved");
+            away.join("run_0000.mcap.active")
+        } else {
+            let moved = directory.join("other.mcap.active");
+            std::fs::rename(directory.join("run_0000.mcap.active"), &moved).expect("moved");
+            moved
+        };
+        let second = store::part_path(&directory, "run", 1);
+        wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
+        push_all(&recorder, &written[2_000..]);
+        let summary = recorder.finish().expect("finished");
+        assert!(summary.losses.is_empty(), "{summary:?}");
+        assert_eq!(summary.gone.len(), 1);
+        let mut files = paths(&summary);
+        files.push(store::recover(&moved).expect("recovered").path);
+        assert_eq!(read(&files), written);
+    }
 }
 
 /// `lost.<source>.disk` was cumulative over the run in each file, so that the sum over its files told
@@ -377,8 +467,8 @@ fn each_file_tells_of_its_own_losses() {
             taken.push(arrival);
         }
         // Without the wait a queue of one overflows.
-        let lost_before = recorder.status().lost_arrivals;
-        while recorder.status().lost_arrivals < lost_before + 100 {
+        let lost_before = recorder.status().losses.arrivals;
+        while recorder.status().losses.arrivals < lost_before + 100 {
             let arrival = next.next().expect("losses");
             if recorder.push(arrival.clone()) {
                 taken.push(arrival);
@@ -391,7 +481,7 @@ fn each_file_tells_of_its_own_losses() {
             wait_until(|| recorder.status().disk == DiskState::Writing(path.clone()));
         }
     }
-    let lost = recorder.status().lost_items;
+    let lost = recorder.status().losses.at(LossPlace::Disk);
     let summary = recorder.finish().expect("finished");
     assert_eq!(summary.files.len(), 3);
     let counters = Reader::open(paths(&summary))
@@ -443,7 +533,7 @@ fn nothing_is_lost_in_silence() {
         recorder.push_all(burst.to_vec());
     }
     let summary = recorder.finish().expect("finished");
-    assert!(summary.lost_arrivals > 1_000, "{summary:?}");
+    assert!(summary.losses.arrivals > 1_000, "{summary:?}");
     assert!(summary.files.len() > 1, "{summary:?}");
     let reader = Reader::open(paths(&summary)).expect("a run");
     let counters = reader.info().counters;

@@ -7,6 +7,7 @@
 //! another, is absent.
 
 mod bits;
+mod index;
 mod load;
 mod message;
 #[cfg(test)]
@@ -16,9 +17,11 @@ mod text;
 use std::collections::BTreeMap;
 use std::fmt;
 
+use sample::text::printable;
 use sample::{CanFrame, SignalFrame};
 
 pub use bits::{ByteOrder, RawKind};
+pub use load::{BYTES_MAX, SIGNALS_MAX};
 pub use message::{EncodeError, MessageDef, Selector, SignalDef, SignalValue};
 
 /// A DBC file, ready to decode frames.
@@ -43,7 +46,8 @@ pub struct Issue {
 
 impl fmt::Display for Issue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: `{}` {}", self.line, self.token, self.text)
+        let (token, text) = (printable(&self.token), printable(&self.text));
+        write!(f, "line {}: `{token}` {text}", self.line)
     }
 }
 
@@ -59,7 +63,8 @@ impl Database {
     /// Reads a DBC file. Text that is not UTF-8 is taken as Windows-1252, which most tools write.
     ///
     /// # Errors
-    /// Everything that makes the file unusable, by line and token.
+    /// Everything that makes the file unusable, by line and token, at most 100 issues. A file of more
+    /// than [`BYTES_MAX`] bytes is refused, and a message of more than [`SIGNALS_MAX`] signals.
     pub fn parse(file: &[u8]) -> Result<Self, DbcError> {
         load::load(file)
     }

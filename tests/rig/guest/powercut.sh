@@ -27,10 +27,8 @@ if [ -e /rig/last ]; then
     exit 0
 fi
 
-# What a cut leaves of the socket's name says nothing.
-rm -f /data/logs/control
 /rig/atvrec record --config /tmp/atvrec.toml 2>/rig/record.log &
-until /rig/atvrec status --socket /data/logs/control >/dev/null 2>&1; do sleep 0.1; done
+until /rig/atvrec status --config /tmp/atvrec.toml >/dev/null 2>&1; do sleep 0.1; done
 cangen vcan0 -g 2 -I 100 -L 8 -D i &
 sleep 1
 # Written through to the host at once: how far the guest had come when its power was cut.

@@ -28,8 +28,8 @@ configure = false
 CONFIG
 /rig/atvrec record --config /tmp/atvrec.toml --json >/rig/summary.json 2>/rig/record.log &
 recorder=$!
-until /rig/atvrec status --socket /rig/logs/control >/dev/null 2>&1; do sleep 0.1; done
-mark() { /rig/atvrec mark "$1" --socket /rig/logs/control; }
+until /rig/atvrec status --config /tmp/atvrec.toml >/dev/null 2>&1; do sleep 0.1; done
+mark() { /rig/atvrec mark "$1" --config /tmp/atvrec.toml; }
 
 send() { while cangen can0 -g 20 -n 1000000 -I 123 -L 8 -D i 2>/dev/null || true; do sleep 0.05; done; }
 send &

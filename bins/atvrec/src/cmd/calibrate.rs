@@ -13,6 +13,7 @@ use estimator::Calibration;
 
 use crate::cli::{CalibrateArgs, CalibrateCommand};
 use crate::cmd::findings;
+use crate::config::{TOML_MAX, read_text};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
@@ -103,7 +104,7 @@ impl Bench {
 
 /// What earlier steps wrote; nominal where there is no file yet.
 fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match read_text(path, TOML_MAX) {
         Ok(text) => text,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
             return Ok(Calibration::nominal(vehicle));

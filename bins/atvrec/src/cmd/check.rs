@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
+use sample::text::printable;
 use sample::{LossPlace, SourceId};
 use serde_json::json;
+use store::Losses;
 
 use crate::cli::CheckArgs;
 use crate::config::{Config, Problems, device_name};
@@ -22,6 +24,7 @@ struct Answer {
     device: String,
     state: State,
     counters: SourceCounters,
+    lost: [u64; LossPlace::ALL.len()],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,7 +91,7 @@ fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<Answer>> {
         .worker_threads(1)
         .enable_all()
         .build()?;
-    let counters = runtime.block_on(async {
+    let (counters, losses) = runtime.block_on(async {
         let sizes = QueueSizes {
             estimator: 0,
             ..QueueSizes::default()
@@ -106,12 +109,16 @@ fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<Answer>> {
         }
         sequencer.finish();
         drain.await?;
-        anyhow::Ok(counters)
+        anyhow::Ok((counters, sequencer.ledger().losses()))
     })?;
-    Ok(answers(config, &counters))
+    Ok(answers(config, &counters, &losses))
 }
 
-fn answers(config: &Config, counters: &BTreeMap<SourceId, SourceCounters>) -> Vec<Answer> {
+fn answers(
+    config: &Config,
+    counters: &BTreeMap<SourceId, SourceCounters>,
+    losses: &Losses,
+) -> Vec<Answer> {
     config
         .sources
         .iter()
@@ -127,6 +134,7 @@ fn answers(config: &Config, counters: &BTreeMap<SourceId, SourceCounters>) -> Ve
                 device: device_name(&source.spec.kind),
                 state,
                 counters,
+                lost: losses.of(source.spec.id),
             }
         })
         .collect()
@@ -134,11 +142,11 @@ fn answers(config: &Config, counters: &BTreeMap<SourceId, SourceCounters>) -> Ve
 
 fn tell(answers: &[Answer]) {
     for answer in answers {
-        let lost: u64 = answer.counters.lost.iter().sum();
+        let lost: u64 = answer.lost.iter().sum();
         println!(
             "  {:<14}{:<32}{:<10}{:>8} items {:>9} bytes{}",
             answer.name,
-            answer.device,
+            printable(&answer.device),
             answer.state.name(),
             answer.counters.items,
             answer.counters.bytes,
@@ -149,7 +157,7 @@ fn tell(answers: &[Answer]) {
             },
         );
         if answer.state != State::Answers && !answer.counters.state.is_empty() {
-            println!("                {}", answer.counters.state);
+            println!("                {}", printable(&answer.counters.state));
         }
     }
 }
@@ -160,7 +168,7 @@ fn as_json(answers: &[Answer], warnings: &[String]) -> serde_json::Value {
         .map(|answer| {
             let lost: serde_json::Map<_, _> = LossPlace::ALL
                 .into_iter()
-                .zip(answer.counters.lost)
+                .zip(answer.lost)
                 .map(|(place, count)| (place.name().to_owned(), count.into()))
                 .collect();
             json!({

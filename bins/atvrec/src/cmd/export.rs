@@ -39,7 +39,9 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     if let Some(utc) = reader.utc_offset()? {
         table.columns.push(utc_column(&table, utc));
     }
+    // A channel without a schema costs its own topic, whose table states it.
     let mut missing = reader.info().missing;
+    missing.retain(|missing| !matches!(missing, Missing::NoSchema { .. }));
     missing.extend(table.missing.iter().cloned());
     for line in missing::summary(&missing) {
         tracing::warn!("{line}");

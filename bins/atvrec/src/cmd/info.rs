@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use sample::LogTime;
+use sample::text::printable;
 use serde_json::json;
 use store::{Info, Reader, Session, UtcOffset, utc_ns};
 
@@ -40,7 +41,7 @@ fn seconds(info: &Info) -> f64 {
 fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     let mut text = String::new();
     let mut line = |label: &str, value: String| {
-        let _ = writeln!(text, "{label:<10}{value}");
+        let _ = writeln!(text, "{label:<10}{}", printable(&value));
     };
     for (path, bytes) in &info.files {
         line("file", format!("{} ({})", path.display(), size(*bytes)));
@@ -76,18 +77,28 @@ fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     );
     for (topic, (schema, count)) in &info.channels {
         let rate = *count as f64 / seconds(info).max(1e-9);
-        let _ = writeln!(text, "{topic:<36}{count:>10}{rate:>10.1}  {schema}");
+        let _ = writeln!(
+            text,
+            "{:<36}{count:>10}{rate:>10.1}  {}",
+            printable(topic),
+            printable(schema)
+        );
     }
     if !info.attachments.is_empty() {
         let _ = writeln!(text, "\n{:<36}{:>10}  type", "attachment", "bytes");
         for (name, media_type, bytes) in &info.attachments {
-            let _ = writeln!(text, "{name:<36}{bytes:>10}  {media_type}");
+            let _ = writeln!(
+                text,
+                "{:<36}{bytes:>10}  {}",
+                printable(name),
+                printable(media_type)
+            );
         }
     }
     if !info.counters.is_empty() {
         let _ = writeln!(text, "\n{:<36}{:>10}", "counter", "value");
         for (name, value) in &info.counters {
-            let _ = writeln!(text, "{name:<36}{value:>10}");
+            let _ = writeln!(text, "{:<36}{value:>10}", printable(name));
         }
     }
     text

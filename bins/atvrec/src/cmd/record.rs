@@ -4,24 +4,26 @@ use std::time::Duration;
 
 use anyhow::Context;
 use sample::LossPlace;
+use sample::text::printable;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::RecordArgs;
 use crate::config::Config;
+use crate::control;
 use crate::exit::Outcome;
 use crate::pipeline::{self, Reload, Summary};
 
 /// Records until a signal or the time given.
 pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
-    let load = || {
-        let mut config = Config::load(&args.config)?;
+    let placed = |mut config: Config| {
         if let Some(directory) = &args.directory {
             config.storage.directory.clone_from(directory);
         }
-        Ok(config)
+        config
     };
+    let reload = || Config::load_again(&args.config).map(placed);
     let limit = args.duration_s.map(Duration::from_secs_f64);
-    let summary = block_on(load()?, Some(&load), limit)?;
+    let summary = block_on(placed(Config::load(&args.config)?), Some(&reload), limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));
     } else {
@@ -66,7 +68,7 @@ async fn after(limit: Option<Duration>) {
 
 /// Whether anything was lost.
 pub fn outcome(summary: &Summary) -> Outcome {
-    if summary.lost().iter().sum::<u64>() > 0 {
+    if summary.has_loss() {
         Outcome::DataLoss
     } else {
         Outcome::Good
@@ -105,15 +107,41 @@ pub fn as_text(summary: &Summary) -> String {
         );
     }
     for name in &summary.health.faulty_sensors {
-        let _ = writeln!(text, "  left out by the estimator at the end: {name}");
+        let _ = writeln!(
+            text,
+            "  left out by the estimator at the end: {}",
+            printable(name)
+        );
     }
     for (place, count) in LossPlace::ALL.into_iter().zip(summary.lost()) {
         if count > 0 {
             let _ = writeln!(text, "  lost in {}: {count}", place.name());
         }
     }
+    if summary.losses.records > 0 {
+        let _ = writeln!(
+            text,
+            "  decoded records not written: {}; `atvrec replay` computes them again",
+            summary.losses.records
+        );
+    }
+    for gone in &summary.recorder.gone {
+        let what = if gone.deleted { "deleted" } else { "renamed" };
+        let _ = writeln!(
+            text,
+            "  {} was {what} while it was being written: {} arrivals lost",
+            gone.path.display(),
+            gone.arrivals
+        );
+    }
+    if let Some(reason) = &summary.recorder.cut_off {
+        let _ = writeln!(text, "  not closed in time: {reason}");
+    }
+    for file in &summary.recorder.unfinished {
+        let _ = writeln!(text, "  {} waits for recovery", file.display());
+    }
     for file in &summary.files {
-        let _ = writeln!(text, "  {}", file.display());
+        let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
     }
     text
 }
@@ -129,6 +157,10 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "arrivals": summary.arrivals,
         "files": summary.files,
         "lost": lost,
+        "lost_records": summary.losses.records,
+        "gone": summary.recorder.gone.iter().map(control::gone).collect::<Vec<_>>(),
+        "cut_off": summary.recorder.cut_off,
+        "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,
         "sources": summary.health.sources,
         "faulty_sensors": summary.health.faulty_sensors,

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use sample::text::printable;
 use store::{RecoverOptions, Recovered, recover_each, recover_with};
 
 use crate::cli::RecoverArgs;
 use crate::exit::Outcome;
-use crate::missing;
+use crate::{messages, missing};
 
 /// Makes logs whole.
 pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {
@@ -21,7 +22,7 @@ pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {
             print(&recovered);
         }
         Err(error) => {
-            eprintln!("error: {}: {error}", log.display());
+            messages::failed(&anyhow::anyhow!("{}: {error}", log.display()));
             failed = true;
         }
     };
@@ -70,7 +71,7 @@ fn print(recovered: &Recovered) {
         println!("  {line}");
     }
     if let Some(loss) = &recovered.loss {
-        println!("  lost: {loss}");
+        println!("  lost: {}", printable(&loss.to_string()));
     }
     if let Some(original) = &recovered.original {
         println!("  the damaged original is kept as {}", original.display());

@@ -5,6 +5,7 @@ mod changes;
 use std::iter::Peekable;
 use std::time::{Duration, Instant};
 
+use sample::text::printable;
 use sample::{Arrival, LogTime, Payload};
 use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Stage, Writer};
 
@@ -64,6 +65,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
             let (first, _) = *done
                 .span
                 .get_or_insert((arrival.log_time, arrival.log_time));
+            replay.watch_sequence(&arrival, &skipped);
             done.span = Some((first, arrival.log_time));
             done.arrivals += 1;
             if done.arrivals.is_multiple_of(512) {
@@ -95,6 +97,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let made_by = other_program(&original);
     tell(args, &done, report.as_ref(), made_by, begin.elapsed());
     Ok(match report {
+        Some(report) if report.is_partial() && !done.changed => Outcome::DataLoss,
         Some(report) if !report.is_identical() || done.changed => Outcome::Failed,
         _ => Outcome::Good,
     })
@@ -108,6 +111,8 @@ struct Replay {
     verifier: Option<Verifier>,
     /// Computes what the verifier expects, where that is not what is written.
     earlier: Option<(Engine, Vec<Record>)>,
+    /// Number of the next arrival, and log clock of the last one.
+    next: (Option<u64>, LogTime),
 }
 
 impl Replay {
@@ -150,7 +155,20 @@ impl Replay {
             writer,
             verifier,
             earlier,
+            next: (None, LogTime(0)),
         })
+    }
+
+    /// Tells the verification where arrivals are missing that the estimator saw while recording.
+    fn watch_sequence(&mut self, arrival: &Arrival, skipped: &Skipped) {
+        let (next, time) = self.next;
+        self.next = (Some(arrival.sequence.saturating_add(1)), arrival.log_time);
+        if let (Some(first), Some(verifier)) = (next, &mut self.verifier) {
+            let seen = |number: &u64| !skipped.contains(*number);
+            if let Some(missing) = (first..arrival.sequence).find(seen) {
+                verifier.arrivals_missing(missing, time);
+            }
+        }
     }
 
     /// Feeds the engine and hands its records on; says how many there were.
@@ -377,6 +395,7 @@ fn tell(
     } else if let Some(report) = report {
         print!("{report}");
         if let Some(made_by) = made_by.filter(|_| !report.is_identical()) {
+            let made_by = printable(&made_by);
             println!(
                 "  the log was made by atvrec {made_by}; another program may estimate otherwise"
             );

@@ -156,7 +156,7 @@ impl Sink {
             Self::File(log) => Ok(log.finish()?.counters.messages),
             Self::Run(run) => {
                 let summary = run.recorder.finish()?;
-                let lost = summary.lost_arrivals + summary.lost_records;
+                let lost = summary.losses.arrivals + summary.losses.records;
                 anyhow::ensure!(
                     lost == 0,
                     "{lost} arrivals and records did not reach the disk: {}",

@@ -1,10 +1,10 @@
 //! Column maps: what the columns of a table mean.
 
-use toml::de::{DeTable, DeValue};
+use toml::de::DeValue;
 use wire::column::{Column, Dimension, Quantity};
 use wire::{alog, csv};
 
-use super::reader::{Field, FromValue, Gatherer, Problem, Section, closest};
+use super::reader::{Field, FromValue, Gatherer, Problem, Section, closest, parse};
 
 /// Units of a time column, with their length in ns.
 const TIME_UNITS: [(&str, u64); 5] = [
@@ -160,13 +160,9 @@ fn read<T>(
     body: impl FnOnce(&mut Section<'_>, &mut Gatherer<'_>) -> T,
 ) -> Result<T, Vec<Problem>> {
     let mut gather = Gatherer::new(file, text);
-    let (table, syntax) = DeTable::parse_recoverable(text);
-    for error in &syntax {
-        gather.add_syntax(error);
-    }
-    if !syntax.is_empty() {
+    let Some(table) = parse(text, &mut gather) else {
         return Err(gather.into_problems());
-    }
+    };
     let mut top = Section::new("", table);
     let value = body(&mut top, &mut gather);
     top.finish(&mut gather);

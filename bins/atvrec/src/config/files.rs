@@ -1,13 +1,16 @@
 //! The files that a configuration names: on disk, attached to a log, or part of the program.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::path::{Path, PathBuf};
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use store::Attachment;
 
 use super::columns::GAVLAB_MAP;
+use super::reader::TOML_MAX;
 
 /// Name of the program's own column map for MOOS logs.
 pub const GAVLAB: &str = "gavlab.toml";
@@ -42,6 +45,14 @@ impl FileKind {
             Self::Vehicle | Self::Sensors | Self::Calibration | Self::Overrides | Self::Columns => {
                 "application/toml"
             }
+        }
+    }
+
+    /// Longest file that is read, bytes.
+    const fn bytes_max(self) -> usize {
+        match self {
+            Self::Dbc => wire::dbc::BYTES_MAX,
+            _ => TOML_MAX,
         }
     }
 
@@ -173,7 +184,7 @@ impl Files {
             },
             Place::Disk(directory) => {
                 let path = directory.join(name);
-                match std::fs::read(&path) {
+                match read_bytes(&path, kind.bytes_max()) {
                     Ok(bytes) => bytes,
                     Err(error) => {
                         return builtin().ok_or_else(|| FileProblem {
@@ -207,6 +218,31 @@ impl Files {
         };
         self.used.into_iter().map(attach).collect()
     }
+}
+
+/// Reads a regular file of at most `limit` bytes. Anything else, such as a FIFO, could block.
+fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
+    let refuse = |text: String| Err(io::Error::new(ErrorKind::InvalidInput, text));
+    if !std::fs::metadata(path)?.is_file() {
+        return refuse("it is not a regular file".to_owned());
+    }
+    let mut bytes = Vec::new();
+    let read = File::open(path)?
+        .take(limit as u64 + 1)
+        .read_to_end(&mut bytes)?;
+    if read > limit {
+        return refuse(format!("it is longer than {limit} bytes"));
+    }
+    Ok(bytes)
+}
+
+/// Reads a regular file of at most `limit` bytes as UTF-8.
+///
+/// # Errors
+/// If the file cannot be read, is no regular file, is longer, or is not UTF-8.
+pub fn read_text(path: &Path, limit: usize) -> io::Result<String> {
+    String::from_utf8(read_bytes(path, limit)?)
+        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
 fn not_attached(name: &str) -> FileProblem {

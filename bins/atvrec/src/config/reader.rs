@@ -3,6 +3,9 @@
 use std::fmt;
 use std::ops::Range;
 
+use sample::boundary::guarded;
+use sample::text::printable;
+
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -25,7 +28,7 @@ pub struct Problem {
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
+        f.write_str(&printable(&self.file))?;
         if self.line > 0 {
             write!(f, ":{}", self.line)?;
         }
@@ -34,11 +37,11 @@ impl fmt::Display for Problem {
         }
         f.write_str(": ")?;
         if !self.field.is_empty() {
-            write!(f, "{}: ", self.field)?;
+            write!(f, "{}: ", printable(&self.field))?;
         }
-        f.write_str(&self.message)?;
+        f.write_str(&printable(&self.message))?;
         if !self.help.is_empty() {
-            write!(f, "\n    help: {}", self.help)?;
+            write!(f, "\n    help: {}", printable(&self.help))?;
         }
         Ok(())
     }
@@ -60,11 +63,18 @@ impl fmt::Display for Problems {
     }
 }
 
+/// Longest TOML text that is read, bytes.
+pub const TOML_MAX: usize = 1 << 20;
+/// Problems of one file that are reported one by one.
+const PROBLEMS_MAX: usize = 100;
+
 /// Gathers the problems of one file.
 pub struct Gatherer<'t> {
     file: &'t str,
     text: &'t str,
     problems: Vec<Problem>,
+    /// Problems beyond [`PROBLEMS_MAX`].
+    more: usize,
 }
 
 impl<'t> Gatherer<'t> {
@@ -74,6 +84,7 @@ impl<'t> Gatherer<'t> {
             file,
             text,
             problems: Vec::new(),
+            more: 0,
         }
     }
 
@@ -85,6 +96,10 @@ impl<'t> Gatherer<'t> {
         message: impl Into<String>,
         help: impl Into<String>,
     ) {
+        if self.is_full() {
+            self.more += 1;
+            return;
+        }
         let (line, column) = line_and_column(self.text, span.start);
         self.problems.push(Problem {
             file: self.file.to_owned(),
@@ -104,7 +119,17 @@ impl<'t> Gatherer<'t> {
 
     /// Adds problems of another file.
     pub fn add_foreign(&mut self, problems: impl IntoIterator<Item = Problem>) {
-        self.problems.extend(problems);
+        for problem in problems {
+            if self.is_full() {
+                self.more += 1;
+            } else {
+                self.problems.push(problem);
+            }
+        }
+    }
+
+    fn is_full(&self) -> bool {
+        self.problems.len() >= PROBLEMS_MAX
     }
 
     /// Whether nothing is wrong so far.
@@ -119,7 +144,40 @@ impl<'t> Gatherer<'t> {
             let place = |p: &Problem| (p.file != own, p.file.clone(), p.line, p.column);
             place(a).cmp(&place(b))
         });
+        if self.more > 0 {
+            self.problems.push(Problem {
+                file: own.to_owned(),
+                line: 0,
+                column: 0,
+                field: String::new(),
+                message: format!("{} further errors are not shown", self.more),
+                help: "correct the first ones and check again".to_owned(),
+            });
+        }
         self.problems
+    }
+}
+
+/// The table of a TOML text; syntax errors, a text of absurd size and a panic of the parser are
+/// problems.
+pub fn parse<'t>(text: &'t str, gather: &mut Gatherer<'_>) -> Option<Spanned<DeTable<'t>>> {
+    if text.len() > TOML_MAX {
+        let message = format!("has {} bytes; it may have {TOML_MAX}", text.len());
+        gather.add(&(0..0), "", message, "name the right file");
+        return None;
+    }
+    match guarded(|| DeTable::parse_recoverable(text)) {
+        Ok((table, syntax)) => {
+            for error in &syntax {
+                gather.add_syntax(error);
+            }
+            syntax.is_empty().then_some(table)
+        }
+        Err(panic) => {
+            let message = format!("the TOML parser failed: {panic}");
+            gather.add(&(0..0), "", message, "correct the TOML syntax");
+            None
+        }
     }
 }
 
@@ -418,6 +476,10 @@ impl<'t> Section<'t> {
     /// Reports what was not asked for as unknown.
     pub fn finish(self, gather: &mut Gatherer<'_>) {
         for (key, span, _) in &self.entries {
+            if gather.is_full() {
+                gather.more += 1;
+                continue;
+            }
             let help = match closest(key, &self.known) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("known here: {}", self.known.join(", ")),
@@ -504,6 +566,56 @@ mod tests {
             .expect("the misspelt field is reported");
         assert_eq!((unknown.line, unknown.column), (2, 1));
         assert_eq!(unknown.help, "did you mean `speed`?");
+    }
+
+    #[test]
+    fn hostile_toml_costs_bounded_time() {
+        let start = std::time::Instant::now();
+        for (unit, wrap) in [
+            ("[", "a = {}"),
+            ("{a=", "a = {}"),
+            ("a.", "{}a = 1"),
+            ("a.", "[{}a]"),
+            ("=\n", "{}"),
+            ("a = 1\n", "{}"),
+            ("\u{0}\u{1b}", "{}"),
+            ("[[a.b]]\n", "{}"),
+            ("\"", "{}"),
+        ] {
+            let text = wrap.replace("{}", &unit.repeat((TOML_MAX - 16) / unit.len()));
+            let mut gather = Gatherer::new("a.toml", &text);
+            if let Some(table) = parse(&text, &mut gather) {
+                Section::new("", table).finish(&mut gather);
+            }
+            let problems = gather.into_problems();
+            assert!((1..=PROBLEMS_MAX + 1).contains(&problems.len()), "{unit}");
+            assert!(Problems(problems).to_string().len() < 1 << 20, "{unit}");
+        }
+        let keys: String = (0..80_000).map(|n| format!("k{n} = 1\n")).collect();
+        let mut gather = Gatherer::new("a.toml", &keys);
+        let table = parse(&keys, &mut gather).expect("parses");
+        Section::new("", table).finish(&mut gather);
+        assert_eq!(gather.into_problems().len(), PROBLEMS_MAX + 1);
+        let long = "#".repeat(TOML_MAX + 1);
+        let mut gather = Gatherer::new("a.toml", &long);
+        assert!(parse(&long, &mut gather).is_none());
+        let seconds = start.elapsed().as_secs_f64();
+        assert!(seconds < 30.0, "{seconds} s");
+    }
+
+    #[test]
+    fn problems_are_printable() {
+        let problem = Problem {
+            file: "a\u{1b}[2J.toml".to_owned(),
+            line: 1,
+            column: 1,
+            field: "x\ny".to_owned(),
+            message: "\u{202e}".to_owned(),
+            help: "\n<0>".to_owned(),
+        };
+        let text = problem.to_string();
+        assert_eq!(text.lines().count(), 2, "{text}");
+        assert!(!text.contains(['\u{1b}', '\u{202e}']), "{text}");
     }
 
     #[test]

@@ -44,6 +44,7 @@ impl Storage {
         let sync_s = section.number_in("sync_interval_s", 0.01..=60.0, 0.5, gather);
         let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 1.0, gather);
         let decoded_s = section.number_in("decoded_interval_s", 0.001..=60.0, 0.5, gather);
+        let stop_s = section.number_in("stop_within_s", 1.0..=3600.0, 20.0, gather);
         let level = section.number_in("compression_level", 0.0..=22.0, 0.0, gather);
         let quota_mb = section.number_in("quota_mb", 0.0..=1e9, 0.0, gather);
         let keep_free_mb = section.number_in("keep_free_mb", 0.0..=1e9, 0.0, gather);
@@ -62,6 +63,7 @@ impl Storage {
             options: store::Options {
                 raw_interval: Duration::from_secs_f64(raw_s),
                 decoded_interval: Duration::from_secs_f64(decoded_s),
+                stop_within: Duration::from_secs_f64(stop_s),
                 compression_level: level as u32,
                 sync_interval: Duration::from_secs_f64(sync_s),
                 rotate_after: (rotate_s > 0.0).then(|| Duration::from_secs_f64(rotate_s)),

@@ -1,10 +1,10 @@
 //! One source inside the engine: its decoder, its device's clock and its counters.
 
 use sample::{
-    Arrival, CanFrame, DeviceTime, LogTime, LossPlace, Measurement, NANOS_PER_SECOND, Notice,
-    Payload, Sample, SourceHealth, SourceId,
+    Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
+    SourceHealth, SourceId,
 };
-use store::{ClockFit as ClockRecord, UtcOffset};
+use store::{ClockFit as ClockRecord, Losses, UtcOffset};
 use wire::{Item, Protocol, Statistics};
 
 use super::can::{Arrived, CanDecoder};
@@ -35,7 +35,6 @@ pub struct SourceState {
     opened: u64,
     bytes: u64,
     frames: u64,
-    lost: [u64; LossPlace::ALL.len()],
 }
 
 enum Decoder {
@@ -106,7 +105,6 @@ impl SourceState {
             opened: 0,
             bytes: 0,
             frames: 0,
-            lost: [0; LossPlace::ALL.len()],
         })
     }
 
@@ -182,8 +180,7 @@ impl SourceState {
                 self.last_data = Some(log_time + OPENING_GRACE_NS);
             }
             Notice::Closed(_) => self.open = false,
-            Notice::Lost { place, count } => self.lost[*place as usize] += count,
-            Notice::Mark(_) | Notice::EstimatorSkipped { .. } => {}
+            Notice::Lost { .. } | Notice::Mark(_) | Notice::EstimatorSkipped { .. } => {}
         }
     }
 
@@ -202,8 +199,8 @@ impl SourceState {
         })
     }
 
-    /// Counters since the start.
-    pub fn health(&self) -> SourceHealth {
+    /// Counters since the start; `losses` are those of all sources.
+    pub fn health(&self, losses: &Losses) -> SourceHealth {
         let statistics = self.statistics();
         SourceHealth {
             source: self.id,
@@ -217,7 +214,7 @@ impl SourceState {
             gaps: statistics.gaps,
             malformed: statistics.malformed,
             reopened: self.opened.saturating_sub(1),
-            lost: self.lost,
+            lost: losses.of(self.id),
         }
     }
 

@@ -8,6 +8,9 @@ use std::time::Duration;
 /// The service manager hears of progress this often.
 const PERIOD: Duration = Duration::from_millis(500);
 
+/// With each progress of the files the service manager waits this much longer for the end.
+const STOP_EXTENSION: Duration = Duration::from_secs(10);
+
 /// Steps that a thread has done. Ticks give it some even if every device is silent.
 #[derive(Debug, Default)]
 pub struct Pulse(AtomicU64);
@@ -64,6 +67,21 @@ impl Pulses {
 
     fn lock(&self) -> MutexGuard<'_, Vec<Named>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Asks the service manager for more time to stop, as long as the files make progress.
+pub async fn extend_stop(files: Vec<store::Progress>) {
+    let mut interval = tokio::time::interval(PERIOD);
+    let mut before = None;
+    loop {
+        interval.tick().await;
+        let steps: u64 = files.iter().map(store::Progress::steps).sum();
+        if before.replace(steps) != Some(steps) {
+            let time = STOP_EXTENSION.as_micros();
+            let time = u32::try_from(time).unwrap_or(u32::MAX);
+            notify(&[sd_notify::NotifyState::ExtendTimeoutUsec(time)]);
+        }
     }
 }
 

@@ -1,16 +1,15 @@
 //! One run: its files, and the two threads that write into them.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use acq::{Sequencer, Streams};
 use anyhow::Context;
-use sample::{
-    Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity, SourceId,
+use sample::{Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity};
+use store::{
+    ClockState, DiskState, LogMessage, LossLedger, Losses, Record, Recorder, RecorderSummary,
 };
-use store::{ClockState, LogMessage, Record, Recorder, RecorderSummary};
 use tokio::sync::mpsc;
 
 use super::pulse::{Pulse, Pulses};
@@ -35,8 +34,16 @@ const DECODER_PAUSE: Duration = Duration::from_millis(50);
 const ARRIVALS_MAX: usize = 4_096;
 /// While so many wait, there is no pause.
 const ARRIVALS_MANY: usize = 1_024;
-/// Between two notices of what was lost on the way to the disk.
-const LOSSES_TOLD_EACH: Duration = Duration::from_secs(1);
+/// Between two looks at the disk: what is lost, and what waits for it.
+const DISK_INTERVAL: Duration = Duration::from_secs(1);
+/// Between two warnings of a slow disk.
+const SLOW_DISK_WARNING_INTERVAL: Duration = Duration::from_secs(10);
+/// A disk is slow if arrivals of this much time wait for it,
+const SLOW_DISK_SPAN: Duration = Duration::from_secs(2);
+/// or if they take this part of the writer's queue, per cent,
+const SLOW_DISK_FILL: u8 = 10;
+/// or if it has not confirmed what was written for this time.
+const SLOW_DISK_UNSYNCED: Duration = Duration::from_secs(3);
 
 /// A run of files that is being written.
 pub struct Run {
@@ -73,6 +80,7 @@ impl Files {
         started: LogTime,
         clock: ClockState,
         protected: &Protected,
+        ledger: &LossLedger,
     ) -> anyhow::Result<Self> {
         let storage = &config.storage;
         let number = folder::next_run(&storage.directory).with_context(|| {
@@ -91,7 +99,8 @@ impl Files {
         let guard = protected.begin(number);
         let session = session::live(config, started, number, clock);
         let options = storage.options.clone();
-        let recorder = Recorder::start(&storage.directory, &name.stem(), session, options)?;
+        let recorder =
+            Recorder::start_in(ledger, &storage.directory, &name.stem(), session, options)?;
         Ok(Self {
             recorder: Arc::new(recorder),
             name,
@@ -128,8 +137,9 @@ impl Run {
             queue: streams.recorder,
             pulse: Arc::clone(&pulse[0]),
             sequencer,
-            told: BTreeMap::new(),
-            told_at: Instant::now(),
+            stated: Losses::default(),
+            checked_at: Instant::now(),
+            warned_at: None,
         };
         let worker = Estimates {
             engine,
@@ -149,16 +159,26 @@ impl Run {
         })
     }
 
-    /// Waits until the stream, which has ended, is worked off, and closes the files. Gives the
-    /// engine back.
-    pub fn finish(self) -> anyhow::Result<(RecorderSummary, Engine, Progress)> {
+    /// Waits until the stream, which has ended, is worked off, and closes the files, until `deadline`
+    /// or within the configured time. Gives the engine back.
+    pub fn finish(
+        self,
+        deadline: Option<Instant>,
+    ) -> anyhow::Result<(RecorderSummary, Engine, Progress)> {
         drop(self.pulses);
         let engine = join("engine", self.engine);
         join("recorder", self.raw)?;
         let recorder =
             Arc::into_inner(self.recorder).context("a thread still holds the recorder")?;
-        let mut summary = recorder.finish()?;
+        let mut summary = match deadline {
+            Some(deadline) => recorder.finish_by(deadline)?,
+            None => recorder.finish()?,
+        };
         let (engine, progress) = engine?;
+        if summary.cut_off.is_some() {
+            // The disk does not answer in time: the next start gives the names.
+            return Ok((summary, engine, progress));
+        }
         // Renamed under the names' guard: retention must not meet half of it.
         match self.name.rename(engine.utc_offset()) {
             Ok(Some((old, new))) => rename_in(&mut summary, &old, &new),
@@ -191,15 +211,17 @@ struct Raw {
     queue: mpsc::Receiver<Arc<Arrival>>,
     pulse: Arc<Pulse>,
     sequencer: Sequencer,
-    /// Losses on the way to the disk that the stream tells of.
-    told: BTreeMap<SourceId, u64>,
-    told_at: Instant,
+    /// Losses on the way to the disk that notices of the stream state.
+    stated: Losses,
+    checked_at: Instant,
+    /// When the last warning of a slow disk was given.
+    warned_at: Option<Instant>,
 }
 
 impl Raw {
     fn run(mut self) {
         for arrival in std::mem::take(&mut self.backlog) {
-            wait_for_room(&self.recorder);
+            wait_for_room(&self.recorder, &self.queue);
             self.take(arrival);
         }
         let mut taken = Vec::new();
@@ -207,7 +229,7 @@ impl Raw {
             let arrivals = taken.drain(..).map(Arc::unwrap_or_clone);
             self.recorder.push_all(arrivals.collect());
             self.pulse.beat();
-            self.tell_losses();
+            self.check_disk();
         }
     }
 
@@ -216,21 +238,36 @@ impl Raw {
         self.pulse.beat();
     }
 
-    /// Puts what was lost on the way to the disk into the stream, so that health and the log's
-    /// readers hear of it.
-    fn tell_losses(&mut self) {
-        if self.told_at.elapsed() < LOSSES_TOLD_EACH {
+    /// Looks at the disk: losses become notices of the stream, and a slow disk a warning.
+    fn check_disk(&mut self) {
+        if self.checked_at.elapsed() < DISK_INTERVAL {
             return;
         }
-        self.told_at = Instant::now();
-        for (source, count) in self.recorder.status().lost_items {
-            let told = self.told.entry(source).or_default();
-            if count > *told {
-                let place = LossPlace::Disk;
-                let count = count - std::mem::replace(told, count);
-                self.sequencer.notice(source, Notice::Lost { place, count });
-            }
+        self.checked_at = Instant::now();
+        let status = self.recorder.status();
+        for (source, count) in status.losses.since(&self.stated).at(LossPlace::Disk) {
+            let place = LossPlace::Disk;
+            self.sequencer.notice(source, Notice::Lost { place, count });
         }
+        self.stated = status.losses;
+        let backlog = status.backlog;
+        let slow = backlog.span >= SLOW_DISK_SPAN
+            || backlog.queue_fill >= SLOW_DISK_FILL
+            || backlog.unsynced >= SLOW_DISK_UNSYNCED;
+        let quiet = |at: Instant| at.elapsed() < SLOW_DISK_WARNING_INTERVAL;
+        let refuses = matches!(status.disk, DiskState::Failing { .. });
+        if !slow || refuses || self.warned_at.is_some_and(quiet) {
+            return;
+        }
+        self.warned_at = Some(Instant::now());
+        tracing::warn!(
+            arrivals = backlog.arrivals,
+            bytes = backlog.bytes,
+            seconds = backlog.span.as_secs_f64(),
+            queue_percent = backlog.queue_fill,
+            unsynced_s = backlog.unsynced.as_secs_f64(),
+            "the disk is too slow: data waits for it, and is lost when the queue is full"
+        );
     }
 }
 
@@ -262,7 +299,7 @@ impl Estimates {
         let mut progress = Progress::default();
         let mut records = Vec::new();
         for arrival in std::mem::take(&mut self.backlog) {
-            wait_for_room(&self.recorder);
+            wait_for_room(&self.recorder, &self.queue);
             self.step(&arrival, &mut records, &mut progress);
         }
         let mut taken = Vec::new();
@@ -293,8 +330,9 @@ impl Estimates {
     }
 }
 
-fn wait_for_room(recorder: &Recorder) {
-    while recorder.waiting() > BACKLOG_WAITING_MAX {
+/// Waits until the writer has caught up, but not beyond the end of the stream: the disk may hang.
+fn wait_for_room(recorder: &Recorder, queue: &mpsc::Receiver<Arc<Arrival>>) {
+    while recorder.waiting() > BACKLOG_WAITING_MAX && !queue.is_closed() {
         thread::sleep(BACKLOG_PAUSE);
     }
 }

@@ -8,10 +8,10 @@ use std::thread::JoinHandle;
 use crate::support::{atvrec, stdout};
 
 /// The virtual vehicle on its ports; ends with this.
-struct Virtual(Child);
+pub struct Virtual(Child);
 
 impl Virtual {
-    fn start(directory: &Path) -> Self {
+    pub fn start(directory: &Path) -> Self {
         Self::start_with(directory, &[])
     }
 
@@ -279,7 +279,7 @@ fn marks_and_state_go_through_the_control_socket() {
         })
         .collect();
     assert_eq!(marks, ["gravel begins"]);
-    assert!(!directory.path().join("logs/control").exists());
+    atvrec(directory.path()).arg("status").assert().code(1);
 }
 
 /// Every arrival of a log, and what its parts lack.
@@ -366,17 +366,18 @@ fn a_reload_loses_nothing_of_what_runs_on() {
     let directory = tempfile::tempdir().expect("a directory");
     let (mut first, mut second) = (Counting::start(), Counting::start());
     let config = directory.path().join("atvrec.toml");
-    fs::write(&config, first.configuration("middle")).expect("written");
+    let control = "[control]\nsocket = \"control\"\n";
+    fs::write(&config, first.configuration("middle") + control).expect("written");
     let mut recorder = Recorder::start(directory.path());
     std::thread::sleep(std::time::Duration::from_millis(500));
     fs::write(&config, "[source.middle]\nkind = \"wrong\"\n").expect("written");
     let refused = atvrec(directory.path())
         .arg("reload")
-        .args(["--socket", "logs/control"])
+        .args(["--socket", "control"])
         .assert()
         .code(1);
     assert!(crate::support::stderr(&refused).contains("no kind of source"));
-    let both = first.configuration("middle") + &second.configuration("added");
+    let both = first.configuration("middle") + &second.configuration("added") + control;
     fs::write(&config, both).expect("written");
     atvrec(directory.path()).arg("reload").assert().success();
     std::thread::sleep(std::time::Duration::from_millis(500));
@@ -634,7 +635,7 @@ fn an_event_of_the_estimator_is_a_trigger() {
         .success();
 }
 
-fn signal(child: &Child, signal: &str) {
+pub fn signal(child: &Child, signal: &str) {
     let status = Command::new("kill")
         .args([signal, &child.id().to_string()])
         .status()
@@ -656,7 +657,8 @@ impl Recorder {
                 .expect("the recorder starts"),
         );
         for _ in 0..600 {
-            if std::os::unix::net::UnixStream::connect(directory.join("logs/control")).is_ok() {
+            let status = atvrec(directory).arg("status").output().expect("it runs");
+            if status.status.success() {
                 return recorder;
             }
             std::thread::sleep(std::time::Duration::from_millis(50));

@@ -228,7 +228,7 @@ fn a_recording_without_data_is_as_silent_as_its_replay() {
     let text = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n\n[vehicle]\nfile = \
                 \"prowler\"\n\n[storage]\ndirectory = \"logs\"\n";
     fs::write(here.join("atvrec.toml"), text).expect("written");
-    atvrec(here).args(["-q", "record", "--for", "3"]).assert();
+    let _ = atvrec(here).args(["-q", "record", "--for", "3"]).assert();
     let logs = fs::read_dir(here.join("logs")).expect("listed");
     let mut logs = logs.map(|entry| entry.expect("an entry").path());
     let log = logs

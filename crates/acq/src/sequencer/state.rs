@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use sample::{Arrival, LogTime, LossPlace, Notice, Payload, SourceId};
+use store::LossLedger;
 use tokio::sync::mpsc::{self, error::TrySendError};
 
 use super::{QueueSizes, RingLimits, SourceCounters, Streams};
@@ -29,6 +30,7 @@ pub(super) struct State {
     skipping: Option<Run>,
     unrecorded: VecDeque<Run>,
     counters: BTreeMap<SourceId, SourceCounters>,
+    ledger: LossLedger,
     /// Nobody records, and nothing is lost by that.
     paused: bool,
     ring: Ring,
@@ -74,6 +76,7 @@ impl Default for State {
             skipping: None,
             unrecorded: VecDeque::new(),
             counters: BTreeMap::new(),
+            ledger: LossLedger::default(),
             paused: true,
             ring: Ring::default(),
             listeners: Vec::new(),
@@ -146,6 +149,26 @@ impl State {
         &self.counters
     }
 
+    pub const fn ledger(&self) -> &LossLedger {
+        &self.ledger
+    }
+
+    /// Enters what a source's notice states into the ledger. Losses in a queue or on the way to the
+    /// disk are entered where they happen, before a notice states them.
+    pub fn enter_loss(&self, source: SourceId, payload: &Payload) {
+        if let Payload::Notice(Notice::Lost { place, count }) = payload
+            && matches!(place, LossPlace::Device | LossPlace::Kernel)
+            && let Some(number) = self.number(source)
+        {
+            self.ledger.enter_items(number, *place, *count);
+        }
+    }
+
+    /// The number of a source; `None` if nobody listens to it any more.
+    fn number(&self, started: SourceId) -> Option<SourceId> {
+        self.numbers.get(&started).copied().unwrap_or(Some(started))
+    }
+
     pub const fn next_sequence(&self) -> u64 {
         self.next_sequence
     }
@@ -187,6 +210,9 @@ impl State {
         let host = self.counters.remove(&SourceId::HOST);
         counters.extend(host.map(|counters| (SourceId::HOST, counters)));
         self.counters = counters;
+        let mut lost = states.clone();
+        lost.insert(SourceId::HOST, SourceId::HOST);
+        self.ledger.renumber(&lost);
         self.ring.renumber(&states);
         self.numbers = numbers.clone();
     }
@@ -236,7 +262,7 @@ impl State {
 
     pub fn emit(&mut self, clock: &LogClock, source: SourceId, payload: Payload) -> LogTime {
         let reading = clock.read();
-        let Some(source) = self.numbers.get(&source).copied().unwrap_or(Some(source)) else {
+        let Some(source) = self.number(source) else {
             return reading.log_time;
         };
         let sequence = self.next_sequence;
@@ -274,7 +300,7 @@ impl State {
 
     fn offer_recorder(&mut self, arrival: Arc<Arrival>, items: u64, is_notice: bool) {
         let source = arrival.source;
-        let told = match arrival.payload {
+        let stated = match arrival.payload {
             Payload::Notice(Notice::Lost { place, count }) => Some((place, count)),
             _ => None,
         };
@@ -288,20 +314,14 @@ impl State {
             return;
         }
         self.recorder_full = true;
-        let counters = self.counters.entry(source).or_default();
-        let unreported = match told {
+        let unreported = match stated {
             None if items == 0 => return,
             None => {
-                counters.lost[queue_index()] += items;
+                self.ledger.enter_items(source, LossPlace::Queue, items);
                 (LossPlace::Queue, items)
             }
-            // What a lost notice told of is told again, and counted then.
-            Some((place, count)) => {
-                if place != LossPlace::Queue {
-                    counters.lost[place as usize] -= count;
-                }
-                (place, count)
-            }
+            // The notice is written when there is room again.
+            Some(stated) => stated,
         };
         *self.unreported.entry((source, unreported.0)).or_default() += unreported.1;
     }
@@ -371,17 +391,10 @@ impl State {
                         counters.open = matches!(notice, Notice::Opened(_));
                         counters.state.clone_from(text);
                     }
-                    Notice::Lost { place, count } if *place != LossPlace::Queue => {
-                        counters.lost[*place as usize] += count;
-                    }
                     _ => {}
                 }
                 0
             }
         }
     }
-}
-
-pub(super) const fn queue_index() -> usize {
-    LossPlace::Queue as usize
 }

@@ -334,10 +334,10 @@ impl Index {
                 self.leave_unconfirmed(path, offset, bytes, "record of another program");
             }
             _ => match scan::parse(opcode, body) {
-                Some(Record::Metadata(metadata)) => {
-                    if self.definitions.allow(body.len() as u64, options.bound) {
-                        self.metadata.insert(metadata.name, metadata.metadata);
-                    }
+                Some(Record::Metadata(metadata))
+                    if self.definitions.allow(body.len() as u64, options.bound) =>
+                {
+                    self.metadata.insert(metadata.name, metadata.metadata);
                 }
                 Some(Record::Header(header)) => {
                     self.header.get_or_insert((header.profile, header.library));

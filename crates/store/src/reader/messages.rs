@@ -254,6 +254,9 @@ fn bad_message(message: &Message) -> impl FnOnce(crate::error::MessageError) -> 
 pub(super) fn record(message: &Message) -> Result<Option<Record>> {
     let channel = &message.channel;
     let source = channel.source.unwrap_or(SourceId(0));
+    if channel.schema.starts_with("atvrec.signals.") && channel.has_no_schema() {
+        return Ok(None);
+    }
     if channel.schema.starts_with("atvrec.signals.") {
         let signals = signals(message)?;
         let measurement = if channel.topic.starts_with("/control/") {

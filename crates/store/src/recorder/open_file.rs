@@ -1,5 +1,6 @@
 //! The file that a run is being written to, with its journals.
 
+use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -13,9 +14,19 @@ use crate::journal::Journal;
 use crate::log_writer::{Latched, Pending};
 use crate::{Options, Result, Session};
 
+/// The last bytes of a disk are kept for raw data: this many, or a sixteenth of a small disk.
+const RAW_RESERVE: u64 = 16 << 20;
+const RAW_RESERVE_SHARE: u64 = 16;
+
 /// The file that a run is being written to, with its journals.
 pub(crate) struct OpenFile {
     pub writer: Writer,
+    /// Decoded records that were taken for it.
+    pub records: u64,
+    /// Decoded records were left out for want of room, and nobody has asked yet.
+    left_out: bool,
+    /// Groups written when they were last asked for.
+    groups_seen: u64,
     /// Log clock of the first arrival in it.
     pub since: Option<LogTime>,
     journal: Option<Journal>,
@@ -32,7 +43,6 @@ impl OpenFile {
         part: u32,
     ) -> Result<Self> {
         let mut writer = Writer::create(path, session.clone(), options.clone(), part)?;
-        writer.leave_disk_losses_to_recorder();
         writer.keep_unsynced();
         let journal = options
             .journal_interval
@@ -41,6 +51,9 @@ impl OpenFile {
         match journal {
             Ok(journal) => Ok(Self {
                 writer,
+                records: 0,
+                left_out: false,
+                groups_seen: 0,
                 since: None,
                 journal,
                 kept_at: Instant::now(),
@@ -95,13 +108,46 @@ impl OpenFile {
         self.since = pending.arrivals.first().map(|arrival| arrival.log_time);
         self.writer.resume(pending);
         self.writer.continue_from(latched)?;
-        self.flush()
+        self.writer.flush_raw()?;
+        self.turn_journal()
     }
 
     pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
         self.since.get_or_insert(arrival.log_time);
+        if self.writer.decoded_is_due(arrival.log_time) {
+            self.keep_room_for_raw();
+        }
         self.writer.push(arrival)?;
         self.turn_journal()
+    }
+
+    /// Leaves the decoded records out that wait for the next flush, if the disk is nearly full.
+    fn keep_room_for_raw(&mut self) {
+        if self.writer.has_decoded() && nearly_full(&self.writer.unfinished().file) {
+            self.writer.drop_decoded();
+            self.left_out = true;
+        }
+    }
+
+    /// Whether decoded records were left out since this was last asked.
+    pub(crate) fn take_left_out(&mut self) -> bool {
+        std::mem::take(&mut self.left_out)
+    }
+
+    /// The arrivals that are neither in the log nor in its journal; `None` if they are as many as when
+    /// this was last asked, or more.
+    pub(crate) fn unwritten(&mut self) -> Option<&[Arrival]> {
+        let group = self.writer.group();
+        let kept = match &self.journal {
+            Some(journal) => !journal.lags(group),
+            None => group.is_empty(),
+        };
+        if kept {
+            return Some(&[]);
+        }
+        let groups = self.writer.groups();
+        let turned = groups != std::mem::replace(&mut self.groups_seen, groups);
+        turned.then(|| self.writer.group())
     }
 
     /// What was pushed goes into the journal; if that has to wait for a moment, says how long.
@@ -121,11 +167,12 @@ impl OpenFile {
     pub(crate) fn idle(&mut self) -> Result<()> {
         match self.journal {
             Some(_) => Ok(()),
-            None => self.writer.flush(),
+            None => self.flush(),
         }
     }
 
     pub(crate) fn flush(&mut self) -> Result<()> {
+        self.keep_room_for_raw();
         self.writer.flush()?;
         self.turn_journal()
     }
@@ -146,4 +193,15 @@ impl OpenFile {
             .as_mut()
             .map_or(Ok(()), |journal| journal.turn(written, synced))
     }
+}
+
+/// Whether only the room that is kept for raw data is left on a file's disk.
+fn nearly_full(file: &File) -> bool {
+    #[cfg(unix)]
+    if let Ok(disk) = rustix::fs::fstatvfs(file) {
+        let bytes = |blocks: u64| blocks.saturating_mul(disk.f_frsize);
+        let reserve = RAW_RESERVE.min(bytes(disk.f_blocks) / RAW_RESERVE_SHARE);
+        return bytes(disk.f_bavail) < reserve;
+    }
+    false
 }

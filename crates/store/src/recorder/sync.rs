@@ -11,7 +11,7 @@ use std::time::Duration;
 use sample::Arrival;
 
 use super::Shared;
-use crate::file::{Unfinished, sync};
+use crate::file::{Presence, Unfinished, sync};
 use crate::{Error, Result};
 
 /// What the syncing thread is asked to do.
@@ -151,6 +151,7 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
                 let synced = closed.take(*log, shared);
                 watched = next.filter(|next| synced && next.sync());
                 closed.give_names();
+                shared.synced();
                 continue;
             }
             Ok(Job::Settle(done)) => {
@@ -165,6 +166,7 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
             }
         }
         watched = watched.filter(Watched::sync);
+        shared.synced();
     }
 }
 
@@ -205,6 +207,8 @@ impl Closed {
         let last_failure = &mut self.last_failure;
         self.nameless.retain(|file| match file.give_name() {
             Ok(()) => false,
+            // The worker looks after deleted files.
+            Err(_) if file.presence() == Presence::Deleted => false,
             Err(error) => {
                 let reason = error.to_string();
                 if reason != *last_failure {

@@ -1,5 +1,8 @@
 //! The thread that compresses and writes.
 
+mod account;
+mod gone;
+
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, atomic::Ordering};
@@ -8,11 +11,15 @@ use std::time::{Duration, Instant};
 use sample::Arrival;
 
 use super::open_file::OpenFile;
+use super::shared::Tally;
 use super::sync::{Job, Syncer, Watched};
-use super::{Command, DiskState, LostItems, RecorderSummary, Shared, on_disk};
+use super::{Command, DiskState, RecorderSummary, Shared, losses_file};
 use crate::file::part_path;
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, Finished, Options, Record, Result, Session};
+
+/// Between two looks whether the file is still there.
+const PRESENCE_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A file that was begun, or what waits for one and why there is none.
 type NewFile = std::result::Result<(Box<OpenFile>, Watched), Box<(Pending, Error)>>;
@@ -31,8 +38,12 @@ pub(crate) struct Worker {
     summary: RecorderSummary,
     /// Bytes of the files before this one.
     bytes_before: u64,
-    /// Losses that closed files tell of.
-    told: Losses,
+    /// What was taken and is neither in the log nor in its journal, nor counted as lost.
+    fresh: Tally,
+    /// The folder of the logs as it was found.
+    folder: Option<gone::Folder>,
+    /// When to look whether the file is still there.
+    look_at: Instant,
 }
 
 enum Sink {
@@ -42,26 +53,6 @@ enum Sink {
         latched: Latched,
         retry_at: Instant,
     },
-}
-
-/// What was lost on the way to the disk since the start of the run.
-#[derive(Default)]
-struct Losses {
-    items: LostItems,
-    records: u64,
-}
-
-impl Losses {
-    fn since(&self, before: &Self) -> Self {
-        let items = self.items.iter().filter_map(|(of, count)| {
-            let more = count - before.items.get(of).copied().unwrap_or_default();
-            (more > 0).then_some((*of, more))
-        });
-        Self {
-            items: items.collect(),
-            records: self.records - before.records,
-        }
-    }
 }
 
 impl Worker {
@@ -81,7 +72,8 @@ impl Worker {
             directory: directory.to_owned(),
             stem: stem.to_owned(),
             session,
-            patience: options.raw_interval,
+            patience: options.raw_interval.min(PRESENCE_INTERVAL),
+            folder: gone::Folder::of(directory),
             options,
             shared,
             syncer,
@@ -89,7 +81,8 @@ impl Worker {
             sink: Sink::Open(Box::new(file)),
             summary: RecorderSummary::default(),
             bytes_before: 0,
-            told: Losses::default(),
+            fresh: Tally::default(),
+            look_at: Instant::now() + PRESENCE_INTERVAL,
         })
     }
 
@@ -100,6 +93,9 @@ impl Worker {
                     for arrival in arrivals {
                         self.shared.taken();
                         self.arrival(arrival);
+                        if self.shared.has_given_up() {
+                            return self.leave();
+                        }
                     }
                 }
                 Ok(Command::Record(record)) => {
@@ -112,15 +108,30 @@ impl Worker {
             }
             self.keep_up();
             self.look_after_disk();
+            if self.shared.has_given_up() {
+                return self.leave();
+            }
         }
         self.finish()
     }
 
+    /// What is on its way was counted as lost because the time to stop is over: writes no more.
+    fn leave(self) -> RecorderSummary {
+        if let Sink::Open(file) = self.sink {
+            file.writer.abandon();
+        }
+        self.summary
+    }
+
     fn arrival(&mut self, arrival: Arrival) {
         let failed = match &mut self.sink {
-            Sink::Open(file) => file.push(arrival).err(),
+            Sink::Open(file) => {
+                self.fresh.add(&arrival);
+                file.push(arrival).err()
+            }
             Sink::Failing { pending, .. } => {
                 if pending.arrivals.len() < self.options.backlog_capacity {
+                    self.fresh.add(&arrival);
                     pending.arrivals.push(arrival);
                 } else {
                     self.shared.lose(&arrival);
@@ -128,31 +139,36 @@ impl Worker {
                 None
             }
         };
-        if let Some(error) = failed {
-            self.fail(&error);
+        match failed {
+            Some(error) => self.fail(&error),
+            None => self.account(),
         }
     }
 
     /// Brings what came to the journal, or sets how long that may wait.
     fn keep_up(&mut self) {
-        self.patience = self.options.raw_interval;
+        self.patience = self.options.raw_interval.min(PRESENCE_INTERVAL);
         let Sink::Open(file) = &mut self.sink else {
             return;
         };
         match file.keep_up() {
-            Ok(Some(wait)) => self.patience = wait,
-            Ok(None) => {}
+            Ok(wait) => {
+                self.patience = wait.map_or(self.patience, |wait| wait.min(self.patience));
+                self.account();
+            }
             Err(error) => self.fail(&error),
         }
     }
 
     fn record(&mut self, record: &Record) {
         match &mut self.sink {
-            Sink::Open(file) => file.writer.record(record),
-            // A replay makes it again from the arrivals that are kept.
-            Sink::Failing { .. } => {
-                self.shared.dropped_records.fetch_add(1, Ordering::Relaxed);
+            Sink::Open(file) => {
+                file.writer.record(record);
+                file.records += 1;
+                self.fresh.losses.records += 1;
             }
+            // A replay computes it again from the arrivals that are kept.
+            Sink::Failing { .. } => self.shared.lose_tally(&Tally::records(1)),
         }
     }
 
@@ -173,6 +189,10 @@ impl Worker {
             self.fail_because(reason, true);
         }
         self.take_back();
+        if Instant::now() >= self.look_at {
+            self.look_at = Instant::now() + PRESENCE_INTERVAL;
+            self.look_for_file();
+        }
         match &self.sink {
             Sink::Open(file) => {
                 let bytes = self.bytes_before + file.writer.bytes();
@@ -209,6 +229,10 @@ impl Worker {
         if let Err(error) = file.flush() {
             return self.fail(&error);
         }
+        self.account();
+        let Sink::Open(file) = &mut self.sink else {
+            return;
+        };
         let latched = file.writer.latched().clone();
         // The new file is there before the old one is closed.
         let next = self.new_file(latched.clone(), Pending::default());
@@ -232,7 +256,7 @@ impl Worker {
                 );
                 let reason = error.to_string();
                 self.summary.last_failure = Some(reason.clone());
-                self.shared.set_state(DiskState::Failing { reason });
+                self.set_failing(reason);
                 if let Sink::Open(file) = old {
                     self.close(*file, None);
                 }
@@ -242,6 +266,7 @@ impl Worker {
 
     fn new_file(&mut self, latched: Latched, pending: Pending) -> NewFile {
         self.part += 1;
+        self.make_folder();
         let path = part_path(&self.directory, &self.stem, self.part);
         let mut file = match OpenFile::create(&path, &self.session, &self.options, self.part) {
             Ok(file) => file,
@@ -277,10 +302,9 @@ impl Worker {
     /// Closes a log, which `next` follows.
     fn close(&mut self, mut file: OpenFile, next: Option<Watched>) {
         // What was lost since the last file that could be closed: the sum over the files is all.
-        let losses = self.losses();
-        let own = losses.since(&self.told);
+        let losses = self.shared.ledger.losses();
         let writer = &mut file.writer;
-        writer.lose(&own.items, own.records);
+        writer.state_losses(&losses.since(&self.shared.stated()));
         self.bytes_before += writer.bytes();
         let finished = Finished {
             path: writer.path().to_owned(),
@@ -290,7 +314,7 @@ impl Worker {
         let (left, closed) = file.close();
         match closed {
             Ok(()) => {
-                self.told = losses;
+                self.shared.set_stated(&losses);
                 let size = left.file.file.metadata().map(|m| m.len());
                 self.summary.files.push(Finished {
                     bytes: size.unwrap_or(finished.bytes),
@@ -303,13 +327,12 @@ impl Worker {
                 self.summary.unfinished.push(left.file.active.clone());
             }
         }
+        self.shared.set_summary(&self.summary);
         self.syncer.send(Job::Leave(Box::new(left), next));
     }
 
-    fn losses(&self) -> Losses {
-        let (_, items) = self.shared.lost();
-        let records = self.shared.dropped_records.load(Ordering::Relaxed);
-        Losses { items, records }
+    fn set_failing(&self, reason: String) {
+        self.shared.set_state(DiskState::Failing { reason });
     }
 
     fn fail(&mut self, error: &Error) {
@@ -322,26 +345,39 @@ impl Worker {
     fn fail_because(&mut self, reason: String, again: bool) {
         tracing::error!(reason, "the disk refuses the log; a new file will be tried");
         self.summary.last_failure = Some(reason.clone());
-        self.shared.set_state(DiskState::Failing { reason });
+        self.set_failing(reason);
+        if let Some(active) = self.give_file_up(again) {
+            self.summary.unfinished.push(active);
+        }
+        self.shared.set_summary(&self.summary);
+    }
+
+    /// Closes the file as it is and keeps what goes into the next one; gives its unfinished name.
+    fn give_file_up(&mut self, again: bool) -> Option<PathBuf> {
         let failing = Sink::Failing {
             pending: Pending::default(),
             latched: Latched::default(),
             retry_at: Instant::now() + self.options.retry_interval,
         };
-        if let Sink::Open(file) = std::mem::replace(&mut self.sink, failing) {
-            self.bytes_before += file.writer.bytes();
-            self.syncer.send(Job::Forget);
-            let (kept, last, file) = file.writer.abandon();
-            let kept = if again { kept.with_unsynced() } else { kept };
-            self.summary.unfinished.push(file.active);
-            if let Sink::Failing {
-                pending, latched, ..
-            } = &mut self.sink
-            {
-                *pending = kept;
-                *latched = last;
-            }
+        let Sink::Open(file) = std::mem::replace(&mut self.sink, failing) else {
+            return None;
+        };
+        self.bytes_before += file.writer.bytes();
+        self.syncer.send(Job::Forget);
+        let (kept, last, file) = file.writer.abandon();
+        let kept = if again { kept.with_unsynced() } else { kept };
+        let mut fresh = Tally::of(&kept.arrivals);
+        fresh.losses.records = self.fresh.losses.records;
+        self.shared.enter_tally(&fresh.since(&self.fresh));
+        self.fresh = fresh;
+        if let Sink::Failing {
+            pending, latched, ..
+        } = &mut self.sink
+        {
+            *pending = kept;
+            *latched = last;
         }
+        Some(file.active)
     }
 
     fn retry(&mut self) {
@@ -357,13 +393,12 @@ impl Worker {
                 tracing::warn!("the disk takes the log again");
                 self.syncer.send(Job::Watch(watched));
                 self.sink = Sink::Open(file);
+                self.account();
             }
             Err(failed) => {
                 let (pending, error) = *failed;
                 let reason = error.to_string();
-                self.shared.set_state(DiskState::Failing {
-                    reason: reason.clone(),
-                });
+                self.set_failing(reason.clone());
                 self.summary.last_failure = Some(reason);
                 self.sink = Sink::Failing {
                     pending,
@@ -385,6 +420,9 @@ impl Worker {
             self.summary.last_failure = Some(returned.reason);
         }
         if let Sink::Failing { pending, .. } = &mut self.sink {
+            let returned_tally = Tally::of(&returned.arrivals);
+            self.shared.enter_tally(&returned_tally);
+            self.fresh.merge(&returned_tally);
             pending.arrivals.splice(..0, returned.arrivals);
             // What two logs give back may come in two parts.
             pending.arrivals.sort_by_key(|arrival| arrival.sequence);
@@ -398,26 +436,33 @@ impl Worker {
             self.close_last();
             self.take_back();
         }
-        if let Sink::Failing { pending, .. } = &self.sink {
-            self.give_up(pending);
-        }
+        self.shared.lose_tally(&std::mem::take(&mut self.fresh));
         self.shared.set_state(DiskState::Closed);
-        let (lost_arrivals, lost_items) = self.shared.lost();
         let mut summary = self.summary;
-        summary.lost_arrivals = lost_arrivals;
-        summary.lost_items = on_disk(&lost_items);
-        summary.lost_records = self.shared.dropped_records.load(Ordering::Relaxed);
         let unnamed = self.syncer.finish();
         summary
             .files
             .retain(|file| !unnamed.contains(&crate::file::active_path(&file.path)));
         summary.unfinished.extend(unnamed);
+        summary.losses = self.shared.ledger.losses();
+        let unstated = summary.losses.since(&self.shared.stated());
+        let files = summary.files.iter().map(|file| &file.path);
+        if let Some(log) = summary.unfinished.last().or(files.last())
+            && !unstated.is_empty()
+            && !self.shared.has_given_up()
+        {
+            let reason = summary.last_failure.clone().unwrap_or_default();
+            if let Err(error) = losses_file::write(log, &self.session, &unstated, &reason) {
+                tracing::error!(%error, "the losses stand in no file");
+            }
+        }
         summary
     }
 
     /// Writes what waits, in a new file if need be, closes it, and waits until it is known whether
     /// the disk has taken it. What it has not taken stays in the sink.
     fn close_last(&mut self) {
+        self.look_for_file();
         if matches!(self.sink, Sink::Failing { .. }) {
             self.retry();
         }
@@ -428,6 +473,7 @@ impl Worker {
         if let Err(error) = flushed {
             return self.fail(&error);
         }
+        self.account();
         let closed = Sink::Failing {
             pending: Pending::default(),
             latched: Latched::default(),
@@ -440,15 +486,6 @@ impl Worker {
             self.close(*file, None);
         }
         self.syncer.settle();
-    }
-
-    fn give_up(&self, pending: &Pending) {
-        for arrival in &pending.arrivals {
-            self.shared.lose(arrival);
-        }
-        self.shared
-            .dropped_records
-            .fetch_add(pending.messages.len() as u64, Ordering::Relaxed);
     }
 }
 

@@ -12,7 +12,7 @@ use crate::convert::Encoded;
 use crate::reader::{Definitions, Index, ScanOptions, placeholder};
 use crate::scan::{self, Ending, Item, Scanner, Walker};
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
-use crate::{Result, Session, WriteCounters, journal, log_writer, raw, schema};
+use crate::{Losses, Result, Session, WriteCounters, journal, log_writer, raw, schema};
 
 /// No more losses than these are named in the log.
 const NAMED_MAX: usize = 64;
@@ -225,6 +225,8 @@ impl<W: Write> Copy<'_, W> {
     fn write_counters(&mut self, index: &Index) -> Result<()> {
         let run = index.metadata.get(RUN_METADATA);
         let session = run.map(Session::from_metadata).unwrap_or_default();
+        // The notices in it state losses that the next closed file of the run states, too.
+        self.counters.state_losses(&Losses::default());
         let mut metadata = self.counters.to_metadata(&session);
         let before = std::mem::take(&mut self.counters_before).into_iter();
         metadata.extend(before.filter(|(name, _)| name.starts_with("lost")));

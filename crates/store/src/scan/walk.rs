@@ -5,11 +5,10 @@ use std::io::{Read, Seek};
 
 use mcap::records::{Record, op};
 
-use super::chunk::{self, Decompressor};
-use super::search::repaired;
+use super::chunk::Decompressor;
 use super::{
-    Chunk, Fields, MAGIC, PREFIX, Proof, Refusal, Scanner, for_each_record, is_known, message,
-    parse, split_record,
+    Chunk, MAGIC, PREFIX, Proof, Refusal, Scanner, for_each_record, is_known, message, parse,
+    split_record,
 };
 
 /// Opcode, length, two offsets, checksum; then the magic.
@@ -96,24 +95,24 @@ pub(crate) struct Walker<R> {
     /// Bytes that a search has read for candidates.
     pub(super) searched: u64,
     decompressor: Decompressor,
-    position: u64,
-    pending: VecDeque<Item>,
-    ending: Option<Ending>,
+    pub(super) position: u64,
+    pub(super) pending: VecDeque<Item>,
+    pub(super) ending: Option<Ending>,
     /// Where the last byte that is not zero ends.
-    written: u64,
+    pub(super) written: u64,
     /// Where the data section ends, as an intact footer says.
-    data_end: Option<u64>,
+    pub(super) data_end: Option<u64>,
     /// Checksum of all since the beginning, or since the end of the data section; `None` once
     /// something was left out.
     checksum: Option<crc32fast::Hasher>,
     in_summary: bool,
     data_confirmed: bool,
     /// Indexes that should follow the last chunk: log times and places of its messages.
-    indexes: BTreeMap<u16, Vec<(u64, u64)>>,
+    pub(super) indexes: BTreeMap<u16, Vec<(u64, u64)>>,
 }
 
-/// The record at an offset.
-enum Framed {
+/// The record at an offset, as far as its own bytes say.
+pub(super) enum Framed {
     Chunk {
         end: u64,
         chunk: Chunk,
@@ -215,7 +214,7 @@ impl<R: Read + Seek> Walker<R> {
         Ok(())
     }
 
-    fn framed(&mut self, offset: u64) -> std::io::Result<Framed> {
+    pub(super) fn framed(&mut self, offset: u64) -> std::io::Result<Framed> {
         let Some((opcode, length)) = self.scanner.prefix(offset)? else {
             let first = self.scanner.read_at(offset, 1)?;
             let opcode = first.first().copied().filter(|opcode| is_known(*opcode));
@@ -264,7 +263,7 @@ impl<R: Read + Seek> Walker<R> {
         }
     }
 
-    fn take_chunk(&mut self, offset: u64, end: u64, chunk: Chunk) {
+    pub(super) fn take_chunk(&mut self, offset: u64, end: u64, chunk: Chunk) {
         self.position = end;
         self.indexes.clear();
         let base = chunk.records.as_ptr() as usize;
@@ -377,147 +376,7 @@ impl<R: Read + Seek> Walker<R> {
         Ok(())
     }
 
-    /// The file ends before the record at `offset` does.
-    fn short(&mut self, offset: u64, opcode: Option<u8>) -> std::io::Result<()> {
-        if opcode.is_none_or(|opcode| opcode == op::CHUNK)
-            && let Some(found) = repaired(&mut self.scanner, self.bound, offset)?
-        {
-            self.take_repaired(offset, found.end, found.chunk);
-            return Ok(());
-        }
-        let mut chunks = 0;
-        if let Some(next) = self.search(offset + 1, self.scanner.length(), &mut chunks)? {
-            let lost = chunks + u64::from(opcode == Some(op::CHUNK));
-            self.leave_out(offset, next, lost, Cause::Chunk);
-            return Ok(());
-        }
-        self.cut(offset, opcode)
-    }
-
-    /// Nothing that is intact follows: either the file was cut here, or its rest is damaged.
-    fn cut(&mut self, offset: u64, opcode: Option<u8>) -> std::io::Result<()> {
-        let rest = self.scanner.length() - offset;
-        let body = self
-            .scanner
-            .read_at(offset + PREFIX, rest.min(self.bound))?;
-        let length = self.scanner.prefix(offset)?.map(|(_, length)| length);
-        let plausible = match (opcode, length) {
-            (_, _) if offset >= self.written => true,
-            (Some(op::CHUNK), Some(length)) => match chunk::header(&body) {
-                Some((header, _)) => chunk::adds_up(&header, length),
-                None => true,
-            },
-            (Some(op::MESSAGE_INDEX), Some(length)) => Fields(&body).take(6).is_none_or(|head| {
-                let list = u32::from_le_bytes([head[2], head[3], head[4], head[5]]);
-                u64::from(list) + 6 == length
-            }),
-            (Some(_), Some(length)) => length <= self.bound,
-            (opcode, None) => opcode.is_some() || offset >= self.written,
-            (None, Some(_)) => false,
-        };
-        if plausible {
-            let index = opcode.is_some_and(|opcode| {
-                (op::MESSAGE_INDEX..=op::CHUNK_INDEX).contains(&opcode)
-                    || (op::ATTACHMENT_INDEX..=op::STATISTICS).contains(&opcode)
-                    || (op::METADATA_INDEX..=op::DATA_END).contains(&opcode)
-                    || opcode == op::FOOTER
-            });
-            self.ending = Some(Ending::Cut {
-                offset,
-                opcode,
-                chunk: (opcode == Some(op::CHUNK)).then_some(body),
-                data: !index,
-            });
-        } else {
-            let lost = u64::from(self.indexes.is_empty());
-            self.leave_out(offset, self.scanner.length(), lost, Cause::Chunk);
-            self.ending = Some(Ending::Unfinished);
-        }
-        Ok(())
-    }
-
-    /// The record at `offset` is damaged; finds where the file goes on.
-    fn damaged(&mut self, offset: u64, cause: Cause, end: Option<u64>) -> std::io::Result<()> {
-        if let Some(found) = repaired(&mut self.scanner, self.bound, offset)? {
-            self.take_repaired(offset, found.end, found.chunk);
-            return Ok(());
-        }
-        if let Some((end, body)) = self.repaired_metadata(offset)? {
-            self.leave_out(offset, offset + PREFIX, 0, Cause::Record);
-            self.position = end;
-            let opcode = op::METADATA;
-            self.pending.push_back(Item::Record {
-                opcode,
-                offset,
-                body,
-            });
-            return Ok(());
-        }
-        let is_chunk = !matches!(cause, Cause::Record | Cause::Magic | Cause::Index);
-        // Zeros that a power cut left may reach into the record.
-        if let Some(end) = end.filter(|end| *end <= self.written)
-            && self.goes_on_at(end)?
-        {
-            self.leave_out(offset, end, u64::from(is_chunk), cause);
-            return Ok(());
-        }
-        // The record that a chunk's damage hid is a chunk itself, unless its indexes are due.
-        let mut chunks = u64::from(is_chunk || self.indexes.is_empty());
-        let limit = self.data_end.filter(|end| *end > offset);
-        let limit = limit.unwrap_or(self.scanner.length());
-        let next = self.search(offset + 1, limit, &mut chunks)?;
-        if next.is_none()
-            && limit == self.scanner.length()
-            && end.is_none_or(|end| end >= self.written)
-        {
-            let opcode = self.scanner.prefix(offset)?.map(|(opcode, _)| opcode);
-            return self.cut(offset, opcode.filter(|opcode| is_known(*opcode)));
-        }
-        self.leave_out(offset, next.unwrap_or(limit), chunks, cause);
-        Ok(())
-    }
-
-    /// Whether what stands at `offset` confirms that the record before ends there.
-    fn goes_on_at(&mut self, offset: u64) -> std::io::Result<bool> {
-        if offset >= self.scanner.length() {
-            return Ok(offset == self.scanner.length());
-        }
-        Ok(match self.framed(offset)? {
-            Framed::Chunk { .. } => true,
-            Framed::Record { opcode, body } => match opcode {
-                op::MESSAGE_INDEX | op::METADATA => body.len() > 8,
-                op::HEADER | op::ATTACHMENT | op::DATA_END => true,
-                _ => false,
-            },
-            _ => false,
-        })
-    }
-
-    /// The metadata record at `offset` whose opcode or length is damaged: where it ends by what is in
-    /// it, if another record follows there.
-    fn repaired_metadata(&mut self, offset: u64) -> std::io::Result<Option<(u64, Vec<u8>)>> {
-        let mut body = self.scanner.read_at(offset + PREFIX, 1 << 16)?;
-        let mut rest = Fields(&body);
-        let Some(name) = rest.blob().filter(|name| name.starts_with(b"atvrec.")) else {
-            return Ok(None);
-        };
-        let Some(map) = rest.blob() else {
-            return Ok(None);
-        };
-        let length = 8 + name.len() + map.len();
-        let end = offset + PREFIX + length as u64;
-        body.truncate(length);
-        let intact = parse(op::METADATA, &body).is_some() && self.goes_on_at(end)?;
-        Ok(intact.then_some((end, body)))
-    }
-
-    fn take_repaired(&mut self, offset: u64, end: u64, chunk: Chunk) {
-        let header = PREFIX + chunk::HEADER_LENGTH;
-        self.leave_out(offset, offset + header, 0, Cause::ChunkHeader);
-        self.take_chunk(offset, end, chunk);
-    }
-
-    fn leave_out(&mut self, offset: u64, end: u64, chunks: u64, cause: Cause) {
+    pub(super) fn leave_out(&mut self, offset: u64, end: u64, chunks: u64, cause: Cause) {
         self.checksum = None;
         self.indexes.clear();
         self.position = end;

@@ -31,8 +31,8 @@ pub fn session() -> Session {
         git_hash: "0123abc".to_owned(),
         boot_id: "boot".to_owned(),
         host: "host".to_owned(),
-        run_number: Some(42),
-        clock: ClockState::Unsynchronised,
+        run_number: None,
+        clock: ClockState::Unknown,
         silence_ns: 1_000_000_000,
         sources: vec![
             source(0, "recorder", SourceKind::Recorder),

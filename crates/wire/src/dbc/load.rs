@@ -1,11 +1,16 @@
 //! From text to a [`Database`] that cannot be wrong.
 
+use std::collections::{HashMap, HashSet};
+use std::ops::RangeInclusive;
+
 use can_dbc::{
-    AttributeDefinition, AttributeValue, AttributeValueType, Comment, Dbc, Message, MessageId,
-    MultiplexIndicator, NumericValue, Signal, SignalExtendedValueType, ValueDescription, ValueType,
+    Dbc, Message, MultiplexIndicator, NumericValue, Signal, SignalExtendedValueType,
+    ValueDescription, ValueType,
 };
+use sample::boundary::guarded;
 
 use super::bits::Field;
+use super::index::{Index, MessageKey, key};
 use super::text::{Lines, decode_text, syntax_error};
 use super::{
     ByteOrder, Database, DbcError, Issue, MessageDef, RawKind, Selector, SignalDef, parameter_group,
@@ -16,34 +21,111 @@ const ORPHANS: &str = "VECTOR__INDEPENDENT_SIG_MSG";
 /// Longest data of one CAN FD frame, bytes.
 const FRAME_BYTES_MAX: usize = 64;
 
+/// Longest DBC file, bytes.
+pub const BYTES_MAX: usize = 16 << 20;
+/// Most signals of one message. Every frame is looked at for each of them.
+pub const SIGNALS_MAX: usize = 4_096;
+/// Longest message, bytes.
+const MESSAGE_BYTES_MAX: usize = 65_535;
+/// Most entries (messages, signals, comments, labels and all other sections) of one file.
+const ENTRIES_MAX: usize = 400_000;
+/// Most errors, and most warnings, that are reported one by one.
+const ISSUES_MAX: usize = 100;
+/// Most pairs of bits of one message that are compared in the search for overlaps.
+const COMPARED_MAX: usize = 20_000_000;
+/// Longest list of values of a multiplexor that select one signal, ranges.
+const RANGES_MAX: usize = 4_096;
+
 pub fn load(file: &[u8]) -> Result<Database, DbcError> {
+    if file.len() > BYTES_MAX {
+        let text = format!("has {} bytes; a DBC file may have {BYTES_MAX}", file.len());
+        return Err(whole_file(text));
+    }
     let text = decode_text(file);
-    let parsed = Dbc::try_from(text.as_ref()).map_err(|error| syntax_error(&text, &error))?;
+    let lines = Lines::scan(&text);
+    check_size(&text, &lines)?;
+    let parsed = guarded(|| Dbc::try_from(text.as_ref()))
+        .map_err(|panic| whole_file(format!("cannot be read: the parser failed: {panic}")))?
+        .map_err(|error| syntax_error(&text, &error))?;
     let mut loader = Loader {
-        lines: Lines::scan(&text),
+        lines,
         parsed: &parsed,
+        index: Index::new(&parsed),
         errors: Vec::new(),
         warnings: Vec::new(),
     };
     let database = loader.database();
     loader.check_references(&database);
     if loader.errors.is_empty() {
-        loader.warnings.sort();
         Ok(Database {
-            warnings: loader.warnings,
+            warnings: limited(loader.warnings),
             ..database
         })
     } else {
-        loader.errors.sort();
         Err(DbcError {
-            issues: loader.errors,
+            issues: limited(loader.errors),
         })
     }
+}
+
+/// An error of no single line.
+fn whole_file(text: String) -> DbcError {
+    DbcError {
+        issues: vec![Issue {
+            line: 1,
+            token: "file".to_owned(),
+            text,
+        }],
+    }
+}
+
+/// Refuses what would cost the parser much memory, before it is called.
+fn check_size(text: &str, lines: &Lines) -> Result<(), DbcError> {
+    if let Some((message, line)) = &lines.crowded {
+        return Err(DbcError {
+            issues: vec![Issue {
+                line: *line,
+                token: message.clone(),
+                text: format!("has more than {SIGNALS_MAX} signals; split the message"),
+            }],
+        });
+    }
+    let count = |signs: &[u8]| text.bytes().filter(|byte| signs.contains(byte)).count();
+    // What separates entries, by how many of them a usual entry has.
+    let entries = [
+        count(b"\n"),
+        count(b";"),
+        count(b"\"") / 2,
+        count(b",") / 2,
+        count(b" \t") / 16,
+    ];
+    let entries = entries.into_iter().max().unwrap_or_default();
+    if entries > ENTRIES_MAX {
+        let text = format!("has about {entries} entries; a DBC file may have {ENTRIES_MAX}");
+        return Err(whole_file(text));
+    }
+    Ok(())
+}
+
+/// The first issues in order of lines, and how many more there are.
+fn limited(mut issues: Vec<Issue>) -> Vec<Issue> {
+    issues.sort();
+    let more = issues.len().saturating_sub(ISSUES_MAX);
+    if more > 0 {
+        issues.truncate(ISSUES_MAX);
+        issues.push(Issue {
+            line: issues.last().map_or(1, |last| last.line),
+            token: "…".to_owned(),
+            text: format!("and {more} more issues"),
+        });
+    }
+    issues
 }
 
 struct Loader<'a> {
     lines: Lines,
     parsed: &'a Dbc,
+    index: Index<'a>,
     errors: Vec<Issue>,
     warnings: Vec<Issue>,
 }
@@ -73,21 +155,22 @@ impl<'a> Loader<'a> {
     }
 
     fn message(&mut self, message: &Message) -> MessageDef {
-        let (id, extended) = match message.id {
-            MessageId::Standard(id) => (u32::from(id), false),
-            MessageId::Extended(id) => (id, true),
-        };
+        let (extended, id) = key(message.id);
         self.check_identifier(message, id, extended);
         let size = usize::try_from(message.size).unwrap_or(usize::MAX);
-        if size > FRAME_BYTES_MAX {
+        if size > MESSAGE_BYTES_MAX {
+            let text = format!("has {size} bytes; a message may have {MESSAGE_BYTES_MAX}");
+            self.message_error(&message.name, text);
+        } else if size > FRAME_BYTES_MAX {
             let text = format!("has {size} bytes, more than one frame: only its start is decoded");
             self.message_warning(&message.name, text);
         }
-        let format = self.frame_format(message.id);
+        let format = self.index.frame_format((extended, id));
         let fd = format.ends_with("_FD") || (size > 8 && size <= FRAME_BYTES_MAX);
         let mut signals: Vec<SignalDef> = Vec::with_capacity(message.signals.len());
+        let mut names = HashSet::with_capacity(message.signals.len());
         for signal in &message.signals {
-            if signals.iter().any(|earlier| earlier.name == signal.name) {
+            if !names.insert(signal.name.as_str()) {
                 let text = "is there twice in this message".to_owned();
                 self.signal_error(&message.name, &signal.name, text);
             }
@@ -104,7 +187,13 @@ impl<'a> Loader<'a> {
             fd,
             j1939: extended && format == "J1939PG",
             size,
-            comment: self.message_comment(message.id),
+            comment: self
+                .index
+                .message_comments
+                .get(&(extended, id))
+                .copied()
+                .unwrap_or_default()
+                .to_owned(),
             signals,
         }
     }
@@ -158,16 +247,28 @@ impl<'a> Loader<'a> {
             );
             self.signal_error(&message.name, &signal.name, text);
         }
+        let place = (key(message.id), signal.name.as_str());
+        let labels = self.index.labels.get(&place).copied().unwrap_or_default();
+        let labels = labels
+            .iter()
+            .map(|entry| (entry.id, entry.description.clone()))
+            .collect();
+        let comment = self
+            .index
+            .signal_comments
+            .get(&place)
+            .copied()
+            .unwrap_or_default();
         Some(SignalDef {
             name: signal.name.clone(),
             unit: signal.unit.clone(),
-            comment: self.signal_comment(message.id, &signal.name),
+            comment: comment.to_owned(),
             kind: self.kind(message, signal),
             factor: signal.factor,
             offset: signal.offset,
             range: (low != high).then_some((low, high)),
             selector: None,
-            labels: self.labels(message.id, &signal.name),
+            labels,
             field,
         })
     }
@@ -177,9 +278,8 @@ impl<'a> Loader<'a> {
             ValueType::Signed => RawKind::Signed,
             ValueType::Unsigned => RawKind::Unsigned,
         };
-        let extended = self
-            .parsed
-            .extended_value_type_for_signal(message.id, &signal.name);
+        let place = (key(message.id), signal.name.as_str());
+        let extended = self.index.types.get(&place).copied();
         let (kind, width) = match extended {
             None | Some(SignalExtendedValueType::SignedOrUnsignedInteger) => return integer,
             Some(SignalExtendedValueType::IEEEfloat32Bit) => (RawKind::Float, 32),
@@ -197,11 +297,12 @@ impl<'a> Loader<'a> {
 
     /// Gives the multiplexed signals of a message their selectors.
     fn select(&mut self, message: &Message, signals: &mut [SignalDef]) {
-        let extended: Vec<_> = self
-            .parsed
-            .extended_multiplex
+        let id = key(message.id);
+        let positions: HashMap<String, usize> = signals
             .iter()
-            .filter(|entry| entry.message_id == message.id)
+            .enumerate()
+            .rev()
+            .map(|(position, signal)| (signal.name.clone(), position))
             .collect();
         let switches: Vec<usize> = (0..message.signals.len())
             .filter(|index| {
@@ -209,20 +310,30 @@ impl<'a> Loader<'a> {
             })
             .collect();
         for (index, signal) in message.signals.iter().enumerate() {
-            let entry = extended
-                .iter()
-                .find(|entry| entry.signal_name == signal.name);
+            let entry = self
+                .index
+                .selectors
+                .get(&(id, signal.name.as_str()))
+                .copied();
             let selector = if let Some(entry) = entry {
                 let name = &entry.multiplexor_signal_name;
-                let Some(multiplexor) = signals.iter().position(|s| s.name == *name) else {
+                let Some(multiplexor) = positions.get(name).copied() else {
                     let text = format!("is selected by {name}, which the message does not have");
                     self.signal_error(&message.name, &signal.name, text);
                     continue;
                 };
                 let values = entry.mappings.iter().map(|m| m.min_value..=m.max_value);
+                let values = merged(values.collect());
+                if values.len() > RANGES_MAX {
+                    let text = format!(
+                        "is selected by {} ranges; it may be {RANGES_MAX}",
+                        values.len()
+                    );
+                    self.signal_error(&message.name, &signal.name, text);
+                }
                 Selector {
                     multiplexor,
-                    values: values.collect(),
+                    values,
                 }
             } else {
                 let (MultiplexIndicator::MultiplexedSignal(value)
@@ -262,51 +373,65 @@ impl<'a> Loader<'a> {
                 let name = multiplexor.name.clone();
                 self.signal_error(&message.name, &name, text);
             }
-            let mut at = index;
-            for _ in 0..signals.len() {
-                let Some(next) = &signals[at].selector else {
-                    break;
-                };
-                at = next.multiplexor;
-                if at == index {
-                    let text = "selects itself through its multiplexors".to_owned();
-                    let name = signals[index].name.clone();
-                    self.signal_error(&message.name, &name, text);
-                    break;
-                }
-            }
+        }
+        for index in rings(signals) {
+            let text = "selects itself through its multiplexors".to_owned();
+            let name = signals[index].name.clone();
+            self.signal_error(&message.name, &name, text);
         }
     }
 
     /// Warns of bits that two signals claim which can be in the same frame.
     fn check_overlap(&mut self, message: &Message, signals: &[SignalDef]) {
-        let masks: Vec<_> = signals
-            .iter()
-            .map(|signal| signal.field.mask_bytes())
-            .collect();
+        // By each bit of a frame: the signals that have it, in the file's order.
+        let mut owners: Vec<Vec<usize>> = vec![Vec::new(); 8 * FRAME_BYTES_MAX];
+        let mut compared = 0;
         for (index, signal) in signals.iter().enumerate() {
-            for (other, mask) in signals[..index].iter().zip(&masks) {
-                let mut shared = masks[index].iter().zip(mask).map(|(a, b)| a & b);
-                if let Some(byte) = shared.position(|bits| bits != 0)
-                    && !exclude_each_other(signal, other)
-                {
-                    let text = format!("overlaps {} in byte {byte}", other.name);
+            let mut shared: Vec<(usize, usize)> = Vec::new();
+            for (byte, mask) in signal.field.mask_bytes().into_iter().enumerate() {
+                for bit in (0..8).filter(|bit| mask >> bit & 1 != 0) {
+                    let Some(others) = owners.get_mut(8 * byte + bit) else {
+                        continue;
+                    };
+                    compared += others.len();
+                    shared.extend(others.iter().map(|other| (*other, byte)));
+                    others.push(index);
+                }
+            }
+            shared.sort_unstable();
+            shared.dedup_by_key(|(other, _)| *other);
+            for (other, byte) in shared {
+                if !exclude_each_other(signal, &signals[other]) {
+                    let text = format!("overlaps {} in byte {byte}", signals[other].name);
                     self.signal_warning(&message.name, &signal.name, text);
                 }
+            }
+            if compared > COMPARED_MAX || self.warnings.len() > 10 * ISSUES_MAX {
+                return;
             }
         }
     }
 
     /// Warns of attributes and labels that name what does not exist.
     fn check_references(&mut self, database: &Database) {
-        let has = |id: MessageId, name: &str| {
-            let (extended, id) = match id {
-                MessageId::Standard(id) => (false, u32::from(id)),
-                MessageId::Extended(id) => (true, id),
-            };
-            let index = database.by_id.get(&(extended, id));
-            index.is_some_and(|index| database.messages[*index].position(name).is_some())
-        };
+        let known: HashSet<(MessageKey, &str)> = database
+            .messages
+            .iter()
+            .flat_map(|message| {
+                let own = (message.extended, message.id);
+                message
+                    .signals
+                    .iter()
+                    .map(move |signal| (own, signal.name.as_str()))
+            })
+            .collect();
+        let orphans: HashSet<MessageKey> = self
+            .parsed
+            .messages
+            .iter()
+            .filter(|message| message.name == ORPHANS)
+            .map(|message| key(message.id))
+            .collect();
         let parsed = self.parsed;
         let types = parsed.signal_extended_value_type_list.iter();
         let types = types.map(|entry| ("SIG_VALTYPE_", entry.message_id, &entry.signal_name));
@@ -323,11 +448,8 @@ impl<'a> Loader<'a> {
                 ValueDescription::EnvironmentVariable { .. } => None,
             });
         for (section, id, name) in types.chain(selectors).chain(labels) {
-            let orphan = parsed
-                .messages
-                .iter()
-                .any(|message| message.id == id && message.name == ORPHANS);
-            if !orphan && !has(id, name) {
+            let place = (key(id), name.as_str());
+            if !orphans.contains(&place.0) && !known.contains(&place) {
                 self.warnings.push(Issue {
                     line: 1,
                     token: name.clone(),
@@ -338,73 +460,6 @@ impl<'a> Loader<'a> {
                 });
             }
         }
-    }
-
-    /// The file's `VFrameFormat` of a message, by name; empty if there is none.
-    fn frame_format(&self, id: MessageId) -> &'a str {
-        const NAME: &str = "VFrameFormat";
-        let value = self.parsed.resolved_message_attribute(id, NAME);
-        let index = match value {
-            Some(AttributeValue::String(text)) => return text,
-            Some(AttributeValue::Uint(index)) => usize::try_from(*index).ok(),
-            Some(AttributeValue::Int(index)) => usize::try_from(*index).ok(),
-            Some(AttributeValue::Double(_)) | None => None,
-        };
-        let names = self
-            .parsed
-            .attribute_definitions
-            .iter()
-            .find_map(|entry| match entry {
-                AttributeDefinition::Message(name, AttributeValueType::Enum(names))
-                    if name == NAME =>
-                {
-                    Some(names)
-                }
-                _ => None,
-            });
-        index
-            .zip(names)
-            .and_then(|(index, names)| names.get(index))
-            .map_or("", String::as_str)
-    }
-
-    fn message_comment(&self, wanted: MessageId) -> String {
-        let found = self.parsed.comments.iter().find_map(|entry| match entry {
-            Comment::Message { id, comment } if *id == wanted => Some(comment),
-            _ => None,
-        });
-        found.cloned().unwrap_or_default()
-    }
-
-    fn signal_comment(&self, id: MessageId, signal: &str) -> String {
-        let found = self.parsed.comments.iter().find_map(|entry| match entry {
-            Comment::Signal {
-                message_id,
-                name,
-                comment,
-            } if *message_id == id && name == signal => Some(comment),
-            _ => None,
-        });
-        found.cloned().unwrap_or_default()
-    }
-
-    fn labels(&self, id: MessageId, signal: &str) -> Vec<(i64, String)> {
-        let found = self
-            .parsed
-            .value_descriptions
-            .iter()
-            .find_map(|entry| match entry {
-                ValueDescription::Signal {
-                    message_id,
-                    name,
-                    value_descriptions,
-                } if *message_id == id && name == signal => Some(value_descriptions),
-                _ => None,
-            });
-        let entries = found.map_or(&[][..], Vec::as_slice).iter();
-        entries
-            .map(|entry| (entry.id, entry.description.clone()))
-            .collect()
     }
 
     fn message_error(&mut self, message: &str, text: String) {
@@ -450,12 +505,72 @@ fn exclude_each_other(one: &SignalDef, other: &SignalDef) -> bool {
     let (Some(one), Some(other)) = (&one.selector, &other.selector) else {
         return false;
     };
-    one.multiplexor != other.multiplexor
-        || !one.values.iter().any(|a| {
-            let overlaps =
-                |b: &std::ops::RangeInclusive<u64>| a.start() <= b.end() && b.start() <= a.end();
-            other.values.iter().any(overlaps)
-        })
+    if one.multiplexor != other.multiplexor {
+        return true;
+    }
+    // Both lists are in order and without overlaps in themselves.
+    let (mut a, mut b) = (one.values.iter().peekable(), other.values.iter().peekable());
+    while let (Some(left), Some(right)) = (a.peek(), b.peek()) {
+        if left.end() < right.start() {
+            a.next();
+        } else if right.end() < left.start() {
+            b.next();
+        } else {
+            return false;
+        }
+    }
+    true
+}
+
+/// The same values in the fewest ranges, in order.
+fn merged(mut ranges: Vec<RangeInclusive<u64>>) -> Vec<RangeInclusive<u64>> {
+    ranges.retain(|range| !range.is_empty());
+    ranges.sort_unstable_by_key(|range| *range.start());
+    let mut merged: Vec<RangeInclusive<u64>> = Vec::new();
+    for range in ranges {
+        match merged.last_mut() {
+            Some(last) if *range.start() <= last.end().saturating_add(1) => {
+                *last = *last.start()..=*last.end().max(range.end());
+            }
+            _ => merged.push(range),
+        }
+    }
+    merged
+}
+
+/// The signals that select themselves through their multiplexors.
+fn rings(signals: &[SignalDef]) -> Vec<usize> {
+    // 0: not seen; else the walk that saw it first.
+    let mut seen = vec![0; signals.len()];
+    let mut found = Vec::new();
+    let next = |at: usize| {
+        signals[at]
+            .selector
+            .as_ref()
+            .map(|selector| selector.multiplexor)
+    };
+    for start in 0..signals.len() {
+        let walk = start + 1;
+        let mut at = Some(start);
+        while let Some(index) = at.filter(|index| seen[*index] == 0) {
+            seen[index] = walk;
+            at = next(index);
+        }
+        // A walk that meets itself has met a ring: every signal of it is one.
+        let Some(entry) = at.filter(|index| seen[*index] == walk) else {
+            continue;
+        };
+        let mut at = entry;
+        loop {
+            found.push(at);
+            match next(at) {
+                Some(index) if index != entry => at = index,
+                _ => break,
+            }
+        }
+    }
+    found.sort_unstable();
+    found
 }
 
 fn number(value: NumericValue) -> f64 {

@@ -56,7 +56,7 @@ pub struct SignalDef {
 pub struct Selector {
     /// Position of the multiplexor in [`MessageDef::signals`].
     pub multiplexor: usize,
-    /// Raw values of the multiplexor that select the signal.
+    /// Raw values of the multiplexor that select the signal, in order and without overlaps.
     pub values: Vec<RangeInclusive<u64>>,
 }
 
@@ -225,7 +225,12 @@ impl MessageDef {
             let Some(bits) = signal.field.extract(data) else {
                 return false;
             };
-            if !selector.values.iter().any(|range| range.contains(&bits)) {
+            let after = selector.values.partition_point(|range| *range.end() < bits);
+            if !selector
+                .values
+                .get(after)
+                .is_some_and(|range| range.contains(&bits))
+            {
                 return false;
             }
         }

@@ -244,3 +244,189 @@ proptest! {
         }
     }
 }
+
+/// Files that cost a quadratic loader minutes, and an unbounded one all memory.
+#[test]
+fn hostile_files_cost_bounded_time() {
+    let head = "VERSION \"\"\nBS_:\nBU_: Node\n";
+    let lines =
+        |count: usize, line: &dyn Fn(usize) -> String| (0..count).map(line).collect::<String>();
+    let signal = |n: usize| format!(" SG_ s{n} : 0|8@1+ (1,0) [0|0] \"\" Node\n");
+    let muxed = |n: usize| format!(" SG_ s{n} m{n} : 8|8@1+ (1,0) [0|0] \"\" Node\n");
+    let message = |n: usize| format!("BO_ {} m{n}: 8 Node\n", 0x8000_0000_u64 + n as u64);
+    let one = "BO_ 5 Sample: 8 Node\n";
+    let switch = " SG_ M M : 0|8@1+ (1,0) [0|0] \"\" Node\n";
+    let full = SIGNALS_MAX - 1;
+    let same = " SG_ a : 0|8@1+ (1,0) [0|0] \"\" Node\n";
+    let cases: Vec<(&str, String, Option<bool>)> = vec![
+        (
+            "signals",
+            format!("{head}{one}{}", lines(200_000, &signal)),
+            Some(false),
+        ),
+        (
+            "as many signals as allowed",
+            format!("{head}{one}{}", lines(full, &signal)),
+            Some(true),
+        ),
+        (
+            "multiplexed",
+            format!("{head}{one}{switch}{}", lines(full, &muxed)),
+            Some(true),
+        ),
+        (
+            "messages",
+            format!("{head}{}", lines(100_000, &message)),
+            Some(true),
+        ),
+        (
+            "too many messages",
+            format!("{head}{}", lines(500_000, &message)),
+            Some(false),
+        ),
+        (
+            "one name",
+            format!("{head}{one}{}", same.repeat(full)),
+            Some(false),
+        ),
+        (
+            "one identifier",
+            format!("{head}{}", "BO_ 5 Sample: 8 Node\n".repeat(100_000)),
+            Some(false),
+        ),
+        (
+            "comments",
+            format!(
+                "{head}{}{}",
+                lines(50_000, &message),
+                lines(50_000, &|n| {
+                    format!("CM_ BO_ {} \"x\";\n", 0x8000_0000_u64 + n as u64)
+                })
+            ),
+            Some(true),
+        ),
+        (
+            "labels of no signal",
+            format!(
+                "{head}{one}{}",
+                lines(100_000, &|n| { format!("VAL_ 5 s{n} 1 \"x\" ;\n") })
+            ),
+            Some(true),
+        ),
+        (
+            "labels",
+            format!(
+                "{head}{one}{switch}VAL_ 5 M {};\n",
+                lines(200_000, &|n| { format!("{n} \"x\" ") })
+            ),
+            Some(true),
+        ),
+        (
+            "ranges",
+            format!(
+                "{head}{one}{switch} SG_ a m0 : 8|8@1+ (1,0) [0|0] \"\" Node\n\
+            SG_MUL_VAL_ 5 a M {};\n",
+                lines(300_000, &|n| {
+                    format!("{}-{}{}", 2 * n, 2 * n, if n == 299_999 { "" } else { "," })
+                })
+            ),
+            Some(false),
+        ),
+        (
+            "a wide range",
+            format!(
+                "{head}{one}{switch} SG_ a m0 : 8|8@1+ (1,0) [0|0] \"\" Node\n\
+            SG_MUL_VAL_ 5 a M 0-18446744073709551615, 5-4;\n"
+            ),
+            Some(true),
+        ),
+        (
+            "a message of absurd size",
+            format!(
+                "{head}BO_ 5 Sample: 9223372036854775807 Node\n\
+             SG_ a : 4611686018427387904|8@1+ (1,0) [0|0] \"\" Node\n\
+             SG_ b : 4611686018427387904|8@1+ (1,0) [0|0] \"\" Node\n"
+            ),
+            Some(false),
+        ),
+        (
+            "blank lines",
+            format!("{head}{one}{}x", "\n".repeat(300_000)),
+            None,
+        ),
+        (
+            "blank lines with blanks",
+            format!("{head}{}x", " \n".repeat(300_000)),
+            None,
+        ),
+        (
+            "comment lines",
+            format!("{head}{one}{}x", "// x\n".repeat(200_000)),
+            None,
+        ),
+        (
+            "one long line",
+            format!("{head}CM_ \"{}\";\n", "x".repeat(BYTES_MAX / 2)),
+            Some(true),
+        ),
+        (
+            "an open text",
+            format!("{head}CM_ \"{}", "x".repeat(BYTES_MAX / 2)),
+            Some(false),
+        ),
+        (
+            "quotes",
+            format!("{head}CM_ {}", "\"\" ".repeat(300_000)),
+            None,
+        ),
+        (
+            "nodes",
+            format!("VERSION \"\"\nBS_:\nBU_: {}\n", "n ".repeat(3_000_000)),
+            None,
+        ),
+        (
+            "a long name",
+            format!("{head}BO_ 5 {}: 8 Node\n", "m".repeat(BYTES_MAX / 2)),
+            None,
+        ),
+        (
+            "digits",
+            format!("{head}BO_ {} m: 8 Node\n", "9".repeat(BYTES_MAX / 2)),
+            Some(false),
+        ),
+        (
+            "labels without entries",
+            format!("{head}{}", "VAL_ a;".repeat(300_000)),
+            None,
+        ),
+        ("zeros", "\0".repeat(BYTES_MAX), Some(false)),
+        ("too long", " ".repeat(BYTES_MAX + 1), Some(false)),
+    ];
+    for (name, text, usable) in cases {
+        let start = std::time::Instant::now();
+        let result = Database::parse(text.as_bytes());
+        let seconds = start.elapsed().as_secs_f64();
+        println!(
+            "{name}: {} bytes, {seconds:.2} s, usable: {}",
+            text.len(),
+            result.is_ok()
+        );
+        if let Some(usable) = usable {
+            assert_eq!(result.is_ok(), usable, "{name}: {:?}", result.err());
+        }
+        let issues = match &result {
+            Ok(database) => database.warnings().len(),
+            Err(error) => error.issues.len(),
+        };
+        assert!(issues <= 101, "{name}: {issues} issues");
+        // 20 times what the slowest took when this was written, on a busy machine.
+        assert!(seconds < 30.0, "{name}: {seconds} s");
+    }
+}
+
+#[test]
+fn names_of_a_hostile_file_are_printable_in_its_errors() {
+    let error = Database::parse(b"BO_ 5 \x1b[2J\x9b\xe2\x80\xae: 8 Node\n").expect_err("not a DBC");
+    let text = error.to_string();
+    assert!(!text.contains(['\u{1b}', '\u{9b}', '\u{202e}']), "{text}");
+}

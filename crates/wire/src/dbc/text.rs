@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use pest::error::LineColLocation;
 
-use super::{DbcError, Issue};
+use super::{DbcError, Issue, SIGNALS_MAX};
 
 pub fn decode_text(file: &[u8]) -> Cow<'_, str> {
     let file = file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file);
@@ -53,6 +53,9 @@ pub struct Lines {
     pub messages: BTreeMap<String, (usize, u64)>,
     /// By message and signal name.
     pub signals: BTreeMap<(String, String), usize>,
+    /// The first message with more than [`SIGNALS_MAX`] signals, and the line of the first one that
+    /// is too many.
+    pub crowded: Option<(String, usize)>,
 }
 
 impl Lines {
@@ -60,8 +63,10 @@ impl Lines {
         let mut lines = Self {
             messages: BTreeMap::new(),
             signals: BTreeMap::new(),
+            crowded: None,
         };
         let mut message = String::new();
+        let mut count = 0;
         for (index, line) in text.lines().enumerate() {
             let mut words = line.split([' ', '\t', ':']).filter(|word| !word.is_empty());
             match words.next() {
@@ -69,11 +74,17 @@ impl Lines {
                     let id = words.next().and_then(|id| id.parse().ok());
                     if let (Some(id), Some(name)) = (id, words.next()) {
                         name.clone_into(&mut message);
+                        count = 0;
                         let place = (index + 1, id);
                         lines.messages.entry(message.clone()).or_insert(place);
                     }
                 }
                 Some("SG_") => {
+                    count += 1;
+                    if count > SIGNALS_MAX {
+                        lines.crowded = Some((message, index + 1));
+                        return lines;
+                    }
                     if let Some(name) = words.next() {
                         let key = (message.clone(), name.to_owned());
                         lines.signals.entry(key).or_insert(index + 1);

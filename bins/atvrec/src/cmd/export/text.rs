@@ -3,12 +3,14 @@
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
+use sample::text::csv_cell;
 use store::{Column, Table, Values};
 
 use super::{heading, word};
 
 /// Writes a table: a line of names, then a line a row. Absent cells are empty, but numbers with a
-/// fraction `NaN`; the values of a list are separated by `;`.
+/// fraction `NaN`; the values of a list are separated by `;`. Text has no control characters, and an
+/// apostrophe stands in front of what a spreadsheet would take for a formula.
 pub fn write(table: &Table, sink: impl Write) -> io::Result<()> {
     write_rows(table, sink).map_err(|error| match error.into_kind() {
         csv::ErrorKind::Io(cause) => cause,
@@ -21,7 +23,7 @@ fn write_rows(table: &Table, sink: impl Write) -> csv::Result<()> {
     lines.write_field("log_time_ns")?;
     lines.write_field("publish_time_ns")?;
     for column in &table.columns {
-        lines.write_field(heading(column))?;
+        lines.write_field(csv_cell(&heading(column)).as_bytes())?;
     }
     lines.write_record(None::<&[u8]>)?;
     let mut cell = String::new();
@@ -36,12 +38,25 @@ fn write_rows(table: &Table, sink: impl Write) -> csv::Result<()> {
         for column in &table.columns {
             cell.clear();
             write_cell(column, row, &mut cell);
-            lines.write_field(&cell)?;
+            if is_text(column) {
+                lines.write_field(csv_cell(&cell).as_bytes())?;
+            } else {
+                lines.write_field(&cell)?;
+            }
         }
         lines.write_record(None::<&[u8]>)?;
     }
     lines.flush()?;
     Ok(())
+}
+
+/// Whether the cells of a column are text from outside, which a spreadsheet could run as a formula.
+fn is_text(column: &Column) -> bool {
+    let values = match &column.values {
+        Values::List { values, .. } => values,
+        values => values,
+    };
+    matches!(values, Values::Text(_)) || !column.names.is_empty()
 }
 
 fn write_cell(column: &Column, row: usize, cell: &mut String) {

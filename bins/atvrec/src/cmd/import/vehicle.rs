@@ -1,8 +1,10 @@
 //! `atvrec import vehicle`.
 
 use anyhow::Context;
+use sample::text::printable;
 
 use crate::cli::ImportVehicleArgs;
+use crate::config::{TOML_MAX, read_text};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
@@ -10,14 +12,14 @@ use crate::output::target::{Kind, Target};
 pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {
     let inputs = [&*args.input];
     let target = Target::new(&args.output, Kind::Toml, args.replace.force, inputs)?;
-    let text = std::fs::read_to_string(&args.input)
+    let text = read_text(&args.input, TOML_MAX)
         .with_context(|| format!("cannot read {}", args.input.display()))?;
     let vehicle = sim::vehicle_from_truth_params(&text)
         .with_context(|| format!("{} is not usable", args.input.display()))?;
     target.write(&vehicle.to_toml()?)?;
-    println!("{}: {}", args.output.display(), vehicle.name);
+    println!("{}: {}", args.output.display(), printable(&vehicle.name));
     for warning in vehicle.warnings() {
-        println!("  {warning}");
+        println!("  {}", printable(&warning.to_string()));
     }
     Ok(Outcome::Good)
 }

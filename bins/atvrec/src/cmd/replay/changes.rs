@@ -7,7 +7,7 @@ use store::Attachment;
 use toml::{Table, Value};
 
 use crate::cli::ReplayChanges;
-use crate::config::ATTACHED_NAME;
+use crate::config::{ATTACHED_NAME, TOML_MAX, read_text};
 use crate::exit::UsageError;
 
 /// The attachments with the changes: files beside the others, and a configuration that names them.
@@ -70,8 +70,9 @@ fn attach(attachments: &mut Vec<Attachment>, path: &Path) -> anyhow::Result<Stri
     if !path.exists() && path.extension().is_none() {
         return Ok(path.display().to_string());
     }
-    let data = std::fs::read(path)
-        .with_context(|| UsageError(format!("cannot read {}", path.display())))?;
+    let data = read_text(path, TOML_MAX)
+        .with_context(|| UsageError(format!("cannot read {}", path.display())))?
+        .into_bytes();
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let name = format!("replay-{name}");
     attachments.retain(|attachment| attachment.name != name);

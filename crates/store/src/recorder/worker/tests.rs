@@ -24,13 +24,14 @@ fn worker(directory: &Path) -> Worker {
         retry_interval: Duration::ZERO,
         ..Options::default()
     };
-    let shared = Arc::new(Shared::new(options.queue_capacity));
+    let shared = Arc::new(Shared::new(&options, crate::LossLedger::default()));
     Worker::open(directory, "run", Session::default(), options, shared).expect("a file")
 }
 
 impl Worker {
     fn take(&mut self, sequences: std::ops::Range<u64>) {
         for sequence in sequences {
+            self.shared.enter(&[arrival(sequence)]);
             self.arrival(arrival(sequence));
             self.look_after_disk();
         }
@@ -65,7 +66,7 @@ fn what_a_log_that_was_rotated_away_did_not_bring_to_the_disk_comes_again() {
     worker.take(100..130);
     let summary = worker.finish();
     assert_eq!(read(&summary), (0..130).collect::<Vec<_>>());
-    assert_eq!(summary.lost_arrivals, 0);
+    assert_eq!(summary.losses.arrivals, 0);
     assert!(!summary.unfinished.is_empty());
     // By when each of the two logs is given back, the first's reason or the second's is the last.
     let reason = summary.last_failure.expect("a reason");
@@ -84,7 +85,7 @@ fn the_last_log_comes_again_too() {
     worker.refuse();
     let summary = worker.finish();
     assert_eq!(read(&summary), (0..35).collect::<Vec<_>>());
-    assert_eq!((summary.lost_arrivals, summary.unfinished.len()), (0, 1));
+    assert_eq!((summary.losses.arrivals, summary.unfinished.len()), (0, 1));
 }
 
 #[test]
@@ -96,8 +97,122 @@ fn what_cannot_come_again_is_counted() {
     worker.take(0..35);
     worker.refuse();
     std::fs::rename(&directory, parent.path().join("away")).expect("moved");
+    std::fs::write(&directory, "").expect("no folder can be made");
     let summary = worker.finish();
     assert_eq!(summary.files, []);
-    assert_eq!(summary.lost_arrivals, 35);
-    assert_eq!(summary.lost_items[&SOURCE], 35);
+    assert_eq!(summary.losses.arrivals, 35);
+    assert_eq!(summary.losses.at(sample::LossPlace::Disk)[&SOURCE], 35);
+}
+
+fn control(log_time: u64, names: &[&str]) -> Record {
+    let value = |name: &&str| sample::Signal {
+        name: (*name).to_owned(),
+        value: 1.0,
+        unit: "1".to_owned(),
+    };
+    Record::Sample(sample::Sample {
+        source: SOURCE,
+        log_time: LogTime(log_time),
+        valid_time: LogTime(log_time),
+        device_time: None,
+        measurement: sample::Measurement::Control(sample::ControlSample {
+            values: names.iter().map(value).collect(),
+        }),
+    })
+}
+
+/// After a full disk the next file held decoded messages of a controller whose schema only the file
+/// before knew: a channel with a schema of 0 bytes.
+#[test]
+fn every_channel_of_every_part_has_its_schema() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let mut worker = worker(directory.path());
+    let mut part = 0;
+    for fails in [true, false, true] {
+        worker.take(part * 30..part * 30 + 30);
+        worker.record(&control(part * 300_000_000, &["throttle", "brake"]));
+        if fails {
+            worker.fail(&Error::Sink(std::io::ErrorKind::StorageFull.into()));
+            worker.retry();
+        } else {
+            worker.rotate();
+        }
+        part += 1;
+    }
+    worker.record(&control(1_000_000_000, &["brake"]));
+    let summary = worker.finish();
+    let mut seen = 0;
+    for file in &summary.files {
+        let reader = crate::Reader::open([&file.path]).expect("a log");
+        let without = |m: &crate::Missing| matches!(m, crate::Missing::NoSchema { .. });
+        assert!(!reader.info().missing.iter().any(without));
+        for channel in reader.channels() {
+            assert!(!channel.schema_data.is_empty(), "{}", channel.topic);
+        }
+        let table = reader.table("/control/source1", LogTime(0), LogTime(u64::MAX));
+        seen += table.map_or(0, |table| table.log_time_ns.len());
+    }
+    assert_eq!(seen, 4);
+}
+
+/// A disk that hangs took 36 s to stop, the service manager killed the recorder after 5 s, and the
+/// loss was counted nowhere.
+#[test]
+fn a_stop_while_the_disk_hangs_ends_in_time_and_counts_what_is_lost() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let options = Options {
+        raw_interval: Duration::from_millis(100),
+        stop_within: Duration::from_secs(1),
+        queue_capacity: 200,
+        ..Options::default()
+    };
+    let session = Session::default();
+    let recorder =
+        crate::Recorder::start(directory.path(), "run", session, options).expect("started");
+    let wait = |done: &dyn Fn() -> bool| {
+        let begin = Instant::now();
+        while !done() {
+            assert!(begin.elapsed() < Duration::from_secs(20), "it never came");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    (0..50).for_each(|sequence| assert!(recorder.push(arrival(sequence))));
+    wait(&|| recorder.status().backlog.arrivals == 0);
+    crate::file::hung::hang(directory.path());
+    let taken = (50..500)
+        .filter(|sequence| recorder.push(arrival(*sequence)))
+        .count();
+    std::thread::sleep(Duration::from_millis(300));
+    let backlog = recorder.status().backlog;
+    assert!(
+        backlog.arrivals >= 190 && backlog.bytes >= 3_800,
+        "{backlog:?}"
+    );
+    assert!(
+        backlog.queue_fill > 80 && backlog.span >= Duration::from_secs(1),
+        "{backlog:?}"
+    );
+    let refused = recorder.status().losses.arrivals;
+    assert_eq!(refused, 450 - taken as u64);
+    let begin = Instant::now();
+    let summary = recorder.finish().expect("a summary");
+    assert!(
+        begin.elapsed() < Duration::from_millis(1_300),
+        "{:?}",
+        begin.elapsed()
+    );
+    crate::file::hung::release(directory.path());
+    assert!(summary.cut_off.is_some());
+    assert_eq!(summary.losses.arrivals, refused + backlog.arrivals);
+    let log = directory.path().join("run_0000.mcap.active");
+    assert_eq!(summary.unfinished, [log.clone()]);
+    // What a file beside the log states, its readers find; also once the log is recovered.
+    let beside = std::fs::read_to_string(crate::losses_path(&log)).expect("written");
+    assert!(beside.contains("lost_arrivals"), "{beside}");
+    std::thread::sleep(Duration::from_millis(200));
+    let info = crate::Reader::open([&log]).expect("a log").info();
+    assert_eq!(info.counters["lost_arrivals"], summary.losses.arrivals);
+    assert_eq!(info.counters["lost.source1.disk"], summary.losses.arrivals);
+    let stated = |m: &crate::Missing| matches!(m, crate::Missing::Unwritten { .. });
+    assert!(info.missing.iter().any(stated), "{:?}", info.missing);
 }

@@ -1,0 +1,71 @@
+//! What one file of a run hands on to the next.
+
+use std::collections::BTreeMap;
+
+use sample::{Arrival, Notice, Payload, SourceId};
+
+use crate::convert::{self, Encoded, Envelope};
+use crate::dynamic::DynamicMessage;
+use crate::{Record, UtcOffset};
+
+/// What a file of a run hands on to the next one: the states that last, which the next file repeats
+/// at its start, and the schemas made at run time, without which it cannot describe its channels.
+#[derive(Clone, Default)]
+pub(crate) struct Latched {
+    pub(super) notices: BTreeMap<SourceId, Arrival>,
+    pub(super) messages: BTreeMap<(String, Option<SourceId>), Encoded>,
+    /// Messages of the DBC files and of controllers, by topic.
+    pub(super) dynamic: BTreeMap<String, DynamicMessage>,
+}
+
+impl Latched {
+    pub(super) fn see_arrival(&mut self, arrival: &Arrival) {
+        if let Payload::Notice(Notice::Opened(_) | Notice::Closed(_)) = &arrival.payload {
+            self.notices.insert(arrival.source, arrival.clone());
+        }
+    }
+
+    /// The last offset of UTC, of this file or of the files before.
+    pub(super) fn utc_offset(&self) -> Option<UtcOffset> {
+        let message = self.messages.get(&("/utc_offset".to_owned(), None))?;
+        let envelope = Envelope {
+            topic: &message.topic,
+            schema: &message.schema,
+            source: SourceId::HOST,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        match convert::decode(&envelope, &message.data) {
+            Ok(Some(Record::UtcOffset(offset))) => Some(offset),
+            _ => None,
+        }
+    }
+
+    pub(super) fn see_message(&mut self, message: &Encoded) {
+        if matches!(
+            message.schema.as_str(),
+            "atvrec.ClockFit" | "atvrec.Health" | "atvrec.UtcOffset"
+        ) {
+            let key = (message.topic.clone(), message.source);
+            self.messages.insert(key, message.clone());
+        }
+    }
+}
+
+/// What a log that failed did not take.
+#[derive(Default)]
+pub(crate) struct Pending {
+    pub arrivals: Vec<Arrival>,
+    /// What the log took before, but perhaps not the disk.
+    pub unsynced: Vec<Arrival>,
+    pub messages: Vec<Encoded>,
+}
+
+impl Pending {
+    /// What may not have reached the disk goes into the next log too.
+    pub(crate) fn with_unsynced(mut self) -> Self {
+        self.arrivals
+            .splice(..0, std::mem::take(&mut self.unsynced));
+        self
+    }
+}

@@ -1,0 +1,40 @@
+//! What the worker has taken and not written yet.
+
+use std::sync::atomic::Ordering;
+
+use super::{Sink, Tally, Worker};
+
+impl Worker {
+    /// Takes off the account what is in the log or in its journal by now.
+    pub(super) fn account(&mut self) {
+        let Sink::Open(file) = &mut self.sink else {
+            return;
+        };
+        let records = std::mem::take(&mut self.fresh.losses.records);
+        if file.take_left_out() {
+            if !self.shared.raw_only.swap(true, Ordering::Relaxed) {
+                tracing::warn!(
+                    log = %file.writer.path().display(),
+                    "the disk is nearly full: raw data is written, decoded records are left out \
+                     (a replay computes them again); make room on the disk"
+                );
+            }
+            self.shared.lose_tally(&Tally::records(records));
+        } else if file.writer.has_decoded() {
+            self.fresh.losses.records = records;
+        } else if records > 0 {
+            self.shared.raw_only.store(false, Ordering::Relaxed);
+            self.shared.written(&Tally::records(records));
+        }
+        let records = std::mem::take(&mut self.fresh.losses.records);
+        if let Some(unwritten) = file.unwritten() {
+            let rest = Tally::of(unwritten);
+            let before = std::mem::replace(&mut self.fresh, rest);
+            let written = before.since(&self.fresh);
+            if written.losses.arrivals > 0 {
+                self.shared.written(&written);
+            }
+        }
+        self.fresh.losses.records = records;
+    }
+}
