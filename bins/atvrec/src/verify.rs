@@ -5,12 +5,8 @@ use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Sink;
 
-<<<<<<< ours
-use sample::{LogTime, NANOS_PER_SECOND};
-=======
-use sample::LogTime;
 use sample::text::printable;
->>>>>>> theirs
+use sample::{LogTime, NANOS_PER_SECOND};
 use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection};
 
 /// Schemas of the raw stream, which is what a replay starts from.
@@ -350,7 +346,7 @@ impl fmt::Display for Report {
                 self.different
             )?;
             for text in &self.differences {
-                writeln!(f, "  {text}")?;
+                writeln!(f, "  {}", printable(text))?;
             }
             return Ok(());
         }
@@ -368,7 +364,6 @@ impl fmt::Display for Report {
                 self.compared.len()
             )?;
         }
-<<<<<<< ours
         if computed > 0 && self.lost_records > 0 {
             writeln!(
                 f,
@@ -382,18 +377,6 @@ impl fmt::Display for Report {
                 "  the log was cut short: {recorded} messages at its end have no raw bytes, \
                  {computed} were not written"
             )?;
-=======
-        writeln!(
-            f,
-            "NOT IDENTICAL: {} of {compared} messages differ, {} are only in the log, \
-             {} only in the replay",
-            self.different,
-            Self::sum(&self.only_recorded),
-            Self::sum(&self.only_computed)
-        )?;
-        for text in &self.told {
-            writeln!(f, "  {}", printable(text))?;
->>>>>>> theirs
         }
         Ok(())
     }
