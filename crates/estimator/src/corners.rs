@@ -16,25 +16,10 @@ use crate::EstimatorError;
 use crate::fusion::StrutBelief;
 use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
+use crate::tuning::{CornerTuning, Tuning};
 
-use hand_wheel::{ANGLE_KEEP, HandWheel, RATE_KEEP};
+use hand_wheel::HandWheel;
 use length::LengthFilter;
-
-/// Load under which a wheel's contact point says nothing about the ground, N.
-const CONTACT_N: f64 = 60.0;
-/// Model error of a strut's force beside what its length's error makes, N: as one smoothed reading
-/// tells it, and as one of many that do.
-const STRUT_FLOOR_N: f64 = 8.0;
-const READING_FLOOR_N: f64 = 3.0;
-/// How many times the variance of a strut's rate counts in one of many readings: its error lasts.
-const RATE_LASTS: f64 = 2.5;
-
-/// Part of the way to the length that a force calls for that is gone in one step, and the most, m.
-const FORCED_PART: f64 = 0.1;
-const FORCED_STEP_MAX_M: f64 = 0.002;
-
-/// Deviation of the front wheels' heading that a workshop's zero of the hand wheel leaves at most, rad.
-const STEER_SIGMA_MAX_RAD: f64 = 0.003;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +53,7 @@ pub struct CornerState {
 
 #[derive(Clone, Debug)]
 struct Linkage {
+    tuning: CornerTuning,
     corner: Corner,
     strut: Strut,
     unsprung: Unsprung,
@@ -96,6 +82,8 @@ pub struct Told {
 /// All four corners.
 #[derive(Clone, Debug)]
 pub struct Corners {
+    tuning: CornerTuning,
+    fresh_s: f64,
     linkages: [Linkage; 4],
     states: [CornerState; 4],
     before: [CornerStatics; 4],
@@ -119,10 +107,14 @@ impl Corners {
     ///
     /// # Errors
     /// When the hard-points make no linkage.
-    pub fn new(vehicle: &Vehicle, deflection_sigma_m: f64) -> Result<Option<Self>, EstimatorError> {
+    pub fn new(
+        vehicle: &Vehicle,
+        deflection_sigma_m: f64,
+        tuning: &Tuning,
+    ) -> Result<Option<Self>, EstimatorError> {
         let mut linkages = Vec::with_capacity(4);
         for wheel in Wheel::ALL {
-            match Linkage::new(vehicle, wheel, deflection_sigma_m) {
+            match Linkage::new(vehicle, wheel, deflection_sigma_m, tuning) {
                 Ok(Some(linkage)) => linkages.push(linkage),
                 Ok(None) => return Ok(None),
                 Err(error) => return Err(EstimatorError::Suspension(error.to_string())),
@@ -157,6 +149,8 @@ impl Corners {
             1.0 / (vehicle.steering.ratio * per_rack)
         });
         Ok(Some(Self {
+            tuning: tuning.corners,
+            fresh_s: tuning.fresh_s,
             linkages,
             before: states.map(|state| state.statics),
             states,
@@ -236,19 +230,21 @@ impl Corners {
         told: &Told,
     ) {
         let load_n = told.load_n;
+        let of_wheel = &self.tuning.steering_wheel;
         if let Some(reading) = readings.hand_wheel_rad {
-            self.hand_wheel.follow(reading.value, ANGLE_KEEP, dt);
-            self.turning.follow(reading.value, RATE_KEEP, dt);
+            self.hand_wheel
+                .follow(reading.value, of_wheel.angle_keep, dt);
+            self.turning.follow(reading.value, of_wheel.rate_keep, dt);
         }
         let rack = (self.hand_wheel.angle_rad + told.hand_wheel_rad) * self.rack_m_rad;
-        let rack_motion = self.turning.motion(self.rack_m_rad);
+        let rack_motion = self.turning.motion(self.rack_m_rad, of_wheel);
         for (i, linkage) in self.linkages.iter_mut().enumerate() {
             let compression = &mut readings.corners.0[i].compression_m;
             linkage.measure(now, dt, rack, compression, told.struts[i]);
         }
         let load: [f64; 4] = std::array::from_fn(|i| {
             if load_n[i].is_finite() {
-                load_n[i].clamp(0.0, 20.0 * self.linkages[i].fallback_load_n)
+                load_n[i].clamp(0.0, self.tuning.load_max * self.linkages[i].fallback_load_n)
             } else {
                 self.linkages[i].fallback_load_n
             }
@@ -274,7 +270,7 @@ impl Corners {
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
             let spin = readings
-                .wheel_speed(Wheel::ALL[i], now)
+                .wheel_speed(Wheel::ALL[i], now, self.fresh_s)
                 .unwrap_or(motion.velocity_m_s.x / radius);
             let rack_motion = if i < 2 { rack_motion } else { [0.0; 2] };
             let pose = &linkage.pose;
@@ -305,7 +301,7 @@ impl Corners {
         let compression = PerWheel(std::array::from_fn(|i| {
             load_n[i] / self.linkages[i].tyre_stiffness_n_m
         }));
-        let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
+        let weight = PerWheel(load_n.map(|load| f64::from(load > self.tuning.contact_n)));
         let plane = known.then(|| ground_plane(&poses, &radius, &compression, &weight));
         let plane = plane.flatten();
         if let Some(plane) = &plane {
@@ -339,7 +335,7 @@ impl Corners {
             let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
             let [along, across] = [0, 1].map(|axis| frame.column(axis).dot(&slopes));
             let steer = if wheel.is_front() {
-                steer_sigma_rad.min(STEER_SIGMA_MAX_RAD)
+                steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
             } else {
                 0.0
             };
@@ -428,6 +424,7 @@ impl Linkage {
         vehicle: &Vehicle,
         wheel: Wheel,
         deflection_sigma_m: f64,
+        tuning: &Tuning,
     ) -> Result<Option<Self>, SuspensionError> {
         let axle: &Axle = if wheel.is_front() {
             &vehicle.front
@@ -449,7 +446,8 @@ impl Linkage {
             body.front_axle_to_cg_m
         };
         Ok(Some(Self {
-            length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m),
+            tuning: tuning.corners,
+            length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m, tuning),
             stands_at_m: corner.design_strut_length_m(),
             corner,
             strut: strut.clone(),
@@ -500,8 +498,9 @@ impl Linkage {
     fn step_to_force(&self, force_n: f64) -> f64 {
         let length = self.stands_at_m + self.design_shift_m();
         let surplus = self.strut.force(length, 0.0).total_n() - force_n;
-        let step = FORCED_PART * surplus / self.strut.stiffness_at(length);
-        step.clamp(-FORCED_STEP_MAX_M, FORCED_STEP_MAX_M)
+        let step = self.tuning.forced_part * surplus / self.strut.stiffness_at(length);
+        let most = self.tuning.forced_step_max_m;
+        step.clamp(-most, most)
     }
 
     /// The force hangs on the measured spring, the pose on the hard-points: a millimetre that
@@ -530,7 +529,7 @@ impl Linkage {
             load_n / self.tyre_stiffness_n_m,
         );
         let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
-        if load_n > CONTACT_N {
+        if load_n > self.tuning.contact_n {
             motion = motion.on_ground(&self.corner, pose, normal, gravity);
         }
         motion.spin_rad_s = spin;
@@ -548,8 +547,8 @@ impl Linkage {
         let strut_n = self.strut.force(length, rate).total_n();
         let strut_read = self.length.reading().map(|read| {
             let spring = stiffness * stiffness * read.variance;
-            let damper = RATE_LASTS * damping * damping * read.rate_variance;
-            let variance = spring + damper + READING_FLOOR_N.powi(2);
+            let damper = self.tuning.rate_correlation * damping * damping * read.rate_variance;
+            let variance = spring + damper + self.tuning.reading_sigma_n.powi(2);
             [strut_n - stiffness * read.longer_m, variance.sqrt()]
         });
         Ok(CornerState {
@@ -564,7 +563,7 @@ impl Linkage {
                 .length
                 .force_variance(stiffness, damping)
                 .map_or(f64::INFINITY, |variance| {
-                    (variance + STRUT_FLOOR_N.powi(2)).sqrt()
+                    (variance + self.tuning.strut_sigma_n.powi(2)).sqrt()
                 }),
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,
@@ -593,7 +592,9 @@ mod tests {
 
     fn prowler() -> Corners {
         let vehicle = Vehicle::builtin("prowler").unwrap();
-        Corners::new(&vehicle, 1e-4).unwrap().unwrap()
+        Corners::new(&vehicle, 1e-4, &Tuning::default())
+            .unwrap()
+            .unwrap()
     }
 
     #[test]

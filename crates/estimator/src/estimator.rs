@@ -14,7 +14,7 @@ use crate::expected::ExpectedForces;
 use crate::fusion::{Fusion, StepInput};
 use crate::grip::{Grip, GripInput};
 use crate::innovation::InnovationTally;
-use crate::inputs::{FRESH_S, Readings};
+use crate::inputs::Readings;
 use crate::kinematics;
 use crate::lift::LiftDetector;
 use crate::motion::{
@@ -24,6 +24,7 @@ use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::steering_column::SteeringColumn;
+use crate::tuning::Tuning;
 use crate::waiting::{Entry, Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
@@ -40,17 +41,8 @@ const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
 const HOLD_NANOS: u64 = 5_000_000;
 /// A jump of the log clock, ns, that is not bridged: estimates start anew after it.
 const GAP_MAX_NANOS: u64 = 10_000_000_000;
-/// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
-const GNSS_SILENT_S: f64 = 0.3;
-/// Time that attitude and biases take from a start, also one in a bend, s: until then slip angles
-/// teach no grip, and one more start is no divergence.
-const SETTLING_S: f64 = 2.0;
-/// Speed above which a wheel's lift is judged, m/s.
-const MOVING_M_S: f64 = 1.5;
 /// Step of the grid, s.
 const GRID_S: f64 = 0.01;
-/// Age of GNSS attitude from which the tyres' grip takes its place, s.
-const HEADING_SILENT_S: f64 = 1.0;
 
 /// What the estimator hands out.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,27 +114,29 @@ impl Estimator {
         let vehicle = &calibration.applied(vehicle);
         let calibration = Resolved::new(sensors, calibration)?;
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
-        let corners = Corners::new(vehicle, pot.noise_sigma)?;
+        let t = &settings.tuning;
+        let corners = Corners::new(vehicle, pot.noise_sigma, t)?;
         let fusion = (settings.method == Method::Fusion && corners.is_some())
-            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners));
+            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners, t));
         Ok(Self {
-            motion: MotionFilter::new(motion_settings(sensors, &calibration)),
+            motion: MotionFilter::new(motion_settings(sensors, &calibration, t), &t.motion),
             planar: corners
                 .is_none()
-                .then(|| Planar::new(vehicle, sensors, &calibration))
+                .then(|| Planar::new(vehicle, sensors, &calibration, t))
                 .transpose()?,
-            divergences: ["motion", "force", "sideslip"].map(Divergence::new),
-            watches: Watches::new(),
+            divergences: ["motion", "force", "sideslip"]
+                .map(|name| Divergence::new(name, t.recovery_s)),
+            watches: Watches::new(&t.watch),
             corners,
             fusion,
-            expected: ExpectedForces::new(vehicle),
+            expected: ExpectedForces::new(vehicle, &t.expected),
             measured: PerWheel::default(),
-            grip: Grip::new(vehicle),
+            grip: Grip::new(vehicle, &t.grip),
             moving_since: None,
-            lift: LiftDetector::new(static_loads(vehicle)),
+            lift: LiftDetector::new(static_loads(vehicle), &t.lift),
             imu_sigma: [
-                sensors.imu.gyro_noise_rad_s.max(1e-4),
-                sensors.imu.accel_noise_m_s2.max(0.005),
+                sensors.imu.gyro_noise_rad_s.max(t.gyro_sigma_min_rad_s),
+                sensors.imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
             ],
             vehicle: vehicle.clone(),
             calibration,
@@ -226,7 +220,7 @@ impl Estimator {
     fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         self.waiting.sort();
         while let Some(Entry { time, held }) = self.waiting.take() {
-            let fresh = now.seconds_since(time) <= FRESH_S;
+            let fresh = now.seconds_since(time) <= self.settings.tuning.fresh_s;
             match held {
                 Held::Corner(_) | Held::HandWheel(_) | Held::WheelSpeed(_) if !fresh => {}
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
@@ -259,7 +253,8 @@ impl Estimator {
         self.motion.vouch(self.watches.vouch());
         self.take_waiting(time, out);
         self.watch_biases(time, out);
-        let settled = |since| time.seconds_since(since) > SETTLING_S;
+        let settling_s = self.settings.tuning.settling_s;
+        let settled = |since| time.seconds_since(since) > settling_s;
         let starting = !self.moving_since.is_some_and(settled);
         self.divergences[0].step(time, self.motion.resets().into(), starting, out);
         if self.motion.resets() > resets {
@@ -310,7 +305,8 @@ impl Estimator {
             .step(GRID_S, state.velocity_m_s.x, &motion, steer);
         self.measured = self.measure(time, &state, &expected, out);
         self.watch_wheels(time, &state, settled, out);
-        let moving = state.velocity_m_s.x.hypot(state.velocity_m_s.y) > MOVING_M_S;
+        let speed_m_s = state.velocity_m_s.x.hypot(state.velocity_m_s.y);
+        let moving = speed_m_s > self.settings.tuning.lift_speed_min_m_s;
         let rollover = self
             .lift
             .step(time, GRID_S, moving, &self.measured, &mut |event| {
@@ -408,6 +404,7 @@ impl Estimator {
             let input = StepInput {
                 now,
                 dt: GRID_S,
+                fresh_s: self.settings.tuning.fresh_s,
                 corners: corners.states(),
                 statics_before: corners.statics_before(),
                 motion,
@@ -432,6 +429,7 @@ impl Estimator {
                     * tyre.unloaded_radius_m
                     * motion.velocity_m_s.x.clamp(-1.0, 1.0),
                 expected_n: expected[wheel].force_n,
+                fresh_s: self.settings.tuning.fresh_s,
             };
             statics::tyre_force(
                 now,
@@ -439,6 +437,7 @@ impl Estimator {
                 &self.readings.corners[wheel],
                 &self.calibration.corners[wheel],
                 &assumed,
+                &self.settings.tuning.statics,
             )
         });
         corners.doubt_frames(&forces, self.grip.steer_offset().1)
@@ -454,8 +453,9 @@ impl Estimator {
 
     /// Whether satellites keep the inertial navigation.
     fn is_navigated(&self, time: LogTime) -> bool {
-        self.motion.velocity_age_s(time) < GNSS_SILENT_S
-            && self.motion.attitude_age_s(time) < HEADING_SILENT_S
+        let t = &self.settings.tuning;
+        self.motion.velocity_age_s(time) < t.gnss_silent_s
+            && self.motion.attitude_age_s(time) < t.heading_silent_s
     }
 
     /// The single-track filter, where it is the best that there is: without corners, and without
@@ -509,12 +509,12 @@ fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
     PerWheel([half * b, half * b, half * a, half * a])
 }
 
-fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings {
+fn motion_settings(sensors: &Sensors, calibration: &Resolved, t: &Tuning) -> MotionSettings {
     let imu = &sensors.imu;
     MotionSettings {
         interval_s: 1.0 / imu.rate_hz.max(1.0),
-        accel_sigma_m_s2: imu.accel_noise_m_s2.max(0.005),
-        gyro_sigma_rad_s: imu.gyro_noise_rad_s.max(1e-4),
+        accel_sigma_m_s2: imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
+        gyro_sigma_rad_s: imu.gyro_noise_rad_s.max(t.gyro_sigma_min_rad_s),
         accel_bias_sigma_m_s2: imu.accel_bias_m_s2,
         gyro_bias_sigma_rad_s: imu.gyro_bias_rad_s,
         imu_m: calibration.imu_m,
@@ -522,8 +522,9 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
             calibration.velocity_antenna_m,
             calibration.attitude_antenna_m,
         ],
-        velocity_sigma_m_s: sensors.gnss_velocity.velocity_noise_m_s.max(0.005),
-        heading_sigma_rad: sensors.gnss_attitude.heading_noise_rad.max(1e-4),
-        tilt_sigma_rad: sensors.gnss_attitude.roll_pitch_noise_rad.max(1e-4),
+        velocity_sigma_m_s: (sensors.gnss_velocity.velocity_noise_m_s)
+            .max(t.velocity_sigma_min_m_s),
+        heading_sigma_rad: (sensors.gnss_attitude.heading_noise_rad).max(t.attitude_sigma_min_rad),
+        tilt_sigma_rad: (sensors.gnss_attitude.roll_pitch_noise_rad).max(t.attitude_sigma_min_rad),
     }
 }

@@ -7,8 +7,8 @@ use model::simulation::Model;
 use model::vehicle::Vehicle;
 use sample::{ForceSource, Motion, PerWheel, TyreForce};
 
-/// Speed below which the model is held at rest, m/s: slip means little there.
-const REST_M_S: f64 = 1.0;
+use crate::tuning::ExpectedTuning;
+
 /// Steps of the integration in one step of the grid.
 const SUBSTEPS: usize = 2;
 
@@ -20,13 +20,15 @@ pub struct ExpectedForces {
     drive_split_front: f64,
     brake_split_front: f64,
     slip_stiffness_n: [f64; 2],
+    tuning: ExpectedTuning,
 }
 
 impl ExpectedForces {
     /// A model at rest.
     #[must_use]
-    pub fn new(vehicle: &Vehicle) -> Self {
+    pub fn new(vehicle: &Vehicle, tuning: &ExpectedTuning) -> Self {
         Self {
+            tuning: *tuning,
             parameters: Parameters::from_vehicle(vehicle),
             state: State::at_rest(),
             drive_split_front: vehicle.drivetrain.drive_split_front,
@@ -67,14 +69,17 @@ impl ExpectedForces {
             && felt_m_s2.is_finite()
             && bank_rad.is_finite()
             && steer_rad.iter().all(|angle| angle.is_finite());
-        if !known || speed_m_s.abs() < REST_M_S {
+        if !known || speed_m_s.abs() < self.tuning.rest_speed_m_s {
             self.state = State::at_rest();
             return self.forces(&inputs);
         }
-        inputs.steer_rad = steer_rad.map(|angle| angle.clamp(-1.0, 1.0));
-        (inputs.bank_rad, inputs.grade_rad) =
-            (bank_rad.clamp(-1.0, 1.0), grade_rad.clamp(-1.0, 1.0));
-        let push = self.parameters.mass_kg * felt_m_s2.clamp(-15.0, 15.0);
+        let [most_rad, most_m_s2] = [self.tuning.angle_max_rad, self.tuning.acceleration_max_m_s2];
+        inputs.steer_rad = steer_rad.map(|angle| angle.clamp(-most_rad, most_rad));
+        (inputs.bank_rad, inputs.grade_rad) = (
+            bank_rad.clamp(-most_rad, most_rad),
+            grade_rad.clamp(-most_rad, most_rad),
+        );
+        let push = self.parameters.mass_kg * felt_m_s2.clamp(-most_m_s2, most_m_s2);
         let front = if push > 0.0 {
             self.drive_split_front
         } else {
@@ -86,7 +91,8 @@ impl ExpectedForces {
                 let axle = self.parameters.axle(i);
                 let part = 0.5 * if i < 2 { front } else { 1.0 - front };
                 let force = push * part;
-                let slip = (force / self.slip_stiffness_n[i / 2]).clamp(-0.2, 0.2);
+                let slip = (force / self.slip_stiffness_n[i / 2])
+                    .clamp(-self.tuning.slip_max, self.tuning.slip_max);
                 inputs.drive_n_m[i] = force * axle.rolling_radius_m;
                 let along = self.along_m_s(i, inputs.steer_rad[i]);
                 self.state.wheel_speed_rad_s[i] =

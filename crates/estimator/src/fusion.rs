@@ -53,6 +53,7 @@ use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
+use crate::tuning::{FusionTuning, ProcessNoiseTuning, Tuning};
 use crate::watch::{Believed, Triads};
 
 use agility::Agility;
@@ -62,32 +63,16 @@ use covariance::Covariance;
 use joint::Joint;
 use layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
 use lengths::LengthWatch;
-use process::{TURN_NOISE_N_M, accel_noise, torque_noise};
-
-/// Variance of the body's rate where the tyres' moments do not tell it, (rad/s)^2.
-const TURN_VARIANCE: f64 = 0.1;
-/// Rate beyond which the balance of moments has run away, rad/s.
-const TURN_MAX_RAD_S: f64 = 10.0;
-/// Speed from which a body stands on its tyres alone, m/s.
-const ALONE_M_S: f64 = 1.0;
-
-/// Change of a strut's acceleration by a blow and by a push, m/s^2.
-const BLOW_M_S2: f64 = 2.0;
-const PUSH_M_S2: f64 = 0.3;
-
-/// Gate of rows that no channel answers for, squared.
-const GATE: f64 = 25.0;
+use process::{accel_noise, torque_noise};
 
 /// Axes of the moments that are states.
 const MOMENT_AXES: [usize; 2] = [0, 2];
 
-/// Steps after a start in which the corners alone find their forces, all of their readings
-/// believed: the balance of all would mislead a vehicle that stands on jacks.
-const SETTLING_STEPS: u32 = 50;
-
 /// The filter.
 #[derive(Clone, Debug)]
 pub struct Fusion {
+    tuning: FusionTuning,
+    process_noise: ProcessNoiseTuning,
     state: [f64; SIZE],
     covariance: Box<Covariance>,
     body: Body,
@@ -127,6 +112,8 @@ pub struct StepInput<'a> {
     pub now: LogTime,
     /// Since the last one, s.
     pub dt: f64,
+    /// A reading that is older is not used, s.
+    pub fresh_s: f64,
     /// The corners' geometry.
     pub corners: &'a [CornerState; 4],
     /// Their maps between members and tyres a step before.
@@ -207,8 +194,12 @@ impl Fusion {
         vehicle: &Vehicle,
         strain: &StrainChain,
         channels: &PerWheel<CornerChannels>,
+        tuning: &Tuning,
     ) -> Self {
+        let (t, process_noise) = (&tuning.fusion, tuning.process_noise);
         let mut fusion = Self {
+            tuning: *t,
+            process_noise,
             state: [0.0; SIZE],
             covariance: Box::default(),
             body: Body::new(vehicle),
@@ -218,9 +209,9 @@ impl Fusion {
                 .as_ref()
                 .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
             health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
-            agility: Agility::default(),
-            torque: torque_noise(),
-            accel: accel_noise(),
+            agility: Agility::new(t.force_noise, process_noise),
+            torque: torque_noise(t, process_noise),
+            accel: accel_noise(t, process_noise),
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
@@ -250,9 +241,9 @@ impl Fusion {
         self.state = [0.0; SIZE];
         self.steps = 0;
         self.lengths = [LengthWatch::default(); 4];
-        self.agility = Agility::default();
-        self.torque = torque_noise();
-        self.accel = accel_noise();
+        self.agility = Agility::new(self.tuning.force_noise, self.process_noise);
+        self.torque = torque_noise(&self.tuning, self.process_noise);
+        self.accel = accel_noise(&self.tuning, self.process_noise);
         for (wheel, load) in self.body.static_load.into_iter().enumerate() {
             self.state[FORCE + 3 * wheel + 2] = load;
         }
@@ -266,7 +257,7 @@ impl Fusion {
         readings: &mut PerWheel<CornerReadings>,
         changes: &mut impl FnMut(ChannelChange),
     ) -> PerWheel<TyreForce> {
-        if self.steps == SETTLING_STEPS / 2 {
+        if self.steps == self.tuning.settling_steps / 2 {
             // What the first steps took for true while struts and poses still settled.
             self.forget(input.channels);
         }
@@ -304,7 +295,7 @@ impl Fusion {
             self.restart(input.channels);
         }
         // On jackstands the forces of the tyres alone are not what moves the body.
-        self.rolling = input.motion.velocity_m_s.x.abs() > ALONE_M_S;
+        self.rolling = input.motion.velocity_m_s.x.abs() > self.tuning.rolling_speed_m_s;
         let alone = !input.motion.inertial && self.rolling;
         self.ahead = self.body_motion_ahead(input, &balance);
         self.body_motion = (balanced || alone && !self.settling()).then_some(self.ahead);
@@ -318,14 +309,18 @@ impl Fusion {
     }
 
     fn settling(&self) -> bool {
-        self.steps < SETTLING_STEPS
+        self.steps < self.tuning.settling_steps
     }
 
     /// Whether all numbers are finite, no variance negative, and the body's rate one that a body has.
     fn sound(&self) -> bool {
         let finite = self.state.iter().all(|x| x.abs() < 1e8);
         let turn = &self.state[TURN..TURN + 3];
-        finite && turn.iter().all(|rate| rate.abs() < TURN_MAX_RAD_S) && self.covariance.sound()
+        finite
+            && turn
+                .iter()
+                .all(|rate| rate.abs() < self.tuning.body_rate_max_rad_s)
+            && self.covariance.sound()
     }
 
     fn output(&self) -> PerWheel<TyreForce> {
@@ -374,7 +369,7 @@ impl Fusion {
     ) -> Triads<Option<[[f64; 2]; 3]>> {
         let [force, turn_dot] = self.ahead;
         let rate = std::array::from_fn(|axis| {
-            let noise = TURN_NOISE_N_M[axis] * self.body.inverse[(axis, axis)];
+            let noise = self.tuning.moment_noise_n_m[axis] * self.body.inverse[(axis, axis)];
             [
                 self.state[TURN + axis] + ahead_s * turn_dot[axis],
                 self.covariance.variance(TURN + axis) + noise * noise * ahead_s.abs(),
@@ -411,9 +406,9 @@ impl Fusion {
             },
             force_n: (!self.settling()).then_some(self.strut_n[wheel]),
             jolt_m_s2: if self.agility.open() {
-                BLOW_M_S2
+                self.tuning.blow_m_s2
             } else if self.pushed {
-                PUSH_M_S2
+                self.tuning.push_m_s2
             } else {
                 0.0
             },
@@ -439,11 +434,12 @@ impl Fusion {
         self.state[RATE + 3 * wheel + 2]
     }
 
-    /// Takes a row's value in unless it is beyond the gate; returns its innovation in deviations.
+    /// Takes a row's value in unless it is beyond the gate, in deviations; returns its innovation in
+    /// deviations.
     fn take(&self, joint: &mut Joint, m: usize, value: f64, variance: f64, gate: f64) -> f64 {
         let total = joint.variance(m) + variance;
         let innovation = value - joint.value(m);
-        if self.settling() || innovation * innovation <= gate * total {
+        if self.settling() || innovation * innovation <= gate * gate * total {
             joint.take(m, value, total);
         }
         innovation / total.sqrt()
@@ -454,7 +450,7 @@ impl Fusion {
         if self.settling() {
             return;
         }
-        if innovation * innovation <= gate {
+        if innovation * innovation <= gate * gate {
             self.innovations.used(kind, innovation * innovation);
         } else {
             self.innovations.rejected(kind);

@@ -5,9 +5,6 @@ use sample::{CornerSample, LogTime, PerWheel, StrainChannel, Wheel};
 
 use crate::calibration::{Channel, CornerChannels};
 
-/// A reading older than this says nothing about the present, s.
-pub const FRESH_S: f64 = 0.1;
-
 /// Position of the spring potentiometer among a corner's channels, after the strain channels.
 pub const POTENTIOMETER: usize = StrainChannel::COUNT;
 
@@ -65,10 +62,10 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// The value, if it is at most [`FRESH_S`] old.
+    /// The value, if it is at most `fresh_s` old.
     #[must_use]
-    pub fn fresh(self, now: LogTime) -> Option<f64> {
-        (now.seconds_since(self.time) <= FRESH_S).then_some(self.value)
+    pub fn fresh(self, now: LogTime, fresh_s: f64) -> Option<f64> {
+        (now.seconds_since(self.time) <= fresh_s).then_some(self.value)
     }
 }
 
@@ -152,10 +149,10 @@ impl Readings {
 
     /// A wheel's speed, rad/s, if it is fresh at `now` and believed.
     #[must_use]
-    pub fn wheel_speed(&self, wheel: Wheel, now: LogTime) -> Option<f64> {
+    pub fn wheel_speed(&self, wheel: Wheel, now: LogTime, fresh_s: f64) -> Option<f64> {
         let reading =
             self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_doubted[wheel.index()]);
-        reading.and_then(|reading| reading.fresh(now))
+        reading.and_then(|reading| reading.fresh(now, fresh_s))
     }
 
     /// Takes a hand-wheel angle in.

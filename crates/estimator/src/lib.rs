@@ -34,6 +34,7 @@ pub mod smoother;
 pub mod statics;
 mod steering_column;
 pub mod trace;
+pub mod tuning;
 mod waiting;
 pub mod watch;
 
@@ -41,3 +42,4 @@ pub use calibration::Calibration;
 pub use error::EstimatorError;
 pub use estimator::{Estimator, GRID_NANOS, Output};
 pub use settings::{Input, Method, Settings};
+pub use tuning::Tuning;

@@ -27,6 +27,7 @@ use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 
 use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
+use crate::tuning::MotionTuning;
 use crate::watch::Triads;
 use flow::Flow;
 use history::{History, Pose};
@@ -48,30 +49,11 @@ pub const GYRO_BIAS: usize = 9;
 
 /// Longest step that the inertial equations are carried over at once, s.
 const STEP_MAX_S: f64 = 0.05;
-/// Silence of the inertial unit after which the state is carried on without it, s.
-const SILENCE_S: f64 = 0.04;
-/// Acceleration and rate that may go unseen then, m/s^2 and rad/s, per square root of Hz.
-const BLIND_ACCEL: f64 = 2.0;
-const BLIND_RATE: f64 = 0.3;
-/// Walk of the biases, (m/s^2)/sqrt(s) and (rad/s)/sqrt(s).
-const ACCEL_BIAS_WALK: f64 = 1e-3;
-const GYRO_BIAS_WALK: f64 = 3e-5;
-/// Readings beyond these are not a road vehicle's, m/s^2 and rad/s.
-const FORCE_MAX_M_S2: f64 = 200.0;
-const RATE_MAX_RAD_S: f64 = 20.0;
-/// While nothing has told a direction, the heading is the one that is taken: 0, and known.
-const HEADING_OF_NOTHING_RAD: f64 = 1e-3;
-/// A heading against which only a velocity is known, rad.
-const HEADING_UNKNOWN_RAD: f64 = 3.0;
-/// Specific force this near to gravity, as a part of it, shows how the body stands: what else may
-/// be in it tilts by no more than the attitude's deviation at the start.
-const AT_REST: f64 = 0.02;
-/// Time constant of the derivatives of rate and specific force, s.
-const SLOPE_TIME_S: f64 = 0.02;
 
-/// Part of what a jump has made of attitude and velocity that is unknown, as it may have been earlier
-/// or later.
-const JUMPED_EARLIER: f64 = 0.3;
+/// Largest variances of attitude, velocity, accelerometer bias and gyro bias: they keep the
+/// covariance finite.
+const VARIANCE_MAX: [f64; 4] = [10.0, 1e4, 4.0, 0.1];
+
 /// Noise and geometry that the filter assumes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionSettings {
@@ -102,6 +84,7 @@ pub struct MotionSettings {
 #[derive(Clone, Debug)]
 pub struct MotionFilter {
     settings: MotionSettings,
+    tuning: MotionTuning,
     time: Option<LogTime>,
     earth_from_body: Rotation3<f64>,
     velocity_m_s: Vector3<f64>,
@@ -197,9 +180,10 @@ impl MotionState {
 impl MotionFilter {
     /// A filter that has seen nothing.
     #[must_use]
-    pub fn new(settings: MotionSettings) -> Self {
+    pub fn new(settings: MotionSettings, tuning: &MotionTuning) -> Self {
         let mut filter = Self {
             settings,
+            tuning: *tuning,
             time: None,
             earth_from_body: Rotation3::identity(),
             velocity_m_s: Vector3::zeros(),
@@ -211,7 +195,7 @@ impl MotionFilter {
             force: Vector3::z() * STANDARD_GRAVITY_M_S2,
             force_dot: Vector3::zeros(),
             history: History::default(),
-            jumps: Jumps::default(),
+            jumps: Jumps::new(tuning.jumps),
             before_jump: None,
             imu_time: None,
             velocity_time: None,
@@ -255,9 +239,10 @@ impl MotionFilter {
     /// Whether something holds of attitude and of one receiver's velocity, where they have been told.
     fn all_standing(&self, holds: impl Fn(&Standing) -> bool) -> bool {
         let now = self.time.unwrap_or_default();
-        let silent = !self.velocities.iter().any(|told| told.is_heard(now));
+        let active_s = self.tuning.receivers.active_s;
+        let silent = !(self.velocities.iter()).any(|told| told.is_heard(now, active_s));
         let holds_of = |told: &ToldVelocity| {
-            let counts = told.is_heard(now) || silent && told.at.is_some();
+            let counts = told.is_heard(now, active_s) || silent && told.at.is_some();
             counts && holds(&told.standing)
         };
         (self.velocity_time.is_none() || self.velocities.iter().any(holds_of))
@@ -331,17 +316,21 @@ impl MotionFilter {
 
     /// Variances of a filter that has seen nothing.
     fn start_variance(&self) -> SVector<f64, STATES> {
-        let s = &self.settings;
+        let (s, t) = (&self.settings, &self.tuning);
         let mut sigma = SVector::<f64, STATES>::zeros();
-        sigma.fixed_rows_mut::<2>(ATTITUDE).fill(0.2);
-        sigma[ATTITUDE + 2] = HEADING_OF_NOTHING_RAD;
-        sigma.fixed_rows_mut::<3>(VELOCITY).fill(20.0);
+        sigma
+            .fixed_rows_mut::<2>(ATTITUDE)
+            .fill(t.tilt_start_sigma_rad);
+        sigma[ATTITUDE + 2] = t.heading_start_sigma_rad;
+        sigma
+            .fixed_rows_mut::<3>(VELOCITY)
+            .fill(t.velocity_start_sigma_m_s);
         sigma
             .fixed_rows_mut::<3>(ACCEL_BIAS)
-            .fill(s.accel_bias_sigma_m_s2.max(1e-3));
+            .fill(s.accel_bias_sigma_m_s2.max(t.accel_bias_start_min_m_s2));
         sigma
             .fixed_rows_mut::<3>(GYRO_BIAS)
-            .fill(s.gyro_bias_sigma_rad_s.max(1e-5));
+            .fill(s.gyro_bias_sigma_rad_s.max(t.gyro_bias_start_min_rad_s));
         sigma.component_mul(&sigma)
     }
 
@@ -379,8 +368,9 @@ impl MotionFilter {
         rate: Vector3<f64>,
         untold: &Triads<[f64; 3]>,
     ) {
-        let good = force.iter().all(|f| f.abs() <= FORCE_MAX_M_S2)
-            && rate.iter().all(|w| w.abs() <= RATE_MAX_RAD_S);
+        let t = self.tuning;
+        let good = force.iter().all(|f| f.abs() <= t.force_max_m_s2)
+            && rate.iter().all(|w| w.abs() <= t.rate_max_rad_s);
         if !good || self.time.is_some_and(|last| time <= last) {
             return;
         }
@@ -392,18 +382,18 @@ impl MotionFilter {
             return;
         };
         let gap_s = time.seconds_since(last);
-        if self.imu_time.is_none() || gap_s > 1.0 {
+        if self.imu_time.is_none() || gap_s > t.slope_interval_max_s {
             self.rate = rate;
             self.rate_dot = Vector3::zeros();
             self.force_dot = Vector3::zeros();
         } else {
-            let weight = gap_s / (SLOPE_TIME_S + gap_s);
+            let weight = gap_s / (t.slope_time_s + gap_s);
             self.rate_dot += ((rate - self.rate) / gap_s - self.rate_dot) * weight;
             self.force_dot += ((force - self.force) / gap_s - self.force_dot) * weight;
         }
         let settings = &self.settings;
         // Readings are samples, not means: the trapezium holds between two of them.
-        let (mean_force, mean_rate) = if gap_s < 0.1 && self.imu_time.is_some() {
+        let (mean_force, mean_rate) = if gap_s < t.mean_interval_max_s && self.imu_time.is_some() {
             ((force + self.force) * 0.5, (rate + self.rate) * 0.5)
         } else {
             (force, rate)
@@ -425,17 +415,23 @@ impl MotionFilter {
             return;
         };
         let gap_s = now.seconds_since(last);
-        if gap_s < SILENCE_S {
+        let t = self.tuning;
+        if gap_s < t.silence_s {
             return;
         }
         self.imu_time = None;
-        self.rate *= 0.8;
+        self.rate *= t.coast_rate_keep;
         self.rate_dot = Vector3::zeros();
         self.force_dot = Vector3::zeros();
         self.force =
             self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2 + self.accel_bias;
         let (force, rate) = (self.force, self.rate + self.gyro_bias);
-        self.carry(gap_s, force, rate, [BLIND_ACCEL, BLIND_RATE]);
+        self.carry(
+            gap_s,
+            force,
+            rate,
+            [t.coast_accel_density, t.coast_rate_density],
+        );
         self.time = Some(now);
         self.remember(now);
     }
@@ -486,7 +482,7 @@ impl MotionFilter {
     /// Roll and pitch that a unit at rest would show, if it may be at rest.
     fn level(&mut self, force: Vector3<f64>) {
         self.levelled = true;
-        if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > AT_REST {
+        if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > self.tuning.rest_tolerance {
             return;
         }
         let roll = force.y.atan2(force.z);
@@ -520,6 +516,7 @@ impl MotionFilter {
         };
         self.flow(&flow);
         self.jumps.carry(self.time.unwrap_or_default(), &flow);
+        let [accel_walk, gyro_walk] = [self.tuning.accel_bias_walk, self.tuning.gyro_bias_walk];
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
                 self.add_noise(i, i, variance * dt);
@@ -527,8 +524,8 @@ impl MotionFilter {
         };
         add(ATTITUDE, noise[1] * noise[1]);
         add(VELOCITY, noise[0] * noise[0]);
-        add(ACCEL_BIAS, ACCEL_BIAS_WALK * ACCEL_BIAS_WALK);
-        add(GYRO_BIAS, GYRO_BIAS_WALK * GYRO_BIAS_WALK);
+        add(ACCEL_BIAS, accel_walk * accel_walk);
+        add(GYRO_BIAS, gyro_walk * gyro_walk);
         self.tidy();
     }
 
@@ -577,7 +574,7 @@ impl MotionFilter {
     /// Opens the covariance along what a jump has made of the errors, and of attitude and velocity again,
     /// as its instant is known by a part only.
     fn open(&mut self, errors: &SVector<f64, STATES>) {
-        let mut late = errors * JUMPED_EARLIER;
+        let mut late = errors * self.tuning.jump_time_part;
         late.fixed_rows_mut::<6>(ACCEL_BIAS).fill(0.0);
         for i in 0..STATES {
             for j in i..STATES {
@@ -591,16 +588,15 @@ impl MotionFilter {
         self.covariance.fill_row(i, 0.0);
         self.covariance.fill_column(i, 0.0);
         self.covariance[(i, i)] = variance;
-        self.jumps = Jumps::default();
+        self.jumps = Jumps::new(self.tuning.jumps);
         self.trace.note(|| Operation::Forget { index: i, variance });
     }
 
     /// Keeps the covariance symmetric and bounded, and starts anew if a number was lost.
     fn tidy(&mut self) {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
-        const BOUND: [f64; 4] = [10.0, 1e4, 4.0, 0.1];
         for i in 0..STATES {
-            let bound = BOUND[i / 3];
+            let bound = VARIANCE_MAX[i / 3];
             let variance = self.covariance[(i, i)];
             if variance > bound {
                 // Scaling row and column keeps it positive semi-definite.

@@ -30,6 +30,7 @@ mod tyre;
 use nalgebra::{SMatrix, SVector};
 
 use crate::trace::{Operation, Restart, Trace, Update};
+use crate::tuning::PlanarTuning;
 use single_track::Driven;
 
 pub use handling::Handling;
@@ -57,30 +58,8 @@ const SLIP: [usize; 2] = [6, 7];
 
 /// Speed below which tyres hardly slip and the model is stiff, m/s.
 pub const SPEED_MIN_M_S: f64 = 3.0;
-/// Speed below which the vehicle stands, m/s.
-const STANDSTILL_M_S: f64 = 0.2;
 /// Steps of the integration in one step of the filter.
 const SUBSTEPS: usize = 2;
-/// Correlation time of [`BANK`], s.
-const BANK_TIME_S: f64 = 3.0;
-/// Variances of lateral velocity, yaw rate and built-up slip angles before anything is known.
-const MOTION_VARIANCE: [f64; 4] = [0.1, 0.003, 1e-3, 1e-3];
-/// Walk of the offsets: rad, rad/s and m/s^2 per root second.
-const OFFSET_WALK: [f64; 3] = [1e-6, 1e-6, 1e-3];
-/// Standard deviations of the offsets before anything is known, and after a calibration.
-const OFFSET_SIGMA: [f64; 3] = [0.01, 0.01, 0.2];
-const OFFSET_SIGMA_CALIBRATED: [f64; 3] = [0.001, 0.0005, 0.05];
-/// An offset further out, deviations, is not kept when the filter starts anew.
-const OFFSET_SIGMAS_MAX: f64 = 4.0;
-/// Floor of the measurements' deviations: rad/s, and m/s^2 for what vibration and the model's
-/// errors add.
-const MEASURED_SIGMA_MIN: [f64; 2] = [0.002, 0.1];
-/// Innovation, standard deviations, from which a value counts less than its noise says.
-const HUBER: f64 = 3.0;
-/// A step longer than this is a gap, behind which the motion is unknown, s.
-const GAP_S: f64 = 0.5;
-/// Standard deviation of a wheel's slip at walking pace, m/s.
-const SLOW_SIGMA_M_S: f64 = 0.1;
 
 /// Noise of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,20 +84,26 @@ pub struct PlanarDoubt {
 }
 
 impl PlanarDoubt {
-    /// A tyre curve that was identified: 0.9 degrees of bank.
-    pub const IDENTIFIED: Self = Self {
-        lateral: 0.015,
-        yaw: 0.02,
-        bank_m_s2: 0.15,
-        part: 0.02,
-    };
-    /// A vehicle file's tyre curve.
-    pub const FILE: Self = Self {
-        lateral: 0.08,
-        yaw: 0.08,
-        bank_m_s2: 0.4,
-        part: 0.06,
-    };
+    /// Of a tyre curve that was identified.
+    #[must_use]
+    pub fn identified(tuning: &PlanarTuning) -> Self {
+        Self::new(tuning.identified_error)
+    }
+
+    /// Of a vehicle file's tyre curve.
+    #[must_use]
+    pub fn file(tuning: &PlanarTuning) -> Self {
+        Self::new(tuning.file_error)
+    }
+
+    fn new([lateral, yaw, bank_m_s2, part]: [f64; 4]) -> Self {
+        Self {
+            lateral,
+            yaw,
+            bank_m_s2,
+            part,
+        }
+    }
 }
 
 /// The filter.
@@ -180,17 +165,19 @@ impl PlanarFilter {
         doubt: PlanarDoubt,
         calibrated: bool,
     ) -> Self {
+        let t = model.tuning;
+        let [rate_min, accel_min] = t.measured_sigma_min;
         let mut filter = Self {
             model,
             noise: PlanarNoise {
-                yaw_rate_rad_s: noise.yaw_rate_rad_s.max(MEASURED_SIGMA_MIN[0]),
-                acceleration_m_s2: noise.acceleration_m_s2.max(MEASURED_SIGMA_MIN[1]),
+                yaw_rate_rad_s: noise.yaw_rate_rad_s.max(rate_min),
+                acceleration_m_s2: noise.acceleration_m_s2.max(accel_min),
             },
             doubt,
             offset_sigma: if calibrated {
-                OFFSET_SIGMA_CALIBRATED
+                t.offset_sigma_calibrated
             } else {
-                OFFSET_SIGMA
+                t.offset_sigma
             },
             state: SVector::zeros(),
             covariance: SMatrix::zeros(),
@@ -218,7 +205,7 @@ impl PlanarFilter {
         self.state = SVector::zeros();
         let [steer, gyro, accel] = self.offset_sigma.map(|sigma| sigma * sigma);
         let bank = self.doubt.bank_m_s2.powi(2);
-        let [lateral, yaw, front, rear] = MOTION_VARIANCE;
+        let [lateral, yaw, front, rear] = self.model.tuning.motion_variance;
         let diagonal = [lateral, yaw, steer, gyro, accel, bank, front, rear];
         self.covariance = SMatrix::from_diagonal(&SVector::from(diagonal));
     }
@@ -228,7 +215,7 @@ impl PlanarFilter {
         let before = self.state;
         self.forget();
         for (i, sigma) in [STEER, GYRO, ACCEL].into_iter().zip(self.offset_sigma) {
-            if before[i].abs() < OFFSET_SIGMAS_MAX * sigma {
+            if before[i].abs() < self.model.tuning.offset_kept_sigma * sigma {
                 self.state[i] = before[i];
             }
         }
@@ -247,7 +234,7 @@ impl PlanarFilter {
         self.decouple(BANK, self.doubt.bank_m_s2.powi(2));
         for (i, variance) in [LATERAL, YAW_RATE, SLIP[0], SLIP[1]]
             .into_iter()
-            .zip(MOTION_VARIANCE)
+            .zip(self.model.tuning.motion_variance)
         {
             self.state[i] = 0.0;
             self.decouple(i, variance);
@@ -271,7 +258,7 @@ impl PlanarFilter {
             self.roll_slowly(input);
         } else {
             let driven = self.model.driven(input);
-            if (0.0..GAP_S).contains(&dt_s) {
+            if (0.0..self.model.tuning.gap_s).contains(&dt_s) {
                 self.predict(dt_s, &driven);
             } else {
                 self.forget_motion();
@@ -289,8 +276,9 @@ impl PlanarFilter {
 
     /// Tyres roll where they point; a standing vehicle shows the gyro's offset.
     fn roll_slowly(&mut self, input: &PlanarInput) {
+        let t = self.model.tuning;
         if let Some(rate) = input.yaw_rate_rad_s {
-            if input.speed_m_s.abs() < STANDSTILL_M_S {
+            if input.speed_m_s.abs() < t.standstill_m_s {
                 let mut h = SVector::<f64, STATES>::zeros();
                 h[GYRO] = 1.0;
                 let variance = self.noise.yaw_rate_rad_s.powi(2);
@@ -300,10 +288,10 @@ impl PlanarFilter {
         }
         self.state[LATERAL] = self.model.rear_m * self.state[YAW_RATE];
         for (i, variance) in [
-            (LATERAL, SLOW_SIGMA_M_S.powi(2)),
+            (LATERAL, t.slow_sigma_m_s.powi(2)),
             (YAW_RATE, self.noise.yaw_rate_rad_s.powi(2)),
-            (SLIP[0], MOTION_VARIANCE[2]),
-            (SLIP[1], MOTION_VARIANCE[3]),
+            (SLIP[0], t.motion_variance[2]),
+            (SLIP[1], t.motion_variance[3]),
         ] {
             self.decouple(i, variance);
         }
@@ -322,13 +310,14 @@ impl PlanarFilter {
             }
             self.state += rate * part + slope * rate * (0.5 * part * part);
         }
+        let t = &self.model.tuning;
         let noise = [
             self.doubt.lateral,
             self.doubt.yaw,
-            OFFSET_WALK[0],
-            OFFSET_WALK[1],
-            OFFSET_WALK[2],
-            self.doubt.bank_m_s2 * (2.0 / BANK_TIME_S).sqrt(),
+            t.offset_walk[0],
+            t.offset_walk[1],
+            t.offset_walk[2],
+            self.doubt.bank_m_s2 * (2.0 / t.bank_time_s).sqrt(),
         ];
         for (i, density) in noise.into_iter().enumerate() {
             self.covariance[(i, i)] += density * density * dt;
@@ -358,12 +347,12 @@ impl PlanarFilter {
         innovations
     }
 
-    /// One scalar value; beyond [`HUBER`] deviations its noise is taken for as much larger.
+    /// One scalar value; beyond `huber_sigma` deviations its noise is taken for as much larger.
     fn scalar(&mut self, h: &SVector<f64, STATES>, residual: f64, variance: f64) -> Innovation {
         let ph = self.covariance * h;
         let spread = h.dot(&ph);
         let normalised = residual / (spread + variance).sqrt();
-        let excess = (normalised.abs() / HUBER).max(1.0);
+        let excess = (normalised.abs() / self.model.tuning.huber_sigma).max(1.0);
         let total = spread + variance * excess * excess;
         if !normalised.is_finite() || total <= 0.0 {
             return Innovation::NONE;

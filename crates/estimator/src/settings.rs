@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use crate::Tuning;
+
 /// What the estimator is told beside vehicle, sensors and calibration.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -8,6 +10,8 @@ pub struct Settings {
     pub method: Method,
     /// Inputs to leave out, as if they were not fitted.
     pub ignore: Vec<Input>,
+    /// Tuned numbers.
+    pub tuning: Tuning,
 }
 
 impl Settings {

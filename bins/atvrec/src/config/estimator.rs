@@ -1,13 +1,14 @@
 //! `[vehicle]` and `[estimator]`: what the estimator is told.
 
-use estimator::{Calibration, Input, Method, Settings};
+use estimator::tuning::Group;
+use estimator::{Calibration, Input, Method, Settings, Tuning};
 use model::FileErrors;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 
 use super::files::{FileKind, Files};
 use super::overrides;
-use super::reader::{Field, Gatherer, Problem, Section, closest};
+use super::reader::{Field, Gatherer, NumberOrList, Problem, Section, closest};
 
 /// Methods, as they are written in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
@@ -47,6 +48,10 @@ pub fn read(
     let enabled = section.optional::<bool>("enabled", gather);
     let method = section.optional::<String>("method", gather);
     let ignore = section.optional::<Vec<String>>("ignore", gather);
+    let mut tuning = Tuning::default();
+    if let Some(section) = section.optional_section("tuning", gather) {
+        read_tuning(section, &mut tuning, gather);
+    }
     section.finish(gather);
     let file = vehicle.optional::<String>("file", gather);
     let sensors = vehicle.optional::<String>("sensors", gather);
@@ -66,6 +71,7 @@ pub fn read(
                 .filter_map(|name| pick(&field, name, &INPUTS, gather))
                 .collect()
         }),
+        tuning,
     };
     if enabled.as_ref().is_some_and(|field| !field.value) {
         return None;
@@ -105,6 +111,29 @@ pub fn read(
         calibration,
         settings,
     })
+}
+
+/// Reads the numbers of a tuning group and of its sub-groups; what is absent keeps its default.
+fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gatherer<'_>) {
+    for parameter in group.parameters() {
+        let Some(field) = section.optional::<NumberOrList>(parameter.name, gather) else {
+            continue;
+        };
+        let NumberOrList(numbers) = field.value;
+        if let Err(expected) = parameter.value.replace(&numbers) {
+            let unit = parameter.unit;
+            let default = parameter.value.numbers();
+            let message = format!("{numbers:?} found where {expected} is expected");
+            let help = format!("the default is {default:?} (unit: {unit})");
+            gather.add(&field.span, &field.name, message, help);
+        }
+    }
+    for (name, group) in group.groups() {
+        if let Some(section) = section.optional_section(name, gather) {
+            read_tuning(section, group, gather);
+        }
+    }
+    section.finish(gather);
 }
 
 fn pick<T: Copy>(

@@ -1,13 +1,6 @@
 //! The hand wheel's angle, rate and acceleration out of an encoder's readings.
 
-/// What of the hand wheel a memory that fades keeps from step to step: for its angle, which the
-/// driver's quickest steering must pass as it is, and for its rate and acceleration.
-pub(super) const ANGLE_KEEP: f64 = 0.7;
-pub(super) const RATE_KEEP: f64 = 0.85;
-
-/// Fastest rack and its greatest acceleration that count, m/s and m/s^2: an encoder may jump.
-const RACK_MAX_M_S: f64 = 0.2;
-const RACK_MAX_M_S2: f64 = 2.0;
+use crate::tuning::SteeringWheelTuning;
 
 /// The hand wheel by a parabola of least squares with a fading memory, which neither a steady turn
 /// nor one that begins evenly leaves behind. The encoder's noise differentiated would turn the
@@ -32,16 +25,25 @@ impl HandWheel {
         let error = reading_rad - self.angle_rad;
         self.angle_rad += (1.0 - keep.powi(3)) * error;
         self.rate_rad_s += 1.5 * lost * lost * (1.0 + keep) * error / dt;
-        self.rate_dot_rad_s2 += lost.powi(3) * error / (dt * dt);
+        self.rate_dot_rad_s2 += cube(lost) * error / (dt * dt);
     }
 
     /// Rate and acceleration of a rack that moves so far for a radian, m/s and m/s^2.
-    pub(super) fn motion(&self, rack_m_rad: f64) -> [f64; 2] {
+    pub(super) fn motion(&self, rack_m_rad: f64, tuning: &SteeringWheelTuning) -> [f64; 2] {
+        let [speed, acceleration] = [tuning.rack_max_m_s, tuning.rack_max_m_s2];
         [
-            (self.rate_rad_s * rack_m_rad).clamp(-RACK_MAX_M_S, RACK_MAX_M_S),
-            (self.rate_dot_rad_s2 * rack_m_rad).clamp(-RACK_MAX_M_S2, RACK_MAX_M_S2),
+            (self.rate_rad_s * rack_m_rad).clamp(-speed, speed),
+            (self.rate_dot_rad_s2 * rack_m_rad).clamp(-acceleration, acceleration),
         ]
     }
+}
+
+/// x^3, rounded once: three factors multiplied one after another are rounded twice, which changes
+/// the last bit.
+fn cube(x: f64) -> f64 {
+    let square = x * x;
+    let rounding = x.mul_add(x, -square);
+    square.mul_add(x, rounding * x)
 }
 
 #[cfg(test)]
@@ -50,13 +52,14 @@ mod tests {
 
     #[test]
     fn a_hand_wheel_that_turns_ever_faster_is_not_left_behind() {
+        let tuning = SteeringWheelTuning::default();
         let mut wheel = HandWheel::default();
         let (dt, rate_dot) = (0.01, 3.0);
         for k in 0..=100 {
             let time_s = dt * f64::from(k);
-            wheel.follow(0.5 * rate_dot * time_s * time_s, RATE_KEEP, dt);
+            wheel.follow(0.5 * rate_dot * time_s * time_s, tuning.rate_keep, dt);
         }
-        let [rate, acceleration] = wheel.motion(0.01);
+        let [rate, acceleration] = wheel.motion(0.01, &tuning);
         assert!((rate - 0.01 * rate_dot).abs() < 1e-6, "{rate}");
         assert!(
             (acceleration - 0.01 * rate_dot).abs() < 1e-4,

@@ -12,13 +12,12 @@ pub(super) fn motion_event(now: LogTime, change: SensorChange) -> Event {
     sensor_event(now, change.faulty, change.name.to_owned(), change.why)
 }
 
-/// Time without a further start after which a filter that was started anew has settled, s.
-const SETTLED_S: f64 = 3.0;
-
 /// A filter that may diverge, from its being started anew to its recovery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divergence {
     name: &'static str,
+    /// Time without a further start after which the filter has settled, s.
+    recovery_s: f64,
     /// Starts of the filter so far.
     starts: u64,
     /// When it was last started anew, until it has settled.
@@ -27,9 +26,10 @@ pub(super) struct Divergence {
 
 impl Divergence {
     /// Of a filter, by the name that events have for it.
-    pub(super) fn new(name: &'static str) -> Self {
+    pub(super) fn new(name: &'static str, recovery_s: f64) -> Self {
         Self {
             name,
+            recovery_s,
             starts: 0,
             since: None,
         }
@@ -65,7 +65,7 @@ impl Divergence {
             }
         } else if self
             .since
-            .is_some_and(|since| now.seconds_since(since) > SETTLED_S)
+            .is_some_and(|since| now.seconds_since(since) > self.recovery_s)
         {
             self.since = None;
             let text = format!("the {} filter has settled again", self.name);

@@ -7,37 +7,22 @@ use sample::{
 };
 
 use super::events::motion_event;
-use super::{Estimator, GNSS_SILENT_S, GRID_S, HEADING_SILENT_S, Output};
+use super::{Estimator, GRID_S, Output};
 use crate::corners::Corners;
 use crate::inputs::finite3;
 use crate::kinematics;
 use crate::motion::{MotionState, VelocityReceiver};
+use crate::tuning::WatchTuning;
 use crate::waiting::Held;
 use crate::watch::{
     BiasWatch, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch, Triads,
     WheelWatch,
 };
 
-/// Slip angle that an axle of unknown force may have, rad.
-const BLIND_SLIP_RAD: f64 = 0.06;
-/// The slip angle's error is alike for many steps, which the filter takes for independent.
-const SLIP_CORRELATED: f64 = 4.0;
-/// Part of the last second, and more faintly of what was before, in which the inertial unit may
-/// contradict the balances of forces and moments that vouch for the state against GNSS.
-const DOUBT_MAX: f64 = 0.1;
-const DOUBT_TIME_S: f64 = 1.0;
-/// Speed above which the front wheels' slip tells the steer angle, m/s, and how well beside what is
-/// known of the slip angle, rad.
-const STEER_TOLD_M_S: f64 = 3.0;
-const STEER_SIGMA_RAD: f64 = 0.02;
-/// Square of the normalised difference of the rear axle's slip angles beyond which the motion is wrong.
-const REAR_GATE: f64 = 9.0;
-/// How fast a road vehicle's body may rise or sink from the ground, m/s.
-const VERTICAL_SIGMA_M_S: f64 = 0.3;
-
 /// Those who watch the sensors of motion.
 #[derive(Clone, Debug)]
 pub(super) struct Watches {
+    tuning: WatchTuning,
     pub(super) inertial: InertialWatch,
     pub(super) steering: SteeringWatch,
     bias: BiasWatch,
@@ -53,10 +38,11 @@ pub(super) struct Watches {
 }
 
 impl Watches {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(tuning: &WatchTuning) -> Self {
         Self {
-            inertial: InertialWatch::default(),
-            steering: SteeringWatch::default(),
+            tuning: *tuning,
+            inertial: InertialWatch::new(tuning.inertial),
+            steering: SteeringWatch::new(tuning.steering),
             bias: BiasWatch::default(),
             velocity: ["GNSS velocity", "GNSS velocity of the attitude receiver"]
                 .map(ReceiverWatch::new),
@@ -70,12 +56,13 @@ impl Watches {
 
     /// Takes note of whether the inertial unit agrees with the balances at this step.
     pub(super) fn agree(&mut self, agrees: bool) {
-        self.doubt += GRID_S / DOUBT_TIME_S * (f64::from(!agrees || self.rear_slips) - self.doubt);
+        let time_s = self.tuning.imu_consistency.time_s;
+        self.doubt += GRID_S / time_s * (f64::from(!agrees || self.rear_slips) - self.doubt);
     }
 
     /// Whether the balances vouch for what the inertial unit makes of the motion.
     pub(super) fn vouch(&self) -> bool {
-        self.doubt < DOUBT_MAX
+        self.doubt < self.tuning.imu_consistency.inconsistent_max
     }
 }
 
@@ -146,8 +133,9 @@ impl Estimator {
         }
         let sigma = self.motion.bias_sigma_at_start();
         let biases = self.motion.biases();
-        let watch = &mut self.watches.bias;
-        watch.judge(now, biases, sigma, &mut telling(now, out));
+        let watches = &mut self.watches;
+        let tuning = &watches.tuning.bias;
+        (watches.bias).judge(now, biases, sigma, tuning, &mut telling(now, out));
     }
 
     pub(super) fn take_hand_wheel(
@@ -194,6 +182,7 @@ impl Estimator {
                 time,
                 verdict,
                 vouched,
+                &self.watches.tuning.receiver,
                 &mut telling(now, out),
             );
         }
@@ -215,9 +204,9 @@ impl Estimator {
             std::array::from_fn(|i| angles[i].filter(|a| a.is_finite()).map(|a| a - offset[i]));
         let verdict = self.motion.push_attitude(time, angles, gnss.sigma_rad);
         let vouched = self.motion.is_vouched();
-        self.watches
-            .attitude
-            .judge(time, verdict, vouched, &mut telling(now, out));
+        let watches = &mut self.watches;
+        let tuning = &watches.tuning.receiver;
+        (watches.attitude).judge(time, verdict, vouched, tuning, &mut telling(now, out));
     }
 
     /// Holds wheel speeds and the hand wheel against the motion and the measured forces.
@@ -228,8 +217,9 @@ impl Estimator {
         settled: bool,
         out: &mut impl FnMut(Output),
     ) {
+        let t = self.settings.tuning;
         let rolling = PerWheel::from_fn(|wheel| {
-            let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now)?;
+            let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now, t.fresh_s)?;
             let left_m = 0.5 * self.axle(wheel).track_m * wheel.side();
             Some(Rolling {
                 read_m_s: reading * self.rolling_radius_m(wheel),
@@ -238,17 +228,18 @@ impl Estimator {
             })
         });
         let wheels = &mut self.watches.wheels;
-        wheels.judge(now, &rolling, &mut telling(now, out));
+        wheels.judge(now, &rolling, &t.watch.wheels, &mut telling(now, out));
         self.readings.wheel_speed_doubted = Wheel::ALL.map(|wheel| !wheels.believed(wheel));
         // A heading that a wrong gyro has turned shows as slip that the rear axle's force does not know.
+        let gate = t.watch.imu_consistency.rear_slip_gate_sigma;
         self.watches.rear_slips = self
             .steer_apart(1, state)
-            .is_some_and(|[apart, variance]| apart * apart > REAR_GATE * variance);
+            .is_some_and(|[apart, variance]| apart * apart > gate * gate * variance);
         // A motion that GNSS contradicts may be wrong itself; a wrong hand wheel breaks the balances.
         let sure = self.motion.is_vouched()
             || self.motion.is_confirmed()
             || self.watches.steering.strange();
-        let known = sure && self.motion.velocity_age_s(now) < GNSS_SILENT_S;
+        let known = sure && self.motion.velocity_age_s(now) < t.gnss_silent_s;
         self.watches.expected_hand_wheel =
             (known && settled).then(|| self.steer_told(state)).flatten();
     }
@@ -266,16 +257,19 @@ impl Estimator {
     fn steer_apart(&self, axle: usize, state: &MotionState) -> Option<[f64; 2]> {
         let slips = kinematics::slip_angles_on(self.corners.as_ref()?, state);
         let (slip, sigma) = self.grip.slip_angle(axle, &self.measured)?;
+        let t = &self.settings.tuning.watch.steering;
         let apart = 0.5 * (slips.0[2 * axle] + slips.0[2 * axle + 1]) - slip;
-        let variance = sigma.powi(2) + state.sideslip_sigma_rad.powi(2) + STEER_SIGMA_RAD.powi(2);
-        (state.velocity_m_s.x > STEER_TOLD_M_S).then_some([apart, variance])
+        let variance =
+            sigma.powi(2) + state.sideslip_sigma_rad.powi(2) + t.expected_sigma_rad.powi(2);
+        (state.velocity_m_s.x > t.expected_speed_min_m_s).then_some([apart, variance])
     }
 
     /// Mean forward speed that the wheels tell, rolling freely, m/s.
     fn rolling_speed(&self, time: LogTime) -> Option<f64> {
+        let fresh_s = self.settings.tuning.fresh_s;
         let (mut sum, mut count) = (0.0, 0.0);
         for wheel in Wheel::ALL {
-            if let Some(speed) = self.readings.wheel_speed(wheel, time) {
+            if let Some(speed) = self.readings.wheel_speed(wheel, time, fresh_s) {
                 sum += speed * self.rolling_radius_m(wheel);
                 count += 1.0;
             }
@@ -294,8 +288,10 @@ impl Estimator {
 
     /// What wheel speeds and the tyres' grip tell while GNSS velocity or heading is silent.
     pub(super) fn constrain_motion(&mut self, time: LogTime) {
-        let blind = self.motion.velocity_age_s(time) > GNSS_SILENT_S;
-        if !blind && self.motion.attitude_age_s(time) < HEADING_SILENT_S {
+        let t = self.settings.tuning;
+        let aiding = t.motion.aiding;
+        let blind = self.motion.velocity_age_s(time) > t.gnss_silent_s;
+        if !blind && self.motion.attitude_age_s(time) < t.heading_silent_s {
             return;
         }
         let normal = self
@@ -310,15 +306,20 @@ impl Estimator {
                 return;
             };
             forward = speed;
-            let doubt = 0.1 + 0.03 * forward.abs();
+            let doubt =
+                aiding.wheel_speed_sigma_m_s + aiding.wheel_speed_sigma_part * forward.abs();
             let centre = Vector3::zeros();
             let kind = Some(InnovationKind::WheelSpeed);
             let _ = self
                 .motion
                 .push_body_velocity(ahead, centre, forward, doubt, kind);
-            let _ = self
-                .motion
-                .push_body_velocity(normal, centre, 0.0, VERTICAL_SIGMA_M_S, None);
+            let _ = self.motion.push_body_velocity(
+                normal,
+                centre,
+                0.0,
+                aiding.vertical_sigma_m_s,
+                None,
+            );
         }
         self.constrain_axles(forward, left);
     }
@@ -326,6 +327,7 @@ impl Estimator {
     /// An axle moves along its wheels, but for the slip angle that its lateral force needs; where
     /// that is unknown the angle is small.
     fn constrain_axles(&mut self, forward: f64, left: Vector3<f64>) {
+        let t = self.settings.tuning.motion.aiding;
         let steer = self.steer_angles(self.grip.steer_offset().0);
         let body = &self.vehicle.body;
         let ahead = [body.front_axle_to_cg_m, -body.cg_to_rear_axle_m];
@@ -337,10 +339,10 @@ impl Estimator {
             let (slip, sigma) = self
                 .grip
                 .slip_angle(axle, &self.measured)
-                .unwrap_or((0.0, BLIND_SLIP_RAD));
+                .unwrap_or((0.0, t.slip_unknown_sigma_rad));
             let wheels = 0.5 * (steer[2 * axle] + steer[2 * axle + 1]);
             let across = forward * (wheels + slip).tan() - left.dot(&travel);
-            let doubt = SLIP_CORRELATED * (0.05 + sigma * forward.abs());
+            let doubt = t.slip_correlation * (t.lateral_sigma_m_s + sigma * forward.abs());
             let _ = self
                 .motion
                 .push_body_velocity(left, place, across, doubt, None);

@@ -10,32 +10,9 @@ use super::{
     Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
     TORQUE,
 };
-use crate::inputs::{CornerReadings, FRESH_S, Reading};
+use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
-
-/// Error of geometry and model on a member's force, N, and as a part of it.
-const MEMBER_FLOOR_N: f64 = 1.3;
-const MEMBER_FLOOR: f64 = 0.002;
-const UNPOSED_FLOOR_N: f64 = 60.0;
-const UNPOSED_FLOOR: f64 = 0.15;
-/// The same on the ball-normal force that bending tells, N.
-const BENDING_FLOOR_N: f64 = 2.5;
-/// Error of a channel's gain that is no fault.
-const FAULT_FLOOR: f64 = 0.02;
-/// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
-/// The lag's inverse would make a wild rate of a jump that the force itself may not make.
-const SURPRISE_N: f64 = 100.0;
-const SURPRISE_N_S: f64 = 2.5e3;
-/// Gate of a strut's force, whose level may be off, squared.
-const STRUT_GATE: f64 = 100.0;
-/// How far the vehicle model's F_x, F_y and F_z may be wrong, as a part of the load.
-const BLIND_FORCE: [f64; 3] = [0.4, 0.1, 0.15];
-/// Strut's force where no strain tells what of it F_x and F_y carry, N.
-const BLIND_STRUT_N: f64 = 70.0;
-/// How far back a linkage's map is carried at most, steps.
-const STEPS_BACK_MAX: f64 = 3.0;
-/// How long one such guess lasts, s.
-const BLIND_TIME_S: f64 = 0.1;
+use crate::tuning::MemberTuning;
 
 /// Of one corner: force, rate, moments and torques.
 const CORNER: usize = 10;
@@ -47,7 +24,8 @@ const STRAIN: usize = 1;
 impl Fusion {
     /// How long ago the force stood that a strain channel's lagged reading tells, s.
     fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
-        input.now.seconds_since(reading.time).clamp(-0.01, FRESH_S) + self.lag_s
+        let age_s = input.now.seconds_since(reading.time);
+        age_s.clamp(-0.01, input.fresh_s) + self.lag_s
     }
 
     /// How the members of a corner hang on the states.
@@ -57,6 +35,7 @@ impl Fusion {
             wheel,
             statics: [&corner.statics, &input.statics_before[wheel]],
             step_s: input.dt,
+            steps_back_max: self.tuning.members.steps_back_max,
             known_n_m: balance.known[wheel].moment_n_m,
             rolling_m: -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0),
             spindle: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
@@ -71,6 +50,7 @@ impl Fusion {
         wheel: usize,
         readings: &mut CornerReadings,
     ) -> CornerSays {
+        let t = &self.tuning.members;
         let corner = &input.corners[wheel];
         let members = self.members(input, balance, wheel);
         let of_strut = members.force(5, 0.0);
@@ -92,7 +72,7 @@ impl Fusion {
             let i = channel.index();
             let reading = readings.strain[i].as_mut()?;
             let axial = i < AXIAL.len();
-            alive += usize::from(axial && reading.fresh(input.now).is_some());
+            alive += usize::from(axial && reading.fresh(input.now, input.fresh_s).is_some());
             if std::mem::replace(&mut reading.taken, true) || !axial && arm == 0.0 {
                 return None;
             }
@@ -104,7 +84,7 @@ impl Fusion {
                 Some(Said {
                     value: reading.value - force.offset_n,
                     variance: c.noise_sigma.powi(2),
-                    tolerance: member_tolerance_n(posed, reading.value),
+                    tolerance: member_tolerance_n(posed, reading.value, t),
                 })
             } else {
                 let [per_strut, without] = members.ball_normal_n(age);
@@ -116,7 +96,7 @@ impl Fusion {
                 Some(Said {
                     value: reading.value - known,
                     variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
-                    tolerance: arm * BENDING_FLOOR_N,
+                    tolerance: arm * t.bending_sigma_n,
                 })
             }
         });
@@ -132,11 +112,13 @@ impl Fusion {
     /// Whether the strain channels together contradict what the state foretells: where they do the
     /// forces are set free before the readings are taken in.
     pub(super) fn heed_surprise(&mut self, said: &[CornerSays; 4]) {
+        let t = self.tuning;
         for (wheel, corner) in said.iter().enumerate() {
             let foretold = corner.rows.view().times(&self.state);
             for i in 0..AXIAL.len() {
                 let square = corner.strain[i].and_then(|said| {
-                    self.health[wheel][i].foretold_square(said.value - foretold[STRAIN + i])
+                    let innovation = said.value - foretold[STRAIN + i];
+                    self.health[wheel][i].foretold_square(innovation, &t.channels)
                 });
                 if let Some(square) = square {
                     self.agility.surprise(wheel, square);
@@ -144,11 +126,10 @@ impl Fusion {
             }
         }
         if self.agility.surprised() {
+            let [force, rate] = [t.members.surprise_n, t.members.surprise_n_s];
             for i in 0..12 {
-                self.covariance
-                    .add_noise(FORCE + i, SURPRISE_N * SURPRISE_N);
-                self.covariance
-                    .add_noise(RATE + i, SURPRISE_N_S * SURPRISE_N_S);
+                self.covariance.add_noise(FORCE + i, force * force);
+                self.covariance.add_noise(RATE + i, rate * rate);
             }
         }
     }
@@ -161,6 +142,7 @@ impl Fusion {
         wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
     ) {
+        let t = self.tuning;
         let corner = &input.corners[wheel];
         if corner.strut_jumped {
             self.doubt_length(wheel);
@@ -168,13 +150,18 @@ impl Fusion {
         let mut joint = self.covariance.project(&says.rows, &self.state);
         let before: [f64; TOGETHER] = std::array::from_fn(|m| joint.variance(m));
         if let Some(said) = says.strut {
-            let blind = if says.alive < 4 { BLIND_STRUT_N } else { 0.0 };
+            let blind = if says.alive < 4 {
+                t.members.blind_strut_n
+            } else {
+                0.0
+            };
             let length_mm = 1e3 * (said.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
             let variance = said.variance + blind * blind;
-            let innovation = self.take(&mut joint, STRUT, said.value, variance, STRUT_GATE);
-            self.count(InnovationKind::Strut, innovation, STRUT_GATE);
+            let gate = t.members.strut_gate_sigma;
+            let innovation = self.take(&mut joint, STRUT, said.value, variance, gate);
+            self.count(InnovationKind::Strut, innovation, gate);
             if !self.settling() {
-                self.lengths[wheel].learn(innovation, length_mm);
+                self.lengths[wheel].learn(innovation, length_mm, &t.potentiometers);
             }
         }
         for (channel, said) in StrainChannel::ALL.into_iter().zip(&says.strain) {
@@ -200,6 +187,7 @@ impl Fusion {
     /// Without strain nothing tells the forces of one axle apart, and without a potentiometer either
     /// nothing the loads of the diagonals: the vehicle model has to.
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
+        let t = self.tuning.members;
         let posed = input.corners[wheel].strut_sigma_n.is_finite();
         let expected = input.expected.0[wheel].force_n;
         let load = if posed {
@@ -217,8 +205,8 @@ impl Fusion {
         let mut joint = self.covariance.project(&rows, &self.state);
         for axis in 0..if posed { 2 } else { 3 } {
             // The same guess every step is one piece of knowledge, not many.
-            let sigma = BLIND_FORCE[axis] * load + 30.0;
-            let variance = sigma * sigma * (BLIND_TIME_S / input.dt).max(1.0);
+            let sigma = t.expected_sigma_part[axis] * load + t.expected_sigma_n;
+            let variance = sigma * sigma * (t.expected_time_s / input.dt).max(1.0);
             self.take(&mut joint, axis, expected[axis], variance, f64::INFINITY);
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
@@ -233,18 +221,19 @@ impl Fusion {
         wheel: usize,
         channel: StrainChannel,
     ) -> Change {
+        let t = self.tuning;
         let i = channel.index();
         let m = STRAIN + i;
-        let model = self.health[wheel][i].model_variance(said.tolerance);
+        let model = self.health[wheel][i].model_variance(said.tolerance, &t.channels);
         let total = joint.variance(m) + said.variance + model;
         let innovation = said.value - joint.value(m);
-        let doubt = FAULT_FLOOR * said.value;
+        let doubt = t.members.gain_tolerance * said.value;
         let square = innovation * innovation / (total + doubt * doubt);
         if self.settling() {
             joint.take(m, said.value, total);
             return Change::None;
         }
-        let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
+        let (good, change) = self.health[wheel][i].judge(square, self.agility.open(), &t.channels);
         self.health[wheel][i].expect([total, known + said.variance + model]);
         let kind = if i < AXIAL.len() {
             InnovationKind::Strain
@@ -253,7 +242,7 @@ impl Fusion {
         };
         if good {
             self.innovations.used(kind, innovation * innovation / total);
-            self.health[wheel][i].learn(innovation, said.tolerance);
+            self.health[wheel][i].learn(innovation, said.tolerance, &t.channels);
             joint.take(m, said.value, total);
         } else {
             self.innovations.rejected(kind);
@@ -270,6 +259,7 @@ struct Members<'a> {
     /// The linkage's map now and a step before.
     statics: [&'a CornerStatics; 2],
     step_s: f64,
+    steps_back_max: f64,
     /// The tyre's moment that goes with its force.
     known_n_m: Vector3<f64>,
     /// M_y of a newton of load.
@@ -296,7 +286,7 @@ impl Members<'_> {
         age: f64,
         numbers: impl Fn(&CornerStatics) -> [f64; N],
     ) -> [f64; N] {
-        let back = (age / self.step_s).clamp(0.0, STEPS_BACK_MAX);
+        let back = (age / self.step_s).clamp(0.0, self.steps_back_max);
         let [now, before] = self.statics.map(numbers);
         std::array::from_fn(|k| now[k] + (before[k] - now[k]) * back)
     }
@@ -367,10 +357,10 @@ struct Said {
 
 /// Error of the linkage's model on a member's force, N: where no deflection tells the pose, the
 /// design position stands in for it and is far off.
-fn member_tolerance_n(posed: bool, force_n: f64) -> f64 {
+fn member_tolerance_n(posed: bool, force_n: f64, tuning: &MemberTuning) -> f64 {
     if posed {
-        MEMBER_FLOOR_N + MEMBER_FLOOR * force_n.abs()
+        tuning.member_sigma_n + tuning.member_sigma_part * force_n.abs()
     } else {
-        UNPOSED_FLOOR_N + UNPOSED_FLOOR * force_n.abs()
+        tuning.unposed_sigma_n + tuning.unposed_sigma_part * force_n.abs()
     }
 }

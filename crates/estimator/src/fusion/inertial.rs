@@ -6,31 +6,7 @@ use sample::{InnovationKind, STANDARD_GRAVITY_M_S2};
 use super::covariance::{BALANCED, position};
 use super::joint::{Joint, Rows};
 use super::moments::KnownMoment;
-use super::{
-    ACCEL, FORCE, Fusion, GATE, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE, TURN, TURN_VARIANCE,
-};
-
-/// Error of the model on the sum of all forces, N.
-const SUM_FLOOR_N: f64 = 10.0;
-/// Doubt of the accelerometers while many strain channels are surprised, m/s^2: what set the forces
-/// against them may be an accelerometer that is wrong.
-const SURPRISED_M_S2: f64 = 1.0;
-/// Square of the forward accelerometer's normalised innovation that is a push: drive or brake that
-/// has just come.
-const PUSH: f64 = 8.0;
-/// The same beyond which it is the accelerometer that is doubted.
-const PUSH_MAX: f64 = 400.0;
-/// Rate of the loads after a push, N/s of a newton of its surplus: the body begins to pitch.
-const PUSH_RATE: f64 = 3.0;
-/// Deviation of the roll and pitch rate that struts tell, rad/s: the ground turns, too.
-const OVER_GROUND_RAD_S: f64 = 0.2;
-/// Part of the weight within which the tyres must carry it before a vehicle that was held counts as
-/// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
-const HELD_PART: f64 = 0.05;
-
-/// Readings in a row of a gyro that is believed, beyond the gate, after which the balance of moments
-/// has run away.
-const TURN_MISSES_MAX: u32 = 20;
+use super::{ACCEL, FORCE, Fusion, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE, TURN};
 
 /// Of the inertial unit: all forces, their rates and moments, as the states begin.
 type InertialRows = Rows<TORQUE>;
@@ -117,6 +93,8 @@ impl Fusion {
     /// the vehicle is held: then the other axes tell nothing, and the gyro alone tells how the body
     /// turns. Tells whether the unit agrees with the forces.
     pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, balance: &Balance) -> bool {
+        let t = self.tuning.balance;
+        let gate_sigma = self.tuning.gate_sigma;
         let age = input.motion.inertial_age_s.max(0.0);
         let [gyro, accel] = input.imu_sigma;
         let mass = self.body.mass_kg;
@@ -127,11 +105,11 @@ impl Fusion {
             input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
         let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
         let doubt = if self.agility.open() {
-            SURPRISED_M_S2
+            t.inflated_accel_m_s2
         } else {
             0.0
         };
-        let variance = mass * mass * (accel * accel + doubt * doubt) + SUM_FLOOR_N.powi(2);
+        let variance = mass * mass * (accel * accel + doubt * doubt) + t.sum_sigma_n.powi(2);
         let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
         let mut rows = InertialRows::new(std::array::from_fn(|i| i));
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
@@ -170,16 +148,17 @@ impl Fusion {
                 let missing = sum[axis] - joint.value(m);
                 self.held &= posed
                     && !self.rolling
-                    && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
+                    && missing.abs() > t.held_part * mass * STANDARD_GRAVITY_M_S2;
             }
-            let gate = if self.held { 0.0 } else { GATE };
+            let gate = if self.held { 0.0 } else { gate_sigma };
             let innovation = self.take(&mut joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
-            agrees &= innovation * innovation <= gate;
+            agrees &= innovation * innovation <= gate * gate;
             if axis == 2 && !agrees && posed && !self.rolling {
                 self.held = true;
                 for axis in 0..3 {
-                    self.covariance.add_noise(TURN + axis, TURN_VARIANCE);
+                    self.covariance
+                        .add_noise(TURN + axis, self.tuning.body_rate_variance);
                 }
                 joint = self.covariance.project(&rows, &self.state);
                 break;
@@ -195,12 +174,12 @@ impl Fusion {
             // The reading itself: the motion's rate is already carried on to now.
             let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
             let value = read + age * balance.constant[axis];
-            let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
-            self.count(InnovationKind::Gyro, innovation, GATE);
-            let told = innovation * innovation <= GATE;
+            let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, gate_sigma);
+            self.count(InnovationKind::Gyro, innovation, gate_sigma);
+            let told = innovation * innovation <= gate_sigma * gate_sigma;
             self.agreed &= told;
             self.turn_misses[axis] = if told { 0 } else { self.turn_misses[axis] + 1 };
-            if self.turn_misses[axis] >= TURN_MISSES_MAX {
+            if self.turn_misses[axis] >= t.gyro_rejections_max {
                 lost[axis] = (value - joint.value(GYRO + axis)).powi(2);
             }
         }
@@ -209,8 +188,8 @@ impl Fusion {
         for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
             if !input.believed.rate[axis] {
                 let value = over_ground + age * balance.constant[axis];
-                let variance = OVER_GROUND_RAD_S * OVER_GROUND_RAD_S;
-                self.take(&mut joint, GYRO + axis, value, variance, GATE);
+                let variance = t.over_ground_sigma_rad_s * t.over_ground_sigma_rad_s;
+                self.take(&mut joint, GYRO + axis, value, variance, gate_sigma);
             }
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
@@ -230,18 +209,19 @@ impl Fusion {
     /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
     /// they are, and in the rates of the loads that follow.
     fn heed_push(&mut self, rows: &InertialRows, joint: &mut Joint, value: f64, variance: f64) {
+        let t = self.tuning.balance;
         let total = joint.variance(FORWARD) + variance;
         let innovation = value - joint.value(FORWARD);
         let square = innovation * innovation;
-        self.pushed = (PUSH * total..PUSH_MAX * total).contains(&square);
+        self.pushed = (t.push_square * total..t.push_max_square * total).contains(&square);
         if self.pushed {
             self.covariance.apply(rows, joint, &mut self.state);
-            let surplus = square / PUSH - total;
+            let surplus = square / t.push_square - total;
             for wheel in 0..4 {
                 let (forward, load_rate) = (FORCE + 3 * wheel, RATE + 3 * wheel + 2);
                 self.covariance.add_noise(forward, 0.25 * surplus);
                 self.covariance
-                    .add_noise(load_rate, PUSH_RATE * PUSH_RATE * surplus);
+                    .add_noise(load_rate, t.push_load_rate * t.push_load_rate * surplus);
             }
             *joint = self.covariance.project(rows, &self.state);
         }

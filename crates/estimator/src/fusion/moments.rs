@@ -7,17 +7,7 @@ use super::Fusion;
 use super::body::Body;
 use super::layout::FORCE;
 use crate::corners::CornerState;
-
-/// Standard deviation of M_x and M_z beside what the tread and the trail make, N m: of upright wheels
-/// without side force, and of M_x where the tread's width is unknown.
-const SIGMA: f64 = 1.0;
-const UNTREADED_SIGMA: f64 = 28.0;
-/// Errors of the tread's moment, as parts of it: of its width and stiffness, and more the less of
-/// the width touches, where the rim's edge carries what a row of equal springs would not.
-const TREAD_ERROR: f64 = 0.04;
-const TREAD_LIFTED_ERROR: f64 = 0.5;
-/// Error of the trail's moment, as a part of it.
-const TRAIL_ERROR: f64 = 0.2;
+use crate::tuning::MomentTuning;
 
 /// A tyre's moment, contact frame.
 #[derive(Clone, Copy, Debug)]
@@ -30,9 +20,14 @@ pub(super) struct KnownMoment {
 
 impl Body {
     /// Deviations of M_x and M_z of which nothing is known yet, N m.
-    pub(super) fn moment_sigma_n_m(&self, wheel: usize) -> [f64; 2] {
+    pub(super) fn moment_sigma_n_m(&self, wheel: usize, tuning: &MomentTuning) -> [f64; 2] {
         let treaded = self.tyres[wheel].width_m > 0.0;
-        [if treaded { SIGMA } else { UNTREADED_SIGMA }, SIGMA]
+        let tipping = if treaded {
+            tuning.sigma_n_m
+        } else {
+            tuning.untreaded_sigma_n_m
+        };
+        [tipping, tuning.sigma_n_m]
     }
 }
 
@@ -58,11 +53,12 @@ impl Fusion {
         let tipping = -tyre.tread_moment_n_m(load, inclination);
         let turning = -trail * lateral;
         let lifted = 1.0 - tyre.tread_carrying(load, inclination);
+        let t = &self.tuning.moments;
         let errors = [
-            (TREAD_ERROR + TREAD_LIFTED_ERROR * lifted) * tipping,
-            TRAIL_ERROR * turning,
+            (t.tread_error + t.tread_lifted_error * lifted) * tipping,
+            t.trail_error * turning,
         ];
-        let unknown = self.body.moment_sigma_n_m(wheel);
+        let unknown = self.body.moment_sigma_n_m(wheel, t);
         KnownMoment {
             moment_n_m: Vector3::new(tipping, 0.0, turning),
             sigma_n_m: std::array::from_fn(|i| unknown[i].hypot(errors[i])),

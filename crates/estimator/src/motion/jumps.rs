@@ -17,10 +17,11 @@ use sample::LogTime;
 
 use super::flow::{Flow, Passed};
 use super::{ACCEL_BIAS, ATTITUDE, GYRO_BIAS, STATES};
+use crate::tuning::JumpTuning;
 
-/// Errors that may jump, three axes of each, and the largest jump, rad, m/s^2 and rad/s: a bias that
-/// jumps further is contradicted by the balances of forces and moments.
-const JUMPING: [(usize, f64); 3] = [(ATTITUDE, 0.3), (ACCEL_BIAS, 2.5), (GYRO_BIAS, 0.4)];
+/// Errors that can jump, three axes of each.
+const JUMPING: [usize; 3] = [ATTITUDE, ACCEL_BIAS, GYRO_BIAS];
+
 const ERRORS: usize = 3 * JUMPING.len();
 
 /// Values that receivers tell: velocity, and yaw, pitch and roll.
@@ -29,20 +30,8 @@ pub const ANGLE_TOLD: usize = 3;
 const VALUES: usize = ANGLE_TOLD + 3;
 
 /// Instants, the newest of which is never older than [`SPACING_S`].
+/// Number of instants at which a jump is assumed.
 const INSTANTS: usize = 6;
-const SPACING_S: f64 = 0.2;
-/// How long ago a jump must be, s: what a single value says is no slope.
-const AGE_MIN_S: f64 = 0.25;
-/// How much likelier a jump must make the innovations (twice the logarithm), over what is left of
-/// them unexplained.
-const RATIO: f64 = 30.0;
-/// Mean square up to which what is left may be noise, and the part that must be explained otherwise.
-const NOISE_MAX: f64 = 2.0;
-const EXPLAINED: f64 = 0.8;
-/// Deviations beyond which a receiver that is off is not followed.
-const FAR: f64 = 4.0;
-/// Part of the likeliest jump's ratio above which another may be what happened.
-const ALIKE: f64 = 0.25;
 
 /// Jumps at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -64,7 +53,7 @@ struct Instant {
 impl Instant {
     fn new(at: Option<LogTime>) -> Self {
         let mut signatures = SMatrix::<f64, STATES, ERRORS>::zeros();
-        for (i, (first, _)) in JUMPING.into_iter().enumerate() {
+        for (i, first) in JUMPING.into_iter().enumerate() {
             for axis in 0..3 {
                 signatures[(first + axis, 3 * i + axis)] = 1.0;
             }
@@ -91,55 +80,57 @@ impl Instant {
         self.by(error) * self.agreement[error]
     }
 
-    fn is_possible(&self, error: usize) -> bool {
-        self.by(error).abs() < JUMPING[error / 3].1
+    fn is_possible(&self, error: usize, tuning: &JumpTuning) -> bool {
+        self.by(error).abs() < tuning.largest[error / 3]
     }
 
     /// How much likelier a receiver that is far off since then makes the innovations: one that is off
     /// by less is followed anyway.
-    fn off_ratio(&self) -> f64 {
+    fn off_ratio(&self, tuning: &JumpTuning) -> f64 {
         let ratio = |value: usize| self.off_agreement[value].powi(2) / self.off_information[value];
         let ratios = |values: Range<usize>| -> f64 {
-            let far = values.filter(|value| ratio(*value) > FAR * FAR * self.counts[*value]);
+            let gate = tuning.receiver_error_sigma;
+            let far = values.filter(|value| ratio(*value) > gate * gate * self.counts[*value]);
             far.map(ratio).sum()
         };
         ratios(VELOCITY_TOLD..ANGLE_TOLD).max(ratios(ANGLE_TOLD..VALUES))
     }
 
     /// Whether a jump is likely enough.
-    fn believes(&self, error: usize) -> bool {
+    fn believes(&self, error: usize, tuning: &JumpTuning) -> bool {
         let ratio = self.ratio(error);
         let left = (self.square - ratio) / self.counts.iter().sum::<f64>();
-        let explained = left < NOISE_MAX || ratio > EXPLAINED * self.square;
-        ratio > RATIO * left.max(1.0) && explained && self.is_possible(error)
+        let explained = left < tuning.noise_max || ratio > tuning.explained * self.square;
+        ratio > tuning.ratio * left.max(1.0) && explained && self.is_possible(error, tuning)
     }
 }
 
 /// The instants at which something may have jumped, in a ring.
 #[derive(Clone, Debug)]
 pub struct Jumps {
+    tuning: JumpTuning,
     instants: [Instant; INSTANTS],
     newest: usize,
     /// Steps through which the signatures have not been carried yet.
     passed: Option<Passed>,
 }
 
-impl Default for Jumps {
-    fn default() -> Self {
+impl Jumps {
+    /// No instant yet.
+    pub fn new(tuning: JumpTuning) -> Self {
         Self {
+            tuning,
             instants: [Instant::new(None); INSTANTS],
             newest: 0,
             passed: None,
         }
     }
-}
 
-impl Jumps {
     /// Goes one step on to `now`, when something may jump, too.
     pub(super) fn carry(&mut self, now: LogTime, flow: &Flow) {
         self.passed.get_or_insert_default().step(flow);
         let newest = self.instants[self.newest].at;
-        if newest.is_none_or(|at| now.seconds_since(at) >= SPACING_S) {
+        if newest.is_none_or(|at| now.seconds_since(at) >= self.tuning.spacing_s) {
             self.catch_up();
             self.newest = (self.newest + 1) % INSTANTS;
             self.instants[self.newest] = Instant::new(Some(now));
@@ -185,19 +176,20 @@ impl Jumps {
     /// What the jumps that are likely at the instant of the likeliest one have made of the errors, if
     /// one is likely enough; all begins anew then.
     pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = SVector<f64, STATES>> + use<> {
+        let tuning = self.tuning;
         let mut likeliest: Option<(f64, &Instant)> = None;
         // From the newest instant back: a receiver may be off since any later one.
         let mut off_ratio: f64 = 0.0;
         for age in 0..INSTANTS {
             let instant = &self.instants[(self.newest + INSTANTS - age) % INSTANTS];
-            off_ratio = off_ratio.max(instant.off_ratio());
+            off_ratio = off_ratio.max(instant.off_ratio(&tuning));
             if instant
                 .at
-                .is_none_or(|at| now.seconds_since(at) < AGE_MIN_S)
+                .is_none_or(|at| now.seconds_since(at) < tuning.age_min_s)
             {
                 continue;
             }
-            for error in (0..ERRORS).filter(|error| instant.believes(*error)) {
+            for error in (0..ERRORS).filter(|error| instant.believes(*error, &tuning)) {
                 let least = likeliest.map_or(off_ratio, |(ratio, _)| ratio.max(off_ratio));
                 if instant.ratio(error) > least {
                     likeliest = Some((instant.ratio(error), instant));
@@ -206,11 +198,12 @@ impl Jumps {
         }
         let found = likeliest.map(|(ratio, instant)| (ratio, *instant));
         if found.is_some() {
-            *self = Self::default();
+            *self = Self::new(tuning);
         }
-        found.into_iter().flat_map(|(ratio, instant)| {
+        found.into_iter().flat_map(move |(ratio, instant)| {
             let alike = move |error: &usize| {
-                instant.is_possible(*error) && instant.ratio(*error) > ALIKE * ratio
+                instant.is_possible(*error, &tuning)
+                    && instant.ratio(*error) > tuning.alternative * ratio
             };
             let all = (0..ERRORS).filter(alike);
             all.map(move |error| instant.signatures.column(error) * instant.by(error))

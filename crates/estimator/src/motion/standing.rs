@@ -3,16 +3,7 @@
 use nalgebra::Vector3;
 use sample::LogTime;
 
-/// Values left out in a row after which the state, not the sensor, is taken to be wrong, and the
-/// same of a state that something vouches for: half a minute of velocities, a minute of attitudes.
-const MISSES_MAX: u32 = 20;
-const VOUCHED_MISSES_MAX: u32 = 600;
-/// Values used in a row that confirm a state, and one that was adopted from GNSS: an inertial unit
-/// whose bias has jumped is soon contradicted again.
-const CONFIRMED: u32 = 20;
-const CONFIRMED_ANEW: u32 = 100;
-/// Time for which a receiver counts after it has last told a velocity, s.
-const VELOCITY_HEARD_S: f64 = 1.0;
+use crate::tuning::ReceiverTuning;
 
 /// What a receiver told last.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,9 +16,8 @@ pub struct ToldVelocity {
 
 impl ToldVelocity {
     /// Whether it has told anything of late.
-    pub fn is_heard(&self, now: LogTime) -> bool {
-        self.at
-            .is_some_and(|at| now.seconds_since(at) < VELOCITY_HEARD_S)
+    pub fn is_heard(&self, now: LogTime, active_s: f64) -> bool {
+        self.at.is_some_and(|at| now.seconds_since(at) < active_s)
     }
 }
 
@@ -54,8 +44,12 @@ impl Standing {
     }
 
     /// Takes note of a value that was used.
-    pub fn used(&mut self) {
-        let least = if self.anew { CONFIRMED_ANEW } else { CONFIRMED };
+    pub fn used(&mut self, tuning: &ReceiverTuning) {
+        let least = if self.anew {
+            tuning.confirmed_again
+        } else {
+            tuning.confirmed
+        };
         self.uses += 1;
         self.confirmed |= self.uses >= least;
         (self.misses, self.unvouched) = (0, 0);
@@ -69,7 +63,7 @@ impl Standing {
     }
 
     /// Whether it is the state that is wrong.
-    pub fn too_many(self) -> bool {
-        self.unvouched > MISSES_MAX || self.misses > VOUCHED_MISSES_MAX
+    pub fn too_many(self, tuning: &ReceiverTuning) -> bool {
+        self.unvouched > tuning.rejections_max || self.misses > tuning.rejections_max_consistent
     }
 }

@@ -8,20 +8,9 @@ use crate::trace::{Operation, Update};
 use super::history::Pose;
 use super::jumps::{ANGLE_TOLD, VELOCITY_TOLD};
 use super::{
-    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, Standing, VELOCITY,
-    VelocityReceiver, cross, orthonormal, wrap,
+    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, STATES, Standing, VELOCITY, VelocityReceiver,
+    cross, orthonormal, wrap,
 };
-
-/// Normalised innovation, standard deviations, beyond which a value is left out.
-const GATE: f64 = 5.0;
-/// Headings in a row that must agree with each other before one is adopted.
-const STEADY_HEADINGS: f64 = 3.0;
-/// Values of each of two receivers left out in a row after which it is.
-const CONTRADICTIONS: u32 = 5;
-
-/// Speed from which the course tells a heading where nothing else does, m/s, and how well, rad.
-const COURSE_SPEED_M_S: f64 = 2.0;
-const COURSE_SIGMA_RAD: f64 = 0.08;
 
 /// Outcome of one value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,8 +32,9 @@ impl MotionFilter {
         velocity_m_s: Vector3<f64>,
         sigma_m_s: Option<[f64; 3]>,
     ) -> Verdict {
+        let t = self.tuning;
         let own = receiver as usize;
-        if self.doubted || !velocity_m_s.iter().all(|v| v.abs() < 200.0) {
+        if self.doubted || !velocity_m_s.iter().all(|v| v.abs() < t.velocity_max_m_s) {
             return Verdict::Unusable;
         }
         let Some(pose) = self.history.at(valid) else {
@@ -57,18 +47,18 @@ impl MotionFilter {
         let sigma = sigma_m_s.map_or([floor; 3], |s| {
             s.map(|s| {
                 if s.is_finite() {
-                    s.max(0.3 * floor)
+                    s.max(t.stated_sigma_min * floor)
                 } else {
                     floor
                 }
             })
         });
         let speed = velocity_m_s.x.hypot(velocity_m_s.y);
-        if !self.heading_known && speed > COURSE_SPEED_M_S {
+        if !self.heading_known && speed > t.course_speed_min_m_s {
             // No antenna has told a heading yet: a vehicle drives forward, nearly.
             let (_, _, yaw) = pose.earth_from_body.euler_angles();
             let course = velocity_m_s.y.atan2(velocity_m_s.x);
-            self.adopt_yaw(wrap(course - yaw), COURSE_SIGMA_RAD);
+            self.adopt_yaw(wrap(course - yaw), t.course_sigma_rad);
             self.heading_known = true;
             return Verdict::Used;
         }
@@ -76,7 +66,7 @@ impl MotionFilter {
             self.adopt_velocity(residual);
             residual = Vector3::zeros();
             if !self.heading_known {
-                self.forget_yaw(HEADING_UNKNOWN_RAD);
+                self.forget_yaw(t.heading_unknown_sigma_rad);
             }
         }
         // A receiver that hangs says the same again, and contradicts ever more as the body goes on: it
@@ -98,7 +88,7 @@ impl MotionFilter {
         for axis in 0..3 {
             let variance =
                 self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
-            rejected |= residual[axis].powi(2) > GATE * GATE * variance;
+            rejected |= residual[axis].powi(2) > t.gate_sigma * t.gate_sigma * variance;
         }
         let vouched = self.is_vouched();
         let told = &mut self.velocities[own];
@@ -111,10 +101,10 @@ impl MotionFilter {
                 }
             }
             let told = &self.velocities[own];
-            let too_many = told.standing.too_many();
+            let too_many = told.standing.too_many(&t.receivers);
             // One of two receivers alone is not adopted.
             let other = &self.velocities[1 - own];
-            let alone = !(other.is_heard(valid) && other.standing.uses > 0);
+            let alone = !(other.is_heard(valid, t.receivers.active_s) && other.standing.uses > 0);
             if self.is_contradicted(valid) {
                 self.doubt();
             } else if too_many && alone {
@@ -139,23 +129,25 @@ impl MotionFilter {
         }
         self.inject(&delta);
         self.seek_jump(valid);
-        self.velocities[own].standing.used();
+        self.velocities[own].standing.used(&t.receivers);
         self.velocity_time = Some(valid);
         Verdict::Used
     }
 
     /// Whether GNSS velocity and attitude both contradict the state.
     fn is_contradicted(&self, now: LogTime) -> bool {
-        let heard = self.velocities.iter().filter(|told| told.is_heard(now));
+        let t = &self.tuning.receivers;
+        let heard = (self.velocities.iter()).filter(|told| told.is_heard(now, t.active_s));
         let velocity = heard.map(|told| told.standing.unvouched).min();
-        velocity.unwrap_or(0).min(self.attitude_standing.unvouched) >= CONTRADICTIONS
+        velocity.unwrap_or(0).min(self.attitude_standing.unvouched) >= t.contradictions
     }
 
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
         self.velocity_m_s += residual;
         self.history.correct(Rotation3::identity(), residual);
         for i in VELOCITY..VELOCITY + 3 {
-            self.forget(i, 1.0);
+            let sigma = self.tuning.adopted_velocity_sigma_m_s;
+            self.forget(i, sigma * sigma);
         }
     }
 
@@ -166,6 +158,7 @@ impl MotionFilter {
         angles: [Option<f64>; 3],
         sigma_rad: Option<[f64; 3]>,
     ) -> Verdict {
+        let t = self.tuning;
         let Some(pose) = self.history.at(valid) else {
             return Verdict::Unusable;
         };
@@ -189,7 +182,7 @@ impl MotionFilter {
         if let Some(given) = sigma_rad {
             for axis in 0..3 {
                 if given[axis].is_finite() {
-                    sigma[axis] = given[axis].max(0.3 * floors[axis]);
+                    sigma[axis] = given[axis].max(t.stated_sigma_min * floors[axis]);
                 }
             }
         }
@@ -228,7 +221,8 @@ impl MotionFilter {
             let innovation = value - h.dot(&delta);
             let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
             let stuck = hangs[axis] && self.angles_left_out[axis];
-            self.angles_left_out[axis] = stuck || innovation.powi(2) > GATE * GATE * variance;
+            self.angles_left_out[axis] =
+                stuck || innovation.powi(2) > t.gate_sigma * t.gate_sigma * variance;
             if !hangs[axis] {
                 self.jumps
                     .compare(ANGLE_TOLD + axis, &h, innovation, variance);
@@ -252,7 +246,7 @@ impl MotionFilter {
             }
             if self.is_contradicted(valid) {
                 self.doubt();
-            } else if self.attitude_standing.too_many() {
+            } else if self.attitude_standing.too_many(&t.receivers) {
                 self.resets += 1;
                 self.attitude_standing = Standing::adopted();
                 self.forget_attitude();
@@ -261,7 +255,7 @@ impl MotionFilter {
             return Verdict::Rejected;
         }
         if used {
-            self.attitude_standing.used();
+            self.attitude_standing.used(&t.receivers);
             self.attitude_time = Some(valid);
             Verdict::Used
         } else {
@@ -272,13 +266,14 @@ impl MotionFilter {
     /// Whether headings go on as the gyros have the body turn, and so are more than noise: those of a
     /// vehicle that stands or creeps may be wild.
     fn is_steady(&self) -> bool {
-        self.heading_run[1] >= STEADY_HEADINGS
+        self.heading_run[1] >= f64::from(self.tuning.steady_headings)
     }
 
     fn count_heading(&mut self, heading_rad: f64, sigma: f64) {
         let began = heading_rad - self.turned_rad;
         let [before, count] = self.heading_run;
-        let agrees = wrap(began - before).abs() < GATE * std::f64::consts::SQRT_2 * sigma;
+        let agrees =
+            wrap(began - before).abs() < self.tuning.gate_sigma * std::f64::consts::SQRT_2 * sigma;
         self.heading_run = [began, if agrees { count + 1.0 } else { 1.0 }];
     }
 
@@ -304,7 +299,7 @@ impl MotionFilter {
         }
         self.doubted = false;
         if angles[0].is_some_and(|heading| heading.abs() < 1e6) {
-            self.heading_run[1] = STEADY_HEADINGS;
+            self.heading_run[1] = f64::from(self.tuning.steady_headings);
         }
         self.attitude_time = Some(valid);
         Verdict::Used
@@ -374,7 +369,8 @@ impl MotionFilter {
         h.fixed_rows_mut::<3>(ATTITUDE).copy_from(&across);
         h.fixed_rows_mut::<3>(GYRO_BIAS).copy_from(&bias);
         let variance = (h.transpose() * self.covariance * h)[0] + sigma_m_s * sigma_m_s;
-        if residual * residual > GATE * GATE * variance {
+        let gate = self.tuning.gate_sigma;
+        if residual * residual > gate * gate * variance {
             if let Some(kind) = kind {
                 self.innovations.rejected(kind);
             }

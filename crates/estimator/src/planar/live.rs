@@ -14,12 +14,8 @@ use crate::estimator::grid;
 use crate::innovation::InnovationTally;
 use crate::motion::MotionState;
 use crate::trace::Operation;
+use crate::tuning::{PlanarTuning, Tuning};
 use crate::{EstimatorError, Settings};
-
-/// What a single-track model leaves out of the sideslip angle: a constant, rad, and a part of the
-/// rear axle's slip angle. Measured on cars with four tyres, roll and load-dependent friction.
-const MODEL_SIGMA_RAD: f64 = 0.002;
-const MODEL_SIGMA_PART: f64 = 0.1;
 
 /// Filter, readings and what both need of the vehicle.
 #[derive(Clone, Debug)]
@@ -35,6 +31,7 @@ pub struct Planar {
 /// What the filter says of an instant, and what it was driven by.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanarMotion {
+    tuning: PlanarTuning,
     input: PlanarInput,
     state: PlanarState,
 }
@@ -62,6 +59,7 @@ impl PlanarBelief {
         let state = self.state + correction;
         let covariance = self.covariance - shrinkage;
         PlanarMotion {
+            tuning: self.model.tuning,
             input: self.input,
             state: self.model.told(&state, &covariance, &self.input),
         }
@@ -77,17 +75,20 @@ impl Planar {
         vehicle: &Vehicle,
         sensors: &Sensors,
         calibration: &Resolved,
+        tuning: &Tuning,
     ) -> Result<Self, EstimatorError> {
+        let t = &tuning.planar;
         let handling = calibration.handling;
         let model = PlanarModel::new(
             vehicle,
             handling.unwrap_or_else(|| Handling::of_vehicle(vehicle)),
             calibration.plain_imu_ahead_m,
+            t,
         );
         let doubt = if handling.is_some() {
-            PlanarDoubt::IDENTIFIED
+            PlanarDoubt::identified(t)
         } else {
-            PlanarDoubt::FILE
+            PlanarDoubt::file(t)
         };
         let noise = PlanarNoise {
             yaw_rate_rad_s: calibration
@@ -99,7 +100,7 @@ impl Planar {
         };
         Ok(Self {
             filter: PlanarFilter::new(model, noise, doubt, handling.is_some()),
-            readings: PlanarReadings::new(vehicle)?,
+            readings: PlanarReadings::new(vehicle, t.input)?,
             innovations: InnovationTally::default(),
             before: None,
             last: None,
@@ -165,7 +166,11 @@ impl Planar {
                 self.innovations.used(kind, normalised * normalised);
             }
         }
-        Some(PlanarMotion { input, state })
+        Some(PlanarMotion {
+            tuning: self.filter.model.tuning,
+            input,
+            state,
+        })
     }
 }
 
@@ -190,7 +195,7 @@ impl PlanarRecorder {
         settings: Settings,
     ) -> Result<Self, EstimatorError> {
         Ok(Self {
-            readings: PlanarReadings::new(vehicle)?,
+            readings: PlanarReadings::new(vehicle, settings.tuning.planar.input)?,
             calibration,
             settings,
             next_grid: None,
@@ -237,7 +242,8 @@ impl PlanarMotion {
     fn sideslip_sigma_rad(&self) -> f64 {
         let speed = self.input.speed_m_s.max(SPEED_MIN_M_S);
         let own = self.state.lateral_sigma_m_s / speed;
-        let model = MODEL_SIGMA_RAD + MODEL_SIGMA_PART * self.state.rear_slip_rad.abs();
+        let model = self.tuning.sideslip_sigma_rad
+            + self.tuning.sideslip_sigma_part * self.state.rear_slip_rad.abs();
         own.hypot(model)
     }
 

@@ -3,6 +3,7 @@
 use sample::LogTime;
 
 use super::{JUMPED, SensorChange};
+use crate::tuning::BiasWatchTuning;
 
 /// Names, as events have them: of accelerometers, then of gyros.
 const NAMES: [&str; 6] = [
@@ -13,13 +14,6 @@ const NAMES: [&str; 6] = [
     "inertial unit pitch rate bias",
     "inertial unit yaw rate bias",
 ];
-/// How long a bias is learnt before it shows which one has jumped, s: at first a jump of roll rate
-/// and one of leftward acceleration look alike.
-const LEARNT_S: f64 = 0.5;
-/// How long after the last sign of a jump it is known again, s.
-const KNOWN_S: f64 = 2.0;
-/// Change, over the deviation that a unit's biases have when it is switched on, that is told.
-const TOLD: f64 = 5.0;
 
 /// Memory of the biases.
 #[derive(Clone, Copy, Debug, Default)]
@@ -56,17 +50,18 @@ impl BiasWatch {
         now: LogTime,
         biases: [f64; 6],
         sigma: [f64; 2],
+        tuning: &BiasWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
         let Some(jump) = &mut self.jump else {
             return;
         };
-        let known = now.seconds_since(jump.last) >= KNOWN_S;
-        if now.seconds_since(jump.first) < LEARNT_S {
+        let known = now.seconds_since(jump.last) >= tuning.known_s;
+        if now.seconds_since(jump.first) < tuning.learning_s {
             return;
         }
         for (i, told) in jump.told.iter_mut().enumerate() {
-            let far = (biases[i] - jump.before[i]).abs() > TOLD * sigma[i / 3];
+            let far = (biases[i] - jump.before[i]).abs() > tuning.reported_sigma * sigma[i / 3];
             let faulty = !known && (far || *told);
             if faulty != *told {
                 *told = faulty;
@@ -102,7 +97,8 @@ mod tests {
             if k == 100 || k == 130 {
                 watch.suspect(now, if k == 100 { [0.0; 6] } else { bias });
             }
-            watch.judge(now, bias, [0.05, 0.005], &mut |change| {
+            let tuning = BiasWatchTuning::default();
+            watch.judge(now, bias, [0.05, 0.005], &tuning, &mut |change| {
                 told.push((k, change.name, change.faulty));
             });
         }

@@ -8,18 +8,10 @@
 use nalgebra::Vector3;
 
 use super::{BAD, CONTRADICTS, SensorChange};
-
-/// Square of the normalised difference that contradicts.
-const GATE: f64 = 25.0;
-/// Readings in a row, 100 a second, that make a fault of it.
-const FAULTY: u32 = 20;
-/// How many later ones need no jump to be doubted.
-const SUSPECT: u32 = 500;
-/// A reading that comes again so often in a row hangs.
-const HANGS: u32 = 10;
+use crate::tuning::InertialWatchTuning;
 
 /// What differs between gyros and accelerometers.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Kind {
     names: [&'static str; 3],
     /// Change from one reading to the next that is no vehicle's, in 10 ms.
@@ -35,34 +27,43 @@ struct Kind {
     untold: f64,
 }
 
-/// Rates, rad/s: attitude that is carried on without a gyro is off by what the moments are.
-const RATES: Kind = Kind {
-    names: [
-        "inertial unit roll rate",
-        "inertial unit pitch rate",
-        "inertial unit yaw rate",
-    ],
-    jump: 0.25,
-    floor: [0.0; 3],
-    doubtful: 500,
-    calm: 0,
-    untold: 0.1,
-};
+impl Kind {
+    /// Rates, rad/s: attitude that is carried on without a gyro is off by what the moments are.
+    fn rates(tuning: &InertialWatchTuning) -> Self {
+        Self {
+            names: RATE_NAMES,
+            jump: tuning.gyro_jump_rad_s,
+            floor: [0.0; 3],
+            doubtful: tuning.gyro_rejections_max,
+            calm: 0,
+            untold: tuning.gyro_replaced_density,
+        }
+    }
 
-/// Specific forces, m/s^2. A blow may come through the frame, and the load's weight may be unknown by
-/// a part: with so much untold it is GNSS that decides how fast the vehicle is.
-const FORCES: Kind = Kind {
-    names: [
-        "inertial unit forward acceleration",
-        "inertial unit leftward acceleration",
-        "inertial unit upward acceleration",
-    ],
-    jump: 1.5,
-    floor: [0.3, 0.3, 0.6],
-    doubtful: u32::MAX,
-    calm: 50,
-    untold: 2.0,
-};
+    /// Specific forces, m/s^2. The forces do not count as wrong, however long they are contradicted.
+    fn forces(tuning: &InertialWatchTuning) -> Self {
+        Self {
+            names: FORCE_NAMES,
+            jump: tuning.accel_jump_m_s2,
+            floor: tuning.accel_balance_sigma_m_s2,
+            doubtful: u32::MAX,
+            calm: tuning.accel_good_readings,
+            untold: tuning.accel_replaced_density,
+        }
+    }
+}
+
+const RATE_NAMES: [&str; 3] = [
+    "inertial unit roll rate",
+    "inertial unit pitch rate",
+    "inertial unit yaw rate",
+];
+
+const FORCE_NAMES: [&str; 3] = [
+    "inertial unit forward acceleration",
+    "inertial unit leftward acceleration",
+    "inertial unit upward acceleration",
+];
 
 /// Rates and specific forces about and along the body's axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -95,6 +96,7 @@ struct Axis {
 /// Memory of the unit.
 #[derive(Clone, Debug, Default)]
 pub struct InertialWatch {
+    tuning: InertialWatchTuning,
     rate: [Axis; 3],
     force: [Axis; 3],
     /// Readings in a row that the unit itself called bad.
@@ -105,11 +107,19 @@ pub struct InertialWatch {
 const UNIT: &str = "inertial unit";
 
 impl InertialWatch {
+    /// A monitor that has seen nothing.
+    pub fn new(tuning: InertialWatchTuning) -> Self {
+        Self {
+            tuning,
+            ..Self::default()
+        }
+    }
+
     /// Takes note of a reading that the unit itself calls bad: it failed its own test, or an axis is
     /// beyond its range.
     pub fn miss(&mut self, changes: &mut impl FnMut(SensorChange)) {
         self.bad = self.bad.saturating_add(1);
-        if self.bad == FAULTY {
+        if self.bad == self.tuning.faulty_readings {
             changes(SensorChange {
                 name: UNIT,
                 faulty: true,
@@ -129,7 +139,7 @@ impl InertialWatch {
     /// Readings have jumped because a bias has: those that are not faulty are not suspect, either.
     pub fn forgive(&mut self) {
         for axis in self.rate.iter_mut().chain(&mut self.force) {
-            if axis.strange < FAULTY {
+            if axis.strange < self.tuning.faulty_readings {
                 (axis.suspect, axis.strange) = (0, 0);
             }
         }
@@ -143,8 +153,8 @@ impl InertialWatch {
         };
         let believed = self.believed();
         Triads {
-            rate: of(believed.rate, &RATES),
-            force: of(believed.force, &FORCES),
+            rate: of(believed.rate, &Kind::rates(&self.tuning)),
+            force: of(believed.force, &Kind::forces(&self.tuning)),
         }
     }
 
@@ -158,7 +168,7 @@ impl InertialWatch {
         expected: &Triads<Option<[[f64; 2]; 3]>>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Triads<Vector3<f64>> {
-        if std::mem::take(&mut self.bad) >= FAULTY {
+        if std::mem::take(&mut self.bad) >= self.tuning.faulty_readings {
             changes(SensorChange {
                 name: UNIT,
                 faulty: false,
@@ -167,14 +177,24 @@ impl InertialWatch {
         }
         // A vehicle that moves shakes every axis.
         let shaken = expected.force.is_some();
+        let tuning = self.tuning;
+        let [rates, forces] = [Kind::rates(&tuning), Kind::forces(&tuning)];
         let mut judge = |axes: &mut [Axis; 3], kind, reading, bias, sigma, expected| {
             let expected = Expected { expected, shaken };
-            judge_all(axes, kind, [reading, bias], sigma, expected, &mut *changes)
+            let limits = (&tuning, kind);
+            judge_all(
+                axes,
+                limits,
+                [reading, bias],
+                sigma,
+                expected,
+                &mut *changes,
+            )
         };
         Triads {
             rate: judge(
                 &mut self.rate,
-                &RATES,
+                &rates,
                 reading.rate,
                 bias.rate,
                 sigma.rate,
@@ -182,7 +202,7 @@ impl InertialWatch {
             ),
             force: judge(
                 &mut self.force,
-                &FORCES,
+                &forces,
                 reading.force,
                 bias.force,
                 sigma.force,
@@ -203,7 +223,7 @@ struct Expected {
 
 fn judge_all(
     axes: &mut [Axis; 3],
-    kind: &Kind,
+    (tuning, kind): (&InertialWatchTuning, &Kind),
     [reading, bias]: [Vector3<f64>; 2],
     sigma: f64,
     Expected { expected, shaken }: Expected,
@@ -214,15 +234,15 @@ fn judge_all(
         let before = axis.strange;
         let doubt = sigma * sigma + kind.floor[i].powi(2);
         let expected = expected.map(|all| [all[i][0] + bias[i], all[i][1] + doubt]);
-        let told = axis.judge(reading[i], expected, shaken, kind);
+        let told = axis.judge(reading[i], expected, shaken, (tuning, kind));
         let change = |faulty| SensorChange {
             name: kind.names[i],
             faulty,
             why: CONTRADICTS,
         };
-        if axis.strange == FAULTY && before < FAULTY {
+        if axis.strange == tuning.faulty_readings && before < tuning.faulty_readings {
             changes(change(true));
-        } else if axis.strange == 0 && before >= FAULTY {
+        } else if axis.strange == 0 && before >= tuning.faulty_readings {
             changes(change(false));
         }
         told
@@ -235,7 +255,7 @@ impl Axis {
         reading: f64,
         expected: Option<[f64; 2]>,
         shaken: bool,
-        kind: &Kind,
+        (tuning, kind): (&InertialWatchTuning, &Kind),
     ) -> f64 {
         self.repeats = if reading == self.read {
             self.repeats.saturating_add(1)
@@ -245,20 +265,21 @@ impl Axis {
         self.read = reading;
         let Some([value, variance]) = expected else {
             // Nothing speaks for a sensor that was found faulty, either.
-            if self.strange < FAULTY {
+            if self.strange < tuning.faulty_readings {
                 self.strange = 0;
                 self.last = Some(reading);
             }
             return reading;
         };
-        let contradicted = (reading - value).powi(2) > GATE * variance;
+        let gate = tuning.gate_sigma;
+        let contradicted = (reading - value).powi(2) > gate * gate * variance;
         let jumped = self
             .last
             .is_some_and(|last| (reading - last).abs() > kind.jump);
-        let hangs = shaken && self.repeats >= HANGS;
+        let hangs = shaken && self.repeats >= tuning.stuck_readings;
         let suspect = self.suspect > 0 || self.strange > 0 || jumped;
-        self.suspect = if self.strange >= FAULTY {
-            SUSPECT
+        self.suspect = if self.strange >= tuning.faulty_readings {
+            tuning.suspect_readings
         } else {
             self.suspect.saturating_sub(1)
         };
@@ -266,7 +287,7 @@ impl Axis {
             self.strange = self.strange.saturating_add(1);
             self.agreed = 0;
             value
-        } else if self.strange >= FAULTY && self.agreed < kind.calm {
+        } else if self.strange >= tuning.faulty_readings && self.agreed < kind.calm {
             self.agreed += 1;
             value
         } else {
@@ -319,7 +340,7 @@ mod tests {
             assert_eq!(rate.x, 0.1, "{k}");
         }
         assert_eq!(watch.believed().rate, [true; 3]);
-        let name = RATES.names[0];
+        let name = RATE_NAMES[0];
         assert_eq!(told, [(69, name, true), (100, name, false)]);
         let wild = Vector3::repeat(9.0);
         assert_eq!(judge(&mut watch, wild, None, &mut |_| {}), wild);
@@ -365,7 +386,14 @@ mod tests {
             assert_eq!(force.force.y, truth);
         }
         assert_eq!(watch.believed().force, [false, true, true]);
-        assert_eq!(told, [(FORCES.names[0], true)]);
-        assert_eq!(watch.untold().force, [FORCES.untold, 0.0, 0.0]);
+        assert_eq!(told, [(FORCE_NAMES[0], true)]);
+        assert_eq!(
+            watch.untold().force,
+            [
+                InertialWatchTuning::default().accel_replaced_density,
+                0.0,
+                0.0
+            ]
+        );
     }
 }

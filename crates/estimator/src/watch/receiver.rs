@@ -5,8 +5,7 @@ use sample::LogTime;
 use super::{CONTRADICTS, SensorChange};
 use crate::motion::Verdict;
 
-/// How long a receiver contradicts the state before it is called faulty, s.
-const FAULTY_S: f64 = 0.5;
+use crate::tuning::ReceiverWatchTuning;
 
 /// Memory of one receiver.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +33,7 @@ impl ReceiverWatch {
         time: LogTime,
         verdict: Verdict,
         vouched: bool,
+        tuning: &ReceiverWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
         let faulty = match verdict {
@@ -44,7 +44,7 @@ impl ReceiverWatch {
             }
             Verdict::Rejected => {
                 let since = *self.since.get_or_insert(time);
-                self.told || vouched && time.seconds_since(since) >= FAULTY_S
+                self.told || vouched && time.seconds_since(since) >= tuning.faulty_s
             }
         };
         if faulty != self.told {
@@ -74,7 +74,8 @@ mod tests {
                     Verdict::Used
                 };
                 let time = LogTime(1_000_000_000 + 50_000_000 * k);
-                watch.judge(time, verdict, vouched, &mut |change| {
+                let tuning = ReceiverWatchTuning::default();
+                watch.judge(time, verdict, vouched, &tuning, &mut |change| {
                     told.push((k, change.faulty));
                 });
             }

@@ -3,26 +3,12 @@
 use sample::LogTime;
 
 use super::{CONTRADICTS, SensorChange};
-
-/// Square of the normalised difference that contradicts, and that of a wheel that has jumped, hangs or
-/// has been contradicted just before.
-const GATE: f64 = 25.0;
-const SUSPECT_GATE: f64 = 4.0;
-/// Speed of a hand wheel that is no driver's, rad/s.
-const JUMP_RAD_S: f64 = 50.0;
-/// How long it must be contradicted, and how long it must agree again, s.
-const FAULTY_S: f64 = 0.3;
-const GOOD_S: f64 = 0.5;
-/// How long the same angle again and again makes it suspect, s: a coarse sensor's may well stand.
-const HANGS_S: f64 = 0.3;
-/// How far an angle that is held may be wrong, rad, and how long it may stand against a wheel that
-/// moves while nothing else does, s.
-const HELD_RAD: f64 = 0.1;
-const HELD_S: f64 = 2.0;
+use crate::tuning::SteeringWatchTuning;
 
 /// Memory of the hand wheel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SteeringWatch {
+    tuning: SteeringWatchTuning,
     last: Option<Read>,
     /// When it last moved, and whether that is long ago.
     moved: Option<LogTime>,
@@ -51,6 +37,14 @@ struct Read {
 }
 
 impl SteeringWatch {
+    /// A monitor that has seen nothing.
+    pub fn new(tuning: SteeringWatchTuning) -> Self {
+        Self {
+            tuning,
+            ..Self::default()
+        }
+    }
+
     /// Whether the last angle is sure enough to learn from.
     pub fn believed(&self) -> bool {
         self.strange.is_none() && !self.hangs
@@ -70,6 +64,7 @@ impl SteeringWatch {
         expected: Option<[f64; 2]>,
         changes: &mut impl FnMut(SensorChange),
     ) -> f64 {
+        let t = self.tuning;
         let longer = |since: Option<LogTime>, span_s| {
             since.is_some_and(|since| time.seconds_since(since) >= span_s)
         };
@@ -79,36 +74,36 @@ impl SteeringWatch {
         }
         let jumped = last.is_some_and(|last| {
             let span_s = time.seconds_since(last.time).max(0.0);
-            (angle_rad - last.angle_rad).abs() > JUMP_RAD_S * span_s
+            (angle_rad - last.angle_rad).abs() > t.jump_rad_s * span_s
         });
         let held = self
             .held
-            .filter(|_| self.seen || !longer(self.strange, HELD_S));
+            .filter(|_| self.seen || !longer(self.strange, t.held_max_s));
         let witnessed = expected.is_some();
         let before = last.filter(|_| jumped).map(|last| last.angle_rad);
         let expected = expected
             .or(held)
-            .or(before.map(|before| [before, HELD_RAD * HELD_RAD]));
+            .or(before.map(|before| [before, t.held_sigma_rad * t.held_sigma_rad]));
         // A driver's hand does not jump: a wide deviation of what is expected is no excuse.
         if let (Some(before), Some([value, _])) = (before, expected)
             && (angle_rad - value).abs() > (before - value).abs()
         {
             self.fled = Some(time);
-        } else if jumped || longer(self.fled, GOOD_S) {
+        } else if jumped || longer(self.fled, t.good_s) {
             self.fled = None;
         }
         self.landed = match self.landed {
             _ if jumped => Some(angle_rad),
             landed => landed.filter(|landed| *landed == angle_rad),
         };
-        self.hangs = longer(self.moved, HANGS_S);
+        self.hangs = longer(self.moved, t.stuck_s);
         let gate = if jumped || self.hangs || self.strange.is_some() {
-            SUSPECT_GATE
+            t.suspect_gate_sigma
         } else {
-            GATE
+            t.gate_sigma
         };
         let agrees = expected.map(|[value, variance]| {
-            self.fled.is_none() && (angle_rad - value).powi(2) <= gate * variance
+            self.fled.is_none() && (angle_rad - value).powi(2) <= gate * gate * variance
         });
         if agrees == Some(false) {
             self.seen = witnessed || self.seen && self.strange.is_some();
@@ -117,11 +112,11 @@ impl SteeringWatch {
         } else {
             self.agreed.get_or_insert(time);
             let passed = !self.told && self.landed.is_none();
-            if passed || longer(self.agreed, GOOD_S) && !self.hangs {
+            if passed || longer(self.agreed, t.good_s) && !self.hangs {
                 self.strange = None;
             }
         }
-        let faulty = self.strange.is_some() && (self.told || longer(self.strange, FAULTY_S));
+        let faulty = self.strange.is_some() && (self.told || longer(self.strange, t.faulty_s));
         if faulty != self.told {
             self.told = faulty;
             changes(SensorChange {
@@ -134,7 +129,7 @@ impl SteeringWatch {
             Some([value, _]) if self.strange.is_some() => value,
             _ => angle_rad,
         };
-        self.held = (self.strange.is_some()).then_some([used, HELD_RAD * HELD_RAD]);
+        self.held = (self.strange.is_some()).then_some([used, t.held_sigma_rad * t.held_sigma_rad]);
         used
     }
 }

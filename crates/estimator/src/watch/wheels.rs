@@ -4,15 +4,7 @@
 use sample::{LogTime, PerWheel, Wheel};
 
 use super::{CONTRADICTS, SensorChange};
-
-/// Difference from the speed over ground that slip is too small for, as a part and m/s.
-const DIFFERENCE: f64 = 0.3;
-const DIFFERENCE_M_S: f64 = 0.5;
-/// Part of its load that a wheel may push.
-const PUSH: f64 = 0.2;
-/// How long it must contradict, and agree again, s.
-const FAULTY_S: f64 = 0.5;
-const GOOD_S: f64 = 0.5;
+use crate::tuning::WheelWatchTuning;
 
 /// Names, as events have them.
 const NAMES: [&str; 4] = [
@@ -46,11 +38,11 @@ pub struct Rolling {
 
 impl Rolling {
     /// Whether the sensor contradicts; `None` where slip may explain it.
-    fn contradicts(&self) -> Option<bool> {
+    fn contradicts(&self, tuning: &WheelWatchTuning) -> Option<bool> {
         let [forward, _, load] = self.force_n;
         let apart = (self.read_m_s - self.over_ground_m_s).abs();
-        let most = DIFFERENCE_M_S + DIFFERENCE * self.over_ground_m_s.abs();
-        (load > 0.0 && forward.abs() < PUSH * load).then_some(apart > most)
+        let most = tuning.difference_m_s + tuning.difference_part * self.over_ground_m_s.abs();
+        (load > 0.0 && forward.abs() < tuning.rolling_force * load).then_some(apart > most)
     }
 }
 
@@ -65,9 +57,10 @@ impl WheelWatch {
         &mut self,
         now: LogTime,
         rolling: &PerWheel<Option<Rolling>>,
+        tuning: &WheelWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
-        let verdicts = rolling.0.map(|rolling| rolling?.contradicts());
+        let verdicts = rolling.0.map(|rolling| rolling?.contradicts(tuning));
         let count = |verdict| verdicts.iter().filter(|v| **v == Some(verdict)).count();
         if count(true) > count(false) {
             // It is the speed over ground that is wrong.
@@ -84,7 +77,11 @@ impl WheelWatch {
             };
             *other = None;
             let since = now.seconds_since(*held.get_or_insert(now));
-            let span_s = if strange { FAULTY_S } else { GOOD_S };
+            let span_s = if strange {
+                tuning.faulty_s
+            } else {
+                tuning.good_s
+            };
             if strange != one.told && since >= span_s {
                 one.told = strange;
                 changes(SensorChange {
@@ -120,7 +117,8 @@ mod tests {
                 wheel(9.0, 0.0),
                 None,
             ]);
-            watch.judge(LogTime(10_000_000 * k), &rolling, &mut |change| {
+            let tuning = WheelWatchTuning::default();
+            watch.judge(LogTime(10_000_000 * k), &rolling, &tuning, &mut |change| {
                 told.push((k, change.name, change.faulty));
             });
             assert_eq!(watch.believed(Wheel::FrontLeft), !(100..200).contains(&k));
@@ -140,7 +138,8 @@ mod tests {
         };
         let rolling = PerWheel([wheel(10.0), wheel(10.0), wheel(3.0), wheel(10.0)]);
         for k in 0..300 {
-            watch.judge(LogTime(10_000_000 * k), &rolling, &mut |change| {
+            let tuning = WheelWatchTuning::default();
+            watch.judge(LogTime(10_000_000 * k), &rolling, &tuning, &mut |change| {
                 panic!("{change:?}");
             });
         }

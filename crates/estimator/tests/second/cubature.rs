@@ -7,6 +7,7 @@ use estimator::motion::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, MotionSettings, STATES, Solution, VELOCITY,
     VelocityReceiver,
 };
+use estimator::tuning::MotionTuning;
 use estimator::watch::Triads;
 use model::sensors::Sensors;
 use nalgebra::{Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
@@ -61,7 +62,7 @@ pub fn compare(name: &str, gravity: f64) -> Found {
     let mut samples = sensing::samples(&Run::load(name), &vehicle, &sensors, 1);
     samples.retain(|sample| !matches!(sample.measurement, Measurement::Corner(_)));
     let settings = settings(&sensors);
-    let mut first = MotionFilter::new(settings.clone());
+    let mut first = MotionFilter::new(settings.clone(), &MotionTuning::default());
     let mut second: Option<Points> = None;
     let mut by_truth = samples.clone();
     by_truth.sort_by_key(|sample| sample.valid_time);
