@@ -1,8 +1,8 @@
 //! The four linkages as they stand at this instant: where spring deflection, rack and body motion
 //! put them, and the linear map between member forces and tyre forces that follows.
 
-mod hand_wheel;
 mod length;
+mod steering_wheel;
 
 use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
@@ -13,13 +13,13 @@ use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
-use crate::fusion::StrutBelief;
+use crate::feedback::{BodyMotionEstimate, EstimatorFeedback, StrutEstimate};
 use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
 use crate::tuning::{CornerTuning, Tuning};
 
-use hand_wheel::HandWheel;
 use length::LengthFilter;
+use steering_wheel::SteeringWheel;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ pub struct CornerState {
     pub strut_sigma_n: f64,
     /// The same force with the spring where the potentiometer's new reading alone puts it, and its
     /// deviation, N; none without a new reading. Its noise is new with every reading.
-    pub strut_read: Option<[f64; 2]>,
+    pub strut_read: Option<StrutReading>,
     /// Its stiffness where it stands, N/m.
     pub strut_stiffness_n_m: f64,
     /// Whether its potentiometer has just jumped.
@@ -51,6 +51,15 @@ pub struct CornerState {
     pub turn_rad_s: Vector3<f64>,
 }
 
+/// Strut force from one reading of the potentiometer.
+#[derive(Clone, Copy, Debug)]
+pub struct StrutReading {
+    /// Force, N.
+    pub force_n: f64,
+    /// Standard deviation, N.
+    pub sigma_n: f64,
+}
+
 #[derive(Clone, Debug)]
 struct Linkage {
     tuning: CornerTuning,
@@ -63,20 +72,6 @@ struct Linkage {
     stands_at_m: f64,
     pose: CornerPose,
     fallback_load_n: f64,
-}
-
-/// What the filters have told so far.
-#[derive(Clone, Copy, Debug)]
-pub struct Told {
-    /// Loads of the wheels, N; not finite where unknown.
-    pub load_n: [f64; 4],
-    /// The struts.
-    pub struts: [StrutBelief; 4],
-    /// Specific force of the centre of gravity, m/s^2, and angular acceleration, rad/s^2, less
-    /// noisy than the inertial unit's.
-    pub body_motion: Option<[Vector3<f64>; 2]>,
-    /// How much further left the hand wheel stands than it says, rad.
-    pub hand_wheel_rad: f64,
 }
 
 /// All four corners.
@@ -96,9 +91,9 @@ pub struct Corners {
     cg_height_m: f64,
     rack_m_rad: f64,
     /// The hand wheel, for its angle.
-    hand_wheel: HandWheel,
+    steering_wheel: SteeringWheel,
     /// The same with a longer memory, for its rate and acceleration.
-    turning: HandWheel,
+    turning: SteeringWheel,
     sixth: ChannelKind,
 }
 
@@ -160,8 +155,8 @@ impl Corners {
             leaning: [0.0; 2],
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
-            hand_wheel: HandWheel::default(),
-            turning: HandWheel::default(),
+            steering_wheel: SteeringWheel::default(),
+            turning: SteeringWheel::default(),
             sixth: ChannelKind::Strut,
         }))
     }
@@ -220,27 +215,29 @@ impl Corners {
         point_m - Vector3::z() * self.cg_height_m
     }
 
-    /// Puts the corners where the readings say at `now`, `dt` after the last time.
+    /// Places the corners at `now`, `dt` after the last call. `steering_offset_rad` is added to the
+    /// steering wheel's angle.
     pub fn update(
         &mut self,
         now: LogTime,
         dt: f64,
         readings: &mut Readings,
         motion: &MotionState,
-        told: &Told,
+        feedback: &EstimatorFeedback,
+        steering_offset_rad: f64,
     ) {
-        let load_n = told.load_n;
+        let load_n = feedback.forces.0.map(|force| force.force_n[2]);
         let of_wheel = &self.tuning.steering_wheel;
-        if let Some(reading) = readings.hand_wheel_rad {
-            self.hand_wheel
+        if let Some(reading) = readings.steering_wheel_rad {
+            self.steering_wheel
                 .follow(reading.value, of_wheel.angle_keep, dt);
             self.turning.follow(reading.value, of_wheel.rate_keep, dt);
         }
-        let rack = (self.hand_wheel.angle_rad + told.hand_wheel_rad) * self.rack_m_rad;
+        let rack = (self.steering_wheel.angle_rad + steering_offset_rad) * self.rack_m_rad;
         let rack_motion = self.turning.motion(self.rack_m_rad, of_wheel);
         for (i, linkage) in self.linkages.iter_mut().enumerate() {
             let compression = &mut readings.corners.0[i].compression_m;
-            linkage.measure(now, dt, rack, compression, told.struts[i]);
+            linkage.measure(now, dt, rack, compression, feedback.struts[i]);
         }
         let load: [f64; 4] = std::array::from_fn(|i| {
             if load_n[i].is_finite() {
@@ -250,9 +247,13 @@ impl Corners {
             }
         });
         self.tilt(now, dt, motion, load);
-        let [specific_force_m_s2, rate_dot_rad_s2] = told
-            .body_motion
-            .unwrap_or([motion.specific_force_m_s2, motion.rate_dot_rad_s2]);
+        let BodyMotionEstimate {
+            specific_force_m_s2,
+            rate_dot_rad_s2,
+        } = feedback.body_motion.unwrap_or(BodyMotionEstimate {
+            specific_force_m_s2: motion.specific_force_m_s2,
+            rate_dot_rad_s2: motion.rate_dot_rad_s2,
+        });
         let body = BodyMotion {
             specific_force_m_s2,
             reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
@@ -323,7 +324,7 @@ impl Corners {
     /// each force in the body's axes, the ground's normal what of it is load, the steer angle what of
     /// it is lateral. `steer_sigma_rad` is the deviation of the hand wheel's zero at the front wheels.
     #[must_use]
-    pub fn doubt_frames(
+    pub fn add_frame_uncertainty(
         &self,
         forces: &PerWheel<TyreForce>,
         steer_sigma_rad: f64,
@@ -465,7 +466,7 @@ impl Linkage {
         dt: f64,
         rack_m: f64,
         reading: &mut Option<Reading>,
-        belief: StrutBelief,
+        belief: StrutEstimate,
     ) {
         self.length.predict(dt);
         self.length.jolt(belief.jolt_m_s2);
@@ -549,7 +550,10 @@ impl Linkage {
             let spring = stiffness * stiffness * read.variance;
             let damper = self.tuning.rate_correlation * damping * damping * read.rate_variance;
             let variance = spring + damper + self.tuning.reading_sigma_n.powi(2);
-            [strut_n - stiffness * read.longer_m, variance.sqrt()]
+            StrutReading {
+                force_n: strut_n - stiffness * read.longer_m,
+                sigma_n: variance.sqrt(),
+            }
         });
         Ok(CornerState {
             pose: *pose,
@@ -606,7 +610,7 @@ mod tests {
             sigma_n: [1.0; 3],
             ..TyreForce::default()
         };
-        let doubted = corners.doubt_frames(&PerWheel([force; 4]), 2e-3);
+        let doubted = corners.add_frame_uncertainty(&PerWheel([force; 4]), 2e-3);
         let near = |sigma: f64, error: f64| (sigma - 1.0_f64.hypot(error)).abs() < 0.01;
         let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| doubted[wheel].sigma_n);
         assert!(
@@ -624,7 +628,7 @@ mod tests {
             sigma_n: [f64::NAN, f64::NAN, 5.0],
             ..TyreForce::default()
         };
-        let doubted = corners.doubt_frames(&PerWheel([load; 4]), 1.0);
+        let doubted = corners.add_frame_uncertainty(&PerWheel([load; 4]), 1.0);
         assert_eq!(doubted[Wheel::FrontLeft].sigma_n[2], 5.0);
     }
 

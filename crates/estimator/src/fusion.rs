@@ -28,11 +28,11 @@
 //! cost more than the step may take, and the states are scaled so that the condition number stays
 //! far from what doubles can hold.
 
-mod agility;
 mod body;
 mod channel;
 mod corner;
 mod covariance;
+mod force_noise;
 mod inertial;
 mod joint;
 pub mod layout;
@@ -48,20 +48,22 @@ use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, Tyre
 
 use crate::calibration::CornerChannels;
 use crate::corners::CornerState;
+use crate::feedback::{BodyMotionEstimate, StrutEstimate};
+use crate::gaussian::{Gaussian, within};
 use crate::innovation::InnovationTally;
 use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
+use crate::triads::{Triads, UsedAxes};
 use crate::tuning::{FusionTuning, ProcessNoiseTuning, Tuning};
-use crate::watch::{Believed, Triads};
 
-use agility::Agility;
 use body::Body;
 use channel::{Change, ChannelHealth};
 use covariance::Covariance;
+use force_noise::ForceNoise;
 use joint::Joint;
-use layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
+use layout::{ACCEL_BIAS, BODY_RATE, FORCE, MOMENT, OFFSET, RATE, SIZE, STRUT_LENGTH, TORQUE};
 use lengths::LengthWatch;
 use process::{accel_noise, torque_noise};
 
@@ -79,16 +81,16 @@ pub struct Fusion {
     lag_s: f64,
     bending_distance_m: f64,
     health: [[ChannelHealth; StrainChannel::COUNT]; 4],
-    agility: Agility,
+    force_noise: ForceNoise,
     torque: [ProcessNoise<2>; 2],
     accel: ProcessNoise<3>,
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
-    body_motion: Option<[Vector3<f64>; 2]>,
+    body_motion: Option<BodyMotionEstimate>,
     /// What the forces of all tyres make of the body's motion, whether the inertial unit agrees or not.
-    ahead: [Vector3<f64>; 2],
+    ahead: BodyMotionEstimate,
     /// Readings in a row of each gyro that contradicted the balance of moments.
-    turn_misses: [u32; 3],
+    gyro_rejections: [u32; 3],
     /// Variance of each accelerometer's expected reading, (m/s^2)^2.
     accel_variance: [f64; 3],
     /// Whether the inertial unit has agreed with the balances in this step.
@@ -129,21 +131,9 @@ pub struct StepInput<'a> {
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
     /// Which axes of the inertial unit are believed; the others tell nothing.
-    pub believed: Believed,
+    pub used: UsedAxes,
     /// How fast the body rolls and pitches over the ground, rad/s, which stands in for them.
     pub turn_over_ground: Option<[f64; 2]>,
-}
-
-/// What the filter knows of a strut, for the linkage's pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StrutBelief {
-    /// How much longer the strut is than a faulty potentiometer says, m; zero while the
-    /// potentiometer is believed.
-    pub longer_m: f64,
-    /// Its force, N, once the filter has settled.
-    pub force_n: Option<f64>,
-    /// How far a blow or a push may just have changed its acceleration, m/s^2.
-    pub jolt_m_s2: f64,
 }
 
 /// A channel that was found faulty (`true`) or good again.
@@ -171,14 +161,14 @@ pub const OUTPUTS: [usize; 15] = [
     9,
     10,
     11,
-    TURN,
-    TURN + 1,
-    TURN + 2,
+    BODY_RATE,
+    BODY_RATE + 1,
+    BODY_RATE + 2,
 ];
 
 /// What the filter believes at one instant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Belief {
+pub struct FusionTrace {
     /// Operations since the instant before.
     pub operations: Vec<Operation<SIZE>>,
     /// The state, in the order of [`layout`].
@@ -207,16 +197,16 @@ impl Fusion {
             bending_distance_m: strain
                 .bending
                 .as_ref()
-                .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
+                .map_or(0.0, |coast| coast.distance_from_ball_joint_m),
             health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
-            agility: Agility::new(t.force_noise, process_noise),
+            force_noise: ForceNoise::new(t.force_noise, process_noise),
             torque: torque_noise(t, process_noise),
             accel: accel_noise(t, process_noise),
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
-            ahead: [Vector3::zeros(); 2],
-            turn_misses: [0; 3],
+            ahead: BodyMotionEstimate::default(),
+            gyro_rejections: [0; 3],
             accel_variance: [0.0; 3],
             agreed: false,
             pushed: false,
@@ -241,7 +231,7 @@ impl Fusion {
         self.state = [0.0; SIZE];
         self.steps = 0;
         self.lengths = [LengthWatch::default(); 4];
-        self.agility = Agility::new(self.tuning.force_noise, self.process_noise);
+        self.force_noise = ForceNoise::new(self.tuning.force_noise, self.process_noise);
         self.torque = torque_noise(&self.tuning, self.process_noise);
         self.accel = accel_noise(&self.tuning, self.process_noise);
         for (wheel, load) in self.body.static_load.into_iter().enumerate() {
@@ -263,31 +253,31 @@ impl Fusion {
         }
         let balance = self.balance(input);
         self.predict(input.dt, &balance, input.channels);
-        let said: [_; 4] = std::array::from_fn(|wheel| {
-            self.corner_says(input, &balance, wheel, &mut readings.0[wheel])
+        let measured: [_; 4] = std::array::from_fn(|wheel| {
+            self.measure_corner(input, &balance, wheel, &mut readings.0[wheel])
         });
         if !self.settling() {
-            self.heed_surprise(&said);
+            self.inflate_on_multi_channel_innovation(&measured);
         }
-        let rates = self.believed::<12>(RATE);
-        let torques = [0, 2].map(|part| self.believed::<2>(TORQUE + part));
-        let accels = self.believed::<3>(ACCEL);
+        let rates = self.estimates::<12>(RATE);
+        let torques = [0, 2].map(|part| self.estimates::<2>(TORQUE + part));
+        let accels = self.estimates::<3>(ACCEL_BIAS);
         (self.pushed, self.agreed) = (false, false);
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
-        for (wheel, said) in said.iter().enumerate() {
-            self.take_corner(input, said, wheel, changes);
+        for (wheel, measured) in measured.iter().enumerate() {
+            self.take_corner(input, measured, wheel, changes);
         }
         if !self.settling() {
-            self.agility
-                .learn(corrections(&rates, &self.believed(RATE)));
+            self.force_noise
+                .learn(corrections(&rates, &self.estimates(RATE)));
             for (part, torques) in torques.iter().enumerate() {
-                let corrected = corrections(torques, &self.believed(TORQUE + 2 * part));
+                let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));
                 self.torque[part].learn(corrected);
             }
             self.accel
-                .learn(corrections(&accels, &self.believed(ACCEL)));
+                .learn(corrections(&accels, &self.estimates(ACCEL_BIAS)));
         }
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
@@ -304,8 +294,10 @@ impl Fusion {
     }
 
     /// Values and variances of some states.
-    fn believed<const N: usize>(&self, first: usize) -> [[f64; 2]; N] {
-        std::array::from_fn(|i| [self.state[first + i], self.covariance.variance(first + i)])
+    fn estimates<const N: usize>(&self, first: usize) -> [Gaussian; N] {
+        std::array::from_fn(|i| {
+            Gaussian::new(self.state[first + i], self.covariance.variance(first + i))
+        })
     }
 
     fn settling(&self) -> bool {
@@ -315,7 +307,7 @@ impl Fusion {
     /// Whether all numbers are finite, no variance negative, and the body's rate one that a body has.
     fn sound(&self) -> bool {
         let finite = self.state.iter().all(|x| x.abs() < 1e8);
-        let turn = &self.state[TURN..TURN + 3];
+        let turn = &self.state[BODY_RATE..BODY_RATE + 3];
         finite
             && turn
                 .iter()
@@ -342,8 +334,8 @@ impl Fusion {
     }
 
     /// What the filter believes now, and the operations that led there since the last call.
-    pub fn take_belief(&mut self) -> Belief {
-        Belief {
+    pub fn take_trace(&mut self) -> FusionTrace {
+        FusionTrace {
             operations: self.covariance.trace.take(),
             state: SVector::from(self.state),
             covariance: SMatrix::from_rows(
@@ -355,7 +347,7 @@ impl Fusion {
     /// Angular rate of the body, rad/s: gyro and balance of moments together.
     #[must_use]
     pub fn rate_rad_s(&self) -> [f64; 3] {
-        std::array::from_fn(|axis| self.state[TURN + axis])
+        std::array::from_fn(|axis| self.state[BODY_RATE + axis])
     }
 
     /// What the inertial unit should read `ahead_s` after the last step by the balances: value and
@@ -366,21 +358,24 @@ impl Fusion {
         &self,
         ahead_s: f64,
         imu_m: Vector3<f64>,
-    ) -> Triads<Option<[[f64; 2]; 3]>> {
-        let [force, turn_dot] = self.ahead;
+    ) -> Triads<Option<[Gaussian; 3]>> {
+        let BodyMotionEstimate {
+            specific_force_m_s2: force,
+            rate_dot_rad_s2: turn_dot,
+        } = self.ahead;
         let rate = std::array::from_fn(|axis| {
             let noise = self.tuning.moment_noise_n_m[axis] * self.body.inverse[(axis, axis)];
-            [
-                self.state[TURN + axis] + ahead_s * turn_dot[axis],
-                self.covariance.variance(TURN + axis) + noise * noise * ahead_s.abs(),
-            ]
+            Gaussian::new(
+                self.state[BODY_RATE + axis] + ahead_s * turn_dot[axis],
+                self.covariance.variance(BODY_RATE + axis) + noise * noise * ahead_s.abs(),
+            )
         });
         let turn = Vector3::from(self.rate_rad_s());
         let swing = turn_dot.cross(&imu_m) + turn.cross(&turn.cross(&imu_m));
         let at_unit = force + swing;
         let force = std::array::from_fn(|axis| {
-            let residue = self.state[ACCEL + axis];
-            [at_unit[axis] + residue, self.accel_variance[axis]]
+            let residue = self.state[ACCEL_BIAS + axis];
+            Gaussian::new(at_unit[axis] + residue, self.accel_variance[axis])
         });
         Triads {
             rate: (!self.settling()).then_some(rate),
@@ -391,21 +386,21 @@ impl Fusion {
     /// Whether accelerometers and gyros have agreed with the balances in the last step, of forces that
     /// strain tells at all corners and that were not set free to follow a push.
     #[must_use]
-    pub fn vouches(&self) -> bool {
+    pub fn imu_agrees(&self) -> bool {
         self.agreed && !self.blind && !self.pushed
     }
 
     /// What is known of a wheel's strut beside its potentiometer.
     #[must_use]
-    pub fn strut(&self, wheel: usize) -> StrutBelief {
-        StrutBelief {
+    pub fn strut(&self, wheel: usize) -> StrutEstimate {
+        StrutEstimate {
             longer_m: if self.lengths[wheel].faulty() {
-                1e-3 * self.state[LENGTH + wheel]
+                1e-3 * self.state[STRUT_LENGTH + wheel]
             } else {
                 0.0
             },
             force_n: (!self.settling()).then_some(self.strut_n[wheel]),
-            jolt_m_s2: if self.agility.open() {
+            jolt_m_s2: if self.force_noise.open() {
                 self.tuning.blow_m_s2
             } else if self.pushed {
                 self.tuning.push_m_s2
@@ -419,7 +414,7 @@ impl Fusion {
     /// axes as they will be at the next step: what the forces of all tyres make of them. None while
     /// the inertial unit is silent or contradicts them, as on jackstands.
     #[must_use]
-    pub fn body_motion(&self) -> Option<[Vector3<f64>; 2]> {
+    pub fn body_motion(&self) -> Option<BodyMotionEstimate> {
         self.body_motion
     }
 
@@ -439,7 +434,7 @@ impl Fusion {
     fn take(&self, joint: &mut Joint, m: usize, value: f64, variance: f64, gate: f64) -> f64 {
         let total = joint.variance(m) + variance;
         let innovation = value - joint.value(m);
-        if self.settling() || innovation * innovation <= gate * gate * total {
+        if self.settling() || within(gate, innovation, total) {
             joint.take(m, value, total);
         }
         innovation / total.sqrt()
@@ -450,7 +445,7 @@ impl Fusion {
         if self.settling() {
             return;
         }
-        if innovation * innovation <= gate * gate {
+        if within(gate, innovation, 1.0) {
             self.innovations.used(kind, innovation * innovation);
         } else {
             self.innovations.rejected(kind);
@@ -460,9 +455,9 @@ impl Fusion {
 
 /// What one step's measurements have changed in values of which this was known, in deviations: a
 /// correction's variance is what they have taken away, P- - P+.
-fn corrections<const N: usize>(before: &[[f64; 2]; N], after: &[[f64; 2]; N]) -> [f64; N] {
+fn corrections<const N: usize>(before: &[Gaussian; N], after: &[Gaussian; N]) -> [f64; N] {
     std::array::from_fn(|i| {
-        let taken = before[i][1] - after[i][1];
-        (after[i][0] - before[i][0]) / taken.max(f64::MIN_POSITIVE).sqrt()
+        let taken = before[i].variance - after[i].variance;
+        (after[i].mean - before[i].mean) / taken.max(f64::MIN_POSITIVE).sqrt()
     })
 }

@@ -84,11 +84,11 @@ pub struct Readings {
     /// Strain and deflection.
     pub corners: PerWheel<CornerReadings>,
     /// Hand wheel, left positive, rad.
-    pub hand_wheel_rad: Option<Reading>,
+    pub steering_wheel_rad: Option<Reading>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
     /// Wheel speeds that are not believed.
-    pub wheel_speed_doubted: [bool; 4],
+    pub wheel_speed_faulty: [bool; 4],
     liveness: [[Liveness; POTENTIOMETER + 1]; 4],
 }
 
@@ -151,14 +151,14 @@ impl Readings {
     #[must_use]
     pub fn wheel_speed(&self, wheel: Wheel, now: LogTime, fresh_s: f64) -> Option<f64> {
         let reading =
-            self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_doubted[wheel.index()]);
+            self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_faulty[wheel.index()]);
         reading.and_then(|reading| reading.fresh(now, fresh_s))
     }
 
     /// Takes a hand-wheel angle in.
-    pub fn push_hand_wheel(&mut self, time: LogTime, angle_rad: f64) {
+    pub fn push_steering_wheel(&mut self, time: LogTime, angle_rad: f64) {
         let good = (angle_rad.abs() < 50.0).then_some(angle_rad);
-        replace(&mut self.hand_wheel_rad, time, good);
+        replace(&mut self.steering_wheel_rad, time, good);
     }
 }
 

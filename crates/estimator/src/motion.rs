@@ -15,11 +15,11 @@
 //! within that lag is neglected (less than 1 % of it in 50 ms). So the order in which late values
 //! arrive does not matter to first order.
 
+mod acceptance;
 mod flow;
 pub mod history;
 mod jumps;
 mod solution;
-mod standing;
 mod update;
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
@@ -27,13 +27,13 @@ use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 
 use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
+use crate::triads::Triads;
 use crate::tuning::MotionTuning;
-use crate::watch::Triads;
+use acceptance::{AcceptanceCounter, ReceiverState};
 use flow::Flow;
 use history::{History, Pose};
 use jumps::Jumps;
 pub use solution::Solution;
-use standing::{Standing, ToldVelocity};
 pub use update::Verdict;
 
 /// Size of the error state: attitude, velocity, accelerometer bias, gyro bias.
@@ -109,15 +109,15 @@ pub struct MotionFilter {
     /// a row have agreed.
     heading_run: [f64; 2],
     /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
-    doubted: bool,
+    attitude_lost: bool,
     levelled: bool,
-    velocities: [ToldVelocity; 2],
-    attitude_standing: Standing,
+    velocities: [ReceiverState; 2],
+    attitude_acceptance: AcceptanceCounter,
     /// Yaw, pitch and roll as told last, and whether they were left out.
-    told_angles: [Option<f64>; 3],
-    angles_left_out: [bool; 3],
+    last_angles: [Option<f64>; 3],
+    angles_rejected: [bool; 3],
     /// Whether something vouches for the state.
-    vouched: bool,
+    imu_consistent: bool,
     resets: u32,
     /// Innovations since they were last reported.
     pub(crate) innovations: InnovationTally,
@@ -203,13 +203,13 @@ impl MotionFilter {
             heading_known: false,
             turned_rad: 0.0,
             heading_run: [0.0; 2],
-            doubted: false,
+            attitude_lost: false,
             levelled: false,
-            velocities: [ToldVelocity::default(); 2],
-            attitude_standing: Standing::default(),
-            told_angles: [None; 3],
-            angles_left_out: [false; 3],
-            vouched: false,
+            velocities: [ReceiverState::default(); 2],
+            attitude_acceptance: AcceptanceCounter::default(),
+            last_angles: [None; 3],
+            angles_rejected: [false; 3],
+            imu_consistent: false,
             resets: 0,
             innovations: InnovationTally::default(),
             trace: Trace::default(),
@@ -220,40 +220,40 @@ impl MotionFilter {
 
     /// Whether from now on something else vouches for how the state goes on: where GNSS contradicts
     /// one that it has confirmed before, it is GNSS that is wrong.
-    pub fn vouch(&mut self, vouched: bool) {
-        self.vouched = vouched;
+    pub fn set_imu_consistent(&mut self, imu_consistent: bool) {
+        self.imu_consistent = imu_consistent;
     }
 
     /// Whether it does, of a state that GNSS has confirmed.
     #[must_use]
-    pub fn is_vouched(&self) -> bool {
-        self.vouched && self.all_standing(|standing| standing.confirmed)
+    pub fn is_imu_consistent(&self) -> bool {
+        self.imu_consistent && self.all_acceptance(|acceptance| acceptance.confirmed)
     }
 
     /// Whether GNSS confirms the state now.
     #[must_use]
     pub fn is_confirmed(&self) -> bool {
-        self.all_standing(|standing| standing.confirmed && standing.uses > 0)
+        self.all_acceptance(|acceptance| acceptance.confirmed && acceptance.uses > 0)
     }
 
     /// Whether something holds of attitude and of one receiver's velocity, where they have been told.
-    fn all_standing(&self, holds: impl Fn(&Standing) -> bool) -> bool {
+    fn all_acceptance(&self, holds: impl Fn(&AcceptanceCounter) -> bool) -> bool {
         let now = self.time.unwrap_or_default();
         let active_s = self.tuning.receivers.active_s;
-        let silent = !(self.velocities.iter()).any(|told| told.is_heard(now, active_s));
-        let holds_of = |told: &ToldVelocity| {
-            let counts = told.is_heard(now, active_s) || silent && told.at.is_some();
-            counts && holds(&told.standing)
+        let silent = !(self.velocities.iter()).any(|told| told.is_active(now, active_s));
+        let holds_of = |told: &ReceiverState| {
+            let counts = told.is_active(now, active_s) || silent && told.at.is_some();
+            counts && holds(&told.acceptance)
         };
         (self.velocity_time.is_none() || self.velocities.iter().any(holds_of))
-            && (self.attitude_time.is_none() || holds(&self.attitude_standing))
+            && (self.attitude_time.is_none() || holds(&self.attitude_acceptance))
     }
 
-    fn set_standing(&mut self, standing: Standing) {
+    fn set_acceptance(&mut self, acceptance: AcceptanceCounter) {
         for told in &mut self.velocities {
-            told.standing = standing;
+            told.acceptance = acceptance;
         }
-        self.attitude_standing = standing;
+        self.attitude_acceptance = acceptance;
     }
 
     /// How often the filter has been started anew.
@@ -348,9 +348,9 @@ impl MotionFilter {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         self.heading_known = false;
-        self.doubted = false;
+        self.attitude_lost = false;
         self.levelled = false;
-        self.set_standing(Standing::default());
+        self.set_acceptance(AcceptanceCounter::default());
         self.velocity_time = None;
         self.forget_attitude();
         self.history.clear();
@@ -366,7 +366,7 @@ impl MotionFilter {
         time: LogTime,
         force: Vector3<f64>,
         rate: Vector3<f64>,
-        untold: &Triads<[f64; 3]>,
+        replaced_density: &Triads<[f64; 3]>,
     ) {
         let t = self.tuning;
         let good = force.iter().all(|f| f.abs() <= t.force_max_m_s2)
@@ -403,13 +403,13 @@ impl MotionFilter {
             settings.accel_sigma_m_s2 * density,
             settings.gyro_sigma_rad_s * density,
         ];
-        self.carry(gap_s, mean_force, mean_rate, noise);
-        self.add_untold(gap_s, untold);
+        self.propagate(gap_s, mean_force, mean_rate, noise);
+        self.add_replaced_noise(gap_s, replaced_density);
         self.begin(time, force, rate);
     }
 
     /// Carries the state on to `now` where the inertial unit has been silent.
-    pub fn bridge(&mut self, now: LogTime) {
+    pub fn coast(&mut self, now: LogTime) {
         let Some(last) = self.time else {
             self.time = Some(now);
             return;
@@ -426,7 +426,7 @@ impl MotionFilter {
         self.force =
             self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2 + self.accel_bias;
         let (force, rate) = (self.force, self.rate + self.gyro_bias);
-        self.carry(
+        self.propagate(
             gap_s,
             force,
             rate,
@@ -448,11 +448,11 @@ impl MotionFilter {
 
     /// The inertial unit has misled the state: attitude, velocity and biases are found anew, the
     /// attitude first.
-    fn doubt(&mut self) {
+    fn restart_from_gnss(&mut self) {
         self.resets += 1;
         self.forget_biases();
-        self.doubted = true;
-        self.set_standing(Standing::adopted());
+        self.attitude_lost = true;
+        self.set_acceptance(AcceptanceCounter::adopted());
         self.velocity_time = None;
         self.forget_attitude();
     }
@@ -491,16 +491,22 @@ impl MotionFilter {
         self.earth_from_body = Rotation3::from_euler_angles(roll, pitch, yaw);
     }
 
-    fn carry(&mut self, span_s: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
+    fn propagate(&mut self, span_s: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
         let mut left_s = span_s.min(2.0);
         while left_s > 0.0 {
             let step_s = left_s.min(STEP_MAX_S);
-            self.carry_step(step_s, force, rate, noise);
+            self.propagate_step(step_s, force, rate, noise);
             left_s -= step_s;
         }
     }
 
-    fn carry_step(&mut self, dt: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
+    fn propagate_step(
+        &mut self,
+        dt: f64,
+        force: Vector3<f64>,
+        rate: Vector3<f64>,
+        noise: [f64; 2],
+    ) {
         let turn = (rate - self.gyro_bias) * dt;
         let middle = self.earth_from_body * Rotation3::new(turn * 0.5);
         let earth_force = middle * (force - self.accel_bias);
@@ -515,7 +521,7 @@ impl MotionFilter {
             of_attitude: -earth_force.cross_matrix() * dt,
         };
         self.flow(&flow);
-        self.jumps.carry(self.time.unwrap_or_default(), &flow);
+        self.jumps.propagate(self.time.unwrap_or_default(), &flow);
         let [accel_walk, gyro_walk] = [self.tuning.accel_bias_walk, self.tuning.gyro_bias_walk];
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
@@ -544,9 +550,12 @@ impl MotionFilter {
     }
 
     /// What is unseen of single axes of the inertial unit over a span.
-    fn add_untold(&mut self, span_s: f64, untold: &Triads<[f64; 3]>) {
-        for (first, untold) in [(ATTITUDE, untold.rate), (VELOCITY, untold.force)] {
-            for (axis, sigma) in untold
+    fn add_replaced_noise(&mut self, span_s: f64, replaced_density: &Triads<[f64; 3]>) {
+        for (first, replaced_density) in [
+            (ATTITUDE, replaced_density.rate),
+            (VELOCITY, replaced_density.force),
+        ] {
+            for (axis, sigma) in replaced_density
                 .into_iter()
                 .enumerate()
                 .filter(|(_, sigma)| *sigma > 0.0)

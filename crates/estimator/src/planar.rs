@@ -21,7 +21,6 @@
 //! The accelerometer reads k (F_f cos d + F_r)/m + x r' + offset: k holds the part of gravity that a
 //! rolling body adds, x is the unit's distance ahead of the centre of gravity.
 
-mod handling;
 mod input;
 mod live;
 mod single_track;
@@ -33,11 +32,11 @@ use crate::trace::{Operation, Restart, Trace, Update};
 use crate::tuning::PlanarTuning;
 use single_track::Driven;
 
-pub use handling::Handling;
+pub use crate::handling::{Handling, SHAPE_RANGE};
 pub use input::{PlanarInput, PlanarReadings};
-pub use live::{Planar, PlanarBelief, PlanarMotion, PlanarRecorder};
+pub use live::{Planar, PlanarMotion, PlanarRecorder, PlanarTrace};
 pub use single_track::PlanarModel;
-pub use tyre::{SHAPE_RANGE, normalised_force};
+pub use tyre::normalised_force;
 
 /// Number of states.
 pub const STATES: usize = 8;

@@ -25,11 +25,11 @@ use std::collections::VecDeque;
 use model::vehicle::Vehicle;
 use sample::{Estimate, Motion, PerWheel};
 
-use crate::fusion::layout::{SIZE, TURN};
-use crate::fusion::{Belief, OUTPUTS};
+use crate::fusion::layout::{BODY_RATE, SIZE};
+use crate::fusion::{FusionTrace, OUTPUTS};
 use crate::kinematics;
 use crate::motion::{STATES, Solution};
-use crate::planar::{self, PlanarBelief};
+use crate::planar::{self, PlanarTrace};
 use crate::trace::Operation;
 use adjoint::Adjoint;
 
@@ -48,9 +48,9 @@ pub struct Step {
     /// Whether the estimate's motion is the motion filter's, and not the single-track filter's.
     pub navigated: bool,
     /// What the single-track filter believed, where there is one.
-    pub planar: Option<PlanarBelief>,
+    pub planar: Option<PlanarTrace>,
     /// What the force filter believed, where there is one.
-    pub forces: Option<Belief>,
+    pub forces: Option<FusionTrace>,
 }
 
 /// The smoother.
@@ -141,16 +141,16 @@ impl Smoother {
     fn planar(
         &self,
         step: &Step,
-        belief: &PlanarBelief,
+        belief: &PlanarTrace,
         adjoint: &Adjoint<{ planar::STATES }>,
     ) -> Motion {
         let known = &belief.covariance;
         let smoothed = belief.corrected(&adjoint.correction(known), &adjoint.shrinkage(known));
         let mut state = step.solution.state(step.estimate.time);
-        smoothed.lead(&mut state);
+        smoothed.apply_to(&mut state);
         let mut motion = step.estimate.motion;
         motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, motion.steer_rad.0);
-        smoothed.tell(&mut motion);
+        smoothed.write_to(&mut motion);
         motion
     }
 }
@@ -176,12 +176,17 @@ impl Later {
 }
 
 /// Puts the smoothed forces and, where an inertial unit stands behind them, rates in.
-fn put_forces(estimate: &mut Estimate, belief: &Belief, adjoint: &Adjoint<SIZE>, inertial: bool) {
+fn put_forces(
+    estimate: &mut Estimate,
+    belief: &FusionTrace,
+    adjoint: &Adjoint<SIZE>,
+    inertial: bool,
+) {
     let correction = adjoint.correction(&belief.covariance);
     let shrinkage = adjoint.shrinkage(&belief.covariance);
     for (k, state) in OUTPUTS.into_iter().enumerate() {
         let value = belief.state[state] + correction[k];
-        if let Some(axis) = state.checked_sub(TURN) {
+        if let Some(axis) = state.checked_sub(BODY_RATE) {
             if inertial {
                 estimate.motion.rate_rad_s[axis] = value;
             }

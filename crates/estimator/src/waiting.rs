@@ -31,7 +31,7 @@ pub enum Held {
     /// Counts of a corner.
     Corner(CornerSample),
     /// Hand wheel, rad.
-    HandWheel(f64),
+    SteeringWheel(f64),
     /// Wheel speeds, rad/s.
     WheelSpeed(PerWheel<Option<f64>>),
 }
@@ -59,7 +59,7 @@ impl Entry {
             Held::Velocity(..) => 1,
             Held::Attitude(_) => 2,
             Held::Corner(corner) => 3 + corner.wheel.index() as u8,
-            Held::HandWheel(_) => 7,
+            Held::SteeringWheel(_) => 7,
             Held::WheelSpeed(_) => 8,
         }
     }
@@ -82,7 +82,7 @@ impl Entry {
                     .chain([&corner.deflection_counts]);
                 digest(counts.map(|count| count.map_or(-1.0, f64::from)))
             }
-            Held::HandWheel(angle) => angle.to_bits(),
+            Held::SteeringWheel(angle) => angle.to_bits(),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
         }
     }

@@ -17,7 +17,7 @@ mod steering;
 mod wheels;
 
 pub use bias::BiasWatch;
-pub use inertial::{Believed, InertialWatch, Triads};
+pub use inertial::InertialWatch;
 pub use receiver::ReceiverWatch;
 pub use steering::SteeringWatch;
 pub use wheels::{Rolling, WheelWatch};

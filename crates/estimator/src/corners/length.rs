@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 use sample::LogTime;
 
+use crate::gaussian::beyond;
 use crate::process_noise::ProcessNoise;
 use crate::tuning::{StrutLengthTuning, Tuning};
 
@@ -18,7 +19,7 @@ pub struct LengthFilter {
     design_m: f64,
     time: Option<LogTime>,
     silent_s: f64,
-    misses: u32,
+    rejections: u32,
     jumped: bool,
     jerk: ProcessNoise<1>,
     longer_m: Option<f64>,
@@ -48,7 +49,7 @@ impl LengthFilter {
             design_m,
             time: None,
             silent_s: 0.0,
-            misses: 0,
+            rejections: 0,
             jumped: false,
             jerk: ProcessNoise::new(t.jerk_density, t.jerk_density_bounds, tuning.process_noise),
             longer_m: None,
@@ -103,9 +104,9 @@ impl LengthFilter {
         let total = h.dot(&ph) + self.variance;
         let innovation = length_m - h.dot(&self.state);
         let t = &self.tuning;
-        if innovation * innovation > t.gate_sigma * t.gate_sigma * total {
-            self.misses += 1;
-            if self.misses < t.rejections_max {
+        if beyond(t.gate_sigma, innovation, total) {
+            self.rejections += 1;
+            if self.rejections < t.rejections_max {
                 return;
             }
             self.jumped = self.time.is_some();
@@ -120,7 +121,7 @@ impl LengthFilter {
             self.covariance -= ph * ph.transpose() / total;
             self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         }
-        self.misses = 0;
+        self.rejections = 0;
         self.silent_s = 0.0;
         self.time = Some(valid);
     }

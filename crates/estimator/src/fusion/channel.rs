@@ -47,7 +47,7 @@ impl ChannelHealth {
 
     /// Normalised square of an innovation before any reading of its step is taken in, by the
     /// variance of the last step's; none of a channel that is not believed, or has stood alone.
-    pub fn foretold_square(&self, innovation: f64, tuning: &ChannelTuning) -> Option<f64> {
+    pub fn predicted_square(&self, innovation: f64, tuning: &ChannelTuning) -> Option<f64> {
         let [_, before] = self.variance;
         (!self.faulty && self.outside < tuning.alone && before > 0.0)
             .then(|| innovation * innovation / before)

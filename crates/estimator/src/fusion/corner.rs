@@ -7,8 +7,8 @@ use sample::{InnovationKind, StrainChannel, Wheel};
 use super::inertial::Balance;
 use super::joint::{Joint, NO_OWN, Rows, TOGETHER};
 use super::{
-    Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
-    TORQUE,
+    Change, ChannelChange, FORCE, Fusion, MOMENT, MOMENT_AXES, OFFSET, RATE, STRUT_LENGTH,
+    StepInput, TORQUE,
 };
 use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
@@ -43,13 +43,13 @@ impl Fusion {
     }
 
     /// What strut and strain channels of a corner say that have a new reading.
-    pub(super) fn corner_says(
+    pub(super) fn measure_corner(
         &self,
         input: &StepInput<'_>,
         balance: &Balance,
         wheel: usize,
         readings: &mut CornerReadings,
-    ) -> CornerSays {
+    ) -> CornerMeasurements {
         let t = &self.tuning.members;
         let corner = &input.corners[wheel];
         let members = self.members(input, balance, wheel);
@@ -57,10 +57,14 @@ impl Fusion {
         let mut rows = CornerRows::new(members.states());
         // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
         let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
-        rows.set(STRUT, of_strut.gains, (LENGTH + wheel, stiffness_n_mm));
-        let strut = corner.strut_read.map(|[force_n, sigma_n]| Said {
-            value: force_n - of_strut.offset_n,
-            variance: sigma_n * sigma_n,
+        rows.set(
+            STRUT,
+            of_strut.gains,
+            (STRUT_LENGTH + wheel, stiffness_n_mm),
+        );
+        let strut = corner.strut_read.map(|read| RowMeasurement {
+            value: read.force_n - of_strut.offset_n,
+            variance: read.sigma_n * read.sigma_n,
             tolerance: 0.0,
         });
         let posed = corner.strut_sigma_n.is_finite();
@@ -81,7 +85,7 @@ impl Fusion {
             if axial {
                 let force = members.force(i, age);
                 rows.set(STRAIN + i, force.gains, (OFFSET + 5 * wheel + i, 1.0));
-                Some(Said {
+                Some(RowMeasurement {
                     value: reading.value - force.offset_n,
                     variance: c.noise_sigma.powi(2),
                     tolerance: member_tolerance_n(posed, reading.value, t),
@@ -93,14 +97,14 @@ impl Fusion {
                 let gains = of_strut.gains.map(|gain| bending * gain);
                 rows.set(STRAIN + i, gains, NO_OWN);
                 let known = bending * of_strut.offset_n + arm * without;
-                Some(Said {
+                Some(RowMeasurement {
                     value: reading.value - known,
                     variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
                     tolerance: arm * t.bending_sigma_n,
                 })
             }
         });
-        CornerSays {
+        CornerMeasurements {
             rows,
             strut,
             strut_offset_n: of_strut.offset_n,
@@ -111,21 +115,24 @@ impl Fusion {
 
     /// Whether the strain channels together contradict what the state foretells: where they do the
     /// forces are set free before the readings are taken in.
-    pub(super) fn heed_surprise(&mut self, said: &[CornerSays; 4]) {
+    pub(super) fn inflate_on_multi_channel_innovation(
+        &mut self,
+        measured: &[CornerMeasurements; 4],
+    ) {
         let t = self.tuning;
-        for (wheel, corner) in said.iter().enumerate() {
-            let foretold = corner.rows.view().times(&self.state);
+        for (wheel, corner) in measured.iter().enumerate() {
+            let predicted = corner.rows.view().times(&self.state);
             for i in 0..AXIAL.len() {
-                let square = corner.strain[i].and_then(|said| {
-                    let innovation = said.value - foretold[STRAIN + i];
-                    self.health[wheel][i].foretold_square(innovation, &t.channels)
+                let square = corner.strain[i].and_then(|measured| {
+                    let innovation = measured.value - predicted[STRAIN + i];
+                    self.health[wheel][i].predicted_square(innovation, &t.channels)
                 });
                 if let Some(square) = square {
-                    self.agility.surprise(wheel, square);
+                    self.force_noise.add_innovation(wheel, square);
                 }
             }
         }
-        if self.agility.surprised() {
+        if self.force_noise.exceeded() {
             let [force, rate] = [t.members.surprise_n, t.members.surprise_n_s];
             for i in 0..12 {
                 self.covariance.add_noise(FORCE + i, force * force);
@@ -138,36 +145,37 @@ impl Fusion {
     pub(super) fn take_corner(
         &mut self,
         input: &StepInput<'_>,
-        says: &CornerSays,
+        of_corner: &CornerMeasurements,
         wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
     ) {
         let t = self.tuning;
         let corner = &input.corners[wheel];
         if corner.strut_jumped {
-            self.doubt_length(wheel);
+            self.suspect_length(wheel);
         }
-        let mut joint = self.covariance.project(&says.rows, &self.state);
+        let mut joint = self.covariance.project(&of_corner.rows, &self.state);
         let before: [f64; TOGETHER] = std::array::from_fn(|m| joint.variance(m));
-        if let Some(said) = says.strut {
-            let blind = if says.alive < 4 {
+        if let Some(measured) = of_corner.strut {
+            let blind = if of_corner.alive < 4 {
                 t.members.blind_strut_n
             } else {
                 0.0
             };
-            let length_mm = 1e3 * (said.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
-            let variance = said.variance + blind * blind;
+            let length_mm =
+                1e3 * (measured.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
+            let variance = measured.variance + blind * blind;
             let gate = t.members.strut_gate_sigma;
-            let innovation = self.take(&mut joint, STRUT, said.value, variance, gate);
+            let innovation = self.take(&mut joint, STRUT, measured.value, variance, gate);
             self.count(InnovationKind::Strut, innovation, gate);
             if !self.settling() {
                 self.lengths[wheel].learn(innovation, length_mm, &t.potentiometers);
             }
         }
-        for (channel, said) in StrainChannel::ALL.into_iter().zip(&says.strain) {
-            let Some(said) = said else { continue };
+        for (channel, measured) in StrainChannel::ALL.into_iter().zip(&of_corner.strain) {
+            let Some(measured) = measured else { continue };
             let known = before[STRAIN + channel.index()];
-            let change = self.take_channel(&mut joint, said, known, wheel, channel);
+            let change = self.take_channel(&mut joint, measured, known, wheel, channel);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -176,9 +184,11 @@ impl Fusion {
                 });
             }
         }
-        self.covariance.apply(&says.rows, &joint, &mut self.state);
-        self.strut_n[wheel] = says.rows.view().of_shared(&self.state)[STRUT] + says.strut_offset_n;
-        if says.alive < 4 {
+        self.covariance
+            .apply(&of_corner.rows, &joint, &mut self.state);
+        self.strut_n[wheel] =
+            of_corner.rows.view().of_shared(&self.state)[STRUT] + of_corner.strut_offset_n;
+        if of_corner.alive < 4 {
             self.blind = true;
             self.take_expected(input, wheel);
         }
@@ -216,7 +226,7 @@ impl Fusion {
     fn take_channel(
         &mut self,
         joint: &mut Joint,
-        said: &Said,
+        measured: &RowMeasurement,
         known: f64,
         wheel: usize,
         channel: StrainChannel,
@@ -224,17 +234,18 @@ impl Fusion {
         let t = self.tuning;
         let i = channel.index();
         let m = STRAIN + i;
-        let model = self.health[wheel][i].model_variance(said.tolerance, &t.channels);
-        let total = joint.variance(m) + said.variance + model;
-        let innovation = said.value - joint.value(m);
-        let doubt = t.members.gain_tolerance * said.value;
+        let model = self.health[wheel][i].model_variance(measured.tolerance, &t.channels);
+        let total = joint.variance(m) + measured.variance + model;
+        let innovation = measured.value - joint.value(m);
+        let doubt = t.members.gain_tolerance * measured.value;
         let square = innovation * innovation / (total + doubt * doubt);
         if self.settling() {
-            joint.take(m, said.value, total);
+            joint.take(m, measured.value, total);
             return Change::None;
         }
-        let (good, change) = self.health[wheel][i].judge(square, self.agility.open(), &t.channels);
-        self.health[wheel][i].expect([total, known + said.variance + model]);
+        let (good, change) =
+            self.health[wheel][i].judge(square, self.force_noise.open(), &t.channels);
+        self.health[wheel][i].expect([total, known + measured.variance + model]);
         let kind = if i < AXIAL.len() {
             InnovationKind::Strain
         } else {
@@ -242,8 +253,8 @@ impl Fusion {
         };
         if good {
             self.innovations.used(kind, innovation * innovation / total);
-            self.health[wheel][i].learn(innovation, said.tolerance, &t.channels);
-            joint.take(m, said.value, total);
+            self.health[wheel][i].learn(innovation, measured.tolerance, &t.channels);
+            joint.take(m, measured.value, total);
         } else {
             self.innovations.rejected(kind);
         }
@@ -335,19 +346,19 @@ struct MemberForce {
 }
 
 /// What one corner's sensors say that have a new reading.
-pub(super) struct CornerSays {
+pub(super) struct CornerMeasurements {
     rows: CornerRows,
-    strut: Option<Said>,
+    strut: Option<RowMeasurement>,
     /// Strut's force without any on the tyre.
     strut_offset_n: f64,
-    strain: [Option<Said>; StrainChannel::COUNT],
+    strain: [Option<RowMeasurement>; StrainChannel::COUNT],
     /// How many axial channels are read.
     alive: usize,
 }
 
 /// Value of a row.
 #[derive(Clone, Copy)]
-struct Said {
+struct RowMeasurement {
     value: f64,
     /// Of the converter's noise.
     variance: f64,

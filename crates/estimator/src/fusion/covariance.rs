@@ -7,7 +7,7 @@ use std::ops::{Deref, DerefMut};
 use nalgebra::SVector;
 
 use super::joint::{Joint, Rows, TOGETHER};
-use super::layout::{FORCE, MOMENT, RATE, SIZE, State, TORQUE, TURN};
+use super::layout::{BODY_RATE, FORCE, MOMENT, RATE, SIZE, State, TORQUE};
 use crate::trace::{Operation, Restart, Term, Trace, Update};
 
 /// Largest variance of any state: keeps a blind filter's numbers tame.
@@ -191,7 +191,7 @@ impl Covariance {
         self.trace.note(|| {
             let terms = jacobian.iter().enumerate().flat_map(|(axis, gains)| {
                 gains.iter().enumerate().map(move |(j, gain)| Term {
-                    row: TURN + axis,
+                    row: BODY_RATE + axis,
                     column: position(j),
                     value: dt * gain,
                 })

@@ -3,10 +3,13 @@
 use nalgebra::{Matrix3, Vector3};
 use sample::{InnovationKind, STANDARD_GRAVITY_M_S2};
 
+use crate::feedback::BodyMotionEstimate;
+use crate::gaussian::within;
+
 use super::covariance::{BALANCED, position};
 use super::joint::{Joint, Rows};
 use super::moments::KnownMoment;
-use super::{ACCEL, FORCE, Fusion, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE, TURN};
+use super::{ACCEL_BIAS, BODY_RATE, FORCE, Fusion, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE};
 
 /// Of the inertial unit: all forces, their rates and moments, as the states begin.
 type InertialRows = Rows<TORQUE>;
@@ -104,7 +107,7 @@ impl Fusion {
         let at_unit =
             input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
         let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
-        let doubt = if self.agility.open() {
+        let doubt = if self.force_noise.open() {
             t.inflated_accel_m_s2
         } else {
             0.0
@@ -125,24 +128,24 @@ impl Fusion {
                     gains[position(j)] = turning;
                 }
             }
-            rows.set(m, gains, (ACCEL + axis, mass));
+            rows.set(m, gains, (ACCEL_BIAS + axis, mass));
         }
         for axis in 0..3 {
             let mut gains = [0.0; TORQUE];
             for (j, gain) in balance.jacobian[axis].iter().enumerate() {
                 gains[position(j)] = -age * gain;
             }
-            rows.set(GYRO + axis, gains, (TURN + axis, 1.0));
+            rows.set(GYRO + axis, gains, (BODY_RATE + axis, 1.0));
         }
         let mut joint = self.covariance.project(&rows, &self.state);
         let mut agrees = true;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
             self.accel_variance[axis] = (joint.variance(m) + variance) / (mass * mass);
-            if !input.believed.force[axis] {
+            if !input.used.force[axis] {
                 continue;
             }
             if axis == 0 && !self.settling() {
-                self.heed_push(&rows, &mut joint, sum[axis], variance);
+                self.inflate_on_push(&rows, &mut joint, sum[axis], variance);
             }
             if axis == 2 {
                 let missing = sum[axis] - joint.value(m);
@@ -153,21 +156,21 @@ impl Fusion {
             let gate = if self.held { 0.0 } else { gate_sigma };
             let innovation = self.take(&mut joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
-            agrees &= innovation * innovation <= gate * gate;
+            agrees &= within(gate, innovation, 1.0);
             if axis == 2 && !agrees && posed && !self.rolling {
                 self.held = true;
                 for axis in 0..3 {
                     self.covariance
-                        .add_noise(TURN + axis, self.tuning.body_rate_variance);
+                        .add_noise(BODY_RATE + axis, self.tuning.body_rate_variance);
                 }
                 joint = self.covariance.project(&rows, &self.state);
                 break;
             }
         }
         let mut lost = [0.0; 3];
-        self.agreed = agrees && input.believed.force == [true; 3];
+        self.agreed = agrees && input.used.force == [true; 3];
         for axis in 0..3 {
-            if !input.believed.rate[axis] {
+            if !input.used.rate[axis] {
                 self.agreed = false;
                 continue;
             }
@@ -176,17 +179,21 @@ impl Fusion {
             let value = read + age * balance.constant[axis];
             let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, gate_sigma);
             self.count(InnovationKind::Gyro, innovation, gate_sigma);
-            let told = innovation * innovation <= gate_sigma * gate_sigma;
+            let told = within(gate_sigma, innovation, 1.0);
             self.agreed &= told;
-            self.turn_misses[axis] = if told { 0 } else { self.turn_misses[axis] + 1 };
-            if self.turn_misses[axis] >= t.gyro_rejections_max {
+            self.gyro_rejections[axis] = if told {
+                0
+            } else {
+                self.gyro_rejections[axis] + 1
+            };
+            if self.gyro_rejections[axis] >= t.gyro_rejections_max {
                 lost[axis] = (value - joint.value(GYRO + axis)).powi(2);
             }
         }
         // A gyro that is not believed leaves the balance to itself: an error of the moments would
         // grow into any rate. The struts see how the body turns, but for the ground's own turning.
         for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
-            if !input.believed.rate[axis] {
+            if !input.used.rate[axis] {
                 let value = over_ground + age * balance.constant[axis];
                 let variance = t.over_ground_sigma_rad_s * t.over_ground_sigma_rad_s;
                 self.take(&mut joint, GYRO + axis, value, variance, gate_sigma);
@@ -198,8 +205,8 @@ impl Fusion {
             .enumerate()
             .filter(|(_, square)| *square > 0.0)
         {
-            self.covariance.add_noise(TURN + axis, square);
-            self.turn_misses[axis] = 0;
+            self.covariance.add_noise(BODY_RATE + axis, square);
+            self.gyro_rejections[axis] = 0;
         }
         agrees
     }
@@ -208,7 +215,13 @@ impl Fusion {
     /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
     /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
     /// they are, and in the rates of the loads that follow.
-    fn heed_push(&mut self, rows: &InertialRows, joint: &mut Joint, value: f64, variance: f64) {
+    fn inflate_on_push(
+        &mut self,
+        rows: &InertialRows,
+        joint: &mut Joint,
+        value: f64,
+        variance: f64,
+    ) {
         let t = self.tuning.balance;
         let total = joint.variance(FORWARD) + variance;
         let innovation = value - joint.value(FORWARD);
@@ -231,7 +244,7 @@ impl Fusion {
         &self,
         input: &StepInput<'_>,
         balance: &Balance,
-    ) -> [Vector3<f64>; 2] {
+    ) -> BodyMotionEstimate {
         let ahead = |j: usize| self.state[FORCE + j] + input.dt * self.state[RATE + j];
         let mut sum = Vector3::zeros();
         for (i, direction) in balance.directions.iter().enumerate() {
@@ -240,6 +253,9 @@ impl Fusion {
         let u = input.motion.velocity_m_s.x;
         sum.x -= self.body.drag * u * u.abs();
         let turn = Vector3::from_fn(|axis, _| balance.turn_rate(axis, &self.state));
-        [sum / self.body.mass_kg, turn]
+        BodyMotionEstimate {
+            specific_force_m_s2: sum / self.body.mass_kg,
+            rate_dot_rad_s2: turn,
+        }
     }
 }

@@ -14,10 +14,10 @@ pub const MOMENT: usize = 24;
 /// `TORQUE + 2 + a` what the left one has more and the right one less.
 pub const TORQUE: usize = 32;
 /// Angular rate of the body, body axes, rad/s.
-pub const TURN: usize = 36;
+pub const BODY_RATE: usize = 36;
 /// Bias that is left of the specific force, body axes, m/s^2.
-pub const ACCEL: usize = 39;
+pub const ACCEL_BIAS: usize = 39;
 /// Offset of axial channel i of wheel w at `OFFSET + 5 w + i`, N.
 pub const OFFSET: usize = 42;
 /// How much longer the strut of wheel w is than its potentiometer says at `LENGTH + w`, mm.
-pub const LENGTH: usize = 62;
+pub const STRUT_LENGTH: usize = 62;

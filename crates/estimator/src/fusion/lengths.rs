@@ -8,7 +8,7 @@
 //! more than a spring's tolerances is a fault: it is named, and the linkage's pose follows the
 //! corrected length. When the error has been small for a second it fades again.
 
-use super::layout::LENGTH;
+use super::layout::STRUT_LENGTH;
 use super::{ChannelChange, Fusion};
 use crate::calibration::{Channel, CornerChannels};
 use crate::tuning::PotentiometerTuning;
@@ -19,7 +19,7 @@ use sample::PerWheel;
 pub struct LengthWatch {
     mean: f64,
     mean_mm: f64,
-    doubted: bool,
+    suspect: bool,
     faulty: bool,
     calm: u32,
 }
@@ -33,7 +33,7 @@ impl LengthWatch {
     /// What the error keeps over `dt`, and the variance that it gains, mm^2; `start` is that of a
     /// potentiometer that is believed.
     pub fn fading(&self, start: f64, dt: f64, tuning: &PotentiometerTuning) -> (f64, f64) {
-        if self.doubted {
+        if self.suspect {
             (1.0, tuning.suspect_walk_mm.powi(2) * dt)
         } else {
             let keep = (-dt / tuning.time_s).exp();
@@ -47,7 +47,7 @@ impl LengthWatch {
         let [most, most_mm] = [t.innovation_max_sigma, t.innovation_max_mm];
         self.mean += t.learning * (innovation.clamp(-most, most) - self.mean);
         self.mean_mm += t.learning * (length_mm.clamp(-most_mm, most_mm) - self.mean_mm);
-        self.doubted |=
+        self.suspect |=
             self.mean.abs() > t.suspect_mean_sigma && self.mean_mm.abs() > t.suspect_mean_mm;
     }
 }
@@ -59,11 +59,11 @@ pub fn start_variance(channel: &Channel, tuning: &PotentiometerTuning) -> f64 {
 
 impl Fusion {
     /// The potentiometer of a wheel has jumped: nothing is known of its level.
-    pub(super) fn doubt_length(&mut self, wheel: usize) {
-        self.lengths[wheel].doubted = true;
+    pub(super) fn suspect_length(&mut self, wheel: usize) {
+        self.lengths[wheel].suspect = true;
         let sigma_mm = self.tuning.potentiometers.jump_sigma_mm;
         let variance = sigma_mm * sigma_mm;
-        self.covariance.add_noise(LENGTH + wheel, variance);
+        self.covariance.add_noise(STRUT_LENGTH + wheel, variance);
     }
 
     /// Tells potentiometers that are found faulty or good again.
@@ -75,11 +75,11 @@ impl Fusion {
         let t = self.tuning.potentiometers;
         for wheel in 0..4 {
             let watch = &mut self.lengths[wheel];
-            if !watch.doubted {
+            if !watch.suspect {
                 continue;
             }
-            let error = self.state[LENGTH + wheel].abs();
-            let variance = self.covariance.variance(LENGTH + wheel);
+            let error = self.state[STRUT_LENGTH + wheel].abs();
+            let variance = self.covariance.variance(STRUT_LENGTH + wheel);
             watch.calm = if error < t.good_mm { watch.calm + 1 } else { 0 };
             if !watch.faulty && error - t.faulty_sigma * variance.max(0.0).sqrt() > t.faulty_mm {
                 watch.faulty = true;
@@ -99,7 +99,7 @@ impl Fusion {
                 }
                 *watch = LengthWatch::default();
                 let start = start_variance(&channels.0[wheel].deflection, &t);
-                self.covariance.forget(LENGTH + wheel, start);
+                self.covariance.forget(STRUT_LENGTH + wheel, start);
             }
         }
     }

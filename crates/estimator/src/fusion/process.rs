@@ -4,7 +4,9 @@
 use sample::PerWheel;
 
 use super::inertial::Balance;
-use super::layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
+use super::layout::{
+    ACCEL_BIAS, BODY_RATE, FORCE, MOMENT, OFFSET, RATE, SIZE, STRUT_LENGTH, TORQUE,
+};
 use super::{Fusion, lengths};
 use crate::calibration::CornerChannels;
 use crate::process_noise::ProcessNoise;
@@ -45,7 +47,8 @@ impl Fusion {
                 variance[MOMENT + 2 * wheel + i] =
                     self.body.moment_sigma_n_m(wheel, &t.moments)[i].powi(2);
             }
-            variance[LENGTH + wheel] = lengths::start_variance(&c.deflection, &t.potentiometers);
+            variance[STRUT_LENGTH + wheel] =
+                lengths::start_variance(&c.deflection, &t.potentiometers);
             for i in 0..5 {
                 variance[OFFSET + 5 * wheel + i] = (c.strain[i].offset_sigma).powi(2);
             }
@@ -55,8 +58,8 @@ impl Fusion {
             variance[TORQUE + 2 + axle] = t.torque_start_sigma_n_m[1].powi(2);
         }
         for axis in 0..3 {
-            variance[TURN + axis] = t.body_rate_variance;
-            variance[ACCEL + axis] = t.accel_sigma_m_s2[0].powi(2);
+            variance[BODY_RATE + axis] = t.body_rate_variance;
+            variance[ACCEL_BIAS + axis] = t.accel_sigma_m_s2[0].powi(2);
         }
         self.state[OFFSET..].fill(0.0);
         self.covariance.reset(&variance, &self.state);
@@ -72,7 +75,7 @@ impl Fusion {
         let t = self.tuning;
         let c = &mut self.covariance;
         for i in 0..3 {
-            self.state[TURN + i] += dt * balance.turn_rate(i, &self.state);
+            self.state[BODY_RATE + i] += dt * balance.turn_rate(i, &self.state);
         }
         for i in 0..12 {
             self.state[FORCE + i] += dt * self.state[RATE + i];
@@ -81,7 +84,7 @@ impl Fusion {
         c.turn(&balance.jacobian, dt);
         for i in 0..3 {
             c.trace.note(|| Operation::Shift {
-                index: TURN + i,
+                index: BODY_RATE + i,
                 by: dt * balance.constant[i],
             });
         }
@@ -95,13 +98,13 @@ impl Fusion {
         let moment_gain = fade(MOMENT, TORQUE - MOMENT, t.moment_time_s);
         fade(TORQUE, 2, t.torque_time_s[0]);
         fade(TORQUE + 2, 2, t.torque_time_s[1]);
-        fade(ACCEL, 3, t.accel_time_s);
+        fade(ACCEL_BIAS, 3, t.accel_time_s);
         let offset_gain = fade(OFFSET, 20, t.offset_time_s);
         let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
             let deflection = &channels.0[wheel].deflection;
             let start = lengths::start_variance(deflection, &t.potentiometers);
             let (kept, gained) = self.lengths[wheel].fading(start, dt, &t.potentiometers);
-            keep[LENGTH + wheel] = kept;
+            keep[STRUT_LENGTH + wheel] = kept;
             gained
         });
         for (x, kept) in self.state.iter_mut().zip(&keep) {
@@ -112,7 +115,7 @@ impl Fusion {
         let density = if self.blind {
             [t.blind_density; 3]
         } else {
-            self.agility.densities()
+            self.force_noise.densities()
         };
         for i in 0..12 {
             c.add_noise_pair(FORCE + i, RATE + i, density[i % 3], dt);
@@ -128,11 +131,11 @@ impl Fusion {
         }
         for (axis, noise) in t.moment_noise_n_m.into_iter().enumerate() {
             let turn = noise * self.body.inverse[(axis, axis)];
-            c.add_noise(TURN + axis, turn * turn * dt);
-            c.add_noise(ACCEL + axis, self.accel.density() * dt);
+            c.add_noise(BODY_RATE + axis, turn * turn * dt);
+            c.add_noise(ACCEL_BIAS + axis, self.accel.density() * dt);
         }
         for (wheel, gained) in length_gain.into_iter().enumerate() {
-            c.add_noise(LENGTH + wheel, gained);
+            c.add_noise(STRUT_LENGTH + wheel, gained);
         }
         for i in 0..20 {
             let start = channels.0[i / 5].strain[i % 5].offset_sigma.powi(2);

@@ -25,9 +25,9 @@ const JUMPING: [usize; 3] = [ATTITUDE, ACCEL_BIAS, GYRO_BIAS];
 const ERRORS: usize = 3 * JUMPING.len();
 
 /// Values that receivers tell: velocity, and yaw, pitch and roll.
-pub const VELOCITY_TOLD: usize = 0;
-pub const ANGLE_TOLD: usize = 3;
-const VALUES: usize = ANGLE_TOLD + 3;
+pub const VELOCITY_VALUE: usize = 0;
+pub const ANGLE_VALUE: usize = 3;
+const VALUES: usize = ANGLE_VALUE + 3;
 
 /// Instants, the newest of which is never older than [`SPACING_S`].
 /// Number of instants at which a jump is assumed.
@@ -93,11 +93,11 @@ impl Instant {
             let far = values.filter(|value| ratio(*value) > gate * gate * self.counts[*value]);
             far.map(ratio).sum()
         };
-        ratios(VELOCITY_TOLD..ANGLE_TOLD).max(ratios(ANGLE_TOLD..VALUES))
+        ratios(VELOCITY_VALUE..ANGLE_VALUE).max(ratios(ANGLE_VALUE..VALUES))
     }
 
     /// Whether a jump is likely enough.
-    fn believes(&self, error: usize, tuning: &JumpTuning) -> bool {
+    fn is_likely(&self, error: usize, tuning: &JumpTuning) -> bool {
         let ratio = self.ratio(error);
         let left = (self.square - ratio) / self.counts.iter().sum::<f64>();
         let explained = left < tuning.noise_max || ratio > tuning.explained * self.square;
@@ -127,7 +127,7 @@ impl Jumps {
     }
 
     /// Goes one step on to `now`, when something may jump, too.
-    pub(super) fn carry(&mut self, now: LogTime, flow: &Flow) {
+    pub(super) fn propagate(&mut self, now: LogTime, flow: &Flow) {
         self.passed.get_or_insert_default().step(flow);
         let newest = self.instants[self.newest].at;
         if newest.is_none_or(|at| now.seconds_since(at) >= self.tuning.spacing_s) {
@@ -189,7 +189,7 @@ impl Jumps {
             {
                 continue;
             }
-            for error in (0..ERRORS).filter(|error| instant.believes(*error, &tuning)) {
+            for error in (0..ERRORS).filter(|error| instant.is_likely(*error, &tuning)) {
                 let least = likeliest.map_or(off_ratio, |(ratio, _)| ratio.max(off_ratio));
                 if instant.ratio(error) > least {
                     likeliest = Some((instant.ratio(error), instant));

@@ -3,13 +3,14 @@
 use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
 use sample::{InnovationKind, LogTime};
 
+use crate::gaussian::beyond;
 use crate::trace::{Operation, Update};
 
 use super::history::Pose;
-use super::jumps::{ANGLE_TOLD, VELOCITY_TOLD};
+use super::jumps::{ANGLE_VALUE, VELOCITY_VALUE};
 use super::{
-    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, STATES, Standing, VELOCITY, VelocityReceiver,
-    cross, orthonormal, wrap,
+    ACCEL_BIAS, ATTITUDE, AcceptanceCounter, GYRO_BIAS, MotionFilter, STATES, VELOCITY,
+    VelocityReceiver, cross, orthonormal, wrap,
 };
 
 /// Outcome of one value.
@@ -34,7 +35,7 @@ impl MotionFilter {
     ) -> Verdict {
         let t = self.tuning;
         let own = receiver as usize;
-        if self.doubted || !velocity_m_s.iter().all(|v| v.abs() < t.velocity_max_m_s) {
+        if self.attitude_lost || !velocity_m_s.iter().all(|v| v.abs() < t.velocity_max_m_s) {
             return Verdict::Unusable;
         }
         let Some(pose) = self.history.at(valid) else {
@@ -73,7 +74,7 @@ impl MotionFilter {
         // is left out until it says something else, but what it says is not adopted. One that stands
         // may well be told as zero.
         let told = &mut self.velocities[own];
-        let hangs = told.at.is_some() && told.velocity_m_s == velocity_m_s && speed > 0.0;
+        let repeated = told.at.is_some() && told.velocity_m_s == velocity_m_s && speed > 0.0;
         (told.at, told.velocity_m_s) = (Some(valid), velocity_m_s);
         let slope = -cross(swing);
         let rows = std::array::from_fn::<_, 3, _>(|axis| {
@@ -84,32 +85,38 @@ impl MotionFilter {
             }
             h
         });
-        let mut rejected = hangs && told.left_out;
+        let mut rejected = repeated && told.rejected;
         for axis in 0..3 {
             let variance =
                 self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
-            rejected |= residual[axis].powi(2) > t.gate_sigma * t.gate_sigma * variance;
+            rejected |= beyond(t.gate_sigma, residual[axis], variance);
         }
-        let vouched = self.is_vouched();
+        let imu_consistent = self.is_imu_consistent();
         let told = &mut self.velocities[own];
-        told.left_out = rejected && self.velocity_time.is_some();
-        if told.left_out {
-            if !hangs {
-                told.standing.contradicted(vouched);
+        told.rejected = rejected && self.velocity_time.is_some();
+        if told.rejected {
+            if !repeated {
+                told.acceptance.contradicted(imu_consistent);
                 for (axis, h) in rows.iter().enumerate() {
-                    self.compare(VELOCITY_TOLD + axis, h, residual[axis], sigma[axis].powi(2));
+                    self.compare(
+                        VELOCITY_VALUE + axis,
+                        h,
+                        residual[axis],
+                        sigma[axis].powi(2),
+                    );
                 }
             }
             let told = &self.velocities[own];
-            let too_many = told.standing.too_many(&t.receivers);
+            let too_many = told.acceptance.too_many(&t.receivers);
             // One of two receivers alone is not adopted.
             let other = &self.velocities[1 - own];
-            let alone = !(other.is_heard(valid, t.receivers.active_s) && other.standing.uses > 0);
+            let alone =
+                !(other.is_active(valid, t.receivers.active_s) && other.acceptance.uses > 0);
             if self.is_contradicted(valid) {
-                self.doubt();
+                self.restart_from_gnss();
             } else if too_many && alone {
                 self.resets += 1;
-                self.velocities[own].standing = Standing::adopted();
+                self.velocities[own].acceptance = AcceptanceCounter::adopted();
                 self.velocity_time = None;
             }
             for _ in 0..3 {
@@ -120,16 +127,16 @@ impl MotionFilter {
         }
         let mut delta = SVector::<f64, STATES>::zeros();
         for (axis, h) in rows.iter().enumerate() {
-            if !hangs {
+            if !repeated {
                 let innovation = residual[axis] - h.dot(&delta);
-                self.compare(VELOCITY_TOLD + axis, h, innovation, sigma[axis].powi(2));
+                self.compare(VELOCITY_VALUE + axis, h, innovation, sigma[axis].powi(2));
             }
             let kind = Some(InnovationKind::GnssVelocity);
             self.scalar(kind, h, residual[axis], sigma[axis].powi(2), &mut delta);
         }
         self.inject(&delta);
         self.seek_jump(valid);
-        self.velocities[own].standing.used(&t.receivers);
+        self.velocities[own].acceptance.used(&t.receivers);
         self.velocity_time = Some(valid);
         Verdict::Used
     }
@@ -137,9 +144,14 @@ impl MotionFilter {
     /// Whether GNSS velocity and attitude both contradict the state.
     fn is_contradicted(&self, now: LogTime) -> bool {
         let t = &self.tuning.receivers;
-        let heard = (self.velocities.iter()).filter(|told| told.is_heard(now, t.active_s));
-        let velocity = heard.map(|told| told.standing.unvouched).min();
-        velocity.unwrap_or(0).min(self.attitude_standing.unvouched) >= t.contradictions
+        let active = (self.velocities.iter()).filter(|told| told.is_active(now, t.active_s));
+        let velocity = active
+            .map(|told| told.acceptance.rejections_unconfirmed)
+            .min();
+        velocity
+            .unwrap_or(0)
+            .min(self.attitude_acceptance.rejections_unconfirmed)
+            >= t.contradictions
     }
 
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
@@ -162,7 +174,7 @@ impl MotionFilter {
         let Some(pose) = self.history.at(valid) else {
             return Verdict::Unusable;
         };
-        if self.doubted {
+        if self.attitude_lost {
             return self.adopt_attitude(valid, &pose, angles);
         }
         let (roll, pitch, mut yaw) = pose.earth_from_body.euler_angles();
@@ -187,8 +199,9 @@ impl MotionFilter {
             }
         }
         // As of a velocity.
-        let hangs: [bool; 3] = std::array::from_fn(|axis| angles[axis] == self.told_angles[axis]);
-        self.told_angles = angles;
+        let repeated: [bool; 3] =
+            std::array::from_fn(|axis| angles[axis] == self.last_angles[axis]);
+        self.last_angles = angles;
         let (mut used, mut rejected, mut contradicted) = (false, false, false);
         if !self.is_steady()
             && let Some(turn) = residuals[0].take()
@@ -220,16 +233,15 @@ impl MotionFilter {
             }
             let innovation = value - h.dot(&delta);
             let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
-            let stuck = hangs[axis] && self.angles_left_out[axis];
-            self.angles_left_out[axis] =
-                stuck || innovation.powi(2) > t.gate_sigma * t.gate_sigma * variance;
-            if !hangs[axis] {
+            let stuck = repeated[axis] && self.angles_rejected[axis];
+            self.angles_rejected[axis] = stuck || beyond(t.gate_sigma, innovation, variance);
+            if !repeated[axis] {
                 self.jumps
-                    .compare(ANGLE_TOLD + axis, &h, innovation, variance);
+                    .compare(ANGLE_VALUE + axis, &h, innovation, variance);
             }
-            if self.angles_left_out[axis] {
+            if self.angles_rejected[axis] {
                 rejected = true;
-                contradicted |= !hangs[axis];
+                contradicted |= !repeated[axis];
                 self.innovations.rejected(InnovationKind::GnssAttitude);
                 continue;
             }
@@ -241,21 +253,21 @@ impl MotionFilter {
         self.seek_jump(valid);
         if rejected {
             if contradicted {
-                let vouched = self.is_vouched();
-                self.attitude_standing.contradicted(vouched);
+                let imu_consistent = self.is_imu_consistent();
+                self.attitude_acceptance.contradicted(imu_consistent);
             }
             if self.is_contradicted(valid) {
-                self.doubt();
-            } else if self.attitude_standing.too_many(&t.receivers) {
+                self.restart_from_gnss();
+            } else if self.attitude_acceptance.too_many(&t.receivers) {
                 self.resets += 1;
-                self.attitude_standing = Standing::adopted();
+                self.attitude_acceptance = AcceptanceCounter::adopted();
                 self.forget_attitude();
                 self.forget_biases();
             }
             return Verdict::Rejected;
         }
         if used {
-            self.attitude_standing.used(&t.receivers);
+            self.attitude_acceptance.used(&t.receivers);
             self.attitude_time = Some(valid);
             Verdict::Used
         } else {
@@ -297,7 +309,7 @@ impl MotionFilter {
         for (axis, sigma) in sigma.into_iter().enumerate() {
             self.forget(ATTITUDE + axis, sigma * sigma);
         }
-        self.doubted = false;
+        self.attitude_lost = false;
         if angles[0].is_some_and(|heading| heading.abs() < 1e6) {
             self.heading_run[1] = f64::from(self.tuning.steady_headings);
         }
@@ -369,8 +381,7 @@ impl MotionFilter {
         h.fixed_rows_mut::<3>(ATTITUDE).copy_from(&across);
         h.fixed_rows_mut::<3>(GYRO_BIAS).copy_from(&bias);
         let variance = (h.transpose() * self.covariance * h)[0] + sigma_m_s * sigma_m_s;
-        let gate = self.tuning.gate_sigma;
-        if residual * residual > gate * gate * variance {
+        if beyond(self.tuning.gate_sigma, residual, variance) {
             if let Some(kind) = kind {
                 self.innovations.rejected(kind);
             }

@@ -54,7 +54,7 @@ enum Quantity {
     Speed,
     Satellite,
     Wheels,
-    HandWheel,
+    SteeringWheel,
     YawRate,
     Lateral,
 }
@@ -203,7 +203,7 @@ impl PlanarReadings {
                 if uses(Input::Steer) && steer.hand_wheel_rad.abs() < t.steering_wheel_max_rad =>
             {
                 let angle = steer.hand_wheel_rad - calibration.steer_offset_rad;
-                self.wait(time, Quantity::HandWheel, angle);
+                self.wait(time, Quantity::SteeringWheel, angle);
             }
             Measurement::Imu(imu) if uses(Input::Imu) && imu.valid => {
                 // A unit that measures in the plane alone leaves the other axes open.
@@ -240,7 +240,7 @@ impl PlanarReadings {
                 Quantity::Speed => self.speed.push(time, value),
                 Quantity::Satellite => self.satellite.push(time, value),
                 Quantity::Wheels => self.wheels.push(time, value),
-                Quantity::HandWheel => {
+                Quantity::SteeringWheel => {
                     let angle = self.column.follow(value);
                     self.steer.push(time, angle / self.steering_ratio);
                 }

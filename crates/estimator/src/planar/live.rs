@@ -10,7 +10,7 @@ use super::{
     PlanarReadings, PlanarState, SPEED_MIN_M_S, STATES, STEER,
 };
 use crate::calibration::Resolved;
-use crate::estimator::grid;
+use crate::grid::grid;
 use crate::innovation::InnovationTally;
 use crate::motion::MotionState;
 use crate::trace::Operation;
@@ -38,7 +38,7 @@ pub struct PlanarMotion {
 
 /// What a smoother needs of one step of the filter.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PlanarBelief {
+pub struct PlanarTrace {
     /// Operations since the step before.
     pub operations: Vec<Operation<STATES>>,
     /// The covariance behind them.
@@ -48,7 +48,7 @@ pub struct PlanarBelief {
     input: PlanarInput,
 }
 
-impl PlanarBelief {
+impl PlanarTrace {
     /// The motion with the state's corrections and shrunken covariance that a smoother found.
     #[must_use]
     pub fn corrected(
@@ -114,9 +114,9 @@ impl Planar {
 
     /// What the filter believes, and its operations since the last call; nothing where the last
     /// step had no speed or no steer angle.
-    pub fn take_belief(&mut self) -> Option<PlanarBelief> {
+    pub fn take_trace(&mut self) -> Option<PlanarTrace> {
         let filter = &mut self.filter;
-        self.last.map(|input| PlanarBelief {
+        self.last.map(|input| PlanarTrace {
             operations: filter.trace.take(),
             covariance: filter.covariance,
             state: filter.state,
@@ -137,7 +137,7 @@ impl Planar {
     }
 
     /// Puts the filter's offsets in the place of an inertial navigation's biases.
-    pub fn tell_offsets(&self, parameters: &mut Parameters) {
+    pub fn write_offsets(&self, parameters: &mut Parameters) {
         let unknown = f64::NAN;
         let sigma = |i: usize| self.filter.covariance[(i, i)].sqrt();
         let state = &self.filter.state;
@@ -225,7 +225,7 @@ impl PlanarRecorder {
 
 impl PlanarMotion {
     /// Puts this motion in the place of an inertial navigation's.
-    pub fn lead(&self, state: &mut MotionState) {
+    pub fn apply_to(&self, state: &mut MotionState) {
         state.velocity_m_s.x = self.input.speed_m_s;
         state.velocity_m_s.y = self.state.lateral_m_s;
         state.velocity_m_s.z = 0.0;
@@ -256,7 +256,7 @@ impl PlanarMotion {
     }
 
     /// What the filter knows of the motion; attitude, which it does not, is unknown.
-    pub fn tell(&self, motion: &mut Motion) {
+    pub fn write_to(&self, motion: &mut Motion) {
         let unknown = f64::NAN;
         *motion = Motion {
             velocity_x_m_s: self.input.speed_m_s,

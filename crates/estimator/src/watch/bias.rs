@@ -28,7 +28,7 @@ struct Jump {
     last: LogTime,
     /// The biases before.
     before: [f64; 6],
-    told: [bool; 6],
+    reported: [bool; 6],
 }
 
 impl BiasWatch {
@@ -38,7 +38,7 @@ impl BiasWatch {
             first: now,
             last: now,
             before,
-            told: [false; 6],
+            reported: [false; 6],
         };
         self.jump.get_or_insert(new).last = now;
     }
@@ -60,11 +60,11 @@ impl BiasWatch {
         if now.seconds_since(jump.first) < tuning.learning_s {
             return;
         }
-        for (i, told) in jump.told.iter_mut().enumerate() {
+        for (i, reported) in jump.reported.iter_mut().enumerate() {
             let far = (biases[i] - jump.before[i]).abs() > tuning.reported_sigma * sigma[i / 3];
-            let faulty = !known && (far || *told);
-            if faulty != *told {
-                *told = faulty;
+            let faulty = !known && (far || *reported);
+            if faulty != *reported {
+                *reported = faulty;
                 changes(SensorChange {
                     name: NAMES[i],
                     faulty,
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn the_bias_that_has_changed_is_named_until_it_is_known() {
         let mut watch = BiasWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for k in 0..600 {
             let now = LogTime(10_000_000 * k);
             // Taken for an acceleration at first.
@@ -99,9 +99,9 @@ mod tests {
             }
             let tuning = BiasWatchTuning::default();
             watch.judge(now, bias, [0.05, 0.005], &tuning, &mut |change| {
-                told.push((k, change.name, change.faulty));
+                reported.push((k, change.name, change.faulty));
             });
         }
-        assert_eq!(told, [(150, NAMES[3], true), (330, NAMES[3], false)]);
+        assert_eq!(reported, [(150, NAMES[3], true), (330, NAMES[3], false)]);
     }
 }

@@ -8,6 +8,8 @@
 use nalgebra::Vector3;
 
 use super::{BAD, CONTRADICTS, SensorChange};
+use crate::gaussian::{Gaussian, beyond};
+use crate::triads::{Triads, UsedAxes};
 use crate::tuning::InertialWatchTuning;
 
 /// What differs between gyros and accelerometers.
@@ -19,12 +21,12 @@ struct Kind {
     /// Error of the balance of each axis beyond its own deviation.
     floor: [f64; 3],
     /// Readings in a row after which the forces may as well be what is wrong.
-    doubtful: u32,
+    rejections_max: u32,
     /// Readings in a row of a faulty axis that must agree before it is good again: one that is plugged
     /// in wrong agrees for a moment whenever both happen to be alike.
-    calm: u32,
+    good_readings: u32,
     /// What the balance does not tell, per square root of Hz.
-    untold: f64,
+    replaced_density: f64,
 }
 
 impl Kind {
@@ -34,9 +36,9 @@ impl Kind {
             names: RATE_NAMES,
             jump: tuning.gyro_jump_rad_s,
             floor: [0.0; 3],
-            doubtful: tuning.gyro_rejections_max,
-            calm: 0,
-            untold: tuning.gyro_replaced_density,
+            rejections_max: tuning.gyro_rejections_max,
+            good_readings: 0,
+            replaced_density: tuning.gyro_replaced_density,
         }
     }
 
@@ -46,9 +48,9 @@ impl Kind {
             names: FORCE_NAMES,
             jump: tuning.accel_jump_m_s2,
             floor: tuning.accel_balance_sigma_m_s2,
-            doubtful: u32::MAX,
-            calm: tuning.accel_good_readings,
-            untold: tuning.accel_replaced_density,
+            rejections_max: u32::MAX,
+            good_readings: tuning.accel_good_readings,
+            replaced_density: tuning.accel_replaced_density,
         }
     }
 }
@@ -65,18 +67,6 @@ const FORCE_NAMES: [&str; 3] = [
     "inertial unit upward acceleration",
 ];
 
-/// Rates and specific forces about and along the body's axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Triads<T> {
-    /// Angular rates, rad/s.
-    pub rate: T,
-    /// Specific forces, m/s^2.
-    pub force: T,
-}
-
-/// Which axes are believed.
-pub type Believed = Triads<[bool; 3]>;
-
 /// Memory of one axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Axis {
@@ -86,7 +76,7 @@ struct Axis {
     /// The last one that was believed.
     last: Option<f64>,
     /// Readings in a row that were not.
-    strange: u32,
+    rejected: u32,
     /// Readings in a row that agreed since it was faulty.
     agreed: u32,
     /// Readings for which an axis that was faulty stays suspect.
@@ -117,7 +107,7 @@ impl InertialWatch {
 
     /// Takes note of a reading that the unit itself calls bad: it failed its own test, or an axis is
     /// beyond its range.
-    pub fn miss(&mut self, changes: &mut impl FnMut(SensorChange)) {
+    pub fn invalid_reading(&mut self, changes: &mut impl FnMut(SensorChange)) {
         self.bad = self.bad.saturating_add(1);
         if self.bad == self.tuning.faulty_readings {
             changes(SensorChange {
@@ -129,32 +119,32 @@ impl InertialWatch {
     }
 
     /// Which axes of the last reading were believed.
-    pub fn believed(&self) -> Believed {
+    pub fn used(&self) -> UsedAxes {
         Triads {
-            rate: self.rate.map(|axis| axis.strange == 0),
-            force: self.force.map(|axis| axis.strange == 0),
+            rate: self.rate.map(|axis| axis.rejected == 0),
+            force: self.force.map(|axis| axis.rejected == 0),
         }
     }
 
     /// Readings have jumped because a bias has: those that are not faulty are not suspect, either.
-    pub fn forgive(&mut self) {
+    pub fn clear_suspicion(&mut self) {
         for axis in self.rate.iter_mut().chain(&mut self.force) {
-            if axis.strange < self.tuning.faulty_readings {
-                (axis.suspect, axis.strange) = (0, 0);
+            if axis.rejected < self.tuning.faulty_readings {
+                (axis.suspect, axis.rejected) = (0, 0);
             }
         }
     }
 
     /// What is unseen of each axis of the last reading that was handed out, (rad/s)/sqrt(Hz) and
     /// (m/s^2)/sqrt(Hz).
-    pub fn untold(&self) -> Triads<[f64; 3]> {
-        let of = |believed: [bool; 3], kind: &Kind| {
-            believed.map(|believed| if believed { 0.0 } else { kind.untold })
+    pub fn replaced_density(&self) -> Triads<[f64; 3]> {
+        let of = |used: [bool; 3], kind: &Kind| {
+            used.map(|used| if used { 0.0 } else { kind.replaced_density })
         };
-        let believed = self.believed();
+        let used = self.used();
         Triads {
-            rate: of(believed.rate, &Kind::rates(&self.tuning)),
-            force: of(believed.force, &Kind::forces(&self.tuning)),
+            rate: of(used.rate, &Kind::rates(&self.tuning)),
+            force: of(used.force, &Kind::forces(&self.tuning)),
         }
     }
 
@@ -165,7 +155,7 @@ impl InertialWatch {
         reading: Triads<Vector3<f64>>,
         bias: Triads<Vector3<f64>>,
         sigma: Triads<f64>,
-        expected: &Triads<Option<[[f64; 2]; 3]>>,
+        expected: &Triads<Option<[Gaussian; 3]>>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Triads<Vector3<f64>> {
         if std::mem::take(&mut self.bad) >= self.tuning.faulty_readings {
@@ -176,11 +166,11 @@ impl InertialWatch {
             });
         }
         // A vehicle that moves shakes every axis.
-        let shaken = expected.force.is_some();
+        let moving = expected.force.is_some();
         let tuning = self.tuning;
         let [rates, forces] = [Kind::rates(&tuning), Kind::forces(&tuning)];
         let mut judge = |axes: &mut [Axis; 3], kind, reading, bias, sigma, expected| {
-            let expected = Expected { expected, shaken };
+            let expected = Expected { expected, moving };
             let limits = (&tuning, kind);
             judge_all(
                 axes,
@@ -216,9 +206,9 @@ impl InertialWatch {
 #[derive(Clone, Copy, Debug)]
 struct Expected {
     /// Value and variance of each.
-    expected: Option<[[f64; 2]; 3]>,
+    expected: Option<[Gaussian; 3]>,
     /// Whether they cannot stand still.
-    shaken: bool,
+    moving: bool,
 }
 
 fn judge_all(
@@ -226,23 +216,24 @@ fn judge_all(
     (tuning, kind): (&InertialWatchTuning, &Kind),
     [reading, bias]: [Vector3<f64>; 2],
     sigma: f64,
-    Expected { expected, shaken }: Expected,
+    Expected { expected, moving }: Expected,
     changes: &mut impl FnMut(SensorChange),
 ) -> Vector3<f64> {
     Vector3::from_fn(|i, _| {
         let axis = &mut axes[i];
-        let before = axis.strange;
+        let before = axis.rejected;
         let doubt = sigma * sigma + kind.floor[i].powi(2);
-        let expected = expected.map(|all| [all[i][0] + bias[i], all[i][1] + doubt]);
-        let told = axis.judge(reading[i], expected, shaken, (tuning, kind));
+        let expected =
+            expected.map(|all| Gaussian::new(all[i].mean + bias[i], all[i].variance + doubt));
+        let told = axis.judge(reading[i], expected, moving, (tuning, kind));
         let change = |faulty| SensorChange {
             name: kind.names[i],
             faulty,
             why: CONTRADICTS,
         };
-        if axis.strange == tuning.faulty_readings && before < tuning.faulty_readings {
+        if axis.rejected == tuning.faulty_readings && before < tuning.faulty_readings {
             changes(change(true));
-        } else if axis.strange == 0 && before >= tuning.faulty_readings {
+        } else if axis.rejected == 0 && before >= tuning.faulty_readings {
             changes(change(false));
         }
         told
@@ -253,8 +244,8 @@ impl Axis {
     fn judge(
         &mut self,
         reading: f64,
-        expected: Option<[f64; 2]>,
-        shaken: bool,
+        expected: Option<Gaussian>,
+        moving: bool,
         (tuning, kind): (&InertialWatchTuning, &Kind),
     ) -> f64 {
         self.repeats = if reading == self.read {
@@ -263,35 +254,35 @@ impl Axis {
             0
         };
         self.read = reading;
-        let Some([value, variance]) = expected else {
+        let Some(expected) = expected else {
             // Nothing speaks for a sensor that was found faulty, either.
-            if self.strange < tuning.faulty_readings {
-                self.strange = 0;
+            if self.rejected < tuning.faulty_readings {
+                self.rejected = 0;
                 self.last = Some(reading);
             }
             return reading;
         };
-        let gate = tuning.gate_sigma;
-        let contradicted = (reading - value).powi(2) > gate * gate * variance;
+        let value = expected.mean;
+        let contradicted = beyond(tuning.gate_sigma, reading - value, expected.variance);
         let jumped = self
             .last
             .is_some_and(|last| (reading - last).abs() > kind.jump);
-        let hangs = shaken && self.repeats >= tuning.stuck_readings;
-        let suspect = self.suspect > 0 || self.strange > 0 || jumped;
-        self.suspect = if self.strange >= tuning.faulty_readings {
+        let stuck = moving && self.repeats >= tuning.stuck_readings;
+        let suspect = self.suspect > 0 || self.rejected > 0 || jumped;
+        self.suspect = if self.rejected >= tuning.faulty_readings {
             tuning.suspect_readings
         } else {
             self.suspect.saturating_sub(1)
         };
-        if hangs || contradicted && suspect && self.strange < kind.doubtful {
-            self.strange = self.strange.saturating_add(1);
+        if stuck || contradicted && suspect && self.rejected < kind.rejections_max {
+            self.rejected = self.rejected.saturating_add(1);
             self.agreed = 0;
             value
-        } else if self.strange >= tuning.faulty_readings && self.agreed < kind.calm {
+        } else if self.rejected >= tuning.faulty_readings && self.agreed < kind.good_readings {
             self.agreed += 1;
             value
         } else {
-            (self.strange, self.agreed) = (0, 0);
+            (self.rejected, self.agreed) = (0, 0);
             self.last = Some(reading);
             reading
         }
@@ -310,7 +301,7 @@ mod tests {
     fn judge(
         watch: &mut InertialWatch,
         rate: Vector3<f64>,
-        expected: Option<[[f64; 2]; 3]>,
+        expected: Option<[Gaussian; 3]>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Vector3<f64> {
         let reading = Triads {
@@ -329,7 +320,7 @@ mod tests {
     fn a_wild_axis_is_replaced_named_and_taken_back() {
         let mut watch = InertialWatch::default();
         let mut told = Vec::new();
-        let expected = Some([[0.1, 1e-4], [0.0, 1e-4], [0.3, 1e-4]]);
+        let expected = Some([0.1, 0.0, 0.3].map(|mean| Gaussian::new(mean, 1e-4)));
         for k in 0..200 {
             let wild = if (50..100).contains(&k) { 3.5 } else { 0.1 };
             let reading = Vector3::new(wild, 0.01, 0.31);
@@ -339,7 +330,7 @@ mod tests {
             assert_eq!(rate.z, 0.31);
             assert_eq!(rate.x, 0.1, "{k}");
         }
-        assert_eq!(watch.believed().rate, [true; 3]);
+        assert_eq!(watch.used().rate, [true; 3]);
         let name = RATE_NAMES[0];
         assert_eq!(told, [(69, name, true), (100, name, false)]);
         let wild = Vector3::repeat(9.0);
@@ -352,7 +343,7 @@ mod tests {
         for k in 0..400 {
             let wrong = 0.01 * f64::from(k);
             let reading = Vector3::repeat(0.001 * f64::from(k));
-            let expected = Some([[wrong, 1e-4]; 3]);
+            let expected = Some([Gaussian::new(wrong, 1e-4); 3]);
             let rate = judge(&mut watch, reading, expected, &mut |_| {});
             assert_eq!(rate, reading);
         }
@@ -377,7 +368,7 @@ mod tests {
             };
             let expected = Triads {
                 rate: None,
-                force: Some([[truth, 1e-3], [truth, 1e-3], [9.81 + truth, 1e-3]]),
+                force: Some([truth, truth, 9.81 + truth].map(|mean| Gaussian::new(mean, 1e-3))),
             };
             let force = watch.judge(reading, bias, SIGMA, &expected, &mut |change| {
                 told.push((change.name, change.faulty));
@@ -385,10 +376,10 @@ mod tests {
             assert!((force.force.x - truth).abs() < 1.6, "{k}");
             assert_eq!(force.force.y, truth);
         }
-        assert_eq!(watch.believed().force, [false, true, true]);
+        assert_eq!(watch.used().force, [false, true, true]);
         assert_eq!(told, [(FORCE_NAMES[0], true)]);
         assert_eq!(
-            watch.untold().force,
+            watch.replaced_density().force,
             [
                 InertialWatchTuning::default().accel_replaced_density,
                 0.0,

@@ -13,7 +13,7 @@ pub struct ReceiverWatch {
     name: &'static str,
     /// Since when all of its values have been left out.
     since: Option<LogTime>,
-    told: bool,
+    reported: bool,
 }
 
 impl ReceiverWatch {
@@ -22,7 +22,7 @@ impl ReceiverWatch {
         Self {
             name,
             since: None,
-            told: false,
+            reported: false,
         }
     }
 
@@ -32,23 +32,23 @@ impl ReceiverWatch {
         &mut self,
         time: LogTime,
         verdict: Verdict,
-        vouched: bool,
+        imu_consistent: bool,
         tuning: &ReceiverWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
         let faulty = match verdict {
-            Verdict::Unusable => self.told,
+            Verdict::Unusable => self.reported,
             Verdict::Used => {
                 self.since = None;
                 false
             }
             Verdict::Rejected => {
                 let since = *self.since.get_or_insert(time);
-                self.told || vouched && time.seconds_since(since) >= tuning.faulty_s
+                self.reported || imu_consistent && time.seconds_since(since) >= tuning.faulty_s
             }
         };
-        if faulty != self.told {
-            self.told = faulty;
+        if faulty != self.reported {
+            self.reported = faulty;
             changes(SensorChange {
                 name: self.name,
                 faulty,
@@ -64,8 +64,8 @@ mod tests {
 
     #[test]
     fn a_receiver_is_named_where_the_state_is_vouched_for() {
-        let mut told = Vec::new();
-        for vouched in [false, true] {
+        let mut reported = Vec::new();
+        for imu_consistent in [false, true] {
             let mut watch = ReceiverWatch::new("GNSS velocity");
             for k in 0..40 {
                 let verdict = if (10..30).contains(&k) {
@@ -75,11 +75,11 @@ mod tests {
                 };
                 let time = LogTime(1_000_000_000 + 50_000_000 * k);
                 let tuning = ReceiverWatchTuning::default();
-                watch.judge(time, verdict, vouched, &tuning, &mut |change| {
-                    told.push((k, change.faulty));
+                watch.judge(time, verdict, imu_consistent, &tuning, &mut |change| {
+                    reported.push((k, change.faulty));
                 });
             }
         }
-        assert_eq!(told, [(20, true), (30, false)]);
+        assert_eq!(reported, [(20, true), (30, false)]);
     }
 }

@@ -3,6 +3,7 @@
 use sample::LogTime;
 
 use super::{CONTRADICTS, SensorChange};
+use crate::gaussian::{Gaussian, within};
 use crate::tuning::SteeringWatchTuning;
 
 /// Memory of the hand wheel.
@@ -12,21 +13,21 @@ pub struct SteeringWatch {
     last: Option<Read>,
     /// When it last moved, and whether that is long ago.
     moved: Option<LogTime>,
-    hangs: bool,
+    stuck: bool,
     /// The angle that it has jumped to, for as long as it stays there to the bit: what is expected may
     /// pass by, which is no agreement.
-    landed: Option<f64>,
+    stuck_at: Option<f64>,
     /// Since when it has been strange, and has not been.
-    strange: Option<LogTime>,
+    inconsistent_since: Option<LogTime>,
     agreed: Option<LogTime>,
     /// When it last jumped away from what is expected.
-    fled: Option<LogTime>,
+    left_range_at: Option<LogTime>,
     /// Whether something else than its own past has contradicted it since it is strange.
-    seen: bool,
+    witnessed_once: bool,
     /// What was put in its place last, as value and variance: that is what is expected of a strange
     /// wheel while nothing else is.
-    held: Option<[f64; 2]>,
-    told: bool,
+    held: Option<Gaussian>,
+    reported: bool,
 }
 
 /// A reading.
@@ -46,13 +47,13 @@ impl SteeringWatch {
     }
 
     /// Whether the last angle is sure enough to learn from.
-    pub fn believed(&self) -> bool {
-        self.strange.is_none() && !self.hangs
+    pub fn is_used(&self) -> bool {
+        self.inconsistent_since.is_none() && !self.stuck
     }
 
     /// Whether it was contradicted, and has not agreed for long enough since.
-    pub fn strange(&self) -> bool {
-        self.strange.is_some()
+    pub fn is_inconsistent(&self) -> bool {
+        self.inconsistent_since.is_some()
     }
 
     /// The angle to go on with, rad, from one that was read at `time` and what is expected as value
@@ -61,7 +62,7 @@ impl SteeringWatch {
         &mut self,
         time: LogTime,
         angle_rad: f64,
-        expected: Option<[f64; 2]>,
+        expected: Option<Gaussian>,
         changes: &mut impl FnMut(SensorChange),
     ) -> f64 {
         let t = self.tuning;
@@ -78,47 +79,51 @@ impl SteeringWatch {
         });
         let held = self
             .held
-            .filter(|_| self.seen || !longer(self.strange, t.held_max_s));
+            .filter(|_| self.witnessed_once || !longer(self.inconsistent_since, t.held_max_s));
+        let held_variance = t.held_sigma_rad * t.held_sigma_rad;
         let witnessed = expected.is_some();
         let before = last.filter(|_| jumped).map(|last| last.angle_rad);
         let expected = expected
             .or(held)
-            .or(before.map(|before| [before, t.held_sigma_rad * t.held_sigma_rad]));
+            .or(before.map(|before| Gaussian::new(before, held_variance)));
         // A driver's hand does not jump: a wide deviation of what is expected is no excuse.
-        if let (Some(before), Some([value, _])) = (before, expected)
-            && (angle_rad - value).abs() > (before - value).abs()
+        if let (Some(before), Some(expected)) = (before, expected)
+            && (angle_rad - expected.mean).abs() > (before - expected.mean).abs()
         {
-            self.fled = Some(time);
-        } else if jumped || longer(self.fled, t.good_s) {
-            self.fled = None;
+            self.left_range_at = Some(time);
+        } else if jumped || longer(self.left_range_at, t.good_s) {
+            self.left_range_at = None;
         }
-        self.landed = match self.landed {
+        self.stuck_at = match self.stuck_at {
             _ if jumped => Some(angle_rad),
-            landed => landed.filter(|landed| *landed == angle_rad),
+            stuck_at => stuck_at.filter(|stuck_at| *stuck_at == angle_rad),
         };
-        self.hangs = longer(self.moved, t.stuck_s);
-        let gate = if jumped || self.hangs || self.strange.is_some() {
+        self.stuck = longer(self.moved, t.stuck_s);
+        let gate = if jumped || self.stuck || self.inconsistent_since.is_some() {
             t.suspect_gate_sigma
         } else {
             t.gate_sigma
         };
-        let agrees = expected.map(|[value, variance]| {
-            self.fled.is_none() && (angle_rad - value).powi(2) <= gate * gate * variance
+        let agrees = expected.map(|expected| {
+            self.left_range_at.is_none()
+                && within(gate, angle_rad - expected.mean, expected.variance)
         });
         if agrees == Some(false) {
-            self.seen = witnessed || self.seen && self.strange.is_some();
-            self.strange.get_or_insert(time);
+            self.witnessed_once =
+                witnessed || self.witnessed_once && self.inconsistent_since.is_some();
+            self.inconsistent_since.get_or_insert(time);
             self.agreed = None;
         } else {
             self.agreed.get_or_insert(time);
-            let passed = !self.told && self.landed.is_none();
-            if passed || longer(self.agreed, t.good_s) && !self.hangs {
-                self.strange = None;
+            let passed = !self.reported && self.stuck_at.is_none();
+            if passed || longer(self.agreed, t.good_s) && !self.stuck {
+                self.inconsistent_since = None;
             }
         }
-        let faulty = self.strange.is_some() && (self.told || longer(self.strange, t.faulty_s));
-        if faulty != self.told {
-            self.told = faulty;
+        let faulty = self.inconsistent_since.is_some()
+            && (self.reported || longer(self.inconsistent_since, t.faulty_s));
+        if faulty != self.reported {
+            self.reported = faulty;
             changes(SensorChange {
                 name: "hand wheel",
                 faulty,
@@ -126,10 +131,11 @@ impl SteeringWatch {
             });
         }
         let used = match expected {
-            Some([value, _]) if self.strange.is_some() => value,
+            Some(expected) if self.inconsistent_since.is_some() => expected.mean,
             _ => angle_rad,
         };
-        self.held = (self.strange.is_some()).then_some([used, t.held_sigma_rad * t.held_sigma_rad]);
+        self.held =
+            (self.inconsistent_since.is_some()).then_some(Gaussian::new(used, held_variance));
         used
     }
 }
@@ -138,22 +144,22 @@ impl SteeringWatch {
 mod tests {
     use super::*;
 
-    fn told(
+    fn reported(
         angle: impl Fn(u64) -> f64,
         expected: impl Fn(u64) -> f64,
     ) -> (Vec<(u64, bool)>, Vec<f64>) {
         let mut watch = SteeringWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         let mut used = Vec::new();
         for k in 0..400 {
-            let expected = Some([expected(k), 0.01]);
+            let expected = Some(Gaussian::new(expected(k), 0.01));
             used.push(
                 watch.judge(LogTime(10_000_000 * k), angle(k), expected, &mut |change| {
-                    told.push((k, change.faulty));
+                    reported.push((k, change.faulty));
                 }),
             );
         }
-        (told, used)
+        (reported, used)
     }
 
     #[test]
@@ -162,19 +168,19 @@ mod tests {
             let off = if (100..200).contains(&k) { 2.0 } else { 0.0 };
             0.5 + off + 1e-3 * (k % 3) as f64
         };
-        let (told, used) = told(angle, |_| 0.5);
-        assert_eq!(told, [(130, true), (250, false)]);
+        let (reported, used) = reported(angle, |_| 0.5);
+        assert_eq!(reported, [(130, true), (250, false)]);
         assert!(used.iter().all(|angle| (angle - 0.5).abs() < 0.01));
     }
 
     #[test]
     fn one_that_stands_is_believed_until_it_is_contradicted_by_little() {
         let angle = |k: u64| 0.5 + 1e-3 * (k.min(100) % 7) as f64;
-        assert_eq!(told(angle, |_| 0.5).0, []);
+        assert_eq!(reported(angle, |_| 0.5).0, []);
         let turned = |k| if k < 200 { 0.5 } else { 0.75 };
-        assert_eq!(told(angle, turned).0, [(230, true)]);
+        assert_eq!(reported(angle, turned).0, [(230, true)]);
         let moving = |k| 0.5 + 1e-3 * (k % 7) as f64;
-        assert_eq!(told(moving, turned).0, []);
+        assert_eq!(reported(moving, turned).0, []);
     }
 
     /// Near the friction's limit the slip angle that a lateral force calls for is anybody's guess.
@@ -184,7 +190,7 @@ mod tests {
         for k in 0..200 {
             let off = if (100..150).contains(&k) { 1.0 } else { 0.0 };
             let angle = off - 1.2 + 1e-3 * (k % 3) as f64;
-            let vague = (k % 20 < 10).then_some([-1.0, 0.5]);
+            let vague = (k % 20 < 10).then_some(Gaussian::new(-1.0, 0.5));
             let used = watch.judge(LogTime(10_000_000 * k), angle, vague, &mut |_| {});
             assert!((used + 1.1).abs() < 0.2, "{k} {used}");
         }
@@ -210,6 +216,6 @@ mod tests {
     fn one_that_has_died_is_named_though_what_is_expected_passes_by() {
         let expected = |k: u64| 1.0 - 0.05 * k.saturating_sub(100) as f64;
         let angle = |k| if k < 100 { expected(k) } else { 0.0 };
-        assert_eq!(told(angle, expected).0, [(130, true)]);
+        assert_eq!(reported(angle, expected).0, [(130, true)]);
     }
 }

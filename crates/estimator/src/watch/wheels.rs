@@ -20,9 +20,9 @@ pub struct WheelWatch([One; 4]);
 
 #[derive(Clone, Copy, Debug, Default)]
 struct One {
-    strange: Option<LogTime>,
+    contradicted_since: Option<LogTime>,
     agreed: Option<LogTime>,
-    told: bool,
+    faulty: bool,
 }
 
 /// What is known of a wheel beside its sensor.
@@ -48,8 +48,8 @@ impl Rolling {
 
 impl WheelWatch {
     /// Whether a wheel's sensor is believed.
-    pub fn believed(&self, wheel: Wheel) -> bool {
-        !self.0[wheel.index()].told
+    pub fn is_used(&self, wheel: Wheel) -> bool {
+        !self.0[wheel.index()].faulty
     }
 
     /// Holds what the sensors say at `now` against the ground.
@@ -67,26 +67,26 @@ impl WheelWatch {
             return;
         }
         for (i, one) in self.0.iter_mut().enumerate() {
-            let Some(strange) = verdicts[i] else {
+            let Some(contradicted_since) = verdicts[i] else {
                 continue;
             };
-            let (held, other) = if strange {
-                (&mut one.strange, &mut one.agreed)
+            let (held, other) = if contradicted_since {
+                (&mut one.contradicted_since, &mut one.agreed)
             } else {
-                (&mut one.agreed, &mut one.strange)
+                (&mut one.agreed, &mut one.contradicted_since)
             };
             *other = None;
             let since = now.seconds_since(*held.get_or_insert(now));
-            let span_s = if strange {
+            let span_s = if contradicted_since {
                 tuning.faulty_s
             } else {
                 tuning.good_s
             };
-            if strange != one.told && since >= span_s {
-                one.told = strange;
+            if contradicted_since != one.faulty && since >= span_s {
+                one.faulty = contradicted_since;
                 changes(SensorChange {
                     name: NAMES[i],
-                    faulty: strange,
+                    faulty: contradicted_since,
                     why: CONTRADICTS,
                 });
             }
@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn a_dead_sensor_is_named_and_a_locked_wheel_is_not() {
         let mut watch = WheelWatch::default();
-        let mut told = Vec::new();
+        let mut faulty = Vec::new();
         for k in 0..300 {
             let dead = (50..150).contains(&k);
             let wheel = |read_m_s, forward| {
@@ -119,11 +119,11 @@ mod tests {
             ]);
             let tuning = WheelWatchTuning::default();
             watch.judge(LogTime(10_000_000 * k), &rolling, &tuning, &mut |change| {
-                told.push((k, change.name, change.faulty));
+                faulty.push((k, change.name, change.faulty));
             });
-            assert_eq!(watch.believed(Wheel::FrontLeft), !(100..200).contains(&k));
+            assert_eq!(watch.is_used(Wheel::FrontLeft), !(100..200).contains(&k));
         }
-        assert_eq!(told, [(100, NAMES[0], true), (200, NAMES[0], false)]);
+        assert_eq!(faulty, [(100, NAMES[0], true), (200, NAMES[0], false)]);
     }
 
     #[test]

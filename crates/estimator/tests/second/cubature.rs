@@ -7,8 +7,8 @@ use estimator::motion::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, MotionSettings, STATES, Solution, VELOCITY,
     VelocityReceiver,
 };
+use estimator::triads::Triads;
 use estimator::tuning::MotionTuning;
-use estimator::watch::Triads;
 use model::sensors::Sensors;
 use nalgebra::{Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
 use sample::{ImuSample, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};

@@ -4,7 +4,8 @@ use model::vehicle::{Axle, Vehicle};
 use sample::STANDARD_GRAVITY_M_S2;
 use serde::{Deserialize, Serialize};
 
-use super::SHAPE_RANGE;
+/// Curve shapes that [`normalised_force`](crate::planar::normalised_force) is meant for.
+pub const SHAPE_RANGE: [f64; 2] = [1.2, 6.0];
 
 /// How a vehicle handles: what [`crate::identification::handling`] finds, as it stands in a
 /// calibration file.

@@ -12,23 +12,23 @@ use crate::tuning::{ForceNoiseTuning, ProcessNoiseTuning};
 
 /// Densities of F_x, F_y, F_z and what has just surprised.
 #[derive(Clone, Debug)]
-pub struct Agility {
+pub struct ForceNoise {
     tuning: ForceNoiseTuning,
     noise: [ProcessNoise<4>; 3],
-    surprises: [u32; 4],
+    large: [u32; 4],
     channels: u32,
     sum: f64,
     open: bool,
 }
 
-impl Agility {
+impl ForceNoise {
     /// The noise at the start.
     pub fn new(tuning: ForceNoiseTuning, process_noise: ProcessNoiseTuning) -> Self {
         let noise = ProcessNoise::new(tuning.start_density, tuning.density_bounds, process_noise);
         Self {
             tuning,
             noise: [noise; 3],
-            surprises: [0; 4],
+            large: [0; 4],
             channels: 0,
             sum: 0.0,
             open: false,
@@ -43,8 +43,8 @@ impl Agility {
     }
 
     /// Takes the normalised square of a strain channel's innovation in.
-    pub fn surprise(&mut self, wheel: usize, square: f64) {
-        self.surprises[wheel] += u32::from(square > self.tuning.large_square);
+    pub fn add_innovation(&mut self, wheel: usize, square: f64) {
+        self.large[wheel] += u32::from(square > self.tuning.large_square);
         self.channels += 1;
         self.sum += square.min(self.tuning.share_max);
     }
@@ -55,15 +55,15 @@ impl Agility {
     }
 
     /// Whether this step's innovations call for faster forces; forgets them.
-    pub fn surprised(&mut self) -> bool {
+    pub fn exceeded(&mut self) -> bool {
         let channels = f64::from(self.channels);
         let together = self.sum > channels + self.tuning.sum_sigma * (2.0 * channels).sqrt();
         let found = together
             || self
-                .surprises
+                .large
                 .iter()
                 .any(|count| *count >= self.tuning.channels);
-        self.surprises = [0; 4];
+        self.large = [0; 4];
         (self.channels, self.sum) = (0, 0.0);
         self.open = found;
         if found {

@@ -7,14 +7,14 @@ use crate::tuning::SteeringWheelTuning;
 /// spinning front wheels about at 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at
 /// 15 m/s; a straight line's rate would lag by 0.12 s.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct HandWheel {
+pub(super) struct SteeringWheel {
     pub(super) angle_rad: f64,
     rate_rad_s: f64,
     rate_dot_rad_s2: f64,
     known: bool,
 }
 
-impl HandWheel {
+impl SteeringWheel {
     pub(super) fn follow(&mut self, reading_rad: f64, keep: f64, dt: f64) {
         if !self.known {
             (self.angle_rad, self.known) = (reading_rad, true);
@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn a_hand_wheel_that_turns_ever_faster_is_not_left_behind() {
         let tuning = SteeringWheelTuning::default();
-        let mut wheel = HandWheel::default();
+        let mut wheel = SteeringWheel::default();
         let (dt, rate_dot) = (0.01, 3.0);
         for k in 0..=100 {
             let time_s = dt * f64::from(k);

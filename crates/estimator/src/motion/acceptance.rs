@@ -7,63 +7,64 @@ use crate::tuning::ReceiverTuning;
 
 /// What a receiver told last.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct ToldVelocity {
+pub struct ReceiverState {
     pub at: Option<LogTime>,
     pub velocity_m_s: Vector3<f64>,
-    pub left_out: bool,
-    pub standing: Standing,
+    pub rejected: bool,
+    pub acceptance: AcceptanceCounter,
 }
 
-impl ToldVelocity {
+impl ReceiverState {
     /// Whether it has told anything of late.
-    pub fn is_heard(&self, now: LogTime, active_s: f64) -> bool {
+    pub fn is_active(&self, now: LogTime, active_s: f64) -> bool {
         self.at.is_some_and(|at| now.seconds_since(at) < active_s)
     }
 }
 
 /// How a receiver's values have fared since it was last adopted.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Standing {
+pub struct AcceptanceCounter {
     /// Values in a row that were used, and whether there ever were enough to confirm the state.
     pub uses: u32,
     pub confirmed: bool,
     /// Whether the state was taken from it after it had contradicted.
-    pub anew: bool,
+    pub adopted: bool,
     /// Values in a row that contradicted the state, and those of them while nothing vouched for it.
-    pub misses: u32,
-    pub unvouched: u32,
+    pub rejections: u32,
+    pub rejections_unconfirmed: u32,
 }
 
-impl Standing {
+impl AcceptanceCounter {
     /// Of a receiver whose values are adopted.
     pub fn adopted() -> Self {
         Self {
-            anew: true,
+            adopted: true,
             ..Self::default()
         }
     }
 
     /// Takes note of a value that was used.
     pub fn used(&mut self, tuning: &ReceiverTuning) {
-        let least = if self.anew {
+        let least = if self.adopted {
             tuning.confirmed_again
         } else {
             tuning.confirmed
         };
         self.uses += 1;
         self.confirmed |= self.uses >= least;
-        (self.misses, self.unvouched) = (0, 0);
+        (self.rejections, self.rejections_unconfirmed) = (0, 0);
     }
 
     /// Takes note of one that contradicted a state that something else vouches for or not.
-    pub fn contradicted(&mut self, vouched: bool) {
+    pub fn contradicted(&mut self, imu_consistent: bool) {
         self.uses = 0;
-        self.misses += 1;
-        self.unvouched += u32::from(!vouched);
+        self.rejections += 1;
+        self.rejections_unconfirmed += u32::from(!imu_consistent);
     }
 
     /// Whether it is the state that is wrong.
     pub fn too_many(self, tuning: &ReceiverTuning) -> bool {
-        self.unvouched > tuning.rejections_max || self.misses > tuning.rejections_max_consistent
+        self.rejections_unconfirmed > tuning.rejections_max
+            || self.rejections > tuning.rejections_max_consistent
     }
 }
