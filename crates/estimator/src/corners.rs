@@ -1,5 +1,5 @@
-//! The four linkages as they stand at this instant: where spring deflection, rack and body motion
-//! put them, and the linear map between member forces and tyre forces that follows.
+//! Position of the four linkages from spring deflection, rack and body motion, and the linear map
+//! between member forces and tyre forces.
 
 mod length;
 mod steering_wheel;
@@ -24,7 +24,7 @@ use steering_wheel::SteeringWheel;
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerState {
-    /// Where the linkage stands.
+    /// Pose of the linkage.
     pub pose: CornerPose,
     /// The tyre's contact frame.
     pub frame: TyreFrame,
@@ -34,10 +34,10 @@ pub struct CornerState {
     pub strut_n: f64,
     /// Its standard deviation, N; infinite while no deflection is measured.
     pub strut_sigma_n: f64,
-    /// The same force with the spring where the potentiometer's new reading alone puts it, and its
-    /// deviation, N; none without a new reading. Its noise is new with every reading.
+    /// The same force from a new reading of the potentiometer alone, whose noise is independent of
+    /// earlier readings; `None` without a new reading.
     pub strut_read: Option<StrutReading>,
-    /// Its stiffness where it stands, N/m.
+    /// Stiffness of the spring at the present length, N/m.
     pub strut_stiffness_n_m: f64,
     /// Whether its potentiometer has just jumped.
     pub strut_jumped: bool,
@@ -47,7 +47,7 @@ pub struct CornerState {
     pub spin_dot_rad_s2: f64,
     /// Velocity of the wheel centre against the body, m/s.
     pub travel_m_s: Vector3<f64>,
-    /// How the upright turns against the body, rad/s: as it is steered, and as it travels.
+    /// Angular rate of the upright against the body by steering and travel, rad/s.
     pub turn_rad_s: Vector3<f64>,
 }
 
@@ -83,25 +83,23 @@ pub struct Corners {
     states: [CornerState; 4],
     before: [CornerStatics; 4],
     normal: Vector3<f64>,
-    /// The normal that the wheels' contact points told at the last step.
+    /// Ground normal from the wheels' contact points at the last step.
     seen: Option<Vector3<f64>>,
     turn_over_ground: Option<[f64; 2]>,
-    /// Slopes along x and y that leaning tyres may have feigned.
+    /// Standard deviation of the ground's slopes along x and y by leaning tyres.
     leaning: [f64; 2],
     cg_height_m: f64,
     rack_m_rad: f64,
-    /// The hand wheel, for its angle.
+    /// Filter of the steering wheel's angle.
     steering_wheel: SteeringWheel,
-    /// The same with a longer memory, for its rate and acceleration.
+    /// Filter with a longer memory for its rate and acceleration.
     turning: SteeringWheel,
     sixth: ChannelKind,
 }
 
 impl Corners {
-    /// The corners of a vehicle; `None` where its file has no linkages, struts or unsprung masses.
-    ///
-    /// # Errors
-    /// When the hard-points make no linkage.
+    /// The corners of a vehicle; `None` if the vehicle file has no linkages, struts or unsprung
+    /// masses.
     pub fn new(
         vehicle: &Vehicle,
         deflection_sigma_m: f64,
@@ -161,13 +159,13 @@ impl Corners {
         }))
     }
 
-    /// The corners as they were put by the last [`update`](Self::update).
+    /// The corners after the last [`update`](Self::update).
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {
         &self.states
     }
 
-    /// The maps between members and tyres as they were a step before.
+    /// Maps between members and tyres one step before.
     #[must_use]
     pub fn statics_before(&self) -> &[CornerStatics; 4] {
         &self.before
@@ -179,9 +177,9 @@ impl Corners {
         self.normal
     }
 
-    /// How fast the body rolls and pitches over the ground, rad/s, by what the struts and the tyres'
-    /// compression have changed since the last step. None where these are not known or too few
-    /// wheels stand.
+    /// Roll and pitch rate of the body over the ground, rad/s, from the change of struts and tyre
+    /// compression in the last step. `None` where these are unknown or fewer than three wheels
+    /// touch the ground.
     #[must_use]
     pub fn turn_over_ground(&self) -> Option<[f64; 2]> {
         self.turn_over_ground
@@ -201,8 +199,8 @@ impl Corners {
         [0, 1].map(|axis| frame.vehicle_from_tyre.column(axis).dot(&velocity))
     }
 
-    /// The middle between the wheel centres of an axle: where it is from the centre of gravity, m,
-    /// and how it travels against the body, m/s.
+    /// The middle between the wheel centres of an axle: position from the centre of gravity, m, and
+    /// velocity against the body, m/s.
     #[must_use]
     pub fn axle_middle(&self, axle: usize) -> [Vector3<f64>; 2] {
         let [left, right] = [2 * axle, 2 * axle + 1].map(|i| &self.states[i]);
@@ -262,8 +260,8 @@ impl Corners {
         };
         let up = motion.earth_from_body.inverse() * Vector3::z();
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
-        // How fast the velocity's components along the turning body axes grow. The body's turning
-        // spins no wheel that stands.
+        // Rate of the velocity's components along the rotating body axes. The body's rotation does
+        // not spin a wheel at rest.
         let gained = specific_force_m_s2
             - up * STANDARD_GRAVITY_M_S2
             - motion.rate_rad_s.cross(&motion.velocity_m_s);
@@ -278,15 +276,15 @@ impl Corners {
             let along = along_heading(pose.wheel_centre_m, pose.spindle, gained, yaw_dot);
             let rolling = [spin, along / radius, gravity];
             self.before[i] = self.states[i].statics;
-            // A linkage whose map is singular keeps the last one.
+            // A linkage with a singular map keeps its last state.
             if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
                 self.states[i] = state;
             }
         }
     }
 
-    /// The ground's normal: from the contact points where three wheels or more stand firmly, else
-    /// carried on as the body turns.
+    /// Ground normal: from the contact points while at least three wheels carry load, else
+    /// propagated with the body's rotation.
     fn tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState, load_n: [f64; 4]) {
         self.normal -= motion.rate_rad_s.cross(&self.normal) * dt;
         let known = self
@@ -294,7 +292,7 @@ impl Corners {
             .iter()
             .all(|linkage| linkage.length.known(now));
         if !known {
-            // Without deflections the ground is taken to be level.
+            // Without deflections the ground is assumed level.
             self.normal = motion.earth_from_body.inverse() * Vector3::z();
         }
         let poses = PerWheel(std::array::from_fn(|i| self.linkages[i].pose));
@@ -320,9 +318,10 @@ impl Corners {
         self.normal.normalize_mut();
     }
 
-    /// The forces with what errors of the contact frames add to their deviations: the members tell
-    /// each force in the body's axes, the ground's normal what of it is load, the steer angle what of
-    /// it is lateral. `steer_sigma_rad` is the deviation of the hand wheel's zero at the front wheels.
+    /// The forces with the errors of the contact frames added to their standard deviations. Members
+    /// measure a force in body axes; the ground's normal determines the part that is load, the
+    /// steer angle the part that is lateral. `steer_sigma_rad` is the standard deviation of the
+    /// steering wheel's zero at the front wheels.
     #[must_use]
     pub fn add_frame_uncertainty(
         &self,
@@ -362,18 +361,17 @@ impl Corners {
         self.linkages[i].length.value()
     }
 
-    /// What the sixth channel of the maps is.
+    /// Kind of the sixth channel of the maps.
     #[must_use]
     pub fn sixth(&self) -> ChannelKind {
         self.sixth
     }
 }
 
-/// Slopes of the ground along x and y that the tyres' shape may feign, one standard deviation. How
-/// far below its wheel's centre a leaning tyre touches the ground hangs on its crown, which nobody
-/// measures: between a thin disc of radius R and one whose radius the lean takes away there are
-/// R (1 - cos gamma). The vehicle's tyres are alike in this, so that the same lean of all feigns
-/// nothing.
+/// Standard deviation of the ground's slopes along x and y by the tyres' shape. The height of a
+/// leaning tyre's contact point below the wheel centre depends on its crown, which is not measured:
+/// between a thin disc of radius R and a tyre whose crown removes the effect there are R (1 - cos
+/// gamma). All tyres of a vehicle have the same crown, so the same lean of all gives no slope.
 fn leaning_slopes(
     plane: &GroundPlane,
     poses: &PerWheel<CornerPose>,
@@ -393,8 +391,8 @@ fn leaning_slopes(
     })
 }
 
-/// Roll and pitch rate, rad/s, of a body that turns about `yaw_rate` besides and has seen the normal
-/// n of the ground move in its axes: n' = n x w.
+/// Roll and pitch rate, rad/s, of a body with the given yaw rate for which the ground normal n has
+/// moved in body axes: n' = n x w.
 fn turn_from_normals(
     before: Vector3<f64>,
     now: Vector3<f64>,
@@ -407,8 +405,8 @@ fn turn_from_normals(
     [roll, pitch]
 }
 
-/// How fast the velocity of a wheel at `at`, m, along its heading grows, m/s^2, from what the body's
-/// velocity gains and from its yaw acceleration. The spindle points left.
+/// Acceleration of a wheel at `at` (m) along its heading, m/s^2, from the body's velocity change
+/// and yaw acceleration. The spindle points left.
 fn along_heading(
     at: Vector3<f64>,
     spindle: Vector3<f64>,
@@ -488,14 +486,14 @@ impl Linkage {
         } else if let Some(force) = belief.force_n.filter(|force| force.is_finite()) {
             self.stands_at_m += self.step_to_force(force);
         }
-        // Out of reach: the linkage stays where it was.
+        // Length out of reach: the linkage keeps its pose.
         if let Ok(pose) = self.corner.pose(self.stands_at_m, rack) {
             self.pose = pose;
         }
     }
 
-    /// Without a potentiometer the spring stands where its force puts it: a part of the way there,
-    /// m, since the damper's share is unknown.
+    /// Without a potentiometer the spring force determines the length. Part of the way to it, m:
+    /// the damper's share of the force is unknown.
     fn step_to_force(&self, force_n: f64) -> f64 {
         let length = self.stands_at_m + self.design_shift_m();
         let surplus = self.strut.force(length, 0.0).total_n() - force_n;
@@ -504,8 +502,8 @@ impl Linkage {
         step.clamp(-most, most)
     }
 
-    /// The force hangs on the measured spring, the pose on the hard-points: a millimetre that
-    /// these are wrong by must not become 65 N.
+    /// The force uses the measured spring length, the pose the hard-points: a hard-point error of 1
+    /// mm must not become 65 N.
     fn design_shift_m(&self) -> f64 {
         self.strut.design_length_m - self.corner.design_strut_length_m()
     }
@@ -622,7 +620,7 @@ mod tests {
             "{front:?} {rear:?}"
         );
         assert!(near(rear[2], 0.5), "{rear:?}");
-        // Where deflection alone tells the load the other forces are unknown.
+        // Where only the load is known, the other forces stay unknown.
         let load = TyreForce {
             force_n: [f64::NAN, f64::NAN, 3000.0],
             sigma_n: [f64::NAN, f64::NAN, 5.0],

@@ -1,6 +1,6 @@
-//! Tyre forces that the four-wheel model expects from steer and motion alone (section 2.1.2 of
-//! the thesis): the model is driven with the measured steer angles and speed on ground of the bank
-//! and grade that were found; sideslip, yaw rate, roll, pitch and forces are its own.
+//! Tyre forces that the four-wheel model expects from steer angles and motion (section 2.1.2 of the
+//! thesis). Inputs of the model are the measured steer angles, the speed, and the estimated bank
+//! and grade of the ground; sideslip, yaw rate, roll, pitch and forces are outputs.
 
 use model::chassis::four_wheel::{self, Inputs, Parameters, State};
 use model::simulation::Model;
@@ -52,8 +52,9 @@ impl ExpectedForces {
         self.state.lateral_m_s
     }
 
-    /// Carries the model on by `dt` with the measured speed and steer angles, and of the motion its
-    /// longitudinal acceleration, bank and grade, which together tell what drives or brakes.
+    /// Propagates the model by `dt` with measured speed and steer angles, and with longitudinal
+    /// acceleration, bank and grade of the motion. These three give the sum of drive and brake
+    /// forces.
     pub fn step(
         &mut self,
         dt: f64,
@@ -110,8 +111,8 @@ impl ExpectedForces {
         self.forces(&inputs)
     }
 
-    /// Velocity of a wheel along its heading, m/s: in a turn the outer wheels roll faster, and to
-    /// take the body's speed for all four would brake one side and drive the other.
+    /// Velocity of a wheel along its heading, m/s. In a turn the outer wheels roll faster; with the
+    /// body's speed for all wheels one side would brake and the other drive.
     fn along_m_s(&self, i: usize, steer_rad: f64) -> f64 {
         let [x, y] = self.parameters.wheel_position_m(i);
         let state = &self.state;

@@ -1,32 +1,31 @@
-//! All sensors in one filter: the forces of four tyres as states, seen by every strain channel,
-//! by the struts, and by the inertial unit through the balance of forces and moments.
+//! The force filter: one Kalman filter over the forces of four tyres, measured by strain channels,
+//! by struts, and by the inertial unit through the balances of forces and moments.
 //!
-//! | states | what | frame, unit |
+//! | states | content | frame, unit |
 //! |---|---|---|
 //! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
 //! | [`layout::RATE`] | their rates | N/s |
-//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond what tread and trail make | contact frame, N m |
-//! | [`layout::TORQUE`] | torques of the half-shafts, front and rear: their mean and half their difference | N m |
-//! | [`layout::TURN`] | angular rate of the body | body axes, rad/s |
-//! | [`layout::ACCEL`] | what is left of the accelerometers' bias | body axes, m/s^2 |
+//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond tread and trail | contact frame, N m |
+//! | [`layout::TORQUE`] | torques of the half-shafts, front and rear: mean and half the difference | N m |
+//! | [`layout::BODY_RATE`] | angular rate of the body | body axes, rad/s |
+//! | [`layout::ACCEL_BIAS`] | remaining accelerometer bias | body axes, m/s^2 |
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
-//! | [`layout::LENGTH`] | how much longer each strut is than its potentiometer says | mm |
+//! | [`layout::STRUT_LENGTH`] | strut length less the potentiometer's reading | mm |
 //!
-//! The forces walk as integrated white noise; moments, torques, biases and offsets fade to zero with
-//! a time constant. The body turns as the moments of all tyres about the centre of gravity tell it:
+//! The forces are integrated white noise; moments, torques, biases and offsets are Gauss-Markov
+//! processes. The moments of all tyres about the centre of gravity turn the body:
 //!
 //! I w' = sum(r_i x R_i F_i + R_i M_i) - w x (I w + h) - h'
 //!
-//! with h the spin momentum of the wheels. A member's force is A F + B M + c_0 out of
-//! [`CornerStatics`]; a bridge with a first-order lag tau that was read `age` ago shows
-//! y = A (F - (age + tau) F') + B M + c_0 + offset, A, B and c_0 those of the linkage `age` + tau ago.
+//! with the wheels' spin momentum h. A member's force is A F + B M + c_0 from [`CornerStatics`]. A
+//! bridge with a first-order lag tau that was read `age` ago measures y = A (F - (age + tau) F') +
+//! B M + c_0 + offset, with A, B and c_0 of the linkage `age` + tau ago.
 //!
-//! Every equation is linear in the states once geometry, attitude and inertia forces are taken
-//! from the motion filter, so that no iteration is needed. Measurements are scalars, judged one
-//! after another, each by its own innovation, and taken in together where they see the same states
-//! (`fusion/joint.rs`). The covariance is kept as a full symmetric matrix: the square root of 66 states would
-//! cost more than the step may take, and the states are scaled so that the condition number stays
-//! far from what doubles can hold.
+//! Every equation is linear in the states, because geometry, attitude and inertia forces come from
+//! the motion filter; no iteration is needed. Measurements are scalars. Each has its own innovation
+//! and gate; rows with common states share the passes over the covariance (`fusion/joint.rs`). The
+//! covariance is a full symmetric matrix: a square root of 66 states would cost more than the step
+//! may take, and the states are scaled so that the condition number is small for doubles.
 
 mod body;
 mod channel;
@@ -87,27 +86,28 @@ pub struct Fusion {
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
     body_motion: Option<BodyMotionEstimate>,
-    /// What the forces of all tyres make of the body's motion, whether the inertial unit agrees or not.
+    /// Acceleration of the body from the sum of all tyre forces, also while the inertial unit
+    /// disagrees.
     ahead: BodyMotionEstimate,
-    /// Readings in a row of each gyro that contradicted the balance of moments.
+    /// Consecutive readings of each gyro beyond the gate.
     gyro_rejections: [u32; 3],
     /// Variance of each accelerometer's expected reading, (m/s^2)^2.
     accel_variance: [f64; 3],
-    /// Whether the inertial unit has agreed with the balances in this step.
+    /// Whether the inertial unit agreed with the balances in this step.
     agreed: bool,
-    /// Whether drive or brake came with this step.
+    /// Whether a sudden drive or brake force was found in this step.
     pushed: bool,
-    /// Whether something besides the tyres carries the vehicle: stands, a jack.
+    /// Whether stands or a jack carry a part of the weight.
     held: bool,
     blind: bool,
-    /// Whether the vehicle moves, and so stands on its tyres alone.
+    /// Whether the vehicle moves: then the tyres alone carry it.
     rolling: bool,
     steps: u32,
     resets: u32,
     innovations: InnovationTally,
 }
 
-/// What one step is given.
+/// Input of one step.
 #[derive(Clone, Copy)]
 pub struct StepInput<'a> {
     /// The instant.
@@ -130,13 +130,13 @@ pub struct StepInput<'a> {
     pub imu_m: Vector3<f64>,
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
-    /// Which axes of the inertial unit are believed; the others tell nothing.
+    /// Axes of the inertial unit that are used.
     pub used: UsedAxes,
-    /// How fast the body rolls and pitches over the ground, rad/s, which stands in for them.
+    /// Roll and pitch rate of the body over the ground, rad/s, in place of gyros that are not used.
     pub turn_over_ground: Option<[f64; 2]>,
 }
 
-/// A channel that was found faulty (`true`) or good again.
+/// Change of a channel between good and faulty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChannelChange {
     /// Wheel, by index.
@@ -147,7 +147,7 @@ pub struct ChannelChange {
     pub faulty: bool,
 }
 
-/// States that are handed out: the forces and the body's rates.
+/// States with a smoothed value: forces and angular rates of the body.
 pub const OUTPUTS: [usize; 15] = [
     0,
     1,
@@ -166,7 +166,7 @@ pub const OUTPUTS: [usize; 15] = [
     BODY_RATE + 2,
 ];
 
-/// What the filter believes at one instant.
+/// Record of one step for a smoother.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FusionTrace {
     /// Operations since the instant before.
@@ -178,7 +178,7 @@ pub struct FusionTrace {
 }
 
 impl Fusion {
-    /// A filter that has seen nothing.
+    /// A filter without readings.
     #[must_use]
     pub fn new(
         vehicle: &Vehicle,
@@ -221,7 +221,7 @@ impl Fusion {
         fusion
     }
 
-    /// How often the filter was started anew.
+    /// Number of restarts.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets
@@ -240,7 +240,7 @@ impl Fusion {
         self.forget(channels);
     }
 
-    /// One step: carries the state on by `dt`, then takes in every reading that is new.
+    /// One step: propagates the state by `dt`, then takes every new reading.
     pub fn step(
         &mut self,
         input: &StepInput<'_>,
@@ -248,7 +248,7 @@ impl Fusion {
         changes: &mut impl FnMut(ChannelChange),
     ) -> PerWheel<TyreForce> {
         if self.steps == self.tuning.settling_steps / 2 {
-            // What the first steps took for true while struts and poses still settled.
+            // The first steps used struts and poses that had not settled.
             self.forget(input.channels);
         }
         let balance = self.balance(input);
@@ -284,7 +284,7 @@ impl Fusion {
             self.resets += 1;
             self.restart(input.channels);
         }
-        // On jackstands the forces of the tyres alone are not what moves the body.
+        // On jackstands the tyre forces are not the only ones that move the body.
         self.rolling = input.motion.velocity_m_s.x.abs() > self.tuning.rolling_speed_m_s;
         let alone = !input.motion.inertial && self.rolling;
         self.ahead = self.body_motion_ahead(input, &balance);
@@ -293,7 +293,7 @@ impl Fusion {
         self.output()
     }
 
-    /// Values and variances of some states.
+    /// Estimates of `N` states from `first` on.
     fn estimates<const N: usize>(&self, first: usize) -> [Gaussian; N] {
         std::array::from_fn(|i| {
             Gaussian::new(self.state[first + i], self.covariance.variance(first + i))
@@ -304,7 +304,7 @@ impl Fusion {
         self.steps < self.tuning.settling_steps
     }
 
-    /// Whether all numbers are finite, no variance negative, and the body's rate one that a body has.
+    /// Whether all numbers are finite, no variance is negative, and the angular rate is possible.
     fn sound(&self) -> bool {
         let finite = self.state.iter().all(|x| x.abs() < 1e8);
         let turn = &self.state[BODY_RATE..BODY_RATE + 3];
@@ -328,12 +328,12 @@ impl Fusion {
         }))
     }
 
-    /// From now on operations are taken down for [`Self::take_belief`].
+    /// Starts recording operations for [`Self::take_trace`].
     pub fn switch_trace_on(&mut self) {
         self.covariance.trace.switch_on();
     }
 
-    /// What the filter believes now, and the operations that led there since the last call.
+    /// State, covariance, and the operations since the last call.
     pub fn take_trace(&mut self) -> FusionTrace {
         FusionTrace {
             operations: self.covariance.trace.take(),
@@ -344,15 +344,15 @@ impl Fusion {
         }
     }
 
-    /// Angular rate of the body, rad/s: gyro and balance of moments together.
+    /// Angular rate of the body, rad/s, from gyros and balance of moments.
     #[must_use]
     pub fn rate_rad_s(&self) -> [f64; 3] {
         std::array::from_fn(|axis| self.state[BODY_RATE + axis])
     }
 
-    /// What the inertial unit should read `ahead_s` after the last step by the balances: value and
-    /// variance of each axis. Rates, rad/s, none before the filter has settled; specific forces,
-    /// m/s^2, none of a vehicle that stands: something besides the tyres may carry it.
+    /// Expected reading of each axis of the inertial unit `ahead_s` after the last step, from the
+    /// balances. Rates, rad/s: `None` before the filter has settled. Specific forces, m/s^2: also
+    /// `None` for a vehicle that stands, since stands or a jack can carry it.
     #[must_use]
     pub fn expected_reading(
         &self,
@@ -383,14 +383,14 @@ impl Fusion {
         }
     }
 
-    /// Whether accelerometers and gyros have agreed with the balances in the last step, of forces that
-    /// strain tells at all corners and that were not set free to follow a push.
+    /// Whether accelerometers and gyros agreed with the balances in the last step, with strain at
+    /// all corners and without a sudden drive or brake force.
     #[must_use]
     pub fn imu_agrees(&self) -> bool {
         self.agreed && !self.blind && !self.pushed
     }
 
-    /// What is known of a wheel's strut beside its potentiometer.
+    /// Estimate of a wheel's strut beside its potentiometer.
     #[must_use]
     pub fn strut(&self, wheel: usize) -> StrutEstimate {
         StrutEstimate {
@@ -410,9 +410,8 @@ impl Fusion {
         }
     }
 
-    /// Specific force of the centre of gravity, m/s^2, and angular acceleration, rad/s^2, in body
-    /// axes as they will be at the next step: what the forces of all tyres make of them. None while
-    /// the inertial unit is silent or contradicts them, as on jackstands.
+    /// Acceleration of the body at the next step, from the sum of all tyre forces. `None` while the
+    /// inertial unit is silent or contradicts the forces, as on jackstands.
     #[must_use]
     pub fn body_motion(&self) -> Option<BodyMotionEstimate> {
         self.body_motion
@@ -429,8 +428,8 @@ impl Fusion {
         self.state[RATE + 3 * wheel + 2]
     }
 
-    /// Takes a row's value in unless it is beyond the gate, in deviations; returns its innovation in
-    /// deviations.
+    /// Takes a row's value unless its innovation is beyond the gate (standard deviations). Returns
+    /// the normalised innovation.
     fn take(&self, joint: &mut Joint, m: usize, value: f64, variance: f64, gate: f64) -> f64 {
         let total = joint.variance(m) + variance;
         let innovation = value - joint.value(m);
@@ -440,7 +439,7 @@ impl Fusion {
         innovation / total.sqrt()
     }
 
-    /// Counts an innovation, in deviations, of a filter that has settled.
+    /// Counts a normalised innovation after the filter has settled.
     fn count(&mut self, kind: InnovationKind, innovation: f64, gate: f64) {
         if self.settling() {
             return;
@@ -453,8 +452,8 @@ impl Fusion {
     }
 }
 
-/// What one step's measurements have changed in values of which this was known, in deviations: a
-/// correction's variance is what they have taken away, P- - P+.
+/// Normalised corrections by the measurements of one step. The variance of a correction is what the
+/// measurements took from the state's variance, P- - P+.
 fn corrections<const N: usize>(before: &[Gaussian; N], after: &[Gaussian; N]) -> [f64; N] {
     std::array::from_fn(|i| {
         let taken = before[i].variance - after[i].variance;

@@ -1,23 +1,23 @@
-//! What the tyres have to do with the road: stiffness and friction of each axle, found from the
-//! measured lateral forces and the measured slip angles, and changes of the surface.
+//! Tyre grip: cornering stiffness and friction of each axle from measured lateral forces and slip
+//! angles, and changes of the surface.
 //!
-//! Per axle an extended Kalman filter of four states: the logarithms of the factors on the tyre
-//! file's cornering stiffness and friction; a constant error of the slip angle (of the hand wheel's
-//! zero at the front axle, of the heading at both), which straight driving tells apart from
-//! stiffness; and the shape of the curve between the two (`part_of_grip`), since how far a tyre
-//! bends tells how near its friction is only as well as it is known how it bends. One value comes
-//! every `block_steps` steps: the mean of the axle's lateral force against the curve's at the same
-//! slip angles and loads. The slip angle's error stays alike for about a second, so each value
-//! counts for a part only.
+//! Each axle has an extended Kalman filter of four states: the logarithms of the factors on the
+//! tyre file's cornering stiffness and friction; a constant error of the slip angle (of the
+//! steering wheel's zero at the front axle, of the heading at both), which straight driving
+//! separates from stiffness; and the shape of the curve between the two (`part_of_grip`): how near
+//! the friction limit is can be seen only as well as the shape is known. One value is taken every
+//! `block_steps` steps: the mean lateral force of the axle against the curve at the same slip
+//! angles and loads. The slip angle's error is correlated for about a second, so each value has a
+//! reduced weight.
 //!
-//! Friction is visible only where a good part of it is used, above about 0.4: below, the slope by
-//! it vanishes, its factor walks, and its deviation says so. [`Grip::axle`] then tells none, only
-//! what the lateral forces of the last `USED_SECONDS` call for at least.
+//! Friction is observable only while a good part of it is in use, above about 0.4. Below, the
+//! sensitivity to friction vanishes, the factor walks and its standard deviation grows. Then
+//! [`Grip::axle`] reports no friction, only the largest part in use within the last `USED_SECONDS`.
 //!
-//! A change of surface is a two-sided cumulative sum over the normalised differences while the
-//! tyres are excited, with the sign of the expected force: falling where grip is lost. At k = 0.5
-//! and h = 10.94 white differences would alarm once an hour at 100 Hz; these are slower and not
-//! white, so the reference is raised to `cusum_reference`.
+//! A change of surface is found by a two-sided cumulative sum of normalised differences with the
+//! sign of the expected force while the tyres are excited. With k = 0.5 and h = 10.94 white
+//! differences would give one false alarm an hour at 100 Hz; the differences are slower and not
+//! white, so the reference is `cusum_reference`.
 
 use model::vehicle::{self, Vehicle};
 use nalgebra::{Matrix4, Vector4};
@@ -28,10 +28,10 @@ use crate::tuning::GripTuning;
 /// Seconds for which the friction in use is remembered.
 const USED_SECONDS: usize = 10;
 
-/// Part of the grip mu N that a tyre gives where its stiffness alone would give `linear` of it: the
-/// rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which rises with
-/// slope 1 and is full at `linear` = `shape`. At 3 it runs within 0.02 of Fiala's parabola; at 2,
-/// its least, it keeps straight the longest.
+/// Part of the grip mu N at the slip for which the linear stiffness alone would give `linear` of
+/// it: the rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which
+/// rises with slope 1 and reaches 1 at `linear` = `shape`. With 3 it is within 0.02 of Fiala's
+/// parabola; with 2, the smallest value, it stays linear the longest.
 fn part_of_grip(linear: f64, shape: f64) -> f64 {
     let full = (linear / shape).min(1.0);
     shape * full / (1.0 + full * (full + shape - 2.0))
@@ -51,12 +51,12 @@ struct AxleTyres {
     exponent: f64,
     friction: f64,
     relaxation_length_m: f64,
-    /// Tangents of the slip angles that the contact patches see, once any are known.
+    /// Tangents of the contact patches' slip angles, once known.
     patch: Option<[f64; 2]>,
     /// ln of the stiffness factor and of the friction factor; slip angle's error, rad; shape.
     state: Vector4<f64>,
     covariance: Matrix4<f64>,
-    /// Grip lost, grip won.
+    /// Cumulative sums of lost and gained grip.
     runs: [ChangeRun; 2],
     learned: u32,
     used: UsedFriction,
@@ -67,7 +67,7 @@ struct AxleTyres {
 #[derive(Clone, Copy, Debug, Default)]
 struct UsedFriction([(u64, f64); USED_SECONDS]);
 
-/// A cumulative sum and what has come together since it left zero.
+/// A cumulative sum, and the forces since it left zero.
 #[derive(Clone, Copy, Debug, Default)]
 struct ChangeRun {
     sum: f64,
@@ -76,7 +76,7 @@ struct ChangeRun {
     expected_n: f64,
 }
 
-/// A change that was found.
+/// A detected change.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     ratio: f64,
@@ -102,7 +102,7 @@ pub struct Grip {
     front_changed: Option<LogTime>,
 }
 
-/// What one step is given.
+/// Input of one step.
 #[derive(Clone, Copy, Debug)]
 pub struct GripInput<'a> {
     /// The instant.
@@ -113,9 +113,9 @@ pub struct GripInput<'a> {
     pub speed_m_s: f64,
     /// Slip angles, rad.
     pub slip_angle_rad: &'a PerWheel<f64>,
-    /// Part of the front axle's steer angle that stands for the error of the hand wheel's zero, rad.
+    /// Part of the front steer angle that corrects the steering wheel's zero, rad.
     pub corrected_rad: f64,
-    /// Deviation of the sideslip angle, rad.
+    /// Standard deviation of the sideslip angle, rad.
     pub sideslip_sigma_rad: f64,
     /// Measured forces.
     pub forces: &'a PerWheel<TyreForce>,
@@ -135,7 +135,7 @@ impl Grip {
         }
     }
 
-    /// What is known at `now` of the tyres of an axle, front (0) or rear (1).
+    /// Estimated grip of an axle at `now`, front (0) or rear (1).
     #[must_use]
     pub fn axle(&self, axle: usize, now: LogTime) -> AxleGrip {
         let a = &self.axles[axle];
@@ -156,8 +156,9 @@ impl Grip {
         }
     }
 
-    /// How much further left the front wheels stand than the hand wheel's zero has it, and its
-    /// deviation, rad: the error of their slip angle beside the rear wheels'.
+    /// Steer offset: how much further left the front wheels point than the steering wheel's zero
+    /// states, and its standard deviation, rad. It is the difference of the axles' slip-angle
+    /// errors.
     #[must_use]
     pub fn steer_offset(&self) -> (f64, f64) {
         let [front, rear] = &self.axles;
@@ -167,8 +168,8 @@ impl Grip {
         )
     }
 
-    /// Slip angle that an axle's measured lateral force calls for, with its deviation, rad;
-    /// `None` where the force is unknown or near the friction's limit.
+    /// Slip angle that an axle's measured lateral force implies and its standard deviation, rad;
+    /// `None` if the force is unknown or near the friction limit.
     #[must_use]
     pub fn slip_angle(&self, axle: usize, forces: &PerWheel<TyreForce>) -> Option<(f64, f64)> {
         let t = &self.tuning;
@@ -194,7 +195,7 @@ impl Grip {
         })
     }
 
-    /// Takes one instant in and hands out changes of the surface.
+    /// Takes one instant and reports changes of the surface.
     pub fn step(&mut self, input: &GripInput<'_>, out: &mut impl FnMut(Event)) {
         let t = self.tuning;
         let usable = input.speed_m_s > t.speed_min_m_s
@@ -279,7 +280,8 @@ impl Block {
         }
     }
 
-    /// Least part of the axle's load that its lateral force is, within two deviations.
+    /// Lower bound of the friction in use: lateral force less two standard deviations, over the
+    /// load.
     fn used_friction(&self, tuning: &GripTuning) -> f64 {
         let load: f64 = self.load_n.iter().sum();
         let lateral = self.force_n.abs() - tuning.used_sigma * self.variance.sqrt();
@@ -327,8 +329,8 @@ impl AxleTyres {
         }
     }
 
-    /// What the contact patches see of the wheels' slip after `rolled_m` more: a tyre's side bends
-    /// first, over its relaxation length ([`model::tyre::relaxed_rate`], by backward Euler).
+    /// Slip at the contact patches after `rolled_m`: the tyre's side deflects over its relaxation
+    /// length ([`model::tyre::relaxed_rate`], by backward Euler).
     fn relaxed(&mut self, slip: [f64; 2], rolled_m: f64) -> [f64; 2] {
         let part = rolled_m / (rolled_m + self.relaxation_length_m);
         let before = self.patch.unwrap_or(slip);
@@ -361,8 +363,8 @@ impl AxleTyres {
             .sum()
     }
 
-    /// Takes a mean value in; tells where the surface is found to have changed. `part` of the usual
-    /// evidence is asked for.
+    /// Takes a mean value; returns a change of the surface, if one is found. `part` scales the
+    /// threshold.
     fn take(
         &mut self,
         block: &Block,

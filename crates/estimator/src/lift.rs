@@ -1,34 +1,34 @@
-//! Lift of wheels and of sides: warned of ahead, declared, and taken back (section 4.2.3 of the
-//! thesis); load-transfer ratios and times to lift.
+//! Lift of wheels and of sides: warning, detection and touchdown (section 4.2.3 of the thesis);
+//! load-transfer ratios and times to lift.
 //!
-//! What holds of a wheel holds of both wheels of a side, by the sum of their loads: a side off the
-//! ground is a vehicle that tips over. A wheel is *up* when its load is below a fraction of the static one, and *down* again above a
-//! higher fraction. The load is followed by a filter of fading memory for value and slope, which a
-//! steady fall does not leave behind, so that a slow lift is not declared late; a fast one is caught
-//! by the raw load, which must then stay below for a run of steps. A wheel is warned of when the
-//! load, carried on at its slope, would be gone within the lead time while most of it is gone
-//! already. Runs of steps set the false-alarm rate: with independent errors, p^n for a chance p of
-//! one step. The filter's errors are alike over about five steps, so the runs are long against
-//! that.
+//! The rules for a wheel apply to both wheels of a side with the sum of their loads: a side off the
+//! ground is a vehicle that tips over. A wheel is *up* when its load is below a fraction of the
+//! static load, and *down* again above a higher fraction. A fading-memory filter of value and slope
+//! follows the load; a steady fall causes no lag, so a slow lift is not detected late. A fast lift
+//! is detected by the raw load, which must stay below the limit for a number of steps. A warning is
+//! given when the load, extrapolated at its slope, reaches zero within the lead time while most of
+//! it is gone already. The numbers of steps set the false-alarm rate: p^n for independent errors
+//! with probability p in one step. The filter's errors are correlated over about five steps, so the
+//! numbers are larger than that.
 
 use sample::{Event, EventKind, LogTime, PerWheel, Rollover, Side, TyreForce, Wheel};
 
 use crate::tuning::LiftTuning;
 
-/// What leaves the ground.
+/// A wheel or a side.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Wheel(Wheel),
     Side(Side),
 }
 
-/// A load that is watched.
+/// Monitor of one load.
 #[derive(Clone, Copy, Debug)]
 struct LoadState {
     tuning: LiftTuning,
     place: Place,
     static_n: f64,
-    /// Below the first it is up, above the second down again, N.
+    /// Limits of up and down, N.
     thresholds_n: [f64; 2],
     load_n: f64,
     rate_n_s: f64,
@@ -39,7 +39,7 @@ struct LoadState {
     calm: u32,
 }
 
-/// Watches the loads of all wheels and of both sides.
+/// Monitors the loads of all wheels and of both sides.
 #[derive(Clone, Debug)]
 pub struct LiftDetector {
     wheels: [LoadState; 4],
@@ -75,8 +75,8 @@ impl LiftDetector {
         self.sides.iter().any(|side| side.up)
     }
 
-    /// Takes the loads of one instant in. Only a moving vehicle's lifts are declared: one on jacks
-    /// hangs its wheels on purpose.
+    /// Takes the loads of one instant. Only lifts of a moving vehicle are reported: wheels of a
+    /// vehicle on jacks hang.
     pub fn step(
         &mut self,
         now: LogTime,
@@ -128,7 +128,7 @@ impl LiftDetector {
     }
 }
 
-/// A load with its deviation.
+/// A load with its standard deviation.
 #[derive(Clone, Copy)]
 struct Load {
     value_n: f64,
@@ -157,8 +157,8 @@ struct Instant {
     transfer: f64,
 }
 
-/// (right - left)/(right + left), one where the left is up, with the deviation that independent
-/// errors give it.
+/// (right - left)/(right + left), one when the left is up, and its standard deviation for
+/// independent errors.
 fn transfer_ratio(left: Load, right: Load) -> (f64, f64) {
     // The larger of NaN and zero would be zero.
     if !(left.value_n + right.value_n).is_finite() {
@@ -204,7 +204,7 @@ impl LoadState {
         }
     }
 
-    /// Value and slope by least squares with a memory that fades by `keep` each step.
+    /// Value and slope by least squares with the fading memory `keep` per step.
     fn follow(&mut self, load_n: f64, dt: f64) {
         self.load_n += self.rate_n_s * dt;
         let error = load_n - self.load_n;
@@ -217,7 +217,7 @@ impl LoadState {
         self.rate_n_s < -self.tuning.fall_min * self.static_n
     }
 
-    /// -N/N' of the followed load.
+    /// -N/N' of the filtered load.
     fn time_to_lift_s(&self) -> f64 {
         if self.up || self.load_n <= 0.0 {
             0.0
@@ -232,7 +232,7 @@ impl LoadState {
         self.warn(at, out);
         let t = self.tuning;
         let [least, back] = self.thresholds_n;
-        // A followed load that its error cannot tell from the threshold has reached it.
+        // A filtered load within its error of the limit has reached it.
         let reached = least + (t.filtered_sigma * at.load.sigma_n).min(least);
         let judged = [(at.load.value_n, least), (self.load_n, reached)];
         for (count, (load, least)) in self.below.iter_mut().zip(judged) {
@@ -319,8 +319,8 @@ impl Instant {
     }
 }
 
-/// Chance that a normal error of deviation `sigma` stays below `margin` (logistic approximation
-/// of the normal distribution, within 0.01).
+/// Probability that a normal error with standard deviation `sigma` stays below `margin` (logistic
+/// approximation of the normal distribution, within 0.01).
 fn probability(margin: f64, sigma: f64) -> f64 {
     if sigma.is_finite() && sigma > 0.0 {
         1.0 / (1.0 + (-1.702 * margin / sigma).exp())

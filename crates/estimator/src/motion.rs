@@ -1,21 +1,22 @@
 //! Motion of the body: attitude, velocity and sideslip by inertial navigation, corrected by GNSS
-//! velocity and attitude, wheel speeds and what a road vehicle cannot do.
+//! velocity and attitude, wheel speeds and constraints of a road vehicle.
 //!
 //! Error-state Kalman filter. Nominal state: attitude R (earth from body), velocity v of the
-//! inertial unit in earth axes, accelerometer bias b_a and gyro bias b_g. With the specific force f
-//! and rate w that the unit reads, in body axes,
+//! inertial unit in earth axes, accelerometer bias b_a and gyro bias b_g. With specific force f and
+//! rate w of the unit in body axes,
 //!
 //! R' = R [w - b_g]x, v' = R (f - b_a) - (0, 0, g)
 //!
 //! The error (d theta, d v, d b_a, d b_g) is defined by R_true = exp([d theta]x) R in earth axes,
 //! so that d v' = -[R (f - b_a)]x d theta - R d b_a and d theta' = -R d b_g.
 //!
-//! A GNSS value is late: it is compared with the nominal state of its own time, out of a history
-//! of [`history::SPAN_S`], and its correction is applied to the present. What the error changes
-//! within that lag is neglected (less than 1 % of it in 50 ms). So the order in which late values
-//! arrive does not matter to first order.
+//! A GNSS value has a latency. It is compared with the nominal state of its own time, from a
+//! history of [`history::SPAN_S`], and the correction is applied to the present. The change of the
+//! error within the latency is neglected (less than 1 % of it in 50 ms), so the order of arrival of
+//! late values does not matter to first order.
 
 mod acceptance;
+mod attitude;
 mod flow;
 pub mod history;
 mod jumps;
@@ -69,8 +70,7 @@ pub struct MotionSettings {
     pub gyro_bias_sigma_rad_s: f64,
     /// Inertial unit from the centre of gravity, m.
     pub imu_m: Vector3<f64>,
-    /// Antennas whose velocity is told from the centre of gravity, m, in the order of
-    /// [`VelocityReceiver`].
+    /// Antennas from the centre of gravity, m, in the order of [`VelocityReceiver`].
     pub antenna_m: [Vector3<f64>; 2],
     /// Standard deviation of GNSS velocity where the record has none, m/s.
     pub velocity_sigma_m_s: f64,
@@ -97,26 +97,25 @@ pub struct MotionFilter {
     force_dot: Vector3<f64>,
     history: History,
     jumps: Jumps,
-    /// The biases before the last jump that was found and not asked for yet.
+    /// Biases before the last jump that was found and not yet taken.
     before_jump: Option<[f64; 6]>,
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
-    /// How far the gyros have the body turn to the left, corrected by nothing, rad.
+    /// Integral of the yaw rate, rad, without corrections.
     turned_rad: f64,
-    /// By the last heading before one was adopted, where the body began to turn, rad, and how many in
-    /// a row have agreed.
+    /// Last heading less that integral, rad, and the number of consecutive headings that agree.
     heading_run: [f64; 2],
-    /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
+    /// Whether attitude and velocity must be found again from GNSS, attitude first.
     attitude_lost: bool,
     levelled: bool,
     velocities: [ReceiverState; 2],
     attitude_acceptance: AcceptanceCounter,
-    /// Yaw, pitch and roll as told last, and whether they were left out.
+    /// Last yaw, pitch and roll of the receiver, and whether they were rejected.
     last_angles: [Option<f64>; 3],
     angles_rejected: [bool; 3],
-    /// Whether something vouches for the state.
+    /// Whether the balances of forces and moments confirm the inertial unit.
     imu_consistent: bool,
     resets: u32,
     /// Innovations since they were last reported.
@@ -124,12 +123,12 @@ pub struct MotionFilter {
     trace: Trace<STATES>,
 }
 
-/// Whose antenna a velocity is of.
+/// The antenna of a velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VelocityReceiver {
     /// A receiver of velocity alone.
     Own,
-    /// The receiver that tells attitude, too.
+    /// The receiver that also measures attitude.
     OfAttitude,
 }
 
@@ -146,13 +145,13 @@ pub struct MotionState {
     pub rate_dot_rad_s2: Vector3<f64>,
     /// Specific force at the centre of gravity without bias as last read, body axes, m/s^2.
     pub specific_force_m_s2: Vector3<f64>,
-    /// How fast it changes, body axes, m/s^3.
+    /// Its derivative, body axes, m/s^3.
     pub specific_force_dot_m_s3: Vector3<f64>,
     /// Sideslip angle in the horizontal plane (ISO 8855), rad.
     pub sideslip_rad: f64,
     /// Its standard deviation, rad.
     pub sideslip_sigma_rad: f64,
-    /// Whether an inertial unit stands behind rates and forces.
+    /// Whether an inertial unit measures rates and forces.
     pub inertial: bool,
     /// Age of its last reading, s.
     pub inertial_age_s: f64,
@@ -178,7 +177,7 @@ impl MotionState {
 }
 
 impl MotionFilter {
-    /// A filter that has seen nothing.
+    /// A filter without readings.
     #[must_use]
     pub fn new(settings: MotionSettings, tuning: &MotionTuning) -> Self {
         let mut filter = Self {
@@ -218,13 +217,13 @@ impl MotionFilter {
         filter
     }
 
-    /// Whether from now on something else vouches for how the state goes on: where GNSS contradicts
-    /// one that it has confirmed before, it is GNSS that is wrong.
+    /// Sets whether the balances of forces and moments confirm the inertial unit. Then GNSS that
+    /// contradicts a confirmed state is considered wrong.
     pub fn set_imu_consistent(&mut self, imu_consistent: bool) {
         self.imu_consistent = imu_consistent;
     }
 
-    /// Whether it does, of a state that GNSS has confirmed.
+    /// Whether the balances confirm the inertial unit, in a state that GNSS has confirmed.
     #[must_use]
     pub fn is_imu_consistent(&self) -> bool {
         self.imu_consistent && self.all_acceptance(|acceptance| acceptance.confirmed)
@@ -236,27 +235,28 @@ impl MotionFilter {
         self.all_acceptance(|acceptance| acceptance.confirmed && acceptance.uses > 0)
     }
 
-    /// Whether something holds of attitude and of one receiver's velocity, where they have been told.
+    /// Whether a condition holds for attitude and for the velocity of one receiver, as far as they
+    /// are measured.
     fn all_acceptance(&self, holds: impl Fn(&AcceptanceCounter) -> bool) -> bool {
         let now = self.time.unwrap_or_default();
         let active_s = self.tuning.receivers.active_s;
-        let silent = !(self.velocities.iter()).any(|told| told.is_active(now, active_s));
-        let holds_of = |told: &ReceiverState| {
-            let counts = told.is_active(now, active_s) || silent && told.at.is_some();
-            counts && holds(&told.acceptance)
+        let silent = !(self.velocities.iter()).any(|receiver| receiver.is_active(now, active_s));
+        let holds_of = |receiver: &ReceiverState| {
+            let counts = receiver.is_active(now, active_s) || silent && receiver.at.is_some();
+            counts && holds(&receiver.acceptance)
         };
         (self.velocity_time.is_none() || self.velocities.iter().any(holds_of))
             && (self.attitude_time.is_none() || holds(&self.attitude_acceptance))
     }
 
     fn set_acceptance(&mut self, acceptance: AcceptanceCounter) {
-        for told in &mut self.velocities {
-            told.acceptance = acceptance;
+        for receiver in &mut self.velocities {
+            receiver.acceptance = acceptance;
         }
         self.attitude_acceptance = acceptance;
     }
 
-    /// How often the filter has been started anew.
+    /// Number of restarts.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets
@@ -269,13 +269,12 @@ impl MotionFilter {
         [a.x, a.y, a.z, g.x, g.y, g.z]
     }
 
-    /// The biases as they were known before a jump, if one was found since this was last asked.
+    /// Biases before a jump, if one was found since the last call.
     pub fn take_jump(&mut self) -> Option<[f64; 6]> {
         self.before_jump.take()
     }
 
-    /// Deviation of the biases of accelerometers and gyros when nothing is known of them, m/s^2 and
-    /// rad/s.
+    /// Initial standard deviations of accelerometer and gyro biases, m/s^2 and rad/s.
     #[must_use]
     pub fn bias_sigma_at_start(&self) -> [f64; 2] {
         let s = &self.settings;
@@ -314,7 +313,7 @@ impl MotionFilter {
             .map_or(f64::INFINITY, |time| now.seconds_since(time))
     }
 
-    /// Variances of a filter that has seen nothing.
+    /// Initial variances.
     fn start_variance(&self) -> SVector<f64, STATES> {
         let (s, t) = (&self.settings, &self.tuning);
         let mut sigma = SVector::<f64, STATES>::zeros();
@@ -356,11 +355,11 @@ impl MotionFilter {
         self.history.clear();
     }
 
-    /// Takes a reading of the inertial unit in, body axes, calibration applied, of which `untold`
-    /// (m/s^2 and rad/s of each axis, over sqrt(Hz)) is unseen beside the sensors' noise.
+    /// Takes a reading of the inertial unit, body axes, calibration applied. `replaced_density` is
+    /// the density of the error of replaced axes, (rad/s)/√Hz and (m/s^2)/√Hz.
     ///
-    /// A reading that is not finite, out of any road vehicle's range, or not later than the last
-    /// is left out.
+    /// A reading that is not finite, out of a road vehicle's range, or not later than the last one
+    /// is ignored.
     pub fn push_imu(
         &mut self,
         time: LogTime,
@@ -392,7 +391,7 @@ impl MotionFilter {
             self.force_dot += ((force - self.force) / gap_s - self.force_dot) * weight;
         }
         let settings = &self.settings;
-        // Readings are samples, not means: the trapezium holds between two of them.
+        // Readings are samples, so the trapezoidal rule integrates between two of them.
         let (mean_force, mean_rate) = if gap_s < t.mean_interval_max_s && self.imu_time.is_some() {
             ((force + self.force) * 0.5, (rate + self.rate) * 0.5)
         } else {
@@ -408,7 +407,7 @@ impl MotionFilter {
         self.begin(time, force, rate);
     }
 
-    /// Carries the state on to `now` where the inertial unit has been silent.
+    /// Propagates the state to `now` while the inertial unit is silent.
     pub fn coast(&mut self, now: LogTime) {
         let Some(last) = self.time else {
             self.time = Some(now);
@@ -436,7 +435,7 @@ impl MotionFilter {
         self.remember(now);
     }
 
-    /// What a misled state has learnt of the biases is wrong too.
+    /// Resets the biases: they were estimated in a wrong state.
     fn forget_biases(&mut self) {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
@@ -446,8 +445,7 @@ impl MotionFilter {
         }
     }
 
-    /// The inertial unit has misled the state: attitude, velocity and biases are found anew, the
-    /// attitude first.
+    /// Restarts from GNSS: attitude first, then velocity; the biases are reset.
     fn restart_from_gnss(&mut self) {
         self.resets += 1;
         self.forget_biases();
@@ -479,7 +477,7 @@ impl MotionFilter {
         });
     }
 
-    /// Roll and pitch that a unit at rest would show, if it may be at rest.
+    /// Sets roll and pitch from the specific force, if the unit may be at rest.
     fn level(&mut self, force: Vector3<f64>) {
         self.levelled = true;
         if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > self.tuning.rest_tolerance {
@@ -549,7 +547,7 @@ impl MotionFilter {
         self.trace.note(|| Operation::mixed(f));
     }
 
-    /// What is unseen of single axes of the inertial unit over a span.
+    /// Adds the noise of replaced axes of the inertial unit over a span.
     fn add_replaced_noise(&mut self, span_s: f64, replaced_density: &Triads<[f64; 3]>) {
         for (first, replaced_density) in [
             (ATTITUDE, replaced_density.rate),
@@ -580,8 +578,8 @@ impl MotionFilter {
             .note(|| Operation::Noise(Term { row, column, value }));
     }
 
-    /// Opens the covariance along what a jump has made of the errors, and of attitude and velocity again,
-    /// as its instant is known by a part only.
+    /// Inflates the covariance along the signature of a jump, and attitude and velocity once more,
+    /// since the instant of the jump is known only approximately.
     fn open(&mut self, errors: &SVector<f64, STATES>) {
         let mut late = errors * self.tuning.jump_time_part;
         late.fixed_rows_mut::<6>(ACCEL_BIAS).fill(0.0);
@@ -601,7 +599,8 @@ impl MotionFilter {
         self.trace.note(|| Operation::Forget { index: i, variance });
     }
 
-    /// Keeps the covariance symmetric and bounded, and starts anew if a number was lost.
+    /// Keeps the covariance symmetric and bounded, and restarts the filter if a number is not
+    /// finite.
     fn tidy(&mut self) {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         for i in 0..STATES {
@@ -623,7 +622,7 @@ impl MotionFilter {
         }
     }
 
-    /// The motion at `now`, carried on from the last reading by at most 50 ms.
+    /// The motion at `now`, extrapolated from the last reading by at most 50 ms.
     #[must_use]
     pub fn state(&self, now: LogTime) -> MotionState {
         self.solution().state(now)
@@ -648,7 +647,7 @@ impl MotionFilter {
         }
     }
 
-    /// From now on operations are taken down for [`Self::take_operations`].
+    /// Starts recording operations for [`Self::take_operations`].
     pub fn switch_trace_on(&mut self) {
         self.trace.switch_on();
     }
@@ -666,7 +665,7 @@ pub(crate) fn wrap(angle: f64) -> f64 {
     if turned == -PI { PI } else { turned }
 }
 
-/// The rotation next to one that rounding has worn.
+/// The rotation nearest to one with rounding errors.
 fn orthonormal(r: &Rotation3<f64>) -> Rotation3<f64> {
     let m = r.matrix();
     let x = m.column(0).normalize();

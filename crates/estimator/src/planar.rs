@@ -1,25 +1,24 @@
-//! Sideslip of a vehicle that is described by masses and lengths alone: a single-track model with
-//! saturating tyres, corrected by yaw rate and lateral acceleration.
+//! Sideslip of a vehicle without linkages: a single-track model with saturating tyres, corrected by
+//! yaw rate and lateral acceleration.
 //!
-//! The model is driven by the measured speed v and steer angle d (road wheels). With the slip
-//! angles a_f = d - atan((v_y + a r)/v), a_r = -atan((v_y - b r)/v) and the axle forces of
-//! `tyre`,
+//! Inputs of the model are the measured speed v and steer angle d (road wheels). With the slip
+//! angles a_f = d - atan((v_y + a r)/v), a_r = -atan((v_y - b r)/v) and the axle forces of `tyre`,
 //!
 //! ```text
 //! m (v_y' + v r) = F_f cos d + F_r + m g_b      I_z r' = a F_f cos d - b F_r
 //! ```
 //!
 //! (Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge, single-track model; axle loads with the
-//! longitudinal load transfer m a_x h/(a + b)). A tyre that drives or brakes has less left for the
-//! side: of mu F_z each axle keeps sqrt((mu F_z)^2 - F_x^2), F_x being its part of m a_x. Slip angles
-//! act late, s' = v (a - s)/sigma with the relaxation length sigma, in which roll and a compliant
-//! suspension are seen too. g_b, a first-order Gauss-Markov process, is what a banked road and
-//! whatever the model leaves out add. Steer, yaw rate and lateral acceleration have offsets, which
-//! are states too. Tyre parameters do not wander: they come from the calibration (see
-//! [`crate::identification::handling`]) or from the vehicle file.
+//! longitudinal load transfer m a_x h/(a + b)). Drive and brake forces reduce the lateral capacity
+//! of an axle to sqrt((mu F_z)^2 - F_x^2), with F_x its part of m a_x. Slip angles build up with s'
+//! = v (a - s)/sigma; the relaxation length sigma also covers roll and suspension compliance. g_b,
+//! a first-order Gauss-Markov process, is the effect of a banked road and of what the model omits.
+//! Steer angle, yaw rate and lateral acceleration have offsets, which are states. Tyre parameters
+//! are constants: from the calibration (see [`crate::identification::handling`]) or from the
+//! vehicle file.
 //!
-//! The accelerometer reads k (F_f cos d + F_r)/m + x r' + offset: k holds the part of gravity that a
-//! rolling body adds, x is the unit's distance ahead of the centre of gravity.
+//! The accelerometer reads k (F_f cos d + F_r)/m + x r' + offset: k contains the part of gravity
+//! that a rolling body adds, x is the unit's distance ahead of the centre of gravity.
 
 mod input;
 mod live;
@@ -44,18 +43,18 @@ pub const STATES: usize = 8;
 const LATERAL: usize = 0;
 /// Yaw rate, rad/s.
 const YAW_RATE: usize = 1;
-/// What is to be added to the measured road-wheel angle, rad.
+/// Correction of the measured road-wheel angle, rad.
 const STEER: usize = 2;
-/// What the gyro reads too much, rad/s.
+/// Offset of the gyro, rad/s.
 const GYRO: usize = 3;
-/// What the accelerometer reads too much, m/s^2.
+/// Offset of the accelerometer, m/s^2.
 const ACCEL: usize = 4;
-/// Lateral acceleration that no tyre gives, m/s^2.
+/// Lateral acceleration without a tyre force, m/s^2.
 const BANK: usize = 5;
-/// Slip angle that the tyres of each axle, front first, have built up, rad.
+/// Built-up slip angle of each axle, front first, rad.
 const SLIP: [usize; 2] = [6, 7];
 
-/// Speed below which tyres hardly slip and the model is stiff, m/s.
+/// Speed below which the model is stiff and slip is negligible, m/s.
 pub const SPEED_MIN_M_S: f64 = 3.0;
 /// Steps of the integration in one step of the filter.
 const SUBSTEPS: usize = 2;
@@ -69,27 +68,27 @@ pub struct PlanarNoise {
     pub acceleration_m_s2: f64,
 }
 
-/// How far the model is believed.
+/// Errors of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarDoubt {
-    /// Spectral density of lateral forces that the model leaves out, m/s per root second.
+    /// Density of omitted lateral forces, m/s/√s.
     pub lateral: f64,
-    /// The same of yaw moments, rad/s per root second.
+    /// Density of omitted yaw moments, rad/s/√s.
     pub yaw: f64,
-    /// Standard deviation of what a banked road adds, m/s^2.
+    /// Standard deviation of a banked road's acceleration, m/s^2.
     pub bank_m_s2: f64,
-    /// Part of the lateral acceleration that the accelerometer's model errs by.
+    /// Error of the accelerometer's model as a part of the lateral acceleration.
     pub part: f64,
 }
 
 impl PlanarDoubt {
-    /// Of a tyre curve that was identified.
+    /// With an identified tyre curve.
     #[must_use]
     pub fn identified(tuning: &PlanarTuning) -> Self {
         Self::new(tuning.identified_error)
     }
 
-    /// Of a vehicle file's tyre curve.
+    /// With the vehicle file's tyre curve.
     #[must_use]
     pub fn file(tuning: &PlanarTuning) -> Self {
         Self::new(tuning.file_error)
@@ -118,7 +117,7 @@ pub struct PlanarFilter {
     trace: Trace<STATES>,
 }
 
-/// What one step found.
+/// Result of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarState {
     /// Leftward velocity of the centre of gravity, m/s.
@@ -139,7 +138,7 @@ pub struct PlanarState {
     pub innovations: [Innovation; 2],
 }
 
-/// What a measurement differed from its prediction by.
+/// Innovation of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation {
     /// Measured less predicted; `NaN` where nothing was measured.
@@ -156,7 +155,7 @@ impl Innovation {
 }
 
 impl PlanarFilter {
-    /// A filter that has seen nothing. `calibrated` says that offsets were taken off already.
+    /// A filter without readings. `calibrated`: a calibration has removed the offsets.
     #[must_use]
     pub fn new(
         model: PlanarModel,
@@ -187,7 +186,7 @@ impl PlanarFilter {
         filter
     }
 
-    /// How often the filter diverged and was started anew.
+    /// Number of restarts after divergence.
     #[must_use]
     pub fn resets(&self) -> u64 {
         self.resets
@@ -209,7 +208,7 @@ impl PlanarFilter {
         self.covariance = SMatrix::from_diagonal(&SVector::from(diagonal));
     }
 
-    /// Motion and offsets are open again; offsets begin where they were, if a sensor can have them.
+    /// Restarts motion and offsets; an offset that a sensor can have keeps its value.
     fn start_anew(&mut self) {
         let before = self.state;
         self.forget();
@@ -227,7 +226,7 @@ impl PlanarFilter {
         });
     }
 
-    /// Motion is unknown, offsets stay.
+    /// Resets the motion; offsets stay.
     fn forget_motion(&mut self) {
         self.state[BANK] = 0.0;
         self.decouple(BANK, self.doubt.bank_m_s2.powi(2));
@@ -249,8 +248,8 @@ impl PlanarFilter {
         self.covariance[(i, i)] = variance;
     }
 
-    /// Carries the filter on by `dt_s` to the instant of `input` and takes its measurements in.
-    /// Behind a gap the motion is found anew.
+    /// Propagates the filter by `dt_s` to the instant of `input` and takes its measurements. After
+    /// a gap the motion is found again.
     pub fn step(&mut self, dt_s: f64, input: &PlanarInput) -> PlanarState {
         let mut innovations = [Innovation::NONE; 2];
         if input.speed_m_s < SPEED_MIN_M_S {
@@ -269,11 +268,11 @@ impl PlanarFilter {
         }
         PlanarState {
             innovations,
-            ..self.model.told(&self.state, &self.covariance, input)
+            ..self.model.result(&self.state, &self.covariance, input)
         }
     }
 
-    /// Tyres roll where they point; a standing vehicle shows the gyro's offset.
+    /// Low speed: tyres roll without slip; a standing vehicle shows the gyro's offset.
     fn roll_slowly(&mut self, input: &PlanarInput) {
         let t = self.model.tuning;
         if let Some(rate) = input.yaw_rate_rad_s {
@@ -346,7 +345,7 @@ impl PlanarFilter {
         innovations
     }
 
-    /// One scalar value; beyond `huber_sigma` deviations its noise is taken for as much larger.
+    /// One scalar measurement; beyond `huber_sigma` its variance is increased.
     fn scalar(&mut self, h: &SVector<f64, STATES>, residual: f64, variance: f64) -> Innovation {
         let ph = self.covariance * h;
         let spread = h.dot(&ph);

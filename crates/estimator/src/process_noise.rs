@@ -1,23 +1,23 @@
-//! Process noise that follows what the filter's own corrections tell.
+//! Process noise that adapts to the filter's own corrections.
 //!
-//! In a filter whose noise is right, corrections are white. A state that is told to change too
-//! little lags behind the truth and is corrected to the same side again and again; one that is told
-//! to change too much follows the measurements' noise and is corrected back and forth. With z the
-//! corrections over their stated deviations and s = (1 - a) s + a z their fading mean, white
-//! corrections have E[z s] = 0 (s of the step before) and E[s^2] = a/(2 - a).
+//! In a filter with the right process noise, corrections are white. With too little process noise
+//! the state lags, and consecutive corrections have the same sign. With too much the state follows
+//! measurement noise, and consecutive corrections alternate. With the normalised corrections z and
+//! their fading mean s = (1 - a) s + a z, white corrections have E[z s] = 0 (s of the step before)
+//! and E[s²] = a/(2 - a).
 //!
-//! - Slowly: the density grows where z s is above zero on the average of about a quarter second and
-//!   shrinks where it is below (Mehra, On the identification of variances and adaptive Kalman
-//!   filtering, IEEE Transactions on Automatic Control 15 (1970), judges by the same correlation).
-//! - Where corrections are far smaller than their deviations, the filter is far too doubtful, as after
-//!   a manoeuvre of which fine bridges have told the end: the density shrinks the faster for it.
-//! - At once, and only as long as it lasts: s^2 beyond what white corrections give multiplies the
-//!   density, so that a manoeuvre that begins need not wait for the slow part. A half of the states
-//!   that is corrected alone, as one axle is, counts almost as if all were.
+//! - Slow part: the density grows while the mean of z s over about a quarter second is above zero and
+//!   shrinks while it is below (Mehra, On the identification of variances and adaptive Kalman
+//!   filtering, IEEE Transactions on Automatic Control 15 (1970), uses the same correlation).
+//! - Where corrections are much smaller than their standard deviations, the covariance is too large, as
+//!   after a manoeuvre: the density shrinks faster.
+//! - Fast part: s² above its value for white corrections multiplies the density in the same step, so
+//!   that a manoeuvre does not wait for the slow part. Half of the states corrected alone, such as one
+//!   axle, count almost like all.
 
 use crate::tuning::ProcessNoiseTuning;
 
-/// Density of the noise that N states share.
+/// Density of the process noise of N states with a common density.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessNoise<const N: usize> {
     tuning: ProcessNoiseTuning,
@@ -43,7 +43,7 @@ impl<const N: usize> ProcessNoise<N> {
         }
     }
 
-    /// The density that the next step needs.
+    /// The density for the next step.
     pub fn density(&self) -> f64 {
         (self.slow * self.boost).min(self.bounds[1])
     }
@@ -53,7 +53,7 @@ impl<const N: usize> ProcessNoise<N> {
         self.slow = self.slow.max(least);
     }
 
-    /// Takes in one step's corrections, in stated deviations.
+    /// Takes the normalised corrections of one step.
     pub fn learn(&mut self, corrections: [f64; N]) {
         let t = &self.tuning;
         let mut product = 0.0;
@@ -74,7 +74,7 @@ impl<const N: usize> ProcessNoise<N> {
         let doubt = t.small_gain * (t.small - self.square).max(0.0);
         let step = (self.product - t.colour - doubt).clamp(-down, up);
         self.slow = (self.slow * (1.0 + step)).clamp(least, most);
-        // A deviation above the mean of chi-square over N.
+        // One standard deviation above the mean of chi-square over N.
         let usual = (1.0 + (2.0 / N as f64).sqrt()) * t.recent / (2.0 - t.recent);
         let halves = N as f64 / N.div_ceil(2) as f64;
         let half = t.half * halves * squares[0].max(squares[1]);

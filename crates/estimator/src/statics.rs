@@ -1,9 +1,9 @@
-//! The thesis's way to the tyre forces: each corner by itself, at each instant anew, from its
-//! strain channels and its strut through the linkage's statics (chapters 2.2 and 4).
+//! Tyre forces by the method of the thesis: statics of each corner by itself at each instant, from
+//! its strain channels and its strut (chapters 2.2 and 4).
 //!
-//! Weighted least squares over the channels that are alive and what is known beforehand of the
-//! tyre's moments. Where strain is missing the vertical force is taken from the deflection alone,
-//! with the lateral force that the vehicle model expects.
+//! Weighted least squares over the channels that are read and the prior knowledge of the tyre's
+//! moments. Where strain is missing, the vertical force comes from the deflection, with the lateral
+//! force that the vehicle model expects.
 
 use model::suspension::Parity;
 use nalgebra::Vector6;
@@ -23,7 +23,7 @@ pub const AXIAL: [StrainChannel; 5] = [
     StrainChannel::TieRod,
 ];
 
-/// What a corner's statics need beside its state.
+/// Assumptions for the statics of a corner.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerAssumptions {
     /// Rolling-resistance coefficient times radius, with the sign of the speed, m.

@@ -258,7 +258,7 @@ pub struct NumberPath {
     pub name: String,
     /// Position in the parameter's list.
     pub index: usize,
-    /// Whether only whole numbers are allowed.
+    /// The number.
     pub value: f64,
 }
 

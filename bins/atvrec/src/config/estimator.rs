@@ -257,3 +257,44 @@ fn read_calibration(
     }
     Some(calibration)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Config;
+    use std::path::Path;
+
+    fn problems(tuning: &str) -> String {
+        let text = format!("[vehicle]\nfile = \"prowler\"\n[estimator.tuning.motion]\n{tuning}\n");
+        match Config::from_text(&text, Path::new(".")) {
+            Ok(config) => {
+                let settings = config.estimator.map(|estimator| estimator.settings);
+                format!("{:?}", settings.map(|s| s.tuning.motion.gate_sigma))
+            }
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_tuned_number_is_read_and_a_wrong_one_is_named() {
+        assert_eq!(problems("gate_sigma = 6"), "Some(6.0)");
+        let unknown = problems("gate_sgma = 6");
+        assert!(
+            unknown.contains("estimator.tuning.motion.gate_sgma: unknown field")
+                && unknown.contains("did you mean `gate_sigma`?"),
+            "{unknown}"
+        );
+        let negative = problems("gate_sigma = -1");
+        assert!(
+            negative.contains("[-1.0] found where a number above 0 is expected")
+                && negative.contains("the default is [5.0] (unit: σ)"),
+            "{negative}"
+        );
+        let text = problems("gate_sigma = \"wide\"");
+        assert!(
+            text.contains("a number or a list of numbers is expected"),
+            "{text}"
+        );
+        let short = problems("jumps.largest = [1.0, 2.0]");
+        assert!(short.contains("a list of 3 numbers is expected"), "{short}");
+    }
+}

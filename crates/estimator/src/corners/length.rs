@@ -25,19 +25,19 @@ pub struct LengthFilter {
     longer_m: Option<f64>,
 }
 
-/// What a reading says by itself.
+/// A reading of the potentiometer by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct NewReading {
-    /// How much longer the strut is by it than by all readings, m.
+    /// Length by the reading less the filtered length, m.
     pub longer_m: f64,
-    /// Variance of its noise, m^2.
+    /// Variance of the reading's noise, m^2.
     pub variance: f64,
-    /// Variance of the strut's rate by all readings, m^2/s^2.
+    /// Variance of the filtered strut rate, m^2/s^2.
     pub rate_variance: f64,
 }
 
 impl LengthFilter {
-    /// At the design length, unknown to a decimetre.
+    /// At the design length with a standard deviation of 0.1 m.
     pub fn new(design_m: f64, sigma_m: f64, tuning: &Tuning) -> Self {
         let t = tuning.corners.strut_length;
         Self {
@@ -56,7 +56,7 @@ impl LengthFilter {
         }
     }
 
-    /// Carries the length on; a silent potentiometer's is held.
+    /// Propagates the length; without readings it is held.
     pub fn predict(&mut self, dt: f64) {
         self.silent_s += dt;
         self.jumped = false;
@@ -88,12 +88,12 @@ impl LengthFilter {
         self.covariance = f * self.covariance * f.transpose() + noise * q;
     }
 
-    /// Something may have changed the acceleration by `jolt_m_s2`.
+    /// Adds a sudden change of the acceleration with this standard deviation, m/s^2.
     pub fn jolt(&mut self, jolt_m_s2: f64) {
         self.covariance[(2, 2)] += jolt_m_s2 * jolt_m_s2;
     }
 
-    /// Takes a length in that was true at `valid`.
+    /// Takes a length that was valid at `valid`.
     pub fn update(&mut self, now: LogTime, valid: LogTime, length_m: f64) {
         if !length_m.is_finite() || (length_m - self.design_m).abs() > 1.0 {
             return;
@@ -131,18 +131,18 @@ impl LengthFilter {
         [self.state[0], self.state[1]]
     }
 
-    /// Whether the last reading was taken for a jump that no strut makes.
+    /// Whether the last reading was a jump that no strut makes.
     pub fn jumped(&self) -> bool {
         self.jumped
     }
 
-    /// Whether a potentiometer stands behind the length at `now`.
+    /// Whether the length at `now` is measured.
     pub fn known(&self, now: LogTime) -> bool {
         self.time
             .is_some_and(|time| now.seconds_since(time) <= self.tuning.silence_s)
     }
 
-    /// The reading that came since the last prediction, if any did and was believed.
+    /// The reading since the last prediction, if it was used.
     pub fn reading(&self) -> Option<NewReading> {
         self.longer_m.map(|longer_m| NewReading {
             longer_m,

@@ -1,11 +1,10 @@
-//! The hand wheel's angle, rate and acceleration out of an encoder's readings.
+//! Steering-wheel angle, rate and acceleration from encoder readings.
 
 use crate::tuning::SteeringWheelTuning;
 
-/// The hand wheel by a parabola of least squares with a fading memory, which neither a steady turn
-/// nor one that begins evenly leaves behind. The encoder's noise differentiated would turn the
-/// spinning front wheels about at 0.1 rad/s, and their gyroscopic moment is worth 30 N of F_y at
-/// 15 m/s; a straight line's rate would lag by 0.12 s.
+/// Fits a parabola by least squares with a fading memory: it has no lag for a constant rate or a
+/// constant acceleration. A differentiated encoder would give the front wheels' gyroscopic moment
+/// noise of 0.1 rad/s, 30 N of F_y at 15 m/s; the rate of a straight line would lag by 0.12 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SteeringWheel {
     pub(super) angle_rad: f64,
@@ -28,7 +27,7 @@ impl SteeringWheel {
         self.rate_dot_rad_s2 += cube(lost) * error / (dt * dt);
     }
 
-    /// Rate and acceleration of a rack that moves so far for a radian, m/s and m/s^2.
+    /// Rate and acceleration of a rack with this travel for a radian, m/s and m/s^2.
     pub(super) fn motion(&self, rack_m_rad: f64, tuning: &SteeringWheelTuning) -> [f64; 2] {
         let [speed, acceleration] = [tuning.rack_max_m_s, tuning.rack_max_m_s2];
         [

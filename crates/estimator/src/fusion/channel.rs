@@ -1,4 +1,4 @@
-//! Whether one channel can be believed.
+//! Monitor of one strain channel.
 
 use crate::tuning::ChannelTuning;
 
@@ -7,21 +7,21 @@ use crate::tuning::ChannelTuning;
 pub enum Change {
     /// None.
     None,
-    /// It is excluded from now on.
+    /// It is not used any more.
     Faulty,
     /// It is used again.
     Recovered,
 }
 
-/// Memory of one channel.
+/// Monitor of one channel.
 #[derive(Clone, Copy, Debug)]
 pub struct ChannelHealth {
     outside: f64,
     mean: f64,
     /// Factor on the variance of the model's tolerance.
     tolerance: f64,
-    /// Variance of the last innovation, after the channels that were taken in before it, and before
-    /// any was.
+    /// Variance of the last innovation: after the channels before it were taken, and before any was
+    /// taken.
     variance: [f64; 2],
     faulty: bool,
 }
@@ -39,28 +39,28 @@ impl Default for ChannelHealth {
 }
 
 impl ChannelHealth {
-    /// Variance of the model's error, of which a workshop's `tolerance_n` is known: as much of it as
-    /// the innovations call for, and what their mean does.
+    /// Variance of the model's error on a channel with `tolerance_n`: the adapted part of it, and
+    /// the mean of innovations.
     pub fn model_variance(&self, tolerance_n: f64, tuning: &ChannelTuning) -> f64 {
         self.tolerance * tolerance_n.powi(2) + (tuning.mean_factor * self.mean).powi(2)
     }
 
-    /// Normalised square of an innovation before any reading of its step is taken in, by the
-    /// variance of the last step's; none of a channel that is not believed, or has stood alone.
+    /// Normalised innovation squared before any reading of the step is taken, with the variance of
+    /// the last step. `None` for a channel that is faulty or was a single outlier.
     pub fn predicted_square(&self, innovation: f64, tuning: &ChannelTuning) -> Option<f64> {
         let [_, before] = self.variance;
         (!self.faulty && self.outside < tuning.alone && before > 0.0)
             .then(|| innovation * innovation / before)
     }
 
-    /// Notes the variance of an innovation, after the channels that were taken in before it, and
-    /// before any was: what several contradict together, all of them foretell the less.
+    /// Stores the variance of an innovation: after the channels before it were taken, and before
+    /// any was taken.
     pub fn expect(&mut self, variance: [f64; 2]) {
         self.variance = variance;
     }
 
-    /// Takes an innovation of a reading that is used into the mean, and into the tolerance by the
-    /// part that this has in the variance that was noted.
+    /// Updates the mean and the tolerance factor by the innovation of a used reading; the factor by
+    /// the model's share in the variance.
     pub fn learn(&mut self, innovation: f64, tolerance_n: f64, tuning: &ChannelTuning) {
         self.mean += tuning.mean_learning * (innovation - self.mean);
         let [after, _] = self.variance;
@@ -74,8 +74,9 @@ impl ChannelHealth {
         }
     }
 
-    /// Judges an innovation by its normalised square: whether to use it, and what changed. Where
-    /// the gate is `open` only that of a channel that is faulty or has stood alone is left out.
+    /// Judges an innovation by its normalised square: whether to use the reading, and what changed.
+    /// While the gate is `open` only the reading of a faulty channel or of a single outlier is
+    /// rejected.
     pub fn judge(&mut self, square: f64, open: bool, tuning: &ChannelTuning) -> (bool, Change) {
         let alone = self.outside >= tuning.alone;
         let gate = tuning.gate_sigma;

@@ -14,21 +14,21 @@ use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
 use crate::tuning::MemberTuning;
 
-/// Of one corner: force, rate, moments and torques.
+/// States of one corner: force, rate, moments and torques.
 const CORNER: usize = 10;
 type CornerRows = Rows<CORNER>;
-/// A corner's strut, and the first of its strain channels, among its rows.
+/// Rows of a corner's strut and of its first strain channel.
 const STRUT: usize = 0;
 const STRAIN: usize = 1;
 
 impl Fusion {
-    /// How long ago the force stood that a strain channel's lagged reading tells, s.
+    /// Age of the force that a strain channel's lagged reading shows, s.
     fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
         let age_s = input.now.seconds_since(reading.time);
         age_s.clamp(-0.01, input.fresh_s) + self.lag_s
     }
 
-    /// How the members of a corner hang on the states.
+    /// Maps from the states to the members of a corner.
     fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
         let corner = &input.corners[wheel];
         Members {
@@ -42,7 +42,7 @@ impl Fusion {
         }
     }
 
-    /// What strut and strain channels of a corner say that have a new reading.
+    /// Measurements of strut and strain channels of a corner with a new reading.
     pub(super) fn measure_corner(
         &self,
         input: &StepInput<'_>,
@@ -68,8 +68,8 @@ impl Fusion {
             tolerance: 0.0,
         });
         let posed = corner.strut_sigma_n.is_finite();
-        // Each of the lower arm's tubes carries one half of the ball-normal force, so that its
-        // bending gauges see M = F_n d/2, whatever spring and damper do.
+        // Each tube of the lower arm carries half of the ball-normal force, so its bending gauges
+        // measure M = F_n d/2, independent of spring and damper.
         let arm = 0.5 * self.bending_distance_m;
         let mut alive = 0;
         let strain = StrainChannel::ALL.map(|channel| {
@@ -113,8 +113,8 @@ impl Fusion {
         }
     }
 
-    /// Whether the strain channels together contradict what the state foretells: where they do the
-    /// forces are set free before the readings are taken in.
+    /// Inflates the covariance of forces and rates if the strain channels together contradict the
+    /// predicted state, before the readings are taken.
     pub(super) fn inflate_on_multi_channel_innovation(
         &mut self,
         measured: &[CornerMeasurements; 4],
@@ -141,7 +141,7 @@ impl Fusion {
         }
     }
 
-    /// Takes strut and strain channels of one corner in.
+    /// Takes strut and strain channels of one corner.
     pub(super) fn take_corner(
         &mut self,
         input: &StepInput<'_>,
@@ -194,8 +194,9 @@ impl Fusion {
         }
     }
 
-    /// Without strain nothing tells the forces of one axle apart, and without a potentiometer either
-    /// nothing the loads of the diagonals: the vehicle model has to.
+    /// Takes the vehicle model's forces where strain is missing: without strain the forces of one
+    /// axle are not observable separately, and without a potentiometer neither are the loads of the
+    /// diagonals.
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
         let t = self.tuning.members;
         let posed = input.corners[wheel].strut_sigma_n.is_finite();
@@ -214,7 +215,7 @@ impl Fusion {
         }
         let mut joint = self.covariance.project(&rows, &self.state);
         for axis in 0..if posed { 2 } else { 3 } {
-            // The same guess every step is one piece of knowledge, not many.
+            // The same expected force in every step is one measurement, not many.
             let sigma = t.expected_sigma_part[axis] * load + t.expected_sigma_n;
             let variance = sigma * sigma * (t.expected_time_s / input.dt).max(1.0);
             self.take(&mut joint, axis, expected[axis], variance, f64::INFINITY);
@@ -222,7 +223,8 @@ impl Fusion {
         self.covariance.apply(&rows, &joint, &mut self.state);
     }
 
-    /// `known`: variance of the channel's row before any of the corner was taken in.
+    /// Takes one channel. `known` is the variance of its row before any row of the corner was
+    /// taken.
     fn take_channel(
         &mut self,
         joint: &mut Joint,
@@ -263,15 +265,15 @@ impl Fusion {
 }
 
 /// The members' forces of one corner, A (F - age F') + B (M, with rolling resistance and half-shaft
-/// torque) + offset, with A, B and offset of the linkage as it stood `age` ago: a strut that moves
-/// at 0.1 m/s turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N of a wheel's static load.
+/// torque) + offset, with A, B and offset of the linkage `age` ago. A strut that moves at 0.1 m/s
+/// turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N at a wheel's static load.
 struct Members<'a> {
     wheel: usize,
     /// The linkage's map now and a step before.
     statics: [&'a CornerStatics; 2],
     step_s: f64,
     steps_back_max: f64,
-    /// The tyre's moment that goes with its force.
+    /// The tyre's moment that belongs to its force.
     known_n_m: Vector3<f64>,
     /// M_y of a newton of load.
     rolling_m: f64,
@@ -291,7 +293,7 @@ impl Members<'_> {
         })
     }
 
-    /// Numbers of the linkage's map as they were `age` ago, carried back as it moved in the last step.
+    /// Numbers of the linkage's map `age` ago, extrapolated by the change of the last step.
     fn ago<const N: usize>(
         &self,
         age: f64,
@@ -339,35 +341,35 @@ impl Members<'_> {
     }
 }
 
-/// A member's force: gains of [`Members::states`], and what it is without any force on the tyre.
+/// A member's force: gains of [`Members::states`] and the force without any tyre force.
 struct MemberForce {
     gains: [f64; CORNER],
     offset_n: f64,
 }
 
-/// What one corner's sensors say that have a new reading.
+/// Measurements of one corner with a new reading.
 pub(super) struct CornerMeasurements {
     rows: CornerRows,
     strut: Option<RowMeasurement>,
-    /// Strut's force without any on the tyre.
+    /// Strut force without any tyre force.
     strut_offset_n: f64,
     strain: [Option<RowMeasurement>; StrainChannel::COUNT],
-    /// How many axial channels are read.
+    /// Number of axial channels with a recent reading.
     alive: usize,
 }
 
-/// Value of a row.
+/// Measured value of a row.
 #[derive(Clone, Copy)]
 struct RowMeasurement {
     value: f64,
-    /// Of the converter's noise.
+    /// Variance of the converter's noise.
     variance: f64,
-    /// Deviation that the model may have.
+    /// Standard deviation of the model.
     tolerance: f64,
 }
 
-/// Error of the linkage's model on a member's force, N: where no deflection tells the pose, the
-/// design position stands in for it and is far off.
+/// Error of the linkage's model on a member's force, N. Without a deflection the design position
+/// replaces the measured one, with a large error.
 fn member_tolerance_n(posed: bool, force_n: f64, tuning: &MemberTuning) -> f64 {
     if posed {
         tuning.member_sigma_n + tuning.member_sigma_part * force_n.abs()

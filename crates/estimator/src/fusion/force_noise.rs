@@ -1,16 +1,17 @@
-//! How fast the forces change: the process noise of their rates.
+//! Process noise of the force rates.
 //!
-//! One density for each axis, shared by the four tyres (which may turn rough together), follows the
-//! filter's corrections of the rates ([`ProcessNoise`]), so that a steady circle is smoothed more
-//! than a launch and the deviations stay true in both.
+//! One density for each axis, common to the four tyres, adapts to the filter's corrections of the
+//! rates ([`ProcessNoise`]). So a steady circle is smoothed more than a launch, and the standard
+//! deviations hold in both.
 //!
-//! A blow that learning is too slow for shows in many channels at once, where a faulty channel
-//! stands alone: then the rates are set free for the next step, before any channel is blamed.
+//! A sudden change that the adaptation is too slow for appears in many channels at once; a faulty
+//! channel is a single outlier. Then the rates are inflated for the next step, before any channel
+//! is judged.
 
 use crate::process_noise::ProcessNoise;
 use crate::tuning::{ForceNoiseTuning, ProcessNoiseTuning};
 
-/// Densities of F_x, F_y, F_z and what has just surprised.
+/// Densities of F_x, F_y, F_z, and the innovations of this step.
 #[derive(Clone, Debug)]
 pub struct ForceNoise {
     tuning: ForceNoiseTuning,
@@ -42,19 +43,19 @@ impl ForceNoise {
         own.map(|density| density.max(shared))
     }
 
-    /// Takes the normalised square of a strain channel's innovation in.
+    /// Adds the normalised innovation squared of a strain channel.
     pub fn add_innovation(&mut self, wheel: usize, square: f64) {
         self.large[wheel] += u32::from(square > self.tuning.large_square);
         self.channels += 1;
         self.sum += square.min(self.tuning.share_max);
     }
 
-    /// Whether this step surprised: what contradicts the state now may be right.
+    /// Whether the covariance was inflated in this step.
     pub fn open(&self) -> bool {
         self.open
     }
 
-    /// Whether this step's innovations call for faster forces; forgets them.
+    /// Whether the innovations of this step require inflation; clears them.
     pub fn exceeded(&mut self) -> bool {
         let channels = f64::from(self.channels);
         let together = self.sum > channels + self.tuning.sum_sigma * (2.0 * channels).sqrt();
@@ -74,7 +75,7 @@ impl ForceNoise {
         found
     }
 
-    /// Takes in one step's corrections of the twelve rates, in deviations.
+    /// Takes the normalised corrections of the twelve rates of one step.
     pub fn learn(&mut self, corrections: [f64; 12]) {
         for (axis, noise) in self.noise.iter_mut().enumerate() {
             noise.learn(std::array::from_fn(|wheel| corrections[3 * wheel + axis]));

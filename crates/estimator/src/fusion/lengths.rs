@@ -1,12 +1,12 @@
-//! Whether the potentiometers' levels hold.
+//! Monitor of the potentiometers' levels.
 //!
-//! Each strut's length has an error state of its own. While nothing speaks against the potentiometer
-//! it fades within half a second: a stop is five times as stiff as the spring, so that what a length
-//! had learnt from other errors on the spring would be a gross error on the stop. It is set free by
-//! a jump that no strut makes, and by innovations of the strut's force that keep to one side; strain
-//! and the balances of the whole vehicle then tell where the level stands. A level that is off by
-//! more than a spring's tolerances is a fault: it is named, and the linkage's pose follows the
-//! corrected length. When the error has been small for a second it fades again.
+//! Each strut has an error state of its length. While the potentiometer is good the error returns
+//! to zero within half a second: a stop is five times as stiff as the spring, so a length that was
+//! learnt on the spring would be a large error on the stop. A jump that no strut makes, or
+//! innovations of the strut force with one sign, make the potentiometer suspect. Then strain and
+//! the balances of the whole vehicle determine the error. An error beyond a spring's tolerance is
+//! reported as a fault, and the linkage's pose uses the corrected length. After a second with a
+//! small error the potentiometer is good again.
 
 use super::layout::STRUT_LENGTH;
 use super::{ChannelChange, Fusion};
@@ -14,7 +14,7 @@ use crate::calibration::{Channel, CornerChannels};
 use crate::tuning::PotentiometerTuning;
 use sample::PerWheel;
 
-/// Memory of one potentiometer.
+/// Monitor of one potentiometer.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LengthWatch {
     mean: f64,
@@ -25,13 +25,13 @@ pub struct LengthWatch {
 }
 
 impl LengthWatch {
-    /// Whether its level is wrong.
+    /// Whether the potentiometer is faulty.
     pub fn faulty(&self) -> bool {
         self.faulty
     }
 
-    /// What the error keeps over `dt`, and the variance that it gains, mm^2; `start` is that of a
-    /// potentiometer that is believed.
+    /// Decay factor of the error over `dt` and the variance that is added, mm^2. `start` is the
+    /// variance for a good potentiometer.
     pub fn fading(&self, start: f64, dt: f64, tuning: &PotentiometerTuning) -> (f64, f64) {
         if self.suspect {
             (1.0, tuning.suspect_walk_mm.powi(2) * dt)
@@ -41,7 +41,7 @@ impl LengthWatch {
         }
     }
 
-    /// Takes an innovation in: by its deviation, and as a length.
+    /// Updates the means by a normalised innovation and the same innovation as a length.
     pub fn learn(&mut self, innovation: f64, length_mm: f64, tuning: &PotentiometerTuning) {
         let t = tuning;
         let [most, most_mm] = [t.innovation_max_sigma, t.innovation_max_mm];
@@ -52,13 +52,13 @@ impl LengthWatch {
     }
 }
 
-/// Variance of a length's error at the start, mm^2.
+/// Initial variance of a length error, mm^2.
 pub fn start_variance(channel: &Channel, tuning: &PotentiometerTuning) -> f64 {
     (1e3 * channel.offset_sigma).powi(2) + tuning.sigma_mm.powi(2)
 }
 
 impl Fusion {
-    /// The potentiometer of a wheel has jumped: nothing is known of its level.
+    /// The potentiometer of a wheel has jumped: its level is unknown.
     pub(super) fn suspect_length(&mut self, wheel: usize) {
         self.lengths[wheel].suspect = true;
         let sigma_mm = self.tuning.potentiometers.jump_sigma_mm;
@@ -66,7 +66,7 @@ impl Fusion {
         self.covariance.add_noise(STRUT_LENGTH + wheel, variance);
     }
 
-    /// Tells potentiometers that are found faulty or good again.
+    /// Reports potentiometers that are found faulty or good again.
     pub(super) fn watch_lengths(
         &mut self,
         channels: &PerWheel<CornerChannels>,

@@ -1,5 +1,4 @@
-//! The tyres' moments about their contact points: what goes with the force, and how far that may be
-//! wrong.
+//! Tyre moments about the contact point from the tyre force, and their errors.
 
 use nalgebra::Vector3;
 
@@ -12,14 +11,14 @@ use crate::tuning::MomentTuning;
 /// A tyre's moment, contact frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KnownMoment {
-    /// The moment beside rolling resistance, N m.
+    /// Moment without rolling resistance, N m.
     pub moment_n_m: Vector3<f64>,
-    /// Deviations of what it leaves out about x and z, N m.
+    /// Standard deviations of the remaining M_x and M_z, N m.
     pub sigma_n_m: [f64; 2],
 }
 
 impl Body {
-    /// Deviations of M_x and M_z of which nothing is known yet, N m.
+    /// Initial standard deviations of M_x and M_z, N m.
     pub(super) fn moment_sigma_n_m(&self, wheel: usize, tuning: &MomentTuning) -> [f64; 2] {
         let treaded = self.tyres[wheel].width_m > 0.0;
         let tipping = if treaded {
@@ -32,9 +31,9 @@ impl Body {
 }
 
 impl Fusion {
-    /// Moment that goes with the force of the last step: M_x of the cambered tread, and of a
-    /// rolling wheel M_z = -n F_y of a trail n that is a sixth of the contact's length and vanishes
-    /// as the tyre begins to slide (brush model).
+    /// Moment that belongs to the force of the last step: M_x of the cambered tread, and M_z = -n
+    /// F_y of a rolling wheel with a trail n of one sixth of the contact length that vanishes as
+    /// the tyre begins to slide (brush model).
     pub(super) fn known_moment(
         &self,
         wheel: usize,

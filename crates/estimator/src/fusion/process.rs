@@ -1,5 +1,4 @@
-//! How the state begins and goes on by itself: what is known of it beforehand, transition and
-//! process noise.
+//! Initial covariance, transition and process noise of the force filter.
 
 use sample::PerWheel;
 
@@ -22,7 +21,7 @@ pub(super) fn torque_noise(
     [0, 1].map(|part| ProcessNoise::new(density[part], bounds[part], process_noise))
 }
 
-/// Density with which the residue, which fades, keeps its deviation.
+/// Noise that keeps the remaining accelerometer bias at its standard deviation while it decays.
 pub(super) fn accel_noise(
     tuning: &FusionTuning,
     process_noise: ProcessNoiseTuning,
@@ -33,7 +32,7 @@ pub(super) fn accel_noise(
 }
 
 impl Fusion {
-    /// Doubts all that the state says, and takes the channels' zeros for right.
+    /// Sets the initial covariance, and the strain offsets and length errors to zero.
     pub(super) fn forget(&mut self, channels: &PerWheel<CornerChannels>) {
         let t = self.tuning;
         let mut variance = [0.0; SIZE];
@@ -65,22 +64,21 @@ impl Fusion {
         self.covariance.reset(&variance, &self.state);
     }
 
-    /// Carries state and covariance on by `dt`.
+    /// Propagates state and covariance by `dt`.
     pub(super) fn predict(
         &mut self,
         dt: f64,
         balance: &Balance,
         channels: &PerWheel<CornerChannels>,
     ) {
-        let t = self.tuning;
-        let c = &mut self.covariance;
         for i in 0..3 {
             self.state[BODY_RATE + i] += dt * balance.turn_rate(i, &self.state);
         }
         for i in 0..12 {
             self.state[FORCE + i] += dt * self.state[RATE + i];
         }
-        // The turn rows need the covariance of the forces before these move: first order in dt.
+        let c = &mut self.covariance;
+        // First order in dt: the rows of the body's rates use the covariance before the forces move.
         c.turn(&balance.jacobian, dt);
         for i in 0..3 {
             c.trace.note(|| Operation::Shift {
@@ -89,18 +87,25 @@ impl Fusion {
             });
         }
         c.integrate(dt);
+        let gains = self.decay(dt, channels);
+        self.add_process_noise(dt, balance, channels, &gains);
+    }
+
+    /// Decay of moments, torques, biases, offsets and length errors over `dt`.
+    fn decay(&mut self, dt: f64, channels: &PerWheel<CornerChannels>) -> DecayGains {
+        let t = self.tuning;
         let mut keep = [1.0; SIZE];
         let mut fade = |first: usize, count: usize, time_s: f64| {
             let kept = (-dt / time_s).exp();
             keep[first..first + count].fill(kept);
             1.0 - kept * kept
         };
-        let moment_gain = fade(MOMENT, TORQUE - MOMENT, t.moment_time_s);
+        let moment = fade(MOMENT, TORQUE - MOMENT, t.moment_time_s);
         fade(TORQUE, 2, t.torque_time_s[0]);
         fade(TORQUE + 2, 2, t.torque_time_s[1]);
         fade(ACCEL_BIAS, 3, t.accel_time_s);
-        let offset_gain = fade(OFFSET, 20, t.offset_time_s);
-        let length_gain: [f64; 4] = std::array::from_fn(|wheel| {
+        let offset = fade(OFFSET, 20, t.offset_time_s);
+        let length_mm2: [f64; 4] = std::array::from_fn(|wheel| {
             let deflection = &channels.0[wheel].deflection;
             let start = lengths::start_variance(deflection, &t.potentiometers);
             let (kept, gained) = self.lengths[wheel].fading(start, dt, &t.potentiometers);
@@ -110,8 +115,24 @@ impl Fusion {
         for (x, kept) in self.state.iter_mut().zip(&keep) {
             *x *= kept;
         }
-        c.scale(&keep);
-        // What the vehicle model guesses teaches nothing of how fast the forces change.
+        self.covariance.scale(&keep);
+        DecayGains {
+            moment,
+            offset,
+            length_mm2,
+        }
+    }
+
+    fn add_process_noise(
+        &mut self,
+        dt: f64,
+        balance: &Balance,
+        channels: &PerWheel<CornerChannels>,
+        gains: &DecayGains,
+    ) {
+        let t = self.tuning;
+        let c = &mut self.covariance;
+        // Forces of the vehicle model do not adapt the density.
         let density = if self.blind {
             [t.blind_density; 3]
         } else {
@@ -122,7 +143,7 @@ impl Fusion {
         }
         for i in 0..TORQUE - MOMENT {
             let sigma = balance.known[i / 2].sigma_n_m[i % 2];
-            c.add_noise(MOMENT + i, moment_gain * sigma * sigma);
+            c.add_noise(MOMENT + i, gains.moment * sigma * sigma);
         }
         for axle in 0..2 {
             for (part, noise) in self.torque.iter().enumerate() {
@@ -134,15 +155,25 @@ impl Fusion {
             c.add_noise(BODY_RATE + axis, turn * turn * dt);
             c.add_noise(ACCEL_BIAS + axis, self.accel.density() * dt);
         }
-        for (wheel, gained) in length_gain.into_iter().enumerate() {
+        for (wheel, gained) in gains.length_mm2.into_iter().enumerate() {
             c.add_noise(STRUT_LENGTH + wheel, gained);
         }
         for i in 0..20 {
             let start = channels.0[i / 5].strain[i % 5].offset_sigma.powi(2);
             c.add_noise(
                 OFFSET + i,
-                offset_gain * start + t.offset_walk_n.powi(2) * dt,
+                gains.offset * start + t.offset_walk_n.powi(2) * dt,
             );
         }
     }
+}
+
+/// Gains of the process noise that keeps decaying states at their variance.
+struct DecayGains {
+    /// Part of the variance of moments.
+    moment: f64,
+    /// Part of the variance of strain offsets.
+    offset: f64,
+    /// Variance of each length error, mm^2.
+    length_mm2: [f64; 4],
 }

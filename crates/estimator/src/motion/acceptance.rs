@@ -1,11 +1,11 @@
-//! How the values of receivers fare.
+//! Acceptance of the values of GNSS receivers.
 
 use nalgebra::Vector3;
 use sample::LogTime;
 
 use crate::tuning::ReceiverTuning;
 
-/// What a receiver told last.
+/// Last velocity of a receiver.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ReceiverState {
     pub at: Option<LogTime>,
@@ -15,27 +15,28 @@ pub struct ReceiverState {
 }
 
 impl ReceiverState {
-    /// Whether it has told anything of late.
+    /// Whether its last velocity is recent.
     pub fn is_active(&self, now: LogTime, active_s: f64) -> bool {
         self.at.is_some_and(|at| now.seconds_since(at) < active_s)
     }
 }
 
-/// How a receiver's values have fared since it was last adopted.
+/// Counts of a receiver's accepted and rejected values since it was last adopted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct AcceptanceCounter {
-    /// Values in a row that were used, and whether there ever were enough to confirm the state.
+    /// Consecutive accepted values, and whether there were enough of them to confirm the state.
     pub uses: u32,
     pub confirmed: bool,
-    /// Whether the state was taken from it after it had contradicted.
+    /// Whether the state was adopted from the receiver after a contradiction.
     pub adopted: bool,
-    /// Values in a row that contradicted the state, and those of them while nothing vouched for it.
+    /// Consecutive rejected values, and those of them while the balances did not confirm the
+    /// inertial unit.
     pub rejections: u32,
     pub rejections_unconfirmed: u32,
 }
 
 impl AcceptanceCounter {
-    /// Of a receiver whose values are adopted.
+    /// For a receiver whose values are adopted.
     pub fn adopted() -> Self {
         Self {
             adopted: true,
@@ -43,7 +44,7 @@ impl AcceptanceCounter {
         }
     }
 
-    /// Takes note of a value that was used.
+    /// Counts an accepted value.
     pub fn used(&mut self, tuning: &ReceiverTuning) {
         let least = if self.adopted {
             tuning.confirmed_again
@@ -55,14 +56,14 @@ impl AcceptanceCounter {
         (self.rejections, self.rejections_unconfirmed) = (0, 0);
     }
 
-    /// Takes note of one that contradicted a state that something else vouches for or not.
+    /// Counts a rejected value; `imu_consistent`: the balances confirm the inertial unit.
     pub fn contradicted(&mut self, imu_consistent: bool) {
         self.uses = 0;
         self.rejections += 1;
         self.rejections_unconfirmed += u32::from(!imu_consistent);
     }
 
-    /// Whether it is the state that is wrong.
+    /// Whether the state is considered wrong.
     pub fn too_many(self, tuning: &ReceiverTuning) -> bool {
         self.rejections_unconfirmed > tuning.rejections_max
             || self.rejections > tuning.rejections_max_consistent

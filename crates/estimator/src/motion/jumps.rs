@@ -1,14 +1,14 @@
-//! Errors that jump: a bias, for good, when the inertial unit is hit or its supply changes, or the
-//! attitude, when a gyro tells wrong for a moment.
+//! Detection of jumps: of a bias, when the inertial unit is hit or its supply changes, or of the
+//! attitude, after a short gyro fault.
 //!
-//! A filter that is sure of a state learns a jump late, and meanwhile takes the receivers for wrong.
-//! What a jump by one makes of the filter's errors is known, though: it goes through the inertial
-//! equations and is corrected as any error is. So for each error that may jump, and for several
-//! instants at which it may have jumped, that signature is carried along, and the innovations are
-//! held against it: a generalised likelihood ratio (A. S. Willsky and H. L. Jones, A generalized
-//! likelihood ratio approach to the detection and estimation of jumps in linear systems, IEEE
-//! Transactions on Automatic Control 21, 1976). A jump that explains them opens the covariance
-//! along its signature, and the filter learns it from the next values.
+//! A filter with a small covariance follows a jump late and rejects the receivers meanwhile. The
+//! effect of a unit jump on the filter's errors is known: it passes through the inertial equations
+//! and the corrections like any error. So for each error that can jump, and for several assumed
+//! instants, this signature is propagated, and the innovations are compared with it: a generalised
+//! likelihood ratio (A. S. Willsky and H. L. Jones, A generalized likelihood ratio approach to the
+//! detection and estimation of jumps in linear systems, IEEE Transactions on Automatic Control 21,
+//! 1976). A jump that explains the innovations inflates the covariance along its signature, and the
+//! filter learns it from the next values.
 
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ const JUMPING: [usize; 3] = [ATTITUDE, ACCEL_BIAS, GYRO_BIAS];
 
 const ERRORS: usize = 3 * JUMPING.len();
 
-/// Values that receivers tell: velocity, and yaw, pitch and roll.
+/// Values of receivers: velocity; yaw, pitch and roll.
 pub const VELOCITY_VALUE: usize = 0;
 pub const ANGLE_VALUE: usize = 3;
 const VALUES: usize = ANGLE_VALUE + 3;
@@ -33,16 +33,16 @@ const VALUES: usize = ANGLE_VALUE + 3;
 /// Number of instants at which a jump is assumed.
 const INSTANTS: usize = 6;
 
-/// Jumps at one instant.
+/// Jumps at one assumed instant.
 #[derive(Clone, Copy, Debug)]
 struct Instant {
     at: Option<LogTime>,
-    /// What a jump of each error by one has made of all until now.
+    /// Effect of a unit jump of each error on all errors until now.
     signatures: SMatrix<f64, STATES, ERRORS>,
-    /// What the innovations tell of each jump, and how they agree with it.
+    /// Information of the innovations about each jump, and their correlation with it.
     information: SVector<f64, ERRORS>,
     agreement: SVector<f64, ERRORS>,
-    /// The same of values that are off by as much ever since, and how many values there were.
+    /// The same for a constant error of each value since the instant, and the number of values.
     off_information: [f64; VALUES],
     off_agreement: [f64; VALUES],
     counts: [f64; VALUES],
@@ -70,12 +70,12 @@ impl Instant {
         }
     }
 
-    /// By how much the innovations tell that an error has jumped.
+    /// Estimated size of a jump.
     fn by(&self, error: usize) -> f64 {
         self.agreement[error] / self.information[error]
     }
 
-    /// How much likelier they are with that jump than without, as twice the logarithm.
+    /// Twice the logarithm of the likelihood ratio of a jump.
     fn ratio(&self, error: usize) -> f64 {
         self.by(error) * self.agreement[error]
     }
@@ -84,8 +84,8 @@ impl Instant {
         self.by(error).abs() < tuning.largest[error / 3]
     }
 
-    /// How much likelier a receiver that is far off since then makes the innovations: one that is off
-    /// by less is followed anyway.
+    /// The same for a large constant error of a receiver since the instant; a smaller error is
+    /// followed.
     fn off_ratio(&self, tuning: &JumpTuning) -> f64 {
         let ratio = |value: usize| self.off_agreement[value].powi(2) / self.off_information[value];
         let ratios = |values: Range<usize>| -> f64 {
@@ -96,7 +96,7 @@ impl Instant {
         ratios(VELOCITY_VALUE..ANGLE_VALUE).max(ratios(ANGLE_VALUE..VALUES))
     }
 
-    /// Whether a jump is likely enough.
+    /// Whether a jump is accepted.
     fn is_likely(&self, error: usize, tuning: &JumpTuning) -> bool {
         let ratio = self.ratio(error);
         let left = (self.square - ratio) / self.counts.iter().sum::<f64>();
@@ -105,13 +105,13 @@ impl Instant {
     }
 }
 
-/// The instants at which something may have jumped, in a ring.
+/// Assumed instants, in a ring.
 #[derive(Clone, Debug)]
 pub struct Jumps {
     tuning: JumpTuning,
     instants: [Instant; INSTANTS],
     newest: usize,
-    /// Steps through which the signatures have not been carried yet.
+    /// Steps through which the signatures have not been propagated yet.
     passed: Option<Passed>,
 }
 
@@ -126,7 +126,7 @@ impl Jumps {
         }
     }
 
-    /// Goes one step on to `now`, when something may jump, too.
+    /// Propagates by one step to `now`, which may become a further assumed instant.
     pub(super) fn propagate(&mut self, now: LogTime, flow: &Flow) {
         self.passed.get_or_insert_default().step(flow);
         let newest = self.instants[self.newest].at;
@@ -137,7 +137,7 @@ impl Jumps {
         }
     }
 
-    /// Takes note of a receiver's innovation: of which value, measurement row `h` and variance `total`.
+    /// Takes a receiver's innovation: value, measurement row `h`, variance `total`.
     pub fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, total: f64) {
         self.catch_up();
         for instant in self.begun() {
@@ -151,7 +151,7 @@ impl Jumps {
         }
     }
 
-    /// Takes note of a correction by a measurement of row `h`.
+    /// Applies a correction by a measurement with row `h` to the signatures.
     pub fn correct(&mut self, h: &SVector<f64, STATES>, gain: &SVector<f64, STATES>) {
         self.catch_up();
         for instant in self.begun() {
@@ -173,12 +173,12 @@ impl Jumps {
         all.filter(|instant| instant.at.is_some())
     }
 
-    /// What the jumps that are likely at the instant of the likeliest one have made of the errors, if
-    /// one is likely enough; all begins anew then.
+    /// Effects on the errors of the accepted jumps at the likeliest instant, if there is one; then
+    /// all instants are cleared.
     pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = SVector<f64, STATES>> + use<> {
         let tuning = self.tuning;
         let mut likeliest: Option<(f64, &Instant)> = None;
-        // From the newest instant back: a receiver may be off since any later one.
+        // From the newest instant back: a receiver's error may have begun at any later instant.
         let mut off_ratio: f64 = 0.0;
         for age in 0..INSTANTS {
             let instant = &self.instants[(self.newest + INSTANTS - age) % INSTANTS];

@@ -1,4 +1,4 @@
-//! What the planar filter is driven and corrected by, put together from samples.
+//! Inputs and measurements of the single-track filter, from samples.
 
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
@@ -9,7 +9,7 @@ use crate::steering_column::SteeringColumn;
 use crate::tuning::PlanarInputTuning;
 use crate::{EstimatorError, Input, Settings};
 
-/// What is known at one instant.
+/// Input at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarInput {
     /// The instant, s from any zero.
@@ -26,7 +26,7 @@ pub struct PlanarInput {
     pub lateral_m_s2: Option<f64>,
 }
 
-/// How far a value may be from the last one: at once, and more for each second between.
+/// Accepted difference between two values: at once, and for each second between them.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     at_once: f64,
@@ -42,13 +42,13 @@ impl Reach {
     }
 }
 
-/// Rate and force, which the filter gates itself.
+/// Yaw rate and force: the filter has its own gate.
 const ANY: Reach = Reach {
     at_once: f64::INFINITY,
     per_second: 0.0,
 };
 
-/// What is measured, in the order in which values of one instant are taken in.
+/// Measured quantities, in the order in which values of one instant are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Quantity {
     Speed,
@@ -59,7 +59,7 @@ enum Quantity {
     Lateral,
 }
 
-/// The mean of what came since it was last asked for, else what came last.
+/// Mean of the values since the last step, else the last value.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     out_of_reach_max_s: f64,
@@ -68,7 +68,7 @@ struct Slot {
     sum: f64,
     count: u32,
     last: Option<(LogTime, f64)>,
-    /// Since when values are out of reach.
+    /// Since when values have been out of reach.
     astray: Option<LogTime>,
 }
 
@@ -121,11 +121,11 @@ impl Slot {
     }
 }
 
-/// Values that may wait for a step; one of 10 ms has a handful.
+/// Capacity of the buffer; a step of 10 ms has a handful of values.
 const CAPACITY: usize = 1024;
 
-/// Gathers samples. They wait for the step and are taken in by their own time, so that the order of
-/// arrival changes nothing; values of more than 100 Hz are averaged over the step.
+/// Buffer of samples. A step takes them in the order of their own time, so the order of arrival has
+/// no effect; values faster than 100 Hz are averaged over the step.
 #[derive(Clone, Debug)]
 pub struct PlanarReadings {
     tuning: PlanarInputTuning,
@@ -144,10 +144,7 @@ pub struct PlanarReadings {
 }
 
 impl PlanarReadings {
-    /// Readings of a vehicle that has not spoken yet.
-    ///
-    /// # Errors
-    /// Steering maps that are not monotone.
+    /// Readings without any value.
     pub fn new(vehicle: &Vehicle, tuning: PlanarInputTuning) -> Result<Self, EstimatorError> {
         let slot = |reach| Slot::new(reach, &tuning);
         let speed = Reach::new(tuning.speed_reach);
@@ -168,8 +165,7 @@ impl PlanarReadings {
         })
     }
 
-    /// Lets a sample wait; those that tell nothing of planar motion are left alone, and so are
-    /// inputs that the settings leave out.
+    /// Takes a sample. Samples without planar motion and ignored inputs are skipped.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
         let t = self.tuning;
         let time = sample.valid_time.min(sample.log_time);
@@ -206,7 +202,7 @@ impl PlanarReadings {
                 self.wait(time, Quantity::SteeringWheel, angle);
             }
             Measurement::Imu(imu) if uses(Input::Imu) && imu.valid => {
-                // A unit that measures in the plane alone leaves the other axes open.
+                // A unit that measures only in the plane has no other axes.
                 let or = |value: f64, other: f64| if value.is_finite() { value } else { other };
                 let [fx, fy, fz] = imu.specific_force_m_s2;
                 let [p, q, r] = imu.angular_rate_rad_s;
@@ -225,7 +221,8 @@ impl PlanarReadings {
         }
     }
 
-    /// A flood beyond the room, hundreds of times what any vehicle sends, is cut off.
+    /// Adds a value. Values beyond the capacity, hundreds of times what a vehicle sends, are
+    /// dropped.
     fn wait(&mut self, time: LogTime, quantity: Quantity, value: f64) {
         if self.waiting.len() < CAPACITY {
             self.waiting.push((time, quantity, value));
@@ -251,7 +248,7 @@ impl PlanarReadings {
         self.waiting = waiting;
     }
 
-    /// What is known at `now`; nothing without a speed and a steer angle.
+    /// Input at `now`; `None` without a speed and a steer angle.
     pub fn take(&mut self, now: LogTime) -> Option<PlanarInput> {
         self.take_waiting();
         let (satellite, wheels) = (self.satellite.held(now), self.wheels.held(now));
@@ -294,7 +291,7 @@ fn rolling_radius_m(vehicle: &Vehicle) -> f64 {
     let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
     let radii = [&vehicle.front, &vehicle.rear].map(|axle| {
         let tyre = &axle.tyre;
-        // A belt rolls as if it were pressed by a third of its deflection.
+        // A belted tyre rolls like a wheel pressed by a third of its deflection.
         tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0) / 3.0
     });
     0.5 * (radii[0] + radii[1])

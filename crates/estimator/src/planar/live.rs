@@ -1,4 +1,4 @@
-//! The planar filter in the estimator's loop.
+//! The single-track filter in the estimator.
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
@@ -17,7 +17,7 @@ use crate::trace::Operation;
 use crate::tuning::{PlanarTuning, Tuning};
 use crate::{EstimatorError, Settings};
 
-/// Filter, readings and what both need of the vehicle.
+/// The filter with its readings.
 #[derive(Clone, Debug)]
 pub struct Planar {
     filter: PlanarFilter,
@@ -28,7 +28,7 @@ pub struct Planar {
     last: Option<PlanarInput>,
 }
 
-/// What the filter says of an instant, and what it was driven by.
+/// Result of the filter at one instant with its input.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanarMotion {
     tuning: PlanarTuning,
@@ -36,12 +36,12 @@ pub struct PlanarMotion {
     state: PlanarState,
 }
 
-/// What a smoother needs of one step of the filter.
+/// Record of one step for a smoother.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanarTrace {
     /// Operations since the step before.
     pub operations: Vec<Operation<STATES>>,
-    /// The covariance behind them.
+    /// Covariance after them.
     pub covariance: SMatrix<f64, STATES, STATES>,
     state: SVector<f64, STATES>,
     model: PlanarModel,
@@ -49,7 +49,7 @@ pub struct PlanarTrace {
 }
 
 impl PlanarTrace {
-    /// The motion with the state's corrections and shrunken covariance that a smoother found.
+    /// The motion with a smoother's correction of the state and reduction of the covariance.
     #[must_use]
     pub fn corrected(
         &self,
@@ -61,16 +61,13 @@ impl PlanarTrace {
         PlanarMotion {
             tuning: self.model.tuning,
             input: self.input,
-            state: self.model.told(&state, &covariance, &self.input),
+            state: self.model.result(&state, &covariance, &self.input),
         }
     }
 }
 
 impl Planar {
-    /// A filter that has seen nothing.
-    ///
-    /// # Errors
-    /// Steering maps that are not monotone.
+    /// A filter without readings.
     pub fn new(
         vehicle: &Vehicle,
         sensors: &Sensors,
@@ -107,13 +104,13 @@ impl Planar {
         })
     }
 
-    /// From now on operations are taken down for [`Self::take_belief`].
+    /// Starts recording operations for [`Self::take_trace`].
     pub fn switch_trace_on(&mut self) {
         self.filter.trace.switch_on();
     }
 
-    /// What the filter believes, and its operations since the last call; nothing where the last
-    /// step had no speed or no steer angle.
+    /// State, covariance, and the operations since the last call; `None` if the last step had no
+    /// speed or no steer angle.
     pub fn take_trace(&mut self) -> Option<PlanarTrace> {
         let filter = &mut self.filter;
         self.last.map(|input| PlanarTrace {
@@ -125,18 +122,18 @@ impl Planar {
         })
     }
 
-    /// How often the filter diverged and was started anew.
+    /// Number of restarts after divergence.
     #[must_use]
     pub fn resets(&self) -> u64 {
         self.filter.resets()
     }
 
-    /// Takes a sample in, unless it is to be left out.
+    /// Takes a sample, unless the settings ignore it.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
         self.readings.push(sample, calibration, settings);
     }
 
-    /// Puts the filter's offsets in the place of an inertial navigation's biases.
+    /// Writes the filter's offsets in place of the inertial navigation's biases.
     pub fn write_offsets(&self, parameters: &mut Parameters) {
         let unknown = f64::NAN;
         let sigma = |i: usize| self.filter.covariance[(i, i)].sqrt();
@@ -149,7 +146,7 @@ impl Planar {
         parameters.steer_offset_sigma_rad = sigma(STEER);
     }
 
-    /// The motion at `time`; nothing without a speed and a steer angle.
+    /// The motion at `time`; `None` without a speed and a steer angle.
     pub fn step(&mut self, time: LogTime, step_s: f64) -> Option<PlanarMotion> {
         self.last = self.readings.take(time);
         let input = self.last?;
@@ -174,7 +171,7 @@ impl Planar {
     }
 }
 
-/// Writes down what the filter would be driven by, for identification.
+/// Records the filter's inputs, for identification.
 #[derive(Clone, Debug)]
 pub struct PlanarRecorder {
     readings: PlanarReadings,
@@ -185,10 +182,7 @@ pub struct PlanarRecorder {
 }
 
 impl PlanarRecorder {
-    /// A recorder that has seen nothing, and leaves out what the settings do.
-    ///
-    /// # Errors
-    /// Steering maps that are not monotone.
+    /// A recorder without rows; it ignores what the settings ignore.
     pub fn new(
         vehicle: &Vehicle,
         calibration: Resolved,
@@ -210,7 +204,7 @@ impl PlanarRecorder {
         }
     }
 
-    /// Takes a sample in.
+    /// Takes a sample.
     pub fn push(&mut self, sample: &Sample) {
         self.readings
             .push(sample, &self.calibration, &self.settings);
@@ -224,7 +218,7 @@ impl PlanarRecorder {
 }
 
 impl PlanarMotion {
-    /// Puts this motion in the place of an inertial navigation's.
+    /// Replaces the inertial navigation's motion by this one.
     pub fn apply_to(&self, state: &mut MotionState) {
         state.velocity_m_s.x = self.input.speed_m_s;
         state.velocity_m_s.y = self.state.lateral_m_s;
@@ -238,7 +232,7 @@ impl PlanarMotion {
         state.sideslip_sigma_rad = self.sideslip_sigma_rad();
     }
 
-    /// The filter's own deviation, and what a single-track model leaves out.
+    /// Standard deviation of sideslip: the filter's own and the error of a single-track model.
     fn sideslip_sigma_rad(&self) -> f64 {
         let speed = self.input.speed_m_s.max(SPEED_MIN_M_S);
         let own = self.state.lateral_sigma_m_s / speed;
@@ -255,7 +249,7 @@ impl PlanarMotion {
         left.atan2(forward)
     }
 
-    /// What the filter knows of the motion; attitude, which it does not, is unknown.
+    /// Writes the motion; attitude, which the filter does not have, is unknown.
     pub fn write_to(&self, motion: &mut Motion) {
         let unknown = f64::NAN;
         *motion = Motion {

@@ -11,7 +11,7 @@ use super::{
 
 use crate::tuning::PlanarTuning;
 
-/// Everything that the model is made of.
+/// Parameters of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarModel {
     pub(super) tuning: PlanarTuning,
@@ -31,7 +31,7 @@ pub(super) struct AxleForces {
 }
 
 impl PlanarModel {
-    /// A vehicle that handles like this; `imu_ahead_m` is the inertial unit's distance ahead of the
+    /// A vehicle with this handling; `imu_ahead_m` is the inertial unit's distance ahead of the
     /// centre of gravity.
     #[must_use]
     pub fn new(
@@ -59,8 +59,8 @@ impl PlanarModel {
         }
     }
 
-    /// What such a state says of the instant of `input`.
-    pub(super) fn told(
+    /// Result for a state at the instant of `input`.
+    pub(super) fn result(
         &self,
         state: &SVector<f64, STATES>,
         covariance: &SMatrix<f64, STATES, STATES>,
@@ -83,8 +83,7 @@ impl PlanarModel {
         }
     }
 
-    /// What each axle can give to the side, N, at this longitudinal acceleration. No load falls below
-    /// a tenth.
+    /// Lateral capacity of each axle, N, at this longitudinal acceleration.
     pub(super) fn grip_n(&self, acceleration_m_s2: f64) -> [f64; 2] {
         let h = &self.handling;
         let length = self.front_m + self.rear_m;
@@ -184,7 +183,7 @@ impl PlanarModel {
     }
 }
 
-/// What drives the model in one step.
+/// Inputs of the model in one step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Driven {
     pub speed_m_s: f64,

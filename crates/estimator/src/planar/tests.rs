@@ -255,7 +255,7 @@ fn taken<const N: usize>(measurements: [Measurement; N]) -> Option<PlanarInput> 
     readings.take(now)
 }
 
-const HAND_WHEEL: Measurement = Measurement::Steer(SteerSample {
+const STEERING_WHEEL: Measurement = Measurement::Steer(SteerSample {
     hand_wheel_rad: 0.1,
 });
 
@@ -272,8 +272,8 @@ fn a_receiver_without_a_fix_tells_no_speed() {
             velocity_enu_m_s: [3.0, 4.0, 0.0],
             ..GnssVelocity::default()
         };
-        let told = taken([Measurement::GnssVelocity(velocity), HAND_WHEEL]);
-        assert_eq!(told.map(|input| input.speed_m_s), speed, "{quality:?}");
+        let input = taken([Measurement::GnssVelocity(velocity), STEERING_WHEEL]);
+        assert_eq!(input.map(|input| input.speed_m_s), speed, "{quality:?}");
     }
 }
 
@@ -289,13 +289,13 @@ fn a_reading_that_the_unit_calls_bad_tells_nothing() {
             valid,
             ..ImuSample::default()
         };
-        let told = taken([
+        let input = taken([
             Measurement::GroundSpeed(speed),
-            HAND_WHEEL,
+            STEERING_WHEEL,
             Measurement::Imu(imu),
         ]);
-        let told = told.expect("speed and steer");
-        assert_eq!(told.yaw_rate_rad_s.is_some(), valid);
-        assert_eq!(told.lateral_m_s2.is_some(), valid);
+        let input = input.expect("speed and steer");
+        assert_eq!(input.yaw_rate_rad_s.is_some(), valid);
+        assert_eq!(input.lateral_m_s2.is_some(), valid);
     }
 }

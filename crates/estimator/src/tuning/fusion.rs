@@ -132,7 +132,7 @@ tuning! {
 }
 
 tuning! {
-    /// Process noise of force rates and the multi-channel test (`fusion/agility.rs`).
+    /// Process noise of force rates and the multi-channel test (`fusion/force_noise.rs`).
     ForceNoiseTuning {
         /// Initial density.
         start_density: f64 = 3.0e3 * 3.0e3, "(N/s)²/s";

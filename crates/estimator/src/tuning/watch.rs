@@ -16,7 +16,7 @@ tuning! {
 
 tuning! {
     /// Agreement of the inertial unit with the balances of forces and moments
-    /// (`estimator/sensors.rs`).
+    /// (`estimator/monitors.rs`).
     ImuConsistencyTuning {
         /// Part of the recent time in which the inertial unit may contradict the balances and still
         /// counts as consistent.

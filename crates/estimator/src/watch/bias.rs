@@ -1,11 +1,12 @@
-//! Biases of the inertial unit that have jumped, which the motion filter finds and learns anew.
+//! Report of biases of the inertial unit that have jumped. The motion filter detects the jump and
+//! estimates the bias again.
 
 use sample::LogTime;
 
 use super::{JUMPED, SensorChange};
 use crate::tuning::BiasWatchTuning;
 
-/// Names, as events have them: of accelerometers, then of gyros.
+/// Names in events: accelerometers, then gyros.
 const NAMES: [&str; 6] = [
     "inertial unit forward acceleration bias",
     "inertial unit leftward acceleration bias",
@@ -15,24 +16,24 @@ const NAMES: [&str; 6] = [
     "inertial unit yaw rate bias",
 ];
 
-/// Memory of the biases.
+/// Monitor of the biases.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BiasWatch {
     jump: Option<Jump>,
 }
 
-/// Since the first sign of a jump.
+/// A suspected jump.
 #[derive(Clone, Copy, Debug)]
 struct Jump {
     first: LogTime,
     last: LogTime,
-    /// The biases before.
+    /// Biases before the jump.
     before: [f64; 6],
     reported: [bool; 6],
 }
 
 impl BiasWatch {
-    /// Takes note of a sign that one of the biases, as known `before`, has jumped.
+    /// Notes a sign that one of the biases has jumped; `before` are the biases before it.
     pub fn suspect(&mut self, now: LogTime, before: [f64; 6]) {
         let new = Jump {
             first: now,
@@ -43,8 +44,8 @@ impl BiasWatch {
         self.jump.get_or_insert(new).last = now;
     }
 
-    /// Tells which of the biases has jumped by what is known of them `now`; `sigma` is the deviation of
-    /// accelerometers' and gyros' biases at the start.
+    /// Reports which bias has jumped, from the present biases. `sigma` are the initial standard
+    /// deviations of accelerometer and gyro biases.
     pub fn judge(
         &mut self,
         now: LogTime,

@@ -1,9 +1,11 @@
-//! Gyros and accelerometers. A reading that jumps further than a vehicle can move and that the balance
-//! of moments or forces of all tyres contradicts is replaced by what that balance makes of it until
-//! both agree again, so that neither attitude, velocity nor forces follow an axis that spikes, is
-//! plugged in wrong or sits at the end of its range. Forces that are wrong themselves make no sensor
-//! jump. One that hangs while the vehicle moves is replaced at once: the filter of forces follows a
-//! gyro too closely to contradict one that stands still.
+//! Monitor of gyros and accelerometers.
+//!
+//! A reading that jumps further than a vehicle can move and that the balance of moments or forces
+//! contradicts is replaced by the value of the balance until both agree again. So attitude,
+//! velocity and forces do not follow an axis with spikes, with a wrong connection, or in
+//! saturation. A jump is required because wrong forces do not make a sensor jump. An axis that is
+//! stuck while the vehicle moves is replaced at once: the force filter follows a gyro too closely
+//! to contradict a constant one.
 
 use nalgebra::Vector3;
 
@@ -16,21 +18,21 @@ use crate::tuning::InertialWatchTuning;
 #[derive(Clone, Copy, Debug)]
 struct Kind {
     names: [&'static str; 3],
-    /// Change from one reading to the next that is no vehicle's, in 10 ms.
+    /// Change between two readings (10 ms) that no vehicle makes.
     jump: f64,
-    /// Error of the balance of each axis beyond its own deviation.
+    /// Standard deviation of the balance of each axis, beyond its own variance.
     floor: [f64; 3],
-    /// Readings in a row after which the forces may as well be what is wrong.
+    /// Consecutive rejected readings after which the forces can be wrong instead.
     rejections_max: u32,
-    /// Readings in a row of a faulty axis that must agree before it is good again: one that is plugged
-    /// in wrong agrees for a moment whenever both happen to be alike.
+    /// Consecutive consistent readings of a faulty axis before it is used again: an axis with a
+    /// wrong connection agrees by chance for a moment.
     good_readings: u32,
-    /// What the balance does not tell, per square root of Hz.
+    /// Density of the error of the balance, per √Hz.
     replaced_density: f64,
 }
 
 impl Kind {
-    /// Rates, rad/s: attitude that is carried on without a gyro is off by what the moments are.
+    /// Of gyros, rad/s. An attitude that is propagated without a gyro has the error of the moments.
     fn rates(tuning: &InertialWatchTuning) -> Self {
         Self {
             names: RATE_NAMES,
@@ -42,7 +44,7 @@ impl Kind {
         }
     }
 
-    /// Specific forces, m/s^2. The forces do not count as wrong, however long they are contradicted.
+    /// Of accelerometers, m/s². The forces never count as wrong, however long they contradict.
     fn forces(tuning: &InertialWatchTuning) -> Self {
         Self {
             names: FORCE_NAMES,
@@ -67,29 +69,29 @@ const FORCE_NAMES: [&str; 3] = [
     "inertial unit upward acceleration",
 ];
 
-/// Memory of one axis.
+/// Monitor of one axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Axis {
-    /// The last reading, and how often it came again.
+    /// The last reading and the number of its repeats.
     read: f64,
     repeats: u32,
-    /// The last one that was believed.
+    /// The last reading that was used.
     last: Option<f64>,
-    /// Readings in a row that were not.
+    /// Consecutive rejected readings.
     rejected: u32,
-    /// Readings in a row that agreed since it was faulty.
+    /// Consecutive consistent readings of a faulty axis.
     agreed: u32,
-    /// Readings for which an axis that was faulty stays suspect.
+    /// Remaining readings for which an axis that was faulty is suspect.
     suspect: u32,
 }
 
-/// Memory of the unit.
+/// Monitor of the inertial unit.
 #[derive(Clone, Debug, Default)]
 pub struct InertialWatch {
     tuning: InertialWatchTuning,
     rate: [Axis; 3],
     force: [Axis; 3],
-    /// Readings in a row that the unit itself called bad.
+    /// Consecutive readings that the unit marks as invalid.
     bad: u32,
 }
 
@@ -105,8 +107,8 @@ impl InertialWatch {
         }
     }
 
-    /// Takes note of a reading that the unit itself calls bad: it failed its own test, or an axis is
-    /// beyond its range.
+    /// Counts a reading that the unit marks as invalid: its self test failed, or an axis is out of
+    /// range.
     pub fn invalid_reading(&mut self, changes: &mut impl FnMut(SensorChange)) {
         self.bad = self.bad.saturating_add(1);
         if self.bad == self.tuning.faulty_readings {
@@ -118,7 +120,7 @@ impl InertialWatch {
         }
     }
 
-    /// Which axes of the last reading were believed.
+    /// Which axes of the last reading were used.
     pub fn used(&self) -> UsedAxes {
         Triads {
             rate: self.rate.map(|axis| axis.rejected == 0),
@@ -126,7 +128,8 @@ impl InertialWatch {
         }
     }
 
-    /// Readings have jumped because a bias has: those that are not faulty are not suspect, either.
+    /// Clears the suspicion of axes that are not faulty: their readings have jumped because a bias
+    /// has.
     pub fn clear_suspicion(&mut self) {
         for axis in self.rate.iter_mut().chain(&mut self.force) {
             if axis.rejected < self.tuning.faulty_readings {
@@ -135,8 +138,8 @@ impl InertialWatch {
         }
     }
 
-    /// What is unseen of each axis of the last reading that was handed out, (rad/s)/sqrt(Hz) and
-    /// (m/s^2)/sqrt(Hz).
+    /// Density of the error of each replaced axis of the last reading, (rad/s)/√Hz and (m/s²)/√Hz;
+    /// zero for a used axis.
     pub fn replaced_density(&self) -> Triads<[f64; 3]> {
         let of = |used: [bool; 3], kind: &Kind| {
             used.map(|used| if used { 0.0 } else { kind.replaced_density })
@@ -148,8 +151,8 @@ impl InertialWatch {
         }
     }
 
-    /// The reading to go on with, from one of noise `sigma` that is `bias` too large, and what is
-    /// expected of each axis without the bias as value and variance.
+    /// The reading to use, from `reading` with noise `sigma` and `bias`, and from the expected
+    /// values without bias.
     pub fn judge(
         &mut self,
         reading: Triads<Vector3<f64>>,
@@ -165,7 +168,7 @@ impl InertialWatch {
                 why: BAD,
             });
         }
-        // A vehicle that moves shakes every axis.
+        // While a vehicle moves, every axis of a good unit changes.
         let moving = expected.force.is_some();
         let tuning = self.tuning;
         let [rates, forces] = [Kind::rates(&tuning), Kind::forces(&tuning)];
@@ -202,12 +205,12 @@ impl InertialWatch {
     }
 }
 
-/// What is expected of three axes.
+/// Expected values of three axes.
 #[derive(Clone, Copy, Debug)]
 struct Expected {
-    /// Value and variance of each.
+    /// Expected value of each axis.
     expected: Option<[Gaussian; 3]>,
-    /// Whether they cannot stand still.
+    /// Whether the vehicle moves, so that constant readings are stuck.
     moving: bool,
 }
 
@@ -225,7 +228,7 @@ fn judge_all(
         let doubt = sigma * sigma + kind.floor[i].powi(2);
         let expected =
             expected.map(|all| Gaussian::new(all[i].mean + bias[i], all[i].variance + doubt));
-        let told = axis.judge(reading[i], expected, moving, (tuning, kind));
+        let used = axis.judge(reading[i], expected, moving, (tuning, kind));
         let change = |faulty| SensorChange {
             name: kind.names[i],
             faulty,
@@ -236,7 +239,7 @@ fn judge_all(
         } else if axis.rejected == 0 && before >= tuning.faulty_readings {
             changes(change(false));
         }
-        told
+        used
     })
 }
 
@@ -255,7 +258,7 @@ impl Axis {
         };
         self.read = reading;
         let Some(expected) = expected else {
-            // Nothing speaks for a sensor that was found faulty, either.
+            // A sensor that was found faulty stays faulty.
             if self.rejected < tuning.faulty_readings {
                 self.rejected = 0;
                 self.last = Some(reading);
@@ -319,20 +322,20 @@ mod tests {
     #[test]
     fn a_wild_axis_is_replaced_named_and_taken_back() {
         let mut watch = InertialWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         let expected = Some([0.1, 0.0, 0.3].map(|mean| Gaussian::new(mean, 1e-4)));
         for k in 0..200 {
             let wild = if (50..100).contains(&k) { 3.5 } else { 0.1 };
             let reading = Vector3::new(wild, 0.01, 0.31);
             let rate = judge(&mut watch, reading, expected, &mut |change| {
-                told.push((k, change.name, change.faulty));
+                reported.push((k, change.name, change.faulty));
             });
             assert_eq!(rate.z, 0.31);
             assert_eq!(rate.x, 0.1, "{k}");
         }
         assert_eq!(watch.used().rate, [true; 3]);
         let name = RATE_NAMES[0];
-        assert_eq!(told, [(69, name, true), (100, name, false)]);
+        assert_eq!(reported, [(69, name, true), (100, name, false)]);
         let wild = Vector3::repeat(9.0);
         assert_eq!(judge(&mut watch, wild, None, &mut |_| {}), wild);
     }
@@ -349,15 +352,15 @@ mod tests {
         }
     }
 
-    /// A body that begins to accelerate: the axis that hangs is replaced once it is contradicted,
-    /// the others move and are believed.
+    /// A body begins to accelerate. The stuck axis is replaced once the balance contradicts it; the
+    /// other axes change and are used.
     #[test]
     fn an_accelerometer_that_hangs_is_replaced_once_the_forces_move() {
         let mut watch = InertialWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for k in 0..100 {
             let truth = 0.05 * f64::from(k);
-            // What is known of the bias changes, the reading of the axis that hangs does not.
+            // The estimate of the bias changes, the reading of the stuck axis does not.
             let bias = Triads {
                 rate: Vector3::zeros(),
                 force: Vector3::repeat(1e-4 * f64::from(k % 7)),
@@ -371,13 +374,13 @@ mod tests {
                 force: Some([truth, truth, 9.81 + truth].map(|mean| Gaussian::new(mean, 1e-3))),
             };
             let force = watch.judge(reading, bias, SIGMA, &expected, &mut |change| {
-                told.push((change.name, change.faulty));
+                reported.push((change.name, change.faulty));
             });
             assert!((force.force.x - truth).abs() < 1.6, "{k}");
             assert_eq!(force.force.y, truth);
         }
         assert_eq!(watch.used().force, [false, true, true]);
-        assert_eq!(told, [(FORCE_NAMES[0], true)]);
+        assert_eq!(reported, [(FORCE_NAMES[0], true)]);
         assert_eq!(
             watch.replaced_density().force,
             [

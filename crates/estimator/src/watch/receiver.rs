@@ -7,17 +7,17 @@ use crate::motion::Verdict;
 
 use crate::tuning::ReceiverWatchTuning;
 
-/// Memory of one receiver.
+/// Monitor of one receiver.
 #[derive(Clone, Copy, Debug)]
 pub struct ReceiverWatch {
     name: &'static str,
-    /// Since when all of its values have been left out.
+    /// Since when all values have been rejected.
     since: Option<LogTime>,
     reported: bool,
 }
 
 impl ReceiverWatch {
-    /// A receiver, by the name that events have for it.
+    /// For the receiver that events call `name`.
     pub fn new(name: &'static str) -> Self {
         Self {
             name,
@@ -26,8 +26,8 @@ impl ReceiverWatch {
         }
     }
 
-    /// Takes note of how a value true at `time` has fared. It is the receiver's fault only where
-    /// something vouches for the state.
+    /// Takes the verdict of a value that was valid at `time`. A rejection is a fault of the
+    /// receiver only while the inertial unit is consistent with the balances.
     pub fn judge(
         &mut self,
         time: LogTime,

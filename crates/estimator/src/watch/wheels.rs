@@ -1,5 +1,6 @@
-//! Wheel speeds. A wheel that neither drives nor brakes rolls as fast as the ground passes: one that
-//! says otherwise is wrong, while a wheel that locks or spins pushes.
+//! Monitor of wheel speeds. A wheel without drive or brake force rolls as fast as the ground
+//! passes; a different reading is a fault. A locked or spinning wheel has a longitudinal force and
+//! is not judged.
 
 use sample::{LogTime, PerWheel, Wheel};
 
@@ -14,7 +15,7 @@ const NAMES: [&str; 4] = [
     "RR wheel speed",
 ];
 
-/// Memory of the four.
+/// Monitor of the four wheels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WheelWatch([One; 4]);
 
@@ -25,19 +26,20 @@ struct One {
     faulty: bool,
 }
 
-/// What is known of a wheel beside its sensor.
+/// A wheel's reading with the speed and force of other sensors.
 #[derive(Clone, Copy, Debug)]
 pub struct Rolling {
-    /// How fast the wheel's sensor has it roll, m/s.
+    /// Rolling speed by the sensor, m/s.
     pub read_m_s: f64,
-    /// How fast the ground passes, m/s.
+    /// Speed over ground, m/s.
     pub over_ground_m_s: f64,
     /// Its force, contact frame, N.
     pub force_n: [f64; 3],
 }
 
 impl Rolling {
-    /// Whether the sensor contradicts; `None` where slip may explain it.
+    /// Whether the reading contradicts the speed over ground; `None` where slip can explain the
+    /// difference.
     fn contradicts(&self, tuning: &WheelWatchTuning) -> Option<bool> {
         let [forward, _, load] = self.force_n;
         let apart = (self.read_m_s - self.over_ground_m_s).abs();
@@ -47,12 +49,12 @@ impl Rolling {
 }
 
 impl WheelWatch {
-    /// Whether a wheel's sensor is believed.
+    /// Whether a wheel's sensor is used.
     pub fn is_used(&self, wheel: Wheel) -> bool {
         !self.0[wheel.index()].faulty
     }
 
-    /// Holds what the sensors say at `now` against the ground.
+    /// Compares the readings at `now` with the speed over ground.
     pub fn judge(
         &mut self,
         now: LogTime,
@@ -63,7 +65,7 @@ impl WheelWatch {
         let verdicts = rolling.0.map(|rolling| rolling?.contradicts(tuning));
         let count = |verdict| verdicts.iter().filter(|v| **v == Some(verdict)).count();
         if count(true) > count(false) {
-            // It is the speed over ground that is wrong.
+            // Most wheels contradict: the speed over ground is wrong.
             return;
         }
         for (i, one) in self.0.iter_mut().enumerate() {

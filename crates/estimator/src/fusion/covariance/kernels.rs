@@ -87,16 +87,17 @@ fn project_counted<const M: usize>(
 }
 
 kernel! {
-    /// Each column less what those before it have told of it, `told[m][k]` of column m in column k.
+    /// Gram-Schmidt: subtracts from each column its projections on the earlier columns,
+    /// `projection[m][k]` of column m in column k.
     fn clear_of_earlier(
         columns: &mut [Column; TOGETHER],
-        told: &[[f64; TOGETHER]; TOGETHER],
+        projection: &[[f64; TOGETHER]; TOGETHER],
         count: usize
     ) {
         for m in 1..count {
             let (earlier, rest) = columns.split_at_mut(m);
             for e in 0..m {
-                let part = told[e][m];
+                let part = projection[e][m];
                 for j in 0..WIDTH {
                     rest[0][j] -= part * earlier[e][j];
                 }
