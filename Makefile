@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -57,9 +57,12 @@ fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole 
 	@scripts/fuzz
 
 campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved?
-	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test motion_faults --test car -- --ignored --nocapture
+	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test motion_faults --test car --test sensitivity -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec --test cli campaign_of -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec-store --test damage campaign_of -- --ignored --nocapture
+
+bless: ## Write the generated documents again: docs/filter-spec.md
+	$(CARGO) run --locked --quiet -p atvrec-estimator --example filter_spec
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench

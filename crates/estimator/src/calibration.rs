@@ -21,7 +21,7 @@ use sample::{StrainChannel, Wheel};
 use serde::{Deserialize, Serialize};
 
 use crate::EstimatorError;
-use crate::planar::Handling;
+use crate::handling::Handling;
 
 pub use resolved::{Channel, CornerChannels, Resolved};
 

@@ -1,8 +1,8 @@
-//! The four linkages as they stand at this instant: where spring deflection, rack and body motion
-//! put them, and the linear map between member forces and tyre forces that follows.
+//! Position of the four linkages from spring deflection, rack and body motion, and the linear map
+//! between member forces and tyre forces.
 
-mod hand_wheel;
 mod length;
+mod steering_wheel;
 
 use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
@@ -13,33 +13,18 @@ use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
-use crate::fusion::StrutBelief;
+use crate::feedback::{BodyMotionEstimate, EstimatorFeedback, StrutEstimate};
 use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
+use crate::tuning::{CornerTuning, Tuning};
 
-use hand_wheel::{ANGLE_KEEP, HandWheel, RATE_KEEP};
 use length::LengthFilter;
-
-/// Load under which a wheel's contact point says nothing about the ground, N.
-const CONTACT_N: f64 = 60.0;
-/// Model error of a strut's force beside what its length's error makes, N: as one smoothed reading
-/// tells it, and as one of many that do.
-const STRUT_FLOOR_N: f64 = 8.0;
-const READING_FLOOR_N: f64 = 3.0;
-/// How many times the variance of a strut's rate counts in one of many readings: its error lasts.
-const RATE_LASTS: f64 = 2.5;
-
-/// Part of the way to the length that a force calls for that is gone in one step, and the most, m.
-const FORCED_PART: f64 = 0.1;
-const FORCED_STEP_MAX_M: f64 = 0.002;
-
-/// Deviation of the front wheels' heading that a workshop's zero of the hand wheel leaves at most, rad.
-const STEER_SIGMA_MAX_RAD: f64 = 0.003;
+use steering_wheel::SteeringWheel;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerState {
-    /// Where the linkage stands.
+    /// Pose of the linkage.
     pub pose: CornerPose,
     /// The tyre's contact frame.
     pub frame: TyreFrame,
@@ -49,10 +34,10 @@ pub struct CornerState {
     pub strut_n: f64,
     /// Its standard deviation, N; infinite while no deflection is measured.
     pub strut_sigma_n: f64,
-    /// The same force with the spring where the potentiometer's new reading alone puts it, and its
-    /// deviation, N; none without a new reading. Its noise is new with every reading.
-    pub strut_read: Option<[f64; 2]>,
-    /// Its stiffness where it stands, N/m.
+    /// The same force from a new reading of the potentiometer alone, whose noise is independent of
+    /// earlier readings; `None` without a new reading.
+    pub strut_read: Option<StrutReading>,
+    /// Stiffness of the spring at the present length, N/m.
     pub strut_stiffness_n_m: f64,
     /// Whether its potentiometer has just jumped.
     pub strut_jumped: bool,
@@ -62,12 +47,22 @@ pub struct CornerState {
     pub spin_dot_rad_s2: f64,
     /// Velocity of the wheel centre against the body, m/s.
     pub travel_m_s: Vector3<f64>,
-    /// How the upright turns against the body, rad/s: as it is steered, and as it travels.
+    /// Angular rate of the upright against the body by steering and travel, rad/s.
     pub turn_rad_s: Vector3<f64>,
+}
+
+/// Strut force from one reading of the potentiometer.
+#[derive(Clone, Copy, Debug)]
+pub struct StrutReading {
+    /// Force, N.
+    pub force_n: f64,
+    /// Standard deviation, N.
+    pub sigma_n: f64,
 }
 
 #[derive(Clone, Debug)]
 struct Linkage {
+    tuning: CornerTuning,
     corner: Corner,
     strut: Strut,
     unsprung: Unsprung,
@@ -79,50 +74,40 @@ struct Linkage {
     fallback_load_n: f64,
 }
 
-/// What the filters have told so far.
-#[derive(Clone, Copy, Debug)]
-pub struct Told {
-    /// Loads of the wheels, N; not finite where unknown.
-    pub load_n: [f64; 4],
-    /// The struts.
-    pub struts: [StrutBelief; 4],
-    /// Specific force of the centre of gravity, m/s^2, and angular acceleration, rad/s^2, less
-    /// noisy than the inertial unit's.
-    pub body_motion: Option<[Vector3<f64>; 2]>,
-    /// How much further left the hand wheel stands than it says, rad.
-    pub hand_wheel_rad: f64,
-}
-
 /// All four corners.
 #[derive(Clone, Debug)]
 pub struct Corners {
+    tuning: CornerTuning,
+    fresh_s: f64,
     linkages: [Linkage; 4],
     states: [CornerState; 4],
     before: [CornerStatics; 4],
     normal: Vector3<f64>,
-    /// The normal that the wheels' contact points told at the last step.
+    /// Ground normal from the wheels' contact points at the last step.
     seen: Option<Vector3<f64>>,
     turn_over_ground: Option<[f64; 2]>,
-    /// Slopes along x and y that leaning tyres may have feigned.
+    /// Standard deviation of the ground's slopes along x and y by leaning tyres.
     leaning: [f64; 2],
     cg_height_m: f64,
     rack_m_rad: f64,
-    /// The hand wheel, for its angle.
-    hand_wheel: HandWheel,
-    /// The same with a longer memory, for its rate and acceleration.
-    turning: HandWheel,
+    /// Filter of the steering wheel's angle.
+    steering_wheel: SteeringWheel,
+    /// Filter with a longer memory for its rate and acceleration.
+    turning: SteeringWheel,
     sixth: ChannelKind,
 }
 
 impl Corners {
-    /// The corners of a vehicle; `None` where its file has no linkages, struts or unsprung masses.
-    ///
-    /// # Errors
-    /// When the hard-points make no linkage.
-    pub fn new(vehicle: &Vehicle, deflection_sigma_m: f64) -> Result<Option<Self>, EstimatorError> {
+    /// The corners of a vehicle; `None` if the vehicle file has no linkages, struts or unsprung
+    /// masses.
+    pub fn new(
+        vehicle: &Vehicle,
+        deflection_sigma_m: f64,
+        tuning: &Tuning,
+    ) -> Result<Option<Self>, EstimatorError> {
         let mut linkages = Vec::with_capacity(4);
         for wheel in Wheel::ALL {
-            match Linkage::new(vehicle, wheel, deflection_sigma_m) {
+            match Linkage::new(vehicle, wheel, deflection_sigma_m, tuning) {
                 Ok(Some(linkage)) => linkages.push(linkage),
                 Ok(None) => return Ok(None),
                 Err(error) => return Err(EstimatorError::Suspension(error.to_string())),
@@ -157,6 +142,8 @@ impl Corners {
             1.0 / (vehicle.steering.ratio * per_rack)
         });
         Ok(Some(Self {
+            tuning: tuning.corners,
+            fresh_s: tuning.fresh_s,
             linkages,
             before: states.map(|state| state.statics),
             states,
@@ -166,19 +153,19 @@ impl Corners {
             leaning: [0.0; 2],
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
-            hand_wheel: HandWheel::default(),
-            turning: HandWheel::default(),
+            steering_wheel: SteeringWheel::default(),
+            turning: SteeringWheel::default(),
             sixth: ChannelKind::Strut,
         }))
     }
 
-    /// The corners as they were put by the last [`update`](Self::update).
+    /// The corners after the last [`update`](Self::update).
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {
         &self.states
     }
 
-    /// The maps between members and tyres as they were a step before.
+    /// Maps between members and tyres one step before.
     #[must_use]
     pub fn statics_before(&self) -> &[CornerStatics; 4] {
         &self.before
@@ -190,9 +177,9 @@ impl Corners {
         self.normal
     }
 
-    /// How fast the body rolls and pitches over the ground, rad/s, by what the struts and the tyres'
-    /// compression have changed since the last step. None where these are not known or too few
-    /// wheels stand.
+    /// Roll and pitch rate of the body over the ground, rad/s, from the change of struts and tyre
+    /// compression in the last step. `None` where these are unknown or fewer than three wheels
+    /// touch the ground.
     #[must_use]
     pub fn turn_over_ground(&self) -> Option<[f64; 2]> {
         self.turn_over_ground
@@ -212,8 +199,8 @@ impl Corners {
         [0, 1].map(|axis| frame.vehicle_from_tyre.column(axis).dot(&velocity))
     }
 
-    /// The middle between the wheel centres of an axle: where it is from the centre of gravity, m,
-    /// and how it travels against the body, m/s.
+    /// The middle between the wheel centres of an axle: position from the centre of gravity, m, and
+    /// velocity against the body, m/s.
     #[must_use]
     pub fn axle_middle(&self, axle: usize) -> [Vector3<f64>; 2] {
         let [left, right] = [2 * axle, 2 * axle + 1].map(|i| &self.states[i]);
@@ -226,37 +213,45 @@ impl Corners {
         point_m - Vector3::z() * self.cg_height_m
     }
 
-    /// Puts the corners where the readings say at `now`, `dt` after the last time.
+    /// Places the corners at `now`, `dt` after the last call. `steering_offset_rad` is added to the
+    /// steering wheel's angle.
     pub fn update(
         &mut self,
         now: LogTime,
         dt: f64,
         readings: &mut Readings,
         motion: &MotionState,
-        told: &Told,
+        feedback: &EstimatorFeedback,
+        steering_offset_rad: f64,
     ) {
-        let load_n = told.load_n;
-        if let Some(reading) = readings.hand_wheel_rad {
-            self.hand_wheel.follow(reading.value, ANGLE_KEEP, dt);
-            self.turning.follow(reading.value, RATE_KEEP, dt);
+        let load_n = feedback.forces.0.map(|force| force.force_n[2]);
+        let of_wheel = &self.tuning.steering_wheel;
+        if let Some(reading) = readings.steering_wheel_rad {
+            self.steering_wheel
+                .follow(reading.value, of_wheel.angle_keep, dt);
+            self.turning.follow(reading.value, of_wheel.rate_keep, dt);
         }
-        let rack = (self.hand_wheel.angle_rad + told.hand_wheel_rad) * self.rack_m_rad;
-        let rack_motion = self.turning.motion(self.rack_m_rad);
+        let rack = (self.steering_wheel.angle_rad + steering_offset_rad) * self.rack_m_rad;
+        let rack_motion = self.turning.motion(self.rack_m_rad, of_wheel);
         for (i, linkage) in self.linkages.iter_mut().enumerate() {
             let compression = &mut readings.corners.0[i].compression_m;
-            linkage.measure(now, dt, rack, compression, told.struts[i]);
+            linkage.measure(now, dt, rack, compression, feedback.struts[i]);
         }
         let load: [f64; 4] = std::array::from_fn(|i| {
             if load_n[i].is_finite() {
-                load_n[i].clamp(0.0, 20.0 * self.linkages[i].fallback_load_n)
+                load_n[i].clamp(0.0, self.tuning.load_max * self.linkages[i].fallback_load_n)
             } else {
                 self.linkages[i].fallback_load_n
             }
         });
         self.tilt(now, dt, motion, load);
-        let [specific_force_m_s2, rate_dot_rad_s2] = told
-            .body_motion
-            .unwrap_or([motion.specific_force_m_s2, motion.rate_dot_rad_s2]);
+        let BodyMotionEstimate {
+            specific_force_m_s2,
+            rate_dot_rad_s2,
+        } = feedback.body_motion.unwrap_or(BodyMotionEstimate {
+            specific_force_m_s2: motion.specific_force_m_s2,
+            rate_dot_rad_s2: motion.rate_dot_rad_s2,
+        });
         let body = BodyMotion {
             specific_force_m_s2,
             reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
@@ -265,8 +260,8 @@ impl Corners {
         };
         let up = motion.earth_from_body.inverse() * Vector3::z();
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
-        // How fast the velocity's components along the turning body axes grow. The body's turning
-        // spins no wheel that stands.
+        // Rate of the velocity's components along the rotating body axes. The body's rotation does
+        // not spin a wheel at rest.
         let gained = specific_force_m_s2
             - up * STANDARD_GRAVITY_M_S2
             - motion.rate_rad_s.cross(&motion.velocity_m_s);
@@ -274,22 +269,22 @@ impl Corners {
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
             let spin = readings
-                .wheel_speed(Wheel::ALL[i], now)
+                .wheel_speed(Wheel::ALL[i], now, self.fresh_s)
                 .unwrap_or(motion.velocity_m_s.x / radius);
             let rack_motion = if i < 2 { rack_motion } else { [0.0; 2] };
             let pose = &linkage.pose;
             let along = along_heading(pose.wheel_centre_m, pose.spindle, gained, yaw_dot);
             let rolling = [spin, along / radius, gravity];
             self.before[i] = self.states[i].statics;
-            // A linkage whose map is singular keeps the last one.
+            // A linkage with a singular map keeps its last state.
             if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
                 self.states[i] = state;
             }
         }
     }
 
-    /// The ground's normal: from the contact points where three wheels or more stand firmly, else
-    /// carried on as the body turns.
+    /// Ground normal: from the contact points while at least three wheels carry load, else
+    /// propagated with the body's rotation.
     fn tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState, load_n: [f64; 4]) {
         self.normal -= motion.rate_rad_s.cross(&self.normal) * dt;
         let known = self
@@ -297,7 +292,7 @@ impl Corners {
             .iter()
             .all(|linkage| linkage.length.known(now));
         if !known {
-            // Without deflections the ground is taken to be level.
+            // Without deflections the ground is assumed level.
             self.normal = motion.earth_from_body.inverse() * Vector3::z();
         }
         let poses = PerWheel(std::array::from_fn(|i| self.linkages[i].pose));
@@ -305,7 +300,7 @@ impl Corners {
         let compression = PerWheel(std::array::from_fn(|i| {
             load_n[i] / self.linkages[i].tyre_stiffness_n_m
         }));
-        let weight = PerWheel(load_n.map(|load| f64::from(load > CONTACT_N)));
+        let weight = PerWheel(load_n.map(|load| f64::from(load > self.tuning.contact_n)));
         let plane = known.then(|| ground_plane(&poses, &radius, &compression, &weight));
         let plane = plane.flatten();
         if let Some(plane) = &plane {
@@ -323,11 +318,12 @@ impl Corners {
         self.normal.normalize_mut();
     }
 
-    /// The forces with what errors of the contact frames add to their deviations: the members tell
-    /// each force in the body's axes, the ground's normal what of it is load, the steer angle what of
-    /// it is lateral. `steer_sigma_rad` is the deviation of the hand wheel's zero at the front wheels.
+    /// The forces with the errors of the contact frames added to their standard deviations. Members
+    /// measure a force in body axes; the ground's normal determines the part that is load, the
+    /// steer angle the part that is lateral. `steer_sigma_rad` is the standard deviation of the
+    /// steering wheel's zero at the front wheels.
     #[must_use]
-    pub fn doubt_frames(
+    pub fn add_frame_uncertainty(
         &self,
         forces: &PerWheel<TyreForce>,
         steer_sigma_rad: f64,
@@ -339,7 +335,7 @@ impl Corners {
             let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
             let [along, across] = [0, 1].map(|axis| frame.column(axis).dot(&slopes));
             let steer = if wheel.is_front() {
-                steer_sigma_rad.min(STEER_SIGMA_MAX_RAD)
+                steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
             } else {
                 0.0
             };
@@ -365,18 +361,17 @@ impl Corners {
         self.linkages[i].length.value()
     }
 
-    /// What the sixth channel of the maps is.
+    /// Kind of the sixth channel of the maps.
     #[must_use]
     pub fn sixth(&self) -> ChannelKind {
         self.sixth
     }
 }
 
-/// Slopes of the ground along x and y that the tyres' shape may feign, one standard deviation. How
-/// far below its wheel's centre a leaning tyre touches the ground hangs on its crown, which nobody
-/// measures: between a thin disc of radius R and one whose radius the lean takes away there are
-/// R (1 - cos gamma). The vehicle's tyres are alike in this, so that the same lean of all feigns
-/// nothing.
+/// Standard deviation of the ground's slopes along x and y by the tyres' shape. The height of a
+/// leaning tyre's contact point below the wheel centre depends on its crown, which is not measured:
+/// between a thin disc of radius R and a tyre whose crown removes the effect there are R (1 - cos
+/// gamma). All tyres of a vehicle have the same crown, so the same lean of all gives no slope.
 fn leaning_slopes(
     plane: &GroundPlane,
     poses: &PerWheel<CornerPose>,
@@ -392,8 +387,8 @@ fn leaning_slopes(
     })
 }
 
-/// Roll and pitch rate, rad/s, of a body that turns about `yaw_rate` besides and has seen the normal
-/// n of the ground move in its axes: n' = n x w.
+/// Roll and pitch rate, rad/s, of a body with the given yaw rate for which the ground normal n has
+/// moved in body axes: n' = n x w.
 fn turn_from_normals(
     before: Vector3<f64>,
     now: Vector3<f64>,
@@ -406,8 +401,8 @@ fn turn_from_normals(
     [roll, pitch]
 }
 
-/// How fast the velocity of a wheel at `at`, m, along its heading grows, m/s^2, from what the body's
-/// velocity gains and from its yaw acceleration. The spindle points left.
+/// Acceleration of a wheel at `at` (m) along its heading, m/s^2, from the body's velocity change
+/// and yaw acceleration. The spindle points left.
 fn along_heading(
     at: Vector3<f64>,
     spindle: Vector3<f64>,
@@ -424,6 +419,7 @@ impl Linkage {
         vehicle: &Vehicle,
         wheel: Wheel,
         deflection_sigma_m: f64,
+        tuning: &Tuning,
     ) -> Result<Option<Self>, SuspensionError> {
         let axle: &Axle = if wheel.is_front() {
             &vehicle.front
@@ -445,7 +441,8 @@ impl Linkage {
             body.front_axle_to_cg_m
         };
         Ok(Some(Self {
-            length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m),
+            tuning: tuning.corners,
+            length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m, tuning),
             stands_at_m: corner.design_strut_length_m(),
             corner,
             strut: strut.clone(),
@@ -463,7 +460,7 @@ impl Linkage {
         dt: f64,
         rack_m: f64,
         reading: &mut Option<Reading>,
-        belief: StrutBelief,
+        belief: StrutEstimate,
     ) {
         self.length.predict(dt);
         self.length.jolt(belief.jolt_m_s2);
@@ -485,23 +482,24 @@ impl Linkage {
         } else if let Some(force) = belief.force_n.filter(|force| force.is_finite()) {
             self.stands_at_m += self.step_to_force(force);
         }
-        // Out of reach: the linkage stays where it was.
+        // Length out of reach: the linkage keeps its pose.
         if let Ok(pose) = self.corner.pose(self.stands_at_m, rack) {
             self.pose = pose;
         }
     }
 
-    /// Without a potentiometer the spring stands where its force puts it: a part of the way there,
-    /// m, since the damper's share is unknown.
+    /// Without a potentiometer the spring force determines the length. Part of the way to it, m:
+    /// the damper's share of the force is unknown.
     fn step_to_force(&self, force_n: f64) -> f64 {
         let length = self.stands_at_m + self.design_shift_m();
         let surplus = self.strut.force(length, 0.0).total_n() - force_n;
-        let step = FORCED_PART * surplus / self.strut.stiffness_at(length);
-        step.clamp(-FORCED_STEP_MAX_M, FORCED_STEP_MAX_M)
+        let step = self.tuning.forced_part * surplus / self.strut.stiffness_at(length);
+        let most = self.tuning.forced_step_max_m;
+        step.clamp(-most, most)
     }
 
-    /// The force hangs on the measured spring, the pose on the hard-points: a millimetre that
-    /// these are wrong by must not become 65 N.
+    /// The force uses the measured spring length, the pose the hard-points: a hard-point error of 1
+    /// mm must not become 65 N.
     fn design_shift_m(&self) -> f64 {
         self.strut.design_length_m - self.corner.design_strut_length_m()
     }
@@ -526,7 +524,7 @@ impl Linkage {
             load_n / self.tyre_stiffness_n_m,
         );
         let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
-        if load_n > CONTACT_N {
+        if load_n > self.tuning.contact_n {
             motion = motion.on_ground(&self.corner, pose, normal, gravity);
         }
         motion.spin_rad_s = spin;
@@ -544,9 +542,12 @@ impl Linkage {
         let strut_n = self.strut.force(length, rate).total_n();
         let strut_read = self.length.reading().map(|read| {
             let spring = stiffness * stiffness * read.variance;
-            let damper = RATE_LASTS * damping * damping * read.rate_variance;
-            let variance = spring + damper + READING_FLOOR_N.powi(2);
-            [strut_n - stiffness * read.longer_m, variance.sqrt()]
+            let damper = self.tuning.rate_correlation * damping * damping * read.rate_variance;
+            let variance = spring + damper + self.tuning.reading_sigma_n.powi(2);
+            StrutReading {
+                force_n: strut_n - stiffness * read.longer_m,
+                sigma_n: variance.sqrt(),
+            }
         });
         Ok(CornerState {
             pose: *pose,
@@ -560,7 +561,7 @@ impl Linkage {
                 .length
                 .force_variance(stiffness, damping)
                 .map_or(f64::INFINITY, |variance| {
-                    (variance + STRUT_FLOOR_N.powi(2)).sqrt()
+                    (variance + self.tuning.strut_sigma_n.powi(2)).sqrt()
                 }),
             spin_rad_s: spin,
             spin_dot_rad_s2: spin_dot,
@@ -589,7 +590,9 @@ mod tests {
 
     fn prowler() -> Corners {
         let vehicle = Vehicle::builtin("prowler").unwrap();
-        Corners::new(&vehicle, 1e-4).unwrap().unwrap()
+        Corners::new(&vehicle, 1e-4, &Tuning::default())
+            .unwrap()
+            .unwrap()
     }
 
     #[test]
@@ -601,7 +604,7 @@ mod tests {
             sigma_n: [1.0; 3],
             ..TyreForce::default()
         };
-        let doubted = corners.doubt_frames(&PerWheel([force; 4]), 2e-3);
+        let doubted = corners.add_frame_uncertainty(&PerWheel([force; 4]), 2e-3);
         let near = |sigma: f64, error: f64| (sigma - math::hypot(1.0_f64, error)).abs() < 0.01;
         let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| doubted[wheel].sigma_n);
         assert!(
@@ -613,13 +616,13 @@ mod tests {
             "{front:?} {rear:?}"
         );
         assert!(near(rear[2], 0.5), "{rear:?}");
-        // Where deflection alone tells the load the other forces are unknown.
+        // Where only the load is known, the other forces stay unknown.
         let load = TyreForce {
             force_n: [f64::NAN, f64::NAN, 3000.0],
             sigma_n: [f64::NAN, f64::NAN, 5.0],
             ..TyreForce::default()
         };
-        let doubted = corners.doubt_frames(&PerWheel([load; 4]), 1.0);
+        let doubted = corners.add_frame_uncertainty(&PerWheel([load; 4]), 1.0);
         assert_eq!(doubted[Wheel::FrontLeft].sigma_n[2], 5.0);
     }
 

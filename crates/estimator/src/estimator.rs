@@ -1,58 +1,43 @@
+//! The estimator: samples in, estimates out.
+
+mod aiding;
 mod events;
+mod monitors;
 mod sensors;
+mod stages;
 
 use model::sensors::Sensors;
 use model::vehicle::{Axle, Vehicle};
 use sample::{
-    Estimate, Event, ForceSource, LogTime, Measurement, Motion, NANOS_PER_SECOND, Parameters,
-    PerWheel, Sample, SourceId, TyreForce, Wheel,
+    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
+    SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;
-use crate::corners::{Corners, Told};
+use crate::corners::Corners;
 use crate::expected::ExpectedForces;
-use crate::fusion::{Fusion, StepInput};
-use crate::grip::{Grip, GripInput};
+use crate::feedback::EstimatorFeedback;
+use crate::fusion::Fusion;
+use crate::grid::grid;
+use crate::grip::Grip;
 use crate::innovation::InnovationTally;
-use crate::inputs::{FRESH_S, Readings};
-use crate::kinematics;
+use crate::inputs::Readings;
 use crate::lift::LiftDetector;
-use crate::motion::{
-    ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, MotionState, VelocityReceiver,
-};
-use crate::planar::{Planar, PlanarMotion};
+use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, VelocityReceiver};
+use crate::planar::Planar;
 use crate::smoother::Step;
-use crate::statics::{self, CornerAssumptions};
 use crate::steering_column::SteeringColumn;
-use crate::waiting::{Entry, Held, Waiting};
+use crate::tuning::Tuning;
+use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
-use events::{Divergence, channel_event, frozen_event};
-use sensors::Watches;
+use events::Divergence;
+use monitors::ConsistencyMonitors;
 
-/// Spacing of the instants that estimates are given for, ns.
-pub const GRID_NANOS: u64 = 10_000_000;
-
-/// Spacing of the instants that parameters are given for, ns.
+/// Spacing of the instants that have parameters, ns.
 const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
-/// How long after an instant its estimate is made, ns: so that what was measured at the instant
-/// has arrived.
-const HOLD_NANOS: u64 = 5_000_000;
-/// A jump of the log clock, ns, that is not bridged: estimates start anew after it.
-const GAP_MAX_NANOS: u64 = 10_000_000_000;
-/// Age of GNSS velocity from which wheel speeds and the tyres' grip take its place, s.
-const GNSS_SILENT_S: f64 = 0.3;
-/// Time that attitude and biases take from a start, also one in a bend, s: until then slip angles
-/// teach no grip, and one more start is no divergence.
-const SETTLING_S: f64 = 2.0;
-/// Speed above which a wheel's lift is judged, m/s.
-const MOVING_M_S: f64 = 1.5;
-/// Step of the grid, s.
-const GRID_S: f64 = 0.01;
-/// Age of GNSS attitude from which the tyres' grip takes its place, s.
-const HEADING_SILENT_S: f64 = 1.0;
 
-/// What the estimator hands out.
+/// Output of the estimator.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
@@ -61,19 +46,20 @@ const HEADING_SILENT_S: f64 = 1.0;
 pub enum Output {
     /// The estimate of one instant of the grid.
     Estimate(Estimate),
-    /// What it has found beside, at each full second of the log clock after the estimate.
+    /// Estimated parameters, at each full second of the log clock, after the estimate.
     Parameters(Parameters),
-    /// Something that it declares.
+    /// An event.
     Event(Event),
-    /// The same instant for a [`Smoother`](crate::smoother::Smoother), where one was asked for.
+    /// The same instant for a [`Smoother`](crate::smoother::Smoother); only after
+    /// [`Estimator::traced`].
     Step(Box<Step>),
 }
 
 /// Forces and motion of one vehicle from its samples.
 ///
-/// For each arrival, first call [`advance`](Self::advance) with its log time, then
-/// [`push`](Self::push) each sample that was decoded from it. Ticks advance time too, so that
-/// estimates go on when sensors fall silent.
+/// For each arrival, call [`advance`](Self::advance) with its log time, then
+/// [`push`](Self::push) with each sample that was decoded from it. Clock ticks call `advance` too,
+/// so that estimates continue while sensors are silent.
 #[derive(Clone, Debug)]
 pub struct Estimator {
     vehicle: Vehicle,
@@ -81,32 +67,34 @@ pub struct Estimator {
     settings: Settings,
     next_grid: Option<LogTime>,
     waiting: Waiting,
-    /// The receiver of attitude, once it has spoken.
+    /// The source of GNSS attitude, after its first value.
     attitude_source: Option<SourceId>,
     column: SteeringColumn,
     readings: Readings,
     motion: MotionFilter,
-    watches: Watches,
+    monitors: ConsistencyMonitors,
     corners: Option<Corners>,
     fusion: Option<Fusion>,
     expected: ExpectedForces,
-    measured: PerWheel<TyreForce>,
     lift: LiftDetector,
     grip: Grip,
-    /// Since when the motion filter has gone on without a start.
-    moving_since: Option<LogTime>,
     planar: Option<Planar>,
-    /// Of motion, forces and sideslip.
+    /// Results of the last step for the next.
+    feedback: EstimatorFeedback,
+    /// Time of the last start of the motion filter.
+    moving_since: Option<LogTime>,
+    /// Divergence of motion, forces and sideslip.
     divergences: [Divergence; 3],
+    /// Standard deviations of gyros, rad/s, and accelerometers, m/s².
     imu_sigma: [f64; 2],
     traced: bool,
 }
 
 impl Estimator {
-    /// An estimator that has seen nothing.
+    /// An estimator without any sample.
     ///
     /// # Errors
-    /// When the calibration is another vehicle's, or a value cannot be used.
+    /// The calibration belongs to another vehicle, or contains a value that cannot be used.
     pub fn new(
         vehicle: &Vehicle,
         sensors: &Sensors,
@@ -122,27 +110,29 @@ impl Estimator {
         let vehicle = &calibration.applied(vehicle);
         let calibration = Resolved::new(sensors, calibration)?;
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
-        let corners = Corners::new(vehicle, pot.noise_sigma)?;
+        let t = &settings.tuning;
+        let corners = Corners::new(vehicle, pot.noise_sigma, t)?;
         let fusion = (settings.method == Method::Fusion && corners.is_some())
-            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners));
+            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners, t));
         Ok(Self {
-            motion: MotionFilter::new(motion_settings(sensors, &calibration)),
+            motion: MotionFilter::new(motion_settings(sensors, &calibration, t), &t.motion),
             planar: corners
                 .is_none()
-                .then(|| Planar::new(vehicle, sensors, &calibration))
+                .then(|| Planar::new(vehicle, sensors, &calibration, t))
                 .transpose()?,
-            divergences: ["motion", "force", "sideslip"].map(Divergence::new),
-            watches: Watches::new(),
+            divergences: ["motion", "force", "sideslip"]
+                .map(|name| Divergence::new(name, t.recovery_s)),
+            monitors: ConsistencyMonitors::new(&t.watch),
             corners,
             fusion,
-            expected: ExpectedForces::new(vehicle),
-            measured: PerWheel::default(),
-            grip: Grip::new(vehicle),
+            expected: ExpectedForces::new(vehicle, &t.expected),
+            grip: Grip::new(vehicle, &t.grip),
+            feedback: EstimatorFeedback::default(),
             moving_since: None,
-            lift: LiftDetector::new(static_loads(vehicle)),
+            lift: LiftDetector::new(static_loads(vehicle), &t.lift),
             imu_sigma: [
-                sensors.imu.gyro_noise_rad_s.max(1e-4),
-                sensors.imu.accel_noise_m_s2.max(0.005),
+                sensors.imu.gyro_noise_rad_s.max(t.gyro_sigma_min_rad_s),
+                sensors.imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
             ],
             vehicle: vehicle.clone(),
             calibration,
@@ -156,7 +146,7 @@ impl Estimator {
         })
     }
 
-    /// From now on hands out [`Output::Step`] with each estimate.
+    /// Hands out [`Output::Step`] with each estimate from now on.
     #[must_use]
     pub fn traced(mut self) -> Self {
         self.traced = true;
@@ -170,9 +160,10 @@ impl Estimator {
         self
     }
 
-    /// Moves time to `now` and hands out the estimate of every grid instant up to 5 ms before it,
-    /// so that what was measured at an instant has arrived. Instants are multiples of
-    /// [`GRID_NANOS`] on the log clock, the first at or after the first call's time.
+    /// Moves time to `now` and hands out the estimate of every grid instant up to 5 ms before it:
+    /// measurements of an instant have arrived by then. Instants are multiples of
+    /// [`GRID_NANOS`](crate::GRID_NANOS) on the log clock, the first at or after the first call's
+    /// time.
     pub fn advance(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         for time in grid(&mut self.next_grid, now) {
             let estimate = self.step(time, out);
@@ -188,8 +179,8 @@ impl Estimator {
         self.next_grid = Some(LogTime(now.0.div_ceil(GRID_NANOS) * GRID_NANOS));
     }
 
-    /// Takes one sample in. Samples that do not concern the estimator are ignored, and so are
-    /// values that no vehicle can have.
+    /// Takes one sample. Samples that do not concern the estimator and values that no vehicle can
+    /// have are ignored.
     pub fn push(&mut self, sample: &Sample) {
         if let Some(planar) = &mut self.planar {
             planar.push(sample, &self.calibration, &self.settings);
@@ -217,7 +208,7 @@ impl Estimator {
             Measurement::Corner(corner) => self.waiting.push(time, Held::Corner(*corner)),
             Measurement::Steer(steer) if uses(Input::Steer) => {
                 let angle = steer.hand_wheel_rad - self.calibration.steer_offset_rad;
-                self.waiting.push(time, Held::HandWheel(angle));
+                self.waiting.push(time, Held::SteeringWheel(angle));
             }
             Measurement::WheelSpeed(speeds) if uses(Input::WheelSpeed) => {
                 let speeds = speeds.angular_speed_rad_s;
@@ -227,148 +218,31 @@ impl Estimator {
         }
     }
 
-    /// Takes in all that has arrived, in the order of its own time.
-    fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
-        self.waiting.sort();
-        while let Some(Entry { time, held }) = self.waiting.take() {
-            let fresh = now.seconds_since(time) <= FRESH_S;
-            match held {
-                Held::Corner(_) | Held::HandWheel(_) | Held::WheelSpeed(_) if !fresh => {}
-                Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
-                Held::NoInertial => self.miss_inertial(now, out),
-                Held::Velocity(source, gnss) => {
-                    self.take_velocity(time, source, &gnss, now, out);
-                }
-                Held::Attitude(gnss) => self.take_attitude(time, &gnss, now, out),
-                Held::Corner(corner) => self.readings.push_corner(
-                    time,
-                    &corner,
-                    &self.calibration.corners[corner.wheel],
-                    self.settings.uses(Input::Strain),
-                    self.settings.uses(Input::Deflection),
-                ),
-                Held::HandWheel(angle) => self.take_hand_wheel(time, angle, now, out),
-                Held::WheelSpeed(speeds) => {
-                    for wheel in Wheel::ALL {
-                        if let Some(speed) = speeds[wheel] {
-                            self.readings.push_wheel_speed(time, wheel, speed);
-                        }
-                    }
-                }
-            }
-        }
-    }
-
+    /// One step of the grid, as a sequence of stages.
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
-        let resets = self.motion.resets();
-        self.motion.vouch(self.watches.vouch());
-        self.take_waiting(time, out);
-        self.watch_biases(time, out);
-        let settled = |since| time.seconds_since(since) > SETTLING_S;
-        let starting = !self.moving_since.is_some_and(settled);
-        self.divergences[0].step(time, self.motion.resets().into(), starting, out);
-        if self.motion.resets() > resets {
-            self.moving_since = None;
-        }
-        let settled = settled(*self.moving_since.get_or_insert(time));
-        self.readings
-            .frozen_changes(&self.calibration.corners, &mut |change| {
-                out(Output::Event(frozen_event(time, change)));
-            });
-        self.motion.bridge(time);
-        self.constrain_motion(time);
-        let mut state = self.motion.state(time);
+        let settled = self.collect(time, out);
+        let mut state = self.propagate(time);
         let navigated = self.is_navigated(time);
-        let planar = self.step_planar(time, navigated, out);
-        if let Some(planar) = &planar {
-            planar.lead(&mut state);
+        let planar = self.correct_planar(time, navigated, &mut state, out);
+        let steer_rad = self.place_corners(time, &state);
+        let mut motion = self.describe_motion(&state, planar.as_ref(), navigated);
+        let expected = self.expect_forces(&state, &motion, steer_rad);
+        let measured = self.measure_forces(time, &state, &expected, out);
+        let steering_wheel = self.monitor(time, &state, &measured, settled, out);
+        let rollover = self.detect_lift(time, &state, &measured, out);
+        self.complete_motion(&mut motion, &state, planar.as_ref(), steer_rad);
+        if navigated && settled {
+            self.learn_grip(time, &state, &motion, &measured, out);
         }
-        let load = self.measured.0.map(|force| force.force_n[2]);
-        let (steer_offset, _) = self.grip.steer_offset();
-        let struts = self
-            .fusion
-            .as_ref()
-            .map_or_else(Default::default, |fusion| {
-                std::array::from_fn(|wheel| fusion.strut(wheel))
-            });
-        if let Some(corners) = &mut self.corners {
-            let told = Told {
-                load_n: load,
-                struts,
-                body_motion: self.fusion.as_ref().and_then(Fusion::body_motion),
-                hand_wheel_rad: steer_offset * self.vehicle.steering.ratio,
-            };
-            corners.update(time, GRID_S, &mut self.readings, &state, &told);
-        }
-        let steer = self.steer_angles(steer_offset);
-        let mut motion = kinematics::motion(&state);
-        if self.planar.is_some() && planar.is_none() && !navigated {
-            motion = Motion::UNKNOWN;
-        }
-        if let Some(corners) = &self.corners {
-            let (roll, pitch) = kinematics::ground_angles(corners.normal());
-            motion.bank_rad = motion.roll_rad - roll;
-            motion.grade_rad = motion.pitch_rad - pitch;
-        }
-        let expected = self
-            .expected
-            .step(GRID_S, state.velocity_m_s.x, &motion, steer);
-        self.measured = self.measure(time, &state, &expected, out);
-        self.watch_wheels(time, &state, settled, out);
-        let moving = math::hypot(state.velocity_m_s.x, state.velocity_m_s.y) > MOVING_M_S;
-        let rollover = self
-            .lift
-            .step(time, GRID_S, moving, &self.measured, &mut |event| {
-                out(Output::Event(event));
-            });
-        if let Some(fusion) = self.fusion.as_ref().filter(|_| state.inertial) {
-            motion.rate_rad_s = fusion.rate_rad_s();
-        }
-        if let Some(planar) = &planar {
-            planar.tell(&mut motion);
-        }
-        motion.steer_rad = PerWheel(steer);
-        motion.slip_angle_rad = match &self.corners {
-            Some(corners) => kinematics::slip_angles_on(corners, &state),
-            None => kinematics::slip_angles(&self.vehicle, &state, steer),
-        };
-        // Grip is learnt from slip angles that GNSS gives; those that grip gave teach nothing, nor
-        // do the tyres of a vehicle that tips over.
-        if navigated
-            && settled
-            && self.watches.steering.believed()
-            && !self.lift.is_tipping()
-            && self.measured.0[0].source == ForceSource::Fusion
-        {
-            let input = GripInput {
-                now: time,
-                dt: GRID_S,
-                speed_m_s: state.velocity_m_s.x,
-                slip_angle_rad: &motion.slip_angle_rad,
-                corrected_rad: steer_offset,
-                sideslip_sigma_rad: state.sideslip_sigma_rad,
-                forces: &self.measured,
-            };
-            self.grip
-                .step(&input, &mut |event| out(Output::Event(event)));
-        }
+        self.feedback = self.feed_back(measured, steering_wheel);
         let estimate = Estimate {
             time,
             motion,
-            measured: self.measured,
+            measured,
             expected,
             rollover,
         };
-        if self.traced {
-            out(Output::Step(Box::new(Step {
-                estimate: estimate.clone(),
-                solution: self.motion.solution(),
-                operations: self.motion.take_operations(),
-                navigated: planar.is_none(),
-                planar: self.planar.as_mut().and_then(Planar::take_belief),
-                forces: self.fusion.as_mut().map(Fusion::take_belief),
-            })));
-        }
+        self.trace(&estimate, planar.is_none(), out);
         estimate
     }
 
@@ -394,59 +268,9 @@ impl Estimator {
             innovations,
         };
         if let Some(planar) = self.planar.as_ref().filter(|_| !self.is_navigated(time)) {
-            planar.tell_offsets(&mut parameters);
+            planar.write_offsets(&mut parameters);
         }
         parameters
-    }
-
-    fn measure(
-        &mut self,
-        now: LogTime,
-        motion: &MotionState,
-        expected: &PerWheel<TyreForce>,
-        out: &mut impl FnMut(Output),
-    ) -> PerWheel<TyreForce> {
-        let Some(corners) = &self.corners else {
-            return PerWheel::default();
-        };
-        if let Some(fusion) = &mut self.fusion {
-            let input = StepInput {
-                now,
-                dt: GRID_S,
-                corners: corners.states(),
-                statics_before: corners.statics_before(),
-                motion,
-                channels: &self.calibration.corners,
-                expected,
-                imu_m: self.calibration.imu_m,
-                imu_sigma: self.imu_sigma,
-                believed: self.watches.inertial.believed(),
-                turn_over_ground: corners.turn_over_ground(),
-            };
-            let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
-                out(Output::Event(channel_event(now, change)));
-            });
-            self.divergences[1].step(now, fusion.resets().into(), false, out);
-            self.watches.agree(fusion.vouches());
-            return corners.doubt_frames(&forces, self.grip.steer_offset().1);
-        }
-        let forces = PerWheel::from_fn(|wheel| {
-            let tyre = &self.axle(wheel).tyre;
-            let assumed = CornerAssumptions {
-                rolling_radius_m: tyre.rolling_resistance
-                    * tyre.unloaded_radius_m
-                    * motion.velocity_m_s.x.clamp(-1.0, 1.0),
-                expected_n: expected[wheel].force_n,
-            };
-            statics::tyre_force(
-                now,
-                &corners.states()[wheel.index()],
-                &self.readings.corners[wheel],
-                &self.calibration.corners[wheel],
-                &assumed,
-            )
-        });
-        corners.doubt_frames(&forces, self.grip.steer_offset().1)
     }
 
     fn axle(&self, wheel: Wheel) -> &Axle {
@@ -457,53 +281,23 @@ impl Estimator {
         }
     }
 
-    /// Whether satellites keep the inertial navigation.
+    /// Whether GNSS velocity and attitude are recent enough for the inertial navigation.
     fn is_navigated(&self, time: LogTime) -> bool {
-        self.motion.velocity_age_s(time) < GNSS_SILENT_S
-            && self.motion.attitude_age_s(time) < HEADING_SILENT_S
+        let t = &self.settings.tuning;
+        self.motion.velocity_age_s(time) < t.gnss_silent_s
+            && self.motion.attitude_age_s(time) < t.heading_silent_s
     }
 
-    /// The single-track filter, where it is the best that there is: without corners, and without
-    /// an inertial navigation that satellites keep.
-    fn step_planar(
-        &mut self,
-        time: LogTime,
-        navigated: bool,
-        out: &mut impl FnMut(Output),
-    ) -> Option<PlanarMotion> {
-        let planar = self.planar.as_mut()?;
-        let motion = planar.step(time, GRID_S);
-        self.divergences[2].step(time, planar.resets(), false, out);
-        motion.filter(|_| !navigated)
-    }
-
-    /// Steer angle of each wheel: from the linkages, else the hand wheel over the steering ratio.
-    fn steer_angles(&self, offset_rad: f64) -> [f64; 4] {
+    /// Steer angle of each wheel: from the linkages, else the steering wheel's angle over the
+    /// steering ratio.
+    fn steer_angles(&self) -> [f64; 4] {
         if let Some(corners) = &self.corners {
             return std::array::from_fn(|i| corners.states()[i].pose.steer_rad());
         }
-        let hand_wheel = self.readings.hand_wheel_rad.map_or(0.0, |r| r.value);
-        let front = hand_wheel / self.vehicle.steering.ratio + offset_rad;
+        let steering_wheel = self.readings.steering_wheel_rad.map_or(0.0, |r| r.value);
+        let front = steering_wheel / self.vehicle.steering.ratio + self.feedback.steer_offset_rad;
         [front, front, 0.0, 0.0]
     }
-}
-
-/// The instants of the grid up to [`HOLD_NANOS`] before `now`, from `next` on, which moves with
-/// them; a jump of the clock is not bridged.
-pub(crate) fn grid(
-    next: &mut Option<LogTime>,
-    now: LogTime,
-) -> impl Iterator<Item = LogTime> + use<> {
-    let first = match *next {
-        Some(grid) if now.0.saturating_sub(grid.0) <= GAP_MAX_NANOS => grid.0,
-        _ => now.0.div_ceil(GRID_NANOS) * GRID_NANOS,
-    };
-    let count = match now.0.checked_sub(first + HOLD_NANOS) {
-        Some(behind) => behind / GRID_NANOS + 1,
-        None => 0,
-    };
-    *next = Some(LogTime(first + count * GRID_NANOS));
-    (0..count).map(move |step| LogTime(first + step * GRID_NANOS))
 }
 
 /// Load of each wheel on level ground at rest, N.
@@ -514,12 +308,12 @@ fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
     PerWheel([half * b, half * b, half * a, half * a])
 }
 
-fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings {
+fn motion_settings(sensors: &Sensors, calibration: &Resolved, t: &Tuning) -> MotionSettings {
     let imu = &sensors.imu;
     MotionSettings {
         interval_s: 1.0 / imu.rate_hz.max(1.0),
-        accel_sigma_m_s2: imu.accel_noise_m_s2.max(0.005),
-        gyro_sigma_rad_s: imu.gyro_noise_rad_s.max(1e-4),
+        accel_sigma_m_s2: imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
+        gyro_sigma_rad_s: imu.gyro_noise_rad_s.max(t.gyro_sigma_min_rad_s),
         accel_bias_sigma_m_s2: imu.accel_bias_m_s2,
         gyro_bias_sigma_rad_s: imu.gyro_bias_rad_s,
         imu_m: calibration.imu_m,
@@ -527,8 +321,9 @@ fn motion_settings(sensors: &Sensors, calibration: &Resolved) -> MotionSettings 
             calibration.velocity_antenna_m,
             calibration.attitude_antenna_m,
         ],
-        velocity_sigma_m_s: sensors.gnss_velocity.velocity_noise_m_s.max(0.005),
-        heading_sigma_rad: sensors.gnss_attitude.heading_noise_rad.max(1e-4),
-        tilt_sigma_rad: sensors.gnss_attitude.roll_pitch_noise_rad.max(1e-4),
+        velocity_sigma_m_s: (sensors.gnss_velocity.velocity_noise_m_s)
+            .max(t.velocity_sigma_min_m_s),
+        heading_sigma_rad: (sensors.gnss_attitude.heading_noise_rad).max(t.attitude_sigma_min_rad),
+        tilt_sigma_rad: (sensors.gnss_attitude.roll_pitch_noise_rad).max(t.attitude_sigma_min_rad),
     }
 }

@@ -1,14 +1,14 @@
-//! Tyre forces that the four-wheel model expects from steer and motion alone (section 2.1.2 of
-//! the thesis): the model is driven with the measured steer angles and speed on ground of the bank
-//! and grade that were found; sideslip, yaw rate, roll, pitch and forces are its own.
+//! Tyre forces that the four-wheel model expects from steer angles and motion (section 2.1.2 of the
+//! thesis). Inputs of the model are the measured steer angles, the speed, and the estimated bank
+//! and grade of the ground; sideslip, yaw rate, roll, pitch and forces are outputs.
 
 use model::chassis::four_wheel::{self, Inputs, Parameters, State};
 use model::simulation::Model;
 use model::vehicle::Vehicle;
 use sample::{ForceSource, Motion, PerWheel, TyreForce};
 
-/// Speed below which the model is held at rest, m/s: slip means little there.
-const REST_M_S: f64 = 1.0;
+use crate::tuning::ExpectedTuning;
+
 /// Steps of the integration in one step of the grid.
 const SUBSTEPS: usize = 2;
 
@@ -20,13 +20,15 @@ pub struct ExpectedForces {
     drive_split_front: f64,
     brake_split_front: f64,
     slip_stiffness_n: [f64; 2],
+    tuning: ExpectedTuning,
 }
 
 impl ExpectedForces {
     /// A model at rest.
     #[must_use]
-    pub fn new(vehicle: &Vehicle) -> Self {
+    pub fn new(vehicle: &Vehicle, tuning: &ExpectedTuning) -> Self {
         Self {
+            tuning: *tuning,
             parameters: Parameters::from_vehicle(vehicle),
             state: State::at_rest(),
             drive_split_front: vehicle.drivetrain.drive_split_front,
@@ -50,8 +52,9 @@ impl ExpectedForces {
         self.state.lateral_m_s
     }
 
-    /// Carries the model on by `dt` with the measured speed and steer angles, and of the motion its
-    /// longitudinal acceleration, bank and grade, which together tell what drives or brakes.
+    /// Propagates the model by `dt` with measured speed and steer angles, and with longitudinal
+    /// acceleration, bank and grade of the motion. These three give the sum of drive and brake
+    /// forces.
     pub fn step(
         &mut self,
         dt: f64,
@@ -67,14 +70,17 @@ impl ExpectedForces {
             && felt_m_s2.is_finite()
             && bank_rad.is_finite()
             && steer_rad.iter().all(|angle| angle.is_finite());
-        if !known || speed_m_s.abs() < REST_M_S {
+        if !known || speed_m_s.abs() < self.tuning.rest_speed_m_s {
             self.state = State::at_rest();
             return self.forces(&inputs);
         }
-        inputs.steer_rad = steer_rad.map(|angle| angle.clamp(-1.0, 1.0));
-        (inputs.bank_rad, inputs.grade_rad) =
-            (bank_rad.clamp(-1.0, 1.0), grade_rad.clamp(-1.0, 1.0));
-        let push = self.parameters.mass_kg * felt_m_s2.clamp(-15.0, 15.0);
+        let [most_rad, most_m_s2] = [self.tuning.angle_max_rad, self.tuning.acceleration_max_m_s2];
+        inputs.steer_rad = steer_rad.map(|angle| angle.clamp(-most_rad, most_rad));
+        (inputs.bank_rad, inputs.grade_rad) = (
+            bank_rad.clamp(-most_rad, most_rad),
+            grade_rad.clamp(-most_rad, most_rad),
+        );
+        let push = self.parameters.mass_kg * felt_m_s2.clamp(-most_m_s2, most_m_s2);
         let front = if push > 0.0 {
             self.drive_split_front
         } else {
@@ -86,7 +92,8 @@ impl ExpectedForces {
                 let axle = self.parameters.axle(i);
                 let part = 0.5 * if i < 2 { front } else { 1.0 - front };
                 let force = push * part;
-                let slip = (force / self.slip_stiffness_n[i / 2]).clamp(-0.2, 0.2);
+                let slip = (force / self.slip_stiffness_n[i / 2])
+                    .clamp(-self.tuning.slip_max, self.tuning.slip_max);
                 inputs.drive_n_m[i] = force * axle.rolling_radius_m;
                 let along = self.along_m_s(i, inputs.steer_rad[i]);
                 self.state.wheel_speed_rad_s[i] =
@@ -104,8 +111,8 @@ impl ExpectedForces {
         self.forces(&inputs)
     }
 
-    /// Velocity of a wheel along its heading, m/s: in a turn the outer wheels roll faster, and to
-    /// take the body's speed for all four would brake one side and drive the other.
+    /// Velocity of a wheel along its heading, m/s. In a turn the outer wheels roll faster; with the
+    /// body's speed for all wheels one side would brake and the other drive.
     fn along_m_s(&self, i: usize, steer_rad: f64) -> f64 {
         let [x, y] = self.parameters.wheel_position_m(i);
         let state = &self.state;

@@ -1,38 +1,37 @@
-//! All sensors in one filter: the forces of four tyres as states, seen by every strain channel,
-//! by the struts, and by the inertial unit through the balance of forces and moments.
+//! The force filter: one Kalman filter over the forces of four tyres, measured by strain channels,
+//! by struts, and by the inertial unit through the balances of forces and moments.
 //!
-//! | states | what | frame, unit |
+//! | states | content | frame, unit |
 //! |---|---|---|
 //! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
 //! | [`layout::RATE`] | their rates | N/s |
-//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond what tread and trail make | contact frame, N m |
-//! | [`layout::TORQUE`] | torques of the half-shafts, front and rear: their mean and half their difference | N m |
-//! | [`layout::TURN`] | angular rate of the body | body axes, rad/s |
-//! | [`layout::ACCEL`] | what is left of the accelerometers' bias | body axes, m/s^2 |
+//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond tread and trail | contact frame, N m |
+//! | [`layout::TORQUE`] | torques of the half-shafts, front and rear: mean and half the difference | N m |
+//! | [`layout::BODY_RATE`] | angular rate of the body | body axes, rad/s |
+//! | [`layout::ACCEL_BIAS`] | remaining accelerometer bias | body axes, m/s^2 |
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
-//! | [`layout::LENGTH`] | how much longer each strut is than its potentiometer says | mm |
+//! | [`layout::STRUT_LENGTH`] | strut length less the potentiometer's reading | mm |
 //!
-//! The forces walk as integrated white noise; moments, torques, biases and offsets fade to zero with
-//! a time constant. The body turns as the moments of all tyres about the centre of gravity tell it:
+//! The forces are integrated white noise; moments, torques, biases and offsets are Gauss-Markov
+//! processes. The moments of all tyres about the centre of gravity turn the body:
 //!
 //! I w' = sum(r_i x R_i F_i + R_i M_i) - w x (I w + h) - h'
 //!
-//! with h the spin momentum of the wheels. A member's force is A F + B M + c_0 out of
-//! [`CornerStatics`]; a bridge with a first-order lag tau that was read `age` ago shows
-//! y = A (F - (age + tau) F') + B M + c_0 + offset, A, B and c_0 those of the linkage `age` + tau ago.
+//! with the wheels' spin momentum h. A member's force is A F + B M + c_0 from [`CornerStatics`]. A
+//! bridge with a first-order lag tau that was read `age` ago measures y = A (F - (age + tau) F') +
+//! B M + c_0 + offset, with A, B and c_0 of the linkage `age` + tau ago.
 //!
-//! Every equation is linear in the states once geometry, attitude and inertia forces are taken
-//! from the motion filter, so that no iteration is needed. Measurements are scalars, judged one
-//! after another, each by its own innovation, and taken in together where they see the same states
-//! (`fusion/joint.rs`). The covariance is kept as a full symmetric matrix: the square root of 66 states would
-//! cost more than the step may take, and the states are scaled so that the condition number stays
-//! far from what doubles can hold.
+//! Every equation is linear in the states, because geometry, attitude and inertia forces come from
+//! the motion filter; no iteration is needed. Measurements are scalars. Each has its own innovation
+//! and gate; rows with common states share the passes over the covariance (`fusion/joint.rs`). The
+//! covariance is a full symmetric matrix: a square root of 66 states would cost more than the step
+//! may take, and the states are scaled so that the condition number is small for doubles.
 
-mod agility;
 mod body;
 mod channel;
 mod corner;
 mod covariance;
+mod force_noise;
 mod inertial;
 mod joint;
 pub mod layout;
@@ -48,85 +47,75 @@ use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, Tyre
 
 use crate::calibration::CornerChannels;
 use crate::corners::CornerState;
+use crate::feedback::{BodyMotionEstimate, StrutEstimate};
+use crate::gaussian::{Gaussian, within};
 use crate::innovation::InnovationTally;
 use crate::inputs::CornerReadings;
 use crate::motion::MotionState;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
-use crate::watch::{Believed, Triads};
+use crate::triads::{Triads, UsedAxes};
+use crate::tuning::{FusionTuning, ProcessNoiseTuning, Tuning};
 
-use agility::Agility;
 use body::Body;
 use channel::{Change, ChannelHealth};
 use covariance::Covariance;
+use force_noise::ForceNoise;
 use joint::Joint;
-use layout::{ACCEL, FORCE, LENGTH, MOMENT, OFFSET, RATE, SIZE, TORQUE, TURN};
+use layout::{ACCEL_BIAS, BODY_RATE, FORCE, MOMENT, OFFSET, RATE, SIZE, STRUT_LENGTH, TORQUE};
 use lengths::LengthWatch;
-use process::{TURN_NOISE_N_M, accel_noise, torque_noise};
-
-/// Variance of the body's rate where the tyres' moments do not tell it, (rad/s)^2.
-const TURN_VARIANCE: f64 = 0.1;
-/// Rate beyond which the balance of moments has run away, rad/s.
-const TURN_MAX_RAD_S: f64 = 10.0;
-/// Speed from which a body stands on its tyres alone, m/s.
-const ALONE_M_S: f64 = 1.0;
-
-/// Change of a strut's acceleration by a blow and by a push, m/s^2.
-const BLOW_M_S2: f64 = 2.0;
-const PUSH_M_S2: f64 = 0.3;
-
-/// Gate of rows that no channel answers for, squared.
-const GATE: f64 = 25.0;
+use process::{accel_noise, torque_noise};
 
 /// Axes of the moments that are states.
 const MOMENT_AXES: [usize; 2] = [0, 2];
 
-/// Steps after a start in which the corners alone find their forces, all of their readings
-/// believed: the balance of all would mislead a vehicle that stands on jacks.
-const SETTLING_STEPS: u32 = 50;
-
 /// The filter.
 #[derive(Clone, Debug)]
 pub struct Fusion {
+    tuning: FusionTuning,
+    process_noise: ProcessNoiseTuning,
     state: [f64; SIZE],
     covariance: Box<Covariance>,
     body: Body,
     lag_s: f64,
     bending_distance_m: f64,
     health: [[ChannelHealth; StrainChannel::COUNT]; 4],
-    agility: Agility,
+    force_noise: ForceNoise,
     torque: [ProcessNoise<2>; 2],
     accel: ProcessNoise<3>,
     lengths: [LengthWatch; 4],
     strut_n: [f64; 4],
-    body_motion: Option<[Vector3<f64>; 2]>,
-    /// What the forces of all tyres make of the body's motion, whether the inertial unit agrees or not.
-    ahead: [Vector3<f64>; 2],
-    /// Readings in a row of each gyro that contradicted the balance of moments.
-    turn_misses: [u32; 3],
+    body_motion: Option<BodyMotionEstimate>,
+    /// Acceleration of the body from the sum of all tyre forces, also while the inertial unit
+    /// disagrees.
+    ahead: BodyMotionEstimate,
+    /// Consecutive readings of each gyro beyond the gate.
+    gyro_rejections: [u32; 3],
     /// Variance of each accelerometer's expected reading, (m/s^2)^2.
     accel_variance: [f64; 3],
-    /// Whether the inertial unit has agreed with the balances in this step.
+    /// Whether the inertial unit agreed with the balances in this step.
     agreed: bool,
-    /// Whether drive or brake came with this step.
+    /// Whether a sudden drive or brake force was found in this step.
     pushed: bool,
-    /// Whether something besides the tyres carries the vehicle: stands, a jack.
+    /// Whether stands or a jack carry a part of the weight.
     held: bool,
     blind: bool,
-    /// Whether the vehicle moves, and so stands on its tyres alone.
+    /// Whether the vehicle moves: then the tyres alone carry it.
     rolling: bool,
     steps: u32,
     resets: u32,
     innovations: InnovationTally,
 }
 
-/// What one step is given.
+/// Input of one step.
 #[derive(Clone, Copy)]
 pub struct StepInput<'a> {
     /// The instant.
     pub now: LogTime,
     /// Since the last one, s.
     pub dt: f64,
+    /// A reading that is older is not used, s.
+    pub fresh_s: f64,
     /// The corners' geometry.
     pub corners: &'a [CornerState; 4],
     /// Their maps between members and tyres a step before.
@@ -141,25 +130,13 @@ pub struct StepInput<'a> {
     pub imu_m: Vector3<f64>,
     /// Gyro noise, rad/s, and accelerometer noise, m/s^2.
     pub imu_sigma: [f64; 2],
-    /// Which axes of the inertial unit are believed; the others tell nothing.
-    pub believed: Believed,
-    /// How fast the body rolls and pitches over the ground, rad/s, which stands in for them.
+    /// Axes of the inertial unit that are used.
+    pub used: UsedAxes,
+    /// Roll and pitch rate of the body over the ground, rad/s, in place of gyros that are not used.
     pub turn_over_ground: Option<[f64; 2]>,
 }
 
-/// What the filter knows of a strut, for the linkage's pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StrutBelief {
-    /// How much longer the strut is than a faulty potentiometer says, m; zero while the
-    /// potentiometer is believed.
-    pub longer_m: f64,
-    /// Its force, N, once the filter has settled.
-    pub force_n: Option<f64>,
-    /// How far a blow or a push may just have changed its acceleration, m/s^2.
-    pub jolt_m_s2: f64,
-}
-
-/// A channel that was found faulty (`true`) or good again.
+/// Change of a channel between good and faulty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChannelChange {
     /// Wheel, by index.
@@ -170,7 +147,7 @@ pub struct ChannelChange {
     pub faulty: bool,
 }
 
-/// States that are handed out: the forces and the body's rates.
+/// States with a smoothed value: forces and angular rates of the body.
 pub const OUTPUTS: [usize; 15] = [
     0,
     1,
@@ -184,14 +161,14 @@ pub const OUTPUTS: [usize; 15] = [
     9,
     10,
     11,
-    TURN,
-    TURN + 1,
-    TURN + 2,
+    BODY_RATE,
+    BODY_RATE + 1,
+    BODY_RATE + 2,
 ];
 
-/// What the filter believes at one instant.
+/// Record of one step for a smoother.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Belief {
+pub struct FusionTrace {
     /// Operations since the instant before.
     pub operations: Vec<Operation<SIZE>>,
     /// The state, in the order of [`layout`].
@@ -201,14 +178,18 @@ pub struct Belief {
 }
 
 impl Fusion {
-    /// A filter that has seen nothing.
+    /// A filter without readings.
     #[must_use]
     pub fn new(
         vehicle: &Vehicle,
         strain: &StrainChain,
         channels: &PerWheel<CornerChannels>,
+        tuning: &Tuning,
     ) -> Self {
+        let (t, process_noise) = (&tuning.fusion, tuning.process_noise);
         let mut fusion = Self {
+            tuning: *t,
+            process_noise,
             state: [0.0; SIZE],
             covariance: Box::default(),
             body: Body::new(vehicle),
@@ -216,16 +197,16 @@ impl Fusion {
             bending_distance_m: strain
                 .bending
                 .as_ref()
-                .map_or(0.0, |bridge| bridge.distance_from_ball_joint_m),
+                .map_or(0.0, |coast| coast.distance_from_ball_joint_m),
             health: [[ChannelHealth::default(); StrainChannel::COUNT]; 4],
-            agility: Agility::default(),
-            torque: torque_noise(),
-            accel: accel_noise(),
+            force_noise: ForceNoise::new(t.force_noise, process_noise),
+            torque: torque_noise(t, process_noise),
+            accel: accel_noise(t, process_noise),
             lengths: [LengthWatch::default(); 4],
             strut_n: [f64::NAN; 4],
             body_motion: None,
-            ahead: [Vector3::zeros(); 2],
-            turn_misses: [0; 3],
+            ahead: BodyMotionEstimate::default(),
+            gyro_rejections: [0; 3],
             accel_variance: [0.0; 3],
             agreed: false,
             pushed: false,
@@ -240,7 +221,7 @@ impl Fusion {
         fusion
     }
 
-    /// How often the filter was started anew.
+    /// Number of restarts.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets
@@ -250,61 +231,61 @@ impl Fusion {
         self.state = [0.0; SIZE];
         self.steps = 0;
         self.lengths = [LengthWatch::default(); 4];
-        self.agility = Agility::default();
-        self.torque = torque_noise();
-        self.accel = accel_noise();
+        self.force_noise = ForceNoise::new(self.tuning.force_noise, self.process_noise);
+        self.torque = torque_noise(&self.tuning, self.process_noise);
+        self.accel = accel_noise(&self.tuning, self.process_noise);
         for (wheel, load) in self.body.static_load.into_iter().enumerate() {
             self.state[FORCE + 3 * wheel + 2] = load;
         }
         self.forget(channels);
     }
 
-    /// One step: carries the state on by `dt`, then takes in every reading that is new.
+    /// One step: propagates the state by `dt`, then takes every new reading.
     pub fn step(
         &mut self,
         input: &StepInput<'_>,
         readings: &mut PerWheel<CornerReadings>,
         changes: &mut impl FnMut(ChannelChange),
     ) -> PerWheel<TyreForce> {
-        if self.steps == SETTLING_STEPS / 2 {
-            // What the first steps took for true while struts and poses still settled.
+        if self.steps == self.tuning.settling_steps / 2 {
+            // The first steps used struts and poses that had not settled.
             self.forget(input.channels);
         }
         let balance = self.balance(input);
         self.predict(input.dt, &balance, input.channels);
-        let said: [_; 4] = std::array::from_fn(|wheel| {
-            self.corner_says(input, &balance, wheel, &mut readings.0[wheel])
+        let measured: [_; 4] = std::array::from_fn(|wheel| {
+            self.measure_corner(input, &balance, wheel, &mut readings.0[wheel])
         });
         if !self.settling() {
-            self.heed_surprise(&said);
+            self.inflate_on_multi_channel_innovation(&measured);
         }
-        let rates = self.believed::<12>(RATE);
-        let torques = [0, 2].map(|part| self.believed::<2>(TORQUE + part));
-        let accels = self.believed::<3>(ACCEL);
+        let rates = self.estimates::<12>(RATE);
+        let torques = [0, 2].map(|part| self.estimates::<2>(TORQUE + part));
+        let accels = self.estimates::<3>(ACCEL_BIAS);
         (self.pushed, self.agreed) = (false, false);
         let inertial = input.motion.inertial && !self.settling();
         let balanced = inertial && self.take_inertial(input, &balance);
         self.blind = false;
-        for (wheel, said) in said.iter().enumerate() {
-            self.take_corner(input, said, wheel, changes);
+        for (wheel, measured) in measured.iter().enumerate() {
+            self.take_corner(input, measured, wheel, changes);
         }
         if !self.settling() {
-            self.agility
-                .learn(corrections(&rates, &self.believed(RATE)));
+            self.force_noise
+                .learn(corrections(&rates, &self.estimates(RATE)));
             for (part, torques) in torques.iter().enumerate() {
-                let corrected = corrections(torques, &self.believed(TORQUE + 2 * part));
+                let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));
                 self.torque[part].learn(corrected);
             }
             self.accel
-                .learn(corrections(&accels, &self.believed(ACCEL)));
+                .learn(corrections(&accels, &self.estimates(ACCEL_BIAS)));
         }
         self.watch_lengths(input.channels, changes);
         if !self.sound() {
             self.resets += 1;
             self.restart(input.channels);
         }
-        // On jackstands the forces of the tyres alone are not what moves the body.
-        self.rolling = input.motion.velocity_m_s.x.abs() > ALONE_M_S;
+        // On jackstands the tyre forces are not the only ones that move the body.
+        self.rolling = input.motion.velocity_m_s.x.abs() > self.tuning.rolling_speed_m_s;
         let alone = !input.motion.inertial && self.rolling;
         self.ahead = self.body_motion_ahead(input, &balance);
         self.body_motion = (balanced || alone && !self.settling()).then_some(self.ahead);
@@ -312,20 +293,26 @@ impl Fusion {
         self.output()
     }
 
-    /// Values and variances of some states.
-    fn believed<const N: usize>(&self, first: usize) -> [[f64; 2]; N] {
-        std::array::from_fn(|i| [self.state[first + i], self.covariance.variance(first + i)])
+    /// Estimates of `N` states from `first` on.
+    fn estimates<const N: usize>(&self, first: usize) -> [Gaussian; N] {
+        std::array::from_fn(|i| {
+            Gaussian::new(self.state[first + i], self.covariance.variance(first + i))
+        })
     }
 
     fn settling(&self) -> bool {
-        self.steps < SETTLING_STEPS
+        self.steps < self.tuning.settling_steps
     }
 
-    /// Whether all numbers are finite, no variance negative, and the body's rate one that a body has.
+    /// Whether all numbers are finite, no variance is negative, and the angular rate is possible.
     fn sound(&self) -> bool {
         let finite = self.state.iter().all(|x| x.abs() < 1e8);
-        let turn = &self.state[TURN..TURN + 3];
-        finite && turn.iter().all(|rate| rate.abs() < TURN_MAX_RAD_S) && self.covariance.sound()
+        let turn = &self.state[BODY_RATE..BODY_RATE + 3];
+        finite
+            && turn
+                .iter()
+                .all(|rate| rate.abs() < self.tuning.body_rate_max_rad_s)
+            && self.covariance.sound()
     }
 
     fn output(&self) -> PerWheel<TyreForce> {
@@ -341,14 +328,14 @@ impl Fusion {
         }))
     }
 
-    /// From now on operations are taken down for [`Self::take_belief`].
+    /// Starts recording operations for [`Self::take_trace`].
     pub fn switch_trace_on(&mut self) {
         self.covariance.trace.switch_on();
     }
 
-    /// What the filter believes now, and the operations that led there since the last call.
-    pub fn take_belief(&mut self) -> Belief {
-        Belief {
+    /// State, covariance, and the operations since the last call.
+    pub fn take_trace(&mut self) -> FusionTrace {
+        FusionTrace {
             operations: self.covariance.trace.take(),
             state: SVector::from(self.state),
             covariance: SMatrix::from_rows(
@@ -357,35 +344,38 @@ impl Fusion {
         }
     }
 
-    /// Angular rate of the body, rad/s: gyro and balance of moments together.
+    /// Angular rate of the body, rad/s, from gyros and balance of moments.
     #[must_use]
     pub fn rate_rad_s(&self) -> [f64; 3] {
-        std::array::from_fn(|axis| self.state[TURN + axis])
+        std::array::from_fn(|axis| self.state[BODY_RATE + axis])
     }
 
-    /// What the inertial unit should read `ahead_s` after the last step by the balances: value and
-    /// variance of each axis. Rates, rad/s, none before the filter has settled; specific forces,
-    /// m/s^2, none of a vehicle that stands: something besides the tyres may carry it.
+    /// Expected reading of each axis of the inertial unit `ahead_s` after the last step, from the
+    /// balances. Rates, rad/s: `None` before the filter has settled. Specific forces, m/s^2: also
+    /// `None` for a vehicle that stands, since stands or a jack can carry it.
     #[must_use]
     pub fn expected_reading(
         &self,
         ahead_s: f64,
         imu_m: Vector3<f64>,
-    ) -> Triads<Option<[[f64; 2]; 3]>> {
-        let [force, turn_dot] = self.ahead;
+    ) -> Triads<Option<[Gaussian; 3]>> {
+        let BodyMotionEstimate {
+            specific_force_m_s2: force,
+            rate_dot_rad_s2: turn_dot,
+        } = self.ahead;
         let rate = std::array::from_fn(|axis| {
-            let noise = TURN_NOISE_N_M[axis] * self.body.inverse[(axis, axis)];
-            [
-                self.state[TURN + axis] + ahead_s * turn_dot[axis],
-                self.covariance.variance(TURN + axis) + noise * noise * ahead_s.abs(),
-            ]
+            let noise = self.tuning.moment_noise_n_m[axis] * self.body.inverse[(axis, axis)];
+            Gaussian::new(
+                self.state[BODY_RATE + axis] + ahead_s * turn_dot[axis],
+                self.covariance.variance(BODY_RATE + axis) + noise * noise * ahead_s.abs(),
+            )
         });
         let turn = Vector3::from(self.rate_rad_s());
         let swing = turn_dot.cross(&imu_m) + turn.cross(&turn.cross(&imu_m));
         let at_unit = force + swing;
         let force = std::array::from_fn(|axis| {
-            let residue = self.state[ACCEL + axis];
-            [at_unit[axis] + residue, self.accel_variance[axis]]
+            let residue = self.state[ACCEL_BIAS + axis];
+            Gaussian::new(at_unit[axis] + residue, self.accel_variance[axis])
         });
         Triads {
             rate: (!self.settling()).then_some(rate),
@@ -393,38 +383,37 @@ impl Fusion {
         }
     }
 
-    /// Whether accelerometers and gyros have agreed with the balances in the last step, of forces that
-    /// strain tells at all corners and that were not set free to follow a push.
+    /// Whether accelerometers and gyros agreed with the balances in the last step, with strain at
+    /// all corners and without a sudden drive or brake force.
     #[must_use]
-    pub fn vouches(&self) -> bool {
+    pub fn imu_agrees(&self) -> bool {
         self.agreed && !self.blind && !self.pushed
     }
 
-    /// What is known of a wheel's strut beside its potentiometer.
+    /// Estimate of a wheel's strut beside its potentiometer.
     #[must_use]
-    pub fn strut(&self, wheel: usize) -> StrutBelief {
-        StrutBelief {
+    pub fn strut(&self, wheel: usize) -> StrutEstimate {
+        StrutEstimate {
             longer_m: if self.lengths[wheel].faulty() {
-                1e-3 * self.state[LENGTH + wheel]
+                1e-3 * self.state[STRUT_LENGTH + wheel]
             } else {
                 0.0
             },
             force_n: (!self.settling()).then_some(self.strut_n[wheel]),
-            jolt_m_s2: if self.agility.open() {
-                BLOW_M_S2
+            jolt_m_s2: if self.force_noise.open() {
+                self.tuning.blow_m_s2
             } else if self.pushed {
-                PUSH_M_S2
+                self.tuning.push_m_s2
             } else {
                 0.0
             },
         }
     }
 
-    /// Specific force of the centre of gravity, m/s^2, and angular acceleration, rad/s^2, in body
-    /// axes as they will be at the next step: what the forces of all tyres make of them. None while
-    /// the inertial unit is silent or contradicts them, as on jackstands.
+    /// Acceleration of the body at the next step, from the sum of all tyre forces. `None` while the
+    /// inertial unit is silent or contradicts the forces, as on jackstands.
     #[must_use]
-    pub fn body_motion(&self) -> Option<[Vector3<f64>; 2]> {
+    pub fn body_motion(&self) -> Option<BodyMotionEstimate> {
         self.body_motion
     }
 
@@ -439,22 +428,23 @@ impl Fusion {
         self.state[RATE + 3 * wheel + 2]
     }
 
-    /// Takes a row's value in unless it is beyond the gate; returns its innovation in deviations.
+    /// Takes a row's value unless its innovation is beyond the gate (standard deviations). Returns
+    /// the normalised innovation.
     fn take(&self, joint: &mut Joint, m: usize, value: f64, variance: f64, gate: f64) -> f64 {
         let total = joint.variance(m) + variance;
         let innovation = value - joint.value(m);
-        if self.settling() || innovation * innovation <= gate * total {
+        if self.settling() || within(gate, innovation, total) {
             joint.take(m, value, total);
         }
         innovation / total.sqrt()
     }
 
-    /// Counts an innovation, in deviations, of a filter that has settled.
+    /// Counts a normalised innovation after the filter has settled.
     fn count(&mut self, kind: InnovationKind, innovation: f64, gate: f64) {
         if self.settling() {
             return;
         }
-        if innovation * innovation <= gate {
+        if within(gate, innovation, 1.0) {
             self.innovations.used(kind, innovation * innovation);
         } else {
             self.innovations.rejected(kind);
@@ -462,11 +452,11 @@ impl Fusion {
     }
 }
 
-/// What one step's measurements have changed in values of which this was known, in deviations: a
-/// correction's variance is what they have taken away, P- - P+.
-fn corrections<const N: usize>(before: &[[f64; 2]; N], after: &[[f64; 2]; N]) -> [f64; N] {
+/// Normalised corrections by the measurements of one step. The variance of a correction is what the
+/// measurements took from the state's variance, P- - P+.
+fn corrections<const N: usize>(before: &[Gaussian; N], after: &[Gaussian; N]) -> [f64; N] {
     std::array::from_fn(|i| {
-        let taken = before[i][1] - after[i][1];
-        (after[i][0] - before[i][0]) / taken.max(f64::MIN_POSITIVE).sqrt()
+        let taken = before[i].variance - after[i].variance;
+        (after[i].mean - before[i].mean) / taken.max(f64::MIN_POSITIVE).sqrt()
     })
 }

@@ -1,83 +1,37 @@
-//! What the tyres have to do with the road: stiffness and friction of each axle, found from the
-//! measured lateral forces and the measured slip angles, and changes of the surface.
+//! Tyre grip: cornering stiffness and friction of each axle from measured lateral forces and slip
+//! angles, and changes of the surface.
 //!
-//! Per axle an extended Kalman filter of four states: the logarithms of the factors on the tyre
-//! file's cornering stiffness and friction; a constant error of the slip angle (of the hand wheel's
-//! zero at the front axle, of the heading at both), which straight driving tells apart from
-//! stiffness; and the shape of the curve between the two (`part_of_grip`), since how far a tyre
-//! bends tells how near its friction is only as well as it is known how it bends. One value comes
-//! every `BLOCK_STEPS` steps: the mean of the axle's lateral force against the curve's at the same
-//! slip angles and loads. The slip angle's error stays alike for about a second, so each value
-//! counts for a part only.
+//! Each axle has an extended Kalman filter of four states: the logarithms of the factors on the
+//! tyre file's cornering stiffness and friction; a constant error of the slip angle (of the
+//! steering wheel's zero at the front axle, of the heading at both), which straight driving
+//! separates from stiffness; and the shape of the curve between the two (`part_of_grip`): how near
+//! the friction limit is can be seen only as well as the shape is known. One value is taken every
+//! `block_steps` steps: the mean lateral force of the axle against the curve at the same slip
+//! angles and loads. The slip angle's error is correlated for about a second, so each value has a
+//! reduced weight.
 //!
-//! Friction is visible only where a good part of it is used, above about 0.4: below, the slope by
-//! it vanishes, its factor walks, and its deviation says so. [`Grip::axle`] then tells none, only
-//! what the lateral forces of the last `USED_SECONDS` call for at least.
+//! Friction is observable only while a good part of it is in use, above about 0.4. Below, the
+//! sensitivity to friction vanishes, the factor walks and its standard deviation grows. Then
+//! [`Grip::axle`] reports no friction, only the largest part in use within the last `USED_SECONDS`.
 //!
-//! A change of surface is a two-sided cumulative sum over the normalised differences while the
-//! tyres are excited, with the sign of the expected force: falling where grip is lost. At k = 0.5
-//! and h = 10.94 white differences would alarm once an hour at 100 Hz; these are slower and not
-//! white, so the reference is raised to `CUSUM_REFERENCE`.
+//! A change of surface is found by a two-sided cumulative sum of normalised differences with the
+//! sign of the expected force while the tyres are excited. With k = 0.5 and h = 10.94 white
+//! differences would give one false alarm an hour at 100 Hz; the differences are slower and not
+//! white, so the reference is `cusum_reference`.
 
 use model::vehicle::{self, Vehicle};
 use nalgebra::{Matrix4, Vector4};
 use sample::{Axle, AxleGrip, Event, EventKind, LogTime, NANOS_PER_SECOND, PerWheel, TyreForce};
 
-/// Steps of one value.
-const BLOCK_STEPS: u32 = 5;
-/// How many values one error lasts.
-const CORRELATED: f64 = 6.0;
-/// Sideslip's error lasts for longer: so many of its deviations are counted.
-const SLIP_LASTS: f64 = 2.0;
-/// Walk of ln stiffness and ln friction, 1/sqrt(s), of the slip angle's error, rad/sqrt(s), and of
-/// the shape, which is the tyre's own.
-const WALK: [f64; 4] = [0.01, 0.03, 1e-4, 0.0];
-/// The four at the start, and their deviations.
-const START: [f64; 4] = [0.0, 0.0, 0.0, 2.7];
-const START_SIGMA: [f64; 4] = [0.4, 0.3, 0.015, 0.5];
-/// Bounds of the factors' logarithms, of the slip angle's error, rad, and of the shape.
-const FACTOR_LN: (f64, f64) = (-2.0, 1.5);
-const SLIP_ERROR_RAD: (f64, f64) = (-0.05, 0.05);
-const SHAPE: (f64, f64) = (2.0, 3.2);
-/// Deviation of ln stiffness and ln friction after a change of surface: it is friction that grounds
-/// differ in.
-const CHANGED: [f64; 2] = [0.3, 0.7];
-/// Deviation of ln friction above which the tyres have not been used enough to tell it.
-const FRICTION_SIGMA_MAX: f64 = 0.2;
-/// Part of the friction that must have been used to tell it, and how long ago at most, s.
-const UTILISATION_MIN: f64 = 0.4;
-const USED_SECONDS: usize = 10;
-/// Model error as a part of the axle's load.
-const MODEL_PART: f64 = 0.018;
-/// Slowest speed, m/s, and largest deviation of sideslip, rad, at which slip angles are used.
-const SPEED_MIN_M_S: f64 = 2.5;
-const SIDESLIP_SIGMA_MAX_RAD: f64 = 0.01;
-/// Deviation of a wheel's lateral force above which it is the tyre model's own guess, N.
-const LATERAL_SIGMA_MAX_N: f64 = 100.0;
-/// Load of an axle below which its tyres tell nothing, N.
-const LOAD_MIN_N: f64 = 100.0;
-/// Axle force over load below which nothing is excited.
-const EXCITED: f64 = 0.15;
-/// Longitudinal force over load from which lateral force is not the tyres' pure one.
-const LONGITUDINAL_MAX: f64 = 0.2;
-/// Reference value and threshold of the cumulative sums.
-const CUSUM_REFERENCE: f64 = 0.75;
-const CUSUM_THRESHOLD: f64 = 10.94;
-/// Logarithm of the odds that no change has come, at one an hour and twenty values a second.
-const LOG_ODDS: f64 = 11.2;
-/// Least change of the lateral force that is called one.
-const CHANGE_MIN: f64 = 0.1;
-/// Where the front axle's ground has changed the rear axle's will within this time, s: so much less
-/// is asked of it.
-const FOLLOWS_S: f64 = 3.0;
-const FOLLOWS_PART: f64 = 0.35;
-/// Excited values before changes are declared.
-const LEARNED: u32 = 100;
+use crate::tuning::GripTuning;
 
-/// Part of the grip mu N that a tyre gives where its stiffness alone would give `linear` of it: the
-/// rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which rises with
-/// slope 1 and is full at `linear` = `shape`. At 3 it runs within 0.02 of Fiala's parabola; at 2,
-/// its least, it keeps straight the longest.
+/// Seconds for which the friction in use is remembered.
+const USED_SECONDS: usize = 10;
+
+/// Part of the grip mu N at the slip for which the linear stiffness alone would give `linear` of
+/// it: the rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which
+/// rises with slope 1 and reaches 1 at `linear` = `shape`. With 3 it is within 0.02 of Fiala's
+/// parabola; with 2, the smallest value, it stays linear the longest.
 fn part_of_grip(linear: f64, shape: f64) -> f64 {
     let full = (linear / shape).min(1.0);
     shape * full / (1.0 + full * (full + shape - 2.0))
@@ -91,17 +45,18 @@ fn linear_part(part: f64, shape: f64) -> f64 {
 
 #[derive(Clone, Debug)]
 struct AxleTyres {
+    tuning: GripTuning,
     stiffness_n_rad: f64,
     reference_n: f64,
     exponent: f64,
     friction: f64,
     relaxation_length_m: f64,
-    /// Tangents of the slip angles that the contact patches see, once any are known.
+    /// Tangents of the contact patches' slip angles, once known.
     patch: Option<[f64; 2]>,
     /// ln of the stiffness factor and of the friction factor; slip angle's error, rad; shape.
     state: Vector4<f64>,
     covariance: Matrix4<f64>,
-    /// Grip lost, grip won.
+    /// Cumulative sums of lost and gained grip.
     runs: [ChangeRun; 2],
     learned: u32,
     used: UsedFriction,
@@ -112,7 +67,7 @@ struct AxleTyres {
 #[derive(Clone, Copy, Debug, Default)]
 struct UsedFriction([(u64, f64); USED_SECONDS]);
 
-/// A cumulative sum and what has come together since it left zero.
+/// A cumulative sum, and the forces since it left zero.
 #[derive(Clone, Copy, Debug, Default)]
 struct ChangeRun {
     sum: f64,
@@ -121,7 +76,7 @@ struct ChangeRun {
     expected_n: f64,
 }
 
-/// A change that was found.
+/// A detected change.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     ratio: f64,
@@ -142,11 +97,12 @@ struct Block {
 /// Stiffness and friction of both axles.
 #[derive(Clone, Debug)]
 pub struct Grip {
+    tuning: GripTuning,
     axles: [AxleTyres; 2],
     front_changed: Option<LogTime>,
 }
 
-/// What one step is given.
+/// Input of one step.
 #[derive(Clone, Copy, Debug)]
 pub struct GripInput<'a> {
     /// The instant.
@@ -157,9 +113,9 @@ pub struct GripInput<'a> {
     pub speed_m_s: f64,
     /// Slip angles, rad.
     pub slip_angle_rad: &'a PerWheel<f64>,
-    /// Part of the front axle's steer angle that stands for the error of the hand wheel's zero, rad.
+    /// Part of the front steer angle that corrects the steering wheel's zero, rad.
     pub corrected_rad: f64,
-    /// Deviation of the sideslip angle, rad.
+    /// Standard deviation of the sideslip angle, rad.
     pub sideslip_sigma_rad: f64,
     /// Measured forces.
     pub forces: &'a PerWheel<TyreForce>,
@@ -168,17 +124,18 @@ pub struct GripInput<'a> {
 impl Grip {
     /// The tyre file's stiffness and friction.
     #[must_use]
-    pub fn new(vehicle: &Vehicle) -> Self {
+    pub fn new(vehicle: &Vehicle, tuning: &GripTuning) -> Self {
         Self {
+            tuning: *tuning,
             axles: [
-                AxleTyres::new(&vehicle.front.tyre),
-                AxleTyres::new(&vehicle.rear.tyre),
+                AxleTyres::new(&vehicle.front.tyre, tuning),
+                AxleTyres::new(&vehicle.rear.tyre, tuning),
             ],
             front_changed: None,
         }
     }
 
-    /// What is known at `now` of the tyres of an axle, front (0) or rear (1).
+    /// Estimated grip of an axle at `now`, front (0) or rear (1).
     #[must_use]
     pub fn axle(&self, axle: usize, now: LogTime) -> AxleGrip {
         let a = &self.axles[axle];
@@ -186,7 +143,8 @@ impl Grip {
         let (stiffness_factor, friction) = (math::exp(a.state[0]), a.friction());
         let friction_min = a.used.largest(now);
         let utilisation = friction_min / friction;
-        let seen = utilisation >= UTILISATION_MIN && friction_sigma < FRICTION_SIGMA_MAX;
+        let t = &self.tuning;
+        let seen = utilisation >= t.utilisation_min && friction_sigma < t.friction_sigma_max;
         AxleGrip {
             stiffness_factor,
             stiffness_factor_sigma: stiffness_factor * stiffness_sigma,
@@ -198,8 +156,9 @@ impl Grip {
         }
     }
 
-    /// How much further left the front wheels stand than the hand wheel's zero has it, and its
-    /// deviation, rad: the error of their slip angle beside the rear wheels'.
+    /// Steer offset: how much further left the front wheels point than the steering wheel's zero
+    /// states, and its standard deviation, rad. It is the difference of the axles' slip-angle
+    /// errors.
     #[must_use]
     pub fn steer_offset(&self) -> (f64, f64) {
         let [front, rear] = &self.axles;
@@ -209,10 +168,11 @@ impl Grip {
         )
     }
 
-    /// Slip angle that an axle's measured lateral force calls for, with its deviation, rad;
-    /// `None` where the force is unknown or near the friction's limit.
+    /// Slip angle that an axle's measured lateral force implies and its standard deviation, rad;
+    /// `None` if the force is unknown or near the friction limit.
     #[must_use]
     pub fn slip_angle(&self, axle: usize, forces: &PerWheel<TyreForce>) -> Option<(f64, f64)> {
+        let t = &self.tuning;
         let a = &self.axles[axle];
         let pair = [&forces.0[2 * axle], &forces.0[2 * axle + 1]];
         let lateral: f64 = pair.iter().map(|f| f.force_n[1]).sum();
@@ -220,24 +180,32 @@ impl Grip {
         let load: f64 = loads.iter().sum();
         let stiffness: f64 = loads.iter().map(|n| a.stiffness_at(*n)).sum();
         let used = lateral.abs() / (load * a.friction()).max(1.0);
-        let known = lateral.is_finite() && load > LOAD_MIN_N && stiffness > 0.0 && used < 0.7;
+        let known = lateral.is_finite()
+            && load > t.load_min_n
+            && stiffness > 0.0
+            && used < t.slip_utilisation_max;
         known.then(|| {
             let angle = linear_part(used, a.state[3]) * a.friction() * load / stiffness;
-            let doubt = a.covariance[(0, 0)].sqrt() + 0.1 + 0.5 * used;
-            (-math::atan(angle) * lateral.signum(), 0.006 + doubt * angle)
+            let doubt =
+                a.covariance[(0, 0)].sqrt() + t.slip_sigma_part + t.slip_sigma_utilisation * used;
+            (
+                -math::atan(angle) * lateral.signum(),
+                t.slip_sigma_rad + doubt * angle,
+            )
         })
     }
 
-    /// Takes one instant in and hands out changes of the surface.
+    /// Takes one instant and reports changes of the surface.
     pub fn step(&mut self, input: &GripInput<'_>, out: &mut impl FnMut(Event)) {
-        let usable =
-            input.speed_m_s > SPEED_MIN_M_S && input.sideslip_sigma_rad < SIDESLIP_SIGMA_MAX_RAD;
+        let t = self.tuning;
+        let usable = input.speed_m_s > t.speed_min_m_s
+            && input.sideslip_sigma_rad < t.sideslip_sigma_max_rad;
         for (i, axle) in self.axles.iter_mut().enumerate() {
             let pair = [2 * i, 2 * i + 1].map(|w| (&input.forces.0[w], input.slip_angle_rad.0[w]));
             let finite = pair.iter().all(|(force, slip)| {
                 slip.is_finite()
                     && force.force_n.iter().all(|f| f.is_finite())
-                    && force.sigma_n[1] < LATERAL_SIGMA_MAX_N
+                    && force.sigma_n[1] < t.lateral_sigma_max_n
             });
             if !usable || !finite {
                 axle.block = Block::default();
@@ -247,21 +215,21 @@ impl Grip {
             let rolled_m = input.speed_m_s * input.dt;
             let slip = axle.relaxed(pair.map(|(_, slip)| math::tan(slip)), rolled_m);
             axle.block.add(pair.map(|(force, _)| force), slip);
-            if axle.block.steps < BLOCK_STEPS {
+            if axle.block.steps < t.block_steps {
                 continue;
             }
             let mut block = axle.block.mean();
             axle.block = Block::default();
-            axle.used.take(input.now, block.used_friction());
+            axle.used.take(input.now, block.used_friction(&t));
             if i == 0 {
                 block.slip = block.slip.map(|slip| slip + input.corrected_rad);
             }
-            let span_s = input.dt * f64::from(BLOCK_STEPS);
+            let span_s = input.dt * f64::from(t.block_steps);
             let follows = i == 1
                 && self
                     .front_changed
-                    .is_some_and(|time| input.now.seconds_since(time) < FOLLOWS_S);
-            let part = if follows { FOLLOWS_PART } else { 1.0 };
+                    .is_some_and(|time| input.now.seconds_since(time) < t.follows_s);
+            let part = if follows { t.follows_part } else { 1.0 };
             if let Some(change) = axle.take(&block, span_s, input.sideslip_sigma_rad, part) {
                 if i == 0 {
                     self.front_changed = Some(input.now);
@@ -312,11 +280,12 @@ impl Block {
         }
     }
 
-    /// Least part of the axle's load that its lateral force is, within two deviations.
-    fn used_friction(&self) -> f64 {
+    /// Lower bound of the friction in use: lateral force less two standard deviations, over the
+    /// load.
+    fn used_friction(&self, tuning: &GripTuning) -> f64 {
         let load: f64 = self.load_n.iter().sum();
-        let lateral = self.force_n.abs() - 2.0 * self.variance.sqrt();
-        if load < LOAD_MIN_N {
+        let lateral = self.force_n.abs() - tuning.used_sigma * self.variance.sqrt();
+        if load < tuning.load_min_n {
             0.0
         } else {
             lateral.max(0.0) / load
@@ -342,16 +311,17 @@ impl UsedFriction {
 }
 
 impl AxleTyres {
-    fn new(tyre: &vehicle::Tyre) -> Self {
+    fn new(tyre: &vehicle::Tyre, tuning: &GripTuning) -> Self {
         Self {
+            tuning: *tuning,
             stiffness_n_rad: tyre.cornering_stiffness_n_rad,
             reference_n: tyre.reference_load_n.max(1.0),
             exponent: tyre.load_exponent,
             friction: tyre.friction,
             relaxation_length_m: tyre.relaxation_length_m,
             patch: None,
-            state: Vector4::from(START),
-            covariance: Matrix4::from_diagonal(&Vector4::from(START_SIGMA.map(|s| s * s))),
+            state: Vector4::from(tuning.start),
+            covariance: Matrix4::from_diagonal(&Vector4::from(tuning.start_sigma.map(|s| s * s))),
             runs: [ChangeRun::default(); 2],
             learned: 0,
             used: UsedFriction::default(),
@@ -359,8 +329,8 @@ impl AxleTyres {
         }
     }
 
-    /// What the contact patches see of the wheels' slip after `rolled_m` more: a tyre's side bends
-    /// first, over its relaxation length ([`model::tyre::relaxed_rate`], by backward Euler).
+    /// Slip at the contact patches after `rolled_m`: the tyre's side deflects over its relaxation
+    /// length ([`model::tyre::relaxed_rate`], by backward Euler).
     fn relaxed(&mut self, slip: [f64; 2], rolled_m: f64) -> [f64; 2] {
         let part = rolled_m / (rolled_m + self.relaxation_length_m);
         let before = self.patch.unwrap_or(slip);
@@ -393,8 +363,8 @@ impl AxleTyres {
             .sum()
     }
 
-    /// Takes a mean value in; tells where the surface is found to have changed. `part` of the usual
-    /// evidence is asked for.
+    /// Takes a mean value; returns a change of the surface, if one is found. `part` scales the
+    /// threshold.
     fn take(
         &mut self,
         block: &Block,
@@ -402,13 +372,14 @@ impl AxleTyres {
         sideslip_sigma: f64,
         part: f64,
     ) -> Option<Change> {
+        let t = self.tuning;
         let load: f64 = block.load_n.iter().sum();
-        for (i, walk) in WALK.into_iter().enumerate() {
-            let most = START_SIGMA[i].powi(2);
+        for (i, walk) in t.walk.into_iter().enumerate() {
+            let most = t.start_sigma[i].powi(2);
             let grown = self.covariance[(i, i)] + walk * walk * span_s;
             self.covariance[(i, i)] = grown.min(most.max(self.covariance[(i, i)]));
         }
-        if load < LOAD_MIN_N || block.longitudinal_n > LONGITUDINAL_MAX * load {
+        if load < t.load_min_n || block.longitudinal_n > t.longitudinal_max * load {
             return None;
         }
         let expected = self.lateral_n(block, &self.state);
@@ -420,23 +391,23 @@ impl AxleTyres {
         });
         let stiffness: f64 = block.load_n.iter().map(|n| self.stiffness_at(*n)).sum();
         let own = block.variance
-            + (SLIP_LASTS * stiffness * sideslip_sigma).powi(2)
-            + (MODEL_PART * load).powi(2);
+            + (t.sideslip_factor * stiffness * sideslip_sigma).powi(2)
+            + (t.model_part * load).powi(2);
         let ph = self.covariance * slope;
         let spread = slope.dot(&ph);
         let innovation = block.force_n - expected;
-        let excited = expected.abs() >= EXCITED * load;
+        let excited = expected.abs() >= t.excited * load;
         let deviation = (own + spread).sqrt();
         let change = excited
             .then(|| self.watch(block.force_n, expected, deviation, part))
             .flatten();
-        let total = spread + CORRELATED * own;
+        let total = spread + t.correlated_values * own;
         self.state += ph * (innovation / total);
-        for (i, (least, most)) in [
-            (0, FACTOR_LN),
-            (1, FACTOR_LN),
-            (2, SLIP_ERROR_RAD),
-            (3, SHAPE),
+        for (i, [least, most]) in [
+            (0, t.factor_ln_bounds),
+            (1, t.factor_ln_bounds),
+            (2, t.slip_error_bounds_rad),
+            (3, t.shape_bounds),
         ] {
             self.state[i] = self.state[i].clamp(least, most);
         }
@@ -445,14 +416,14 @@ impl AxleTyres {
     }
 
     fn watch(&mut self, force_n: f64, expected_n: f64, sigma: f64, part: f64) -> Option<Change> {
-        if self.learned < LEARNED {
+        if self.learned < self.tuning.learning_values {
             self.learned += 1;
             return None;
         }
         let sign = expected_n.signum();
         let size = (force_n - expected_n) * sign / sigma;
         for (run, size) in self.runs.iter_mut().zip([-size, size]) {
-            run.sum += size - CUSUM_REFERENCE;
+            run.sum += size - self.tuning.cusum_reference;
             if run.sum <= 0.0 {
                 *run = ChangeRun::default();
                 continue;
@@ -461,14 +432,15 @@ impl AxleTyres {
             run.force_n += force_n * sign;
             run.expected_n += expected_n * sign;
         }
-        let found = self.runs.iter().find_map(|run| run.change(part))?;
+        let t = &self.tuning;
+        let found = self.runs.iter().find_map(|run| run.change(part, t))?;
         self.runs = [ChangeRun::default(); 2];
         self.learned = 0;
         self.used = UsedFriction::default();
         for i in 0..2 {
             self.covariance.row_mut(i).fill(0.0);
             self.covariance.column_mut(i).fill(0.0);
-            self.covariance[(i, i)] = CHANGED[i] * CHANGED[i];
+            self.covariance[(i, i)] = t.changed_sigma[i] * t.changed_sigma[i];
         }
         Some(found)
     }
@@ -476,12 +448,12 @@ impl AxleTyres {
 
 impl ChangeRun {
     /// A sum of z - k is the likelihood ratio of a shift by 2k over none, divided by 2k.
-    fn change(&self, part: f64) -> Option<Change> {
+    fn change(&self, part: f64, tuning: &GripTuning) -> Option<Change> {
         let ratio = (self.force_n / self.expected_n.max(1.0)).clamp(0.0, 10.0);
-        if self.sum < part * CUSUM_THRESHOLD || (ratio - 1.0).abs() < CHANGE_MIN {
+        if self.sum < part * tuning.cusum_threshold || (ratio - 1.0).abs() < tuning.change_min {
             return None;
         }
-        let odds = 2.0 * CUSUM_REFERENCE * self.sum / part - LOG_ODDS;
+        let odds = 2.0 * tuning.cusum_reference * self.sum / part - tuning.log_odds;
         Some(Change {
             ratio,
             values: self.values,
@@ -496,7 +468,9 @@ mod tests {
 
     #[test]
     fn the_curve_has_an_inverse_and_holds_fialas() {
-        for shape in [SHAPE.0, START[3], SHAPE.1] {
+        let t = GripTuning::default();
+        let [least, most] = t.shape_bounds;
+        for shape in [least, t.start[3], most] {
             for part in [0.1, 0.5, 0.7, 0.99] {
                 let linear = linear_part(part, shape);
                 assert!((part_of_grip(linear, shape) - part).abs() < 1e-12);

@@ -1,9 +1,8 @@
-//! Normalised innovations by what was measured.
+//! Normalised innovations squared (NIS) by kind of measurement.
 //!
-//! With y what a sensor says beyond what the filter foretold and S the variance that the filter
-//! expects of it, y^2/S is chi-square with one degree of freedom where the filter is right, and the
-//! sum of n of them, which are independent then, with n (Bar-Shalom, Li and Kirubarajan, Estimation
-//! with Applications to Tracking and Navigation (2001), section 5.4.2).
+//! With the innovation y and its variance S, y²/S is chi-square with one degree of freedom in a
+//! consistent filter, and the sum of n independent ones with n (Bar-Shalom, Li and Kirubarajan,
+//! Estimation with Applications to Tracking and Navigation (2001), section 5.4.2).
 
 use sample::{InnovationKind, Innovations};
 
@@ -21,19 +20,19 @@ struct Sum {
 }
 
 impl InnovationTally {
-    /// Counts a measurement that was taken in, by y^2/S.
+    /// Counts a measurement that was used, by y²/S.
     pub fn used(&mut self, kind: InnovationKind, square: f64) {
         let sum = &mut self.sums[kind.index()];
         sum.square += square;
         sum.count += 1;
     }
 
-    /// Counts one that was left out.
+    /// Counts a measurement that was rejected.
     pub fn rejected(&mut self, kind: InnovationKind) {
         self.sums[kind.index()].rejected += 1;
     }
 
-    /// What was counted here and in `other` since the last report.
+    /// Sums of this tally and of `other` since the last report.
     pub fn report(&mut self, other: &mut Self) -> [Innovations; InnovationKind::COUNT] {
         let [own, other] = [self, other].map(std::mem::take);
         std::array::from_fn(|kind| {

@@ -1,22 +1,19 @@
-//! The last good reading of each channel, calibration applied.
+//! The last valid reading of each channel, with calibration applied.
 
 use nalgebra::Vector3;
 use sample::{CornerSample, LogTime, PerWheel, StrainChannel, Wheel};
 
 use crate::calibration::{Channel, CornerChannels};
 
-/// A reading older than this says nothing about the present, s.
-pub const FRESH_S: f64 = 0.1;
-
 /// Position of the spring potentiometer among a corner's channels, after the strain channels.
 pub const POTENTIOMETER: usize = StrainChannel::COUNT;
 
-/// Whether a channel's counts still move.
+/// Repeats of a channel's count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Liveness {
     counts: u16,
     repeats: u32,
-    told: bool,
+    reported: bool,
 }
 
 impl Liveness {
@@ -26,7 +23,7 @@ impl Liveness {
             .is_some_and(|repeats| self.repeats >= repeats)
     }
 
-    /// The channel's value, unless its counts do not move any more.
+    /// The channel's value; `None` while its counts are frozen.
     fn take(&mut self, counts: u16, channel: &Channel) -> Option<f64> {
         self.repeats = if counts == self.counts {
             self.repeats.saturating_add(1)
@@ -42,7 +39,7 @@ impl Liveness {
     }
 }
 
-/// A channel that froze (`true`) or moves again.
+/// A channel that froze or changed again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrozenChange {
     /// Which corner.
@@ -60,15 +57,15 @@ pub struct Reading {
     pub value: f64,
     /// When it was true.
     pub time: LogTime,
-    /// Whether a filter has taken it in already.
+    /// Whether a filter has used it.
     pub taken: bool,
 }
 
 impl Reading {
-    /// The value, if it is at most [`FRESH_S`] old.
+    /// The value, if it is at most `fresh_s` old.
     #[must_use]
-    pub fn fresh(self, now: LogTime) -> Option<f64> {
-        (now.seconds_since(self.time) <= FRESH_S).then_some(self.value)
+    pub fn fresh(self, now: LogTime, fresh_s: f64) -> Option<f64> {
+        (now.seconds_since(self.time) <= fresh_s).then_some(self.value)
     }
 }
 
@@ -81,22 +78,23 @@ pub struct CornerReadings {
     pub compression_m: Option<Reading>,
 }
 
-/// All readings that are held between samples.
+/// Last readings of all channels.
 #[derive(Clone, Debug, Default)]
 pub struct Readings {
     /// Strain and deflection.
     pub corners: PerWheel<CornerReadings>,
-    /// Hand wheel, left positive, rad.
-    pub hand_wheel_rad: Option<Reading>,
+    /// Steering-wheel angle, left positive, rad.
+    pub steering_wheel_rad: Option<Reading>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
-    /// Wheel speeds that are not believed.
-    pub wheel_speed_doubted: [bool; 4],
+    /// Wheel speeds that a monitor has found faulty.
+    pub wheel_speed_faulty: [bool; 4],
     liveness: [[Liveness; POTENTIOMETER + 1]; 4],
 }
 
 impl Readings {
-    /// Takes a corner's counts in; dead channels and saturated converters are left out.
+    /// Takes the counts of a corner. Counts of dead channels and of saturated converters are
+    /// ignored.
     pub fn push_corner(
         &mut self,
         time: LogTime,
@@ -121,7 +119,7 @@ impl Readings {
         }
     }
 
-    /// Hands out the channels that froze or moved again since the last call.
+    /// Reports the channels that froze or changed again since the last call.
     pub fn frozen_changes(
         &mut self,
         channels: &PerWheel<CornerChannels>,
@@ -132,8 +130,8 @@ impl Readings {
             for (i, liveness) in self.liveness[wheel.index()].iter_mut().enumerate() {
                 let channel = corner.strain.get(i).unwrap_or(&corner.deflection);
                 let frozen = liveness.frozen(channel) && !channel.dead;
-                if frozen != liveness.told {
-                    liveness.told = frozen;
+                if frozen != liveness.reported {
+                    liveness.reported = frozen;
                     out(FrozenChange {
                         wheel,
                         channel: i,
@@ -144,28 +142,28 @@ impl Readings {
         }
     }
 
-    /// Takes one wheel's speed in.
+    /// Takes the angular speed of one wheel.
     pub fn push_wheel_speed(&mut self, time: LogTime, wheel: Wheel, speed_rad_s: f64) {
         let good = (speed_rad_s.abs() < 1000.0).then_some(speed_rad_s);
         replace(&mut self.wheel_speed_rad_s[wheel], time, good);
     }
 
-    /// A wheel's speed, rad/s, if it is fresh at `now` and believed.
+    /// Angular speed of a wheel, rad/s, if it is at most `fresh_s` old at `now` and not faulty.
     #[must_use]
-    pub fn wheel_speed(&self, wheel: Wheel, now: LogTime) -> Option<f64> {
+    pub fn wheel_speed(&self, wheel: Wheel, now: LogTime, fresh_s: f64) -> Option<f64> {
         let reading =
-            self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_doubted[wheel.index()]);
-        reading.and_then(|reading| reading.fresh(now))
+            self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_faulty[wheel.index()]);
+        reading.and_then(|reading| reading.fresh(now, fresh_s))
     }
 
-    /// Takes a hand-wheel angle in.
-    pub fn push_hand_wheel(&mut self, time: LogTime, angle_rad: f64) {
+    /// Takes a steering-wheel angle.
+    pub fn push_steering_wheel(&mut self, time: LogTime, angle_rad: f64) {
         let good = (angle_rad.abs() < 50.0).then_some(angle_rad);
-        replace(&mut self.hand_wheel_rad, time, good);
+        replace(&mut self.steering_wheel_rad, time, good);
     }
 }
 
-/// Puts a later value in the place of an earlier one.
+/// Replaces an earlier value by a later one.
 fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
     let Some(value) = value.filter(|value| value.is_finite()) else {
         return;

@@ -1,4 +1,4 @@
-//! What is told of a vehicle's motion, from the motion filter's state.
+//! The reported motion, from the state of the motion filter.
 
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
@@ -7,10 +7,10 @@ use sample::{Motion, PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 use crate::corners::Corners;
 use crate::motion::{MotionState, wrap};
 
-/// Speed below which a slip angle means nothing, m/s.
+/// Speed below which a slip angle is reported as zero, m/s.
 const SLIP_SPEED_MIN_M_S: f64 = 0.5;
 
-/// The motion without what linkages tell of it.
+/// The motion without bank, grade and slip angles.
 pub fn motion(state: &MotionState) -> Motion {
     let (roll, pitch, _) = state.euler_rad();
     let gravity = state.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2;
@@ -28,8 +28,8 @@ pub fn motion(state: &MotionState) -> Motion {
     }
 }
 
-/// Slip angle of each wheel of a vehicle whose linkages are known, rad: the direction in which its
-/// centre moves over the ground, as the body turns and rolls and the linkage travels.
+/// Slip angle of each wheel of a vehicle with linkages, rad: direction of the wheel centre's
+/// velocity over the ground, with yaw, roll and the linkage's travel.
 pub fn slip_angles_on(corners: &Corners, state: &MotionState) -> PerWheel<f64> {
     PerWheel::from_fn(|wheel: Wheel| {
         let [along, across] = corners.wheel_velocity(wheel.index(), state);

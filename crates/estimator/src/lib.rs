@@ -1,9 +1,9 @@
-//! What the vehicle did: forces, motion, events, calibration and identification from samples.
+//! Motion, tyre forces, events, calibration and identification of a vehicle from its samples.
 //!
-//! The [`Estimator`] is a deterministic machine without a clock: [`Estimator::advance`] tells it
-//! how far the log clock has come, [`Estimator::push`] gives it a sample, and at each instant of a
-//! 100 Hz grid it hands out an [`Estimate`](sample::Estimate) and the events that it declares.
-//! The same calls in the same order give the same bits.
+//! The [`Estimator`] is deterministic and reads no clock: [`Estimator::advance`] sets the log time,
+//! [`Estimator::push`] takes a sample, and each instant of a 100 Hz grid gives an
+//! [`Estimate`](sample::Estimate) and events. The same calls in the same order give the same bits.
+//! All tuned numbers stand in [`Tuning`].
 //!
 //! ```text
 //! samples ─► calibration ─► motion (attitude, velocity, sideslip) ─┬─► statics or fusion ─► measured forces
@@ -16,9 +16,13 @@ pub mod corners;
 mod error;
 mod estimator;
 pub mod expected;
+pub mod feedback;
 pub mod finding;
 pub mod fusion;
+pub mod gaussian;
+mod grid;
 pub mod grip;
+mod handling;
 pub mod identification;
 mod innovation;
 pub mod inputs;
@@ -31,13 +35,18 @@ pub mod regression;
 pub mod score;
 mod settings;
 pub mod smoother;
+pub mod specification;
 pub mod statics;
 mod steering_column;
 pub mod trace;
+pub mod triads;
+pub mod tuning;
 mod waiting;
 pub mod watch;
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;
-pub use estimator::{Estimator, GRID_NANOS, Output};
+pub use estimator::{Estimator, Output};
+pub use grid::GRID_NANOS;
 pub use settings::{Input, Method, Settings};
+pub use tuning::Tuning;

@@ -1,52 +1,34 @@
-//! Lift of wheels and of sides: warned of ahead, declared, and taken back (section 4.2.3 of the
-//! thesis); load-transfer ratios and times to lift.
+//! Lift of wheels and of sides: warning, detection and touchdown (section 4.2.3 of the thesis);
+//! load-transfer ratios and times to lift.
 //!
-//! What holds of a wheel holds of both wheels of a side, by the sum of their loads: a side off the
-//! ground is a vehicle that tips over. A wheel is *up* when its load is below a fraction of the static one, and *down* again above a
-//! higher fraction. The load is followed by a filter of fading memory for value and slope, which a
-//! steady fall does not leave behind, so that a slow lift is not declared late; a fast one is caught
-//! by the raw load, which must then stay below for a run of steps. A wheel is warned of when the
-//! load, carried on at its slope, would be gone within the lead time while most of it is gone
-//! already. Runs of steps set the false-alarm rate: with independent errors, p^n for a chance p of
-//! one step. The filter's errors are alike over about five steps, so the runs are long against
-//! that.
+//! The rules for a wheel apply to both wheels of a side with the sum of their loads: a side off the
+//! ground is a vehicle that tips over. A wheel is *up* when its load is below a fraction of the
+//! static load, and *down* again above a higher fraction. A fading-memory filter of value and slope
+//! follows the load; a steady fall causes no lag, so a slow lift is not detected late. A fast lift
+//! is detected by the raw load, which must stay below the limit for a number of steps. A warning is
+//! given when the load, extrapolated at its slope, reaches zero within the lead time while most of
+//! it is gone already. The numbers of steps set the false-alarm rate: p^n for independent errors
+//! with probability p in one step. The filter's errors are correlated over about five steps, so the
+//! numbers are larger than that.
 
 use sample::{Event, EventKind, LogTime, PerWheel, Rollover, Side, TyreForce, Wheel};
 
-/// Part of a wheel's static load below which it is up, and above which it is down again.
-const UP: f64 = 0.02;
-const DOWN: f64 = 0.06;
-/// Part of the static load below which the vanishing of the load is warned of.
-const LIGHT: f64 = 0.3;
-/// Lead time of a warning, s.
-const LEAD_S: f64 = 2.5;
-/// A load that falls more slowly than this is not falling, part of static load per second.
-const FALL_MIN: f64 = 0.01;
-/// Steps that a condition must hold: of the raw load, of the followed one, of a warning.
-const RAW_STEPS: u32 = 6;
-const FOLLOWED_STEPS: u32 = 3;
-const WARNING_STEPS: u32 = 20;
-/// What the fading memory keeps from step to step: half a second.
-const KEEP: f64 = 0.98;
-/// What remains of a step's error in the followed value, and in what it is in a second's time.
-const FOLLOWED_SIGMA: f64 = 0.3;
-const AHEAD_SIGMA: f64 = 0.4;
-/// Time after the start in which nothing is declared, s.
-const SETTLING_S: f64 = 1.0;
+use crate::tuning::LiftTuning;
 
-/// What leaves the ground.
+/// A wheel or a side.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Wheel(Wheel),
     Side(Side),
 }
 
-/// A load that is watched.
+/// Monitor of one load.
 #[derive(Clone, Copy, Debug)]
 struct LoadState {
+    tuning: LiftTuning,
     place: Place,
     static_n: f64,
-    /// Below the first it is up, above the second down again, N.
+    /// Limits of up and down, N.
     thresholds_n: [f64; 2],
     load_n: f64,
     rate_n_s: f64,
@@ -57,27 +39,33 @@ struct LoadState {
     calm: u32,
 }
 
-/// Watches the loads of all wheels and of both sides.
+/// Monitors the loads of all wheels and of both sides.
 #[derive(Clone, Debug)]
 pub struct LiftDetector {
     wheels: [LoadState; 4],
     sides: [LoadState; 2],
     age_s: f64,
+    settling_s: f64,
 }
 
 impl LiftDetector {
     /// A detector with the wheels on the ground.
     #[must_use]
-    pub fn new(static_n: PerWheel<f64>) -> Self {
-        let wheel = |wheel| LoadState::new(Place::Wheel(wheel), static_n[wheel], static_n[wheel]);
+    pub fn new(static_n: PerWheel<f64>, tuning: &LiftTuning) -> Self {
+        let wheel = |wheel| {
+            let load_n = static_n[wheel];
+            LoadState::new(Place::Wheel(wheel), load_n, load_n, tuning)
+        };
         let side = |side: Side| {
             let [front_n, rear_n] = side.wheels().map(|wheel| static_n[wheel]);
-            LoadState::new(Place::Side(side), front_n + rear_n, front_n.max(rear_n))
+            let heavier_n = front_n.max(rear_n);
+            LoadState::new(Place::Side(side), front_n + rear_n, heavier_n, tuning)
         };
         Self {
             wheels: Wheel::ALL.map(wheel),
             sides: Side::ALL.map(side),
             age_s: 0.0,
+            settling_s: tuning.settling_s,
         }
     }
 
@@ -87,8 +75,8 @@ impl LiftDetector {
         self.sides.iter().any(|side| side.up)
     }
 
-    /// Takes the loads of one instant in. Only a moving vehicle's lifts are declared: one on jacks
-    /// hangs its wheels on purpose.
+    /// Takes the loads of one instant. Only lifts of a moving vehicle are reported: wheels of a
+    /// vehicle on jacks hang.
     pub fn step(
         &mut self,
         now: LogTime,
@@ -98,7 +86,7 @@ impl LiftDetector {
         out: &mut impl FnMut(Event),
     ) -> Rollover {
         self.age_s += dt;
-        let judged = self.age_s >= SETTLING_S && moving;
+        let judged = self.age_s >= self.settling_s && moving;
         let loads = Wheel::ALL.map(|wheel| Load::of_wheel(&forces[wheel]));
         let of_side = |side: Side| {
             let [front, rear] = side.wheels().map(|wheel| loads[wheel.index()]);
@@ -140,7 +128,7 @@ impl LiftDetector {
     }
 }
 
-/// A load with its deviation.
+/// A load with its standard deviation.
 #[derive(Clone, Copy)]
 struct Load {
     value_n: f64,
@@ -169,8 +157,8 @@ struct Instant {
     transfer: f64,
 }
 
-/// (right - left)/(right + left), one where the left is up, with the deviation that independent
-/// errors give it.
+/// (right - left)/(right + left), one when the left is up, and its standard deviation for
+/// independent errors.
 fn transfer_ratio(left: Load, right: Load) -> (f64, f64) {
     // The larger of NaN and zero would be zero.
     if !(left.value_n + right.value_n).is_finite() {
@@ -199,13 +187,13 @@ impl Place {
 }
 
 impl LoadState {
-    /// `part_of_n` is what [`UP`] and [`DOWN`] are parts of: of a side its heavier wheel, as both
-    /// must be up.
-    fn new(place: Place, static_n: f64, part_of_n: f64) -> Self {
+    /// The limits are parts of `part_of_n`: of a side its heavier wheel, as both must be up.
+    fn new(place: Place, static_n: f64, part_of_n: f64, tuning: &LiftTuning) -> Self {
         Self {
+            tuning: *tuning,
             place,
             static_n,
-            thresholds_n: [UP * part_of_n, DOWN * part_of_n],
+            thresholds_n: [tuning.up * part_of_n, tuning.down * part_of_n],
             load_n: static_n,
             rate_n_s: 0.0,
             up: false,
@@ -216,19 +204,20 @@ impl LoadState {
         }
     }
 
-    /// Value and slope by least squares with a memory that fades by [`KEEP`] each step.
+    /// Value and slope by least squares with the fading memory `keep` per step.
     fn follow(&mut self, load_n: f64, dt: f64) {
         self.load_n += self.rate_n_s * dt;
         let error = load_n - self.load_n;
-        self.load_n += (1.0 - KEEP * KEEP) * error;
-        self.rate_n_s += (1.0 - KEEP).powi(2) * error / dt;
+        let keep = self.tuning.keep;
+        self.load_n += (1.0 - keep * keep) * error;
+        self.rate_n_s += (1.0 - keep).powi(2) * error / dt;
     }
 
     fn is_falling(&self) -> bool {
-        self.rate_n_s < -FALL_MIN * self.static_n
+        self.rate_n_s < -self.tuning.fall_min * self.static_n
     }
 
-    /// -N/N' of the followed load.
+    /// -N/N' of the filtered load.
     fn time_to_lift_s(&self) -> f64 {
         if self.up || self.load_n <= 0.0 {
             0.0
@@ -241,23 +230,24 @@ impl LoadState {
 
     fn judge(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
         self.warn(at, out);
+        let t = self.tuning;
         let [least, back] = self.thresholds_n;
-        // A followed load that its error cannot tell from the threshold has reached it.
-        let reached = least + (FOLLOWED_SIGMA * at.load.sigma_n).min(least);
+        // A filtered load within its error of the limit has reached it.
+        let reached = least + (t.filtered_sigma * at.load.sigma_n).min(least);
         let judged = [(at.load.value_n, least), (self.load_n, reached)];
         for (count, (load, least)) in self.below.iter_mut().zip(judged) {
             *count = if load < least { *count + 1 } else { 0 };
         }
         let [raw, followed] = self.below;
-        if !self.up && (raw >= RAW_STEPS || followed >= FOLLOWED_STEPS) {
+        if !self.up && (raw >= t.raw_steps || followed >= t.filtered_steps) {
             self.up = true;
-            let steps = if raw >= RAW_STEPS {
-                RAW_STEPS
+            let steps = if raw >= t.raw_steps {
+                t.raw_steps
             } else {
-                FOLLOWED_STEPS
+                t.filtered_steps
             };
             let onset = at.now.offset_seconds(-0.01 * f64::from(steps - 1));
-            let chance = probability(back - self.load_n, FOLLOWED_SIGMA * at.load.sigma_n);
+            let chance = probability(back - self.load_n, t.filtered_sigma * at.load.sigma_n);
             let text = match self.place {
                 Place::Wheel(wheel) => format!("the {wheel} wheel is off the ground"),
                 Place::Side(side) => format!("both {side} wheels are off the ground"),
@@ -273,30 +263,31 @@ impl LoadState {
     }
 
     fn warn(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
-        let light = self.load_n < LIGHT * self.static_n && self.is_falling();
+        let t = self.tuning;
+        let light = self.load_n < t.light * self.static_n && self.is_falling();
         let left_s = self.load_n / -self.rate_n_s;
-        self.falling = if light && left_s < LEAD_S && !self.up {
+        self.falling = if light && left_s < t.lead_s && !self.up {
             self.falling + 1
         } else {
             0
         };
-        self.calm = if self.load_n > (LIGHT + 0.1) * self.static_n {
+        self.calm = if self.load_n > (t.light + t.light_hysteresis) * self.static_n {
             self.calm + 1
         } else {
             0
         };
-        if self.calm > 50 {
+        if self.calm > t.calm_steps {
             self.warned = false;
         }
-        if self.falling < WARNING_STEPS || self.warned {
+        if self.falling < t.warning_steps || self.warned {
             return;
         }
         self.warned = true;
         let lead_s = left_s.max(0.0);
-        let ahead = self.load_n + self.rate_n_s * LEAD_S;
+        let ahead = self.load_n + self.rate_n_s * t.lead_s;
         let chance = probability(
             self.thresholds_n[1] - ahead,
-            (FOLLOWED_SIGMA + LEAD_S * AHEAD_SIGMA) * at.load.sigma_n,
+            (t.filtered_sigma + t.lead_s * t.ahead_sigma) * at.load.sigma_n,
         );
         let text = match self.place {
             Place::Wheel(wheel) => {
@@ -328,8 +319,8 @@ impl Instant {
     }
 }
 
-/// Chance that a normal error of deviation `sigma` stays below `margin` (logistic approximation
-/// of the normal distribution, within 0.01).
+/// Probability that a normal error with standard deviation `sigma` stays below `margin` (logistic
+/// approximation of the normal distribution, within 0.01).
 fn probability(margin: f64, sigma: f64) -> f64 {
     if sigma.is_finite() && sigma > 0.0 {
         1.0 / (1.0 + math::exp(-1.702 * margin / sigma))

@@ -1,25 +1,26 @@
 //! Motion of the body: attitude, velocity and sideslip by inertial navigation, corrected by GNSS
-//! velocity and attitude, wheel speeds and what a road vehicle cannot do.
+//! velocity and attitude, wheel speeds and constraints of a road vehicle.
 //!
 //! Error-state Kalman filter. Nominal state: attitude R (earth from body), velocity v of the
-//! inertial unit in earth axes, accelerometer bias b_a and gyro bias b_g. With the specific force f
-//! and rate w that the unit reads, in body axes,
+//! inertial unit in earth axes, accelerometer bias b_a and gyro bias b_g. With specific force f and
+//! rate w of the unit in body axes,
 //!
 //! R' = R [w - b_g]x, v' = R (f - b_a) - (0, 0, g)
 //!
 //! The error (d theta, d v, d b_a, d b_g) is defined by R_true = exp([d theta]x) R in earth axes,
 //! so that d v' = -[R (f - b_a)]x d theta - R d b_a and d theta' = -R d b_g.
 //!
-//! A GNSS value is late: it is compared with the nominal state of its own time, out of a history
-//! of [`history::SPAN_S`], and its correction is applied to the present. What the error changes
-//! within that lag is neglected (less than 1 % of it in 50 ms). So the order in which late values
-//! arrive does not matter to first order.
+//! A GNSS value has a latency. It is compared with the nominal state of its own time, from a
+//! history of [`history::SPAN_S`], and the correction is applied to the present. The change of the
+//! error within the latency is neglected (less than 1 % of it in 50 ms), so the order of arrival of
+//! late values does not matter to first order.
 
+mod acceptance;
+mod attitude;
 mod flow;
 pub mod history;
 mod jumps;
 mod solution;
-mod standing;
 mod update;
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
@@ -27,12 +28,13 @@ use sample::{LogTime, STANDARD_GRAVITY_M_S2};
 
 use crate::innovation::InnovationTally;
 use crate::trace::{Operation, Restart, Term, Trace};
-use crate::watch::Triads;
+use crate::triads::Triads;
+use crate::tuning::MotionTuning;
+use acceptance::{AcceptanceCounter, ReceiverState};
 use flow::Flow;
 use history::{History, Pose};
 use jumps::Jumps;
 pub use solution::Solution;
-use standing::{Standing, ToldVelocity};
 pub use update::Verdict;
 
 /// Size of the error state: attitude, velocity, accelerometer bias, gyro bias.
@@ -48,30 +50,11 @@ pub const GYRO_BIAS: usize = 9;
 
 /// Longest step that the inertial equations are carried over at once, s.
 const STEP_MAX_S: f64 = 0.05;
-/// Silence of the inertial unit after which the state is carried on without it, s.
-const SILENCE_S: f64 = 0.04;
-/// Acceleration and rate that may go unseen then, m/s^2 and rad/s, per square root of Hz.
-const BLIND_ACCEL: f64 = 2.0;
-const BLIND_RATE: f64 = 0.3;
-/// Walk of the biases, (m/s^2)/sqrt(s) and (rad/s)/sqrt(s).
-const ACCEL_BIAS_WALK: f64 = 1e-3;
-const GYRO_BIAS_WALK: f64 = 3e-5;
-/// Readings beyond these are not a road vehicle's, m/s^2 and rad/s.
-const FORCE_MAX_M_S2: f64 = 200.0;
-const RATE_MAX_RAD_S: f64 = 20.0;
-/// While nothing has told a direction, the heading is the one that is taken: 0, and known.
-const HEADING_OF_NOTHING_RAD: f64 = 1e-3;
-/// A heading against which only a velocity is known, rad.
-const HEADING_UNKNOWN_RAD: f64 = 3.0;
-/// Specific force this near to gravity, as a part of it, shows how the body stands: what else may
-/// be in it tilts by no more than the attitude's deviation at the start.
-const AT_REST: f64 = 0.02;
-/// Time constant of the derivatives of rate and specific force, s.
-const SLOPE_TIME_S: f64 = 0.02;
 
-/// Part of what a jump has made of attitude and velocity that is unknown, as it may have been earlier
-/// or later.
-const JUMPED_EARLIER: f64 = 0.3;
+/// Largest variances of attitude, velocity, accelerometer bias and gyro bias: they keep the
+/// covariance finite.
+const VARIANCE_MAX: [f64; 4] = [10.0, 1e4, 4.0, 0.1];
+
 /// Noise and geometry that the filter assumes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionSettings {
@@ -87,8 +70,7 @@ pub struct MotionSettings {
     pub gyro_bias_sigma_rad_s: f64,
     /// Inertial unit from the centre of gravity, m.
     pub imu_m: Vector3<f64>,
-    /// Antennas whose velocity is told from the centre of gravity, m, in the order of
-    /// [`VelocityReceiver`].
+    /// Antennas from the centre of gravity, m, in the order of [`VelocityReceiver`].
     pub antenna_m: [Vector3<f64>; 2],
     /// Standard deviation of GNSS velocity where the record has none, m/s.
     pub velocity_sigma_m_s: f64,
@@ -102,6 +84,7 @@ pub struct MotionSettings {
 #[derive(Clone, Debug)]
 pub struct MotionFilter {
     settings: MotionSettings,
+    tuning: MotionTuning,
     time: Option<LogTime>,
     earth_from_body: Rotation3<f64>,
     velocity_m_s: Vector3<f64>,
@@ -114,39 +97,38 @@ pub struct MotionFilter {
     force_dot: Vector3<f64>,
     history: History,
     jumps: Jumps,
-    /// The biases before the last jump that was found and not asked for yet.
+    /// Biases before the last jump that was found and not yet taken.
     before_jump: Option<[f64; 6]>,
     imu_time: Option<LogTime>,
     velocity_time: Option<LogTime>,
     attitude_time: Option<LogTime>,
     heading_known: bool,
-    /// How far the gyros have the body turn to the left, corrected by nothing, rad.
+    /// Integral of the yaw rate, rad, without corrections.
     turned_rad: f64,
-    /// By the last heading before one was adopted, where the body began to turn, rad, and how many in
-    /// a row have agreed.
+    /// Last heading less that integral, rad, and the number of consecutive headings that agree.
     heading_run: [f64; 2],
-    /// Whether attitude and velocity wait for GNSS to tell them, the attitude first.
-    doubted: bool,
+    /// Whether attitude and velocity must be found again from GNSS, attitude first.
+    attitude_lost: bool,
     levelled: bool,
-    velocities: [ToldVelocity; 2],
-    attitude_standing: Standing,
-    /// Yaw, pitch and roll as told last, and whether they were left out.
-    told_angles: [Option<f64>; 3],
-    angles_left_out: [bool; 3],
-    /// Whether something vouches for the state.
-    vouched: bool,
+    velocities: [ReceiverState; 2],
+    attitude_acceptance: AcceptanceCounter,
+    /// Last yaw, pitch and roll of the receiver, and whether they were rejected.
+    last_angles: [Option<f64>; 3],
+    angles_rejected: [bool; 3],
+    /// Whether the balances of forces and moments confirm the inertial unit.
+    imu_consistent: bool,
     resets: u32,
     /// Innovations since they were last reported.
     pub(crate) innovations: InnovationTally,
     trace: Trace<STATES>,
 }
 
-/// Whose antenna a velocity is of.
+/// The antenna of a velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VelocityReceiver {
     /// A receiver of velocity alone.
     Own,
-    /// The receiver that tells attitude, too.
+    /// The receiver that also measures attitude.
     OfAttitude,
 }
 
@@ -163,13 +145,13 @@ pub struct MotionState {
     pub rate_dot_rad_s2: Vector3<f64>,
     /// Specific force at the centre of gravity without bias as last read, body axes, m/s^2.
     pub specific_force_m_s2: Vector3<f64>,
-    /// How fast it changes, body axes, m/s^3.
+    /// Its derivative, body axes, m/s^3.
     pub specific_force_dot_m_s3: Vector3<f64>,
     /// Sideslip angle in the horizontal plane (ISO 8855), rad.
     pub sideslip_rad: f64,
     /// Its standard deviation, rad.
     pub sideslip_sigma_rad: f64,
-    /// Whether an inertial unit stands behind rates and forces.
+    /// Whether an inertial unit measures rates and forces.
     pub inertial: bool,
     /// Age of its last reading, s.
     pub inertial_age_s: f64,
@@ -195,11 +177,12 @@ impl MotionState {
 }
 
 impl MotionFilter {
-    /// A filter that has seen nothing.
+    /// A filter without readings.
     #[must_use]
-    pub fn new(settings: MotionSettings) -> Self {
+    pub fn new(settings: MotionSettings, tuning: &MotionTuning) -> Self {
         let mut filter = Self {
             settings,
+            tuning: *tuning,
             time: None,
             earth_from_body: Rotation3::identity(),
             velocity_m_s: Vector3::zeros(),
@@ -211,7 +194,7 @@ impl MotionFilter {
             force: Vector3::z() * STANDARD_GRAVITY_M_S2,
             force_dot: Vector3::zeros(),
             history: History::default(),
-            jumps: Jumps::default(),
+            jumps: Jumps::new(tuning.jumps),
             before_jump: None,
             imu_time: None,
             velocity_time: None,
@@ -219,13 +202,13 @@ impl MotionFilter {
             heading_known: false,
             turned_rad: 0.0,
             heading_run: [0.0; 2],
-            doubted: false,
+            attitude_lost: false,
             levelled: false,
-            velocities: [ToldVelocity::default(); 2],
-            attitude_standing: Standing::default(),
-            told_angles: [None; 3],
-            angles_left_out: [false; 3],
-            vouched: false,
+            velocities: [ReceiverState::default(); 2],
+            attitude_acceptance: AcceptanceCounter::default(),
+            last_angles: [None; 3],
+            angles_rejected: [false; 3],
+            imu_consistent: false,
             resets: 0,
             innovations: InnovationTally::default(),
             trace: Trace::default(),
@@ -234,44 +217,46 @@ impl MotionFilter {
         filter
     }
 
-    /// Whether from now on something else vouches for how the state goes on: where GNSS contradicts
-    /// one that it has confirmed before, it is GNSS that is wrong.
-    pub fn vouch(&mut self, vouched: bool) {
-        self.vouched = vouched;
+    /// Sets whether the balances of forces and moments confirm the inertial unit. Then GNSS that
+    /// contradicts a confirmed state is considered wrong.
+    pub fn set_imu_consistent(&mut self, imu_consistent: bool) {
+        self.imu_consistent = imu_consistent;
     }
 
-    /// Whether it does, of a state that GNSS has confirmed.
+    /// Whether the balances confirm the inertial unit, in a state that GNSS has confirmed.
     #[must_use]
-    pub fn is_vouched(&self) -> bool {
-        self.vouched && self.all_standing(|standing| standing.confirmed)
+    pub fn is_imu_consistent(&self) -> bool {
+        self.imu_consistent && self.all_acceptance(|acceptance| acceptance.confirmed)
     }
 
     /// Whether GNSS confirms the state now.
     #[must_use]
     pub fn is_confirmed(&self) -> bool {
-        self.all_standing(|standing| standing.confirmed && standing.uses > 0)
+        self.all_acceptance(|acceptance| acceptance.confirmed && acceptance.uses > 0)
     }
 
-    /// Whether something holds of attitude and of one receiver's velocity, where they have been told.
-    fn all_standing(&self, holds: impl Fn(&Standing) -> bool) -> bool {
+    /// Whether a condition holds for attitude and for the velocity of one receiver, as far as they
+    /// are measured.
+    fn all_acceptance(&self, holds: impl Fn(&AcceptanceCounter) -> bool) -> bool {
         let now = self.time.unwrap_or_default();
-        let silent = !self.velocities.iter().any(|told| told.is_heard(now));
-        let holds_of = |told: &ToldVelocity| {
-            let counts = told.is_heard(now) || silent && told.at.is_some();
-            counts && holds(&told.standing)
+        let active_s = self.tuning.receivers.active_s;
+        let silent = !(self.velocities.iter()).any(|receiver| receiver.is_active(now, active_s));
+        let holds_of = |receiver: &ReceiverState| {
+            let counts = receiver.is_active(now, active_s) || silent && receiver.at.is_some();
+            counts && holds(&receiver.acceptance)
         };
         (self.velocity_time.is_none() || self.velocities.iter().any(holds_of))
-            && (self.attitude_time.is_none() || holds(&self.attitude_standing))
+            && (self.attitude_time.is_none() || holds(&self.attitude_acceptance))
     }
 
-    fn set_standing(&mut self, standing: Standing) {
-        for told in &mut self.velocities {
-            told.standing = standing;
+    fn set_acceptance(&mut self, acceptance: AcceptanceCounter) {
+        for receiver in &mut self.velocities {
+            receiver.acceptance = acceptance;
         }
-        self.attitude_standing = standing;
+        self.attitude_acceptance = acceptance;
     }
 
-    /// How often the filter has been started anew.
+    /// Number of restarts.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets
@@ -284,13 +269,12 @@ impl MotionFilter {
         [a.x, a.y, a.z, g.x, g.y, g.z]
     }
 
-    /// The biases as they were known before a jump, if one was found since this was last asked.
+    /// Biases before a jump, if one was found since the last call.
     pub fn take_jump(&mut self) -> Option<[f64; 6]> {
         self.before_jump.take()
     }
 
-    /// Deviation of the biases of accelerometers and gyros when nothing is known of them, m/s^2 and
-    /// rad/s.
+    /// Initial standard deviations of accelerometer and gyro biases, m/s^2 and rad/s.
     #[must_use]
     pub fn bias_sigma_at_start(&self) -> [f64; 2] {
         let s = &self.settings;
@@ -329,19 +313,23 @@ impl MotionFilter {
             .map_or(f64::INFINITY, |time| now.seconds_since(time))
     }
 
-    /// Variances of a filter that has seen nothing.
+    /// Initial variances.
     fn start_variance(&self) -> SVector<f64, STATES> {
-        let s = &self.settings;
+        let (s, t) = (&self.settings, &self.tuning);
         let mut sigma = SVector::<f64, STATES>::zeros();
-        sigma.fixed_rows_mut::<2>(ATTITUDE).fill(0.2);
-        sigma[ATTITUDE + 2] = HEADING_OF_NOTHING_RAD;
-        sigma.fixed_rows_mut::<3>(VELOCITY).fill(20.0);
+        sigma
+            .fixed_rows_mut::<2>(ATTITUDE)
+            .fill(t.tilt_start_sigma_rad);
+        sigma[ATTITUDE + 2] = t.heading_start_sigma_rad;
+        sigma
+            .fixed_rows_mut::<3>(VELOCITY)
+            .fill(t.velocity_start_sigma_m_s);
         sigma
             .fixed_rows_mut::<3>(ACCEL_BIAS)
-            .fill(s.accel_bias_sigma_m_s2.max(1e-3));
+            .fill(s.accel_bias_sigma_m_s2.max(t.accel_bias_start_min_m_s2));
         sigma
             .fixed_rows_mut::<3>(GYRO_BIAS)
-            .fill(s.gyro_bias_sigma_rad_s.max(1e-5));
+            .fill(s.gyro_bias_sigma_rad_s.max(t.gyro_bias_start_min_rad_s));
         sigma.component_mul(&sigma)
     }
 
@@ -359,28 +347,29 @@ impl MotionFilter {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
         self.heading_known = false;
-        self.doubted = false;
+        self.attitude_lost = false;
         self.levelled = false;
-        self.set_standing(Standing::default());
+        self.set_acceptance(AcceptanceCounter::default());
         self.velocity_time = None;
         self.forget_attitude();
         self.history.clear();
     }
 
-    /// Takes a reading of the inertial unit in, body axes, calibration applied, of which `untold`
-    /// (m/s^2 and rad/s of each axis, over sqrt(Hz)) is unseen beside the sensors' noise.
+    /// Takes a reading of the inertial unit, body axes, calibration applied. `replaced_density` is
+    /// the density of the error of replaced axes, (rad/s)/√Hz and (m/s^2)/√Hz.
     ///
-    /// A reading that is not finite, out of any road vehicle's range, or not later than the last
-    /// is left out.
+    /// A reading that is not finite, out of a road vehicle's range, or not later than the last one
+    /// is ignored.
     pub fn push_imu(
         &mut self,
         time: LogTime,
         force: Vector3<f64>,
         rate: Vector3<f64>,
-        untold: &Triads<[f64; 3]>,
+        replaced_density: &Triads<[f64; 3]>,
     ) {
-        let good = force.iter().all(|f| f.abs() <= FORCE_MAX_M_S2)
-            && rate.iter().all(|w| w.abs() <= RATE_MAX_RAD_S);
+        let t = self.tuning;
+        let good = force.iter().all(|f| f.abs() <= t.force_max_m_s2)
+            && rate.iter().all(|w| w.abs() <= t.rate_max_rad_s);
         if !good || self.time.is_some_and(|last| time <= last) {
             return;
         }
@@ -392,18 +381,18 @@ impl MotionFilter {
             return;
         };
         let gap_s = time.seconds_since(last);
-        if self.imu_time.is_none() || gap_s > 1.0 {
+        if self.imu_time.is_none() || gap_s > t.slope_interval_max_s {
             self.rate = rate;
             self.rate_dot = Vector3::zeros();
             self.force_dot = Vector3::zeros();
         } else {
-            let weight = gap_s / (SLOPE_TIME_S + gap_s);
+            let weight = gap_s / (t.slope_time_s + gap_s);
             self.rate_dot += ((rate - self.rate) / gap_s - self.rate_dot) * weight;
             self.force_dot += ((force - self.force) / gap_s - self.force_dot) * weight;
         }
         let settings = &self.settings;
-        // Readings are samples, not means: the trapezium holds between two of them.
-        let (mean_force, mean_rate) = if gap_s < 0.1 && self.imu_time.is_some() {
+        // Readings are samples, so the trapezoidal rule integrates between two of them.
+        let (mean_force, mean_rate) = if gap_s < t.mean_interval_max_s && self.imu_time.is_some() {
             ((force + self.force) * 0.5, (rate + self.rate) * 0.5)
         } else {
             (force, rate)
@@ -413,34 +402,40 @@ impl MotionFilter {
             settings.accel_sigma_m_s2 * density,
             settings.gyro_sigma_rad_s * density,
         ];
-        self.carry(gap_s, mean_force, mean_rate, noise);
-        self.add_untold(gap_s, untold);
+        self.propagate(gap_s, mean_force, mean_rate, noise);
+        self.add_replaced_noise(gap_s, replaced_density);
         self.begin(time, force, rate);
     }
 
-    /// Carries the state on to `now` where the inertial unit has been silent.
-    pub fn bridge(&mut self, now: LogTime) {
+    /// Propagates the state to `now` while the inertial unit is silent.
+    pub fn coast(&mut self, now: LogTime) {
         let Some(last) = self.time else {
             self.time = Some(now);
             return;
         };
         let gap_s = now.seconds_since(last);
-        if gap_s < SILENCE_S {
+        let t = self.tuning;
+        if gap_s < t.silence_s {
             return;
         }
         self.imu_time = None;
-        self.rate *= 0.8;
+        self.rate *= t.coast_rate_keep;
         self.rate_dot = Vector3::zeros();
         self.force_dot = Vector3::zeros();
         self.force =
             self.earth_from_body.inverse() * Vector3::z() * STANDARD_GRAVITY_M_S2 + self.accel_bias;
         let (force, rate) = (self.force, self.rate + self.gyro_bias);
-        self.carry(gap_s, force, rate, [BLIND_ACCEL, BLIND_RATE]);
+        self.propagate(
+            gap_s,
+            force,
+            rate,
+            [t.coast_accel_density, t.coast_rate_density],
+        );
         self.time = Some(now);
         self.remember(now);
     }
 
-    /// What a misled state has learnt of the biases is wrong too.
+    /// Resets the biases: they were estimated in a wrong state.
     fn forget_biases(&mut self) {
         self.accel_bias = Vector3::zeros();
         self.gyro_bias = Vector3::zeros();
@@ -450,13 +445,12 @@ impl MotionFilter {
         }
     }
 
-    /// The inertial unit has misled the state: attitude, velocity and biases are found anew, the
-    /// attitude first.
-    fn doubt(&mut self) {
+    /// Restarts from GNSS: attitude first, then velocity; the biases are reset.
+    fn restart_from_gnss(&mut self) {
         self.resets += 1;
         self.forget_biases();
-        self.doubted = true;
-        self.set_standing(Standing::adopted());
+        self.attitude_lost = true;
+        self.set_acceptance(AcceptanceCounter::adopted());
         self.velocity_time = None;
         self.forget_attitude();
     }
@@ -483,10 +477,10 @@ impl MotionFilter {
         });
     }
 
-    /// Roll and pitch that a unit at rest would show, if it may be at rest.
+    /// Sets roll and pitch from the specific force, if the unit may be at rest.
     fn level(&mut self, force: Vector3<f64>) {
         self.levelled = true;
-        if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > AT_REST {
+        if (force.norm() / STANDARD_GRAVITY_M_S2 - 1.0).abs() > self.tuning.rest_tolerance {
             return;
         }
         let roll = math::atan2(force.y, force.z);
@@ -495,16 +489,22 @@ impl MotionFilter {
         self.earth_from_body = Rotation3::from_euler_angles(roll, pitch, yaw);
     }
 
-    fn carry(&mut self, span_s: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
+    fn propagate(&mut self, span_s: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
         let mut left_s = span_s.min(2.0);
         while left_s > 0.0 {
             let step_s = left_s.min(STEP_MAX_S);
-            self.carry_step(step_s, force, rate, noise);
+            self.propagate_step(step_s, force, rate, noise);
             left_s -= step_s;
         }
     }
 
-    fn carry_step(&mut self, dt: f64, force: Vector3<f64>, rate: Vector3<f64>, noise: [f64; 2]) {
+    fn propagate_step(
+        &mut self,
+        dt: f64,
+        force: Vector3<f64>,
+        rate: Vector3<f64>,
+        noise: [f64; 2],
+    ) {
         let turn = (rate - self.gyro_bias) * dt;
         let middle = self.earth_from_body * Rotation3::new(turn * 0.5);
         let earth_force = middle * (force - self.accel_bias);
@@ -519,7 +519,8 @@ impl MotionFilter {
             of_attitude: -earth_force.cross_matrix() * dt,
         };
         self.flow(&flow);
-        self.jumps.carry(self.time.unwrap_or_default(), &flow);
+        self.jumps.propagate(self.time.unwrap_or_default(), &flow);
+        let [accel_walk, gyro_walk] = [self.tuning.accel_bias_walk, self.tuning.gyro_bias_walk];
         let mut add = |first: usize, variance: f64| {
             for i in first..first + 3 {
                 self.add_noise(i, i, variance * dt);
@@ -527,8 +528,8 @@ impl MotionFilter {
         };
         add(ATTITUDE, noise[1] * noise[1]);
         add(VELOCITY, noise[0] * noise[0]);
-        add(ACCEL_BIAS, ACCEL_BIAS_WALK * ACCEL_BIAS_WALK);
-        add(GYRO_BIAS, GYRO_BIAS_WALK * GYRO_BIAS_WALK);
+        add(ACCEL_BIAS, accel_walk * accel_walk);
+        add(GYRO_BIAS, gyro_walk * gyro_walk);
         self.tidy();
     }
 
@@ -546,10 +547,13 @@ impl MotionFilter {
         self.trace.note(|| Operation::mixed(f));
     }
 
-    /// What is unseen of single axes of the inertial unit over a span.
-    fn add_untold(&mut self, span_s: f64, untold: &Triads<[f64; 3]>) {
-        for (first, untold) in [(ATTITUDE, untold.rate), (VELOCITY, untold.force)] {
-            for (axis, sigma) in untold
+    /// Adds the noise of replaced axes of the inertial unit over a span.
+    fn add_replaced_noise(&mut self, span_s: f64, replaced_density: &Triads<[f64; 3]>) {
+        for (first, replaced_density) in [
+            (ATTITUDE, replaced_density.rate),
+            (VELOCITY, replaced_density.force),
+        ] {
+            for (axis, sigma) in replaced_density
                 .into_iter()
                 .enumerate()
                 .filter(|(_, sigma)| *sigma > 0.0)
@@ -574,10 +578,10 @@ impl MotionFilter {
             .note(|| Operation::Noise(Term { row, column, value }));
     }
 
-    /// Opens the covariance along what a jump has made of the errors, and of attitude and velocity again,
-    /// as its instant is known by a part only.
+    /// Inflates the covariance along the signature of a jump, and attitude and velocity once more,
+    /// since the instant of the jump is known only approximately.
     fn open(&mut self, errors: &SVector<f64, STATES>) {
-        let mut late = errors * JUMPED_EARLIER;
+        let mut late = errors * self.tuning.jump_time_part;
         late.fixed_rows_mut::<6>(ACCEL_BIAS).fill(0.0);
         for i in 0..STATES {
             for j in i..STATES {
@@ -591,16 +595,16 @@ impl MotionFilter {
         self.covariance.fill_row(i, 0.0);
         self.covariance.fill_column(i, 0.0);
         self.covariance[(i, i)] = variance;
-        self.jumps = Jumps::default();
+        self.jumps = Jumps::new(self.tuning.jumps);
         self.trace.note(|| Operation::Forget { index: i, variance });
     }
 
-    /// Keeps the covariance symmetric and bounded, and starts anew if a number was lost.
+    /// Keeps the covariance symmetric and bounded, and restarts the filter if a number is not
+    /// finite.
     fn tidy(&mut self) {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
-        const BOUND: [f64; 4] = [10.0, 1e4, 4.0, 0.1];
         for i in 0..STATES {
-            let bound = BOUND[i / 3];
+            let bound = VARIANCE_MAX[i / 3];
             let variance = self.covariance[(i, i)];
             if variance > bound {
                 // Scaling row and column keeps it positive semi-definite.
@@ -618,7 +622,7 @@ impl MotionFilter {
         }
     }
 
-    /// The motion at `now`, carried on from the last reading by at most 50 ms.
+    /// The motion at `now`, extrapolated from the last reading by at most 50 ms.
     #[must_use]
     pub fn state(&self, now: LogTime) -> MotionState {
         self.solution().state(now)
@@ -643,7 +647,7 @@ impl MotionFilter {
         }
     }
 
-    /// From now on operations are taken down for [`Self::take_operations`].
+    /// Starts recording operations for [`Self::take_operations`].
     pub fn switch_trace_on(&mut self) {
         self.trace.switch_on();
     }
@@ -661,7 +665,7 @@ pub(crate) fn wrap(angle: f64) -> f64 {
     if turned == -PI { PI } else { turned }
 }
 
-/// The rotation next to one that rounding has worn.
+/// The rotation nearest to one with rounding errors.
 fn orthonormal(r: &Rotation3<f64>) -> Rotation3<f64> {
     let m = r.matrix();
     let x = m.column(0).normalize();

@@ -1,27 +1,25 @@
-//! Sideslip of a vehicle that is described by masses and lengths alone: a single-track model with
-//! saturating tyres, corrected by yaw rate and lateral acceleration.
+//! Sideslip of a vehicle without linkages: a single-track model with saturating tyres, corrected by
+//! yaw rate and lateral acceleration.
 //!
-//! The model is driven by the measured speed v and steer angle d (road wheels). With the slip
-//! angles a_f = d - atan((v_y + a r)/v), a_r = -atan((v_y - b r)/v) and the axle forces of
-//! `tyre`,
+//! Inputs of the model are the measured speed v and steer angle d (road wheels). With the slip
+//! angles a_f = d - atan((v_y + a r)/v), a_r = -atan((v_y - b r)/v) and the axle forces of `tyre`,
 //!
 //! ```text
 //! m (v_y' + v r) = F_f cos d + F_r + m g_b      I_z r' = a F_f cos d - b F_r
 //! ```
 //!
 //! (Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge, single-track model; axle loads with the
-//! longitudinal load transfer m a_x h/(a + b)). A tyre that drives or brakes has less left for the
-//! side: of mu F_z each axle keeps sqrt((mu F_z)^2 - F_x^2), F_x being its part of m a_x. Slip angles
-//! act late, s' = v (a - s)/sigma with the relaxation length sigma, in which roll and a compliant
-//! suspension are seen too. g_b, a first-order Gauss-Markov process, is what a banked road and
-//! whatever the model leaves out add. Steer, yaw rate and lateral acceleration have offsets, which
-//! are states too. Tyre parameters do not wander: they come from the calibration (see
-//! [`crate::identification::handling`]) or from the vehicle file.
+//! longitudinal load transfer m a_x h/(a + b)). Drive and brake forces reduce the lateral capacity
+//! of an axle to sqrt((mu F_z)^2 - F_x^2), with F_x its part of m a_x. Slip angles build up with s'
+//! = v (a - s)/sigma; the relaxation length sigma also covers roll and suspension compliance. g_b,
+//! a first-order Gauss-Markov process, is the effect of a banked road and of what the model omits.
+//! Steer angle, yaw rate and lateral acceleration have offsets, which are states. Tyre parameters
+//! are constants: from the calibration (see [`crate::identification::handling`]) or from the
+//! vehicle file.
 //!
-//! The accelerometer reads k (F_f cos d + F_r)/m + x r' + offset: k holds the part of gravity that a
-//! rolling body adds, x is the unit's distance ahead of the centre of gravity.
+//! The accelerometer reads k (F_f cos d + F_r)/m + x r' + offset: k contains the part of gravity
+//! that a rolling body adds, x is the unit's distance ahead of the centre of gravity.
 
-mod handling;
 mod input;
 mod live;
 mod single_track;
@@ -30,13 +28,14 @@ mod tyre;
 use nalgebra::{SMatrix, SVector};
 
 use crate::trace::{Operation, Restart, Trace, Update};
+use crate::tuning::PlanarTuning;
 use single_track::Driven;
 
-pub use handling::Handling;
+pub use crate::handling::{Handling, SHAPE_RANGE};
 pub use input::{PlanarInput, PlanarReadings};
-pub use live::{Planar, PlanarBelief, PlanarMotion, PlanarRecorder};
+pub use live::{Planar, PlanarMotion, PlanarRecorder, PlanarTrace};
 pub use single_track::PlanarModel;
-pub use tyre::{SHAPE_RANGE, normalised_force};
+pub use tyre::normalised_force;
 
 /// Number of states.
 pub const STATES: usize = 8;
@@ -44,43 +43,21 @@ pub const STATES: usize = 8;
 const LATERAL: usize = 0;
 /// Yaw rate, rad/s.
 const YAW_RATE: usize = 1;
-/// What is to be added to the measured road-wheel angle, rad.
+/// Correction of the measured road-wheel angle, rad.
 const STEER: usize = 2;
-/// What the gyro reads too much, rad/s.
+/// Offset of the gyro, rad/s.
 const GYRO: usize = 3;
-/// What the accelerometer reads too much, m/s^2.
+/// Offset of the accelerometer, m/s^2.
 const ACCEL: usize = 4;
-/// Lateral acceleration that no tyre gives, m/s^2.
+/// Lateral acceleration without a tyre force, m/s^2.
 const BANK: usize = 5;
-/// Slip angle that the tyres of each axle, front first, have built up, rad.
+/// Built-up slip angle of each axle, front first, rad.
 const SLIP: [usize; 2] = [6, 7];
 
-/// Speed below which tyres hardly slip and the model is stiff, m/s.
+/// Speed below which the model is stiff and slip is negligible, m/s.
 pub const SPEED_MIN_M_S: f64 = 3.0;
-/// Speed below which the vehicle stands, m/s.
-const STANDSTILL_M_S: f64 = 0.2;
 /// Steps of the integration in one step of the filter.
 const SUBSTEPS: usize = 2;
-/// Correlation time of [`BANK`], s.
-const BANK_TIME_S: f64 = 3.0;
-/// Variances of lateral velocity, yaw rate and built-up slip angles before anything is known.
-const MOTION_VARIANCE: [f64; 4] = [0.1, 0.003, 1e-3, 1e-3];
-/// Walk of the offsets: rad, rad/s and m/s^2 per root second.
-const OFFSET_WALK: [f64; 3] = [1e-6, 1e-6, 1e-3];
-/// Standard deviations of the offsets before anything is known, and after a calibration.
-const OFFSET_SIGMA: [f64; 3] = [0.01, 0.01, 0.2];
-const OFFSET_SIGMA_CALIBRATED: [f64; 3] = [0.001, 0.0005, 0.05];
-/// An offset further out, deviations, is not kept when the filter starts anew.
-const OFFSET_SIGMAS_MAX: f64 = 4.0;
-/// Floor of the measurements' deviations: rad/s, and m/s^2 for what vibration and the model's
-/// errors add.
-const MEASURED_SIGMA_MIN: [f64; 2] = [0.002, 0.1];
-/// Innovation, standard deviations, from which a value counts less than its noise says.
-const HUBER: f64 = 3.0;
-/// A step longer than this is a gap, behind which the motion is unknown, s.
-const GAP_S: f64 = 0.5;
-/// Standard deviation of a wheel's slip at walking pace, m/s.
-const SLOW_SIGMA_M_S: f64 = 0.1;
 
 /// Noise of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,34 +68,40 @@ pub struct PlanarNoise {
     pub acceleration_m_s2: f64,
 }
 
-/// How far the model is believed.
+/// Errors of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarDoubt {
-    /// Spectral density of lateral forces that the model leaves out, m/s per root second.
+    /// Density of omitted lateral forces, m/s/√s.
     pub lateral: f64,
-    /// The same of yaw moments, rad/s per root second.
+    /// Density of omitted yaw moments, rad/s/√s.
     pub yaw: f64,
-    /// Standard deviation of what a banked road adds, m/s^2.
+    /// Standard deviation of a banked road's acceleration, m/s^2.
     pub bank_m_s2: f64,
-    /// Part of the lateral acceleration that the accelerometer's model errs by.
+    /// Error of the accelerometer's model as a part of the lateral acceleration.
     pub part: f64,
 }
 
 impl PlanarDoubt {
-    /// A tyre curve that was identified: 0.9 degrees of bank.
-    pub const IDENTIFIED: Self = Self {
-        lateral: 0.015,
-        yaw: 0.02,
-        bank_m_s2: 0.15,
-        part: 0.02,
-    };
-    /// A vehicle file's tyre curve.
-    pub const FILE: Self = Self {
-        lateral: 0.08,
-        yaw: 0.08,
-        bank_m_s2: 0.4,
-        part: 0.06,
-    };
+    /// With an identified tyre curve.
+    #[must_use]
+    pub fn identified(tuning: &PlanarTuning) -> Self {
+        Self::new(tuning.identified_error)
+    }
+
+    /// With the vehicle file's tyre curve.
+    #[must_use]
+    pub fn file(tuning: &PlanarTuning) -> Self {
+        Self::new(tuning.file_error)
+    }
+
+    fn new([lateral, yaw, bank_m_s2, part]: [f64; 4]) -> Self {
+        Self {
+            lateral,
+            yaw,
+            bank_m_s2,
+            part,
+        }
+    }
 }
 
 /// The filter.
@@ -134,7 +117,7 @@ pub struct PlanarFilter {
     trace: Trace<STATES>,
 }
 
-/// What one step found.
+/// Result of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarState {
     /// Leftward velocity of the centre of gravity, m/s.
@@ -155,7 +138,7 @@ pub struct PlanarState {
     pub innovations: [Innovation; 2],
 }
 
-/// What a measurement differed from its prediction by.
+/// Innovation of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation {
     /// Measured less predicted; `NaN` where nothing was measured.
@@ -172,7 +155,7 @@ impl Innovation {
 }
 
 impl PlanarFilter {
-    /// A filter that has seen nothing. `calibrated` says that offsets were taken off already.
+    /// A filter without readings. `calibrated`: a calibration has removed the offsets.
     #[must_use]
     pub fn new(
         model: PlanarModel,
@@ -180,17 +163,19 @@ impl PlanarFilter {
         doubt: PlanarDoubt,
         calibrated: bool,
     ) -> Self {
+        let t = model.tuning;
+        let [rate_min, accel_min] = t.measured_sigma_min;
         let mut filter = Self {
             model,
             noise: PlanarNoise {
-                yaw_rate_rad_s: noise.yaw_rate_rad_s.max(MEASURED_SIGMA_MIN[0]),
-                acceleration_m_s2: noise.acceleration_m_s2.max(MEASURED_SIGMA_MIN[1]),
+                yaw_rate_rad_s: noise.yaw_rate_rad_s.max(rate_min),
+                acceleration_m_s2: noise.acceleration_m_s2.max(accel_min),
             },
             doubt,
             offset_sigma: if calibrated {
-                OFFSET_SIGMA_CALIBRATED
+                t.offset_sigma_calibrated
             } else {
-                OFFSET_SIGMA
+                t.offset_sigma
             },
             state: SVector::zeros(),
             covariance: SMatrix::zeros(),
@@ -201,7 +186,7 @@ impl PlanarFilter {
         filter
     }
 
-    /// How often the filter diverged and was started anew.
+    /// Number of restarts after divergence.
     #[must_use]
     pub fn resets(&self) -> u64 {
         self.resets
@@ -218,17 +203,17 @@ impl PlanarFilter {
         self.state = SVector::zeros();
         let [steer, gyro, accel] = self.offset_sigma.map(|sigma| sigma * sigma);
         let bank = self.doubt.bank_m_s2.powi(2);
-        let [lateral, yaw, front, rear] = MOTION_VARIANCE;
+        let [lateral, yaw, front, rear] = self.model.tuning.motion_variance;
         let diagonal = [lateral, yaw, steer, gyro, accel, bank, front, rear];
         self.covariance = SMatrix::from_diagonal(&SVector::from(diagonal));
     }
 
-    /// Motion and offsets are open again; offsets begin where they were, if a sensor can have them.
+    /// Restarts motion and offsets; an offset that a sensor can have keeps its value.
     fn start_anew(&mut self) {
         let before = self.state;
         self.forget();
         for (i, sigma) in [STEER, GYRO, ACCEL].into_iter().zip(self.offset_sigma) {
-            if before[i].abs() < OFFSET_SIGMAS_MAX * sigma {
+            if before[i].abs() < self.model.tuning.offset_kept_sigma * sigma {
                 self.state[i] = before[i];
             }
         }
@@ -241,13 +226,13 @@ impl PlanarFilter {
         });
     }
 
-    /// Motion is unknown, offsets stay.
+    /// Resets the motion; offsets stay.
     fn forget_motion(&mut self) {
         self.state[BANK] = 0.0;
         self.decouple(BANK, self.doubt.bank_m_s2.powi(2));
         for (i, variance) in [LATERAL, YAW_RATE, SLIP[0], SLIP[1]]
             .into_iter()
-            .zip(MOTION_VARIANCE)
+            .zip(self.model.tuning.motion_variance)
         {
             self.state[i] = 0.0;
             self.decouple(i, variance);
@@ -263,15 +248,15 @@ impl PlanarFilter {
         self.covariance[(i, i)] = variance;
     }
 
-    /// Carries the filter on by `dt_s` to the instant of `input` and takes its measurements in.
-    /// Behind a gap the motion is found anew.
+    /// Propagates the filter by `dt_s` to the instant of `input` and takes its measurements. After
+    /// a gap the motion is found again.
     pub fn step(&mut self, dt_s: f64, input: &PlanarInput) -> PlanarState {
         let mut innovations = [Innovation::NONE; 2];
         if input.speed_m_s < SPEED_MIN_M_S {
             self.roll_slowly(input);
         } else {
             let driven = self.model.driven(input);
-            if (0.0..GAP_S).contains(&dt_s) {
+            if (0.0..self.model.tuning.gap_s).contains(&dt_s) {
                 self.predict(dt_s, &driven);
             } else {
                 self.forget_motion();
@@ -283,14 +268,15 @@ impl PlanarFilter {
         }
         PlanarState {
             innovations,
-            ..self.model.told(&self.state, &self.covariance, input)
+            ..self.model.result(&self.state, &self.covariance, input)
         }
     }
 
-    /// Tyres roll where they point; a standing vehicle shows the gyro's offset.
+    /// Low speed: tyres roll without slip; a standing vehicle shows the gyro's offset.
     fn roll_slowly(&mut self, input: &PlanarInput) {
+        let t = self.model.tuning;
         if let Some(rate) = input.yaw_rate_rad_s {
-            if input.speed_m_s.abs() < STANDSTILL_M_S {
+            if input.speed_m_s.abs() < t.standstill_m_s {
                 let mut h = SVector::<f64, STATES>::zeros();
                 h[GYRO] = 1.0;
                 let variance = self.noise.yaw_rate_rad_s.powi(2);
@@ -300,10 +286,10 @@ impl PlanarFilter {
         }
         self.state[LATERAL] = self.model.rear_m * self.state[YAW_RATE];
         for (i, variance) in [
-            (LATERAL, SLOW_SIGMA_M_S.powi(2)),
+            (LATERAL, t.slow_sigma_m_s.powi(2)),
             (YAW_RATE, self.noise.yaw_rate_rad_s.powi(2)),
-            (SLIP[0], MOTION_VARIANCE[2]),
-            (SLIP[1], MOTION_VARIANCE[3]),
+            (SLIP[0], t.motion_variance[2]),
+            (SLIP[1], t.motion_variance[3]),
         ] {
             self.decouple(i, variance);
         }
@@ -322,13 +308,14 @@ impl PlanarFilter {
             }
             self.state += rate * part + slope * rate * (0.5 * part * part);
         }
+        let t = &self.model.tuning;
         let noise = [
             self.doubt.lateral,
             self.doubt.yaw,
-            OFFSET_WALK[0],
-            OFFSET_WALK[1],
-            OFFSET_WALK[2],
-            self.doubt.bank_m_s2 * (2.0 / BANK_TIME_S).sqrt(),
+            t.offset_walk[0],
+            t.offset_walk[1],
+            t.offset_walk[2],
+            self.doubt.bank_m_s2 * (2.0 / t.bank_time_s).sqrt(),
         ];
         for (i, density) in noise.into_iter().enumerate() {
             self.covariance[(i, i)] += density * density * dt;
@@ -358,12 +345,12 @@ impl PlanarFilter {
         innovations
     }
 
-    /// One scalar value; beyond [`HUBER`] deviations its noise is taken for as much larger.
+    /// One scalar measurement; beyond `huber_sigma` its variance is increased.
     fn scalar(&mut self, h: &SVector<f64, STATES>, residual: f64, variance: f64) -> Innovation {
         let ph = self.covariance * h;
         let spread = h.dot(&ph);
         let normalised = residual / (spread + variance).sqrt();
-        let excess = (normalised.abs() / HUBER).max(1.0);
+        let excess = (normalised.abs() / self.model.tuning.huber_sigma).max(1.0);
         let total = spread + variance * excess * excess;
         if !normalised.is_finite() || total <= 0.0 {
             return Innovation::NONE;

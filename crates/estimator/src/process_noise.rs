@@ -1,45 +1,26 @@
-//! Process noise that follows what the filter's own corrections tell.
+//! Process noise that adapts to the filter's own corrections.
 //!
-//! In a filter whose noise is right, corrections are white. A state that is told to change too
-//! little lags behind the truth and is corrected to the same side again and again; one that is told
-//! to change too much follows the measurements' noise and is corrected back and forth. With z the
-//! corrections over their stated deviations and s = (1 - a) s + a z their fading mean, white
-//! corrections have E[z s] = 0 (s of the step before) and E[s^2] = a/(2 - a).
+//! In a filter with the right process noise, corrections are white. With too little process noise
+//! the state lags, and consecutive corrections have the same sign. With too much the state follows
+//! measurement noise, and consecutive corrections alternate. With the normalised corrections z and
+//! their fading mean s = (1 - a) s + a z, white corrections have E[z s] = 0 (s of the step before)
+//! and E[s²] = a/(2 - a).
 //!
-//! - Slowly: the density grows where z s is above zero on the average of about a quarter second and
-//!   shrinks where it is below (Mehra, On the identification of variances and adaptive Kalman
-//!   filtering, IEEE Transactions on Automatic Control 15 (1970), judges by the same correlation).
-//! - Where corrections are far smaller than their deviations, the filter is far too doubtful, as after
-//!   a manoeuvre of which fine bridges have told the end: the density shrinks the faster for it.
-//! - At once, and only as long as it lasts: s^2 beyond what white corrections give multiplies the
-//!   density, so that a manoeuvre that begins need not wait for the slow part. A half of the states
-//!   that is corrected alone, as one axle is, counts almost as if all were.
+//! - Slow part: the density grows while the mean of z s over about a quarter second is above zero and
+//!   shrinks while it is below (Mehra, On the identification of variances and adaptive Kalman
+//!   filtering, IEEE Transactions on Automatic Control 15 (1970), uses the same correlation).
+//! - Where corrections are much smaller than their standard deviations, the covariance is too large, as
+//!   after a manoeuvre: the density shrinks faster.
+//! - Fast part: s² above its value for white corrections multiplies the density in the same step, so
+//!   that a manoeuvre does not wait for the slow part. Half of the states corrected alone, such as one
+//!   axle, count almost like all.
 
-/// Weight of one step in the fading mean of corrections: about five steps.
-const RECENT: f64 = 0.2;
-/// Weight of one step in the means of the products and of the squares: about an eighth of a second.
-const SLOW: f64 = 0.08;
-/// Largest product that counts: what lasts teaches, not one great correction.
-const PRODUCT_MAX: f64 = 0.2;
-/// Correlation that is left to the measurements' own colour.
-const COLOUR: f64 = 0.035;
-/// Mean square of corrections, one where the filter is right, below which it is too doubtful, and how
-/// fast the density then shrinks. Measurements whose noise is taken for larger than it is leave
-/// corrections somewhat too small in a filter that is right.
-const SMALL: f64 = 0.45;
-const SMALL_GAIN: f64 = 0.15;
-/// Largest square that counts in their mean.
-const SQUARE_MAX: f64 = 3.0;
-/// Most that a density shrinks and grows in one step.
-const STEP: [f64; 2] = [0.1, 0.15];
-/// Weight of that half of the states whose s^2 is larger.
-const HALF: f64 = 0.85;
-/// Deviations that one correction counts at most.
-const CORRECTION_MAX: f64 = 5.0;
+use crate::tuning::ProcessNoiseTuning;
 
-/// Density of the noise that N states share.
+/// Density of the process noise of N states with a common density.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessNoise<const N: usize> {
+    tuning: ProcessNoiseTuning,
     slow: f64,
     bounds: [f64; 2],
     recent: [f64; N],
@@ -50,8 +31,9 @@ pub struct ProcessNoise<const N: usize> {
 
 impl<const N: usize> ProcessNoise<N> {
     /// Noise that starts at `density` and stays within `bounds`.
-    pub fn new(density: f64, bounds: [f64; 2]) -> Self {
+    pub fn new(density: f64, bounds: [f64; 2], tuning: ProcessNoiseTuning) -> Self {
         Self {
+            tuning,
             slow: density,
             bounds,
             recent: [0.0; N],
@@ -61,7 +43,7 @@ impl<const N: usize> ProcessNoise<N> {
         }
     }
 
-    /// The density that the next step needs.
+    /// The density for the next step.
     pub fn density(&self) -> f64 {
         (self.slow * self.boost).min(self.bounds[1])
     }
@@ -71,30 +53,31 @@ impl<const N: usize> ProcessNoise<N> {
         self.slow = self.slow.max(least);
     }
 
-    /// Takes in one step's corrections, in stated deviations.
+    /// Takes the normalised corrections of one step.
     pub fn learn(&mut self, corrections: [f64; N]) {
+        let t = &self.tuning;
         let mut product = 0.0;
         let mut square = 0.0;
         let mut squares = [0.0; 2];
         for (i, (recent, z)) in self.recent.iter_mut().zip(corrections).enumerate() {
             let z = if z.is_finite() { z } else { 0.0 };
-            let z = z.clamp(-CORRECTION_MAX, CORRECTION_MAX);
+            let z = z.clamp(-t.correction_max, t.correction_max);
             product += z * *recent / N as f64;
             square += z * z / N as f64;
-            *recent += RECENT * (z - *recent);
+            *recent += t.recent * (z - *recent);
             squares[i / N.div_ceil(2)] += *recent * *recent / N as f64;
         }
-        self.product += SLOW * (product.clamp(-PRODUCT_MAX, PRODUCT_MAX) - self.product);
-        self.square += SLOW * (square.min(SQUARE_MAX) - self.square);
-        let [down, up] = STEP;
+        self.product += t.slow * (product.clamp(-t.product_max, t.product_max) - self.product);
+        self.square += t.slow * (square.min(t.square_max) - self.square);
+        let [down, up] = t.step;
         let [least, most] = self.bounds;
-        let doubt = SMALL_GAIN * (SMALL - self.square).max(0.0);
-        let step = (self.product - COLOUR - doubt).clamp(-down, up);
+        let doubt = t.small_gain * (t.small - self.square).max(0.0);
+        let step = (self.product - t.colour - doubt).clamp(-down, up);
         self.slow = (self.slow * (1.0 + step)).clamp(least, most);
-        // A deviation above the mean of chi-square over N.
-        let usual = (1.0 + (2.0 / N as f64).sqrt()) * RECENT / (2.0 - RECENT);
+        // One standard deviation above the mean of chi-square over N.
+        let usual = (1.0 + (2.0 / N as f64).sqrt()) * t.recent / (2.0 - t.recent);
         let halves = N as f64 / N.div_ceil(2) as f64;
-        let half = HALF * halves * squares[0].max(squares[1]);
+        let half = t.half * halves * squares[0].max(squares[1]);
         let square = (squares[0] + squares[1]).max(half);
         self.boost = (square / usual).max(1.0).powi(4);
     }
@@ -112,7 +95,7 @@ mod tests {
 
     fn after(corrections: impl Fn(f64, f64) -> f64) -> f64 {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut noise = ProcessNoise::<4>::new(1e3, BOUNDS);
+        let mut noise = ProcessNoise::<4>::new(1e3, BOUNDS, ProcessNoiseTuning::default());
         let mut last = [0.0; 4];
         for _ in 0..2000 {
             let z = std::array::from_fn(|i| {
@@ -134,7 +117,7 @@ mod tests {
 
     #[test]
     fn what_begins_at_once_is_followed_at_once_and_let_go() {
-        let mut noise = ProcessNoise::<1>::new(10.0, BOUNDS);
+        let mut noise = ProcessNoise::<1>::new(10.0, BOUNDS, ProcessNoiseTuning::default());
         for _ in 0..10 {
             noise.learn([5.0]);
         }
@@ -150,7 +133,7 @@ mod tests {
     #[test]
     fn one_axle_alone_is_followed_almost_as_all_are() {
         let density_after = |corrections: [f64; 4]| {
-            let mut noise = ProcessNoise::<4>::new(10.0, BOUNDS);
+            let mut noise = ProcessNoise::<4>::new(10.0, BOUNDS, ProcessNoiseTuning::default());
             for _ in 0..10 {
                 noise.learn(corrections);
             }

@@ -1,17 +1,21 @@
 use serde::{Deserialize, Serialize};
 
-/// What the estimator is told beside vehicle, sensors and calibration.
+use crate::Tuning;
+
+/// Settings of the estimator beside vehicle, sensors and calibration.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// How tyre forces are estimated.
     pub method: Method,
-    /// Inputs to leave out, as if they were not fitted.
+    /// Inputs that are ignored, as if they were not fitted.
     pub ignore: Vec<Input>,
+    /// Tuned numbers.
+    pub tuning: Tuning,
 }
 
 impl Settings {
-    /// Whether an input is to be used.
+    /// Whether an input is used.
     #[must_use]
     pub fn uses(&self, input: Input) -> bool {
         !self.ignore.contains(&input)
@@ -22,8 +26,8 @@ impl Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// The thesis's way: each corner by itself, from strain and deflection through the linkage's
-    /// statics, at each instant anew.
+    /// Method of the thesis: statics of each corner by itself, from strain and deflection, at each
+    /// instant without memory.
     Thesis,
     /// One filter over all corners, with the inertial unit's balance of forces and moments.
     #[default]
@@ -46,7 +50,7 @@ pub enum Input {
     GnssAttitude,
     /// Wheel speeds.
     WheelSpeed,
-    /// Hand wheel.
+    /// Steering-wheel angle.
     Steer,
     /// Velocity over ground, body axes.
     GroundSpeed,

@@ -25,32 +25,32 @@ use std::collections::VecDeque;
 use model::vehicle::Vehicle;
 use sample::{Estimate, Motion, PerWheel};
 
-use crate::fusion::layout::{SIZE, TURN};
-use crate::fusion::{Belief, OUTPUTS};
+use crate::fusion::layout::{BODY_RATE, SIZE};
+use crate::fusion::{FusionTrace, OUTPUTS};
 use crate::kinematics;
 use crate::motion::{STATES, Solution};
-use crate::planar::{self, PlanarBelief};
+use crate::planar::{self, PlanarTrace};
 use crate::trace::Operation;
 use adjoint::Adjoint;
 
-/// Steps after an instant that its smoothed estimate knows of at least: 10 s.
+/// Steps after an instant that its smoothed estimate uses at least: 10 s.
 pub const LAG_STEPS: usize = 1000;
 
-/// What a smoother needs of one step of the estimator.
+/// Record of one step of the estimator for a smoother.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// The causal estimate.
     pub estimate: Estimate,
-    /// What the motion filter knew.
+    /// State of the motion filter.
     pub solution: Solution,
-    /// Its operations since the step before.
+    /// Operations of the motion filter since the step before.
     pub operations: Vec<Operation<STATES>>,
     /// Whether the estimate's motion is the motion filter's, and not the single-track filter's.
     pub navigated: bool,
-    /// What the single-track filter believed, where there is one.
-    pub planar: Option<PlanarBelief>,
-    /// What the force filter believed, where there is one.
-    pub forces: Option<Belief>,
+    /// Record of the single-track filter, if the vehicle has one.
+    pub planar: Option<PlanarTrace>,
+    /// Record of the force filter, if the vehicle has one.
+    pub forces: Option<FusionTrace>,
 }
 
 /// The smoother.
@@ -62,7 +62,7 @@ pub struct Smoother {
 }
 
 impl Smoother {
-    /// A smoother that waits for `lag` steps, for all if there are fewer.
+    /// A smoother with a lag of `lag` steps.
     #[must_use]
     pub fn new(vehicle: &Vehicle, lag: usize) -> Self {
         Self {
@@ -72,7 +72,7 @@ impl Smoother {
         }
     }
 
-    /// Takes the next step in, and hands smoothed estimates out, `lag` of them at once.
+    /// Takes the next step. Smoothed estimates come out `lag` at a time.
     pub fn push(&mut self, step: Step, out: &mut impl FnMut(Estimate)) {
         self.steps.push_back(step);
         if self.steps.len() >= self.lag.saturating_mul(2) {
@@ -80,12 +80,12 @@ impl Smoother {
         }
     }
 
-    /// Hands out what is left, after the last step.
+    /// Hands out the remaining estimates, after the last step.
     pub fn finish(&mut self, out: &mut impl FnMut(Estimate)) {
         self.smooth(self.steps.len(), out);
     }
 
-    /// Hands out the first `count` steps and forgets them.
+    /// Hands out the first `count` steps and removes them.
     fn smooth(&mut self, count: usize, out: &mut impl FnMut(Estimate)) {
         let mut smoothed = Vec::with_capacity(count);
         let mut later = Later::default();
@@ -123,7 +123,7 @@ impl Smoother {
             .corrected(&adjoint.correction(known), known - adjoint.shrinkage(known));
         let state = solution.state(step.estimate.time);
         let motion = kinematics::motion(&state);
-        // How linkages travel is what the filter knew.
+        // The linkage's travel is not smoothed.
         let slip = |state| kinematics::slip_angles(&self.vehicle, state, filtered.steer_rad.0);
         let (causal, smoothed) = (slip(&step.solution.state(step.estimate.time)), slip(&state));
         let slip_angle_rad = PerWheel::from_fn(|wheel| {
@@ -141,21 +141,21 @@ impl Smoother {
     fn planar(
         &self,
         step: &Step,
-        belief: &PlanarBelief,
+        belief: &PlanarTrace,
         adjoint: &Adjoint<{ planar::STATES }>,
     ) -> Motion {
         let known = &belief.covariance;
         let smoothed = belief.corrected(&adjoint.correction(known), &adjoint.shrinkage(known));
         let mut state = step.solution.state(step.estimate.time);
-        smoothed.lead(&mut state);
+        smoothed.apply_to(&mut state);
         let mut motion = step.estimate.motion;
         motion.slip_angle_rad = kinematics::slip_angles(&self.vehicle, &state, motion.steer_rad.0);
-        smoothed.tell(&mut motion);
+        smoothed.write_to(&mut motion);
         motion
     }
 }
 
-/// What later measurements say to each filter.
+/// Adjoints of all filters.
 #[derive(Default)]
 struct Later {
     motion: Adjoint<STATES>,
@@ -175,13 +175,18 @@ impl Later {
     }
 }
 
-/// Puts the smoothed forces and, where an inertial unit stands behind them, rates in.
-fn put_forces(estimate: &mut Estimate, belief: &Belief, adjoint: &Adjoint<SIZE>, inertial: bool) {
+/// Writes the smoothed forces and, with an inertial unit, the smoothed rates into the estimate.
+fn put_forces(
+    estimate: &mut Estimate,
+    belief: &FusionTrace,
+    adjoint: &Adjoint<SIZE>,
+    inertial: bool,
+) {
     let correction = adjoint.correction(&belief.covariance);
     let shrinkage = adjoint.shrinkage(&belief.covariance);
     for (k, state) in OUTPUTS.into_iter().enumerate() {
         let value = belief.state[state] + correction[k];
-        if let Some(axis) = state.checked_sub(TURN) {
+        if let Some(axis) = state.checked_sub(BODY_RATE) {
             if inertial {
                 estimate.motion.rate_rad_s[axis] = value;
             }

@@ -1,9 +1,9 @@
-//! The thesis's way to the tyre forces: each corner by itself, at each instant anew, from its
-//! strain channels and its strut through the linkage's statics (chapters 2.2 and 4).
+//! Tyre forces by the method of the thesis: statics of each corner by itself at each instant, from
+//! its strain channels and its strut (chapters 2.2 and 4).
 //!
-//! Weighted least squares over the channels that are alive and what is known beforehand of the
-//! tyre's moments. Where strain is missing the vertical force is taken from the deflection alone,
-//! with the lateral force that the vehicle model expects.
+//! Weighted least squares over the channels that are read and the prior knowledge of the tyre's
+//! moments. Where strain is missing, the vertical force comes from the deflection, with the lateral
+//! force that the vehicle model expects.
 
 use model::suspension::Parity;
 use nalgebra::Vector6;
@@ -12,6 +12,7 @@ use sample::{ForceSource, LogTime, StrainChannel, TyreForce};
 use crate::calibration::CornerChannels;
 use crate::corners::CornerState;
 use crate::inputs::CornerReadings;
+use crate::tuning::StaticsTuning;
 
 /// Axial channels, in the order of the member forces.
 pub const AXIAL: [StrainChannel; 5] = [
@@ -22,20 +23,15 @@ pub const AXIAL: [StrainChannel; 5] = [
     StrainChannel::TieRod,
 ];
 
-/// Standard deviations of M_x, M_y and M_z about zero (free rolling), N m. Any wheel's half-shaft
-/// may carry an unknown torque about y.
-pub const MOMENT_SIGMA_N_M: [f64; 3] = [40.0, f64::INFINITY, 15.0];
-/// Standard deviation of the lateral and longitudinal force that the deflection alone leaves, as
-/// a part of the load.
-const BLIND_FORCE: f64 = 0.3;
-
-/// What a corner's statics need beside its state.
+/// Assumptions for the statics of a corner.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerAssumptions {
     /// Rolling-resistance coefficient times radius, with the sign of the speed, m.
     pub rolling_radius_m: f64,
     /// Force that the vehicle model expects, N.
     pub expected_n: [f64; 3],
+    /// A reading that is older is not used, s.
+    pub fresh_s: f64,
 }
 
 /// The force on one tyre.
@@ -46,23 +42,26 @@ pub fn tyre_force(
     readings: &CornerReadings,
     channels: &CornerChannels,
     assumed: &CornerAssumptions,
+    tuning: &StaticsTuning,
 ) -> TyreForce {
     let mut members = Vector6::zeros();
     let mut sigma = Vector6::repeat(f64::INFINITY);
     let mut alive = 0;
     for (i, channel) in AXIAL.into_iter().enumerate() {
-        let reading = readings.strain[channel.index()].and_then(|reading| reading.fresh(now));
+        let reading = readings.strain[channel.index()]
+            .and_then(|reading| reading.fresh(now, assumed.fresh_s));
         if let Some(value) = reading {
             members[i] = value;
             let c = &channels.strain[channel.index()];
-            sigma[i] = math::hypot(c.noise_sigma, c.offset_sigma).max(1.0);
+            sigma[i] = math::hypot(c.noise_sigma, c.offset_sigma).max(tuning.member_sigma_min_n);
             alive += 1;
         }
     }
     members[5] = state.strut_n;
     sigma[5] = state.strut_sigma_n;
+    let [roll_n_m, yaw_n_m] = tuning.moment_sigma_n_m;
     let parity = Parity {
-        sigma_n_m: MOMENT_SIGMA_N_M,
+        sigma_n_m: [roll_n_m, f64::INFINITY, yaw_n_m],
         rolling_radius_m: assumed.rolling_radius_m,
     };
     if alive >= 3
@@ -75,11 +74,15 @@ pub fn tyre_force(
             source: ForceSource::Statics,
         };
     }
-    from_deflection(state, assumed)
+    from_deflection(state, assumed, tuning)
 }
 
 /// F_z out of the strut's row of c = A F + B M + c_0 with F_x, F_y given and no moment.
-fn from_deflection(state: &CornerState, assumed: &CornerAssumptions) -> TyreForce {
+fn from_deflection(
+    state: &CornerState,
+    assumed: &CornerAssumptions,
+    tuning: &StaticsTuning,
+) -> TyreForce {
     if !state.strut_sigma_n.is_finite() {
         return TyreForce::default();
     }
@@ -92,7 +95,7 @@ fn from_deflection(state: &CornerState, assumed: &CornerAssumptions) -> TyreForc
     if !z.is_finite() {
         return TyreForce::default();
     }
-    let blind = BLIND_FORCE * z.abs() + 50.0;
+    let blind = tuning.blind_part * z.abs() + tuning.blind_n;
     let sigma = (state.strut_sigma_n.powi(2) + (row[1] * blind).powi(2)).sqrt() / row[2].abs();
     TyreForce {
         force_n: [f64::NAN, f64::NAN, z],

@@ -1,21 +1,24 @@
-//! From the hand wheel to what turns the road wheels: play, and the maps that turn plates tell.
+//! From the steering wheel to the input of the linkage: play, and measured maps of the road-wheel
+//! angles.
 
 use model::steering::{Lash, MonotoneMap, SteeringGear};
 use model::vehicle::Vehicle;
 
 use crate::EstimatorError;
 
-/// Angles to either side of the middle at which a map is taken, and the greatest of them, rad.
+/// Number of samples of a map on each side of the middle, and the largest angle, rad.
 const SAMPLES: i32 = 64;
 const REACH_RAD: f64 = 8.0;
 
-/// The steering gear before the linkage, or before the ratio of a vehicle without hard-points.
+/// The steering gear before the linkage, or before the steering ratio of a vehicle without hard-
+/// points.
 #[derive(Clone, Debug)]
 pub struct SteeringColumn {
     lash: Lash,
     lash_rad: f64,
-    /// From the hand wheel to the one that would turn the road wheels as far by the vehicle file's
-    /// rack and hard-points, or by its ratio; none without measured maps.
+    /// Map from the steering-wheel angle to the angle that would give the same road-wheel angle
+    /// with the vehicle file's rack and hard-points, or with its ratio. `None` without measured
+    /// maps.
     straightened: Option<MonotoneMap>,
 }
 
@@ -34,7 +37,7 @@ impl SteeringColumn {
         })
     }
 
-    /// Turns the hand wheel, rad, left positive; gives the angle without play and curvature.
+    /// Steering-wheel angle, rad, left positive, without play and with the measured maps applied.
     pub fn follow(&mut self, angle_rad: f64) -> f64 {
         let held_rad = self.lash.follow(angle_rad, self.lash_rad);
         match &self.straightened {
@@ -44,7 +47,7 @@ impl SteeringColumn {
     }
 }
 
-/// Where rack and hard-points are known they turn the wheels; else the ratio does.
+/// Builds the map. With rack and hard-points the linkage turns the wheels, else the ratio.
 fn straightened(vehicle: &Vehicle) -> Result<MonotoneMap, EstimatorError> {
     let measured = SteeringGear::from_vehicle(vehicle)?;
     let mut design = vehicle.clone();

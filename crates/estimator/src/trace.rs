@@ -1,5 +1,5 @@
-//! What a Kalman filter did to its state, one linear operation after another: what a smoother runs
-//! through backward, and what a second filter is fed with to check the first.
+//! Linear operations of a Kalman filter on its state, in order. The smoother runs through them
+//! backward; a second filter uses them to check the first.
 //!
 //! With state x and covariance P an operation is one of
 //!
@@ -12,7 +12,7 @@
 //! | [`Operation::Update`] | x ← x + K y | P ← P - K S K' |
 //! | [`Operation::Restart`] | x ← x_0 | P ← diag(q) |
 //!
-//! In a filter of errors x is the error beside the nominal state, to which it is added at once.
+//! In an error-state filter x is the error, which is added to the nominal state at once.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -30,9 +30,9 @@ pub struct Term {
 /// One operation on a state of `N` numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Operation<const N: usize> {
-    /// F - I, by its elements that are not zero; each stands once.
+    /// Nonzero elements of F - I; each element occurs once.
     Mix(Vec<Term>),
-    /// An addition of something known.
+    /// Addition of a known value.
     Shift {
         /// Which state.
         index: usize,
@@ -41,7 +41,7 @@ pub enum Operation<const N: usize> {
     },
     /// Process noise: an element of the upper half of its covariance.
     Noise(Term),
-    /// What was known of a state is no longer believed.
+    /// A state becomes independent of all others.
     Forget {
         /// Which state.
         index: usize,
@@ -50,7 +50,7 @@ pub enum Operation<const N: usize> {
     },
     /// A scalar measurement.
     Update(Box<Update<N>>),
-    /// A new start.
+    /// A restart.
     Restart(Box<Restart<N>>),
 }
 
@@ -72,9 +72,9 @@ impl<const N: usize> Operation<N> {
 /// A scalar measurement z = h x + v.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Update<const N: usize> {
-    /// h, by its elements that are not zero; an index may stand twice.
+    /// Nonzero elements of h; an index may occur twice.
     pub row: Vec<(usize, f64)>,
-    /// z; in a filter of errors, beside what the nominal state tells.
+    /// z; in an error-state filter, the difference from the nominal state.
     pub value: f64,
     /// y = z - h x.
     pub innovation: f64,
@@ -86,7 +86,7 @@ pub struct Update<const N: usize> {
     pub gain: SVector<f64, N>,
 }
 
-/// Where a filter starts anew.
+/// Initial state of a filter after a restart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Restart<const N: usize> {
     /// The state.
@@ -95,7 +95,7 @@ pub struct Restart<const N: usize> {
     pub variance: SVector<f64, N>,
 }
 
-/// Takes operations down while it is switched on.
+/// Records operations while it is switched on.
 #[derive(Clone, Debug)]
 pub struct Trace<const N: usize>(Option<Vec<Operation<N>>>);
 
@@ -106,12 +106,12 @@ impl<const N: usize> Default for Trace<N> {
 }
 
 impl<const N: usize> Trace<N> {
-    /// From now on operations are taken down.
+    /// Starts recording.
     pub fn switch_on(&mut self) {
         self.0.get_or_insert_default();
     }
 
-    /// Takes an operation down; `make` is not called while the trace is off.
+    /// Records an operation; `make` is not called while recording is off.
     pub fn note(&mut self, make: impl FnOnce() -> Operation<N>) {
         if let Some(operations) = &mut self.0 {
             operations.push(make());

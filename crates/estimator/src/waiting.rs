@@ -1,18 +1,18 @@
-//! Samples wait here for the step that takes them in.
+//! Buffer of the samples for the next step.
 //!
-//! Devices are late by different amounts, so that the order of arrivals says little. All that
-//! arrived before a step is taken in by the order of its own time, and what is alike in time by kind
-//! and content: within the time that the step is held back for, the order of arrival changes no bit.
+//! Devices have different latencies, so the order of arrival is not the order of measurement. A
+//! step takes all samples that have arrived in the order of their own time; equal times are ordered
+//! by kind and content. So within the 5 ms delay of a step the order of arrival changes no bit.
 
 use std::cmp::Ordering;
 
 use nalgebra::Vector3;
 use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel, SourceId};
 
-/// Samples that can wait; a step of 10 ms has about thirty.
+/// Capacity; a step of 10 ms has about thirty samples.
 const CAPACITY: usize = 2048;
 
-/// What waits.
+/// Content of a sample.
 #[derive(Clone, Copy, Debug)]
 pub enum Held {
     /// Specific force and rate, body axes, calibration applied.
@@ -22,7 +22,7 @@ pub enum Held {
         /// Angular rate, rad/s.
         rate: Vector3<f64>,
     },
-    /// A reading that the inertial unit itself calls bad.
+    /// An inertial reading that the unit marks as invalid.
     NoInertial,
     /// Velocity of a source's antenna.
     Velocity(SourceId, GnssVelocity),
@@ -30,18 +30,18 @@ pub enum Held {
     Attitude(GnssAttitude),
     /// Counts of a corner.
     Corner(CornerSample),
-    /// Hand wheel, rad.
-    HandWheel(f64),
+    /// Steering-wheel angle, rad.
+    SteeringWheel(f64),
     /// Wheel speeds, rad/s.
     WheelSpeed(PerWheel<Option<f64>>),
 }
 
-/// A sample and when it was true.
+/// A sample with its time of validity.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// When it was true.
+    /// Time of validity.
     pub time: LogTime,
-    /// What it is.
+    /// Content.
     pub held: Held,
 }
 
@@ -59,7 +59,7 @@ impl Entry {
             Held::Velocity(..) => 1,
             Held::Attitude(_) => 2,
             Held::Corner(corner) => 3 + corner.wheel.index() as u8,
-            Held::HandWheel(_) => 7,
+            Held::SteeringWheel(_) => 7,
             Held::WheelSpeed(_) => 8,
         }
     }
@@ -82,7 +82,7 @@ impl Entry {
                     .chain([&corner.deflection_counts]);
                 digest(counts.map(|count| count.map_or(-1.0, f64::from)))
             }
-            Held::HandWheel(angle) => angle.to_bits(),
+            Held::SteeringWheel(angle) => angle.to_bits(),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
         }
     }
@@ -95,7 +95,7 @@ fn digest(numbers: impl IntoIterator<Item = f64>) -> u64 {
     })
 }
 
-/// The room.
+/// The buffer.
 #[derive(Clone, Debug)]
 pub struct Waiting {
     entries: Vec<Entry>,
@@ -103,7 +103,7 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    /// An empty one, with room for all that may come.
+    /// An empty buffer with its full capacity reserved.
     pub fn new() -> Self {
         Self {
             entries: Vec::with_capacity(CAPACITY),
@@ -111,20 +111,20 @@ impl Waiting {
         }
     }
 
-    /// Lets a sample wait. A flood beyond the room, tens of times what any rig sends, is cut off.
+    /// Adds a sample. Samples beyond the capacity, tens of times what a rig sends, are dropped.
     pub fn push(&mut self, time: LogTime, held: Held) {
         if self.entries.len() < CAPACITY {
             self.entries.push(Entry { time, held });
         }
     }
 
-    /// Brings all that waits into order, the first to be taken next.
+    /// Sorts the samples; the first is taken next.
     pub fn sort(&mut self) {
         self.taken = 0;
         self.entries.sort_unstable_by(Entry::order);
     }
 
-    /// The next one in order; after the last, none waits any more.
+    /// The next sample in order; `None` after the last, and the buffer is empty then.
     pub fn take(&mut self) -> Option<Entry> {
         let entry = self.entries.get(self.taken).copied();
         self.taken += 1;

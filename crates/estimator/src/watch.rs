@@ -1,14 +1,14 @@
-//! Whether the sensors of motion can be believed: each is held against what the others and the
-//! tyres' forces make of it, so that it is known which of them is wrong.
+//! Monitors of the motion sensors. Each sensor is compared with the other sensors and with the tyre
+//! forces, so that the faulty one of two is known.
 //!
-//! | sensor | witness |
+//! | sensor | compared with |
 //! |---|---|
 //! | gyros | balance of moments |
 //! | accelerometers | balance of forces |
-//! | biases of both | GNSS velocity and attitude, which drift away as a jump's signature has it |
-//! | GNSS velocity and attitude | the inertial unit, while the balances vouch for it |
-//! | hand wheel | front slip angles that the measured lateral forces call for |
-//! | wheel speeds | speed over ground of a wheel that neither drives nor brakes |
+//! | biases of both | GNSS velocity and attitude, whose innovations follow a jump's signature |
+//! | GNSS velocity and attitude | inertial unit, while the balances confirm it |
+//! | steering wheel | front slip angles that the measured lateral forces imply |
+//! | wheel speeds | speed over ground of a wheel without drive or brake force |
 
 mod bias;
 mod inertial;
@@ -17,27 +17,27 @@ mod steering;
 mod wheels;
 
 pub use bias::BiasWatch;
-pub use inertial::{Believed, InertialWatch, Triads};
+pub use inertial::InertialWatch;
 pub use receiver::ReceiverWatch;
 pub use steering::SteeringWatch;
 pub use wheels::{Rolling, WheelWatch};
 
-/// A sensor that was found faulty or is good again.
+/// Change of a sensor between good and faulty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SensorChange {
-    /// Its name, as events have it.
+    /// Name of the sensor in events.
     pub name: &'static str,
     /// Faulty from now on.
     pub faulty: bool,
-    /// What is wrong with it.
+    /// The fault.
     pub why: &'static str,
 }
 
-/// What is wrong with a sensor: it contradicts.
+/// Fault: innovations beyond the gate.
 pub const CONTRADICTS: &str = "contradicts the other sensors and is left out";
-/// What is wrong with a sensor: it tells the same again and again.
+/// Fault: identical readings.
 pub const FROZEN: &str = "does not move at all and is left out";
-/// What is wrong with a sensor: it says so itself.
+/// Fault: the sensor marks its readings as invalid.
 pub const BAD: &str = "calls its own readings bad and is left out";
-/// What is wrong with a bias.
+/// Fault: a bias has jumped.
 pub const JUMPED: &str = "has jumped and is learnt anew";

@@ -1,13 +1,14 @@
 //! `[vehicle]` and `[estimator]`: what the estimator is told.
 
-use estimator::{Calibration, Input, Method, Settings};
+use estimator::tuning::Group;
+use estimator::{Calibration, Input, Method, Settings, Tuning};
 use model::FileErrors;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 
 use super::files::{FileKind, Files};
 use super::overrides;
-use super::reader::{Field, Gatherer, Problem, Section, closest};
+use super::reader::{Field, Gatherer, NumberOrList, Problem, Section, closest};
 
 /// Methods, as they are written in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
@@ -47,6 +48,10 @@ pub fn read(
     let enabled = section.optional::<bool>("enabled", gather);
     let method = section.optional::<String>("method", gather);
     let ignore = section.optional::<Vec<String>>("ignore", gather);
+    let mut tuning = Tuning::default();
+    if let Some(section) = section.optional_section("tuning", gather) {
+        read_tuning(section, &mut tuning, gather);
+    }
     section.finish(gather);
     let file = vehicle.optional::<String>("file", gather);
     let sensors = vehicle.optional::<String>("sensors", gather);
@@ -66,6 +71,7 @@ pub fn read(
                 .filter_map(|name| pick(&field, name, &INPUTS, gather))
                 .collect()
         }),
+        tuning,
     };
     if enabled.as_ref().is_some_and(|field| !field.value) {
         return None;
@@ -105,6 +111,29 @@ pub fn read(
         calibration,
         settings,
     })
+}
+
+/// Reads the numbers of a tuning group and of its sub-groups; what is absent keeps its default.
+fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gatherer<'_>) {
+    for parameter in group.parameters() {
+        let Some(field) = section.optional::<NumberOrList>(parameter.name, gather) else {
+            continue;
+        };
+        let NumberOrList(numbers) = field.value;
+        if let Err(expected) = parameter.value.replace(&numbers) {
+            let unit = parameter.unit;
+            let default = parameter.value.numbers();
+            let message = format!("{numbers:?} found where {expected} is expected");
+            let help = format!("the default is {default:?} (unit: {unit})");
+            gather.add(&field.span, &field.name, message, help);
+        }
+    }
+    for (name, group) in group.groups() {
+        if let Some(section) = section.optional_section(name, gather) {
+            read_tuning(section, group, gather);
+        }
+    }
+    section.finish(gather);
 }
 
 fn pick<T: Copy>(
@@ -227,4 +256,45 @@ fn read_calibration(
         return None;
     }
     Some(calibration)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Config;
+    use std::path::Path;
+
+    fn problems(tuning: &str) -> String {
+        let text = format!("[vehicle]\nfile = \"prowler\"\n[estimator.tuning.motion]\n{tuning}\n");
+        match Config::from_text(&text, Path::new(".")) {
+            Ok(config) => {
+                let settings = config.estimator.map(|estimator| estimator.settings);
+                format!("{:?}", settings.map(|s| s.tuning.motion.gate_sigma))
+            }
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_tuned_number_is_read_and_a_wrong_one_is_named() {
+        assert_eq!(problems("gate_sigma = 6"), "Some(6.0)");
+        let unknown = problems("gate_sgma = 6");
+        assert!(
+            unknown.contains("estimator.tuning.motion.gate_sgma: unknown field")
+                && unknown.contains("did you mean `gate_sigma`?"),
+            "{unknown}"
+        );
+        let negative = problems("gate_sigma = -1");
+        assert!(
+            negative.contains("[-1.0] found where a number above 0 is expected")
+                && negative.contains("the default is [5.0] (unit: σ)"),
+            "{negative}"
+        );
+        let text = problems("gate_sigma = \"wide\"");
+        assert!(
+            text.contains("a number or a list of numbers is expected"),
+            "{text}"
+        );
+        let short = problems("jumps.largest = [1.0, 2.0]");
+        assert!(short.contains("a list of 3 numbers is expected"), "{short}");
+    }
 }

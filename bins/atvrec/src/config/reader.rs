@@ -263,6 +263,18 @@ impl<T: FromValue> FromValue for Vec<T> {
     }
 }
 
+/// A number, or a list of numbers.
+pub struct NumberOrList(pub Vec<f64>);
+
+impl FromValue for NumberOrList {
+    const EXPECTED: &'static str = "a number or a list of numbers";
+
+    fn from_value(value: &DeValue<'_>) -> Option<Self> {
+        let one = f64::from_value(value).map(|number| vec![number]);
+        one.or_else(|| Vec::from_value(value)).map(Self)
+    }
+}
+
 /// A field's value with its place.
 #[derive(Clone, Debug)]
 pub struct Field<T> {

@@ -48,6 +48,43 @@ fn a_replay_is_bit_identical_and_so_is_the_replay_of_its_output() {
 }
 
 #[test]
+fn a_tuned_estimator_gives_other_estimates_and_the_log_carries_the_tuning() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let log = simulate(directory.path(), "drive.mcap", 1);
+    let attachments = Reader::open([&log])
+        .and_then(|reader| reader.attachments())
+        .expect("attachments");
+    for attachment in &attachments {
+        fs::write(directory.path().join(&attachment.name), &attachment.data).expect("written");
+    }
+    let config = directory.path().join("atvrec.toml");
+    let text = fs::read_to_string(&config).expect("the log's configuration");
+    let tuned = format!("{text}\n[estimator.tuning.fusion.members]\nmember_sigma_n = 30.0\n");
+    fs::write(&config, tuned).expect("written");
+    // The log's own estimates were made without it.
+    atvrec(directory.path())
+        .args(["replay", "drive.mcap", "-c", "atvrec.toml", "--verify"])
+        .assert()
+        .failure();
+    atvrec(directory.path())
+        .args([
+            "replay",
+            "drive.mcap",
+            "-c",
+            "atvrec.toml",
+            "-o",
+            "tuned.mcap",
+        ])
+        .assert()
+        .success();
+    fs::remove_file(&config).expect("removed");
+    atvrec(directory.path())
+        .args(["replay", "tuned.mcap", "--verify"])
+        .assert()
+        .success();
+}
+
+#[test]
 fn a_replay_takes_the_truth_along_and_scores_the_same() {
     let directory = tempfile::tempdir().expect("a directory");
     atvrec(directory.path())

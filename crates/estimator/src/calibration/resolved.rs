@@ -6,7 +6,7 @@ use sample::{PerWheel, StrainChannel, Wheel};
 
 use super::{Calibration, ChannelCalibration};
 use crate::EstimatorError;
-use crate::planar::Handling;
+use crate::handling::Handling;
 
 /// Everything that turns readings into values.
 #[derive(Clone, Debug, PartialEq)]

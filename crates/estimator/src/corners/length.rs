@@ -4,75 +4,70 @@
 use nalgebra::{Matrix3, Vector3};
 use sample::LogTime;
 
-use crate::inputs::FRESH_S;
-
+use crate::gaussian::beyond;
 use crate::process_noise::ProcessNoise;
-
-/// Density of a strut's jerk at the start, and its bounds, (m/s^3)^2/Hz.
-const JERK: f64 = 5.0 * 5.0;
-const JERK_BOUNDS: [f64; 2] = [0.2 * 0.2, 300.0 * 300.0];
-/// Innovation, standard deviations, beyond which a reading is left out.
-const GATE: f64 = 8.0;
-/// Readings left out in a row after which the filter, not the potentiometer, is taken to be wrong.
-const MISSES_MAX: u32 = 5;
-/// Silence after which the length is not known any more, s.
-const SILENCE_S: f64 = 0.1;
+use crate::tuning::{StrutLengthTuning, Tuning};
 
 /// The filter.
 #[derive(Clone, Debug)]
 pub struct LengthFilter {
+    tuning: StrutLengthTuning,
+    fresh_s: f64,
     state: Vector3<f64>,
     covariance: Matrix3<f64>,
     variance: f64,
     design_m: f64,
     time: Option<LogTime>,
     silent_s: f64,
-    misses: u32,
+    rejections: u32,
     jumped: bool,
     jerk: ProcessNoise<1>,
     longer_m: Option<f64>,
 }
 
-/// What a reading says by itself.
+/// A reading of the potentiometer by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct NewReading {
-    /// How much longer the strut is by it than by all readings, m.
+    /// Length by the reading less the filtered length, m.
     pub longer_m: f64,
-    /// Variance of its noise, m^2.
+    /// Variance of the reading's noise, m^2.
     pub variance: f64,
-    /// Variance of the strut's rate by all readings, m^2/s^2.
+    /// Variance of the filtered strut rate, m^2/s^2.
     pub rate_variance: f64,
 }
 
 impl LengthFilter {
-    /// At the design length, unknown to a decimetre.
-    pub fn new(design_m: f64, sigma_m: f64) -> Self {
+    /// At the design length with a standard deviation of 0.1 m.
+    pub fn new(design_m: f64, sigma_m: f64, tuning: &Tuning) -> Self {
+        let t = tuning.corners.strut_length;
         Self {
+            tuning: t,
+            fresh_s: tuning.fresh_s,
             state: Vector3::new(design_m, 0.0, 0.0),
-            covariance: Matrix3::from_diagonal(&Vector3::new(0.01, 1.0, 100.0)),
+            covariance: Matrix3::from_diagonal(&Vector3::from(t.start_variance)),
             variance: sigma_m * sigma_m,
             design_m,
             time: None,
             silent_s: 0.0,
-            misses: 0,
+            rejections: 0,
             jumped: false,
-            jerk: ProcessNoise::new(JERK, JERK_BOUNDS),
+            jerk: ProcessNoise::new(t.jerk_density, t.jerk_density_bounds, tuning.process_noise),
             longer_m: None,
         }
     }
 
-    /// Carries the length on; a silent potentiometer's is held.
+    /// Propagates the length; without readings it is held.
     pub fn predict(&mut self, dt: f64) {
         self.silent_s += dt;
         self.jumped = false;
         self.longer_m = None;
-        if self.silent_s > SILENCE_S {
+        if self.silent_s > self.tuning.silence_s {
             if self.time.is_none() {
                 self.state = Vector3::new(self.design_m, 0.0, 0.0);
             }
             self.state[1] = 0.0;
             self.state[2] = 0.0;
-            self.covariance = Matrix3::from_diagonal(&Vector3::new(0.01, 1.0, 100.0));
+            self.covariance = Matrix3::from_diagonal(&Vector3::from(self.tuning.start_variance));
             return;
         }
         let f = Matrix3::new(1.0, dt, 0.5 * dt * dt, 0.0, 1.0, dt, 0.0, 0.0, 1.0);
@@ -93,29 +88,32 @@ impl LengthFilter {
         self.covariance = f * self.covariance * f.transpose() + noise * q;
     }
 
-    /// Something may have changed the acceleration by `jolt_m_s2`.
+    /// Adds a sudden change of the acceleration with this standard deviation, m/s^2.
     pub fn jolt(&mut self, jolt_m_s2: f64) {
         self.covariance[(2, 2)] += jolt_m_s2 * jolt_m_s2;
     }
 
-    /// Takes a length in that was true at `valid`.
+    /// Takes a length that was valid at `valid`.
     pub fn update(&mut self, now: LogTime, valid: LogTime, length_m: f64) {
         if !length_m.is_finite() || (length_m - self.design_m).abs() > 1.0 {
             return;
         }
-        let age = now.seconds_since(valid).clamp(-0.01, FRESH_S);
+        let age = now.seconds_since(valid).clamp(-0.01, self.fresh_s);
         let h = Vector3::new(1.0, -age, 0.5 * age * age);
         let ph = self.covariance * h;
         let total = h.dot(&ph) + self.variance;
         let innovation = length_m - h.dot(&self.state);
-        if innovation * innovation > GATE * GATE * total {
-            self.misses += 1;
-            if self.misses < MISSES_MAX {
+        let t = &self.tuning;
+        if beyond(t.gate_sigma, innovation, total) {
+            self.rejections += 1;
+            if self.rejections < t.rejections_max {
                 return;
             }
             self.jumped = self.time.is_some();
             self.state = Vector3::new(length_m, 0.0, 0.0);
-            self.covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 1.0, 100.0));
+            let [_, rate, acceleration] = t.start_variance;
+            let variance = Vector3::new(t.adopted_variance_m2, rate, acceleration);
+            self.covariance = Matrix3::from_diagonal(&variance);
         } else {
             self.jerk.learn([innovation / total.sqrt()]);
             self.state += ph * (innovation / total);
@@ -123,7 +121,7 @@ impl LengthFilter {
             self.covariance -= ph * ph.transpose() / total;
             self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         }
-        self.misses = 0;
+        self.rejections = 0;
         self.silent_s = 0.0;
         self.time = Some(valid);
     }
@@ -133,18 +131,18 @@ impl LengthFilter {
         [self.state[0], self.state[1]]
     }
 
-    /// Whether the last reading was taken for a jump that no strut makes.
+    /// Whether the last reading was a jump that no strut makes.
     pub fn jumped(&self) -> bool {
         self.jumped
     }
 
-    /// Whether a potentiometer stands behind the length at `now`.
+    /// Whether the length at `now` is measured.
     pub fn known(&self, now: LogTime) -> bool {
         self.time
-            .is_some_and(|time| now.seconds_since(time) <= SILENCE_S)
+            .is_some_and(|time| now.seconds_since(time) <= self.tuning.silence_s)
     }
 
-    /// The reading that came since the last prediction, if any did and was believed.
+    /// The reading since the last prediction, if it was used.
     pub fn reading(&self) -> Option<NewReading> {
         self.longer_m.map(|longer_m| NewReading {
             longer_m,
@@ -156,7 +154,7 @@ impl LengthFilter {
     /// Variance of -k l - c l', N^2; `None` while nothing is measured.
     pub fn force_variance(&self, stiffness_n_m: f64, damping_n_s_m: f64) -> Option<f64> {
         let gain = Vector3::new(stiffness_n_m, damping_n_s_m, 0.0);
-        (self.time.is_some() && self.silent_s <= SILENCE_S)
+        (self.time.is_some() && self.silent_s <= self.tuning.silence_s)
             .then(|| (gain.transpose() * self.covariance * gain)[0])
     }
 }
@@ -167,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_reading_counts_once_and_stands_where_the_potentiometer_put_it() {
-        let mut filter = LengthFilter::new(0.4, 1e-4);
+        let mut filter = LengthFilter::new(0.4, 1e-4, &Tuning::default());
         let mut length_m = 0.0;
         for k in 0..200 {
             let now = LogTime(10_000_000 * k);

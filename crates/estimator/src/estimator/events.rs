@@ -1,4 +1,4 @@
-//! What the estimator says of its sensors and of itself.
+//! Events about sensors and filters.
 
 use sample::{Event, EventKind, LogTime, StrainChannel, Wheel};
 
@@ -12,31 +12,31 @@ pub(super) fn motion_event(now: LogTime, change: SensorChange) -> Event {
     sensor_event(now, change.faulty, change.name.to_owned(), change.why)
 }
 
-/// Time without a further start after which a filter that was started anew has settled, s.
-const SETTLED_S: f64 = 3.0;
-
-/// A filter that may diverge, from its being started anew to its recovery.
+/// State of a filter that can diverge, from its restart to its recovery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divergence {
     name: &'static str,
-    /// Starts of the filter so far.
+    /// Time without a further start after which the filter has settled, s.
+    recovery_s: f64,
+    /// Number of restarts so far.
     starts: u64,
-    /// When it was last started anew, until it has settled.
+    /// Time of the last restart, until the filter has settled.
     since: Option<LogTime>,
 }
 
 impl Divergence {
-    /// Of a filter, by the name that events have for it.
-    pub(super) fn new(name: &'static str) -> Self {
+    /// For the filter that events call `name`.
+    pub(super) fn new(name: &'static str, recovery_s: f64) -> Self {
         Self {
             name,
+            recovery_s,
             starts: 0,
             since: None,
         }
     }
 
-    /// Takes note of how often the filter has been started anew. One that cannot hold says so once;
-    /// what comes `silently` is still its own first start.
+    /// Compares the number of restarts with the one before. A filter that restarts repeatedly is
+    /// reported once. Restarts that come `silently` belong to the filter's first start.
     pub(super) fn step(
         &mut self,
         now: LogTime,
@@ -44,7 +44,7 @@ impl Divergence {
         silently: bool,
         out: &mut impl FnMut(Output),
     ) {
-        let told = |kind, text| {
+        let event = |kind, text| {
             Output::Event(Event {
                 time: now,
                 onset: now,
@@ -58,18 +58,18 @@ impl Divergence {
             self.starts = starts;
             if !silently && self.since.is_none() {
                 let text = format!("the {} filter diverged and was started anew", self.name);
-                out(told(EventKind::FilterReset, text));
+                out(event(EventKind::FilterReset, text));
             }
             if !silently || self.since.is_some() {
                 self.since = Some(now);
             }
         } else if self
             .since
-            .is_some_and(|since| now.seconds_since(since) > SETTLED_S)
+            .is_some_and(|since| now.seconds_since(since) > self.recovery_s)
         {
             self.since = None;
             let text = format!("the {} filter has settled again", self.name);
-            out(told(EventKind::FilterRecovered, text));
+            out(event(EventKind::FilterRecovered, text));
         }
     }
 }

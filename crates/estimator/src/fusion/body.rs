@@ -1,9 +1,9 @@
-//! The vehicle as the balances of forces and moments see it.
+//! The vehicle's parameters in the balances of forces and moments.
 
 use model::vehicle::{Tyre, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
-/// What of the vehicle enters the balances.
+/// Parameters of the vehicle in the balances.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     pub(super) mass_kg: f64,
@@ -26,7 +26,7 @@ impl Body {
             sprung.cg_m[1],
             sprung.cg_m[2] - body.cg_height_m,
         );
-        // Wheels and uprights neither roll nor pitch with the body, but they do yaw with it.
+        // Wheels and uprights do not roll or pitch with the body, but they yaw with it.
         let away = sprung.mass_kg * to_cg.norm_squared();
         let roll = sprung.inertia_kg_m2[0] + away - sprung.mass_kg * to_cg.x * to_cg.x;
         let pitch = sprung.inertia_kg_m2[1] + away - sprung.mass_kg * to_cg.y * to_cg.y;

@@ -7,92 +7,76 @@ use sample::{InnovationKind, StrainChannel, Wheel};
 use super::inertial::Balance;
 use super::joint::{Joint, NO_OWN, Rows, TOGETHER};
 use super::{
-    Change, ChannelChange, FORCE, Fusion, LENGTH, MOMENT, MOMENT_AXES, OFFSET, RATE, StepInput,
-    TORQUE,
+    Change, ChannelChange, FORCE, Fusion, MOMENT, MOMENT_AXES, OFFSET, RATE, STRUT_LENGTH,
+    StepInput, TORQUE,
 };
-use crate::inputs::{CornerReadings, FRESH_S, Reading};
+use crate::inputs::{CornerReadings, Reading};
 use crate::statics::AXIAL;
+use crate::tuning::MemberTuning;
 
-/// Error of geometry and model on a member's force, N, and as a part of it.
-const MEMBER_FLOOR_N: f64 = 1.3;
-const MEMBER_FLOOR: f64 = 0.002;
-const UNPOSED_FLOOR_N: f64 = 60.0;
-const UNPOSED_FLOOR: f64 = 0.15;
-/// The same on the ball-normal force that bending tells, N.
-const BENDING_FLOOR_N: f64 = 2.5;
-/// Error of a channel's gain that is no fault.
-const FAULT_FLOOR: f64 = 0.02;
-/// Deviations of the forces, N, and of their rates, N/s, where many channels are surprised at once.
-/// The lag's inverse would make a wild rate of a jump that the force itself may not make.
-const SURPRISE_N: f64 = 100.0;
-const SURPRISE_N_S: f64 = 2.5e3;
-/// Gate of a strut's force, whose level may be off, squared.
-const STRUT_GATE: f64 = 100.0;
-/// How far the vehicle model's F_x, F_y and F_z may be wrong, as a part of the load.
-const BLIND_FORCE: [f64; 3] = [0.4, 0.1, 0.15];
-/// Strut's force where no strain tells what of it F_x and F_y carry, N.
-const BLIND_STRUT_N: f64 = 70.0;
-/// How far back a linkage's map is carried at most, steps.
-const STEPS_BACK_MAX: f64 = 3.0;
-/// How long one such guess lasts, s.
-const BLIND_TIME_S: f64 = 0.1;
-
-/// Of one corner: force, rate, moments and torques.
+/// States of one corner: force, rate, moments and torques.
 const CORNER: usize = 10;
 type CornerRows = Rows<CORNER>;
-/// A corner's strut, and the first of its strain channels, among its rows.
+/// Rows of a corner's strut and of its first strain channel.
 const STRUT: usize = 0;
 const STRAIN: usize = 1;
 
 impl Fusion {
-    /// How long ago the force stood that a strain channel's lagged reading tells, s.
+    /// Age of the force that a strain channel's lagged reading shows, s.
     fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
-        input.now.seconds_since(reading.time).clamp(-0.01, FRESH_S) + self.lag_s
+        let age_s = input.now.seconds_since(reading.time);
+        age_s.clamp(-0.01, input.fresh_s) + self.lag_s
     }
 
-    /// How the members of a corner hang on the states.
+    /// Maps from the states to the members of a corner.
     fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
         let corner = &input.corners[wheel];
         Members {
             wheel,
             statics: [&corner.statics, &input.statics_before[wheel]],
             step_s: input.dt,
+            steps_back_max: self.tuning.members.steps_back_max,
             known_n_m: balance.known[wheel].moment_n_m,
             rolling_m: -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0),
             spindle: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
         }
     }
 
-    /// What strut and strain channels of a corner say that have a new reading.
-    pub(super) fn corner_says(
+    /// Measurements of strut and strain channels of a corner with a new reading.
+    pub(super) fn measure_corner(
         &self,
         input: &StepInput<'_>,
         balance: &Balance,
         wheel: usize,
         readings: &mut CornerReadings,
-    ) -> CornerSays {
+    ) -> CornerMeasurements {
+        let t = &self.tuning.members;
         let corner = &input.corners[wheel];
         let members = self.members(input, balance, wheel);
         let of_strut = members.force(5, 0.0);
         let mut rows = CornerRows::new(members.states());
         // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
         let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
-        rows.set(STRUT, of_strut.gains, (LENGTH + wheel, stiffness_n_mm));
-        let strut = corner.strut_read.map(|[force_n, sigma_n]| Said {
-            value: force_n - of_strut.offset_n,
-            variance: sigma_n * sigma_n,
+        rows.set(
+            STRUT,
+            of_strut.gains,
+            (STRUT_LENGTH + wheel, stiffness_n_mm),
+        );
+        let strut = corner.strut_read.map(|read| RowMeasurement {
+            value: read.force_n - of_strut.offset_n,
+            variance: read.sigma_n * read.sigma_n,
             tolerance: 0.0,
         });
         let posed = corner.strut_sigma_n.is_finite();
-        // Each of the lower arm's tubes carries one half of the ball-normal force, so that its
-        // bending gauges see M = F_n d/2, whatever spring and damper do.
+        // Each tube of the lower arm carries half of the ball-normal force, so its bending gauges
+        // measure M = F_n d/2, independent of spring and damper.
         let arm = 0.5 * self.bending_distance_m;
         let mut alive = 0;
         let strain = StrainChannel::ALL.map(|channel| {
             let i = channel.index();
             let reading = readings.strain[i].as_mut()?;
             let axial = i < AXIAL.len();
-            alive += usize::from(axial && reading.fresh(input.now).is_some());
+            alive += usize::from(axial && reading.fresh(input.now, input.fresh_s).is_some());
             if std::mem::replace(&mut reading.taken, true) || !axial && arm == 0.0 {
                 return None;
             }
@@ -101,10 +85,10 @@ impl Fusion {
             if axial {
                 let force = members.force(i, age);
                 rows.set(STRAIN + i, force.gains, (OFFSET + 5 * wheel + i, 1.0));
-                Some(Said {
+                Some(RowMeasurement {
                     value: reading.value - force.offset_n,
                     variance: c.noise_sigma.powi(2),
-                    tolerance: member_tolerance_n(posed, reading.value),
+                    tolerance: member_tolerance_n(posed, reading.value, t),
                 })
             } else {
                 let [per_strut, without] = members.ball_normal_n(age);
@@ -113,14 +97,14 @@ impl Fusion {
                 let gains = of_strut.gains.map(|gain| bending * gain);
                 rows.set(STRAIN + i, gains, NO_OWN);
                 let known = bending * of_strut.offset_n + arm * without;
-                Some(Said {
+                Some(RowMeasurement {
                     value: reading.value - known,
                     variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
-                    tolerance: arm * BENDING_FLOOR_N,
+                    tolerance: arm * t.bending_sigma_n,
                 })
             }
         });
-        CornerSays {
+        CornerMeasurements {
             rows,
             strut,
             strut_offset_n: of_strut.offset_n,
@@ -129,58 +113,69 @@ impl Fusion {
         }
     }
 
-    /// Whether the strain channels together contradict what the state foretells: where they do the
-    /// forces are set free before the readings are taken in.
-    pub(super) fn heed_surprise(&mut self, said: &[CornerSays; 4]) {
-        for (wheel, corner) in said.iter().enumerate() {
-            let foretold = corner.rows.view().times(&self.state);
+    /// Inflates the covariance of forces and rates if the strain channels together contradict the
+    /// predicted state, before the readings are taken.
+    pub(super) fn inflate_on_multi_channel_innovation(
+        &mut self,
+        measured: &[CornerMeasurements; 4],
+    ) {
+        let t = self.tuning;
+        for (wheel, corner) in measured.iter().enumerate() {
+            let predicted = corner.rows.view().times(&self.state);
             for i in 0..AXIAL.len() {
-                let square = corner.strain[i].and_then(|said| {
-                    self.health[wheel][i].foretold_square(said.value - foretold[STRAIN + i])
+                let square = corner.strain[i].and_then(|measured| {
+                    let innovation = measured.value - predicted[STRAIN + i];
+                    self.health[wheel][i].predicted_square(innovation, &t.channels)
                 });
                 if let Some(square) = square {
-                    self.agility.surprise(wheel, square);
+                    self.force_noise.add_innovation(wheel, square);
                 }
             }
         }
-        if self.agility.surprised() {
+        if self.force_noise.exceeded() {
+            let [force, rate] = [t.members.surprise_n, t.members.surprise_n_s];
             for i in 0..12 {
-                self.covariance
-                    .add_noise(FORCE + i, SURPRISE_N * SURPRISE_N);
-                self.covariance
-                    .add_noise(RATE + i, SURPRISE_N_S * SURPRISE_N_S);
+                self.covariance.add_noise(FORCE + i, force * force);
+                self.covariance.add_noise(RATE + i, rate * rate);
             }
         }
     }
 
-    /// Takes strut and strain channels of one corner in.
+    /// Takes strut and strain channels of one corner.
     pub(super) fn take_corner(
         &mut self,
         input: &StepInput<'_>,
-        says: &CornerSays,
+        of_corner: &CornerMeasurements,
         wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
     ) {
+        let t = self.tuning;
         let corner = &input.corners[wheel];
         if corner.strut_jumped {
-            self.doubt_length(wheel);
+            self.suspect_length(wheel);
         }
-        let mut joint = self.covariance.project(&says.rows, &self.state);
+        let mut joint = self.covariance.project(&of_corner.rows, &self.state);
         let before: [f64; TOGETHER] = std::array::from_fn(|m| joint.variance(m));
-        if let Some(said) = says.strut {
-            let blind = if says.alive < 4 { BLIND_STRUT_N } else { 0.0 };
-            let length_mm = 1e3 * (said.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
-            let variance = said.variance + blind * blind;
-            let innovation = self.take(&mut joint, STRUT, said.value, variance, STRUT_GATE);
-            self.count(InnovationKind::Strut, innovation, STRUT_GATE);
+        if let Some(measured) = of_corner.strut {
+            let blind = if of_corner.alive < 4 {
+                t.members.blind_strut_n
+            } else {
+                0.0
+            };
+            let length_mm =
+                1e3 * (measured.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
+            let variance = measured.variance + blind * blind;
+            let gate = t.members.strut_gate_sigma;
+            let innovation = self.take(&mut joint, STRUT, measured.value, variance, gate);
+            self.count(InnovationKind::Strut, innovation, gate);
             if !self.settling() {
-                self.lengths[wheel].learn(innovation, length_mm);
+                self.lengths[wheel].learn(innovation, length_mm, &t.potentiometers);
             }
         }
-        for (channel, said) in StrainChannel::ALL.into_iter().zip(&says.strain) {
-            let Some(said) = said else { continue };
+        for (channel, measured) in StrainChannel::ALL.into_iter().zip(&of_corner.strain) {
+            let Some(measured) = measured else { continue };
             let known = before[STRAIN + channel.index()];
-            let change = self.take_channel(&mut joint, said, known, wheel, channel);
+            let change = self.take_channel(&mut joint, measured, known, wheel, channel);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -189,17 +184,21 @@ impl Fusion {
                 });
             }
         }
-        self.covariance.apply(&says.rows, &joint, &mut self.state);
-        self.strut_n[wheel] = says.rows.view().of_shared(&self.state)[STRUT] + says.strut_offset_n;
-        if says.alive < 4 {
+        self.covariance
+            .apply(&of_corner.rows, &joint, &mut self.state);
+        self.strut_n[wheel] =
+            of_corner.rows.view().of_shared(&self.state)[STRUT] + of_corner.strut_offset_n;
+        if of_corner.alive < 4 {
             self.blind = true;
             self.take_expected(input, wheel);
         }
     }
 
-    /// Without strain nothing tells the forces of one axle apart, and without a potentiometer either
-    /// nothing the loads of the diagonals: the vehicle model has to.
+    /// Takes the vehicle model's forces where strain is missing: without strain the forces of one
+    /// axle are not observable separately, and without a potentiometer neither are the loads of the
+    /// diagonals.
     fn take_expected(&mut self, input: &StepInput<'_>, wheel: usize) {
+        let t = self.tuning.members;
         let posed = input.corners[wheel].strut_sigma_n.is_finite();
         let expected = input.expected.0[wheel].force_n;
         let load = if posed {
@@ -216,36 +215,39 @@ impl Fusion {
         }
         let mut joint = self.covariance.project(&rows, &self.state);
         for axis in 0..if posed { 2 } else { 3 } {
-            // The same guess every step is one piece of knowledge, not many.
-            let sigma = BLIND_FORCE[axis] * load + 30.0;
-            let variance = sigma * sigma * (BLIND_TIME_S / input.dt).max(1.0);
+            // The same expected force in every step is one measurement, not many.
+            let sigma = t.expected_sigma_part[axis] * load + t.expected_sigma_n;
+            let variance = sigma * sigma * (t.expected_time_s / input.dt).max(1.0);
             self.take(&mut joint, axis, expected[axis], variance, f64::INFINITY);
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
     }
 
-    /// `known`: variance of the channel's row before any of the corner was taken in.
+    /// Takes one channel. `known` is the variance of its row before any row of the corner was
+    /// taken.
     fn take_channel(
         &mut self,
         joint: &mut Joint,
-        said: &Said,
+        measured: &RowMeasurement,
         known: f64,
         wheel: usize,
         channel: StrainChannel,
     ) -> Change {
+        let t = self.tuning;
         let i = channel.index();
         let m = STRAIN + i;
-        let model = self.health[wheel][i].model_variance(said.tolerance);
-        let total = joint.variance(m) + said.variance + model;
-        let innovation = said.value - joint.value(m);
-        let doubt = FAULT_FLOOR * said.value;
+        let model = self.health[wheel][i].model_variance(measured.tolerance, &t.channels);
+        let total = joint.variance(m) + measured.variance + model;
+        let innovation = measured.value - joint.value(m);
+        let doubt = t.members.gain_tolerance * measured.value;
         let square = innovation * innovation / (total + doubt * doubt);
         if self.settling() {
-            joint.take(m, said.value, total);
+            joint.take(m, measured.value, total);
             return Change::None;
         }
-        let (good, change) = self.health[wheel][i].judge(square, self.agility.open());
-        self.health[wheel][i].expect([total, known + said.variance + model]);
+        let (good, change) =
+            self.health[wheel][i].judge(square, self.force_noise.open(), &t.channels);
+        self.health[wheel][i].expect([total, known + measured.variance + model]);
         let kind = if i < AXIAL.len() {
             InnovationKind::Strain
         } else {
@@ -253,8 +255,8 @@ impl Fusion {
         };
         if good {
             self.innovations.used(kind, innovation * innovation / total);
-            self.health[wheel][i].learn(innovation, said.tolerance);
-            joint.take(m, said.value, total);
+            self.health[wheel][i].learn(innovation, measured.tolerance, &t.channels);
+            joint.take(m, measured.value, total);
         } else {
             self.innovations.rejected(kind);
         }
@@ -263,14 +265,15 @@ impl Fusion {
 }
 
 /// The members' forces of one corner, A (F - age F') + B (M, with rolling resistance and half-shaft
-/// torque) + offset, with A, B and offset of the linkage as it stood `age` ago: a strut that moves
-/// at 0.1 m/s turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N of a wheel's static load.
+/// torque) + offset, with A, B and offset of the linkage `age` ago. A strut that moves at 0.1 m/s
+/// turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N at a wheel's static load.
 struct Members<'a> {
     wheel: usize,
     /// The linkage's map now and a step before.
     statics: [&'a CornerStatics; 2],
     step_s: f64,
-    /// The tyre's moment that goes with its force.
+    steps_back_max: f64,
+    /// The tyre's moment that belongs to its force.
     known_n_m: Vector3<f64>,
     /// M_y of a newton of load.
     rolling_m: f64,
@@ -290,13 +293,13 @@ impl Members<'_> {
         })
     }
 
-    /// Numbers of the linkage's map as they were `age` ago, carried back as it moved in the last step.
+    /// Numbers of the linkage's map `age` ago, extrapolated by the change of the last step.
     fn ago<const N: usize>(
         &self,
         age: f64,
         numbers: impl Fn(&CornerStatics) -> [f64; N],
     ) -> [f64; N] {
-        let back = (age / self.step_s).clamp(0.0, STEPS_BACK_MAX);
+        let back = (age / self.step_s).clamp(0.0, self.steps_back_max);
         let [now, before] = self.statics.map(numbers);
         std::array::from_fn(|k| now[k] + (before[k] - now[k]) * back)
     }
@@ -338,39 +341,39 @@ impl Members<'_> {
     }
 }
 
-/// A member's force: gains of [`Members::states`], and what it is without any force on the tyre.
+/// A member's force: gains of [`Members::states`] and the force without any tyre force.
 struct MemberForce {
     gains: [f64; CORNER],
     offset_n: f64,
 }
 
-/// What one corner's sensors say that have a new reading.
-pub(super) struct CornerSays {
+/// Measurements of one corner with a new reading.
+pub(super) struct CornerMeasurements {
     rows: CornerRows,
-    strut: Option<Said>,
-    /// Strut's force without any on the tyre.
+    strut: Option<RowMeasurement>,
+    /// Strut force without any tyre force.
     strut_offset_n: f64,
-    strain: [Option<Said>; StrainChannel::COUNT],
-    /// How many axial channels are read.
+    strain: [Option<RowMeasurement>; StrainChannel::COUNT],
+    /// Number of axial channels with a recent reading.
     alive: usize,
 }
 
-/// Value of a row.
+/// Measured value of a row.
 #[derive(Clone, Copy)]
-struct Said {
+struct RowMeasurement {
     value: f64,
-    /// Of the converter's noise.
+    /// Variance of the converter's noise.
     variance: f64,
-    /// Deviation that the model may have.
+    /// Standard deviation of the model.
     tolerance: f64,
 }
 
-/// Error of the linkage's model on a member's force, N: where no deflection tells the pose, the
-/// design position stands in for it and is far off.
-fn member_tolerance_n(posed: bool, force_n: f64) -> f64 {
+/// Error of the linkage's model on a member's force, N. Without a deflection the design position
+/// replaces the measured one, with a large error.
+fn member_tolerance_n(posed: bool, force_n: f64, tuning: &MemberTuning) -> f64 {
     if posed {
-        MEMBER_FLOOR_N + MEMBER_FLOOR * force_n.abs()
+        tuning.member_sigma_n + tuning.member_sigma_part * force_n.abs()
     } else {
-        UNPOSED_FLOOR_N + UNPOSED_FLOOR * force_n.abs()
+        tuning.unposed_sigma_n + tuning.unposed_sigma_part * force_n.abs()
     }
 }

@@ -7,10 +7,10 @@ use std::ops::{Deref, DerefMut};
 use nalgebra::SVector;
 
 use super::joint::{Joint, Rows, TOGETHER};
-use super::layout::{FORCE, MOMENT, RATE, SIZE, State, TORQUE, TURN};
+use super::layout::{BODY_RATE, FORCE, MOMENT, RATE, SIZE, State, TORQUE};
 use crate::trace::{Operation, Restart, Term, Trace, Update};
 
-/// Largest variance of any state: keeps a blind filter's numbers tame.
+/// Largest variance of any state; keeps numbers finite while nothing is measured.
 const VARIANCE_MAX: f64 = 1e10;
 /// Columns that are updated together; a power of two.
 const LANES: usize = 8;
@@ -107,7 +107,7 @@ impl Covariance {
         self.p[i][i]
     }
 
-    /// Whether every variance is a number that a variance can be.
+    /// Whether every variance is finite and not negative.
     pub fn sound(&self) -> bool {
         (0..SIZE).all(|i| self.p[i][i] >= -1e-6 && self.p[i][i] <= 1e3 * VARIANCE_MAX)
     }
@@ -191,7 +191,7 @@ impl Covariance {
         self.trace.note(|| {
             let terms = jacobian.iter().enumerate().flat_map(|(axis, gains)| {
                 gains.iter().enumerate().map(move |(j, gain)| Term {
-                    row: TURN + axis,
+                    row: BODY_RATE + axis,
                     column: position(j),
                     value: dt * gain,
                 })
@@ -205,8 +205,8 @@ impl Covariance {
         self.whole = 0;
     }
 
-    /// What the state says of rows: their values, and the covariances between these. Until
-    /// [`Covariance::apply`] nothing may change.
+    /// Predicted values of rows and their covariances. No state may change until
+    /// [`Covariance::apply`].
     pub fn project<const K: usize>(&mut self, rows: &Rows<K>, state: &State) -> Joint {
         let view = rows.view();
         for i in view.shared.iter().chain(&view.own[..view.count]) {
@@ -217,28 +217,28 @@ impl Covariance {
         Joint::new(view.times(state), between)
     }
 
-    /// Changes state and covariance by what was taken in of the rows that were projected last.
+    /// Corrects state and covariance by the taken rows of the last projection.
     pub fn apply<const K: usize>(&mut self, rows: &Rows<K>, joint: &Joint, state: &mut State) {
         if joint.taken.iter().all(Option::is_none) {
             return;
         }
-        // What was not taken in may be no number: it is left out, not weighted with zero.
+        // A row that was not taken can contain NaN: it is left out, not weighted with zero.
         let count = rows.view().count;
         let mut weight = [0.0; TOGETHER];
-        let mut told = [[0.0; TOGETHER]; TOGETHER];
+        let mut projection = [[0.0; TOGETHER]; TOGETHER];
         for (m, taken) in joint.taken[..count].iter().enumerate() {
             if let Some(taken) = taken {
                 weight[m] = 1.0 / taken.total;
                 for later in m + 1..count {
                     if joint.taken[later].is_some() {
-                        told[m][later] = joint.between[m][later] * weight[m];
+                        projection[m][later] = joint.between[m][later] * weight[m];
                     }
                 }
             } else {
                 self.projected[m] = Column::ZERO;
             }
         }
-        kernels::clear_of_earlier(&mut self.projected, &told, count);
+        kernels::clear_of_earlier(&mut self.projected, &projection, count);
         let columns = self.projected.iter().zip(&joint.taken).enumerate();
         for (m, (column, taken)) in columns {
             let Some(taken) = taken else { continue };

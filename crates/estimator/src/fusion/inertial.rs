@@ -1,43 +1,22 @@
-//! The balances of forces and moments, and the inertial unit that sees them.
+//! Balances of forces and moments, and the inertial unit in them.
 
 use nalgebra::{Matrix3, Vector3};
 use sample::{InnovationKind, STANDARD_GRAVITY_M_S2};
 
+use crate::feedback::BodyMotionEstimate;
+use crate::gaussian::within;
+
 use super::covariance::{BALANCED, position};
 use super::joint::{Joint, Rows};
 use super::moments::KnownMoment;
-use super::{
-    ACCEL, FORCE, Fusion, GATE, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE, TURN, TURN_VARIANCE,
-};
+use super::{ACCEL_BIAS, BODY_RATE, FORCE, Fusion, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE};
 
-/// Error of the model on the sum of all forces, N.
-const SUM_FLOOR_N: f64 = 10.0;
-/// Doubt of the accelerometers while many strain channels are surprised, m/s^2: what set the forces
-/// against them may be an accelerometer that is wrong.
-const SURPRISED_M_S2: f64 = 1.0;
-/// Square of the forward accelerometer's normalised innovation that is a push: drive or brake that
-/// has just come.
-const PUSH: f64 = 8.0;
-/// The same beyond which it is the accelerometer that is doubted.
-const PUSH_MAX: f64 = 400.0;
-/// Rate of the loads after a push, N/s of a newton of its surplus: the body begins to pitch.
-const PUSH_RATE: f64 = 3.0;
-/// Deviation of the roll and pitch rate that struts tell, rad/s: the ground turns, too.
-const OVER_GROUND_RAD_S: f64 = 0.2;
-/// Part of the weight within which the tyres must carry it before a vehicle that was held counts as
-/// free. The doubt after a surprise alone would let a part of the weight pass for all of it.
-const HELD_PART: f64 = 0.05;
-
-/// Readings in a row of a gyro that is believed, beyond the gate, after which the balance of moments
-/// has run away.
-const TURN_MISSES_MAX: u32 = 20;
-
-/// Of the inertial unit: all forces, their rates and moments, as the states begin.
+/// Rows of the inertial unit: all forces, their rates and moments, the first states.
 type InertialRows = Rows<TORQUE>;
-/// Order in which the accelerometer's axes are taken in. Upward first: what carries a part of the
-/// weight pushes along the other axes, too.
+/// Order of the accelerometer's axes. Upward first: a stand or a jack that carries a part of the
+/// weight also pushes along the other axes.
 const UPWARD_FIRST: [usize; 3] = [2, 0, 1];
-/// Where the forward one comes.
+/// Position of the forward axis in that order.
 const FORWARD: usize = 1;
 /// The gyro's first axis among the inertial unit's rows.
 const GYRO: usize = 3;
@@ -48,7 +27,7 @@ pub(super) struct Balance {
     pub(super) jacobian: [[f64; BALANCED]; 3],
     pub(super) constant: [f64; 3],
     directions: [Matrix3<f64>; 4],
-    /// The tyres' moments that go with the forces of the last step.
+    /// The tyres' moments that belong to the forces of the last step.
     pub(super) known: [KnownMoment; 4],
 }
 
@@ -78,8 +57,8 @@ impl Fusion {
             let arm = corner.frame.contact_m - cg;
             let mut of_force = body.inverse * arm.cross_matrix() * turn;
             let of_moment = body.inverse * turn;
-            // Rolling resistance: M_y = -c R F_z of a wheel that rolls forward, about the
-            // contact point, where the load stands ahead of the wheel's centre.
+            // Rolling resistance: M_y = -c R F_z of a wheel that rolls forward, about the contact
+            // point; the load acts ahead of the wheel's centre.
             let rolling = of_moment.column(1) * (-body.rolling[i] * backward);
             let with_rolling = of_force.column(2) + rolling;
             of_force.set_column(2, &with_rolling);
@@ -110,34 +89,47 @@ impl Fusion {
         }
     }
 
-    /// Specific force of the inertial unit and angular rate. With r from the centre of gravity to
-    /// the unit, m f = sum R F + m (w' x r + w x (w x r)): the angular acceleration comes from the
-    /// balance of moments, since a differentiated gyro would be three times noisier than the
-    /// accelerometers. Where the upward axis contradicts the loads of wheels whose struts are known,
-    /// the vehicle is held: then the other axes tell nothing, and the gyro alone tells how the body
-    /// turns. Tells whether the unit agrees with the forces.
+    /// Takes specific force and angular rate of the inertial unit. Returns whether the accelerometers
+    /// agree with the forces.
+    ///
+    /// With r from the centre of gravity to the unit, m f = sum R F + m (w' x r + w x (w x r)). The
+    /// angular acceleration w' comes from the balance of moments: a differentiated gyro would be three
+    /// times noisier than the accelerometers. If the upward axis contradicts the loads of wheels whose
+    /// struts are measured, the vehicle is held by something else. Then the other accelerometers are
+    /// not used, and only the gyros measure the angular rate.
     pub(super) fn take_inertial(&mut self, input: &StepInput<'_>, balance: &Balance) -> bool {
+        let rows = self.inertial_rows(input, balance);
+        let mut joint = self.covariance.project(&rows, &self.state);
+        let agrees = self.take_accelerometers(input, balance, &rows, &mut joint);
+        self.agreed = agrees && input.used.force == [true; 3];
+        let wrong_rate = self.take_gyros(input, balance, &mut joint);
+        self.take_rate_over_ground(input, balance, &mut joint);
+        self.covariance.apply(&rows, &joint, &mut self.state);
+        for (axis, square) in wrong_rate
+            .into_iter()
+            .enumerate()
+            .filter(|(_, square)| *square > 0.0)
+        {
+            self.covariance.add_noise(BODY_RATE + axis, square);
+            self.gyro_rejections[axis] = 0;
+        }
+        agrees
+    }
+
+    /// m times the matrix of w' x r.
+    fn lever_kg_m(&self, input: &StepInput<'_>) -> Matrix3<f64> {
+        -input.imu_m.cross_matrix() * self.body.mass_kg
+    }
+
+    /// Measurement rows of accelerometers, in the order of [`UPWARD_FIRST`], and gyros.
+    fn inertial_rows(&self, input: &StepInput<'_>, balance: &Balance) -> InertialRows {
         let age = input.motion.inertial_age_s.max(0.0);
-        let [gyro, accel] = input.imu_sigma;
-        let mass = self.body.mass_kg;
-        let u = input.motion.velocity_m_s.x;
-        let drag = Vector3::new(self.body.drag * u * u.abs(), 0.0, 0.0);
-        let swing = -input.imu_m.cross_matrix() * mass;
-        let at_unit =
-            input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
-        let sum = at_unit * mass + drag - swing * Vector3::from(balance.constant);
-        let doubt = if self.agility.open() {
-            SURPRISED_M_S2
-        } else {
-            0.0
-        };
-        let variance = mass * mass * (accel * accel + doubt * doubt) + SUM_FLOOR_N.powi(2);
-        let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
+        let lever = self.lever_kg_m(input);
         let mut rows = InertialRows::new(std::array::from_fn(|i| i));
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
             let mut gains = [0.0; TORQUE];
             for j in 0..BALANCED {
-                let turning = (0..3).map(|k| swing[(axis, k)] * balance.jacobian[k][j]);
+                let turning = (0..3).map(|k| lever[(axis, k)] * balance.jacobian[k][j]);
                 let turning: f64 = turning.sum();
                 if j < 12 {
                     let gain = turning + balance.directions[j / 3][(axis, j % 3)];
@@ -147,101 +139,167 @@ impl Fusion {
                     gains[position(j)] = turning;
                 }
             }
-            rows.set(m, gains, (ACCEL + axis, mass));
+            rows.set(m, gains, (ACCEL_BIAS + axis, self.body.mass_kg));
         }
         for axis in 0..3 {
             let mut gains = [0.0; TORQUE];
             for (j, gain) in balance.jacobian[axis].iter().enumerate() {
                 gains[position(j)] = -age * gain;
             }
-            rows.set(GYRO + axis, gains, (TURN + axis, 1.0));
+            rows.set(GYRO + axis, gains, (BODY_RATE + axis, 1.0));
         }
-        let mut joint = self.covariance.project(&rows, &self.state);
+        rows
+    }
+
+    /// Sum of all tyre forces by the accelerometers, N, body axes.
+    fn measured_sum_n(&self, input: &StepInput<'_>, balance: &Balance) -> Vector3<f64> {
+        let u = input.motion.velocity_m_s.x;
+        let drag = Vector3::new(self.body.drag * u * u.abs(), 0.0, 0.0);
+        let at_unit =
+            input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
+        at_unit * self.body.mass_kg + drag
+            - self.lever_kg_m(input) * Vector3::from(balance.constant)
+    }
+
+    /// Takes the accelerometers; returns whether all that are used agree with the forces.
+    fn take_accelerometers(
+        &mut self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+        rows: &InertialRows,
+        joint: &mut Joint,
+    ) -> bool {
+        let t = self.tuning.balance;
+        let mass = self.body.mass_kg;
+        let [_, accel] = input.imu_sigma;
+        let sum = self.measured_sum_n(input, balance);
+        let inflated = if self.force_noise.open() {
+            t.inflated_accel_m_s2
+        } else {
+            0.0
+        };
+        let variance = mass * mass * (accel * accel + inflated * inflated) + t.sum_sigma_n.powi(2);
+        let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
         let mut agrees = true;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
             self.accel_variance[axis] = (joint.variance(m) + variance) / (mass * mass);
-            if !input.believed.force[axis] {
+            if !input.used.force[axis] {
                 continue;
             }
             if axis == 0 && !self.settling() {
-                self.heed_push(&rows, &mut joint, sum[axis], variance);
+                self.inflate_on_push(rows, joint, sum[axis], variance);
             }
             if axis == 2 {
                 let missing = sum[axis] - joint.value(m);
                 self.held &= posed
                     && !self.rolling
-                    && missing.abs() > HELD_PART * mass * STANDARD_GRAVITY_M_S2;
+                    && missing.abs() > t.held_part * mass * STANDARD_GRAVITY_M_S2;
             }
-            let gate = if self.held { 0.0 } else { GATE };
-            let innovation = self.take(&mut joint, m, sum[axis], variance, gate);
+            let gate = if self.held {
+                0.0
+            } else {
+                self.tuning.gate_sigma
+            };
+            let innovation = self.take(joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
-            agrees &= innovation * innovation <= gate;
+            agrees &= within(gate, innovation, 1.0);
             if axis == 2 && !agrees && posed && !self.rolling {
-                self.held = true;
-                for axis in 0..3 {
-                    self.covariance.add_noise(TURN + axis, TURN_VARIANCE);
-                }
-                joint = self.covariance.project(&rows, &self.state);
+                self.hold();
+                *joint = self.covariance.project(rows, &self.state);
                 break;
             }
-        }
-        let mut lost = [0.0; 3];
-        self.agreed = agrees && input.believed.force == [true; 3];
-        for axis in 0..3 {
-            if !input.believed.rate[axis] {
-                self.agreed = false;
-                continue;
-            }
-            // The reading itself: the motion's rate is already carried on to now.
-            let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
-            let value = read + age * balance.constant[axis];
-            let innovation = self.take(&mut joint, GYRO + axis, value, gyro * gyro, GATE);
-            self.count(InnovationKind::Gyro, innovation, GATE);
-            let told = innovation * innovation <= GATE;
-            self.agreed &= told;
-            self.turn_misses[axis] = if told { 0 } else { self.turn_misses[axis] + 1 };
-            if self.turn_misses[axis] >= TURN_MISSES_MAX {
-                lost[axis] = (value - joint.value(GYRO + axis)).powi(2);
-            }
-        }
-        // A gyro that is not believed leaves the balance to itself: an error of the moments would
-        // grow into any rate. The struts see how the body turns, but for the ground's own turning.
-        for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
-            if !input.believed.rate[axis] {
-                let value = over_ground + age * balance.constant[axis];
-                let variance = OVER_GROUND_RAD_S * OVER_GROUND_RAD_S;
-                self.take(&mut joint, GYRO + axis, value, variance, GATE);
-            }
-        }
-        self.covariance.apply(&rows, &joint, &mut self.state);
-        for (axis, square) in lost
-            .into_iter()
-            .enumerate()
-            .filter(|(_, square)| *square > 0.0)
-        {
-            self.covariance.add_noise(TURN + axis, square);
-            self.turn_misses[axis] = 0;
         }
         agrees
     }
 
-    /// Drive and brake come through all tyres at once, and the accelerometer feels them before the
-    /// bridges' lag shows them: what of its innovation is more than noise is set free in the forward
-    /// forces, a quarter of its variance in each, so that they follow at once and say how unsure
-    /// they are, and in the rates of the loads that follow.
-    fn heed_push(&mut self, rows: &InertialRows, joint: &mut Joint, value: f64, variance: f64) {
+    /// The vehicle is held: the balance of moments does not give the angular rate.
+    fn hold(&mut self) {
+        self.held = true;
+        for axis in 0..3 {
+            self.covariance
+                .add_noise(BODY_RATE + axis, self.tuning.body_rate_variance);
+        }
+    }
+
+    /// Takes the gyros that are used. Returns the squared difference from each gyro that has
+    /// contradicted the balance of moments for too long, (rad/s)^2, else zero.
+    fn take_gyros(
+        &mut self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+        joint: &mut Joint,
+    ) -> [f64; 3] {
+        let gate_sigma = self.tuning.gate_sigma;
+        let age = input.motion.inertial_age_s.max(0.0);
+        let [gyro, _] = input.imu_sigma;
+        let mut wrong_rate = [0.0; 3];
+        for axis in 0..3 {
+            if !input.used.rate[axis] {
+                self.agreed = false;
+                continue;
+            }
+            // The reading itself: the motion's rate is extrapolated to the present.
+            let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
+            let value = read + age * balance.constant[axis];
+            let innovation = self.take(joint, GYRO + axis, value, gyro * gyro, gate_sigma);
+            self.count(InnovationKind::Gyro, innovation, gate_sigma);
+            let agrees = within(gate_sigma, innovation, 1.0);
+            self.agreed &= agrees;
+            self.gyro_rejections[axis] = if agrees {
+                0
+            } else {
+                self.gyro_rejections[axis] + 1
+            };
+            if self.gyro_rejections[axis] >= self.tuning.balance.gyro_rejections_max {
+                wrong_rate[axis] = (value - joint.value(GYRO + axis)).powi(2);
+            }
+        }
+        wrong_rate
+    }
+
+    /// Takes roll and pitch rate over ground from the struts for gyros that are not used. Without them
+    /// an error of the balance of moments would integrate into any rate.
+    fn take_rate_over_ground(
+        &mut self,
+        input: &StepInput<'_>,
+        balance: &Balance,
+        joint: &mut Joint,
+    ) {
+        let t = self.tuning.balance;
+        let age = input.motion.inertial_age_s.max(0.0);
+        for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
+            if !input.used.rate[axis] {
+                let value = over_ground + age * balance.constant[axis];
+                let variance = t.over_ground_sigma_rad_s * t.over_ground_sigma_rad_s;
+                self.take(joint, GYRO + axis, value, variance, self.tuning.gate_sigma);
+            }
+        }
+    }
+
+    /// A sudden drive or brake force acts through all tyres at once, and the accelerometer shows it
+    /// before the bridges' lag does. The part of its squared innovation beyond the threshold is
+    /// added to the variance of the forward forces, a quarter to each, and to the rates of the
+    /// loads.
+    fn inflate_on_push(
+        &mut self,
+        rows: &InertialRows,
+        joint: &mut Joint,
+        value: f64,
+        variance: f64,
+    ) {
+        let t = self.tuning.balance;
         let total = joint.variance(FORWARD) + variance;
         let innovation = value - joint.value(FORWARD);
         let square = innovation * innovation;
-        self.pushed = (PUSH * total..PUSH_MAX * total).contains(&square);
+        self.pushed = (t.push_square * total..t.push_max_square * total).contains(&square);
         if self.pushed {
             self.covariance.apply(rows, joint, &mut self.state);
-            let surplus = square / PUSH - total;
+            let surplus = square / t.push_square - total;
             for wheel in 0..4 {
                 let (forward, load_rate) = (FORCE + 3 * wheel, RATE + 3 * wheel + 2);
                 self.covariance.add_noise(forward, 0.25 * surplus);
                 self.covariance
-                    .add_noise(load_rate, PUSH_RATE * PUSH_RATE * surplus);
+                    .add_noise(load_rate, t.push_load_rate * t.push_load_rate * surplus);
             }
             *joint = self.covariance.project(rows, &self.state);
         }
@@ -251,7 +309,7 @@ impl Fusion {
         &self,
         input: &StepInput<'_>,
         balance: &Balance,
-    ) -> [Vector3<f64>; 2] {
+    ) -> BodyMotionEstimate {
         let ahead = |j: usize| self.state[FORCE + j] + input.dt * self.state[RATE + j];
         let mut sum = Vector3::zeros();
         for (i, direction) in balance.directions.iter().enumerate() {
@@ -260,6 +318,9 @@ impl Fusion {
         let u = input.motion.velocity_m_s.x;
         sum.x -= self.body.drag * u * u.abs();
         let turn = Vector3::from_fn(|axis, _| balance.turn_rate(axis, &self.state));
-        [sum / self.body.mass_kg, turn]
+        BodyMotionEstimate {
+            specific_force_m_s2: sum / self.body.mass_kg,
+            rate_dot_rad_s2: turn,
+        }
     }
 }

@@ -1,26 +1,26 @@
-//! Measurements of one instant that are taken in together.
+//! Joint update by several rows.
 //!
-//! Rows that see the same states share the passes over the covariance that make P h' and take it
-//! off again. Each is still judged by itself, after those before it: taking in a row m, whose
-//! innovation y has the variance S, tells of every later one k
+//! Rows with common states share the passes over the covariance that compute P h' and subtract it.
+//! Each row is still judged by itself, after the rows before it: taking row m with the innovation y
+//! of variance S changes each later row k to
 //!
 //! h_k x ← h_k x + B_km y/S, B_kj ← B_kj - B_km B_mj/S, P h_k' ← P h_k' - P h_m' B_mk/S
 //!
 //! with B = H P H'. The first two are small and done at once; the columns follow when all rows are
-//! judged. In exact arithmetic it is what one scalar update after another gives (Bierman,
+//! judged. In exact arithmetic the result is that of scalar updates one after another (Bierman,
 //! Factorization Methods for Discrete Sequential Estimation, 1977).
 
-/// Rows that are taken in together at most: a corner's strut and its seven strain channels.
+/// Largest number of rows: a corner's strut and its seven strain channels.
 pub const TOGETHER: usize = 8;
 
-/// Of a row that sees no state of its own.
+/// Own state of a row without one.
 pub const NO_OWN: (usize, f64) = (0, 0.0);
 
-/// Rows of measurement equations that share `K` states, and see one more of their own each.
+/// Rows of measurement equations with `K` common states and one own state each.
 #[derive(Clone, Debug)]
 pub struct Rows<const K: usize> {
     shared: [u8; K],
-    /// Of each shared state in all rows.
+    /// Gains of each common state in all rows.
     gains: [[f64; TOGETHER]; K],
     own: [u8; TOGETHER],
     own_gain: [f64; TOGETHER],
@@ -82,7 +82,7 @@ pub struct RowsView<'a> {
 }
 
 impl RowsView<'_> {
-    /// What the shared states alone say of each row.
+    /// Predicted values from the common states alone.
     #[inline(always)]
     pub fn of_shared(&self, state: &[f64]) -> [f64; TOGETHER] {
         let mut sums = [0.0; TOGETHER];
@@ -106,16 +106,16 @@ impl RowsView<'_> {
     }
 }
 
-/// What a state says of rows while they are judged.
+/// Predicted values and covariances of rows while they are judged.
 #[derive(Clone, Debug)]
 pub struct Joint {
     pub(super) value: [f64; TOGETHER],
-    /// H P H'; of a row that was judged, as it stood then.
+    /// H P H'; for a taken row at the time when it was taken.
     pub(super) between: [[f64; TOGETHER]; TOGETHER],
     pub(super) taken: [Option<Taken>; TOGETHER],
 }
 
-/// How a row was taken in.
+/// Values of a taken row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taken {
     pub(super) measured: f64,
@@ -142,8 +142,8 @@ impl Joint {
         self.between[m][m]
     }
 
-    /// Takes in that row `m` was `measured`, where innovations have the variance `total`; later rows
-    /// only can be taken in after it. What is no number changes nothing.
+    /// Takes row `m` with the value `measured` and the innovation variance `total`. Rows must be
+    /// taken in increasing order. A value that is not a number changes nothing.
     pub fn take(&mut self, m: usize, measured: f64, total: f64) {
         let innovation = measured - self.value[m];
         if total.is_nan() || total <= 0.0 || !innovation.is_finite() {

@@ -1,4 +1,4 @@
-//! Where each state stands. Wheels in the order of [`sample::Wheel::ALL`].
+//! Indices of the states. Wheels in the order of [`sample::Wheel::ALL`].
 
 /// Number of states.
 pub const SIZE: usize = 66;
@@ -10,14 +10,14 @@ pub const FORCE: usize = 0;
 pub const RATE: usize = 12;
 /// Moments of wheel w about x and z at `MOMENT + 2 w` and one further; contact frame, N m.
 pub const MOMENT: usize = 24;
-/// Torque of the half-shafts of axle a, N m: at `TORQUE + a` what left and right have alike, at
-/// `TORQUE + 2 + a` what the left one has more and the right one less.
+/// Torque of the half-shafts of axle a, N m: the mean of left and right at `TORQUE + a`, half their
+/// difference, left less right, at `TORQUE + 2 + a`.
 pub const TORQUE: usize = 32;
 /// Angular rate of the body, body axes, rad/s.
-pub const TURN: usize = 36;
-/// Bias that is left of the specific force, body axes, m/s^2.
-pub const ACCEL: usize = 39;
+pub const BODY_RATE: usize = 36;
+/// Remaining accelerometer bias, body axes, m/s^2.
+pub const ACCEL_BIAS: usize = 39;
 /// Offset of axial channel i of wheel w at `OFFSET + 5 w + i`, N.
 pub const OFFSET: usize = 42;
-/// How much longer the strut of wheel w is than its potentiometer says at `LENGTH + w`, mm.
-pub const LENGTH: usize = 62;
+/// Strut length less the potentiometer's reading, wheel w at `STRUT_LENGTH + w`, mm.
+pub const STRUT_LENGTH: usize = 62;

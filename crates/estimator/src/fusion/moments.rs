@@ -1,5 +1,4 @@
-//! The tyres' moments about their contact points: what goes with the force, and how far that may be
-//! wrong.
+//! Tyre moments about the contact point from the tyre force, and their errors.
 
 use nalgebra::Vector3;
 
@@ -7,39 +6,34 @@ use super::Fusion;
 use super::body::Body;
 use super::layout::FORCE;
 use crate::corners::CornerState;
-
-/// Standard deviation of M_x and M_z beside what the tread and the trail make, N m: of upright wheels
-/// without side force, and of M_x where the tread's width is unknown.
-const SIGMA: f64 = 1.0;
-const UNTREADED_SIGMA: f64 = 28.0;
-/// Errors of the tread's moment, as parts of it: of its width and stiffness, and more the less of
-/// the width touches, where the rim's edge carries what a row of equal springs would not.
-const TREAD_ERROR: f64 = 0.04;
-const TREAD_LIFTED_ERROR: f64 = 0.5;
-/// Error of the trail's moment, as a part of it.
-const TRAIL_ERROR: f64 = 0.2;
+use crate::tuning::MomentTuning;
 
 /// A tyre's moment, contact frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KnownMoment {
-    /// The moment beside rolling resistance, N m.
+    /// Moment without rolling resistance, N m.
     pub moment_n_m: Vector3<f64>,
-    /// Deviations of what it leaves out about x and z, N m.
+    /// Standard deviations of the remaining M_x and M_z, N m.
     pub sigma_n_m: [f64; 2],
 }
 
 impl Body {
-    /// Deviations of M_x and M_z of which nothing is known yet, N m.
-    pub(super) fn moment_sigma_n_m(&self, wheel: usize) -> [f64; 2] {
+    /// Initial standard deviations of M_x and M_z, N m.
+    pub(super) fn moment_sigma_n_m(&self, wheel: usize, tuning: &MomentTuning) -> [f64; 2] {
         let treaded = self.tyres[wheel].width_m > 0.0;
-        [if treaded { SIGMA } else { UNTREADED_SIGMA }, SIGMA]
+        let tipping = if treaded {
+            tuning.sigma_n_m
+        } else {
+            tuning.untreaded_sigma_n_m
+        };
+        [tipping, tuning.sigma_n_m]
     }
 }
 
 impl Fusion {
-    /// Moment that goes with the force of the last step: M_x of the cambered tread, and of a
-    /// rolling wheel M_z = -n F_y of a trail n that is a sixth of the contact's length and vanishes
-    /// as the tyre begins to slide (brush model).
+    /// Moment that belongs to the force of the last step: M_x of the cambered tread, and M_z = -n
+    /// F_y of a rolling wheel with a trail n of one sixth of the contact length that vanishes as
+    /// the tyre begins to slide (brush model).
     pub(super) fn known_moment(
         &self,
         wheel: usize,
@@ -58,11 +52,12 @@ impl Fusion {
         let tipping = -tyre.tread_moment_n_m(load, inclination);
         let turning = -trail * lateral;
         let lifted = 1.0 - tyre.tread_carrying(load, inclination);
+        let t = &self.tuning.moments;
         let errors = [
-            (TREAD_ERROR + TREAD_LIFTED_ERROR * lifted) * tipping,
-            TRAIL_ERROR * turning,
+            (t.tread_error + t.tread_lifted_error * lifted) * tipping,
+            t.trail_error * turning,
         ];
-        let unknown = self.body.moment_sigma_n_m(wheel);
+        let unknown = self.body.moment_sigma_n_m(wheel, t);
         KnownMoment {
             moment_n_m: Vector3::new(tipping, 0.0, turning),
             sigma_n_m: std::array::from_fn(|i| math::hypot(unknown[i], errors[i])),

@@ -16,6 +16,7 @@ use crate::planar::{
     Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE,
     SPEED_MIN_M_S,
 };
+use crate::tuning::PlanarTuning;
 
 /// Number of parameters.
 pub const PARAMETERS: usize = 13;
@@ -62,10 +63,10 @@ const HUBER: f64 = 3.0;
 const PRIOR_ROWS: f64 = 100.0;
 /// The model's doubt in each round of the fit, and its iterations. A model that is doubted follows
 /// the measurements from anywhere; one that is believed tells its parameters apart.
-const ROUNDS: [(PlanarDoubt, usize); 3] = [
-    (PlanarDoubt::FILE, 8),
-    (PlanarDoubt::IDENTIFIED, 8),
-    (PlanarDoubt::IDENTIFIED, 6),
+const ROUNDS: [(fn(&PlanarTuning) -> PlanarDoubt, usize); 3] = [
+    (PlanarDoubt::file, 8),
+    (PlanarDoubt::identified, 8),
+    (PlanarDoubt::identified, 6),
 ];
 /// Relative fall of the cost at which a round ends.
 const AT_REST: f64 = 1e-5;
@@ -177,6 +178,7 @@ pub fn identify(
     let mut theta = problem.best_start();
     let mut fit = None;
     for (doubt, iterations) in ROUNDS {
+        let doubt = doubt(&PlanarTuning::default());
         let held = problem.run(&theta, doubt).deviations;
         let (found, information) = problem.descend(theta, &held, doubt, iterations);
         theta = found;
@@ -193,7 +195,7 @@ pub fn identify(
                 .to_owned(),
         });
     }
-    let run = problem.run(&theta, PlanarDoubt::IDENTIFIED);
+    let run = problem.run(&theta, PlanarDoubt::identified(&PlanarTuning::default()));
     let (sigma, told) = match fit {
         Some((held, information)) => deviations(&theta, &information, inflation(&run, &held)),
         None => ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]),
@@ -361,7 +363,12 @@ struct Run {
 
 impl Problem<'_> {
     fn run(&self, theta: &[f64; PARAMETERS], doubt: PlanarDoubt) -> Run {
-        let model = PlanarModel::new(self.vehicle, from_theta(theta), self.imu_ahead_m);
+        let model = PlanarModel::new(
+            self.vehicle,
+            from_theta(theta),
+            self.imu_ahead_m,
+            &PlanarTuning::default(),
+        );
         let mut filter = PlanarFilter::new(model, self.noise, doubt, false);
         let mut run = Run {
             residuals: Vec::with_capacity(2 * self.inputs.len()),
@@ -402,6 +409,7 @@ impl Problem<'_> {
     /// The best of a few stiffnesses: from far away the fit can end in a spin.
     fn best_start(&self) -> [f64; PARAMETERS] {
         let (doubt, _) = ROUNDS[0];
+        let doubt = doubt(&PlanarTuning::default());
         let held = self.run(&self.prior, doubt).deviations;
         let mut best = (f64::INFINITY, self.prior);
         for front in STARTS {

@@ -1,4 +1,4 @@
-//! How errors flow with the inertial equations.
+//! Transition of the error state by the inertial equations.
 
 use nalgebra::{Matrix3, SMatrix};
 
@@ -39,7 +39,7 @@ pub struct Passed {
 }
 
 impl Passed {
-    /// One more.
+    /// Appends a step.
     pub fn step(&mut self, flow: &Flow) {
         self.of_gyro_bias += flow.of_attitude * self.flow.of_bias;
         self.flow.of_bias += flow.of_bias;

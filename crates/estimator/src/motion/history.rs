@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use sample::LogTime;
 
-/// How far back late values are taken, s, at 100 Hz.
+/// Longest latency of a value that is used, s, at 100 Hz.
 pub const SPAN_S: f64 = 0.64;
 
 const LENGTH: usize = 64;
@@ -54,8 +54,8 @@ impl History {
         self.ring[(self.newest + length - age) % length]
     }
 
-    /// The pose at `time`, interpolated between its neighbours, or carried on by at most 50 ms
-    /// past the newest. `None` before the oldest or with nothing remembered.
+    /// The pose at `time`, interpolated between its neighbours, or extrapolated by at most 50 ms.
+    /// `None` before the oldest pose or without any.
     #[must_use]
     pub fn at(&self, time: LogTime) -> Option<Pose> {
         if self.ring.is_empty() {
@@ -88,7 +88,7 @@ impl History {
         None
     }
 
-    /// Turns the earth axes in which the whole past was told.
+    /// Rotates the earth axes of all poses.
     pub fn turn(&mut self, turn: Rotation3<f64>) {
         for pose in &mut self.ring {
             pose.earth_from_body = turn * pose.earth_from_body;
@@ -96,7 +96,7 @@ impl History {
         }
     }
 
-    /// Turns and shifts the whole past as the present was corrected.
+    /// Applies a correction of the present to all poses.
     pub fn correct(&mut self, turn: Rotation3<f64>, velocity_m_s: Vector3<f64>) {
         for pose in &mut self.ring {
             pose.earth_from_body = turn * pose.earth_from_body;
@@ -115,7 +115,7 @@ fn turn_between(from: &Rotation3<f64>, to: &Rotation3<f64>) -> Vector3<f64> {
 mod tests {
     use super::*;
 
-    /// Poses that hardly turned gave no pose between them, and GNSS was left out without a word.
+    /// Two nearly equal attitudes gave no pose between them, and GNSS was not used.
     #[test]
     fn a_body_that_hardly_turns_has_an_attitude_between_two_poses() {
         let pose = |milliseconds: u64, earth_from_body| Pose {

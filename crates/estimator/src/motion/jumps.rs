@@ -1,14 +1,14 @@
-//! Errors that jump: a bias, for good, when the inertial unit is hit or its supply changes, or the
-//! attitude, when a gyro tells wrong for a moment.
+//! Detection of jumps: of a bias, when the inertial unit is hit or its supply changes, or of the
+//! attitude, after a short gyro fault.
 //!
-//! A filter that is sure of a state learns a jump late, and meanwhile takes the receivers for wrong.
-//! What a jump by one makes of the filter's errors is known, though: it goes through the inertial
-//! equations and is corrected as any error is. So for each error that may jump, and for several
-//! instants at which it may have jumped, that signature is carried along, and the innovations are
-//! held against it: a generalised likelihood ratio (A. S. Willsky and H. L. Jones, A generalized
-//! likelihood ratio approach to the detection and estimation of jumps in linear systems, IEEE
-//! Transactions on Automatic Control 21, 1976). A jump that explains them opens the covariance
-//! along its signature, and the filter learns it from the next values.
+//! A filter with a small covariance follows a jump late and rejects the receivers meanwhile. The
+//! effect of a unit jump on the filter's errors is known: it passes through the inertial equations
+//! and the corrections like any error. So for each error that can jump, and for several assumed
+//! instants, this signature is propagated, and the innovations are compared with it: a generalised
+//! likelihood ratio (A. S. Willsky and H. L. Jones, A generalized likelihood ratio approach to the
+//! detection and estimation of jumps in linear systems, IEEE Transactions on Automatic Control 21,
+//! 1976). A jump that explains the innovations inflates the covariance along its signature, and the
+//! filter learns it from the next values.
 
 use std::ops::Range;
 
@@ -17,43 +17,32 @@ use sample::LogTime;
 
 use super::flow::{Flow, Passed};
 use super::{ACCEL_BIAS, ATTITUDE, GYRO_BIAS, STATES};
+use crate::tuning::JumpTuning;
 
-/// Errors that may jump, three axes of each, and the largest jump, rad, m/s^2 and rad/s: a bias that
-/// jumps further is contradicted by the balances of forces and moments.
-const JUMPING: [(usize, f64); 3] = [(ATTITUDE, 0.3), (ACCEL_BIAS, 2.5), (GYRO_BIAS, 0.4)];
+/// Errors that can jump, three axes of each.
+const JUMPING: [usize; 3] = [ATTITUDE, ACCEL_BIAS, GYRO_BIAS];
+
 const ERRORS: usize = 3 * JUMPING.len();
 
-/// Values that receivers tell: velocity, and yaw, pitch and roll.
-pub const VELOCITY_TOLD: usize = 0;
-pub const ANGLE_TOLD: usize = 3;
-const VALUES: usize = ANGLE_TOLD + 3;
+/// Values of receivers: velocity; yaw, pitch and roll.
+pub const VELOCITY_VALUE: usize = 0;
+pub const ANGLE_VALUE: usize = 3;
+const VALUES: usize = ANGLE_VALUE + 3;
 
 /// Instants, the newest of which is never older than [`SPACING_S`].
+/// Number of instants at which a jump is assumed.
 const INSTANTS: usize = 6;
-const SPACING_S: f64 = 0.2;
-/// How long ago a jump must be, s: what a single value says is no slope.
-const AGE_MIN_S: f64 = 0.25;
-/// How much likelier a jump must make the innovations (twice the logarithm), over what is left of
-/// them unexplained.
-const RATIO: f64 = 30.0;
-/// Mean square up to which what is left may be noise, and the part that must be explained otherwise.
-const NOISE_MAX: f64 = 2.0;
-const EXPLAINED: f64 = 0.8;
-/// Deviations beyond which a receiver that is off is not followed.
-const FAR: f64 = 4.0;
-/// Part of the likeliest jump's ratio above which another may be what happened.
-const ALIKE: f64 = 0.25;
 
-/// Jumps at one instant.
+/// Jumps at one assumed instant.
 #[derive(Clone, Copy, Debug)]
 struct Instant {
     at: Option<LogTime>,
-    /// What a jump of each error by one has made of all until now.
+    /// Effect of a unit jump of each error on all errors until now.
     signatures: SMatrix<f64, STATES, ERRORS>,
-    /// What the innovations tell of each jump, and how they agree with it.
+    /// Information of the innovations about each jump, and their correlation with it.
     information: SVector<f64, ERRORS>,
     agreement: SVector<f64, ERRORS>,
-    /// The same of values that are off by as much ever since, and how many values there were.
+    /// The same for a constant error of each value since the instant, and the number of values.
     off_information: [f64; VALUES],
     off_agreement: [f64; VALUES],
     counts: [f64; VALUES],
@@ -64,7 +53,7 @@ struct Instant {
 impl Instant {
     fn new(at: Option<LogTime>) -> Self {
         let mut signatures = SMatrix::<f64, STATES, ERRORS>::zeros();
-        for (i, (first, _)) in JUMPING.into_iter().enumerate() {
+        for (i, first) in JUMPING.into_iter().enumerate() {
             for axis in 0..3 {
                 signatures[(first + axis, 3 * i + axis)] = 1.0;
             }
@@ -81,72 +70,74 @@ impl Instant {
         }
     }
 
-    /// By how much the innovations tell that an error has jumped.
+    /// Estimated size of a jump.
     fn by(&self, error: usize) -> f64 {
         self.agreement[error] / self.information[error]
     }
 
-    /// How much likelier they are with that jump than without, as twice the logarithm.
+    /// Twice the logarithm of the likelihood ratio of a jump.
     fn ratio(&self, error: usize) -> f64 {
         self.by(error) * self.agreement[error]
     }
 
-    fn is_possible(&self, error: usize) -> bool {
-        self.by(error).abs() < JUMPING[error / 3].1
+    fn is_possible(&self, error: usize, tuning: &JumpTuning) -> bool {
+        self.by(error).abs() < tuning.largest[error / 3]
     }
 
-    /// How much likelier a receiver that is far off since then makes the innovations: one that is off
-    /// by less is followed anyway.
-    fn off_ratio(&self) -> f64 {
+    /// The same for a large constant error of a receiver since the instant; a smaller error is
+    /// followed.
+    fn off_ratio(&self, tuning: &JumpTuning) -> f64 {
         let ratio = |value: usize| self.off_agreement[value].powi(2) / self.off_information[value];
         let ratios = |values: Range<usize>| -> f64 {
-            let far = values.filter(|value| ratio(*value) > FAR * FAR * self.counts[*value]);
+            let gate = tuning.receiver_error_sigma;
+            let far = values.filter(|value| ratio(*value) > gate * gate * self.counts[*value]);
             far.map(ratio).sum()
         };
-        ratios(VELOCITY_TOLD..ANGLE_TOLD).max(ratios(ANGLE_TOLD..VALUES))
+        ratios(VELOCITY_VALUE..ANGLE_VALUE).max(ratios(ANGLE_VALUE..VALUES))
     }
 
-    /// Whether a jump is likely enough.
-    fn believes(&self, error: usize) -> bool {
+    /// Whether a jump is accepted.
+    fn is_likely(&self, error: usize, tuning: &JumpTuning) -> bool {
         let ratio = self.ratio(error);
         let left = (self.square - ratio) / self.counts.iter().sum::<f64>();
-        let explained = left < NOISE_MAX || ratio > EXPLAINED * self.square;
-        ratio > RATIO * left.max(1.0) && explained && self.is_possible(error)
+        let explained = left < tuning.noise_max || ratio > tuning.explained * self.square;
+        ratio > tuning.ratio * left.max(1.0) && explained && self.is_possible(error, tuning)
     }
 }
 
-/// The instants at which something may have jumped, in a ring.
+/// Assumed instants, in a ring.
 #[derive(Clone, Debug)]
 pub struct Jumps {
+    tuning: JumpTuning,
     instants: [Instant; INSTANTS],
     newest: usize,
-    /// Steps through which the signatures have not been carried yet.
+    /// Steps through which the signatures have not been propagated yet.
     passed: Option<Passed>,
 }
 
-impl Default for Jumps {
-    fn default() -> Self {
+impl Jumps {
+    /// No instant yet.
+    pub fn new(tuning: JumpTuning) -> Self {
         Self {
+            tuning,
             instants: [Instant::new(None); INSTANTS],
             newest: 0,
             passed: None,
         }
     }
-}
 
-impl Jumps {
-    /// Goes one step on to `now`, when something may jump, too.
-    pub(super) fn carry(&mut self, now: LogTime, flow: &Flow) {
+    /// Propagates by one step to `now`, which may become a further assumed instant.
+    pub(super) fn propagate(&mut self, now: LogTime, flow: &Flow) {
         self.passed.get_or_insert_default().step(flow);
         let newest = self.instants[self.newest].at;
-        if newest.is_none_or(|at| now.seconds_since(at) >= SPACING_S) {
+        if newest.is_none_or(|at| now.seconds_since(at) >= self.tuning.spacing_s) {
             self.catch_up();
             self.newest = (self.newest + 1) % INSTANTS;
             self.instants[self.newest] = Instant::new(Some(now));
         }
     }
 
-    /// Takes note of a receiver's innovation: of which value, measurement row `h` and variance `total`.
+    /// Takes a receiver's innovation: value, measurement row `h`, variance `total`.
     pub fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, total: f64) {
         self.catch_up();
         for instant in self.begun() {
@@ -160,7 +151,7 @@ impl Jumps {
         }
     }
 
-    /// Takes note of a correction by a measurement of row `h`.
+    /// Applies a correction by a measurement with row `h` to the signatures.
     pub fn correct(&mut self, h: &SVector<f64, STATES>, gain: &SVector<f64, STATES>) {
         self.catch_up();
         for instant in self.begun() {
@@ -182,22 +173,23 @@ impl Jumps {
         all.filter(|instant| instant.at.is_some())
     }
 
-    /// What the jumps that are likely at the instant of the likeliest one have made of the errors, if
-    /// one is likely enough; all begins anew then.
+    /// Effects on the errors of the accepted jumps at the likeliest instant, if there is one; then
+    /// all instants are cleared.
     pub fn take(&mut self, now: LogTime) -> impl Iterator<Item = SVector<f64, STATES>> + use<> {
+        let tuning = self.tuning;
         let mut likeliest: Option<(f64, &Instant)> = None;
-        // From the newest instant back: a receiver may be off since any later one.
+        // From the newest instant back: a receiver's error may have begun at any later instant.
         let mut off_ratio: f64 = 0.0;
         for age in 0..INSTANTS {
             let instant = &self.instants[(self.newest + INSTANTS - age) % INSTANTS];
-            off_ratio = off_ratio.max(instant.off_ratio());
+            off_ratio = off_ratio.max(instant.off_ratio(&tuning));
             if instant
                 .at
-                .is_none_or(|at| now.seconds_since(at) < AGE_MIN_S)
+                .is_none_or(|at| now.seconds_since(at) < tuning.age_min_s)
             {
                 continue;
             }
-            for error in (0..ERRORS).filter(|error| instant.believes(*error)) {
+            for error in (0..ERRORS).filter(|error| instant.is_likely(*error, &tuning)) {
                 let least = likeliest.map_or(off_ratio, |(ratio, _)| ratio.max(off_ratio));
                 if instant.ratio(error) > least {
                     likeliest = Some((instant.ratio(error), instant));
@@ -206,11 +198,12 @@ impl Jumps {
         }
         let found = likeliest.map(|(ratio, instant)| (ratio, *instant));
         if found.is_some() {
-            *self = Self::default();
+            *self = Self::new(tuning);
         }
-        found.into_iter().flat_map(|(ratio, instant)| {
+        found.into_iter().flat_map(move |(ratio, instant)| {
             let alike = move |error: &usize| {
-                instant.is_possible(*error) && instant.ratio(*error) > ALIKE * ratio
+                instant.is_possible(*error, &tuning)
+                    && instant.ratio(*error) > tuning.alternative * ratio
             };
             let all = (0..ERRORS).filter(alike);
             all.map(move |error| instant.signatures.column(error) * instant.by(error))

@@ -1,4 +1,4 @@
-//! What the motion filter knows at one instant, and the motion that follows from it.
+//! State of the motion filter at one instant, and the motion from it.
 
 use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
 use sample::{LogTime, STANDARD_GRAVITY_M_S2};
@@ -32,12 +32,12 @@ pub struct Solution {
     pub force_dot: Vector3<f64>,
     /// The unit from the centre of gravity, m.
     pub imu_m: Vector3<f64>,
-    /// Whether an inertial unit stands behind rates and forces.
+    /// Whether an inertial unit measures rates and forces.
     pub inertial: bool,
 }
 
 impl Solution {
-    /// The solution with an error added to the nominal state, and the covariance that is left.
+    /// The solution with an error added to the nominal state and a new covariance.
     #[must_use]
     pub fn corrected(
         mut self,
@@ -53,7 +53,7 @@ impl Solution {
         self
     }
 
-    /// The motion at `now`, carried on from the last reading by at most 50 ms.
+    /// The motion at `now`, extrapolated from the last reading by at most 50 ms.
     #[must_use]
     pub fn state(&self, now: LogTime) -> MotionState {
         let ahead_s = self

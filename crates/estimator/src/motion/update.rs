@@ -1,41 +1,40 @@
-//! Corrections of the motion filter.
+//! Corrections of the motion filter by measurements.
 
 use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
 use sample::{InnovationKind, LogTime};
 
+use crate::gaussian::beyond;
 use crate::trace::{Operation, Update};
 
 use super::history::Pose;
-use super::jumps::{ANGLE_TOLD, VELOCITY_TOLD};
+use super::jumps::VELOCITY_VALUE;
 use super::{
-    ACCEL_BIAS, ATTITUDE, GYRO_BIAS, HEADING_UNKNOWN_RAD, MotionFilter, STATES, Standing, VELOCITY,
+    ACCEL_BIAS, ATTITUDE, AcceptanceCounter, GYRO_BIAS, MotionFilter, STATES, VELOCITY,
     VelocityReceiver, cross, orthonormal, wrap,
 };
 
-/// Normalised innovation, standard deviations, beyond which a value is left out.
-const GATE: f64 = 5.0;
-/// Headings in a row that must agree with each other before one is adopted.
-const STEADY_HEADINGS: f64 = 3.0;
-/// Values of each of two receivers left out in a row after which it is.
-const CONTRADICTIONS: u32 = 5;
-
-/// Speed from which the course tells a heading where nothing else does, m/s, and how well, rad.
-const COURSE_SPEED_M_S: f64 = 2.0;
-const COURSE_SIGMA_RAD: f64 = 0.08;
-
-/// Outcome of one value.
+/// Outcome of one measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It was used.
+    /// The measurement was used.
     Used,
-    /// It contradicts the state and was left out.
+    /// The measurement contradicts the state and was rejected.
     Rejected,
-    /// It could not be compared: too old, not finite, or nothing to compare with.
+    /// The measurement cannot be compared: too old, not finite, or no state to compare with.
     Unusable,
 }
 
+/// Residual of a GNSS velocity with its measurement rows.
+struct VelocityResidual {
+    residual: Vector3<f64>,
+    sigma: [f64; 3],
+    rows: [SVector<f64, STATES>; 3],
+    /// Whether the receiver sent the same nonzero velocity as before.
+    repeated: bool,
+}
+
 impl MotionFilter {
-    /// GNSS velocity of a receiver's antenna, earth axes, true at `valid`.
+    /// GNSS velocity of a receiver's antenna, m/s, earth axes, valid at `valid`.
     pub fn push_velocity(
         &mut self,
         valid: LogTime,
@@ -43,13 +42,67 @@ impl MotionFilter {
         velocity_m_s: Vector3<f64>,
         sigma_m_s: Option<[f64; 3]>,
     ) -> Verdict {
+        let t = self.tuning;
         let own = receiver as usize;
-        if self.doubted || !velocity_m_s.iter().all(|v| v.abs() < 200.0) {
+        if self.attitude_lost || !velocity_m_s.iter().all(|v| v.abs() < t.velocity_max_m_s) {
             return Verdict::Unusable;
         }
         let Some(pose) = self.history.at(valid) else {
             return Verdict::Unusable;
         };
+        let speed = math::hypot(velocity_m_s.x, velocity_m_s.y);
+        if !self.heading_known && speed > t.course_speed_min_m_s {
+            // Without a heading source a vehicle is assumed to drive forward.
+            let (_, _, yaw) = pose.earth_from_body.euler_angles();
+            let course = math::atan2(velocity_m_s.y, velocity_m_s.x);
+            self.adopt_yaw(wrap(course - yaw), t.course_sigma_rad);
+            self.heading_known = true;
+            return Verdict::Used;
+        }
+        let measured = self.velocity_residual(valid, own, &pose, velocity_m_s, sigma_m_s);
+        let mut rejected = measured.repeated && self.velocities[own].rejected;
+        for axis in 0..3 {
+            let variance =
+                self.covariance[(VELOCITY + axis, VELOCITY + axis)] + measured.sigma[axis].powi(2);
+            rejected |= beyond(t.gate_sigma, measured.residual[axis], variance);
+        }
+        rejected &= self.velocity_time.is_some();
+        self.velocities[own].rejected = rejected;
+        if rejected {
+            self.reject_velocity(valid, own, &measured);
+            return Verdict::Rejected;
+        }
+        let mut delta = SVector::<f64, STATES>::zeros();
+        for (axis, h) in measured.rows.iter().enumerate() {
+            let (residual, variance) = (measured.residual[axis], measured.sigma[axis].powi(2));
+            if !measured.repeated {
+                let innovation = residual - h.dot(&delta);
+                self.compare(VELOCITY_VALUE + axis, h, innovation, variance);
+            }
+            let kind = Some(InnovationKind::GnssVelocity);
+            self.scalar(kind, h, residual, variance, &mut delta);
+        }
+        self.inject(&delta);
+        self.seek_jump(valid);
+        self.velocities[own].acceptance.used(&t.receivers);
+        self.velocity_time = Some(valid);
+        Verdict::Used
+    }
+
+    /// Residual of a velocity against the state of its own time. The first velocity is adopted.
+    ///
+    /// A receiver that is stuck repeats its value and contradicts the state more and more while the
+    /// body moves on. Its value is rejected until it changes, and is not adopted. A receiver that
+    /// stands may repeat zero.
+    fn velocity_residual(
+        &mut self,
+        valid: LogTime,
+        own: usize,
+        pose: &Pose,
+        velocity_m_s: Vector3<f64>,
+        sigma_m_s: Option<[f64; 3]>,
+    ) -> VelocityResidual {
+        let t = self.tuning;
         let arm = self.settings.antenna_m[own] - self.settings.imu_m;
         let swing = pose.earth_from_body * pose.rate_rad_s.cross(&arm);
         let mut residual = velocity_m_s - pose.velocity_m_s - swing;
@@ -57,34 +110,24 @@ impl MotionFilter {
         let sigma = sigma_m_s.map_or([floor; 3], |s| {
             s.map(|s| {
                 if s.is_finite() {
-                    s.max(0.3 * floor)
+                    s.max(t.stated_sigma_min * floor)
                 } else {
                     floor
                 }
             })
         });
-        let speed = math::hypot(velocity_m_s.x, velocity_m_s.y);
-        if !self.heading_known && speed > COURSE_SPEED_M_S {
-            // No antenna has told a heading yet: a vehicle drives forward, nearly.
-            let (_, _, yaw) = pose.earth_from_body.euler_angles();
-            let course = math::atan2(velocity_m_s.y, velocity_m_s.x);
-            self.adopt_yaw(wrap(course - yaw), COURSE_SIGMA_RAD);
-            self.heading_known = true;
-            return Verdict::Used;
-        }
         if self.velocity_time.is_none() {
             self.adopt_velocity(residual);
             residual = Vector3::zeros();
             if !self.heading_known {
-                self.forget_yaw(HEADING_UNKNOWN_RAD);
+                self.forget_yaw(t.heading_unknown_sigma_rad);
             }
         }
-        // A receiver that hangs says the same again, and contradicts ever more as the body goes on: it
-        // is left out until it says something else, but what it says is not adopted. One that stands
-        // may well be told as zero.
-        let told = &mut self.velocities[own];
-        let hangs = told.at.is_some() && told.velocity_m_s == velocity_m_s && speed > 0.0;
-        (told.at, told.velocity_m_s) = (Some(valid), velocity_m_s);
+        let receiver = &mut self.velocities[own];
+        let speed = math::hypot(velocity_m_s.x, velocity_m_s.y);
+        let repeated =
+            receiver.at.is_some() && receiver.velocity_m_s == velocity_m_s && speed > 0.0;
+        (receiver.at, receiver.velocity_m_s) = (Some(valid), velocity_m_s);
         let slope = -cross(swing);
         let rows = std::array::from_fn::<_, 3, _>(|axis| {
             let mut h = SVector::<f64, STATES>::zeros();
@@ -94,229 +137,71 @@ impl MotionFilter {
             }
             h
         });
-        let mut rejected = hangs && told.left_out;
-        for axis in 0..3 {
-            let variance =
-                self.covariance[(VELOCITY + axis, VELOCITY + axis)] + sigma[axis].powi(2);
-            rejected |= residual[axis].powi(2) > GATE * GATE * variance;
+        VelocityResidual {
+            residual,
+            sigma,
+            rows,
+            repeated,
         }
-        let vouched = self.is_vouched();
-        let told = &mut self.velocities[own];
-        told.left_out = rejected && self.velocity_time.is_some();
-        if told.left_out {
-            if !hangs {
-                told.standing.contradicted(vouched);
-                for (axis, h) in rows.iter().enumerate() {
-                    self.compare(VELOCITY_TOLD + axis, h, residual[axis], sigma[axis].powi(2));
-                }
+    }
+
+    /// Counts a rejected velocity. If GNSS velocity and attitude both contradict the state, the
+    /// filter starts again from GNSS; after too many rejections the receiver's next value is adopted,
+    /// unless the other receiver agrees with the state.
+    fn reject_velocity(&mut self, valid: LogTime, own: usize, measured: &VelocityResidual) {
+        let t = self.tuning.receivers;
+        let imu_consistent = self.is_imu_consistent();
+        if !measured.repeated {
+            (self.velocities[own].acceptance).contradicted(imu_consistent);
+            for (axis, h) in measured.rows.iter().enumerate() {
+                let (residual, variance) = (measured.residual[axis], measured.sigma[axis].powi(2));
+                self.compare(VELOCITY_VALUE + axis, h, residual, variance);
             }
-            let told = &self.velocities[own];
-            let too_many = told.standing.too_many();
-            // One of two receivers alone is not adopted.
-            let other = &self.velocities[1 - own];
-            let alone = !(other.is_heard(valid) && other.standing.uses > 0);
-            if self.is_contradicted(valid) {
-                self.doubt();
-            } else if too_many && alone {
-                self.resets += 1;
-                self.velocities[own].standing = Standing::adopted();
-                self.velocity_time = None;
-            }
-            for _ in 0..3 {
-                self.innovations.rejected(InnovationKind::GnssVelocity);
-            }
-            self.seek_jump(valid);
-            return Verdict::Rejected;
         }
-        let mut delta = SVector::<f64, STATES>::zeros();
-        for (axis, h) in rows.iter().enumerate() {
-            if !hangs {
-                let innovation = residual[axis] - h.dot(&delta);
-                self.compare(VELOCITY_TOLD + axis, h, innovation, sigma[axis].powi(2));
-            }
-            let kind = Some(InnovationKind::GnssVelocity);
-            self.scalar(kind, h, residual[axis], sigma[axis].powi(2), &mut delta);
+        let too_many = self.velocities[own].acceptance.too_many(&t);
+        let other = &self.velocities[1 - own];
+        let alone = !(other.is_active(valid, t.active_s) && other.acceptance.uses > 0);
+        if self.is_contradicted(valid) {
+            self.restart_from_gnss();
+        } else if too_many && alone {
+            self.resets += 1;
+            self.velocities[own].acceptance = AcceptanceCounter::adopted();
+            self.velocity_time = None;
         }
-        self.inject(&delta);
+        for _ in 0..3 {
+            self.innovations.rejected(InnovationKind::GnssVelocity);
+        }
         self.seek_jump(valid);
-        self.velocities[own].standing.used();
-        self.velocity_time = Some(valid);
-        Verdict::Used
     }
 
     /// Whether GNSS velocity and attitude both contradict the state.
-    fn is_contradicted(&self, now: LogTime) -> bool {
-        let heard = self.velocities.iter().filter(|told| told.is_heard(now));
-        let velocity = heard.map(|told| told.standing.unvouched).min();
-        velocity.unwrap_or(0).min(self.attitude_standing.unvouched) >= CONTRADICTIONS
+    pub(super) fn is_contradicted(&self, now: LogTime) -> bool {
+        let t = &self.tuning.receivers;
+        let active =
+            (self.velocities.iter()).filter(|receiver| receiver.is_active(now, t.active_s));
+        let velocity = active
+            .map(|receiver| receiver.acceptance.rejections_unconfirmed)
+            .min();
+        let attitude = self.attitude_acceptance.rejections_unconfirmed;
+        velocity.unwrap_or(0).min(attitude) >= t.contradictions
     }
 
     fn adopt_velocity(&mut self, residual: Vector3<f64>) {
         self.velocity_m_s += residual;
         self.history.correct(Rotation3::identity(), residual);
         for i in VELOCITY..VELOCITY + 3 {
-            self.forget(i, 1.0);
+            let sigma = self.tuning.adopted_velocity_sigma_m_s;
+            self.forget(i, sigma * sigma);
         }
     }
 
-    /// GNSS attitude, true at `valid`: yaw, pitch, roll in rad, absent where the receiver has none.
-    pub fn push_attitude(
-        &mut self,
-        valid: LogTime,
-        angles: [Option<f64>; 3],
-        sigma_rad: Option<[f64; 3]>,
-    ) -> Verdict {
-        let Some(pose) = self.history.at(valid) else {
-            return Verdict::Unusable;
-        };
-        if self.doubted {
-            return self.adopt_attitude(valid, &pose, angles);
-        }
-        let (roll, pitch, mut yaw) = pose.earth_from_body.euler_angles();
-        let residual = |angle: Option<f64>, nominal: f64| {
-            angle
-                .filter(|angle| angle.abs() < 1e6)
-                .map(|angle| wrap(angle - nominal))
-        };
-        let mut residuals = [
-            residual(angles[0], yaw),
-            residual(angles[1], pitch),
-            residual(angles[2], roll),
-        ];
-        let s = &self.settings;
-        let floors = [s.heading_sigma_rad, s.tilt_sigma_rad, s.tilt_sigma_rad];
-        let mut sigma = floors;
-        if let Some(given) = sigma_rad {
-            for axis in 0..3 {
-                if given[axis].is_finite() {
-                    sigma[axis] = given[axis].max(0.3 * floors[axis]);
-                }
-            }
-        }
-        // As of a velocity.
-        let hangs: [bool; 3] = std::array::from_fn(|axis| angles[axis] == self.told_angles[axis]);
-        self.told_angles = angles;
-        let (mut used, mut rejected, mut contradicted) = (false, false, false);
-        if !self.is_steady()
-            && let Some(turn) = residuals[0].take()
-        {
-            self.count_heading(turn + yaw, sigma[0]);
-            if self.is_steady() {
-                self.adopt_yaw(turn, sigma[0]);
-                self.heading_known = true;
-                yaw += turn;
-                used = true;
-            }
-        }
-        let (sine, cosine) = math::sin_cos(yaw);
-        let tangent = math::tan(pitch).clamp(-2.0, 2.0);
-        let secant = (1.0 / math::cos(pitch)).clamp(0.0, 2.0);
-        let slopes = [
-            [tangent * cosine, tangent * sine, 1.0],
-            [-sine, cosine, 0.0],
-            [secant * cosine, secant * sine, 0.0],
-        ];
-        let mut delta = SVector::<f64, STATES>::zeros();
-        for axis in 0..3 {
-            let Some(value) = residuals[axis] else {
-                continue;
-            };
-            let mut h = SVector::<f64, STATES>::zeros();
-            for j in 0..3 {
-                h[ATTITUDE + j] = slopes[axis][j];
-            }
-            let innovation = value - h.dot(&delta);
-            let variance = (h.transpose() * self.covariance * h)[0] + sigma[axis].powi(2);
-            let stuck = hangs[axis] && self.angles_left_out[axis];
-            self.angles_left_out[axis] = stuck || innovation.powi(2) > GATE * GATE * variance;
-            if !hangs[axis] {
-                self.jumps
-                    .compare(ANGLE_TOLD + axis, &h, innovation, variance);
-            }
-            if self.angles_left_out[axis] {
-                rejected = true;
-                contradicted |= !hangs[axis];
-                self.innovations.rejected(InnovationKind::GnssAttitude);
-                continue;
-            }
-            let kind = Some(InnovationKind::GnssAttitude);
-            self.scalar(kind, &h, value, sigma[axis].powi(2), &mut delta);
-            used = true;
-        }
-        self.inject(&delta);
-        self.seek_jump(valid);
-        if rejected {
-            if contradicted {
-                let vouched = self.is_vouched();
-                self.attitude_standing.contradicted(vouched);
-            }
-            if self.is_contradicted(valid) {
-                self.doubt();
-            } else if self.attitude_standing.too_many() {
-                self.resets += 1;
-                self.attitude_standing = Standing::adopted();
-                self.forget_attitude();
-                self.forget_biases();
-            }
-            return Verdict::Rejected;
-        }
-        if used {
-            self.attitude_standing.used();
-            self.attitude_time = Some(valid);
-            Verdict::Used
-        } else {
-            Verdict::Unusable
-        }
-    }
-
-    /// Whether headings go on as the gyros have the body turn, and so are more than noise: those of a
-    /// vehicle that stands or creeps may be wild.
-    fn is_steady(&self) -> bool {
-        self.heading_run[1] >= STEADY_HEADINGS
-    }
-
-    fn count_heading(&mut self, heading_rad: f64, sigma: f64) {
-        let began = heading_rad - self.turned_rad;
-        let [before, count] = self.heading_run;
-        let agrees = wrap(began - before).abs() < GATE * std::f64::consts::SQRT_2 * sigma;
-        self.heading_run = [began, if agrees { count + 1.0 } else { 1.0 }];
-    }
-
-    /// Takes the angles for the attitude at `pose`, whatever the state says; those that are absent
-    /// stay as they are.
-    fn adopt_attitude(&mut self, valid: LogTime, pose: &Pose, angles: [Option<f64>; 3]) -> Verdict {
-        let (roll, pitch, yaw) = pose.earth_from_body.euler_angles();
-        let told = |angle: Option<f64>, stays: f64| {
-            angle.filter(|angle| angle.abs() < 1e6).unwrap_or(stays)
-        };
-        let adopted = Rotation3::from_euler_angles(
-            told(angles[2], roll),
-            told(angles[1], pitch),
-            told(angles[0], yaw),
-        );
-        let turn = adopted * pose.earth_from_body.inverse();
-        self.earth_from_body = orthonormal(&(turn * self.earth_from_body));
-        self.history.correct(turn, Vector3::zeros());
-        let s = &self.settings;
-        let sigma = [s.tilt_sigma_rad, s.tilt_sigma_rad, s.heading_sigma_rad];
-        for (axis, sigma) in sigma.into_iter().enumerate() {
-            self.forget(ATTITUDE + axis, sigma * sigma);
-        }
-        self.doubted = false;
-        if angles[0].is_some_and(|heading| heading.abs() < 1e6) {
-            self.heading_run[1] = STEADY_HEADINGS;
-        }
-        self.attitude_time = Some(valid);
-        Verdict::Used
-    }
-
-    fn adopt_yaw(&mut self, turn: f64, sigma: f64) {
+    pub(super) fn adopt_yaw(&mut self, turn: f64, sigma: f64) {
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
         self.earth_from_body = rotation * self.earth_from_body;
         self.turn_covariance(&rotation);
         self.forget_yaw(sigma);
-        // A velocity that was known in earth axes stays; one that was known in the body's turns
-        // with it, and is as uncertain across as the heading: d v = d psi z x v.
+        // A velocity that is known in earth axes stays. A velocity that is known in body axes turns
+        // with the body, and its lateral error is the heading's: d v = d psi z x v.
         if self.velocity_time.is_some() {
             self.history.correct(rotation, Vector3::zeros());
         } else {
@@ -329,7 +214,7 @@ impl MotionFilter {
         }
     }
 
-    /// Errors in earth axes turn with the body: they were found in its axes.
+    /// Turns the errors in earth axes with the body: they were estimated in the body's axes.
     fn turn_covariance(&mut self, rotation: &Rotation3<f64>) {
         let mut turn = SMatrix::<f64, STATES, STATES>::identity();
         for block in [ATTITUDE, VELOCITY] {
@@ -341,15 +226,14 @@ impl MotionFilter {
         self.mix(&turn);
     }
 
-    /// Leaves nothing known of the heading but its deviation.
-    fn forget_yaw(&mut self, sigma: f64) {
+    /// Makes the heading error independent of all others, with this standard deviation, rad.
+    pub(super) fn forget_yaw(&mut self, sigma: f64) {
         self.forget(ATTITUDE + 2, sigma * sigma);
     }
 
-    /// What a road vehicle does: velocity along the unit vector `direction`, body axes, of a point
-    /// `arm_m` from the centre of gravity: forwards from wheel speeds, leftwards because the
-    /// tyres' slip is small, along the ground's normal because it does not fly. Of what a sensor
-    /// tells, `kind` is what its innovation counts as.
+    /// Velocity along the unit vector `direction`, body axes, of a point `arm_m` from the centre of
+    /// gravity: forward from wheel speeds, leftward from tyre slip, zero along the ground's normal.
+    /// `kind` counts the innovation; `None` for a constraint that no sensor measures.
     pub fn push_body_velocity(
         &mut self,
         direction: Vector3<f64>,
@@ -374,7 +258,7 @@ impl MotionFilter {
         h.fixed_rows_mut::<3>(ATTITUDE).copy_from(&across);
         h.fixed_rows_mut::<3>(GYRO_BIAS).copy_from(&bias);
         let variance = (h.transpose() * self.covariance * h)[0] + sigma_m_s * sigma_m_s;
-        if residual * residual > GATE * GATE * variance {
+        if beyond(self.tuning.gate_sigma, residual, variance) {
             if let Some(kind) = kind {
                 self.innovations.rejected(kind);
             }
@@ -386,8 +270,9 @@ impl MotionFilter {
         Verdict::Used
     }
 
-    /// One scalar value; `residual` is against the nominal state, `delta` what was found so far.
-    fn scalar(
+    /// One scalar measurement. `residual` is against the nominal state, `delta` the correction of the
+    /// measurements before it.
+    pub(super) fn scalar(
         &mut self,
         kind: Option<InnovationKind>,
         h: &SVector<f64, STATES>,
@@ -420,21 +305,27 @@ impl MotionFilter {
         });
     }
 
-    /// Holds a value of a receiver against the jumps that there may have been.
-    fn compare(&mut self, value: usize, h: &SVector<f64, STATES>, innovation: f64, variance: f64) {
+    /// Passes an innovation to the jump detector.
+    pub(super) fn compare(
+        &mut self,
+        value: usize,
+        h: &SVector<f64, STATES>,
+        innovation: f64,
+        variance: f64,
+    ) {
         let total = (h.transpose() * self.covariance * h)[0] + variance;
         self.jumps.compare(value, h, innovation, total);
     }
 
-    /// Where an error has jumped, lets it be learnt.
-    fn seek_jump(&mut self, now: LogTime) {
+    /// Inflates the covariance along the signature of a jump, if one is found.
+    pub(super) fn seek_jump(&mut self, now: LogTime) {
         for errors in self.jumps.take(now) {
             self.before_jump = Some(self.biases());
             self.open(&errors);
         }
     }
 
-    fn inject(&mut self, delta: &SVector<f64, STATES>) {
+    pub(super) fn inject(&mut self, delta: &SVector<f64, STATES>) {
         let turn = Rotation3::new(delta.fixed_rows::<3>(ATTITUDE).into_owned());
         let shift = delta.fixed_rows::<3>(VELOCITY).into_owned();
         self.earth_from_body = turn * self.earth_from_body;

@@ -1,4 +1,4 @@
-//! What the planar filter is driven and corrected by, put together from samples.
+//! Inputs and measurements of the single-track filter, from samples.
 
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
@@ -6,18 +6,10 @@ use sample::{LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
 
 use crate::calibration::Resolved;
 use crate::steering_column::SteeringColumn;
+use crate::tuning::PlanarInputTuning;
 use crate::{EstimatorError, Input, Settings};
 
-/// A reading older than this is not held on to, s.
-const HELD_MAX_S: f64 = 0.25;
-/// Speed that no road vehicle has, m/s.
-const SPEED_MAX_M_S: f64 = 150.0;
-/// Angle that no hand wheel turns to, rad.
-const HAND_WHEEL_MAX_RAD: f64 = 50.0;
-/// Time constant of the difference quotient of the speed, s.
-const ACCELERATION_TIME_S: f64 = 0.15;
-
-/// What is known at one instant.
+/// Input at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarInput {
     /// The instant, s from any zero.
@@ -34,56 +26,57 @@ pub struct PlanarInput {
     pub lateral_m_s2: Option<f64>,
 }
 
-/// How far a value may be from the last one: at once, and more for each second between.
+/// Accepted difference between two values: at once, and for each second between them.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     at_once: f64,
     per_second: f64,
 }
 
-/// Speeds, m/s: an emergency stop has 12 m/s^2, and a wheel that locks is no speed.
-const SPEED_REACH: Reach = Reach {
-    at_once: 2.0,
-    per_second: 30.0,
-};
-/// Road-wheel angle, rad: a racing driver turns by 2 rad/s.
-const STEER_REACH: Reach = Reach {
-    at_once: 0.05,
-    per_second: 3.0,
-};
-/// Rate and force, which the filter gates itself.
+impl Reach {
+    fn new([at_once, per_second]: [f64; 2]) -> Self {
+        Self {
+            at_once,
+            per_second,
+        }
+    }
+}
+
+/// Yaw rate and force: the filter has its own gate.
 const ANY: Reach = Reach {
     at_once: f64::INFINITY,
     per_second: 0.0,
 };
-/// A value out of reach that stays there for so long is the sensor's after all, s.
-const OUT_OF_REACH_MAX_S: f64 = 0.2;
 
-/// What is measured, in the order in which values of one instant are taken in.
+/// Measured quantities, in the order in which values of one instant are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Quantity {
     Speed,
     Satellite,
     Wheels,
-    HandWheel,
+    SteeringWheel,
     YawRate,
     Lateral,
 }
 
-/// The mean of what came since it was last asked for, else what came last.
+/// Mean of the values since the last step, else the last value.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
+    out_of_reach_max_s: f64,
+    held_max_s: f64,
     reach: Reach,
     sum: f64,
     count: u32,
     last: Option<(LogTime, f64)>,
-    /// Since when values are out of reach.
+    /// Since when values have been out of reach.
     astray: Option<LogTime>,
 }
 
 impl Slot {
-    const fn new(reach: Reach) -> Self {
+    fn new(reach: Reach, tuning: &PlanarInputTuning) -> Self {
         Self {
+            out_of_reach_max_s: tuning.out_of_reach_max_s,
+            held_max_s: tuning.held_max_s,
             reach,
             sum: 0.0,
             count: 0,
@@ -102,7 +95,7 @@ impl Slot {
         });
         if is_astray {
             let since = *self.astray.get_or_insert(time);
-            if time.seconds_since(since) < OUT_OF_REACH_MAX_S {
+            if time.seconds_since(since) < self.out_of_reach_max_s {
                 return;
             }
         }
@@ -123,18 +116,19 @@ impl Slot {
     fn held(&mut self, now: LogTime) -> Option<f64> {
         let last = self
             .last
-            .filter(|(t, _)| now.seconds_since(*t) < HELD_MAX_S);
+            .filter(|(t, _)| now.seconds_since(*t) < self.held_max_s);
         self.fresh().or(last.map(|(_, value)| value))
     }
 }
 
-/// Values that may wait for a step; one of 10 ms has a handful.
+/// Capacity of the buffer; a step of 10 ms has a handful of values.
 const CAPACITY: usize = 1024;
 
-/// Gathers samples. They wait for the step and are taken in by their own time, so that the order of
-/// arrival changes nothing; values of more than 100 Hz are averaged over the step.
+/// Buffer of samples. A step takes them in the order of their own time, so the order of arrival has
+/// no effect; values faster than 100 Hz are averaged over the step.
 #[derive(Clone, Debug)]
 pub struct PlanarReadings {
+    tuning: PlanarInputTuning,
     waiting: Vec<(LogTime, Quantity, f64)>,
     column: SteeringColumn,
     steering_ratio: f64,
@@ -150,42 +144,42 @@ pub struct PlanarReadings {
 }
 
 impl PlanarReadings {
-    /// Readings of a vehicle that has not spoken yet.
-    ///
-    /// # Errors
-    /// Steering maps that are not monotone.
-    pub fn new(vehicle: &Vehicle) -> Result<Self, EstimatorError> {
+    /// Readings without any value.
+    pub fn new(vehicle: &Vehicle, tuning: PlanarInputTuning) -> Result<Self, EstimatorError> {
+        let slot = |reach| Slot::new(reach, &tuning);
+        let speed = Reach::new(tuning.speed_reach);
         Ok(Self {
+            tuning,
             waiting: Vec::with_capacity(CAPACITY),
             column: SteeringColumn::new(vehicle)?,
             steering_ratio: vehicle.steering.ratio,
             rolling_radius_m: rolling_radius_m(vehicle),
-            speed: Slot::new(SPEED_REACH),
-            satellite: Slot::new(SPEED_REACH),
-            wheels: Slot::new(SPEED_REACH),
-            steer: Slot::new(STEER_REACH),
-            yaw_rate: Slot::new(ANY),
-            lateral: Slot::new(ANY),
+            speed: slot(speed),
+            satellite: slot(speed),
+            wheels: slot(speed),
+            steer: slot(Reach::new(tuning.steer_reach)),
+            yaw_rate: slot(ANY),
+            lateral: slot(ANY),
             smoothed: None,
             slope: 0.0,
         })
     }
 
-    /// Lets a sample wait; those that tell nothing of planar motion are left alone, and so are
-    /// inputs that the settings leave out.
+    /// Takes a sample. Samples without planar motion and ignored inputs are skipped.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
+        let t = self.tuning;
         let time = sample.valid_time.min(sample.log_time);
         let uses = |input| settings.uses(input);
         match &sample.measurement {
             Measurement::GroundSpeed(speed)
-                if uses(Input::GroundSpeed) && speed.forward_m_s.abs() < SPEED_MAX_M_S =>
+                if uses(Input::GroundSpeed) && speed.forward_m_s.abs() < t.speed_max_m_s =>
             {
                 self.wait(time, Quantity::Speed, speed.forward_m_s);
             }
             Measurement::GnssVelocity(velocity) if uses(Input::GnssVelocity) => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
                 let speed = math::hypot(east, north);
-                if velocity.quality.is_measured() && speed < SPEED_MAX_M_S {
+                if velocity.quality.is_measured() && speed < t.speed_max_m_s {
                     let time = time.offset_seconds(-calibration.velocity_latency_s);
                     self.wait(time, Quantity::Satellite, speed);
                 }
@@ -202,22 +196,22 @@ impl PlanarReadings {
                 }
             }
             Measurement::Steer(steer)
-                if uses(Input::Steer) && steer.hand_wheel_rad.abs() < HAND_WHEEL_MAX_RAD =>
+                if uses(Input::Steer) && steer.hand_wheel_rad.abs() < t.steering_wheel_max_rad =>
             {
                 let angle = steer.hand_wheel_rad - calibration.steer_offset_rad;
-                self.wait(time, Quantity::HandWheel, angle);
+                self.wait(time, Quantity::SteeringWheel, angle);
             }
             Measurement::Imu(imu) if uses(Input::Imu) && imu.valid => {
-                // A unit that measures in the plane alone leaves the other axes open.
+                // A unit that measures only in the plane has no other axes.
                 let or = |value: f64, other: f64| if value.is_finite() { value } else { other };
                 let [fx, fy, fz] = imu.specific_force_m_s2;
                 let [p, q, r] = imu.angular_rate_rad_s;
-                if fy.is_finite() && fy.abs() < 100.0 {
+                if fy.is_finite() && fy.abs() < t.force_max_m_s2 {
                     let force = Vector3::new(or(fx, 0.0), fy, or(fz, STANDARD_GRAVITY_M_S2));
                     let force = calibration.body_from_imu * (force - calibration.accel_bias_m_s2);
                     self.wait(time, Quantity::Lateral, force.y);
                 }
-                if r.is_finite() && r.abs() < 20.0 {
+                if r.is_finite() && r.abs() < t.rate_max_rad_s {
                     let rate = Vector3::new(or(p, 0.0), or(q, 0.0), r);
                     let rate = calibration.body_from_imu * (rate - calibration.gyro_bias_rad_s);
                     self.wait(time, Quantity::YawRate, rate.z);
@@ -227,7 +221,8 @@ impl PlanarReadings {
         }
     }
 
-    /// A flood beyond the room, hundreds of times what any vehicle sends, is cut off.
+    /// Adds a value. Values beyond the capacity, hundreds of times what a vehicle sends, are
+    /// dropped.
     fn wait(&mut self, time: LogTime, quantity: Quantity, value: f64) {
         if self.waiting.len() < CAPACITY {
             self.waiting.push((time, quantity, value));
@@ -242,7 +237,7 @@ impl PlanarReadings {
                 Quantity::Speed => self.speed.push(time, value),
                 Quantity::Satellite => self.satellite.push(time, value),
                 Quantity::Wheels => self.wheels.push(time, value),
-                Quantity::HandWheel => {
+                Quantity::SteeringWheel => {
                     let angle = self.column.follow(value);
                     self.steer.push(time, angle / self.steering_ratio);
                 }
@@ -253,7 +248,7 @@ impl PlanarReadings {
         self.waiting = waiting;
     }
 
-    /// What is known at `now`; nothing without a speed and a steer angle.
+    /// Input at `now`; `None` without a speed and a steer angle.
     pub fn take(&mut self, now: LogTime) -> Option<PlanarInput> {
         self.take_waiting();
         let (satellite, wheels) = (self.satellite.held(now), self.wheels.held(now));
@@ -273,11 +268,13 @@ impl PlanarReadings {
 
     /// Filtered difference quotient of the speed.
     fn slope(&mut self, now: LogTime, speed_m_s: f64) -> f64 {
+        let t = &self.tuning;
         match &mut self.smoothed {
             Some((then, smooth)) if (0.0..1.0).contains(&now.seconds_since(*then)) => {
                 let dt = now.seconds_since(*then);
-                self.slope = ((speed_m_s - *smooth) / ACCELERATION_TIME_S).clamp(-15.0, 15.0);
-                *smooth += (dt / ACCELERATION_TIME_S).min(1.0) * (speed_m_s - *smooth);
+                let most = t.acceleration_max_m_s2;
+                self.slope = ((speed_m_s - *smooth) / t.acceleration_time_s).clamp(-most, most);
+                *smooth += (dt / t.acceleration_time_s).min(1.0) * (speed_m_s - *smooth);
                 *then = now;
             }
             _ => {
@@ -294,7 +291,7 @@ fn rolling_radius_m(vehicle: &Vehicle) -> f64 {
     let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
     let radii = [&vehicle.front, &vehicle.rear].map(|axle| {
         let tyre = &axle.tyre;
-        // A belt rolls as if it were pressed by a third of its deflection.
+        // A belted tyre rolls like a wheel pressed by a third of its deflection.
         tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0) / 3.0
     });
     0.5 * (radii[0] + radii[1])

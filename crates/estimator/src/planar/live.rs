@@ -1,4 +1,4 @@
-//! The planar filter in the estimator's loop.
+//! The single-track filter in the estimator.
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
@@ -10,18 +10,14 @@ use super::{
     PlanarReadings, PlanarState, SPEED_MIN_M_S, STATES, STEER,
 };
 use crate::calibration::Resolved;
-use crate::estimator::grid;
+use crate::grid::grid;
 use crate::innovation::InnovationTally;
 use crate::motion::MotionState;
 use crate::trace::Operation;
+use crate::tuning::{PlanarTuning, Tuning};
 use crate::{EstimatorError, Settings};
 
-/// What a single-track model leaves out of the sideslip angle: a constant, rad, and a part of the
-/// rear axle's slip angle. Measured on cars with four tyres, roll and load-dependent friction.
-const MODEL_SIGMA_RAD: f64 = 0.002;
-const MODEL_SIGMA_PART: f64 = 0.1;
-
-/// Filter, readings and what both need of the vehicle.
+/// The filter with its readings.
 #[derive(Clone, Debug)]
 pub struct Planar {
     filter: PlanarFilter,
@@ -32,27 +28,28 @@ pub struct Planar {
     last: Option<PlanarInput>,
 }
 
-/// What the filter says of an instant, and what it was driven by.
+/// Result of the filter at one instant with its input.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanarMotion {
+    tuning: PlanarTuning,
     input: PlanarInput,
     state: PlanarState,
 }
 
-/// What a smoother needs of one step of the filter.
+/// Record of one step for a smoother.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PlanarBelief {
+pub struct PlanarTrace {
     /// Operations since the step before.
     pub operations: Vec<Operation<STATES>>,
-    /// The covariance behind them.
+    /// Covariance after them.
     pub covariance: SMatrix<f64, STATES, STATES>,
     state: SVector<f64, STATES>,
     model: PlanarModel,
     input: PlanarInput,
 }
 
-impl PlanarBelief {
-    /// The motion with the state's corrections and shrunken covariance that a smoother found.
+impl PlanarTrace {
+    /// The motion with a smoother's correction of the state and reduction of the covariance.
     #[must_use]
     pub fn corrected(
         &self,
@@ -62,32 +59,33 @@ impl PlanarBelief {
         let state = self.state + correction;
         let covariance = self.covariance - shrinkage;
         PlanarMotion {
+            tuning: self.model.tuning,
             input: self.input,
-            state: self.model.told(&state, &covariance, &self.input),
+            state: self.model.result(&state, &covariance, &self.input),
         }
     }
 }
 
 impl Planar {
-    /// A filter that has seen nothing.
-    ///
-    /// # Errors
-    /// Steering maps that are not monotone.
+    /// A filter without readings.
     pub fn new(
         vehicle: &Vehicle,
         sensors: &Sensors,
         calibration: &Resolved,
+        tuning: &Tuning,
     ) -> Result<Self, EstimatorError> {
+        let t = &tuning.planar;
         let handling = calibration.handling;
         let model = PlanarModel::new(
             vehicle,
             handling.unwrap_or_else(|| Handling::of_vehicle(vehicle)),
             calibration.plain_imu_ahead_m,
+            t,
         );
         let doubt = if handling.is_some() {
-            PlanarDoubt::IDENTIFIED
+            PlanarDoubt::identified(t)
         } else {
-            PlanarDoubt::FILE
+            PlanarDoubt::file(t)
         };
         let noise = PlanarNoise {
             yaw_rate_rad_s: calibration
@@ -99,23 +97,23 @@ impl Planar {
         };
         Ok(Self {
             filter: PlanarFilter::new(model, noise, doubt, handling.is_some()),
-            readings: PlanarReadings::new(vehicle)?,
+            readings: PlanarReadings::new(vehicle, t.input)?,
             innovations: InnovationTally::default(),
             before: None,
             last: None,
         })
     }
 
-    /// From now on operations are taken down for [`Self::take_belief`].
+    /// Starts recording operations for [`Self::take_trace`].
     pub fn switch_trace_on(&mut self) {
         self.filter.trace.switch_on();
     }
 
-    /// What the filter believes, and its operations since the last call; nothing where the last
-    /// step had no speed or no steer angle.
-    pub fn take_belief(&mut self) -> Option<PlanarBelief> {
+    /// State, covariance, and the operations since the last call; `None` if the last step had no
+    /// speed or no steer angle.
+    pub fn take_trace(&mut self) -> Option<PlanarTrace> {
         let filter = &mut self.filter;
-        self.last.map(|input| PlanarBelief {
+        self.last.map(|input| PlanarTrace {
             operations: filter.trace.take(),
             covariance: filter.covariance,
             state: filter.state,
@@ -124,19 +122,19 @@ impl Planar {
         })
     }
 
-    /// How often the filter diverged and was started anew.
+    /// Number of restarts after divergence.
     #[must_use]
     pub fn resets(&self) -> u64 {
         self.filter.resets()
     }
 
-    /// Takes a sample in, unless it is to be left out.
+    /// Takes a sample, unless the settings ignore it.
     pub fn push(&mut self, sample: &Sample, calibration: &Resolved, settings: &Settings) {
         self.readings.push(sample, calibration, settings);
     }
 
-    /// Puts the filter's offsets in the place of an inertial navigation's biases.
-    pub fn tell_offsets(&self, parameters: &mut Parameters) {
+    /// Writes the filter's offsets in place of the inertial navigation's biases.
+    pub fn write_offsets(&self, parameters: &mut Parameters) {
         let unknown = f64::NAN;
         let sigma = |i: usize| self.filter.covariance[(i, i)].sqrt();
         let state = &self.filter.state;
@@ -148,7 +146,7 @@ impl Planar {
         parameters.steer_offset_sigma_rad = sigma(STEER);
     }
 
-    /// The motion at `time`; nothing without a speed and a steer angle.
+    /// The motion at `time`; `None` without a speed and a steer angle.
     pub fn step(&mut self, time: LogTime, step_s: f64) -> Option<PlanarMotion> {
         self.last = self.readings.take(time);
         let input = self.last?;
@@ -165,11 +163,15 @@ impl Planar {
                 self.innovations.used(kind, normalised * normalised);
             }
         }
-        Some(PlanarMotion { input, state })
+        Some(PlanarMotion {
+            tuning: self.filter.model.tuning,
+            input,
+            state,
+        })
     }
 }
 
-/// Writes down what the filter would be driven by, for identification.
+/// Records the filter's inputs, for identification.
 #[derive(Clone, Debug)]
 pub struct PlanarRecorder {
     readings: PlanarReadings,
@@ -180,17 +182,14 @@ pub struct PlanarRecorder {
 }
 
 impl PlanarRecorder {
-    /// A recorder that has seen nothing, and leaves out what the settings do.
-    ///
-    /// # Errors
-    /// Steering maps that are not monotone.
+    /// A recorder without rows; it ignores what the settings ignore.
     pub fn new(
         vehicle: &Vehicle,
         calibration: Resolved,
         settings: Settings,
     ) -> Result<Self, EstimatorError> {
         Ok(Self {
-            readings: PlanarReadings::new(vehicle)?,
+            readings: PlanarReadings::new(vehicle, settings.tuning.planar.input)?,
             calibration,
             settings,
             next_grid: None,
@@ -205,7 +204,7 @@ impl PlanarRecorder {
         }
     }
 
-    /// Takes a sample in.
+    /// Takes a sample.
     pub fn push(&mut self, sample: &Sample) {
         self.readings
             .push(sample, &self.calibration, &self.settings);
@@ -219,8 +218,8 @@ impl PlanarRecorder {
 }
 
 impl PlanarMotion {
-    /// Puts this motion in the place of an inertial navigation's.
-    pub fn lead(&self, state: &mut MotionState) {
+    /// Replaces the inertial navigation's motion by this one.
+    pub fn apply_to(&self, state: &mut MotionState) {
         state.velocity_m_s.x = self.input.speed_m_s;
         state.velocity_m_s.y = self.state.lateral_m_s;
         state.velocity_m_s.z = 0.0;
@@ -233,11 +232,12 @@ impl PlanarMotion {
         state.sideslip_sigma_rad = self.sideslip_sigma_rad();
     }
 
-    /// The filter's own deviation, and what a single-track model leaves out.
+    /// Standard deviation of sideslip: the filter's own and the error of a single-track model.
     fn sideslip_sigma_rad(&self) -> f64 {
         let speed = self.input.speed_m_s.max(SPEED_MIN_M_S);
         let own = self.state.lateral_sigma_m_s / speed;
-        let model = MODEL_SIGMA_RAD + MODEL_SIGMA_PART * self.state.rear_slip_rad.abs();
+        let model = self.tuning.sideslip_sigma_rad
+            + self.tuning.sideslip_sigma_part * self.state.rear_slip_rad.abs();
         math::hypot(own, model)
     }
 
@@ -249,8 +249,8 @@ impl PlanarMotion {
         math::atan2(left, forward)
     }
 
-    /// What the filter knows of the motion; attitude, which it does not, is unknown.
-    pub fn tell(&self, motion: &mut Motion) {
+    /// Writes the motion; attitude, which the filter does not have, is unknown.
+    pub fn write_to(&self, motion: &mut Motion) {
         let unknown = f64::NAN;
         *motion = Motion {
             velocity_x_m_s: self.input.speed_m_s,

@@ -5,16 +5,16 @@ use nalgebra::{SMatrix, SVector};
 use sample::STANDARD_GRAVITY_M_S2;
 
 use super::{
-    BANK, BANK_TIME_S, Handling, Innovation, LATERAL, PlanarInput, PlanarState, SLIP,
-    SPEED_MIN_M_S, STATES, STEER, YAW_RATE, normalised_force,
+    BANK, Handling, Innovation, LATERAL, PlanarInput, PlanarState, SLIP, SPEED_MIN_M_S, STATES,
+    STEER, YAW_RATE, normalised_force,
 };
 
-/// Part of an axle's friction that its driving or braking force uses at most, squared.
-const LONGITUDINAL_MOST: f64 = 0.8;
+use crate::tuning::PlanarTuning;
 
-/// Everything that the model is made of.
+/// Parameters of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarModel {
+    pub(super) tuning: PlanarTuning,
     pub(super) handling: Handling,
     pub(super) mass_kg: f64,
     pub(super) front_m: f64,
@@ -31,12 +31,18 @@ pub(super) struct AxleForces {
 }
 
 impl PlanarModel {
-    /// A vehicle that handles like this; `imu_ahead_m` is the inertial unit's distance ahead of the
+    /// A vehicle with this handling; `imu_ahead_m` is the inertial unit's distance ahead of the
     /// centre of gravity.
     #[must_use]
-    pub fn new(vehicle: &Vehicle, handling: Handling, imu_ahead_m: f64) -> Self {
+    pub fn new(
+        vehicle: &Vehicle,
+        handling: Handling,
+        imu_ahead_m: f64,
+        tuning: &PlanarTuning,
+    ) -> Self {
         let body = &vehicle.body;
         Self {
+            tuning: *tuning,
             handling,
             mass_kg: body.mass_kg,
             front_m: body.front_axle_to_cg_m,
@@ -53,8 +59,8 @@ impl PlanarModel {
         }
     }
 
-    /// What such a state says of the instant of `input`.
-    pub(super) fn told(
+    /// Result for a state at the instant of `input`.
+    pub(super) fn result(
         &self,
         state: &SVector<f64, STATES>,
         covariance: &SMatrix<f64, STATES, STATES>,
@@ -77,8 +83,7 @@ impl PlanarModel {
         }
     }
 
-    /// What each axle can give to the side, N, at this longitudinal acceleration. No load falls below
-    /// a tenth.
+    /// Lateral capacity of each axle, N, at this longitudinal acceleration.
     pub(super) fn grip_n(&self, acceleration_m_s2: f64) -> [f64; 2] {
         let h = &self.handling;
         let length = self.front_m + self.rear_m;
@@ -91,8 +96,10 @@ impl PlanarModel {
             h.brake_split_front
         };
         let axle = |friction: f64, still_n: f64, transfer_n: f64, part: f64| {
-            let whole = friction * (still_n + transfer_n).max(0.1 * still_n);
-            let used = (part * ahead_n / whole).powi(2).min(LONGITUDINAL_MOST);
+            let whole = friction * (still_n + transfer_n).max(self.tuning.load_min_part * still_n);
+            let used = (part * ahead_n / whole)
+                .powi(2)
+                .min(self.tuning.longitudinal_square_max);
             whole * (1.0 - used).sqrt()
         };
         [
@@ -159,8 +166,8 @@ impl PlanarModel {
         slope[(LATERAL, YAW_RATE)] = -v;
         slope[(LATERAL, BANK)] = 1.0;
         rate[YAW_RATE] = turn;
-        rate[BANK] = -state[BANK] / BANK_TIME_S;
-        slope[(BANK, BANK)] = -1.0 / BANK_TIME_S;
+        rate[BANK] = -state[BANK] / self.tuning.bank_time_s;
+        slope[(BANK, BANK)] = -1.0 / self.tuning.bank_time_s;
         let lag = v / self.handling.relaxation_length_m;
         let steer = input.steer_rad + state[STEER];
         for (i, steer, arm) in [(SLIP[0], steer, self.front_m), (SLIP[1], 0.0, -self.rear_m)] {
@@ -176,7 +183,7 @@ impl PlanarModel {
     }
 }
 
-/// What drives the model in one step.
+/// Inputs of the model in one step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Driven {
     pub speed_m_s: f64,

@@ -13,7 +13,12 @@ fn vehicle() -> Vehicle {
 
 fn model() -> PlanarModel {
     let vehicle = vehicle();
-    PlanarModel::new(&vehicle, Handling::of_vehicle(&vehicle), 0.3)
+    PlanarModel::new(
+        &vehicle,
+        Handling::of_vehicle(&vehicle),
+        0.3,
+        &PlanarTuning::default(),
+    )
 }
 
 fn input(time_s: f64, speed_m_s: f64, steer_rad: f64) -> PlanarInput {
@@ -51,7 +56,12 @@ fn steady(model: &PlanarModel, v: f64, steer: f64) -> (f64, f64) {
 #[test]
 fn without_measurements_it_settles_at_the_steady_state_of_the_single_track_model() {
     let model = model();
-    let mut filter = PlanarFilter::new(model, NOISE, PlanarDoubt::IDENTIFIED, true);
+    let mut filter = PlanarFilter::new(
+        model,
+        NOISE,
+        PlanarDoubt::identified(&PlanarTuning::default()),
+        true,
+    );
     let (v, steer) = (15.0, 0.002);
     let mut last = None;
     for step in 0..600 {
@@ -122,8 +132,18 @@ fn braking_and_driving_leave_less_for_the_side_and_braking_loads_the_front() {
 #[test]
 fn offsets_and_sideslip_are_found_from_yaw_rate_and_acceleration() {
     let model = model();
-    let mut truth = PlanarFilter::new(model, NOISE, PlanarDoubt::IDENTIFIED, true);
-    let mut filter = PlanarFilter::new(model, NOISE, PlanarDoubt::IDENTIFIED, false);
+    let mut truth = PlanarFilter::new(
+        model,
+        NOISE,
+        PlanarDoubt::identified(&PlanarTuning::default()),
+        true,
+    );
+    let mut filter = PlanarFilter::new(
+        model,
+        NOISE,
+        PlanarDoubt::identified(&PlanarTuning::default()),
+        false,
+    );
     let (steer_error, rate_error, accel_error) = (0.004, 0.006, 0.15);
     let mut worst: f64 = 0.0;
     for step in 0..6000 {
@@ -156,7 +176,12 @@ fn offsets_and_sideslip_are_found_from_yaw_rate_and_acceleration() {
 
 #[test]
 fn standing_still_shows_the_gyros_offset_and_rubbish_never_poisons_the_state() {
-    let mut filter = PlanarFilter::new(model(), NOISE, PlanarDoubt::IDENTIFIED, false);
+    let mut filter = PlanarFilter::new(
+        model(),
+        NOISE,
+        PlanarDoubt::identified(&PlanarTuning::default()),
+        false,
+    );
     for step in 0..500 {
         let still = PlanarInput {
             yaw_rate_rad_s: Some(0.007),
@@ -191,14 +216,19 @@ fn standing_still_shows_the_gyros_offset_and_rubbish_never_poisons_the_state() {
 #[test]
 fn a_lost_motion_does_not_cost_the_offsets_unless_no_sensor_has_such() {
     for (gyro, kept) in [(0.007, 0.007), (0.3, 0.0)] {
-        let mut filter = PlanarFilter::new(model(), NOISE, PlanarDoubt::IDENTIFIED, false);
+        let mut filter = PlanarFilter::new(
+            model(),
+            NOISE,
+            PlanarDoubt::identified(&PlanarTuning::default()),
+            false,
+        );
         filter.state[GYRO] = gyro;
         filter.state[LATERAL] = 100.0;
         let _ = filter.step(0.01, &input(0.0, 15.0, 0.0));
         assert_eq!(filter.resets(), 1);
         assert!((filter.offsets()[1] - kept).abs() < 1e-9);
         let sigma = filter.covariance[(GYRO, GYRO)].sqrt();
-        assert!((sigma - OFFSET_SIGMA[1]).abs() < 1e-9);
+        assert!((sigma - PlanarTuning::default().offset_sigma[1]).abs() < 1e-9);
     }
 }
 
@@ -210,7 +240,8 @@ fn taken<const N: usize>(measurements: [Measurement; N]) -> Option<PlanarInput> 
     // The sensors file's place of the inertial unit is another vehicle's.
     assert_eq!(resolved.plain_imu_ahead_m, 0.0);
     let now = LogTime(1_000_000_000);
-    let mut readings = PlanarReadings::new(&vehicle()).expect("readings");
+    let mut readings =
+        PlanarReadings::new(&vehicle(), PlanarTuning::default().input).expect("readings");
     for measurement in measurements {
         let sample = Sample {
             source: SourceId(0),
@@ -224,7 +255,7 @@ fn taken<const N: usize>(measurements: [Measurement; N]) -> Option<PlanarInput> 
     readings.take(now)
 }
 
-const HAND_WHEEL: Measurement = Measurement::Steer(SteerSample {
+const STEERING_WHEEL: Measurement = Measurement::Steer(SteerSample {
     hand_wheel_rad: 0.1,
 });
 
@@ -241,8 +272,8 @@ fn a_receiver_without_a_fix_tells_no_speed() {
             velocity_enu_m_s: [3.0, 4.0, 0.0],
             ..GnssVelocity::default()
         };
-        let told = taken([Measurement::GnssVelocity(velocity), HAND_WHEEL]);
-        assert_eq!(told.map(|input| input.speed_m_s), speed, "{quality:?}");
+        let input = taken([Measurement::GnssVelocity(velocity), STEERING_WHEEL]);
+        assert_eq!(input.map(|input| input.speed_m_s), speed, "{quality:?}");
     }
 }
 
@@ -258,13 +289,13 @@ fn a_reading_that_the_unit_calls_bad_tells_nothing() {
             valid,
             ..ImuSample::default()
         };
-        let told = taken([
+        let input = taken([
             Measurement::GroundSpeed(speed),
-            HAND_WHEEL,
+            STEERING_WHEEL,
             Measurement::Imu(imu),
         ]);
-        let told = told.expect("speed and steer");
-        assert_eq!(told.yaw_rate_rad_s.is_some(), valid);
-        assert_eq!(told.lateral_m_s2.is_some(), valid);
+        let input = input.expect("speed and steer");
+        assert_eq!(input.yaw_rate_rad_s.is_some(), valid);
+        assert_eq!(input.lateral_m_s2.is_some(), valid);
     }
 }

@@ -1,8 +1,5 @@
 //! The tyre curve of an axle.
 
-/// Shapes that [`normalised_force`] is meant for.
-pub const SHAPE_RANGE: [f64; 2] = [1.2, 6.0];
-
 /// Force over the greatest force, and its slope: x/(1 + |x|^n)^(1/n) with the normalised slip
 /// x = C a/(mu F_z). It has the slope 1 at the origin and rises to 1; a higher n keeps to the straight
 /// line for longer. (The normalisation is that of Pacejka's similarity method, Tyre and Vehicle

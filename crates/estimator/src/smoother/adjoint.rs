@@ -1,4 +1,4 @@
-//! What later measurements say against a state: the adjoint of the filter's operations.
+//! The adjoint of the filter's operations: information of later measurements about a state.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -21,7 +21,7 @@ impl<const N: usize> Default for Adjoint<N> {
 }
 
 impl<const N: usize> Adjoint<N> {
-    /// Carries the adjoint from behind the operations to before them.
+    /// Passes the adjoint from after the operations to before them.
     pub fn pass(&mut self, operations: &[Operation<N>]) {
         for operation in operations.iter().rev() {
             match operation {

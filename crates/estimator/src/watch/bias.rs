@@ -1,10 +1,12 @@
-//! Biases of the inertial unit that have jumped, which the motion filter finds and learns anew.
+//! Report of biases of the inertial unit that have jumped. The motion filter detects the jump and
+//! estimates the bias again.
 
 use sample::LogTime;
 
 use super::{JUMPED, SensorChange};
+use crate::tuning::BiasWatchTuning;
 
-/// Names, as events have them: of accelerometers, then of gyros.
+/// Names in events: accelerometers, then gyros.
 const NAMES: [&str; 6] = [
     "inertial unit forward acceleration bias",
     "inertial unit leftward acceleration bias",
@@ -13,63 +15,57 @@ const NAMES: [&str; 6] = [
     "inertial unit pitch rate bias",
     "inertial unit yaw rate bias",
 ];
-/// How long a bias is learnt before it shows which one has jumped, s: at first a jump of roll rate
-/// and one of leftward acceleration look alike.
-const LEARNT_S: f64 = 0.5;
-/// How long after the last sign of a jump it is known again, s.
-const KNOWN_S: f64 = 2.0;
-/// Change, over the deviation that a unit's biases have when it is switched on, that is told.
-const TOLD: f64 = 5.0;
 
-/// Memory of the biases.
+/// Monitor of the biases.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BiasWatch {
     jump: Option<Jump>,
 }
 
-/// Since the first sign of a jump.
+/// A suspected jump.
 #[derive(Clone, Copy, Debug)]
 struct Jump {
     first: LogTime,
     last: LogTime,
-    /// The biases before.
+    /// Biases before the jump.
     before: [f64; 6],
-    told: [bool; 6],
+    reported: [bool; 6],
 }
 
 impl BiasWatch {
-    /// Takes note of a sign that one of the biases, as known `before`, has jumped.
+    /// Notes a sign that one of the biases has jumped; `before` are the biases before it.
     pub fn suspect(&mut self, now: LogTime, before: [f64; 6]) {
         let new = Jump {
             first: now,
             last: now,
             before,
-            told: [false; 6],
+            reported: [false; 6],
         };
         self.jump.get_or_insert(new).last = now;
     }
 
-    /// Tells which of the biases has jumped by what is known of them `now`; `sigma` is the deviation of
-    /// accelerometers' and gyros' biases at the start.
+    /// Reports which bias has jumped, from the present biases. `sigma` are the initial standard
+    /// deviations of accelerometer and gyro biases.
     pub fn judge(
         &mut self,
         now: LogTime,
         biases: [f64; 6],
         sigma: [f64; 2],
+        tuning: &BiasWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
         let Some(jump) = &mut self.jump else {
             return;
         };
-        let known = now.seconds_since(jump.last) >= KNOWN_S;
-        if now.seconds_since(jump.first) < LEARNT_S {
+        let known = now.seconds_since(jump.last) >= tuning.known_s;
+        if now.seconds_since(jump.first) < tuning.learning_s {
             return;
         }
-        for (i, told) in jump.told.iter_mut().enumerate() {
-            let far = (biases[i] - jump.before[i]).abs() > TOLD * sigma[i / 3];
-            let faulty = !known && (far || *told);
-            if faulty != *told {
-                *told = faulty;
+        for (i, reported) in jump.reported.iter_mut().enumerate() {
+            let far = (biases[i] - jump.before[i]).abs() > tuning.reported_sigma * sigma[i / 3];
+            let faulty = !known && (far || *reported);
+            if faulty != *reported {
+                *reported = faulty;
                 changes(SensorChange {
                     name: NAMES[i],
                     faulty,
@@ -90,7 +86,7 @@ mod tests {
     #[test]
     fn the_bias_that_has_changed_is_named_until_it_is_known() {
         let mut watch = BiasWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for k in 0..600 {
             let now = LogTime(10_000_000 * k);
             // Taken for an acceleration at first.
@@ -102,10 +98,11 @@ mod tests {
             if k == 100 || k == 130 {
                 watch.suspect(now, if k == 100 { [0.0; 6] } else { bias });
             }
-            watch.judge(now, bias, [0.05, 0.005], &mut |change| {
-                told.push((k, change.name, change.faulty));
+            let tuning = BiasWatchTuning::default();
+            watch.judge(now, bias, [0.05, 0.005], &tuning, &mut |change| {
+                reported.push((k, change.name, change.faulty));
             });
         }
-        assert_eq!(told, [(150, NAMES[3], true), (330, NAMES[3], false)]);
+        assert_eq!(reported, [(150, NAMES[3], true), (330, NAMES[3], false)]);
     }
 }

@@ -1,103 +1,97 @@
-//! Gyros and accelerometers. A reading that jumps further than a vehicle can move and that the balance
-//! of moments or forces of all tyres contradicts is replaced by what that balance makes of it until
-//! both agree again, so that neither attitude, velocity nor forces follow an axis that spikes, is
-//! plugged in wrong or sits at the end of its range. Forces that are wrong themselves make no sensor
-//! jump. One that hangs while the vehicle moves is replaced at once: the filter of forces follows a
-//! gyro too closely to contradict one that stands still.
+//! Monitor of gyros and accelerometers.
+//!
+//! A reading that jumps further than a vehicle can move and that the balance of moments or forces
+//! contradicts is replaced by the value of the balance until both agree again. So attitude,
+//! velocity and forces do not follow an axis with spikes, with a wrong connection, or in
+//! saturation. A jump is required because wrong forces do not make a sensor jump. An axis that is
+//! stuck while the vehicle moves is replaced at once: the force filter follows a gyro too closely
+//! to contradict a constant one.
 
 use nalgebra::Vector3;
 
 use super::{BAD, CONTRADICTS, SensorChange};
-
-/// Square of the normalised difference that contradicts.
-const GATE: f64 = 25.0;
-/// Readings in a row, 100 a second, that make a fault of it.
-const FAULTY: u32 = 20;
-/// How many later ones need no jump to be doubted.
-const SUSPECT: u32 = 500;
-/// A reading that comes again so often in a row hangs.
-const HANGS: u32 = 10;
+use crate::gaussian::{Gaussian, beyond};
+use crate::triads::{Triads, UsedAxes};
+use crate::tuning::InertialWatchTuning;
 
 /// What differs between gyros and accelerometers.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Kind {
     names: [&'static str; 3],
-    /// Change from one reading to the next that is no vehicle's, in 10 ms.
+    /// Change between two readings (10 ms) that no vehicle makes.
     jump: f64,
-    /// Error of the balance of each axis beyond its own deviation.
+    /// Standard deviation of the balance of each axis, beyond its own variance.
     floor: [f64; 3],
-    /// Readings in a row after which the forces may as well be what is wrong.
-    doubtful: u32,
-    /// Readings in a row of a faulty axis that must agree before it is good again: one that is plugged
-    /// in wrong agrees for a moment whenever both happen to be alike.
-    calm: u32,
-    /// What the balance does not tell, per square root of Hz.
-    untold: f64,
+    /// Consecutive rejected readings after which the forces can be wrong instead.
+    rejections_max: u32,
+    /// Consecutive consistent readings of a faulty axis before it is used again: an axis with a
+    /// wrong connection agrees by chance for a moment.
+    good_readings: u32,
+    /// Density of the error of the balance, per √Hz.
+    replaced_density: f64,
 }
 
-/// Rates, rad/s: attitude that is carried on without a gyro is off by what the moments are.
-const RATES: Kind = Kind {
-    names: [
-        "inertial unit roll rate",
-        "inertial unit pitch rate",
-        "inertial unit yaw rate",
-    ],
-    jump: 0.25,
-    floor: [0.0; 3],
-    doubtful: 500,
-    calm: 0,
-    untold: 0.1,
-};
+impl Kind {
+    /// Of gyros, rad/s. An attitude that is propagated without a gyro has the error of the moments.
+    fn rates(tuning: &InertialWatchTuning) -> Self {
+        Self {
+            names: RATE_NAMES,
+            jump: tuning.gyro_jump_rad_s,
+            floor: [0.0; 3],
+            rejections_max: tuning.gyro_rejections_max,
+            good_readings: 0,
+            replaced_density: tuning.gyro_replaced_density,
+        }
+    }
 
-/// Specific forces, m/s^2. A blow may come through the frame, and the load's weight may be unknown by
-/// a part: with so much untold it is GNSS that decides how fast the vehicle is.
-const FORCES: Kind = Kind {
-    names: [
-        "inertial unit forward acceleration",
-        "inertial unit leftward acceleration",
-        "inertial unit upward acceleration",
-    ],
-    jump: 1.5,
-    floor: [0.3, 0.3, 0.6],
-    doubtful: u32::MAX,
-    calm: 50,
-    untold: 2.0,
-};
-
-/// Rates and specific forces about and along the body's axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Triads<T> {
-    /// Angular rates, rad/s.
-    pub rate: T,
-    /// Specific forces, m/s^2.
-    pub force: T,
+    /// Of accelerometers, m/s². The forces never count as wrong, however long they contradict.
+    fn forces(tuning: &InertialWatchTuning) -> Self {
+        Self {
+            names: FORCE_NAMES,
+            jump: tuning.accel_jump_m_s2,
+            floor: tuning.accel_balance_sigma_m_s2,
+            rejections_max: u32::MAX,
+            good_readings: tuning.accel_good_readings,
+            replaced_density: tuning.accel_replaced_density,
+        }
+    }
 }
 
-/// Which axes are believed.
-pub type Believed = Triads<[bool; 3]>;
+const RATE_NAMES: [&str; 3] = [
+    "inertial unit roll rate",
+    "inertial unit pitch rate",
+    "inertial unit yaw rate",
+];
 
-/// Memory of one axis.
+const FORCE_NAMES: [&str; 3] = [
+    "inertial unit forward acceleration",
+    "inertial unit leftward acceleration",
+    "inertial unit upward acceleration",
+];
+
+/// Monitor of one axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Axis {
-    /// The last reading, and how often it came again.
+    /// The last reading and the number of its repeats.
     read: f64,
     repeats: u32,
-    /// The last one that was believed.
+    /// The last reading that was used.
     last: Option<f64>,
-    /// Readings in a row that were not.
-    strange: u32,
-    /// Readings in a row that agreed since it was faulty.
+    /// Consecutive rejected readings.
+    rejected: u32,
+    /// Consecutive consistent readings of a faulty axis.
     agreed: u32,
-    /// Readings for which an axis that was faulty stays suspect.
+    /// Remaining readings for which an axis that was faulty is suspect.
     suspect: u32,
 }
 
-/// Memory of the unit.
+/// Monitor of the inertial unit.
 #[derive(Clone, Debug, Default)]
 pub struct InertialWatch {
+    tuning: InertialWatchTuning,
     rate: [Axis; 3],
     force: [Axis; 3],
-    /// Readings in a row that the unit itself called bad.
+    /// Consecutive readings that the unit marks as invalid.
     bad: u32,
 }
 
@@ -105,11 +99,19 @@ pub struct InertialWatch {
 const UNIT: &str = "inertial unit";
 
 impl InertialWatch {
-    /// Takes note of a reading that the unit itself calls bad: it failed its own test, or an axis is
-    /// beyond its range.
-    pub fn miss(&mut self, changes: &mut impl FnMut(SensorChange)) {
+    /// A monitor that has seen nothing.
+    pub fn new(tuning: InertialWatchTuning) -> Self {
+        Self {
+            tuning,
+            ..Self::default()
+        }
+    }
+
+    /// Counts a reading that the unit marks as invalid: its self test failed, or an axis is out of
+    /// range.
+    pub fn invalid_reading(&mut self, changes: &mut impl FnMut(SensorChange)) {
         self.bad = self.bad.saturating_add(1);
-        if self.bad == FAULTY {
+        if self.bad == self.tuning.faulty_readings {
             changes(SensorChange {
                 name: UNIT,
                 faulty: true,
@@ -118,63 +120,74 @@ impl InertialWatch {
         }
     }
 
-    /// Which axes of the last reading were believed.
-    pub fn believed(&self) -> Believed {
+    /// Which axes of the last reading were used.
+    pub fn used(&self) -> UsedAxes {
         Triads {
-            rate: self.rate.map(|axis| axis.strange == 0),
-            force: self.force.map(|axis| axis.strange == 0),
+            rate: self.rate.map(|axis| axis.rejected == 0),
+            force: self.force.map(|axis| axis.rejected == 0),
         }
     }
 
-    /// Readings have jumped because a bias has: those that are not faulty are not suspect, either.
-    pub fn forgive(&mut self) {
+    /// Clears the suspicion of axes that are not faulty: their readings have jumped because a bias
+    /// has.
+    pub fn clear_suspicion(&mut self) {
         for axis in self.rate.iter_mut().chain(&mut self.force) {
-            if axis.strange < FAULTY {
-                (axis.suspect, axis.strange) = (0, 0);
+            if axis.rejected < self.tuning.faulty_readings {
+                (axis.suspect, axis.rejected) = (0, 0);
             }
         }
     }
 
-    /// What is unseen of each axis of the last reading that was handed out, (rad/s)/sqrt(Hz) and
-    /// (m/s^2)/sqrt(Hz).
-    pub fn untold(&self) -> Triads<[f64; 3]> {
-        let of = |believed: [bool; 3], kind: &Kind| {
-            believed.map(|believed| if believed { 0.0 } else { kind.untold })
+    /// Density of the error of each replaced axis of the last reading, (rad/s)/√Hz and (m/s²)/√Hz;
+    /// zero for a used axis.
+    pub fn replaced_density(&self) -> Triads<[f64; 3]> {
+        let of = |used: [bool; 3], kind: &Kind| {
+            used.map(|used| if used { 0.0 } else { kind.replaced_density })
         };
-        let believed = self.believed();
+        let used = self.used();
         Triads {
-            rate: of(believed.rate, &RATES),
-            force: of(believed.force, &FORCES),
+            rate: of(used.rate, &Kind::rates(&self.tuning)),
+            force: of(used.force, &Kind::forces(&self.tuning)),
         }
     }
 
-    /// The reading to go on with, from one of noise `sigma` that is `bias` too large, and what is
-    /// expected of each axis without the bias as value and variance.
+    /// The reading to use, from `reading` with noise `sigma` and `bias`, and from the expected
+    /// values without bias.
     pub fn judge(
         &mut self,
         reading: Triads<Vector3<f64>>,
         bias: Triads<Vector3<f64>>,
         sigma: Triads<f64>,
-        expected: &Triads<Option<[[f64; 2]; 3]>>,
+        expected: &Triads<Option<[Gaussian; 3]>>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Triads<Vector3<f64>> {
-        if std::mem::take(&mut self.bad) >= FAULTY {
+        if std::mem::take(&mut self.bad) >= self.tuning.faulty_readings {
             changes(SensorChange {
                 name: UNIT,
                 faulty: false,
                 why: BAD,
             });
         }
-        // A vehicle that moves shakes every axis.
-        let shaken = expected.force.is_some();
+        // While a vehicle moves, every axis of a good unit changes.
+        let moving = expected.force.is_some();
+        let tuning = self.tuning;
+        let [rates, forces] = [Kind::rates(&tuning), Kind::forces(&tuning)];
         let mut judge = |axes: &mut [Axis; 3], kind, reading, bias, sigma, expected| {
-            let expected = Expected { expected, shaken };
-            judge_all(axes, kind, [reading, bias], sigma, expected, &mut *changes)
+            let expected = Expected { expected, moving };
+            let limits = (&tuning, kind);
+            judge_all(
+                axes,
+                limits,
+                [reading, bias],
+                sigma,
+                expected,
+                &mut *changes,
+            )
         };
         Triads {
             rate: judge(
                 &mut self.rate,
-                &RATES,
+                &rates,
                 reading.rate,
                 bias.rate,
                 sigma.rate,
@@ -182,7 +195,7 @@ impl InertialWatch {
             ),
             force: judge(
                 &mut self.force,
-                &FORCES,
+                &forces,
                 reading.force,
                 bias.force,
                 sigma.force,
@@ -192,40 +205,41 @@ impl InertialWatch {
     }
 }
 
-/// What is expected of three axes.
+/// Expected values of three axes.
 #[derive(Clone, Copy, Debug)]
 struct Expected {
-    /// Value and variance of each.
-    expected: Option<[[f64; 2]; 3]>,
-    /// Whether they cannot stand still.
-    shaken: bool,
+    /// Expected value of each axis.
+    expected: Option<[Gaussian; 3]>,
+    /// Whether the vehicle moves, so that constant readings are stuck.
+    moving: bool,
 }
 
 fn judge_all(
     axes: &mut [Axis; 3],
-    kind: &Kind,
+    (tuning, kind): (&InertialWatchTuning, &Kind),
     [reading, bias]: [Vector3<f64>; 2],
     sigma: f64,
-    Expected { expected, shaken }: Expected,
+    Expected { expected, moving }: Expected,
     changes: &mut impl FnMut(SensorChange),
 ) -> Vector3<f64> {
     Vector3::from_fn(|i, _| {
         let axis = &mut axes[i];
-        let before = axis.strange;
+        let before = axis.rejected;
         let doubt = sigma * sigma + kind.floor[i].powi(2);
-        let expected = expected.map(|all| [all[i][0] + bias[i], all[i][1] + doubt]);
-        let told = axis.judge(reading[i], expected, shaken, kind);
+        let expected =
+            expected.map(|all| Gaussian::new(all[i].mean + bias[i], all[i].variance + doubt));
+        let used = axis.judge(reading[i], expected, moving, (tuning, kind));
         let change = |faulty| SensorChange {
             name: kind.names[i],
             faulty,
             why: CONTRADICTS,
         };
-        if axis.strange == FAULTY && before < FAULTY {
+        if axis.rejected == tuning.faulty_readings && before < tuning.faulty_readings {
             changes(change(true));
-        } else if axis.strange == 0 && before >= FAULTY {
+        } else if axis.rejected == 0 && before >= tuning.faulty_readings {
             changes(change(false));
         }
-        told
+        used
     })
 }
 
@@ -233,9 +247,9 @@ impl Axis {
     fn judge(
         &mut self,
         reading: f64,
-        expected: Option<[f64; 2]>,
-        shaken: bool,
-        kind: &Kind,
+        expected: Option<Gaussian>,
+        moving: bool,
+        (tuning, kind): (&InertialWatchTuning, &Kind),
     ) -> f64 {
         self.repeats = if reading == self.read {
             self.repeats.saturating_add(1)
@@ -243,34 +257,35 @@ impl Axis {
             0
         };
         self.read = reading;
-        let Some([value, variance]) = expected else {
-            // Nothing speaks for a sensor that was found faulty, either.
-            if self.strange < FAULTY {
-                self.strange = 0;
+        let Some(expected) = expected else {
+            // A sensor that was found faulty stays faulty.
+            if self.rejected < tuning.faulty_readings {
+                self.rejected = 0;
                 self.last = Some(reading);
             }
             return reading;
         };
-        let contradicted = (reading - value).powi(2) > GATE * variance;
+        let value = expected.mean;
+        let contradicted = beyond(tuning.gate_sigma, reading - value, expected.variance);
         let jumped = self
             .last
             .is_some_and(|last| (reading - last).abs() > kind.jump);
-        let hangs = shaken && self.repeats >= HANGS;
-        let suspect = self.suspect > 0 || self.strange > 0 || jumped;
-        self.suspect = if self.strange >= FAULTY {
-            SUSPECT
+        let stuck = moving && self.repeats >= tuning.stuck_readings;
+        let suspect = self.suspect > 0 || self.rejected > 0 || jumped;
+        self.suspect = if self.rejected >= tuning.faulty_readings {
+            tuning.suspect_readings
         } else {
             self.suspect.saturating_sub(1)
         };
-        if hangs || contradicted && suspect && self.strange < kind.doubtful {
-            self.strange = self.strange.saturating_add(1);
+        if stuck || contradicted && suspect && self.rejected < kind.rejections_max {
+            self.rejected = self.rejected.saturating_add(1);
             self.agreed = 0;
             value
-        } else if self.strange >= FAULTY && self.agreed < kind.calm {
+        } else if self.rejected >= tuning.faulty_readings && self.agreed < kind.good_readings {
             self.agreed += 1;
             value
         } else {
-            (self.strange, self.agreed) = (0, 0);
+            (self.rejected, self.agreed) = (0, 0);
             self.last = Some(reading);
             reading
         }
@@ -289,7 +304,7 @@ mod tests {
     fn judge(
         watch: &mut InertialWatch,
         rate: Vector3<f64>,
-        expected: Option<[[f64; 2]; 3]>,
+        expected: Option<[Gaussian; 3]>,
         changes: &mut impl FnMut(SensorChange),
     ) -> Vector3<f64> {
         let reading = Triads {
@@ -307,20 +322,20 @@ mod tests {
     #[test]
     fn a_wild_axis_is_replaced_named_and_taken_back() {
         let mut watch = InertialWatch::default();
-        let mut told = Vec::new();
-        let expected = Some([[0.1, 1e-4], [0.0, 1e-4], [0.3, 1e-4]]);
+        let mut reported = Vec::new();
+        let expected = Some([0.1, 0.0, 0.3].map(|mean| Gaussian::new(mean, 1e-4)));
         for k in 0..200 {
             let wild = if (50..100).contains(&k) { 3.5 } else { 0.1 };
             let reading = Vector3::new(wild, 0.01, 0.31);
             let rate = judge(&mut watch, reading, expected, &mut |change| {
-                told.push((k, change.name, change.faulty));
+                reported.push((k, change.name, change.faulty));
             });
             assert_eq!(rate.z, 0.31);
             assert_eq!(rate.x, 0.1, "{k}");
         }
-        assert_eq!(watch.believed().rate, [true; 3]);
-        let name = RATES.names[0];
-        assert_eq!(told, [(69, name, true), (100, name, false)]);
+        assert_eq!(watch.used().rate, [true; 3]);
+        let name = RATE_NAMES[0];
+        assert_eq!(reported, [(69, name, true), (100, name, false)]);
         let wild = Vector3::repeat(9.0);
         assert_eq!(judge(&mut watch, wild, None, &mut |_| {}), wild);
     }
@@ -331,21 +346,21 @@ mod tests {
         for k in 0..400 {
             let wrong = 0.01 * f64::from(k);
             let reading = Vector3::repeat(0.001 * f64::from(k));
-            let expected = Some([[wrong, 1e-4]; 3]);
+            let expected = Some([Gaussian::new(wrong, 1e-4); 3]);
             let rate = judge(&mut watch, reading, expected, &mut |_| {});
             assert_eq!(rate, reading);
         }
     }
 
-    /// A body that begins to accelerate: the axis that hangs is replaced once it is contradicted,
-    /// the others move and are believed.
+    /// A body begins to accelerate. The stuck axis is replaced once the balance contradicts it; the
+    /// other axes change and are used.
     #[test]
     fn an_accelerometer_that_hangs_is_replaced_once_the_forces_move() {
         let mut watch = InertialWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for k in 0..100 {
             let truth = 0.05 * f64::from(k);
-            // What is known of the bias changes, the reading of the axis that hangs does not.
+            // The estimate of the bias changes, the reading of the stuck axis does not.
             let bias = Triads {
                 rate: Vector3::zeros(),
                 force: Vector3::repeat(1e-4 * f64::from(k % 7)),
@@ -356,16 +371,23 @@ mod tests {
             };
             let expected = Triads {
                 rate: None,
-                force: Some([[truth, 1e-3], [truth, 1e-3], [9.81 + truth, 1e-3]]),
+                force: Some([truth, truth, 9.81 + truth].map(|mean| Gaussian::new(mean, 1e-3))),
             };
             let force = watch.judge(reading, bias, SIGMA, &expected, &mut |change| {
-                told.push((change.name, change.faulty));
+                reported.push((change.name, change.faulty));
             });
             assert!((force.force.x - truth).abs() < 1.6, "{k}");
             assert_eq!(force.force.y, truth);
         }
-        assert_eq!(watch.believed().force, [false, true, true]);
-        assert_eq!(told, [(FORCES.names[0], true)]);
-        assert_eq!(watch.untold().force, [FORCES.untold, 0.0, 0.0]);
+        assert_eq!(watch.used().force, [false, true, true]);
+        assert_eq!(reported, [(FORCE_NAMES[0], true)]);
+        assert_eq!(
+            watch.replaced_density().force,
+            [
+                InertialWatchTuning::default().accel_replaced_density,
+                0.0,
+                0.0
+            ]
+        );
     }
 }

@@ -5,50 +5,50 @@ use sample::LogTime;
 use super::{CONTRADICTS, SensorChange};
 use crate::motion::Verdict;
 
-/// How long a receiver contradicts the state before it is called faulty, s.
-const FAULTY_S: f64 = 0.5;
+use crate::tuning::ReceiverWatchTuning;
 
-/// Memory of one receiver.
+/// Monitor of one receiver.
 #[derive(Clone, Copy, Debug)]
 pub struct ReceiverWatch {
     name: &'static str,
-    /// Since when all of its values have been left out.
+    /// Since when all values have been rejected.
     since: Option<LogTime>,
-    told: bool,
+    reported: bool,
 }
 
 impl ReceiverWatch {
-    /// A receiver, by the name that events have for it.
+    /// For the receiver that events call `name`.
     pub fn new(name: &'static str) -> Self {
         Self {
             name,
             since: None,
-            told: false,
+            reported: false,
         }
     }
 
-    /// Takes note of how a value true at `time` has fared. It is the receiver's fault only where
-    /// something vouches for the state.
+    /// Takes the verdict of a value that was valid at `time`. A rejection is a fault of the
+    /// receiver only while the inertial unit is consistent with the balances.
     pub fn judge(
         &mut self,
         time: LogTime,
         verdict: Verdict,
-        vouched: bool,
+        imu_consistent: bool,
+        tuning: &ReceiverWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
         let faulty = match verdict {
-            Verdict::Unusable => self.told,
+            Verdict::Unusable => self.reported,
             Verdict::Used => {
                 self.since = None;
                 false
             }
             Verdict::Rejected => {
                 let since = *self.since.get_or_insert(time);
-                self.told || vouched && time.seconds_since(since) >= FAULTY_S
+                self.reported || imu_consistent && time.seconds_since(since) >= tuning.faulty_s
             }
         };
-        if faulty != self.told {
-            self.told = faulty;
+        if faulty != self.reported {
+            self.reported = faulty;
             changes(SensorChange {
                 name: self.name,
                 faulty,
@@ -64,8 +64,8 @@ mod tests {
 
     #[test]
     fn a_receiver_is_named_where_the_state_is_vouched_for() {
-        let mut told = Vec::new();
-        for vouched in [false, true] {
+        let mut reported = Vec::new();
+        for imu_consistent in [false, true] {
             let mut watch = ReceiverWatch::new("GNSS velocity");
             for k in 0..40 {
                 let verdict = if (10..30).contains(&k) {
@@ -74,11 +74,12 @@ mod tests {
                     Verdict::Used
                 };
                 let time = LogTime(1_000_000_000 + 50_000_000 * k);
-                watch.judge(time, verdict, vouched, &mut |change| {
-                    told.push((k, change.faulty));
+                let tuning = ReceiverWatchTuning::default();
+                watch.judge(time, verdict, imu_consistent, &tuning, &mut |change| {
+                    reported.push((k, change.faulty));
                 });
             }
         }
-        assert_eq!(told, [(20, true), (30, false)]);
+        assert_eq!(reported, [(20, true), (30, false)]);
     }
 }

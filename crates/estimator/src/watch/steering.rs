@@ -1,46 +1,36 @@
-//! The hand wheel.
+//! Monitor of the steering wheel's angle sensor.
 
 use sample::LogTime;
 
 use super::{CONTRADICTS, SensorChange};
+use crate::gaussian::{Gaussian, within};
+use crate::tuning::SteeringWatchTuning;
 
-/// Square of the normalised difference that contradicts, and that of a wheel that has jumped, hangs or
-/// has been contradicted just before.
-const GATE: f64 = 25.0;
-const SUSPECT_GATE: f64 = 4.0;
-/// Speed of a hand wheel that is no driver's, rad/s.
-const JUMP_RAD_S: f64 = 50.0;
-/// How long it must be contradicted, and how long it must agree again, s.
-const FAULTY_S: f64 = 0.3;
-const GOOD_S: f64 = 0.5;
-/// How long the same angle again and again makes it suspect, s: a coarse sensor's may well stand.
-const HANGS_S: f64 = 0.3;
-/// How far an angle that is held may be wrong, rad, and how long it may stand against a wheel that
-/// moves while nothing else does, s.
-const HELD_RAD: f64 = 0.1;
-const HELD_S: f64 = 2.0;
-
-/// Memory of the hand wheel.
+/// Monitor of the steering wheel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SteeringWatch {
+    tuning: SteeringWatchTuning,
     last: Option<Read>,
-    /// When it last moved, and whether that is long ago.
+    /// Time of the last change of the reading.
     moved: Option<LogTime>,
-    hangs: bool,
-    /// The angle that it has jumped to, for as long as it stays there to the bit: what is expected may
-    /// pass by, which is no agreement.
-    landed: Option<f64>,
-    /// Since when it has been strange, and has not been.
-    strange: Option<LogTime>,
+    /// Whether that is long ago.
+    stuck: bool,
+    /// Angle after a jump while the sensor repeats exactly this value. A stuck sensor may match the
+    /// expected angle by chance; that must not count as agreement.
+    stuck_at: Option<f64>,
+    /// Since when the sensor has been inconsistent.
+    inconsistent_since: Option<LogTime>,
+    /// Since when the sensor has been consistent.
     agreed: Option<LogTime>,
-    /// When it last jumped away from what is expected.
-    fled: Option<LogTime>,
-    /// Whether something else than its own past has contradicted it since it is strange.
-    seen: bool,
-    /// What was put in its place last, as value and variance: that is what is expected of a strange
-    /// wheel while nothing else is.
-    held: Option<[f64; 2]>,
-    told: bool,
+    /// Time of the last jump away from the expected angle.
+    left_range_at: Option<LogTime>,
+    /// Whether, since the sensor became inconsistent, forces and motion have contradicted it, and not
+    /// only its own past.
+    contradicted_by_forces: bool,
+    /// The angle that last replaced the reading: the expected angle of an inconsistent sensor while
+    /// nothing else is known.
+    held: Option<Gaussian>,
+    reported: bool,
 }
 
 /// A reading.
@@ -51,152 +41,191 @@ struct Read {
 }
 
 impl SteeringWatch {
-    /// Whether the last angle is sure enough to learn from.
-    pub fn believed(&self) -> bool {
-        self.strange.is_none() && !self.hangs
+    /// A monitor without readings.
+    pub fn new(tuning: SteeringWatchTuning) -> Self {
+        Self {
+            tuning,
+            ..Self::default()
+        }
     }
 
-    /// Whether it was contradicted, and has not agreed for long enough since.
-    pub fn strange(&self) -> bool {
-        self.strange.is_some()
+    /// Whether grip may be learnt with the last angle.
+    pub fn is_used(&self) -> bool {
+        self.inconsistent_since.is_none() && !self.stuck
     }
 
-    /// The angle to go on with, rad, from one that was read at `time` and what is expected as value
-    /// and variance.
+    /// Whether the sensor is inconsistent and has not agreed for long enough since.
+    pub fn is_inconsistent(&self) -> bool {
+        self.inconsistent_since.is_some()
+    }
+
+    /// The angle to use, rad, from the reading at `time` and the angle that forces and motion imply.
     pub fn judge(
         &mut self,
         time: LogTime,
         angle_rad: f64,
-        expected: Option<[f64; 2]>,
+        expected: Option<Gaussian>,
         changes: &mut impl FnMut(SensorChange),
     ) -> f64 {
-        let longer = |since: Option<LogTime>, span_s| {
-            since.is_some_and(|since| time.seconds_since(since) >= span_s)
-        };
+        let t = self.tuning;
+        let held_variance = t.held_sigma_rad * t.held_sigma_rad;
         let last = self.last.replace(Read { time, angle_rad });
         if last.is_none_or(|last| last.angle_rad != angle_rad) {
             self.moved = Some(time);
         }
-        let jumped = last.is_some_and(|last| {
-            let span_s = time.seconds_since(last.time).max(0.0);
-            (angle_rad - last.angle_rad).abs() > JUMP_RAD_S * span_s
+        let before_jump = last
+            .filter(|last| {
+                let span_s = time.seconds_since(last.time).max(0.0);
+                (angle_rad - last.angle_rad).abs() > t.jump_rad_s * span_s
+            })
+            .map(|last| last.angle_rad);
+        let held = self.held.filter(|_| {
+            self.contradicted_by_forces || !longer(time, self.inconsistent_since, t.held_max_s)
         });
-        let held = self
-            .held
-            .filter(|_| self.seen || !longer(self.strange, HELD_S));
-        let witnessed = expected.is_some();
-        let before = last.filter(|_| jumped).map(|last| last.angle_rad);
+        let by_forces = expected.is_some();
         let expected = expected
             .or(held)
-            .or(before.map(|before| [before, HELD_RAD * HELD_RAD]));
-        // A driver's hand does not jump: a wide deviation of what is expected is no excuse.
-        if let (Some(before), Some([value, _])) = (before, expected)
-            && (angle_rad - value).abs() > (before - value).abs()
+            .or(before_jump.map(|before| Gaussian::new(before, held_variance)));
+        let agrees = self.agrees(time, angle_rad, before_jump, expected);
+        self.count(time, agrees, by_forces);
+        self.report(time, changes);
+        let used = match expected {
+            Some(expected) if self.is_inconsistent() => expected.mean,
+            _ => angle_rad,
+        };
+        self.held = self
+            .is_inconsistent()
+            .then_some(Gaussian::new(used, held_variance));
+        used
+    }
+
+    /// Whether the angle is within the gate of the expected one; `None` without an expected angle.
+    /// After a jump away from the expected angle it is not, whatever its variance is: a driver's hand
+    /// does not jump.
+    fn agrees(
+        &mut self,
+        time: LogTime,
+        angle_rad: f64,
+        before_jump: Option<f64>,
+        expected: Option<Gaussian>,
+    ) -> Option<bool> {
+        let t = self.tuning;
+        let jumped = before_jump.is_some();
+        if let (Some(before), Some(expected)) = (before_jump, expected)
+            && (angle_rad - expected.mean).abs() > (before - expected.mean).abs()
         {
-            self.fled = Some(time);
-        } else if jumped || longer(self.fled, GOOD_S) {
-            self.fled = None;
+            self.left_range_at = Some(time);
+        } else if jumped || longer(time, self.left_range_at, t.good_s) {
+            self.left_range_at = None;
         }
-        self.landed = match self.landed {
+        self.stuck_at = match self.stuck_at {
             _ if jumped => Some(angle_rad),
-            landed => landed.filter(|landed| *landed == angle_rad),
+            stuck_at => stuck_at.filter(|stuck_at| *stuck_at == angle_rad),
         };
-        self.hangs = longer(self.moved, HANGS_S);
-        let gate = if jumped || self.hangs || self.strange.is_some() {
-            SUSPECT_GATE
+        self.stuck = longer(time, self.moved, t.stuck_s);
+        let gate = if jumped || self.stuck || self.is_inconsistent() {
+            t.suspect_gate_sigma
         } else {
-            GATE
+            t.gate_sigma
         };
-        let agrees = expected.map(|[value, variance]| {
-            self.fled.is_none() && (angle_rad - value).powi(2) <= gate * variance
-        });
+        expected.map(|expected| {
+            self.left_range_at.is_none()
+                && within(gate, angle_rad - expected.mean, expected.variance)
+        })
+    }
+
+    fn count(&mut self, time: LogTime, agrees: Option<bool>, by_forces: bool) {
         if agrees == Some(false) {
-            self.seen = witnessed || self.seen && self.strange.is_some();
-            self.strange.get_or_insert(time);
+            self.contradicted_by_forces =
+                by_forces || self.contradicted_by_forces && self.is_inconsistent();
+            self.inconsistent_since.get_or_insert(time);
             self.agreed = None;
         } else {
             self.agreed.get_or_insert(time);
-            let passed = !self.told && self.landed.is_none();
-            if passed || longer(self.agreed, GOOD_S) && !self.hangs {
-                self.strange = None;
+            let passed = !self.reported && self.stuck_at.is_none();
+            if passed || longer(time, self.agreed, self.tuning.good_s) && !self.stuck {
+                self.inconsistent_since = None;
             }
         }
-        let faulty = self.strange.is_some() && (self.told || longer(self.strange, FAULTY_S));
-        if faulty != self.told {
-            self.told = faulty;
+    }
+
+    fn report(&mut self, time: LogTime, changes: &mut impl FnMut(SensorChange)) {
+        let lasts = longer(time, self.inconsistent_since, self.tuning.faulty_s);
+        let faulty = self.is_inconsistent() && (self.reported || lasts);
+        if faulty != self.reported {
+            self.reported = faulty;
             changes(SensorChange {
                 name: "hand wheel",
                 faulty,
                 why: CONTRADICTS,
             });
         }
-        let used = match expected {
-            Some([value, _]) if self.strange.is_some() => value,
-            _ => angle_rad,
-        };
-        self.held = (self.strange.is_some()).then_some([used, HELD_RAD * HELD_RAD]);
-        used
     }
+}
+
+/// Whether `since` is at least `span_s` before `time`.
+fn longer(time: LogTime, since: Option<LogTime>, span_s: f64) -> bool {
+    since.is_some_and(|since| time.seconds_since(since) >= span_s)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn told(
+    fn reported(
         angle: impl Fn(u64) -> f64,
         expected: impl Fn(u64) -> f64,
     ) -> (Vec<(u64, bool)>, Vec<f64>) {
         let mut watch = SteeringWatch::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         let mut used = Vec::new();
         for k in 0..400 {
-            let expected = Some([expected(k), 0.01]);
+            let expected = Some(Gaussian::new(expected(k), 0.01));
             used.push(
                 watch.judge(LogTime(10_000_000 * k), angle(k), expected, &mut |change| {
-                    told.push((k, change.faulty));
+                    reported.push((k, change.faulty));
                 }),
             );
         }
-        (told, used)
+        (reported, used)
     }
 
     #[test]
-    fn a_hand_wheel_that_is_off_is_replaced_at_once_named_and_taken_back() {
+    fn a_wrong_angle_is_replaced_at_once_reported_and_used_again() {
         let angle = |k| {
             let off = if (100..200).contains(&k) { 2.0 } else { 0.0 };
             0.5 + off + 1e-3 * (k % 3) as f64
         };
-        let (told, used) = told(angle, |_| 0.5);
-        assert_eq!(told, [(130, true), (250, false)]);
+        let (reported, used) = reported(angle, |_| 0.5);
+        assert_eq!(reported, [(130, true), (250, false)]);
         assert!(used.iter().all(|angle| (angle - 0.5).abs() < 0.01));
     }
 
     #[test]
-    fn one_that_stands_is_believed_until_it_is_contradicted_by_little() {
+    fn a_constant_angle_is_used_until_it_is_outside_the_narrow_gate() {
         let angle = |k: u64| 0.5 + 1e-3 * (k.min(100) % 7) as f64;
-        assert_eq!(told(angle, |_| 0.5).0, []);
+        assert_eq!(reported(angle, |_| 0.5).0, []);
         let turned = |k| if k < 200 { 0.5 } else { 0.75 };
-        assert_eq!(told(angle, turned).0, [(230, true)]);
+        assert_eq!(reported(angle, turned).0, [(230, true)]);
         let moving = |k| 0.5 + 1e-3 * (k % 7) as f64;
-        assert_eq!(told(moving, turned).0, []);
+        assert_eq!(reported(moving, turned).0, []);
     }
 
-    /// Near the friction's limit the slip angle that a lateral force calls for is anybody's guess.
+    /// Near the friction limit the slip angle that a lateral force implies is very uncertain.
     #[test]
-    fn one_that_jumps_is_not_followed_though_what_is_expected_is_vague() {
+    fn a_jump_is_rejected_although_the_expected_angle_is_uncertain() {
         let mut watch = SteeringWatch::default();
         for k in 0..200 {
             let off = if (100..150).contains(&k) { 1.0 } else { 0.0 };
             let angle = off - 1.2 + 1e-3 * (k % 3) as f64;
-            let vague = (k % 20 < 10).then_some([-1.0, 0.5]);
+            let vague = (k % 20 < 10).then_some(Gaussian::new(-1.0, 0.5));
             let used = watch.judge(LogTime(10_000_000 * k), angle, vague, &mut |_| {});
             assert!((used + 1.1).abs() < 0.2, "{k} {used}");
         }
     }
 
     #[test]
-    fn one_that_jumps_unseen_is_believed_in_the_end() {
+    fn a_jump_without_an_expected_angle_is_used_in_the_end() {
         let mut watch = SteeringWatch::default();
         let mut used = Vec::new();
         for k in 0..400 {
@@ -212,9 +241,9 @@ mod tests {
     }
 
     #[test]
-    fn one_that_has_died_is_named_though_what_is_expected_passes_by() {
+    fn a_dead_sensor_is_reported_although_the_expected_angle_passes_its_value() {
         let expected = |k: u64| 1.0 - 0.05 * k.saturating_sub(100) as f64;
         let angle = |k| if k < 100 { expected(k) } else { 0.0 };
-        assert_eq!(told(angle, expected).0, [(130, true)]);
+        assert_eq!(reported(angle, expected).0, [(130, true)]);
     }
 }

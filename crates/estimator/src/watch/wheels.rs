@@ -1,18 +1,11 @@
-//! Wheel speeds. A wheel that neither drives nor brakes rolls as fast as the ground passes: one that
-//! says otherwise is wrong, while a wheel that locks or spins pushes.
+//! Monitor of wheel speeds. A wheel without drive or brake force rolls as fast as the ground
+//! passes; a different reading is a fault. A locked or spinning wheel has a longitudinal force and
+//! is not judged.
 
 use sample::{LogTime, PerWheel, Wheel};
 
 use super::{CONTRADICTS, SensorChange};
-
-/// Difference from the speed over ground that slip is too small for, as a part and m/s.
-const DIFFERENCE: f64 = 0.3;
-const DIFFERENCE_M_S: f64 = 0.5;
-/// Part of its load that a wheel may push.
-const PUSH: f64 = 0.2;
-/// How long it must contradict, and agree again, s.
-const FAULTY_S: f64 = 0.5;
-const GOOD_S: f64 = 0.5;
+use crate::tuning::WheelWatchTuning;
 
 /// Names, as events have them.
 const NAMES: [&str; 4] = [
@@ -22,74 +15,80 @@ const NAMES: [&str; 4] = [
     "RR wheel speed",
 ];
 
-/// Memory of the four.
+/// Monitor of the four wheels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WheelWatch([One; 4]);
 
 #[derive(Clone, Copy, Debug, Default)]
 struct One {
-    strange: Option<LogTime>,
+    contradicted_since: Option<LogTime>,
     agreed: Option<LogTime>,
-    told: bool,
+    faulty: bool,
 }
 
-/// What is known of a wheel beside its sensor.
+/// A wheel's reading with the speed and force of other sensors.
 #[derive(Clone, Copy, Debug)]
 pub struct Rolling {
-    /// How fast the wheel's sensor has it roll, m/s.
+    /// Rolling speed by the sensor, m/s.
     pub read_m_s: f64,
-    /// How fast the ground passes, m/s.
+    /// Speed over ground, m/s.
     pub over_ground_m_s: f64,
     /// Its force, contact frame, N.
     pub force_n: [f64; 3],
 }
 
 impl Rolling {
-    /// Whether the sensor contradicts; `None` where slip may explain it.
-    fn contradicts(&self) -> Option<bool> {
+    /// Whether the reading contradicts the speed over ground; `None` where slip can explain the
+    /// difference.
+    fn contradicts(&self, tuning: &WheelWatchTuning) -> Option<bool> {
         let [forward, _, load] = self.force_n;
         let apart = (self.read_m_s - self.over_ground_m_s).abs();
-        let most = DIFFERENCE_M_S + DIFFERENCE * self.over_ground_m_s.abs();
-        (load > 0.0 && forward.abs() < PUSH * load).then_some(apart > most)
+        let most = tuning.difference_m_s + tuning.difference_part * self.over_ground_m_s.abs();
+        (load > 0.0 && forward.abs() < tuning.rolling_force * load).then_some(apart > most)
     }
 }
 
 impl WheelWatch {
-    /// Whether a wheel's sensor is believed.
-    pub fn believed(&self, wheel: Wheel) -> bool {
-        !self.0[wheel.index()].told
+    /// Whether a wheel's sensor is used.
+    pub fn is_used(&self, wheel: Wheel) -> bool {
+        !self.0[wheel.index()].faulty
     }
 
-    /// Holds what the sensors say at `now` against the ground.
+    /// Compares the readings at `now` with the speed over ground.
     pub fn judge(
         &mut self,
         now: LogTime,
         rolling: &PerWheel<Option<Rolling>>,
+        tuning: &WheelWatchTuning,
         changes: &mut impl FnMut(SensorChange),
     ) {
-        let verdicts = rolling.0.map(|rolling| rolling?.contradicts());
+        let verdicts = rolling.0.map(|rolling| rolling?.contradicts(tuning));
         let count = |verdict| verdicts.iter().filter(|v| **v == Some(verdict)).count();
         if count(true) > count(false) {
-            // It is the speed over ground that is wrong.
+            // Most wheels contradict: the speed over ground is wrong.
             return;
         }
         for (i, one) in self.0.iter_mut().enumerate() {
-            let Some(strange) = verdicts[i] else {
+            let Some(contradicted_since) = verdicts[i] else {
                 continue;
             };
-            let (held, other) = if strange {
-                (&mut one.strange, &mut one.agreed)
+            let (held, other) = if contradicted_since {
+                (&mut one.contradicted_since, &mut one.agreed)
             } else {
-                (&mut one.agreed, &mut one.strange)
+                (&mut one.agreed, &mut one.contradicted_since)
             };
             *other = None;
             let since = now.seconds_since(*held.get_or_insert(now));
-            let span_s = if strange { FAULTY_S } else { GOOD_S };
-            if strange != one.told && since >= span_s {
-                one.told = strange;
+            let span_s = if contradicted_since {
+                tuning.faulty_s
+            } else {
+                tuning.good_s
+            };
+            if contradicted_since != one.faulty && since >= span_s {
+                one.faulty = contradicted_since;
                 changes(SensorChange {
                     name: NAMES[i],
-                    faulty: strange,
+                    faulty: contradicted_since,
                     why: CONTRADICTS,
                 });
             }
@@ -104,7 +103,7 @@ mod tests {
     #[test]
     fn a_dead_sensor_is_named_and_a_locked_wheel_is_not() {
         let mut watch = WheelWatch::default();
-        let mut told = Vec::new();
+        let mut faulty = Vec::new();
         for k in 0..300 {
             let dead = (50..150).contains(&k);
             let wheel = |read_m_s, forward| {
@@ -120,12 +119,13 @@ mod tests {
                 wheel(9.0, 0.0),
                 None,
             ]);
-            watch.judge(LogTime(10_000_000 * k), &rolling, &mut |change| {
-                told.push((k, change.name, change.faulty));
+            let tuning = WheelWatchTuning::default();
+            watch.judge(LogTime(10_000_000 * k), &rolling, &tuning, &mut |change| {
+                faulty.push((k, change.name, change.faulty));
             });
-            assert_eq!(watch.believed(Wheel::FrontLeft), !(100..200).contains(&k));
+            assert_eq!(watch.is_used(Wheel::FrontLeft), !(100..200).contains(&k));
         }
-        assert_eq!(told, [(100, NAMES[0], true), (200, NAMES[0], false)]);
+        assert_eq!(faulty, [(100, NAMES[0], true), (200, NAMES[0], false)]);
     }
 
     #[test]
@@ -140,7 +140,8 @@ mod tests {
         };
         let rolling = PerWheel([wheel(10.0), wheel(10.0), wheel(3.0), wheel(10.0)]);
         for k in 0..300 {
-            watch.judge(LogTime(10_000_000 * k), &rolling, &mut |change| {
+            let tuning = WheelWatchTuning::default();
+            watch.judge(LogTime(10_000_000 * k), &rolling, &tuning, &mut |change| {
                 panic!("{change:?}");
             });
         }

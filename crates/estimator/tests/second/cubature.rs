@@ -7,7 +7,8 @@ use estimator::motion::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, MotionSettings, STATES, Solution, VELOCITY,
     VelocityReceiver,
 };
-use estimator::watch::Triads;
+use estimator::triads::Triads;
+use estimator::tuning::MotionTuning;
 use model::sensors::Sensors;
 use nalgebra::{Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
 use sample::{ImuSample, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
@@ -61,7 +62,7 @@ pub fn compare(name: &str, gravity: f64) -> Found {
     let mut samples = sensing::samples(&Run::load(name), &vehicle, &sensors, 1);
     samples.retain(|sample| !matches!(sample.measurement, Measurement::Corner(_)));
     let settings = settings(&sensors);
-    let mut first = MotionFilter::new(settings.clone());
+    let mut first = MotionFilter::new(settings.clone(), &MotionTuning::default());
     let mut second: Option<Points> = None;
     let mut by_truth = samples.clone();
     by_truth.sort_by_key(|sample| sample.valid_time);

@@ -10,7 +10,7 @@ use multiversion::multiversion;
 
 use super::{BALANCED, Column, LANES, Matrix, WIDTH, first, position};
 use crate::fusion::joint::{RowsView, TOGETHER};
-use crate::fusion::layout::{FORCE, RATE, SIZE, TURN};
+use crate::fusion::layout::{BODY_RATE, FORCE, RATE, SIZE};
 
 /// Number of the forces, and of their rates after them.
 const FORCES: usize = RATE - FORCE;
@@ -87,16 +87,17 @@ fn project_counted<const M: usize>(
 }
 
 kernel! {
-    /// Each column less what those before it have told of it, `told[m][k]` of column m in column k.
+    /// Gram-Schmidt: subtracts from each column its projections on the earlier columns,
+    /// `projection[m][k]` of column m in column k.
     fn clear_of_earlier(
         columns: &mut [Column; TOGETHER],
-        told: &[[f64; TOGETHER]; TOGETHER],
+        projection: &[[f64; TOGETHER]; TOGETHER],
         count: usize
     ) {
         for m in 1..count {
             let (earlier, rest) = columns.split_at_mut(m);
             for e in 0..m {
-                let part = told[e][m];
+                let part = projection[e][m];
                 for j in 0..WIDTH {
                     rest[0][j] -= part * earlier[e][j];
                 }
@@ -216,15 +217,15 @@ kernel! {
                 for j in 0..BALANCED {
                     square += dt * jacobian[b][j] * added[a][position(j)];
                 }
-                matrix[TURN + a][TURN + b] += added[a][TURN + b] + added[b][TURN + a] + square;
+                matrix[BODY_RATE + a][BODY_RATE + b] += added[a][BODY_RATE + b] + added[b][BODY_RATE + a] + square;
             }
-            for j in TURN + 3..WIDTH {
-                matrix[TURN + a][j] += added[a][j];
+            for j in BODY_RATE + 3..WIDTH {
+                matrix[BODY_RATE + a][j] += added[a][j];
             }
         }
-        for (i, row) in matrix[..TURN].iter_mut().enumerate() {
+        for (i, row) in matrix[..BODY_RATE].iter_mut().enumerate() {
             for axis in 0..3 {
-                row[TURN + axis] += added[axis][i];
+                row[BODY_RATE + axis] += added[axis][i];
             }
             lanes_stay_together();
         }

@@ -1,13 +1,14 @@
-//! How a vehicle handles, as numbers.
+//! Handling parameters of a vehicle.
 
 use model::vehicle::{Axle, Vehicle};
 use sample::STANDARD_GRAVITY_M_S2;
 use serde::{Deserialize, Serialize};
 
-use super::SHAPE_RANGE;
+/// Curve shapes that [`normalised_force`](crate::planar::normalised_force) is meant for.
+pub const SHAPE_RANGE: [f64; 2] = [1.2, 6.0];
 
-/// How a vehicle handles: what [`crate::identification::handling`] finds, as it stands in a
-/// calibration file.
+/// Handling parameters, as [`crate::identification::handling`] estimates them and a calibration
+/// file stores them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Handling {
@@ -26,7 +27,7 @@ pub struct Handling {
     pub rear_shape: f64,
     /// Yaw inertia, kg m^2.
     pub yaw_inertia_kg_m2: f64,
-    /// What the accelerometer reads over the lateral acceleration: above 1, as the body rolls.
+    /// Accelerometer reading over lateral acceleration: above 1, since the body rolls.
     pub roll_gain: f64,
     /// Road-wheel angle over the angle that the vehicle file's steering ratio gives.
     pub steer_gain: f64,
@@ -41,7 +42,7 @@ pub struct Handling {
 }
 
 impl Handling {
-    /// What the vehicle file alone tells.
+    /// Handling parameters from the vehicle file alone.
     #[must_use]
     pub fn of_vehicle(vehicle: &Vehicle) -> Self {
         let body = &vehicle.body;
@@ -80,7 +81,7 @@ impl Handling {
         }
     }
 
-    /// Name and value of the first member that no vehicle has.
+    /// Name and value of the first parameter that no vehicle can have.
     #[must_use]
     pub fn implausible(&self) -> Option<(&'static str, f64)> {
         let [least_shape, most_shape] = SHAPE_RANGE;

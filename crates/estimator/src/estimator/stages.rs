@@ -1,0 +1,318 @@
+//! The stages of one step.
+
+use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
+
+use super::events::{channel_event, frozen_event};
+use super::{Estimator, Output};
+use crate::Input;
+use crate::feedback::EstimatorFeedback;
+use crate::fusion::{Fusion, StepInput};
+use crate::gaussian::Gaussian;
+use crate::grid::GRID_S;
+use crate::grip::GripInput;
+use crate::kinematics;
+use crate::motion::MotionState;
+use crate::planar::{Planar, PlanarMotion};
+use crate::smoother::Step;
+use crate::statics::{self, CornerAssumptions};
+use crate::waiting::{Entry, Held};
+
+impl Estimator {
+    /// Stage 1: takes all waiting samples in the order of their own time. Inertial readings
+    /// propagate the motion filter, GNSS values correct it. Returns whether the filter has settled.
+    pub(super) fn collect(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> bool {
+        let resets = self.motion.resets();
+        self.motion.set_imu_consistent(self.feedback.imu_consistent);
+        self.take_waiting(time, out);
+        self.monitor_biases(time, out);
+        let settling_s = self.settings.tuning.settling_s;
+        let settled = |since| time.seconds_since(since) > settling_s;
+        let starting = !self.moving_since.is_some_and(settled);
+        self.divergences[0].step(time, self.motion.resets().into(), starting, out);
+        if self.motion.resets() > resets {
+            self.moving_since = None;
+        }
+        self.readings
+            .frozen_changes(&self.calibration.corners, &mut |change| {
+                out(Output::Event(frozen_event(time, change)));
+            });
+        settled(*self.moving_since.get_or_insert(time))
+    }
+
+    fn take_waiting(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+        self.waiting.sort();
+        while let Some(Entry { time, held }) = self.waiting.take() {
+            let fresh = now.seconds_since(time) <= self.settings.tuning.fresh_s;
+            match held {
+                Held::Corner(_) | Held::SteeringWheel(_) | Held::WheelSpeed(_) if !fresh => {}
+                Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
+                Held::NoInertial => self.take_invalid_inertial(now, out),
+                Held::Velocity(source, gnss) => {
+                    self.take_velocity(time, source, &gnss, now, out);
+                }
+                Held::Attitude(gnss) => self.take_attitude(time, &gnss, now, out),
+                Held::Corner(corner) => self.readings.push_corner(
+                    time,
+                    &corner,
+                    &self.calibration.corners[corner.wheel],
+                    self.settings.uses(Input::Strain),
+                    self.settings.uses(Input::Deflection),
+                ),
+                Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
+                Held::WheelSpeed(speeds) => {
+                    for wheel in Wheel::ALL {
+                        if let Some(speed) = speeds[wheel] {
+                            self.readings.push_wheel_speed(time, wheel, speed);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Stage 2: propagates the motion filter to `time` and, while GNSS is silent, corrects it by
+    /// wheel speeds and tyre slip.
+    pub(super) fn propagate(&mut self, time: LogTime) -> MotionState {
+        self.motion.coast(time);
+        self.aid_motion(time);
+        self.motion.state(time)
+    }
+
+    /// Stage 3: the single-track filter of a vehicle without linkages. Its motion replaces the
+    /// inertial navigation's while GNSS is silent.
+    pub(super) fn correct_planar(
+        &mut self,
+        time: LogTime,
+        navigated: bool,
+        state: &mut MotionState,
+        out: &mut impl FnMut(Output),
+    ) -> Option<PlanarMotion> {
+        let planar = self.planar.as_mut()?;
+        let motion = planar.step(time, GRID_S);
+        self.divergences[2].step(time, planar.resets(), false, out);
+        let motion = motion.filter(|_| !navigated);
+        if let Some(motion) = &motion {
+            motion.apply_to(state);
+        }
+        motion
+    }
+
+    /// Stage 4: places the linkages and the ground. Returns the wheels' steer angles, rad.
+    pub(super) fn place_corners(&mut self, time: LogTime, state: &MotionState) -> [f64; 4] {
+        if let Some(corners) = &mut self.corners {
+            let offset_rad = self.feedback.steer_offset_rad * self.vehicle.steering.ratio;
+            corners.update(
+                time,
+                GRID_S,
+                &mut self.readings,
+                state,
+                &self.feedback,
+                offset_rad,
+            );
+        }
+        self.steer_angles()
+    }
+
+    /// Stage 5: the motion as it is reported, with bank and grade where linkages give the ground.
+    pub(super) fn describe_motion(
+        &self,
+        state: &MotionState,
+        planar: Option<&PlanarMotion>,
+        navigated: bool,
+    ) -> Motion {
+        let mut motion = kinematics::motion(state);
+        if self.planar.is_some() && planar.is_none() && !navigated {
+            motion = Motion::UNKNOWN;
+        }
+        if let Some(corners) = &self.corners {
+            let (roll, pitch) = kinematics::ground_angles(corners.normal());
+            motion.bank_rad = motion.roll_rad - roll;
+            motion.grade_rad = motion.pitch_rad - pitch;
+        }
+        motion
+    }
+
+    /// Stage 6: tyre forces that the vehicle model expects.
+    pub(super) fn expect_forces(
+        &mut self,
+        state: &MotionState,
+        motion: &Motion,
+        steer_rad: [f64; 4],
+    ) -> PerWheel<TyreForce> {
+        self.expected
+            .step(GRID_S, state.velocity_m_s.x, motion, steer_rad)
+    }
+
+    /// Stage 7: tyre forces from strain, struts and the inertial unit, by the force filter or by
+    /// the statics of each corner.
+    pub(super) fn measure_forces(
+        &mut self,
+        now: LogTime,
+        motion: &MotionState,
+        expected: &PerWheel<TyreForce>,
+        out: &mut impl FnMut(Output),
+    ) -> PerWheel<TyreForce> {
+        let Some(corners) = &self.corners else {
+            return PerWheel::default();
+        };
+        let forces = if let Some(fusion) = &mut self.fusion {
+            let input = StepInput {
+                now,
+                dt: GRID_S,
+                fresh_s: self.settings.tuning.fresh_s,
+                corners: corners.states(),
+                statics_before: corners.statics_before(),
+                motion,
+                channels: &self.calibration.corners,
+                expected,
+                imu_m: self.calibration.imu_m,
+                imu_sigma: self.imu_sigma,
+                used: self.monitors.inertial.used(),
+                turn_over_ground: corners.turn_over_ground(),
+            };
+            let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
+                out(Output::Event(channel_event(now, change)));
+            });
+            self.divergences[1].step(now, fusion.resets().into(), false, out);
+            self.monitors.update_imu_consistency(fusion.imu_agrees());
+            forces
+        } else {
+            self.statics_of_corners(now, motion, expected)
+        };
+        corners.add_frame_uncertainty(&forces, self.grip.steer_offset().1)
+    }
+
+    fn statics_of_corners(
+        &self,
+        now: LogTime,
+        motion: &MotionState,
+        expected: &PerWheel<TyreForce>,
+    ) -> PerWheel<TyreForce> {
+        let Some(corners) = &self.corners else {
+            return PerWheel::default();
+        };
+        PerWheel::from_fn(|wheel| {
+            let tyre = &self.axle(wheel).tyre;
+            let assumed = CornerAssumptions {
+                rolling_radius_m: tyre.rolling_resistance
+                    * tyre.unloaded_radius_m
+                    * motion.velocity_m_s.x.clamp(-1.0, 1.0),
+                expected_n: expected[wheel].force_n,
+                fresh_s: self.settings.tuning.fresh_s,
+            };
+            statics::tyre_force(
+                now,
+                &corners.states()[wheel.index()],
+                &self.readings.corners[wheel],
+                &self.calibration.corners[wheel],
+                &assumed,
+                &self.settings.tuning.statics,
+            )
+        })
+    }
+
+    /// Stage 9: warnings, lift and touchdown of wheels and sides.
+    pub(super) fn detect_lift(
+        &mut self,
+        time: LogTime,
+        state: &MotionState,
+        measured: &PerWheel<TyreForce>,
+        out: &mut impl FnMut(Output),
+    ) -> Rollover {
+        let speed_m_s = math::hypot(state.velocity_m_s.x, state.velocity_m_s.y);
+        let moving = speed_m_s > self.settings.tuning.lift_speed_min_m_s;
+        self.lift
+            .step(time, GRID_S, moving, measured, &mut |event| {
+                out(Output::Event(event));
+            })
+    }
+
+    /// Stage 10: completes the reported motion by the force filter's angular rate, steer angles and
+    /// slip angles.
+    pub(super) fn complete_motion(
+        &self,
+        motion: &mut Motion,
+        state: &MotionState,
+        planar: Option<&PlanarMotion>,
+        steer_rad: [f64; 4],
+    ) {
+        if let Some(fusion) = self.fusion.as_ref().filter(|_| state.inertial) {
+            motion.rate_rad_s = fusion.rate_rad_s();
+        }
+        if let Some(planar) = planar {
+            planar.write_to(motion);
+        }
+        motion.steer_rad = PerWheel(steer_rad);
+        motion.slip_angle_rad = match &self.corners {
+            Some(corners) => kinematics::slip_angles_on(corners, state),
+            None => kinematics::slip_angles(&self.vehicle, state, steer_rad),
+        };
+    }
+
+    /// Stage 11: grip from slip angles that GNSS gives and measured forces. Slip angles that were
+    /// derived from grip are not used, nor are those of a vehicle that tips over.
+    pub(super) fn learn_grip(
+        &mut self,
+        time: LogTime,
+        state: &MotionState,
+        motion: &Motion,
+        measured: &PerWheel<TyreForce>,
+        out: &mut impl FnMut(Output),
+    ) {
+        if !self.monitors.steering.is_used()
+            || self.lift.is_tipping()
+            || measured.0[0].source != ForceSource::Fusion
+        {
+            return;
+        }
+        let input = GripInput {
+            now: time,
+            dt: GRID_S,
+            speed_m_s: state.velocity_m_s.x,
+            slip_angle_rad: &motion.slip_angle_rad,
+            corrected_rad: self.feedback.steer_offset_rad,
+            sideslip_sigma_rad: state.sideslip_sigma_rad,
+            forces: measured,
+        };
+        self.grip
+            .step(&input, &mut |event| out(Output::Event(event)));
+    }
+
+    /// Stage 12: what the next step uses of this one.
+    pub(super) fn feed_back(
+        &self,
+        forces: PerWheel<TyreForce>,
+        steering_wheel: Option<Gaussian>,
+    ) -> EstimatorFeedback {
+        let fusion = self.fusion.as_ref();
+        EstimatorFeedback {
+            forces,
+            struts: fusion.map_or_else(Default::default, |fusion| {
+                std::array::from_fn(|wheel| fusion.strut(wheel))
+            }),
+            body_motion: fusion.and_then(Fusion::body_motion),
+            steer_offset_rad: self.grip.steer_offset().0,
+            steering_wheel,
+            imu_consistent: self.monitors.imu_consistent(),
+        }
+    }
+
+    /// Hands the step out for a smoother, if that was asked for.
+    pub(super) fn trace(
+        &mut self,
+        estimate: &Estimate,
+        navigated: bool,
+        out: &mut impl FnMut(Output),
+    ) {
+        if self.traced {
+            out(Output::Step(Box::new(Step {
+                estimate: estimate.clone(),
+                solution: self.motion.solution(),
+                operations: self.motion.take_operations(),
+                navigated,
+                planar: self.planar.as_mut().and_then(Planar::take_trace),
+                forces: self.fusion.as_mut().map(Fusion::take_trace),
+            })));
+        }
+    }
+}

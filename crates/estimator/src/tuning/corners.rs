@@ -1,0 +1,66 @@
+//! Linkages and struts.
+
+use super::tuning;
+
+tuning! {
+    /// Position of the linkages, the ground's normal and the contact frames (`corners.rs`).
+    CornerTuning {
+        /// Load under which a wheel's contact point does not define the ground.
+        contact_n: f64 = 60.0, "N";
+        /// Error of the strut model beside the error of its length: for the filtered length.
+        strut_sigma_n: f64 = 8.0, "N";
+        /// The same for one of many readings.
+        reading_sigma_n: f64 = 3.0, "N";
+        /// Factor on the variance of the strut rate. The rate error is correlated over consecutive
+        /// readings, so the readings are not independent.
+        rate_correlation: f64 = 2.5, "1";
+        /// Without a potentiometer: part of the way to the length that the strut force implies that
+        /// is taken in one step.
+        forced_part: f64 = 0.1, "1";
+        /// The same, largest step.
+        forced_step_max_m: f64 = 0.002, "m";
+        /// Largest standard deviation of the front wheels' heading that a workshop's zero of the
+        /// steering wheel leaves.
+        steer_sigma_max_rad: f64 = 0.003, "rad";
+        /// Largest load that enters the geometry, in multiples of the static load.
+        load_max: f64 = 20.0, "1";
+        group strut_length: StrutLengthTuning;
+        group steering_wheel: SteeringWheelTuning;
+    }
+}
+
+tuning! {
+    /// Strut length and rate from a potentiometer (`corners/length.rs`).
+    StrutLengthTuning {
+        /// Initial density of the strut's jerk.
+        jerk_density: f64 = 5.0 * 5.0, "(m/s³)²/Hz";
+        /// Bounds of that density.
+        jerk_density_bounds: [f64; 2] = [0.2 * 0.2, 300.0 * 300.0], "(m/s³)²/Hz";
+        /// Gate of a reading.
+        gate_sigma: f64 = 8.0, "σ";
+        /// Consecutive rejected readings after which the filter, not the potentiometer, is
+        /// considered wrong.
+        rejections_max: u32 = 5, "1";
+        /// Silence after which the length is unknown.
+        silence_s: f64 = 0.1, "s";
+        /// Initial variances of length, rate and acceleration.
+        start_variance: [f64; 3] = [0.01, 1.0, 100.0], "m², (m/s)², (m/s²)²";
+        /// Variance of a length that is adopted from the potentiometer.
+        adopted_variance_m2: f64 = 1e-6, "m²";
+    }
+}
+
+tuning! {
+    /// Steering-wheel angle, rate and acceleration from encoder readings
+    /// (`corners/steering_wheel.rs`).
+    SteeringWheelTuning {
+        /// Fading memory per step of the angle. The fastest steering of a driver must pass.
+        angle_keep: f64 = 0.7, "1";
+        /// Fading memory per step of rate and acceleration.
+        rate_keep: f64 = 0.85, "1";
+        /// Largest rack speed that is used: an encoder can jump.
+        rack_max_m_s: f64 = 0.2, "m/s";
+        /// Largest rack acceleration that is used.
+        rack_max_m_s2: f64 = 2.0, "m/s²";
+    }
+}

@@ -1,0 +1,234 @@
+//! Force filter.
+
+use super::tuning;
+
+tuning! {
+    /// Force filter: states and process noise (`fusion.rs`, `fusion/process.rs`).
+    FusionTuning {
+        /// Gate of rows without a channel monitor: accelerometers, gyros, angular rate over ground.
+        gate_sigma: f64 = 5.0, "σ";
+        /// Steps after a start in which only the corners are used, without gates: the balance of all
+        /// forces would mislead the filter of a vehicle that stands on jacks.
+        settling_steps: u32 = 50, "1";
+        /// Initial standard deviation of forces.
+        force_start_sigma_n: f64 = 2000.0, "N";
+        /// Initial standard deviation of force rates.
+        rate_start_sigma_n_s: f64 = 1e4, "N/s";
+        /// Time constant of tyre moments beyond tread and trail.
+        moment_time_s: f64 = 1.0, "s";
+        /// Initial standard deviation of half-shaft torques, mean and half the difference of left
+        /// and right. Both axles have the states, whatever the vehicle file's split is: where
+        /// four-wheel drive can be switched on, undriven front wheels would cost 12 % of F_x.
+        torque_start_sigma_n_m: [f64; 2] = [50.0, 1.0], "N m";
+        /// Time constants of mean and difference.
+        torque_time_s: [f64; 2] = [50.0, 1.0], "s";
+        /// Initial density of the noise of mean and difference.
+        torque_density: [f64; 2] = [1.0e4, 2.0], "(N m)²/s";
+        /// Bounds of the density of the mean.
+        torque_mean_bounds: [f64; 2] = [10.0, 1.0e6], "(N m)²/s";
+        /// Bounds of the density of the difference. Torques that always may differ would cost each
+        /// axle a channel; 16-bit bridges that are assumed alike where they differ by 1 N m cost
+        /// 0.5 % of F_y.
+        torque_difference_bounds: [f64; 2] = [2.0, 1.0e4], "(N m)²/s";
+        /// Initial variance of the body's angular rate, and the variance that is added when the
+        /// vehicle is found to be held.
+        body_rate_variance: f64 = 0.1, "(rad/s)²";
+        /// Angular rate beyond which the filter is started again.
+        body_rate_max_rad_s: f64 = 10.0, "rad/s";
+        /// Moment that the rigid-body balance does not contain.
+        moment_noise_n_m: [f64; 3] = [10.0, 10.0, 15.0], "N m/√Hz";
+        /// Time constant of the remaining accelerometer bias.
+        accel_time_s: f64 = 30.0, "s";
+        /// Smallest and largest standard deviation of the remaining accelerometer bias. Where mass
+        /// and centre of gravity are known only to a workshop's per cent, it grows with the
+        /// acceleration to several times the value of exact ones; the density is adapted.
+        accel_sigma_m_s2: [f64; 2] = [0.004, 0.03], "m/s²";
+        /// Time constant with which a strain channel's offset returns to the calibrated zero. An
+        /// offset that only walked would take up errors of moments, torques and geometry.
+        offset_time_s: f64 = 100.0, "s";
+        /// Random walk of a strain channel's offset.
+        offset_walk_n: f64 = 0.05, "N/√s";
+        /// Density of the noise of force rates while a corner's strain is missing.
+        blind_density: f64 = 6.0e3 * 6.0e3, "(N/s)²/s";
+        /// Speed from which the tyres alone carry the vehicle.
+        rolling_speed_m_s: f64 = 1.0, "m/s";
+        /// Change of a strut's acceleration that is allowed after a step with many innovations
+        /// outside their gates.
+        blow_m_s2: f64 = 2.0, "m/s²";
+        /// Change of a strut's acceleration that is allowed after a sudden drive or brake force.
+        push_m_s2: f64 = 0.3, "m/s²";
+        group members: MemberTuning;
+        group channels: ChannelTuning;
+        group force_noise: ForceNoiseTuning;
+        group balance: BalanceTuning;
+        group moments: MomentTuning;
+        group potentiometers: PotentiometerTuning;
+    }
+}
+
+tuning! {
+    /// Measurement equations of struts and strain channels (`fusion/corner.rs`).
+    MemberTuning {
+        /// Error of geometry and model on a member's force, constant part.
+        member_sigma_n: f64 = 1.3, "N";
+        /// The same as a part of the force.
+        member_sigma_part: f64 = 0.002, "1";
+        /// The same without a potentiometer, when the design position replaces the measured one,
+        /// constant part.
+        unposed_sigma_n: f64 = 60.0, "N";
+        /// The same as a part of the force.
+        unposed_sigma_part: f64 = 0.15, "1";
+        /// Error of geometry and model on the ball-normal force from a bending bridge.
+        bending_sigma_n: f64 = 2.5, "N";
+        /// Error of a channel's gain that is not a fault.
+        gain_tolerance: f64 = 0.02, "1";
+        /// Standard deviation that is added to each force when many channels are outside their gates
+        /// in one step.
+        surprise_n: f64 = 100.0, "N";
+        /// The same for force rates. Inverting the sensor lag would turn a jump into an unrealistic
+        /// force rate, so the rate gets its own value.
+        surprise_n_s: f64 = 2.5e3, "N/s";
+        /// Gate of a strut's force: the level of a potentiometer can be wrong.
+        strut_gate_sigma: f64 = 10.0, "σ";
+        /// Error of the vehicle model's F_x, F_y and F_z, as a part of the load, where strain is
+        /// missing.
+        expected_sigma_part: [f64; 3] = [0.4, 0.1, 0.15], "1";
+        /// The same, constant part.
+        expected_sigma_n: f64 = 30.0, "N";
+        /// Time for which one such expected force counts as one measurement.
+        expected_time_s: f64 = 0.1, "s";
+        /// Standard deviation of a strut's force where strain does not show what part of it F_x and
+        /// F_y carry.
+        blind_strut_n: f64 = 70.0, "N";
+        /// Largest extrapolation of a linkage's map into the past, in steps.
+        steps_back_max: f64 = 3.0, "1";
+    }
+}
+
+tuning! {
+    /// Monitor of each strain channel (`fusion/channel.rs`).
+    ChannelTuning {
+        /// Innovation that counts as outside.
+        gate_sigma: f64 = 5.0, "σ";
+        /// Fraction of recent innovations outside the gate above which a channel is faulty.
+        faulty: f64 = 0.5, "1";
+        /// From this fraction of recent innovations outside its gate, a channel counts as a single
+        /// outlier and no longer takes part in the multi-channel test. A manoeuvre affects many
+        /// channels within one step, so their fractions are still low then.
+        alone: f64 = 0.1, "1";
+        /// Fraction below which a faulty channel is used again.
+        good: f64 = 0.05, "1";
+        /// Weight of one innovation in that fraction: about half a second at 100 Hz until exclusion.
+        learning: f64 = 1.0 / 50.0, "1";
+        /// Weight of one innovation in the mean of innovations: about one second.
+        mean_learning: f64 = 0.01, "1";
+        /// Factor on the mean as an error of the model: innovations that keep one sign are not noise.
+        mean_factor: f64 = 2.0, "1";
+        /// Weight of one innovation in the factor on the model's variance.
+        tolerance_learning: f64 = 0.02, "1";
+        /// Bounds of that factor.
+        tolerance_bounds: [f64; 2] = [0.03, 2.0], "1";
+    }
+}
+
+tuning! {
+    /// Process noise of force rates and the multi-channel test (`fusion/force_noise.rs`).
+    ForceNoiseTuning {
+        /// Initial density.
+        start_density: f64 = 3.0e3 * 3.0e3, "(N/s)²/s";
+        /// Bounds of the density.
+        density_bounds: [f64; 2] = [15.0 * 15.0, 2.0e4 * 2.0e4], "(N/s)²/s";
+        /// Each axis keeps at least this part of the largest axis' density: a tyre that is steered or
+        /// braked pushes along all axes.
+        shared: f64 = 0.02, "1";
+        /// Normalised innovation squared that counts as large.
+        large_square: f64 = 20.0, "σ²";
+        /// Channels of one corner with large innovations that trigger inflation.
+        channels: u32 = 3, "1";
+        /// Standard deviations of chi-square that the sum of all squares must exceed its mean by.
+        sum_sigma: f64 = 4.5, "σ";
+        /// Largest contribution of one channel to that sum: of twenty good channels the test triggers
+        /// once a minute.
+        share_max: f64 = 9.0, "σ²";
+        /// Smallest density after inflation.
+        inflated_density: f64 = 6.0e3 * 6.0e3, "(N/s)²/s";
+    }
+}
+
+tuning! {
+    /// Inertial unit in the balances of forces and moments (`fusion/inertial.rs`).
+    BalanceTuning {
+        /// Error of the model on the sum of all forces.
+        sum_sigma_n: f64 = 10.0, "N";
+        /// Standard deviation that is added to the accelerometers after inflation: a wrong
+        /// accelerometer may have caused the innovations.
+        inflated_accel_m_s2: f64 = 1.0, "m/s²";
+        /// Normalised innovation squared of the forward accelerometer that is taken as a sudden drive
+        /// or brake force.
+        push_square: f64 = 8.0, "σ²";
+        /// The same, beyond which the accelerometer is considered wrong.
+        push_max_square: f64 = 400.0, "σ²";
+        /// Rate of the loads after a sudden force, for each newton beyond the gate: the body begins to
+        /// pitch.
+        push_load_rate: f64 = 3.0, "1/s";
+        /// Standard deviation of roll and pitch rate from struts: the ground also turns.
+        over_ground_sigma_rad_s: f64 = 0.2, "rad/s";
+        /// Part of the weight that the tyres must carry before a vehicle that was held counts as
+        /// free.
+        held_part: f64 = 0.05, "1";
+        /// Consecutive readings of a good gyro beyond the gate after which the balance of moments is
+        /// considered wrong.
+        gyro_rejections_max: u32 = 20, "1";
+    }
+}
+
+tuning! {
+    /// Tyre moments about the contact point (`fusion/moments.rs`).
+    MomentTuning {
+        /// Standard deviation of M_x and M_z beyond tread and trail: upright wheels without side
+        /// force.
+        sigma_n_m: f64 = 1.0, "N m";
+        /// Standard deviation of M_x where the tread width is unknown.
+        untreaded_sigma_n_m: f64 = 28.0, "N m";
+        /// Error of the tread's moment from its width and stiffness, as a part of it.
+        tread_error: f64 = 0.04, "1";
+        /// The same, times the part of the width that is off the ground: the rim's edge carries what
+        /// a row of equal springs would not.
+        tread_lifted_error: f64 = 0.5, "1";
+        /// Error of the trail's moment, as a part of it.
+        trail_error: f64 = 0.2, "1";
+    }
+}
+
+tuning! {
+    /// Monitor of the potentiometers' levels (`fusion/lengths.rs`).
+    PotentiometerTuning {
+        /// Error of a strut's length beside the potentiometer's zero.
+        sigma_mm: f64 = 0.02, "mm";
+        /// Time constant with which the error returns to zero. A stop is five times as stiff as the
+        /// spring, so a length that was learnt on the spring would be a large error on the stop.
+        time_s: f64 = 0.5, "s";
+        /// Random walk of the error while the potentiometer is suspect.
+        suspect_walk_mm: f64 = 1.0, "mm/√s";
+        /// Standard deviation of a length whose potentiometer has jumped.
+        jump_sigma_mm: f64 = 15.0, "mm";
+        /// Error from which a potentiometer is faulty.
+        faulty_mm: f64 = 3.0, "mm";
+        /// Error below which it is good.
+        good_mm: f64 = 1.5, "mm";
+        /// Standard deviations by which the error must exceed the faulty limit.
+        faulty_sigma: f64 = 3.0, "σ";
+        /// Steps for which it must be good.
+        good_steps: u32 = 100, "1";
+        /// Weight of one innovation in the means below.
+        learning: f64 = 0.01, "1";
+        /// Mean innovation that makes a potentiometer suspect; white innovations have a mean of 0.07.
+        suspect_mean_sigma: f64 = 0.5, "σ";
+        /// Mean innovation as a length that makes it suspect. Both limits must be exceeded.
+        suspect_mean_mm: f64 = 0.7, "mm";
+        /// Limit of one innovation in the mean.
+        innovation_max_sigma: f64 = 5.0, "σ";
+        /// Limit of one innovation as a length in the mean.
+        innovation_max_mm: f64 = 20.0, "mm";
+    }
+}
