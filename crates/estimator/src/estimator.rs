@@ -176,7 +176,8 @@ impl Estimator {
 
     /// Leaves out all instants before `now`: time has passed in which nothing was measured.
     pub fn skip_to(&mut self, now: LogTime) {
-        self.next_grid = Some(LogTime(now.0.div_ceil(GRID_NANOS) * GRID_NANOS));
+        let spacing = crate::GRID_NANOS;
+        self.next_grid = Some(LogTime(now.0.div_ceil(spacing) * spacing));
     }
 
     /// Takes one sample. Samples that do not concern the estimator and values that no vehicle can
