@@ -149,7 +149,7 @@ impl Missing {
                 bytes,
                 what,
                 ..
-            } => format!("the {what} at byte {offset} is damaged; {bytes} bytes are left out"),
+            } => format!("the {what} at byte {offset} cannot be read; {bytes} bytes are left out"),
             Self::Unconfirmed { offset, what, .. } => {
                 format!("no checksum covers the {what} at byte {offset}; it is left out")
             }

@@ -33,7 +33,7 @@ fn a_damaged_log_is_read_and_recovered_without_the_damaged_chunk() {
     let run = |arguments: &[&str]| atvrec(directory.path()).args(arguments).assert();
 
     let text = stdout(&run(&["info", "drive.mcap"]).success());
-    let place = format!("chunk at byte {middle} is damaged");
+    let place = format!("chunk at byte {middle} cannot be read");
     assert!(text.contains(&place), "{text}");
     run(&["report", "drive.mcap", "-o", "drive.html"]).success();
     let report = fs::read_to_string(directory.path().join("drive.html")).expect("a report");
