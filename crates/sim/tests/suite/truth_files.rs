@@ -151,7 +151,10 @@ fn bad_cells_files_and_names_are_told() {
 
     let torn = file(&directory, "torn.parquet");
     std::fs::write(&torn, b"PAR1 and no more").expect("a temporary file");
-    assert!(matches!(Motion::open(&torn), Err(SimError::Parquet { .. })));
+    assert!(matches!(
+        Motion::open(&torn),
+        Err(SimError::Unreadable { .. })
+    ));
     assert!(matches!(
         Motion::open(&file(&directory, "none.csv")),
         Err(SimError::Read { .. })
