@@ -8,10 +8,9 @@ use libfuzzer_sys::fuzz_target;
 mod atvrec {
     pub mod config;
     pub mod exit;
-    pub mod retention;
 }
 
-use atvrec::{config, exit, retention};
+use atvrec::{config, exit};
 
 fuzz_target!(|data: &[u8]| {
     let attached = [store::Attachment {

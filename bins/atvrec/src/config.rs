@@ -23,7 +23,7 @@ pub use files::{FileKind, Files, GAVLAB, read_text};
 pub use reader::{Problems, TOML_MAX};
 pub use roles::Role;
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
-pub use storage::Storage;
+pub use storage::{Limits, Storage};
 pub use trigger::Trigger;
 
 use crate::exit::UsageError;

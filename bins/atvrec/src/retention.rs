@@ -15,21 +15,13 @@ use std::time::Duration;
 use store::{ACTIVE_SUFFIX, Summary};
 
 use crate::board::Board;
+pub use crate::config::Limits;
 use crate::folder::{LogName, Protected};
 
 /// How often the directory is looked at.
 const PERIOD: Duration = Duration::from_secs(10);
 /// One MiB, bytes.
 const MIB: f64 = 1_048_576.0;
-
-/// Limits of the log directory, in bytes; `None` is no limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Limits {
-    /// Most that all logs together may take.
-    pub quota: Option<u64>,
-    /// Least that is to stay free on the disk.
-    pub keep_free: Option<u64>,
-}
 
 /// The limit that a log was removed for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

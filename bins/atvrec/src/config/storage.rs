@@ -6,7 +6,15 @@ use std::time::Duration;
 use super::reader::{Gatherer, Section};
 use super::source::Source;
 use super::trigger::Trigger;
-use crate::retention::Limits;
+
+/// Limits of the log directory, in bytes; `None` is no limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Limits {
+    /// Most that all logs together may take.
+    pub quota: Option<u64>,
+    /// Least that is to stay free on the disk.
+    pub keep_free: Option<u64>,
+}
 
 /// Where and how logs are written.
 #[derive(Clone, Debug, PartialEq)]
