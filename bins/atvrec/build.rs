@@ -1,5 +1,11 @@
 //! Gives the program the commit that it is built from, and a date that no later run can be before.
 
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "a build script is given its inputs in the environment"
+)]
+
 use std::process::Command;
 
 /// Date of a source without history: 2026-01-01.

@@ -3,6 +3,8 @@
 //!
 //! usage: `damage LOG [DAMAGES]`
 
+#![allow(clippy::disallowed_methods, reason = "it takes arguments")]
+
 use std::io::Cursor;
 
 use anyhow::{Context, ensure};

@@ -218,8 +218,10 @@ impl Verifier {
                 false
             });
         }
-        while let Some((_, hash)) = self.found_at.pop_front_if(|(at, _)| *at < before) {
-            self.found.remove(&hash);
+        while self.found_at.front().is_some_and(|(at, _)| *at < before) {
+            if let Some((_, hash)) = self.found_at.pop_front() {
+                self.found.remove(&hash);
+            }
         }
     }
 

@@ -1,5 +1,11 @@
 //! The program from outside: exit codes, messages, files.
 
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "the tests measure time and read the environment"
+)]
+
 #[path = "suite/calibrate.rs"]
 mod calibrate;
 #[path = "suite/configuration.rs"]

@@ -2,6 +2,12 @@
 //! original is kept. How many messages are to be saved is computed by `damage/expected.py`, which
 //! reads the same log without this crate.
 
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "the tests measure time and read the environment"
+)]
+
 mod common;
 
 use std::collections::{BTreeMap, HashMap};

@@ -1,5 +1,11 @@
 //! Logs that were cut short: what is read from them, and what recovery saves.
 
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "the tests measure time and read the environment"
+)]
+
 mod common;
 
 use std::collections::BTreeMap;

@@ -38,7 +38,12 @@ pub fn paths(config: &Config) -> Vec<PathBuf> {
     }
     let name = name_for(&config.storage.directory);
     let mut paths = vec![Path::new(SYSTEM_DIRECTORY).join(&name)];
-    if let Some(user) = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| !path.is_empty()) {
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "the login session names its folder in the environment"
+    )]
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR");
+    if let Some(user) = runtime.filter(|path| !path.is_empty()) {
         paths.push(Path::new(&user).join(USER_DIRECTORY).join(&name));
     }
     paths.push(config.storage.directory.join(STORAGE_NAME));

@@ -153,7 +153,7 @@ fn offset(
         offset_ns: unix_ns
             .saturating_sub(log_ns)
             .saturating_add(nanos(transport_delay_s)),
-        sigma_s: state.jitter_s.hypot(delay_sigma_s),
+        sigma_s: math::hypot(state.jitter_s, delay_sigma_s),
         leap_seconds,
     }
 }

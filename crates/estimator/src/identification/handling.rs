@@ -63,11 +63,14 @@ const HUBER: f64 = 3.0;
 const PRIOR_ROWS: f64 = 100.0;
 /// The model's doubt in each round of the fit, and its iterations. A model that is doubted follows
 /// the measurements from anywhere; one that is believed tells its parameters apart.
-const ROUNDS: [(fn(&PlanarTuning) -> PlanarDoubt, usize); 3] = [
+const ROUNDS: [(DoubtOf, usize); 3] = [
     (PlanarDoubt::file, 8),
     (PlanarDoubt::identified, 8),
     (PlanarDoubt::identified, 6),
 ];
+/// The doubt of the single-track model by the tuning.
+type DoubtOf = fn(&PlanarTuning) -> PlanarDoubt;
+
 /// Relative fall of the cost at which a round ends.
 const AT_REST: f64 = 1e-5;
 /// Longest step of an iteration, in deviations of the prior: far away the slopes tell little.

@@ -446,8 +446,8 @@ impl Worker {
         summary.unfinished.extend(unnamed);
         summary.losses = self.shared.ledger.losses();
         let unstated = summary.losses.since(&self.shared.stated());
-        let files = summary.files.iter().map(|file| &file.path);
-        if let Some(log) = summary.unfinished.last().or(files.last())
+        let mut files = summary.files.iter().map(|file| &file.path);
+        if let Some(log) = summary.unfinished.last().or(files.next_back())
             && !unstated.is_empty()
             && !self.shared.has_given_up()
         {

@@ -247,6 +247,7 @@ proptest! {
 
 /// Files that cost a quadratic loader minutes, and an unbounded one all memory.
 #[test]
+#[expect(clippy::disallowed_types, reason = "it measures time")]
 fn hostile_files_cost_bounded_time() {
     let head = "VERSION \"\"\nBS_:\nBU_: Node\n";
     let lines =

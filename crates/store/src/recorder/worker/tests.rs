@@ -127,8 +127,7 @@ fn control(log_time: u64, names: &[&str]) -> Record {
 fn every_channel_of_every_part_has_its_schema() {
     let directory = tempfile::tempdir().expect("a directory");
     let mut worker = worker(directory.path());
-    let mut part = 0;
-    for fails in [true, false, true] {
+    for (part, fails) in (0..).zip([true, false, true]) {
         worker.take(part * 30..part * 30 + 30);
         worker.record(&control(part * 300_000_000, &["throttle", "brake"]));
         if fails {
@@ -137,7 +136,6 @@ fn every_channel_of_every_part_has_its_schema() {
         } else {
             worker.rotate();
         }
-        part += 1;
     }
     worker.record(&control(1_000_000_000, &["brake"]));
     let summary = worker.finish();
@@ -205,7 +203,7 @@ fn a_stop_while_the_disk_hangs_ends_in_time_and_counts_what_is_lost() {
     assert!(summary.cut_off.is_some());
     assert_eq!(summary.losses.arrivals, refused + backlog.arrivals);
     let log = directory.path().join("run_0000.mcap.active");
-    assert_eq!(summary.unfinished, [log.clone()]);
+    assert_eq!(summary.unfinished, std::slice::from_ref(&log));
     // What a file beside the log states, its readers find; also once the log is recovered.
     let beside = std::fs::read_to_string(crate::losses_path(&log)).expect("written");
     assert!(beside.contains("lost_arrivals"), "{beside}");
