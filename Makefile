@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless ratchet links fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -20,7 +20,7 @@ demo: setup ## Record a virtual drive, replay it bit for bit, draw the report
 
 test: setup check python rig ## Everything that CI runs
 
-check: fmt clippy unit doc deny ## Formatting, lints, tests, documentation, licences
+check: fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
 fmt:
 	$(CARGO) fmt --all --check
@@ -34,6 +34,12 @@ unit: ## Rust tests of all crates
 
 doc:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+
+ratchet: ## Listed words, long functions and constants outside Tuning may fall and not rise
+	@scripts/ratchet
+
+links:
+	@scripts/check-links
 
 deny:
 	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed; licences and bans not checked (cargo install cargo-deny)"; fi

@@ -174,7 +174,7 @@ impl Rig {
         text
     }
 
-    /// A controller's source. What it sends is recorded as it is: the estimator has the hand wheel
+    /// A controller's source. What it sends is recorded as it is: the estimator has the steering wheel
     /// from CAN, more often and sooner.
     fn controller_lines(&self, port: Port, format: &line::Format, ports: &Ports<'_>) -> String {
         let (name, baud) = (port.name(), self.options.controller_baud);

@@ -37,7 +37,7 @@ pub struct Calibration {
     /// Strain and deflection channels.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub corner: BTreeMap<Wheel, CornerCalibration>,
-    /// Hand wheel.
+    /// Steering wheel.
     #[serde(default)]
     pub steer: SteerCalibration,
     /// Inertial unit.
@@ -106,7 +106,7 @@ pub struct ChannelCalibration {
     pub dead: bool,
 }
 
-/// Hand wheel.
+/// Steering wheel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SteerCalibration {
@@ -116,7 +116,7 @@ pub struct SteerCalibration {
     /// Play, rad, from one contact to the other.
     #[serde(default)]
     pub lash_rad: f64,
-    /// Points of the hand wheel from the middle and the left front wheel's angle, rad; empty: the
+    /// Points of the steering wheel from the middle and the left front wheel's angle, rad; empty: the
     /// vehicle file's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_map_rad: Vec<[f64; 2]>,

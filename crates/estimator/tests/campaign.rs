@@ -32,10 +32,10 @@ const WHOLE: u64 = 1000;
 /// Draws of the sensors' noise for each run.
 const NOISES: u64 = 4;
 /// Drives with a heading that hangs, a gyro that is saturated, and roll rates that are late or another
-/// channel's, for up to four seconds; with both receivers or gyro and hand wheel wrong at once (407,
+/// channel's, for up to four seconds; with both receivers or gyro and steering wheel wrong at once (407,
 /// 908), with accelerometers that are late, silent or swapped while strain or GNSS is wrong, too (447,
 /// 653, 992), with a gyro that reads another axis for a moment (511), a start from standstill whose
-/// heading is not known at once (163), a hand wheel that dies in a bend (297, 818), accelerometers that
+/// heading is not known at once (163), a steering wheel that dies in a bend (297, 818), accelerometers that
 /// are swapped on a sine and so agree now and then (312, 400), and a potentiometer that is frozen and
 /// makes the loads seem to need a jack (828).
 const HARD: [u64; 17] = [
@@ -107,7 +107,7 @@ fn a_thousand_drives_with_random_faults_do_not_diverge() {
 
 /// A heading that is adopted although it hangs, a balance of moments that runs away without struts or
 /// the gyro to hold it, one that counts for too short a time, a state that is vouched for before
-/// GNSS has confirmed it, a hand wheel that is followed although it jumps, an accelerometer that is
+/// GNSS has confirmed it, a steering wheel that is followed although it jumps, an accelerometer that is
 /// good again after a moment's agreement, or a jack under a vehicle that moves, is late in one of
 /// these.
 #[test]

@@ -311,7 +311,7 @@ fn doubt(estimate: &Estimate) -> f64 {
     sigmas.map(|sigma| sigma * sigma).sum()
 }
 
-/// Rounding, what learnt noise makes of other corrections, and that a hand wheel on its end, which may
+/// Rounding, what learnt noise makes of other corrections, and that a steering wheel on its end, which may
 /// be true, turns the wheels' axes (10 %): a part of the variances.
 const LEARNT: f64 = 0.12;
 

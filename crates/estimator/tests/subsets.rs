@@ -407,7 +407,7 @@ fn a_workshops_parameters_are_good_enough() {
     }
 }
 
-/// The prior of the tyres' stiffness may be wrong by a third, and the hand wheel's zero by two
+/// The prior of the tyres' stiffness may be wrong by a third, and the steering wheel's zero by two
 /// degrees at the road wheels: forces, slip angles and the change of surface stay right.
 #[test]
 fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {

@@ -73,7 +73,7 @@ const TALL_LIFT_N: f64 = 36.6;
 /// Estimates a second.
 const GRID_HZ: f64 = 100.0;
 
-/// Largest errors F_x, F_y, F_z, per cent, on a sine of 0.7 Hz: a hand wheel whose rate lags is worth
+/// Largest errors F_x, F_y, F_z, per cent, on a sine of 0.7 Hz: a steering wheel whose rate lags is worth
 /// half a per cent of F_y.
 const QUICK_MAX: [f64; 3] = [1.05, 1.25, 0.7];
 

@@ -198,7 +198,7 @@ pub struct WheelSpeed {
     pub noise_fraction: f64,
 }
 
-/// Hand wheel.
+/// Steering wheel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steer {

@@ -1,6 +1,6 @@
-//! Steering: road-wheel angles from the hand wheel.
+//! Steering: road-wheel angles from the steering wheel.
 //!
-//! The thesis measures the hand wheel with a string potentiometer and takes both road wheels as
+//! The thesis measures the steering wheel with a string potentiometer and takes both road wheels as
 //! equal (note to equation 2.7). Here each wheel has its own calibrated map, a rack with
 //! hard-points gives exact angles, and play, roll steer and Ackermann's geometry are modelled.
 
@@ -20,7 +20,7 @@ const LOCK_RAD: f64 = 0.75;
 /// Samples of a rack's map on each side of the middle.
 const RACK_SAMPLES: usize = 16;
 
-/// Steering gear of a vehicle: from the hand wheel to four road wheels, without play.
+/// Steering gear of a vehicle: from the steering wheel to four road wheels, without play.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteeringGear {
     /// Hand-wheel angle to the left front wheel's steer angle, rad.
@@ -29,7 +29,7 @@ pub struct SteeringGear {
     pub right: MonotoneMap,
     /// Road-wheel steer per roll angle (front, rear).
     pub roll_steer: [f64; 2],
-    /// Free play at the hand wheel, rad, from one contact to the other.
+    /// Free play at the steering wheel, rad, from one contact to the other.
     pub lash_rad: f64,
 }
 
@@ -151,7 +151,7 @@ pub fn ackermann(mean_rad: f64, wheelbase_m: f64, track_m: f64) -> [f64; 2] {
     ]
 }
 
-/// Free play: the gear stands still until the hand wheel has crossed it.
+/// Free play: the gear stands still until the steering wheel has crossed it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lash {
     /// Hand-wheel angle that the gear follows, rad.
@@ -159,7 +159,7 @@ pub struct Lash {
 }
 
 impl Lash {
-    /// Moves the hand wheel and gives the angle that the gear follows. `lash_rad` is the play from
+    /// Moves the steering wheel and gives the angle that the gear follows. `lash_rad` is the play from
     /// one contact to the other.
     pub fn follow(&mut self, hand_wheel_rad: f64, lash_rad: f64) -> f64 {
         let half = 0.5 * lash_rad.max(0.0);

@@ -33,7 +33,7 @@ pub struct Vehicle {
     pub front: Axle,
     /// Rear axle.
     pub rear: Axle,
-    /// From the hand wheel to the road wheels.
+    /// From the steering wheel to the road wheels.
     pub steering: Steering,
     /// Where torque comes from and where it is reacted.
     #[serde(default)]
@@ -268,7 +268,7 @@ pub struct Steering {
     /// given.
     #[serde(default)]
     pub ackermann: f64,
-    /// Free play at the hand wheel, rad, from one contact to the other.
+    /// Free play at the steering wheel, rad, from one contact to the other.
     #[serde(default)]
     pub lash_rad: f64,
     /// Calibrated map, left front wheel: pairs of hand-wheel and road-wheel angle, rad, ascending.

@@ -57,7 +57,7 @@ pub fn calibrate_rest<'py>(
     Ok(told)
 }
 
-/// Steering from turning plates: hand wheel (n,) and left and right front wheel (n, 2), rad.
+/// Steering from turning plates: steering wheel (n,) and left and right front wheel (n, 2), rad.
 #[pyfunction]
 #[pyo3(signature = (hand_wheel_rad, wheels_rad, *, plate_sigma_rad))]
 #[allow(clippy::needless_pass_by_value)]

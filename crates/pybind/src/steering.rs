@@ -1,4 +1,4 @@
-//! Steering: from the hand wheel to the road wheels.
+//! Steering: from the steering wheel to the road wheels.
 
 use model::steering::{self, Lash, SteeringGear};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -25,14 +25,14 @@ impl Steering {
             .map_err(|e| errors::model(&e))
     }
 
-    /// Free play at the hand wheel, rad, from one contact to the other.
+    /// Free play at the steering wheel, rad, from one contact to the other.
     #[getter]
     fn lash_rad(&self) -> f64 {
         self.inner.lash_rad
     }
 
     /// Steer angles of the four road wheels, rad, left positive, for hand-wheel angles over time:
-    /// array (..., 4). With `play` the gear follows the hand wheel only after crossing its play,
+    /// array (..., 4). With `play` the gear follows the steering wheel only after crossing its play,
     /// along the array's order and from straight ahead.
     #[pyo3(signature = (hand_wheel_rad, roll_rad=0.0, *, play=false))]
     fn road_wheels<'py>(

@@ -149,7 +149,7 @@ pub struct Parameters {
     pub gyro_bias_rad_s: [f64; 3],
     /// Its standard deviation, rad/s.
     pub gyro_bias_sigma_rad_s: [f64; 3],
-    /// How much further left the front road wheels stand than the hand wheel's zero has it, rad.
+    /// How much further left the front road wheels stand than the steering wheel's zero has it, rad.
     pub steer_offset_rad: f64,
     /// Its standard deviation, rad.
     pub steer_offset_sigma_rad: f64,

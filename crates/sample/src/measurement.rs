@@ -55,7 +55,7 @@ pub enum Measurement {
     GnssAttitude(GnssAttitude),
     /// Strain and deflection counts of one corner; a message may carry some of them only.
     Corner(CornerSample),
-    /// Hand wheel.
+    /// Steering wheel.
     Steer(SteerSample),
     /// Wheel speeds.
     WheelSpeed(WheelSpeedSample),

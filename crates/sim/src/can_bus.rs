@@ -1,4 +1,4 @@
-//! The CAN bus: four strain boxes, wheel speeds and hand wheel.
+//! The CAN bus: four strain boxes, wheel speeds and steering wheel.
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
@@ -146,7 +146,7 @@ fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
     }
 }
 
-/// Hand wheel, 0.01 degree.
+/// Steering wheel, 0.01 degree.
 fn steer_frame(angle_rad: f64) -> CanFrame {
     let hundredths = if angle_rad.is_finite() {
         (angle_rad.to_degrees() * 100.0).round() as i32

@@ -46,7 +46,7 @@ pub(crate) struct Plan {
     pub(crate) slope: Option<Slope>,
 }
 
-/// What the driver does with the hand wheel.
+/// What the driver does with the steering wheel.
 pub(crate) enum Intent {
     /// Turns it so: rad over s.
     HandWheel(fn(f64) -> f64),
@@ -214,7 +214,7 @@ pub(crate) fn body_rates(
     ]
 }
 
-/// From the hand wheel to the road wheels: by rack and hard-points, by maps, or by a ratio.
+/// From the steering wheel to the road wheels: by rack and hard-points, by maps, or by a ratio.
 enum SteeringGear {
     Rack {
         corners: Box<[Corner; 4]>,

@@ -33,7 +33,7 @@ pub enum Port {
     Septentrio,
     /// CAN bus of the strain boxes, wheel speeds and steering, as the project's DBC has it.
     Can0,
-    /// Steering controller: the hand wheel's encoder, a line a reading.
+    /// Steering controller: the steering wheel's encoder, a line a reading.
     Steering,
     /// Throttle controller: its step motor's position, a line a reading.
     Throttle,

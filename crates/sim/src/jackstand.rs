@@ -1,6 +1,6 @@
 //! The jackstand run of the thesis's section 3.5, by its geometry alone: wheels hanging, front
 //! lowered, rear lowered, at rest, rolled forward so that the tyres let go of their scrub, and the
-//! hand wheel turned to either side.
+//! steering wheel turned to either side.
 
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
@@ -25,7 +25,7 @@ const ROLLED_S: [f64; 2] = [18.0, 4.0];
 const ROLLED_M: f64 = 2.0;
 /// Distance over which rolling tyres let go of a side force, m.
 const RELAXATION_M: f64 = 0.4;
-/// When the hand wheel begins to turn, how long a swing to one side takes, and how far it goes.
+/// When the steering wheel begins to turn, how long a swing to one side takes, and how far it goes.
 const STEERED_S: f64 = 25.0;
 const SWING_S: f64 = 5.0;
 const SWING_RAD: f64 = 2.0;

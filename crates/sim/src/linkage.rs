@@ -96,7 +96,7 @@ struct Stance {
 struct Turning {
     /// Rate of the wheel's spin.
     spin_rad_s2: f64,
-    /// Rate of the hand wheel, rad/s, which turns the spinning wheel about, and its acceleration,
+    /// Rate of the steering wheel, rad/s, which turns the spinning wheel about, and its acceleration,
     /// rad/s^2.
     hand_wheel: [f64; 2],
 }

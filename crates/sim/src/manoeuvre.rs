@@ -16,7 +16,7 @@ pub enum Manoeuvre {
     FastSine,
     /// Sine steer of rising frequency.
     SteerSweep,
-    /// A step of the hand wheel.
+    /// A step of the steering wheel.
     StepSteer,
     /// Sine steer from asphalt onto gravel.
     AsphaltToGravel,
@@ -245,7 +245,7 @@ const CIRCLE_RADIUS_M: f64 = 15.24;
 /// Walking pace.
 const WALKING_M_S: f64 = 1.2;
 
-/// How long a quick driver takes to turn the hand wheel.
+/// How long a quick driver takes to turn the steering wheel.
 const STEP_TIME_S: f64 = 0.3;
 
 /// Loose gravel: half of the grip, and softer.
@@ -281,7 +281,7 @@ fn mixed_speed(time_s: f64) -> f64 {
         + change(46.0, 4.0, 1.5)
 }
 
-/// Hand wheel of mixed driving: straight at both ends.
+/// Steering wheel of mixed driving: straight at both ends.
 fn mixed_hand_wheel(time_s: f64) -> f64 {
     let bend = |from_s: f64, over_s: f64, by_rad: f64| {
         let into = smooth((time_s - from_s) / (0.3 * over_s));

@@ -21,7 +21,7 @@ pub enum IdentifyCommand {
     RollCentre(RollCentreArgs),
     /// Understeer, sideslip and roll gradient (ISO 4138, constant radius).
     Understeer(IdentifyArgs),
-    /// Step and frequency response to the hand wheel (ISO 7401).
+    /// Step and frequency response to the steering wheel (ISO 7401).
     Response(ResponseArgs),
     /// Friction between tyres and ground (up to the limit of grip).
     Friction(IdentifyArgs),

@@ -30,7 +30,7 @@ const FORCES: [Sense; 4] = [Sense::Inertia, Sense::Velocity, Sense::Steer, Sense
 
 /// Names of the axles, front first.
 const AXLES: [&str; 2] = ["front", "rear"];
-/// Rounds in which the steer angle is freed of the hand wheel's offset.
+/// Rounds in which the steer angle is freed of the steering wheel's offset.
 const OFFSET_ROUNDS: usize = 2;
 
 /// What a command found.
@@ -104,7 +104,7 @@ fn cornering(args: &IdentifyArgs) -> anyhow::Result<Found> {
     Ok(found)
 }
 
-/// Finds again what the hand wheel's own offset bends: the gear makes more of it at one angle than at
+/// Finds again what the steering wheel's own offset bends: the gear makes more of it at one angle than at
 /// another, where the regression knows one offset of the road wheels. What other methods find stays
 /// that of the steer angle as it was read.
 fn free_of_offset(

@@ -61,12 +61,12 @@ fn beside(found: &Value, name: &str) -> f64 {
     row.and_then(|row| row[1].as_f64()).expect("told")
 }
 
-/// What is found of the hand wheel's offset, rad.
+/// What is found of the steering wheel's offset, rad.
 fn at_hand_wheel(found: &Value) -> f64 {
     beside(found, "steer_offset_at_hand_wheel")
 }
 
-/// Hand wheel over road wheels near the middle.
+/// Steering wheel over road wheels near the middle.
 const STEERING_RATIO: f64 = 9.16;
 
 /// Whether both cornering stiffnesses are within two per cent.
@@ -77,7 +77,7 @@ fn near_truth(found: &Value) -> bool {
         .all(|(value, truth)| (value / truth - 1.0).abs() < 0.02)
 }
 
-/// Simulates a slow sine whose hand wheel reads wrongly by as much as the seed draws; by how much, rad.
+/// Simulates a slow sine whose steering wheel reads wrongly by as much as the seed draws; by how much, rad.
 fn slow_sine_with_hidden_offset(here: &Path, seed: u32, name: &str) -> f64 {
     let options = "[hidden]\nsteer_offset_rad = 0.4\n";
     std::fs::write(here.join("hidden.toml"), options).expect("written");
@@ -97,7 +97,7 @@ fn slow_sine_with_hidden_offset(here: &Path, seed: u32, name: &str) -> f64 {
         .expect("a number")
 }
 
-/// The offset is found with the stiffnesses, in the hand wheel as read and not as the estimator has
+/// The offset is found with the stiffnesses, in the steering wheel as read and not as the estimator has
 /// learnt to read it.
 #[test]
 fn two_degrees_of_steer_offset_in_a_log_leave_the_cornering_stiffness_as_it_is() {

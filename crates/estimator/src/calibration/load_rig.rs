@@ -45,7 +45,7 @@ pub struct RigLoad {
     pub force_n: [f64; 3],
     /// Compression of the strut from its design length, m.
     pub compression_m: f64,
-    /// Hand wheel, straight ahead 0, rad.
+    /// Steering wheel, straight ahead 0, rad.
     pub hand_wheel_rad: f64,
     /// Mean counts of each strain channel and their deviations.
     pub counts: [Option<[f64; 2]>; StrainChannel::COUNT],

@@ -15,7 +15,7 @@ pub struct Resolved {
     pub corners: PerWheel<CornerChannels>,
     /// Speed over wheel speed, rolling freely, m, where it was measured.
     pub rolling_radius_m: PerWheel<Option<f64>>,
-    /// Hand wheel, straight ahead, rad.
+    /// Steering wheel, straight ahead, rad.
     pub steer_offset_rad: f64,
     /// Specific-force bias, sensor axes, m/s^2.
     pub accel_bias_m_s2: Vector3<f64>,

@@ -1,7 +1,7 @@
 //! Steering: both front wheels' maps, play and centre from turn plates.
 //!
 //! The plates are read at several hand-wheel angles, turned to one side, back through the middle to
-//! the other side, and back. Where the gear has play, the hand wheel is ahead of the wheels by half
+//! the other side, and back. Where the gear has play, the steering wheel is ahead of the wheels by half
 //! of it on either way, which a regression tells with the centre; the maps are those of the middle,
 //! made monotone by pooling neighbours that fall (Barlow and others 1972).
 
@@ -37,7 +37,7 @@ pub struct Steer {
 /// Finds maps, play and centre. `plate_sigma_rad` is how well a plate is read.
 ///
 /// # Errors
-/// Too few readings, one side only, wheels that turn against the hand wheel.
+/// Too few readings, one side only, wheels that turn against the steering wheel.
 pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, Refusal> {
     check(readings).map_err(|refusal| refusal.of(WHAT))?;
     let slope = slope(readings, mean);
@@ -202,7 +202,7 @@ fn slope(readings: &[PlateReading], value: impl Fn(&PlateReading) -> f64) -> f64
     cross / square.max(1e-12)
 }
 
-/// Whether the hand wheel came to each reading from the right (+1) or from the left (-1).
+/// Whether the steering wheel came to each reading from the right (+1) or from the left (-1).
 fn directions(readings: &[PlateReading]) -> Vec<f64> {
     let mut ways = vec![0.0; readings.len()];
     for k in 1..readings.len() {
@@ -223,9 +223,9 @@ struct Gear {
 }
 
 impl Gear {
-    /// Least squares of the hand wheel on the plates' mean m and the way w that it came:
+    /// Least squares of the steering wheel on the plates' mean m and the way w that it came:
     ///
-    /// hand wheel = centre + s m + q m^2 + k m^3 + w play/2
+    /// steering wheel = centre + s m + q m^2 + k m^3 + w play/2
     ///
     /// Without both ways the play is zero, and not known.
     fn fit(readings: &[PlateReading], slope: f64, plate_sigma_rad: f64) -> Self {

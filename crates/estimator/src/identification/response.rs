@@ -1,4 +1,4 @@
-//! Transient response (ISO 7401): to a step of the hand wheel, and over frequency.
+//! Transient response (ISO 7401): to a step of the steering wheel, and over frequency.
 //!
 //! The step's response times count from the instant at which the steer angle reaches half of its
 //! final value to the instant at which the response reaches 90 % of its own (ISO 7401 section 8).

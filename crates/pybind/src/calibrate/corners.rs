@@ -118,7 +118,7 @@ pub fn calibrate_zero<'py>(
 
 /// Gains, zeros and wiring of the strain bridges from known forces on wheels: wheel names (k,),
 /// forces, N, (k, 3), strut compressions, m, (k,), mean counts and their deviations, (k, 7), NaN
-/// where a channel has no reading within its range, hand wheel, rad, (k,).
+/// where a channel has no reading within its range, steering wheel, rad, (k,).
 #[pyfunction]
 #[pyo3(signature = (
     vehicle, sensors, wheel, force_n, compression_m, counts, counts_sigma, *,

@@ -133,7 +133,7 @@ impl LogColumns {
         Ok(columns)
     }
 
-    /// The hand wheel next to an instant, rad; straight ahead where it is not told.
+    /// The steering wheel next to an instant, rad; straight ahead where it is not told.
     fn hand_wheel_near(&self, time_s: f64) -> f64 {
         let [times, angles] = &self.hand_wheel;
         let next = times.partition_point(|&known_s| known_s < time_s);

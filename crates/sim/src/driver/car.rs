@@ -85,7 +85,7 @@ impl Car {
         }
     }
 
-    /// What is true now, without time and hand wheel.
+    /// What is true now, without time and steering wheel.
     pub(super) fn truth(&self, commands: &Commands) -> TruthState {
         match &self.model {
             Model::FourteenDof(car) => car.truth(commands),

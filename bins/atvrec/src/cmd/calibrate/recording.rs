@@ -115,7 +115,7 @@ pub struct Recording {
     pub deflection: PerWheel<Column>,
     /// Wheel speeds, rad/s.
     pub wheel_speed: PerWheel<Column>,
-    /// Hand wheel as read, rad.
+    /// Steering wheel as read, rad.
     pub steer: Column,
     /// First inertial unit.
     pub imu: ImuColumns,

@@ -27,7 +27,7 @@ pub enum Sense {
     Inertia,
     /// Speed over ground, and with it sideslip.
     Velocity,
-    /// The hand wheel.
+    /// The steering wheel.
     Steer,
     /// The tyres' forces.
     Strain,
@@ -210,7 +210,7 @@ impl Ride {
     }
 }
 
-/// What the estimator has learnt of the hand wheel's zero, on the grid of the motion: how much
+/// What the estimator has learnt of the steering wheel's zero, on the grid of the motion: how much
 /// further left the front wheels stand than the encoder says, rad.
 fn learnt_offset(reader: &Reader, motion: &Grid) -> anyhow::Result<Vec<f64>> {
     const TOPIC: &str = "/estimate/parameters";

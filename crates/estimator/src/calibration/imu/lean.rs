@@ -14,7 +14,7 @@ pub struct Leaning {
     pub compression_m: PerWheel<f64>,
     /// Specific force along x and y, m/s^2. What it is off by is taken off with the lean at rest.
     pub force_m_s2: [f64; 2],
-    /// Hand wheel from straight ahead, rad.
+    /// Steering wheel from straight ahead, rad.
     pub hand_wheel_rad: f64,
 }
 
