@@ -35,10 +35,10 @@ unit: ## Rust tests of all crates
 doc:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
 
-ratchet: ## Listed words, long functions and constants outside Tuning may fall and not rise
+ratchet: venv ## Listed words, long functions and constants outside Tuning may fall and not rise
 	@scripts/ratchet
 
-links:
+links: venv
 	@scripts/check-links
 
 deny:
