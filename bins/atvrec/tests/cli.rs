@@ -8,6 +8,8 @@
 
 #[path = "suite/calibrate.rs"]
 mod calibrate;
+#[path = "suite/compat.rs"]
+mod compat;
 #[path = "suite/configuration.rs"]
 mod configuration;
 #[path = "suite/estimate.rs"]
