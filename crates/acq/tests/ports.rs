@@ -14,7 +14,6 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio_serial::{SerialPort, SerialStream};
 use wire::slcan::{Command, Decoder, Event, encode_frame};
 
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
 /// Only ever waited for in full when something is broken.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -68,11 +67,10 @@ fn recordings() -> Vec<(PathBuf, Vec<u8>)> {
         "sbf-pysbf2",
         "crossbow-440",
     ] {
-        let folder = Path::new(DATA).join(folder);
-        let Ok(entries) = fs::read_dir(&folder) else {
-            eprintln!("SKIPPED: {} is missing", folder.display());
+        let Some(folder) = testkit::shared(&format!("data/{folder}")) else {
             continue;
         };
+        let entries = fs::read_dir(&folder).expect("readable");
         for entry in entries {
             let path = entry.expect("an entry").path();
             let is_text = path

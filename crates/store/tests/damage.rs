@@ -11,7 +11,7 @@
 mod common;
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
@@ -239,8 +239,8 @@ fn write_small_log() {
 
 /// The shared case, where it is there.
 fn shared_case() -> Option<Vec<u8>> {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../..");
-    std::fs::read(root.join("shared/cases/61-recover-one-bit/intact.mcap.active")).ok()
+    let path = testkit::shared("cases/61-recover-one-bit/intact.mcap.active")?;
+    Some(std::fs::read(path).expect("readable"))
 }
 
 /// All header bits, 3,000 seeded bits and 600 zeroed sectors of a log of a real recorder.
@@ -264,10 +264,7 @@ fn campaign_of_damage() {
 /// The rows of the shared case's description.
 #[test]
 fn single_bits_of_a_recorded_log() {
-    let Some(log) = shared_case() else {
-        eprintln!("SKIPPED: ../shared/cases is not there");
-        return;
-    };
+    let Some(log) = shared_case() else { return };
     let bit = |offset, bit, expected| Case {
         offset,
         damage: Damage::Bit(bit),

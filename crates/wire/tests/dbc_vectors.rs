@@ -9,16 +9,9 @@ use serde_json::Value;
 use wire::candump;
 use wire::dbc::{Database, MessageDef};
 
-const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-
-/// The folder of test data, or a loud word that it is missing.
+/// A folder of the test data; `None` if it is missing.
 fn folder(name: &str) -> Option<PathBuf> {
-    let path = Path::new(DATA).join(name);
-    if path.is_dir() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: {} is missing", path.display());
-    None
+    testkit::shared(&format!("data/{name}"))
 }
 
 fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {

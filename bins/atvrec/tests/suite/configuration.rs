@@ -180,14 +180,10 @@ fn every_command_has_a_manual_page() {
 
 #[test]
 fn a_vehicle_file_is_made_from_a_simulators_parameters() {
-    let parameters = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/data/truth/params.json"
-    );
-    if !std::path::Path::new(parameters).exists() {
-        eprintln!("SKIPPED: {parameters} is not there");
+    let Some(parameters) = testkit::shared("data/truth/params.json") else {
         return;
-    }
+    };
+    let parameters = parameters.to_str().expect("UTF-8");
     let directory = tempfile::tempdir().expect("a directory");
     atvrec(directory.path())
         .args(["import", "vehicle", parameters, "-o", "vehicle.toml"])

@@ -158,11 +158,10 @@ const FORCE_ERRORS_PERCENT: [(&str, f64); 3] = [
 /// bytes, the score of the log. Tyres are found, nothing is declared that was not.
 #[test]
 fn an_independent_simulators_runs_are_estimated_and_judged_end_to_end() {
-    let truth = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
-    if !std::path::Path::new(truth).exists() {
-        eprintln!("SKIPPED: {truth} is not there");
+    let Some(truth) = testkit::shared("data/truth") else {
         return;
-    }
+    };
+    let truth = truth.to_str().expect("UTF-8");
     let directory = tempfile::tempdir().expect("a directory");
     let run = |arguments: &[&str]| {
         let assert = atvrec(directory.path()).args(arguments).assert().success();

@@ -7,18 +7,9 @@ use model::vehicle::Vehicle;
 /// Rate of the truth files, Hz.
 pub const RATE_HZ: f64 = 200.0;
 
-/// Where the truth runs are; `None`, with a loud word, where they are absent.
+/// Folder of the truth runs; `None` if the data is missing.
 pub fn directory() -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/data/truth"
-    ));
-    if path.join("params.json").exists() {
-        Some(path)
-    } else {
-        eprintln!("SKIPPED: no truth runs at {}", path.display());
-        None
-    }
+    testkit::shared("data/truth")
 }
 
 /// The columns of one run.

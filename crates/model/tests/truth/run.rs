@@ -1,32 +1,17 @@
 //! Reads a few columns of a truth run in place.
 
-use std::path::PathBuf;
-
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 
-fn directory() -> PathBuf {
-    PathBuf::from(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/data/truth"
-    ))
-}
-
-/// The vehicle of the runs; `None`, said loudly, when the data is not there.
+/// The vehicle of the runs; `None` if the data is missing.
 pub fn vehicle() -> Option<Vehicle> {
     params_text().map(|text| sim::vehicle_from_truth_params(&text).expect("params.json converts"))
 }
 
 /// Text of the runs' `params.json`.
 fn params_text() -> Option<String> {
-    let path = directory().join("params.json");
-    match std::fs::read_to_string(&path) {
-        Ok(text) => Some(text),
-        Err(error) => {
-            eprintln!("SKIPPED: {} is not readable: {error}", path.display());
-            None
-        }
-    }
+    let path = testkit::shared("data/truth/params.json")?;
+    Some(std::fs::read_to_string(path).expect("readable"))
 }
 
 /// Columns of one run, by name without unit.
@@ -43,11 +28,7 @@ impl Run {
     /// Reads the columns whose name without unit satisfies `wanted`; its rows are every
     /// `stride`th of the file's.
     pub fn open(name: &str, stride: usize, wanted: impl Fn(&str) -> bool) -> Option<Self> {
-        let path = directory().join(name).with_extension("parquet");
-        if !path.exists() {
-            eprintln!("SKIPPED: {} is missing", path.display());
-            return None;
-        }
+        let path = testkit::shared(&format!("data/truth/{name}.parquet"))?;
         let columns = sim::read_columns(&path, |full| {
             let name = full.split('[').next().unwrap_or(full);
             Ok(wanted(name).then(|| name.to_owned()))

@@ -172,12 +172,9 @@ const LINK_FORCE_RMS_N: f64 = 10.0;
 
 #[test]
 fn link_forces_follow_from_tyre_forces() {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
-    let path = Path::new(root).join("c_sine03.parquet");
-    if !path.exists() {
-        eprintln!("SKIPPED: {} is not there", path.display());
+    let Some(path) = testkit::shared("data/truth/c_sine03.parquet") else {
         return;
-    }
+    };
     let told = Motion::open(&path).expect("a truth run");
     let mut states = told.states()[2000..2400].to_vec();
     for wheel in states.iter_mut().flat_map(|state| &mut state.wheels.0) {
@@ -210,12 +207,9 @@ const PERFECT_CHAIN_RMS_N: f64 = 1.0;
 
 #[test]
 fn strain_of_a_truth_run_is_its_tube_force_through_the_lag() {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
-    let path = Path::new(root).join("d_sine_mu.parquet");
-    if !path.exists() {
-        eprintln!("SKIPPED: {} is not there", path.display());
+    let Some(path) = testkit::shared("data/truth/d_sine_mu.parquet") else {
         return;
-    }
+    };
     let motion = Motion::open(&path).expect("a truth run");
     let mut sensors = Sensors::builtin("full-bridge-16bit-bending").expect("built-in sensors");
     sensors.strain.noise_counts = 0.0;
@@ -267,12 +261,9 @@ fn strain_of_a_truth_run_is_its_tube_force_through_the_lag() {
 
 #[test]
 fn the_shared_truth_runs_open() {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/truth");
-    let path = Path::new(root).join("h_jack.parquet");
-    if !path.exists() {
-        eprintln!("SKIPPED: {} is not there", path.display());
+    let Some(path) = testkit::shared("data/truth/h_jack.parquet") else {
         return;
-    }
+    };
     let motion = Motion::open(&path).expect("a truth run");
     assert!((motion.duration_s() - 34.0).abs() < 1e-9);
     assert!(motion.has_link_forces());

@@ -10,17 +10,8 @@ fn vehicle() -> Option<Vehicle> {
 }
 
 fn params_text() -> Option<String> {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/data/truth/params.json"
-    );
-    match std::fs::read_to_string(path) {
-        Ok(text) => Some(text),
-        Err(error) => {
-            eprintln!("SKIPPED: {path} is not readable: {error}");
-            None
-        }
-    }
+    let path = testkit::shared("data/truth/params.json")?;
+    Some(std::fs::read_to_string(path).expect("readable"))
 }
 
 #[test]

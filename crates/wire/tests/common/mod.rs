@@ -1,22 +1,12 @@
 //! What the decoders' tests share: reference data, noise and cuts.
 #![allow(dead_code)]
 
-use std::path::PathBuf;
-
 use proptest::prelude::*;
 
-fn path(name: &str) -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(name)
-}
-
-/// A reference file's bytes; `None`, said aloud, when the data folder is not there.
+/// A reference file's bytes; `None` if it is missing.
 pub fn read(name: &str) -> Option<Vec<u8>> {
-    let path = path(name);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        eprintln!("SKIPPED: no reference data at {}", path.display());
-    }
-    bytes
+    let path = testkit::shared(&format!("data/{name}"))?;
+    Some(std::fs::read(path).expect("readable"))
 }
 
 /// A reference file's text.
