@@ -146,12 +146,7 @@ impl Cases {
 
     /// Counts change by at least one. A number that cannot change counts as without effect.
     fn change_percent(&self, number: &NumberPath, change: f64, base: f64) -> f64 {
-        // Of a fading memory it is the part that is forgotten.
-        let moved = if number.name.ends_with("keep") {
-            1.0 - (1.0 - number.value) * (1.0 + change)
-        } else {
-            number.value * (1.0 + change)
-        };
+        let moved = number.value * (1.0 + change);
         let whole =
             (number.value + (number.value * change).abs().max(1.0).copysign(change)).round();
         let with = |value| Tuning::default().with(&number.name, number.index, value);

@@ -61,6 +61,8 @@ const PEAK_MIN_M_S2: f64 = 2.0;
 const HUBER: f64 = 3.0;
 /// A prior weighs as much as this many rows: neighbouring innovations err alike.
 const PRIOR_ROWS: f64 = 100.0;
+/// Errors of the model by a tuning.
+type DoubtOf = fn(&PlanarTuning) -> PlanarDoubt;
 /// The model's doubt in each round of the fit, and its iterations. A model that is doubted follows
 /// the measurements from anywhere; one that is believed tells its parameters apart.
 const ROUNDS: [(DoubtOf, usize); 3] = [
