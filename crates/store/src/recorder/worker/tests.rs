@@ -133,6 +133,10 @@ fn every_channel_of_every_part_has_its_schema() {
         if fails {
             worker.fail(&Error::Sink(std::io::ErrorKind::StorageFull.into()));
             worker.retry();
+            // What waited is written before the controller sends again.
+            if let Sink::Open(file) = &mut worker.sink {
+                file.flush().expect("room");
+            }
         } else {
             worker.rotate();
         }
