@@ -70,9 +70,6 @@ const ROUNDS: [(DoubtOf, usize); 3] = [
     (PlanarDoubt::identified, 8),
     (PlanarDoubt::identified, 6),
 ];
-/// The doubt of the single-track model by the tuning.
-type DoubtOf = fn(&PlanarTuning) -> PlanarDoubt;
-
 /// Relative fall of the cost at which a round ends.
 const AT_REST: f64 = 1e-5;
 /// Longest step of an iteration, in deviations of the prior: far away the slopes tell little.
