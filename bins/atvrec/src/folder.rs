@@ -1,8 +1,10 @@
 //! The log folder: which recorder owns it, the numbers of its runs, and the names of its logs.
 
 use std::collections::BTreeSet;
-use std::fs::{File, TryLockError};
 use std::io;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::fs::MetadataExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -23,11 +25,13 @@ const UNSYNCED: &str = "unsynced";
 /// An offset to UTC below this does not change the name of a run whose clock was synchronised, ns.
 const RENAME_OFFSET_MIN_NS: u64 = 1_000_000_000;
 
-/// A log folder that this process owns until it ends: a lock on the directory itself, so that
-/// nothing is left behind.
+/// A log folder that this process owns until it ends.
+///
+/// The lock is an abstract socket named by the directory's device and inode. It leaves nothing behind,
+/// and it holds no file of the disk open: a disk that was given up can be unmounted.
 pub struct Folder {
     path: PathBuf,
-    _lock: Option<File>,
+    _lock: Option<UnixDatagram>,
 }
 
 impl Folder {
@@ -39,16 +43,14 @@ impl Folder {
                 directory.display()
             )
         })?;
-        let lock = File::open(directory)
-            .with_context(|| format!("cannot open the log directory {}", directory.display()))?;
-        let lock = match lock.try_lock() {
-            Ok(()) => Some(lock),
-            Err(TryLockError::WouldBlock) => anyhow::bail!(
+        let lock = match lock(directory) {
+            Ok(lock) => Some(lock),
+            Err(error) if error.kind() == io::ErrorKind::AddrInUse => anyhow::bail!(
                 "another recorder writes into {}; stop it, or give this one another \
                  storage.directory",
                 directory.display()
             ),
-            Err(TryLockError::Error(error)) => {
+            Err(error) => {
                 tracing::warn!(
                     directory = %directory.display(),
                     %error,
@@ -67,6 +69,12 @@ impl Folder {
     pub fn is(&self, path: &Path) -> bool {
         self.path == resolved(path)
     }
+}
+
+fn lock(directory: &Path) -> io::Result<UnixDatagram> {
+    let data = std::fs::metadata(directory)?;
+    let name = format!("atvrec-folder-{:x}-{:x}", data.dev(), data.ino());
+    UnixDatagram::bind_addr(&SocketAddr::from_abstract_name(name)?)
 }
 
 fn resolved(path: &Path) -> PathBuf {
