@@ -47,7 +47,9 @@ pub fn logs_in(folder: &Path) -> Vec<PathBuf> {
     let mut logs: Vec<PathBuf> = entries
         .map(|entry| entry.expect("readable").path())
         .collect();
-    logs.retain(|path| path.to_string_lossy().contains(".mcap"));
+    // Kept originals and damaged journals stand beside them.
+    let ends = |path: &PathBuf, end: &str| path.to_string_lossy().ends_with(end);
+    logs.retain(|path| ends(path, ".mcap") || ends(path, ".mcap.active"));
     logs.sort();
     assert!(!logs.is_empty(), "no log in {}", folder.display());
     logs
