@@ -92,7 +92,11 @@ fn every_crate_has_a_floor() {
 fn only_two_files_below_floor_4_allow_clocks() {
     const MAY: [&str; 2] = ["acq/src/lib.rs", "store/src/recorder.rs"];
     let mut found = 0;
-    for (name, _) in FLOORS.into_iter().filter(|(_, floor)| *floor < 4) {
+    // `testkit` is a dependency of tests only.
+    let below = FLOORS
+        .into_iter()
+        .filter(|(name, floor)| *floor < 4 && *name != "testkit");
+    for (name, _) in below {
         for file in rust_files(&root().join("crates").join(name).join("src")) {
             let text = std::fs::read_to_string(&file).expect("readable source");
             let of_tests = file.file_name().is_some_and(|name| name == "tests.rs");
@@ -120,4 +124,18 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
         }
     }
     found
+}
+
+/// What tests share stays out of the product.
+#[test]
+fn testkit_is_a_dependency_of_tests_only() {
+    for (name, _) in FLOORS {
+        let folder = if name == "atvrec" { "bins" } else { "crates" };
+        let manifest = manifest(&root().join(folder).join(name).join("Cargo.toml"));
+        let dependencies = manifest.get("dependencies").and_then(toml::Value::as_table);
+        assert!(
+            !dependencies.is_some_and(|table| table.contains_key("testkit")),
+            "{name} depends on testkit"
+        );
+    }
 }
