@@ -38,9 +38,7 @@ use crate::engine::Engine;
 use crate::folder::{Folder, Protected};
 use crate::{retention, session};
 use heartbeat::{Heartbeats, extend_stop, notify};
-use run::{
-    Files, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers,
-};
+use run::{Files, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers};
 
 /// Period of the ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
@@ -298,7 +296,12 @@ impl<'a> RecordingController<'a> {
     fn retention(&self) -> impl Future<Output = ()> + use<> {
         let storage = &self.config.storage;
         let (protected, status) = (self.protected.clone(), Arc::clone(&self.status));
-        retention::enforce_periodically(storage.directory.clone(), storage.limits, protected, status)
+        retention::enforce_periodically(
+            storage.directory.clone(),
+            storage.limits,
+            protected,
+            status,
+        )
     }
 
     async fn handle_command(&mut self, command: Command) -> CommandResult {

@@ -78,7 +78,9 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
         }
         print(&devices);
     }
-    let all_send = devices.iter().all(|device| device.state == State::SendsData);
+    let all_send = devices
+        .iter()
+        .all(|device| device.state == State::SendsData);
     Ok(if all_send {
         Outcome::Good
     } else {

@@ -79,7 +79,10 @@ fn send(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
     let response: Value = serde_json::from_str(&line)
         .context("the response of the recorder is incomplete; it may have ended: try again")?;
     if let Some(error) = response["error"].as_str() {
-        anyhow::bail!("the recorder rejected the request: {}", printable_lines(error));
+        anyhow::bail!(
+            "the recorder rejected the request: {}",
+            printable_lines(error)
+        );
     }
     Ok(response)
 }

@@ -145,11 +145,9 @@ fn drive_and_record(
         .context("cannot start the thread of the virtual vehicle")?;
     let summary = record::block_on(config, None, Some(limit));
     stop.store(true, Ordering::Relaxed);
-    let sent = driver
-        .join()
-        .map_err(|_| {
-            anyhow::anyhow!("the virtual vehicle panicked; its message is printed above")
-        })??;
+    let sent = driver.join().map_err(|_| {
+        anyhow::anyhow!("the virtual vehicle panicked; its message is printed above")
+    })??;
     Ok((summary?, sent))
 }
 

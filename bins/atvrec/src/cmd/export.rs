@@ -47,7 +47,9 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         tracing::warn!("{line}");
     }
     match &target {
-        None => text::write(&table, std::io::stdout().lock()).or_else(output::ignore_closed_pipe)?,
+        None => {
+            text::write(&table, std::io::stdout().lock()).or_else(output::ignore_closed_pipe)?
+        }
         Some(target) => {
             let is_parquet = target.has_extension("parquet");
             target.write_by(|file| match is_parquet {

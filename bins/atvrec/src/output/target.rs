@@ -231,7 +231,10 @@ impl Target {
     /// `force` is not set. The temporary file is removed then.
     pub fn write_by(&self, write: impl FnOnce(File) -> anyhow::Result<()>) -> anyhow::Result<()> {
         let written = match self.device {
-            Some(device) => self.open(device).and_then(write).or_else(ignore_closed_pipe),
+            Some(device) => self
+                .open(device)
+                .and_then(write)
+                .or_else(ignore_closed_pipe),
             None => self.write_file(write),
         };
         written.with_context(|| format!("cannot write {}", self.path.display()))

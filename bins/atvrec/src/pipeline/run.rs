@@ -480,9 +480,7 @@ fn spawn<T: Send + 'static>(
 
 /// Waits for the end of a thread.
 pub fn join<T>(name: &str, thread: JoinHandle<T>) -> anyhow::Result<T> {
-    thread
-        .join()
-        .map_err(|_| {
-            anyhow::anyhow!("the thread \"{name}\" panicked; its message is printed above")
-        })
+    thread.join().map_err(|_| {
+        anyhow::anyhow!("the thread \"{name}\" panicked; its message is printed above")
+    })
 }

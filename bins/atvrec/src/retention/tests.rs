@@ -205,7 +205,10 @@ fn available_bytes_respect_the_limits() {
         quota: None,
         keep_free: Some(u64::MAX),
     };
-    assert_eq!(available_bytes(directory.path(), limits).expect("listed"), 0);
+    assert_eq!(
+        available_bytes(directory.path(), limits).expect("listed"),
+        0
+    );
 }
 
 #[test]
