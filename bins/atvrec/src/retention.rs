@@ -15,9 +15,9 @@ use std::time::Duration;
 
 use store::{ACTIVE_SUFFIX, Summary};
 
-pub use crate::config::Limits;
 use crate::folder::{LogName, Protected};
 use crate::status::RecorderStatus;
+pub use engine::config::Limits;
 
 /// Period of the checks of the directory.
 const PERIOD: Duration = Duration::from_secs(10);

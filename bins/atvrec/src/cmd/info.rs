@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use engine::missing;
 use sample::LogTime;
 use sample::text::printable;
 use serde_json::json;
@@ -9,7 +10,6 @@ use store::{Info, Reader, Session, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
-use crate::missing;
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
@@ -61,7 +61,7 @@ fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
         format!("atvrec {} ({})", session.version, session.git_hash),
     );
     if let Some((first, _)) = info.span {
-        let begin = crate::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
+        let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
         line("time", format!("{begin}, {:.1} s", seconds(info)));
     }
     if let Some(text) = session.clock_statement(utc) {

@@ -2,9 +2,9 @@
 //! which the recorder has no permission to configure the network.
 
 use acq::{CanSpec, SourceKind, link};
+use engine::Config;
 
 use crate::cli::LinkArgs;
-use crate::config::Config;
 use crate::exit::Outcome;
 
 /// Runs the command.

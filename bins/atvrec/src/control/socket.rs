@@ -11,11 +11,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
+use engine::Config;
 use tokio::net::{UnixListener, UnixStream};
 use tokio::task::{AbortHandle, JoinSet};
 
 use super::ControlHandler;
-use crate::config::Config;
 
 /// Most clients that are connected at the same time. The oldest idle client is disconnected for a
 /// new one.

@@ -6,6 +6,9 @@ use std::time::{Duration, Instant};
 
 use acq::{Sequencer, Streams};
 use anyhow::Context;
+use engine::Config;
+use engine::Engine;
+use engine::config::Trigger;
 use sample::{Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity};
 use store::{
     ClockState, DiskState, LogMessage, LossLedger, Losses, Record, Recorder, RecorderSummary,
@@ -13,8 +16,6 @@ use store::{
 use tokio::sync::mpsc;
 
 use super::heartbeat::{Heartbeat, Heartbeats};
-use crate::config::{Config, Trigger};
-use crate::engine::Engine;
 use crate::folder::{self, Protected, RunGuard, RunName};
 use crate::session;
 use crate::status::RecorderStatus;
