@@ -11,8 +11,8 @@ use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
 pub use identify::{
-    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, PendulumKind, ResponseArgs,
-    RollCentreArgs, TellArgs, TyreArgs,
+    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
+    ResponseArgs, RollCentreArgs, TyreArgs,
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
 
@@ -293,7 +293,7 @@ pub struct DriveArgs {
 }
 
 impl DriveArgs {
-    /// What the engine makes of it.
+    /// Inputs of the simulation.
     pub fn as_drive(&self) -> engine::Result<engine::Drive> {
         let course = match &self.truth {
             Some(path) => engine::Course::Truth(path.clone()),

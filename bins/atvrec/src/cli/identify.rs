@@ -39,7 +39,7 @@ pub struct IdentifyArgs {
     pub logs: Vec<PathBuf>,
     /// Output of the results.
     #[command(flatten)]
-    pub tell: TellArgs,
+    pub output: OutputArgs,
     /// Ignore data before this time, s from the first estimate of the log.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,
@@ -56,7 +56,7 @@ pub struct IdentifyArgs {
 
 /// Output of the results.
 #[derive(Debug, Args)]
-pub struct TellArgs {
+pub struct OutputArgs {
     /// Write the results, and overrides for the vehicle file, to this TOML file.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -132,7 +132,7 @@ pub struct RollCentreArgs {
     pub vehicle: String,
     /// Output of the results.
     #[command(flatten)]
-    pub tell: TellArgs,
+    pub output: OutputArgs,
 }
 
 /// `atvrec identify response`.

@@ -6,7 +6,7 @@ use report::{Panel, Pen, Trace};
 use serde_json::{Value, json};
 
 /// Prints all results as tables or as one JSON document.
-pub fn tell(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
+pub fn print(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
     if as_json {
         println!("{:#}", to_json(results)?);
         return Ok(());
