@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
+use engine::Config;
 use sample::SourceId;
 use serde_json::{Value, json};
 use store::Recorder;
 
-use crate::config::Config;
 use crate::retention::{self, Limits, Outcome, Removed};
 
 /// A rate is measured once a run is this old.

@@ -288,6 +288,25 @@ pub struct DriveArgs {
     pub duration_s: Option<f64>,
 }
 
+impl DriveArgs {
+    /// What the engine makes of it.
+    pub fn as_drive(&self) -> engine::Result<engine::Drive> {
+        let course = match &self.truth {
+            Some(path) => engine::Course::Truth(path.clone()),
+            None => engine::Course::Manoeuvre(self.manoeuvre.clone().unwrap_or_default()),
+        };
+        let options = self.options.as_deref().map(engine::read_options);
+        Ok(engine::Drive {
+            course,
+            vehicle: self.vehicle.clone(),
+            sensors: self.sensors.clone(),
+            seed: self.seed,
+            options: options.transpose()?.unwrap_or_default(),
+            duration_s: self.duration_s,
+        })
+    }
+}
+
 /// `atvrec virtual`.
 #[derive(Debug, Args)]
 pub struct VirtualArgs {

@@ -8,12 +8,11 @@ use std::time::{Duration, Instant};
 
 use acq::{Heard, VirtualPort};
 use anyhow::Context;
+use engine::Rig;
 use sample::CanFrame;
 use sim::{Output, Port};
 use wire::crossbow440::{Field, encode_packet};
 use wire::slcan;
-
-use crate::rig::Rig;
 
 /// Longest time between two looks at what a recorder says.
 const LOOK: Duration = Duration::from_millis(2);

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::config::Problems;
+use engine::config::Problems;
 
 /// How a command ended that did its job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,8 +27,9 @@ impl From<Outcome> for ExitCode {
 
 /// The exit code of an error: 2 for what the user wrote wrongly, 1 for all else.
 pub fn code_of(error: &anyhow::Error) -> ExitCode {
-    let usage =
-        error.downcast_ref::<Problems>().is_some() || error.downcast_ref::<UsageError>().is_some();
+    let usage = error.downcast_ref::<Problems>().is_some()
+        || error.downcast_ref::<UsageError>().is_some()
+        || error.downcast_ref().is_some_and(engine::Error::is_usage);
     ExitCode::from(if usage { 2 } else { 1 })
 }
 

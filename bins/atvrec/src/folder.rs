@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context;
+use engine::session::utc_compact;
 use sample::LogTime;
 use store::{ClockState, UtcOffset};
 
@@ -161,7 +162,7 @@ impl RunName {
     }
 
     fn stem_at(&self, unix_ns: u64) -> String {
-        let time = session::utc_compact(unix_ns / 1_000_000_000);
+        let time = utc_compact(unix_ns / 1_000_000_000);
         let (name, number) = (&self.name, self.number);
         format!("{name}-r{number:0RUN_DIGITS$}-{time}")
     }

@@ -11,21 +11,15 @@ mod output;
 mod board;
 mod cli;
 mod cmd;
-mod config;
 mod control;
 mod devices;
-mod engine;
 mod exit;
 mod folder;
 mod messages;
-mod missing;
 mod pipeline;
 mod progress;
-mod read_ahead;
 mod retention;
-mod rig;
 mod session;
-mod verify;
 
 use std::process::ExitCode;
 

@@ -25,15 +25,16 @@ use std::time::{Duration, Instant};
 
 use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
+use engine::Config;
+use engine::Engine;
+use engine::config::Trigger;
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
 use store::{ClockState, Losses, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinSet};
 
-use crate::config::{Config, Trigger};
 use crate::control::{self, Answer, Board, Desk, Listener, Order, Writing};
-use crate::engine::Engine;
 use crate::folder::{Folder, Protected};
 use crate::{retention, session};
 use pulse::{Pulses, extend_stop, notify};

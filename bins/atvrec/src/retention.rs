@@ -15,8 +15,8 @@ use std::time::Duration;
 use store::{ACTIVE_SUFFIX, Summary};
 
 use crate::board::Board;
-pub use crate::config::Limits;
 use crate::folder::{LogName, Protected};
+pub use engine::config::Limits;
 
 /// How often the directory is looked at.
 const PERIOD: Duration = Duration::from_secs(10);

@@ -9,11 +9,11 @@ mod zero;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
+use engine::config::{TOML_MAX, read_text};
 use estimator::Calibration;
 
 use crate::cli::{CalibrateArgs, CalibrateCommand};
 use crate::cmd::findings;
-use crate::config::{TOML_MAX, read_text};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
+use engine::Config;
+use engine::Engine;
+use engine::config::device_name;
 use sample::text::printable;
 use sample::{LossPlace, SourceId};
 use serde_json::json;
 use store::Losses;
 
 use crate::cli::CheckArgs;
-use crate::config::{Config, Problems, device_name};
-use crate::engine::Engine;
 use crate::exit::Outcome;
 use crate::retention;
 
@@ -47,7 +48,7 @@ impl State {
 /// Checks.
 pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     let path = args.path();
-    let config = match Config::load(path) {
+    let config = match Config::load(path).map_err(anyhow::Error::from) {
         Ok(config) => config,
         Err(error) if args.json => {
             println!("{:#}", problems_as_json(&error));
@@ -186,8 +187,8 @@ fn as_json(answers: &[Answer], warnings: &[String]) -> serde_json::Value {
 }
 
 fn problems_as_json(error: &anyhow::Error) -> serde_json::Value {
-    let errors = match error.downcast_ref::<Problems>() {
-        Some(problems) => problems
+    let errors = match error.downcast_ref() {
+        Some(engine::Error::Configuration(problems)) => problems
             .0
             .iter()
             .map(|problem| {
@@ -201,7 +202,7 @@ fn problems_as_json(error: &anyhow::Error) -> serde_json::Value {
                 })
             })
             .collect(),
-        None => vec![json!({ "message": format!("{error:#}") })],
+        _ => vec![json!({ "message": format!("{error:#}") })],
     };
     json!({ "errors": errors, "warnings": [], "devices": [] })
 }

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
+use engine::Config;
 use sample::text::{printable, printable_lines};
 use serde_json::Value;
 
 use crate::cli::{MarkArgs, OrderArgs, SocketArgs, StatusArgs};
-use crate::config::Config;
 use crate::control::{self, Request};
 use crate::exit::Outcome;
 

@@ -6,15 +6,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use engine::Config;
+use engine::{Ports, Rig};
 
 use super::{record, replay};
 use crate::cli::{DemoArgs, DriveArgs, Replace, ReplayArgs, ReplayChanges};
-use crate::config::Config;
 use crate::devices::{Devices, Sent};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 use crate::pipeline::Summary;
-use crate::rig::{Ports, Rig};
 
 /// Directory of a demonstration that names none.
 const DIRECTORY: &str = "atvrec-demo";
@@ -116,7 +116,7 @@ fn drive_and_record(
         options: None,
         duration_s: Some(args.duration_s),
     };
-    let mut rig = Rig::new(&drive)?;
+    let mut rig = Rig::new(&drive.as_drive()?)?;
     let ports_directory = directory.join("ports");
     let mut devices = Devices::new(&ports_directory, true)?;
     let ports = Ports {

@@ -5,13 +5,14 @@ mod text;
 
 use std::io::BufWriter;
 
+use engine::missing;
 use sample::LogTime;
 use store::{Column, Missing, Reader, Table, UtcOffset, Values};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
+use crate::output;
 use crate::output::target::{Kind, Target};
-use crate::{missing, output};
 
 /// Exports.
 pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {

@@ -13,10 +13,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use engine::Config;
 use sample::LogTime;
 
 use crate::cli::{ImportCommand, ImportInto};
-use crate::config::Config;
 use crate::exit::{Outcome, UsageError};
 use crate::output::target::{Kind, Target};
 
@@ -171,7 +171,7 @@ fn configuration(
             }
         }
     }
-    Config::from_text(&text, Path::new("."))
+    Ok(Config::from_text(&text, Path::new("."))?)
 }
 
 fn quoted(text: &str) -> String {

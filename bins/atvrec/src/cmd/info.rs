@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use engine::missing;
 use sample::LogTime;
 use sample::text::printable;
 use serde_json::json;
@@ -9,7 +10,6 @@ use store::{Info, Reader, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
-use crate::missing;
 
 /// Tells what a log holds.
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
@@ -69,7 +69,7 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
         ),
     );
     if let Some((first, _)) = info.span {
-        let begin = crate::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
+        let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
         line("time", format!("{begin}, {:.1} s", seconds(info)));
     }
     if let Some(text) = session.clock_statement(utc) {

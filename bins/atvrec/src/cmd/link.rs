@@ -2,9 +2,9 @@
 //! the recorder itself may not configure the network.
 
 use acq::{CanSpec, SourceKind, link};
+use engine::Config;
 
 use crate::cli::LinkArgs;
-use crate::config::Config;
 use crate::exit::Outcome;
 
 /// Brings up what is down.

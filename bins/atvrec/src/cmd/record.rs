@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use anyhow::Context;
+use engine::Config;
 use sample::LossPlace;
 use sample::text::printable;
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::cli::RecordArgs;
-use crate::config::Config;
 use crate::control;
 use crate::exit::Outcome;
 use crate::pipeline::{self, Reload, Summary};
@@ -21,7 +21,7 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
         }
         config
     };
-    let reload = || Config::load_again(&args.config).map(placed);
+    let reload = || Ok(placed(Config::load_again(&args.config)?));
     let limit = args.duration_s.map(Duration::from_secs_f64);
     let summary = block_on(placed(Config::load(&args.config)?), Some(&reload), limit)?;
     if args.json {

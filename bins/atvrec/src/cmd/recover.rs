@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use engine::missing;
 use sample::text::printable;
 use store::{RecoverOptions, Recovered, recover_each, recover_with};
 
 use crate::cli::RecoverArgs;
 use crate::exit::Outcome;
-use crate::{messages, missing};
+use crate::messages;
 
 /// Makes logs whole.
 pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {

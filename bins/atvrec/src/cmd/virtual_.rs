@@ -5,16 +5,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
+use engine::{Ports, Rig};
 
 use crate::cli::VirtualArgs;
 use crate::devices::Devices;
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
-use crate::rig::{Ports, Rig};
 
 /// Drives until the manoeuvre ends or a signal comes.
 pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
-    let mut rig = Rig::new(&args.drive)?;
+    let mut rig = Rig::new(&args.drive.as_drive()?)?;
     std::fs::create_dir_all(&args.directory)
         .with_context(|| format!("cannot make the directory {}", args.directory.display()))?;
     let directory = args
@@ -50,7 +50,7 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
         if !args.repeat || stop.load(Ordering::Relaxed) {
             break;
         }
-        rig = Rig::new(&args.drive)?;
+        rig = Rig::new(&args.drive.as_drive()?)?;
     }
     for sent in devices.sent() {
         println!("  {sent}");

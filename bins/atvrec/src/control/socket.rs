@@ -11,11 +11,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
+use engine::Config;
 use tokio::net::{UnixListener, UnixStream};
 use tokio::task::{AbortHandle, JoinSet};
 
 use super::{Desk, answer};
-use crate::config::Config;
 
 /// Clients that are connected at the same time. The oldest idle one gives way to a further one.
 const CLIENTS_MAX: usize = 64;

@@ -6,6 +6,9 @@ use std::time::{Duration, Instant};
 
 use acq::{Sequencer, Streams};
 use anyhow::Context;
+use engine::Config;
+use engine::Engine;
+use engine::config::Trigger;
 use sample::{Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity};
 use store::{
     ClockState, DiskState, LogMessage, LossLedger, Losses, Record, Recorder, RecorderSummary,
@@ -14,8 +17,6 @@ use tokio::sync::mpsc;
 
 use super::pulse::{Pulse, Pulses};
 use crate::board::Board;
-use crate::config::{Config, Trigger};
-use crate::engine::Engine;
 use crate::folder::{self, Protected, RunGuard, RunName};
 use crate::session;
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
+use engine::Config;
 use estimator::calibration::Resolved;
 use estimator::calibration::imu::{ImuSignal, Lean, Leaning};
 use estimator::calibration::rest::{self, Signal, Stretch};
@@ -12,8 +13,6 @@ use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{LogTime, Measurement, PerWheel, Sample, StrainChannel, Wheel};
 use store::{Reader, Record, Selection};
-
-use crate::config::Config;
 
 /// Topics that are read.
 const TOPICS: [&str; 7] = [

@@ -6,6 +6,8 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
+use engine::Engine;
+use engine::config::{self, Config};
 use estimator::Calibration;
 use estimator::calibration::Resolved;
 use estimator::identification::handling::{Identified, NAMES, identify, values};
@@ -15,8 +17,6 @@ use store::{Attachment, Reader, Record};
 use toml::Value;
 
 use crate::cli::IdentifyHandlingArgs;
-use crate::config::{self, Config};
-use crate::engine::Engine;
 use crate::exit::{Outcome, UsageError};
 use crate::output::target::{Kind, Target};
 

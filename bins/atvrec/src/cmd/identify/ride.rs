@@ -1,6 +1,8 @@
 //! A log's estimates as the arrays that identification works on.
 
 use anyhow::Context;
+use engine::Config;
+use engine::config::{FileKind, Files};
 use estimator::finding::Refusal;
 use estimator::identification::{Drive, tyre};
 use model::steering::SteeringGear;
@@ -9,7 +11,6 @@ use sample::{LogTime, PerWheel, Wheel};
 use store::{Reader, Table, Values};
 
 use crate::cli::IdentifyArgs;
-use crate::config::{Config, FileKind, Files};
 
 /// Interval of the estimates, s.
 const DT_S: f64 = estimator::GRID_NANOS as f64 * 1e-9;

@@ -1,5 +1,6 @@
 //! `atvrec import alog`.
 
+use engine::config::{GAVLAB, Problems, alog_map};
 use sample::LogTime;
 use wire::alog::{Format, Line, is_remark, log_start};
 use wire::column::Quantity;
@@ -12,7 +13,6 @@ use super::{
     output, read_text, shortened, source_names,
 };
 use crate::cli::ImportAlogArgs;
-use crate::config::{GAVLAB, Problems, alog_map};
 use crate::exit::{Outcome, UsageError};
 
 /// Imports a MOOS log.
@@ -24,7 +24,7 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
         .map_or_else(|| GAVLAB.to_owned(), |path| path.display().to_string());
     let map_text = match &args.columns {
         Some(path) => read_text(path)?,
-        None => crate::config::GAVLAB_MAP.to_owned(),
+        None => engine::config::GAVLAB_MAP.to_owned(),
     };
     let format = alog_map(&map_name, &map_text).map_err(Problems)?;
     let text = read_text(&args.input)?;

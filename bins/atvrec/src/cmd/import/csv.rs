@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use engine::config::{CsvMap, Problems, RowTime, csv_map};
 use sample::LogTime;
 use wire::column::{Column, Quantity};
 use wire::csv::{Format, MAX_LINE, Place};
@@ -13,7 +14,6 @@ use super::{
     read_text, shortened, source_names,
 };
 use crate::cli::ImportCsvArgs;
-use crate::config::{CsvMap, Problems, RowTime, csv_map};
 use crate::exit::{Outcome, UsageError};
 
 /// Imports delimited text.

@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
+use engine::Config;
+use engine::{Engine, SILENCE_NS};
 use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
 use store::Record;
 
 use super::Output;
 use super::truth::TruthPoint;
-use crate::config::Config;
-use crate::engine::{Engine, SILENCE_NS};
 use crate::exit::{Outcome, UsageError};
 use crate::output::target::{Kind, LogFile, Target};
-use crate::session;
+use crate::session::PROGRAM;
 
 /// Interval of ticks, as the recorder has it, ns.
 const TICK_NS: i64 = NANOS_PER_SECOND / 10;
@@ -157,7 +157,7 @@ fn write_run(
         .collect();
     let names: Vec<&str> = sources.iter().map(|source| source.name).collect();
     let run_id = format!("import-{}-{}", names.join("-"), start.0);
-    let session = session::simulated(config, &run_id, start);
+    let session = engine::session::simulated(config, PROGRAM, &run_id, start);
     let mut log = Log {
         engine: Engine::new(config)?,
         file: target.log(session, config.storage.options.clone())?,

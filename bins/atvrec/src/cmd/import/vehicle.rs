@@ -1,10 +1,10 @@
 //! `atvrec import vehicle`.
 
 use anyhow::Context;
+use engine::config::{TOML_MAX, read_text};
 use sample::text::printable;
 
 use crate::cli::ImportVehicleArgs;
-use crate::config::{TOML_MAX, read_text};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 

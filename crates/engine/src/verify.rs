@@ -9,6 +9,8 @@ use sample::text::printable;
 use sample::{LogTime, NANOS_PER_SECOND};
 use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection};
 
+use crate::Result;
+
 /// Schemas of the raw stream, which is what a replay starts from.
 const RAW: &str = "atvrec.Raw";
 /// Topics that the engine has no part in.
@@ -115,7 +117,7 @@ impl Verifier {
     }
 
     /// Takes what followed from the arrival at `now`.
-    pub fn expect(&mut self, records: &[Record], now: LogTime) -> anyhow::Result<()> {
+    pub fn expect(&mut self, records: &[Record], now: LogTime) -> Result<()> {
         for record in records {
             for message in self.encoder.encode(record) {
                 self.computed(message, now);
@@ -226,7 +228,7 @@ impl Verifier {
     }
 
     /// The result, when the last arrival is replayed.
-    pub fn finish(mut self) -> anyhow::Result<Report> {
+    pub fn finish(mut self) -> Result<Report> {
         const END: LogTime = LogTime(u64::MAX);
         while let Some(message) = self.recorded.next() {
             self.recorded(message?, LogTime(0));

@@ -209,7 +209,8 @@ mod tests {
     use sample::CanFlags;
 
     use super::*;
-    use crate::config::{Config, Problems};
+    use crate::Error;
+    use crate::config::Config;
 
     const BUS: &str = "[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n";
 
@@ -217,7 +218,8 @@ mod tests {
         let config = Config::from_text(&format!("{BUS}{text}"), Path::new("."));
         match config {
             Ok(config) => Ok(config.storage.trigger.expect("a trigger")),
-            Err(error) => Err(error.downcast::<Problems>().expect("problems").0.len()),
+            Err(Error::Configuration(problems)) => Err(problems.0.len()),
+            Err(other) => panic!("{other}"),
         }
     }
 

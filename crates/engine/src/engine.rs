@@ -19,6 +19,7 @@ use sample::{
 };
 use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
+use crate::Result;
 use crate::config::{self, Config};
 use source::{Silence, SourceState};
 
@@ -49,7 +50,7 @@ pub struct Engine {
 
 impl Engine {
     /// A machine at its start.
-    pub fn new(config: &Config) -> anyhow::Result<Self> {
+    pub fn new(config: &Config) -> Result<Self> {
         let attitude_latency_s = config
             .estimator
             .as_ref()
@@ -58,7 +59,7 @@ impl Engine {
             .sources
             .iter()
             .map(|source| SourceState::new(source, attitude_latency_s))
-            .collect::<anyhow::Result<_>>()?;
+            .collect::<Result<_>>()?;
         Ok(Self {
             sources,
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
@@ -74,7 +75,7 @@ impl Engine {
     }
 
     /// A machine that also smooths, as a replay may: [`Engine::finish`] hands out the last of it.
-    pub fn smoothing(config: &Config) -> anyhow::Result<Self> {
+    pub fn smoothing(config: &Config) -> Result<Self> {
         let mut engine = Self::new(config)?;
         engine.estimator = engine.estimator.map(Estimator::traced);
         let told = config.estimator.as_ref();
@@ -291,7 +292,7 @@ fn has_data(payload: &Payload) -> bool {
     }
 }
 
-fn new_estimator(config: &config::Estimator) -> anyhow::Result<Estimator> {
+fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
     let estimator = Estimator::new(
         &config.vehicle,
         &config.sensors,

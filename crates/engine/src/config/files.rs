@@ -127,7 +127,8 @@ struct Used {
 }
 
 /// A file that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}; {help}")]
 pub struct FileProblem {
     /// What is wrong.
     pub message: String,

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, Resolved};
 use model::sensors::Sensors;
@@ -13,9 +12,8 @@ use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
 use store::{Pose, Record};
 use wire::line;
 
-use crate::cli::DriveArgs;
 use crate::config::{FileKind, Files, TOML_MAX, read_text};
-use crate::exit::UsageError;
+use crate::{Error, Result};
 
 /// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
 const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
@@ -23,6 +21,32 @@ const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
 const WEEK_S: u64 = 604_800;
 /// GPS time minus UTC when the virtual drives take place (2009), s.
 const LEAP_SECONDS: u64 = 15;
+
+/// What a virtual vehicle does.
+#[derive(Clone, Debug)]
+pub enum Course {
+    /// A manoeuvre, by its name.
+    Manoeuvre(String),
+    /// What a file of another simulator says (Parquet or CSV).
+    Truth(PathBuf),
+}
+
+/// What a simulation is made of.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// What the vehicle does.
+    pub course: Course,
+    /// Vehicle file, or the name of one of the program's own.
+    pub vehicle: String,
+    /// Sensors file, or the name of one of the program's own.
+    pub sensors: String,
+    /// Seed of the sensors' noise.
+    pub seed: u64,
+    /// Hidden errors, faults and delays.
+    pub options: Options,
+    /// How long it lasts at most, s; only mixed driving goes on for longer than once.
+    pub duration_s: Option<f64>,
+}
 
 /// A virtual vehicle and what it is made of.
 pub struct Rig {
@@ -41,37 +65,32 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Builds the virtual vehicle that the command line asks for.
-    pub fn new(args: &DriveArgs) -> anyhow::Result<Self> {
+    /// Makes the virtual vehicle.
+    ///
+    /// # Errors
+    /// If a file cannot be read or has errors, or the vehicle cannot do what is asked.
+    pub fn new(drive: &Drive) -> Result<Self> {
         let mut files = Files::on_disk(PathBuf::new());
-        let mut text = |name: &str, kind| {
-            files
-                .read_text(name, kind)
-                .map_err(|problem| UsageError(format!("{}; {}", problem.message, problem.help)))
-        };
-        let vehicle = text(&args.vehicle, FileKind::Vehicle)?;
-        let vehicle = Vehicle::from_toml(&vehicle, &args.vehicle)?;
-        let sensors = text(&args.sensors, FileKind::Sensors)?;
-        let sensors = Sensors::from_toml(&sensors, &args.sensors)?;
-        let (motion, drive) = motion(args, &vehicle)?;
-        let options = match &args.options {
-            Some(path) => read_options(path)?,
-            None => Options::default(),
-        };
-        let motion = repeated(motion, args.duration_s);
+        let vehicle = files.read_text(&drive.vehicle, FileKind::Vehicle)?;
+        let vehicle = Vehicle::from_toml(&vehicle, &drive.vehicle)?;
+        let sensors = files.read_text(&drive.sensors, FileKind::Sensors)?;
+        let sensors = Sensors::from_toml(&sensors, &drive.sensors)?;
+        let (motion, name) = motion(&drive.course, &vehicle)?;
+        let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
-        let duration_s = args.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
-        if let Some(asked_s) = args.duration_s.filter(|asked_s| *asked_s > own_s) {
-            tracing::warn!("{drive} ends after {own_s:.1} s, before the {asked_s} s of --for");
+        let duration_s = drive.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
+        if let Some(asked_s) = drive.duration_s.filter(|asked_s| *asked_s > own_s) {
+            tracing::warn!("{name} ends after {own_s:.1} s, before the {asked_s} s of --for");
         }
         let truth = vehicle.name.clone();
-        let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, args.seed)?;
+        let options = drive.options.clone();
+        let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, drive.seed)?;
         Ok(Self {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
-            drive,
-            vehicle_file: args.vehicle.clone(),
-            sensors_file: args.sensors.clone(),
+            drive: name,
+            vehicle_file: drive.vehicle.clone(),
+            sensors_file: drive.sensors.clone(),
             options,
             duration_s,
         })
@@ -236,27 +255,40 @@ fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
     }
 }
 
-fn motion(args: &DriveArgs, vehicle: &Vehicle) -> anyhow::Result<(Motion, String)> {
-    if let Some(path) = &args.truth {
-        let motion = Motion::open(path)?;
-        let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        return Ok((motion, format!("truth-{name}")));
-    }
-    let name = args.manoeuvre.as_deref().unwrap_or_default();
-    let motion = Manoeuvre::by_name(name)?
-        .drive(vehicle)
-        .with_context(|| format!("cannot drive {name}"))?;
+fn motion(course: &Course, vehicle: &Vehicle) -> Result<(Motion, String)> {
+    let name = match course {
+        Course::Manoeuvre(name) => name,
+        Course::Truth(path) => {
+            let motion = Motion::open(path)?;
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            return Ok((motion, format!("truth-{name}")));
+        }
+    };
+    let drive = Manoeuvre::by_name(name)?.drive(vehicle);
+    let motion = drive.map_err(|source| Error::Manoeuvre {
+        manoeuvre: name.clone(),
+        source: Box::new(source),
+    })?;
     if motion.tips_over() {
         let end_s = motion.duration_s();
         tracing::warn!("the vehicle tips over; {name} ends there, after {end_s:.1} s");
     }
-    Ok((motion, name.to_owned()))
+    Ok((motion, name.clone()))
 }
 
-fn read_options(path: &Path) -> anyhow::Result<Options> {
-    let text = read_text(path, TOML_MAX)
-        .with_context(|| format!("cannot read the options {}", path.display()))?;
-    toml::from_str(&text).map_err(|error| UsageError(format!("{}: {error}", path.display())).into())
+/// Reads the options of a virtual vehicle from a file.
+///
+/// # Errors
+/// If the file cannot be read or has errors.
+pub fn read_options(path: &Path) -> Result<Options> {
+    let text = read_text(path, TOML_MAX).map_err(|source| Error::OptionsUnreadable {
+        path: path.to_owned(),
+        source,
+    })?;
+    toml::from_str(&text).map_err(|cause| Error::Options {
+        path: path.to_owned(),
+        cause: Box::new(cause),
+    })
 }
 
 /// What a perfect workshop would find of this virtual vehicle.
@@ -264,7 +296,7 @@ fn true_calibration(
     name: &str,
     sensors: &Sensors,
     vehicle: &VirtualVehicle,
-) -> anyhow::Result<Calibration> {
+) -> Result<Calibration> {
     let mut calibration = Calibration::nominal(name);
     let nominal = Resolved::new(sensors, &calibration)?;
     let hidden = vehicle.hidden();

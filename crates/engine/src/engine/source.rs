@@ -10,6 +10,7 @@ use wire::{Item, Protocol, Statistics};
 use super::can::{Arrived, CanDecoder};
 use super::clock::{ClockFit, Scale};
 use super::utc::UtcClock;
+use crate::Result;
 use crate::config::{GnssMeaning, Meaning, Source};
 
 /// Seconds from the UNIX epoch to GPS time zero, 1980-01-06, leap seconds left out.
@@ -70,7 +71,7 @@ impl SourceState {
     /// The state at the start.
     ///
     /// `attitude_latency_s` is for receivers whose configuration does not say.
-    pub fn new(source: &Source, attitude_latency_s: f64) -> anyhow::Result<Self> {
+    pub fn new(source: &Source, attitude_latency_s: f64) -> Result<Self> {
         let (decoder, gnss) = match &source.meaning {
             Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can)), None),
             Meaning::Crossbow440(rate) => {
