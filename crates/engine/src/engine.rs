@@ -315,6 +315,7 @@ fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
     records.push(Record::TyreForces {
         time,
         stage,
+        frame: estimate.frame,
         forces,
     });
 }

@@ -7,7 +7,7 @@ use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
+use sample::{ForceFrame, LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
 use store::{Pose, Record};
 use wire::line;
@@ -116,6 +116,7 @@ impl Rig {
         Record::Truth {
             time: self.start().offset_seconds(time_s),
             motion: state.motion(),
+            frame: ForceFrame::Contact,
             forces: state.tyre_forces(),
             pose: Some(Pose {
                 position_enu_m: state.position_m,

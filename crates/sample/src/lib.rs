@@ -4,9 +4,8 @@
 //!
 //! - Vehicle axes (ISO 8855): x forward, y left, z up. Earth axes: east, north, up.
 //! - Roll right side down, pitch nose down and yaw left are positive, as the right-hand rule gives.
-//! - Tyre forces stand in the wheel's contact frame: x along the wheel heading, y left of it,
-//!   z up. They are what the ground exerts on the tyre. A positive slip angle gives a negative
-//!   lateral force.
+//! - Tyre forces are those of the ground on the tyre, in the axes that [`ForceFrame`] names. The
+//!   estimator uses the contact frame. A positive slip angle gives a negative lateral force.
 //! - Specific force is what an accelerometer reads: +g along z at rest.
 //! - SI units and radians. Degrees, bytes and counts live in `wire` and on screens only.
 //! - Wheels are ordered front left, front right, rear left, rear right everywhere ([`Wheel::ALL`]).
@@ -22,8 +21,8 @@ mod wheel;
 
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
 pub use estimate::{
-    AxleGrip, Estimate, Event, EventKind, ForceSource, Health, Motion, Parameters, Rollover,
-    Severity, SourceHealth, TyreForce,
+    AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, Motion, Parameters,
+    Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{

@@ -6,7 +6,7 @@ use engine::missing;
 use sample::LogTime;
 use sample::text::printable;
 use serde_json::json;
-use store::{Info, Reader, Session, UtcOffset, utc_ns};
+use store::{Info, Reader, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
@@ -19,9 +19,9 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     info.span = info.span.map(|span| recorded_span(&reader, span));
     let utc = reader.utc_offset()?;
     if args.json {
-        println!("{:#}", as_json(&info, reader.session(), utc));
+        println!("{:#}", as_json(&info, &reader, utc));
     } else {
-        print!("{}", as_text(&info, reader.session(), utc));
+        print!("{}", as_text(&info, &reader, utc));
     }
     Ok(Outcome::Good)
 }
@@ -38,7 +38,8 @@ fn seconds(info: &Info) -> f64 {
         .map_or(0.0, |(first, last)| last.seconds_since(first))
 }
 
-fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
+fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
+    let session = reader.session();
     let mut text = String::new();
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "{label:<10}{}", printable(&value));
@@ -59,6 +60,13 @@ fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     line(
         "program",
         format!("atvrec {} ({})", session.version, session.git_hash),
+    );
+    line(
+        "contract",
+        reader.contract().map_or_else(
+            || "none: an earlier layout, shown in the present one".to_owned(),
+            |version| format!("version {version}"),
+        ),
     );
     if let Some((first, _)) = info.span {
         let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
@@ -104,7 +112,8 @@ fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     text
 }
 
-fn as_json(info: &Info, session: &Session, utc: Option<UtcOffset>) -> serde_json::Value {
+fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::Value {
+    let session = reader.session();
     let channels: serde_json::Map<_, _> = info
         .channels
         .iter()
@@ -133,6 +142,7 @@ fn as_json(info: &Info, session: &Session, utc: Option<UtcOffset>) -> serde_json
         })),
         "version": session.version,
         "git_hash": session.git_hash,
+        "contract": reader.contract(),
         "host": session.host,
         "boot_id": session.boot_id,
         "start_ns": info.span.map(|(first, _)| first.0),

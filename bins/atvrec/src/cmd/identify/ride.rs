@@ -91,7 +91,7 @@ impl Ride {
         let each = |name: &str| motion.column(name);
         let wheels = |name: &str| {
             PerWheel(
-                ["fl", "fr", "rl", "rr"].map(|wheel| motion.column(&format!("{name}.{wheel}"))),
+                ["fl", "fr", "rl", "rr"].map(|wheel| motion.column(&format!("{wheel}.{name}"))),
             )
         };
         let (vx, vy) = (each("velocity_x_m_s"), each("velocity_y_m_s"));

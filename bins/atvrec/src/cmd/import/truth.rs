@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use estimator::GRID_NANOS;
-use sample::{LogTime, Motion, PerWheel, TyreForce, Wheel};
+use sample::{ForceFrame, LogTime, Motion, PerWheel, TyreForce, Wheel};
 use store::Record;
 use wire::column::Truth;
 
@@ -97,6 +97,7 @@ impl TruthPoint {
         Record::Truth {
             time: self.time,
             motion,
+            frame: ForceFrame::Contact,
             forces,
             pose: None,
             friction: None,
