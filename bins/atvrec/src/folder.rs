@@ -147,7 +147,7 @@ impl RunName {
     pub fn stem_by_utc(&self, offset: &UtcOffset) -> Option<String> {
         let start_ns = u64::try_from(offset.utc_ns(self.started)).ok()?;
         let differs = offset.offset_ns.unsigned_abs() >= RENAME_OFFSET_MIN_NS;
-        let is_plausible = start_ns >= session::build_time().0;
+        let is_plausible = start_ns >= engine::session::build_time().0;
         (is_plausible && (differs || self.clock.is_implausible())).then(|| self.stem_at(start_ns))
     }
 

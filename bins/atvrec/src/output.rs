@@ -1,8 +1,6 @@
 //! Standard output. If its reader closes it early (`atvrec info drive.mcap | head -1`), the command
 //! continues without an error.
 
-pub mod target;
-
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 

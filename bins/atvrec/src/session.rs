@@ -3,15 +3,9 @@
 use std::fs;
 
 use engine::Config;
-use engine::session::{Program, started_at, utc_compact};
+use engine::session::{PROGRAM, build_time, started_at, utc_compact};
 use sample::LogTime;
 use store::{ClockState, Session};
-
-/// This program.
-pub const PROGRAM: Program = Program {
-    version: env!("CARGO_PKG_VERSION"),
-    git_hash: env!("ATVREC_GIT_HASH"),
-};
 
 /// Session of the run `run_number` of a log folder; `clock` is the state of the clock.
 pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockState) -> Session {
@@ -24,12 +18,6 @@ pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockStat
         host: read_line("/proc/sys/kernel/hostname"),
         ..started_at(config, PROGRAM, started)
     }
-}
-
-/// Date of the source of this program: an earlier clock is wrong.
-pub fn build_time() -> LogTime {
-    let seconds: u64 = env!("ATVREC_BUILD_UNIX_S").parse().unwrap_or(0);
-    LogTime(seconds * 1_000_000_000)
 }
 
 /// State of the host's clock, which was at `anchor` when the log clock was set from it.

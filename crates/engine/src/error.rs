@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::config::{FileProblem, Problems};
+use crate::output::{TargetError, WriteError};
 
 /// Result of the engine.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -77,6 +78,17 @@ pub enum Error {
     /// The virtual vehicle cannot be created.
     #[error(transparent)]
     Simulation(#[from] sim::SimError),
+    /// A file cannot be an output.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    /// An output cannot be written.
+    #[error("cannot write {path}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: WriteError,
+    },
     /// A log cannot be read or written.
     #[error(transparent)]
     Log(#[from] store::Error),
@@ -92,6 +104,7 @@ impl Error {
                 | Self::ConfigurationUnreadable { .. }
                 | Self::File(_)
                 | Self::Options { .. }
+                | Self::Target(_)
         )
     }
 }

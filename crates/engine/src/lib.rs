@@ -11,6 +11,7 @@ pub mod config;
 mod engine;
 mod error;
 pub mod missing;
+pub mod output;
 mod read_ahead;
 mod rig;
 pub mod session;

@@ -15,6 +15,18 @@ pub struct Program {
     pub git_hash: &'static str,
 }
 
+/// This program.
+pub const PROGRAM: Program = Program {
+    version: env!("CARGO_PKG_VERSION"),
+    git_hash: env!("ATVREC_GIT_HASH"),
+};
+
+/// Date of the source of this program: an earlier clock is wrong.
+pub fn build_time() -> LogTime {
+    let seconds: u64 = env!("ATVREC_BUILD_UNIX_S").parse().unwrap_or(0);
+    LogTime(seconds * 1_000_000_000)
+}
+
 /// Session of a simulation. It does not depend on this machine.
 pub fn simulated(config: &Config, program: Program, run_id: &str, started: LogTime) -> Session {
     Session {

@@ -282,20 +282,43 @@ impl Tuning {
     /// This tuning with one number replaced.
     ///
     /// # Errors
-    /// A value that the parameter does not allow, or a name that does not exist; the text says what
-    /// is expected.
+    /// As [`Tuning::replace`].
     pub fn with(mut self, name: &str, index: usize, value: f64) -> Result<Self, String> {
-        let mut result = Err(format!("no tuning parameter is called {name}"));
+        let mut numbers = None;
         walk(&mut self, "", &mut |found, parameter| {
             if found == name {
-                let mut numbers = parameter.value.numbers();
-                if let Some(number) = numbers.get_mut(index) {
-                    *number = value;
-                }
-                result = parameter.value.replace(&numbers);
+                numbers = Some(parameter.value.numbers());
             }
         });
-        result.map(|()| self)
+        let mut numbers = numbers.unwrap_or_default();
+        if let Some(number) = numbers.get_mut(index) {
+            *number = value;
+        }
+        self.replace(name, &numbers).map(|()| self)
+    }
+
+    /// Replaces the numbers of the parameter with this dotted name.
+    ///
+    /// # Errors
+    /// A value that the parameter does not allow, or a name that does not exist; the text says what
+    /// is expected.
+    pub fn replace(&mut self, name: &str, numbers: &[f64]) -> Result<(), String> {
+        let mut result = Err(format!(
+            "no tuning parameter is called {name}; docs/filter-spec.md lists all of them"
+        ));
+        walk(self, "", &mut |found, parameter| {
+            if found == name {
+                let default = parameter.value.numbers();
+                result = parameter.value.replace(numbers).map_err(|expected| {
+                    let unit = parameter.unit;
+                    format!(
+                        "{name} = {numbers:?} found where {expected} is expected; the value is \
+                         {default:?} (unit: {unit})"
+                    )
+                });
+            }
+        });
+        result
     }
 }
 

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::input::{self, Doubles};
+use crate::origin::{Origin, Reduced};
 use crate::vehicle::Vehicle;
 use crate::{batch, errors};
 
@@ -23,6 +24,7 @@ const GAINS: [(&str, usize); 4] = [
 #[pyclass(frozen, module = "atvrec")]
 pub struct Bicycle {
     inner: Model,
+    origin: Origin,
 }
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -33,10 +35,15 @@ type Vector<'py> = Bound<'py, PyArray1<f64>>;
 impl Bicycle {
     /// The bicycle of a vehicle: two tyres to an axle, at their reference loads.
     #[new]
-    fn new(vehicle: &Vehicle) -> Self {
-        Self {
-            inner: Model::from_vehicle(&vehicle.inner),
-        }
+    fn new(vehicle: &Bound<'_, Vehicle>) -> PyResult<Self> {
+        Ok(Self {
+            inner: Model::from_vehicle(&vehicle.get().inner),
+            origin: Origin::new(vehicle.py(), "", (vehicle,))?,
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
     }
 
     /// A and B at a speed: arrays (2, 2) and (2,). Raises ArgumentError at rest, where sideslip is

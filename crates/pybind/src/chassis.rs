@@ -93,6 +93,7 @@ macro_rules! chassis_class {
         #[pyclass(frozen, module = "atvrec")]
         pub struct $class {
             parameters: Parameters,
+            origin: Origin,
         }
 
         type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -114,6 +115,10 @@ macro_rules! chassis_class {
             }
 
             $($own)*
+
+            fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+                self.origin.reduce::<Self>(py)
+            }
 
             /// Rate of the state: array (S,) or (N, S), with S = len(STATES).
             fn derivative<'py>(

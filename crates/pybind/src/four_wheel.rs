@@ -12,6 +12,7 @@ use crate::batch::{self, Dynamics, Schedule};
 use crate::chassis::{self, chassis_class, each, one};
 use crate::errors;
 use crate::input::{self, Doubles, PerWheel};
+use crate::origin::{Origin, Reduced};
 use crate::vehicle::Vehicle;
 
 /// Names of what `outputs` gives, with the number of columns of each.
@@ -74,10 +75,11 @@ chassis_class! {
     own: {
         /// The model of a vehicle.
         #[new]
-        fn new(vehicle: &Vehicle) -> Self {
-            Self {
-                parameters: Parameters::from_vehicle(&vehicle.inner),
-            }
+        fn new(vehicle: &Bound<'_, Vehicle>) -> PyResult<Self> {
+            Ok(Self {
+                parameters: Parameters::from_vehicle(&vehicle.get().inner),
+                origin: Origin::new(vehicle.py(), "", (vehicle,))?,
+            })
         }
 
         /// The state of rolling straight ahead: array (19,).

@@ -13,6 +13,7 @@ use crate::batch::{self, Dynamics, Schedule};
 use crate::chassis::{self, chassis_class, each, one};
 use crate::errors;
 use crate::input::{self, Doubles, PerWheel};
+use crate::origin::{Origin, Reduced};
 use crate::vehicle::Vehicle;
 
 /// Names of what `outputs` gives, with the number of columns of each.
@@ -98,11 +99,12 @@ chassis_class! {
     own: {
         /// The model of a vehicle. Raises VehicleError where it has no struts or unsprung masses.
         #[new]
-        fn new(vehicle: &Vehicle) -> PyResult<Self> {
-            let parameters = Parameters::from_vehicle(&vehicle.inner);
-            parameters
-                .map(|parameters| Self { parameters })
-                .map_err(|e| errors::model(&e))
+        fn new(vehicle: &Bound<'_, Vehicle>) -> PyResult<Self> {
+            let parameters = Parameters::from_vehicle(&vehicle.get().inner);
+            Ok(Self {
+                parameters: parameters.map_err(|e| errors::model(&e))?,
+                origin: Origin::new(vehicle.py(), "", (vehicle,))?,
+            })
         }
 
         /// The state of rolling straight ahead on level ground, springs and tyres carrying the

@@ -1,4 +1,4 @@
-//! The Python package `atvrec`: thin wrappers of the model and the log reader.
+//! The Python package `atvrec`: thin wrappers of the model, the estimator and logs.
 //!
 //! This is its extension module `atvrec._atvrec`; what Python users see is in `python/atvrec`.
 
@@ -6,19 +6,27 @@ mod arrays;
 mod batch;
 mod bicycle;
 mod calibrate;
+mod calibration;
 mod chassis;
 mod errors;
+mod estimates;
+mod estimation;
+mod files;
 mod findings;
 mod four_wheel;
 mod fourteen_dof;
 mod identify;
 mod input;
+mod interrupt;
 mod log;
+mod origin;
+mod samples;
 mod sensors;
 mod steering;
 mod strain;
 mod suspension;
 mod tables;
+mod tuning;
 mod tyre;
 mod vehicle;
 
@@ -34,6 +42,9 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<log::LogReader>()?;
     module.add_class::<vehicle::Vehicle>()?;
     module.add_class::<sensors::Sensors>()?;
+    module.add_class::<calibration::Calibration>()?;
+    module.add_class::<tuning::Tuning>()?;
+    module.add_class::<estimation::SampleEstimator>()?;
     module.add_class::<tyre::Tyre>()?;
     module.add_class::<tyre::SpringTyre>()?;
     module.add_class::<steering::Steering>()?;
@@ -43,6 +54,7 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<suspension::Ride>()?;
     module.add_class::<suspension::Corner>()?;
     module.add_class::<strain::StrainChannel>()?;
+    module.add_function(wrap_pyfunction!(origin::restore, module)?)?;
     module.add_function(wrap_pyfunction!(suspension::road_height_m, module)?)?;
     module.add_function(wrap_pyfunction!(steering::ackermann_rad, module)?)?;
     module.add_function(wrap_pyfunction!(strain::amplifier_gain, module)?)?;

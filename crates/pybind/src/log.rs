@@ -1,6 +1,7 @@
 //! Reading logs.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
@@ -9,22 +10,23 @@ use report::score::{compare, innovations, innovations_json, score};
 use sample::LogTime;
 use store::{Reader, Stage};
 
-use crate::{arrays, errors};
+use crate::{arrays, errors, interrupt};
 
 /// One or more files of a run. What Python users see is `atvrec.Log`, which wraps this.
 #[pyclass(frozen, module = "atvrec._atvrec")]
 pub struct LogReader {
-    reader: Reader,
+    pub reader: Arc<Reader>,
+    pub paths: Vec<PathBuf>,
 }
 
 #[pymethods]
 impl LogReader {
     #[new]
     fn new(py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<Self> {
-        let reader = py
-            .detach(|| Reader::open(&paths))
-            .map_err(|e| errors::log(&e))?;
-        Ok(Self { reader })
+        let named = paths.clone();
+        let reader = interrupt::detached(py, move || Reader::open(&named))?;
+        let reader = Arc::new(reader.map_err(|e| errors::log(&e))?);
+        Ok(Self { reader, paths })
     }
 
     /// Topics, sorted.
@@ -80,9 +82,10 @@ impl LogReader {
         start_ns: u64,
         end_ns: u64,
     ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Vec<String>)> {
-        let table = py
-            .detach(|| self.reader.table(topic, LogTime(start_ns), LogTime(end_ns)))
-            .map_err(|e| errors::log(&e))?;
+        let (reader, topic) = (Arc::clone(&self.reader), topic.to_owned());
+        let (start, end) = (LogTime(start_ns), LogTime(end_ns));
+        let table = interrupt::detached(py, move || reader.table(&topic, start, end))?;
+        let table = table.map_err(|e| errors::log(&e))?;
         let columns = PyDict::new(py);
         let units = PyDict::new(py);
         columns.set_item("log_time_ns", table.log_time_ns.into_pyarray(py))?;
@@ -112,19 +115,20 @@ impl LogReader {
         } else {
             Stage::Estimate
         };
-        let found = py.detach(|| match against {
-            Some(other) => {
-                compare(&self.reader, &other.reader, stage, from_s).map(|found| found.to_json())
-            }
-            None => score(&self.reader, stage, from_s).map(|found| found.to_json()),
-        });
+        let reader = Arc::clone(&self.reader);
+        let against = against.map(|other| Arc::clone(&other.reader));
+        let found = interrupt::detached(py, move || match against {
+            Some(other) => compare(&reader, &other, stage, from_s).map(|found| found.to_json()),
+            None => score(&reader, stage, from_s).map(|found| found.to_json()),
+        })?;
         let json = found.map_err(|error| errors::score(&error))?;
         Ok(json.to_string())
     }
 
     /// The innovations of `atvrec score --innovations --json`.
     fn innovations_json(&self, py: Python<'_>, from_s: f64) -> PyResult<String> {
-        let found = py.detach(|| innovations(&self.reader, from_s));
+        let reader = Arc::clone(&self.reader);
+        let found = interrupt::detached(py, move || innovations(&reader, from_s))?;
         let found = found.map_err(|error| errors::score(&error))?;
         Ok(innovations_json(&found).to_string())
     }

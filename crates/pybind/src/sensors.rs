@@ -1,10 +1,11 @@
 //! Sensors files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use pyo3::prelude::*;
 
-use crate::errors;
+use crate::origin::{Origin, Reduced};
+use crate::{errors, files};
 
 /// Sensors and their converters, as a sensors file describes them.
 ///
@@ -19,28 +20,35 @@ impl Sensors {
     /// A sensors file that ships with the package; see `builtin_names`.
     #[staticmethod]
     #[pyo3(signature = (name="thesis-10bit"))]
-    fn builtin(name: &str) -> PyResult<Self> {
+    pub fn builtin(name: &str) -> PyResult<Self> {
         let inner = model::sensors::Sensors::builtin(name).map_err(|e| errors::model(&e))?;
         Ok(Self { inner })
     }
 
     /// Names of the sensors files that ship with the package.
     #[staticmethod]
-    fn builtin_names() -> Vec<&'static str> {
+    pub fn builtin_names() -> Vec<&'static str> {
         model::sensors::Sensors::builtin_names().collect()
     }
 
-    /// Sensors from a file. All mistakes of the file are told at once.
+    /// Sensors from a file. All errors of the file are reported at once.
     #[staticmethod]
-    fn load(path: PathBuf) -> PyResult<Self> {
-        read(&path).map(|inner| Self { inner })
+    pub fn load(path: PathBuf) -> PyResult<Self> {
+        Self::from_toml(&files::text(&path)?, &path.display().to_string())
     }
 
     /// Sensors from the text of a sensors file; `name` stands for the file in messages.
     #[staticmethod]
     #[pyo3(signature = (text, name="sensors.toml"))]
     fn from_toml(text: &str, name: &str) -> PyResult<Self> {
-        parse(text, name.as_ref()).map(|inner| Self { inner })
+        model::sensors::Sensors::from_toml(text, name)
+            .map(|inner| Self { inner })
+            .map_err(|error| errors::vehicle(error.to_string()))
+    }
+
+    /// The text of a sensors file.
+    pub fn to_toml(&self) -> PyResult<String> {
+        toml::to_string(&self.inner).map_err(|error| errors::vehicle(error.to_string()))
     }
 
     /// Name, for people.
@@ -49,17 +57,11 @@ impl Sensors {
         &self.inner.name
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        Origin::new(py, "from_toml", (self.to_toml()?,))?.reduce::<Self>(py)
+    }
+
     fn __repr__(&self) -> String {
         format!("<atvrec.Sensors {:?}>", self.inner.name)
     }
-}
-
-/// The sensors of a file.
-pub fn read(path: &Path) -> PyResult<model::sensors::Sensors> {
-    parse(&std::fs::read_to_string(path)?, path)
-}
-
-fn parse(text: &str, path: &Path) -> PyResult<model::sensors::Sensors> {
-    model::sensors::Sensors::from_toml(text, path)
-        .map_err(|error| errors::vehicle(error.to_string()))
 }

@@ -5,6 +5,7 @@ use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::input::{self, Doubles};
+use crate::origin::{Origin, Reduced};
 use crate::vehicle::Vehicle;
 use crate::{batch, errors};
 
@@ -13,16 +14,23 @@ use crate::{batch, errors};
 #[pyclass(frozen, module = "atvrec")]
 pub struct Steering {
     inner: SteeringGear,
+    origin: Origin,
 }
 
 #[pymethods]
 impl Steering {
     /// The gear of a vehicle.
     #[new]
-    fn new(vehicle: &Vehicle) -> PyResult<Self> {
-        let gear = SteeringGear::from_vehicle(&vehicle.inner);
-        gear.map(|inner| Self { inner })
-            .map_err(|e| errors::model(&e))
+    fn new(vehicle: &Bound<'_, Vehicle>) -> PyResult<Self> {
+        let gear = SteeringGear::from_vehicle(&vehicle.get().inner);
+        Ok(Self {
+            inner: gear.map_err(|e| errors::model(&e))?,
+            origin: Origin::new(vehicle.py(), "", (vehicle,))?,
+        })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
     }
 
     /// Free play at the steering wheel, rad, from one contact to the other.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use model::sensors::{Amplifier, Sensors};
+use model::sensors::Amplifier;
 use model::strain::{self, ChannelScale};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -11,59 +11,72 @@ use pyo3::types::{PyDict, PyList};
 use crate::batch;
 use crate::errors;
 use crate::input::{self, Doubles};
-use crate::sensors;
+use crate::origin::{Origin, Reduced};
+use crate::sensors::Sensors;
 
 /// One channel of the strain chain: counts = zero + gain * load.
 #[pyclass(frozen, module = "atvrec")]
 pub struct StrainChannel {
     scale: ChannelScale,
+    origin: Origin,
 }
 
 #[pymethods]
 impl StrainChannel {
+    /// The `axial` or `bending` channels of a vehicle's sensors; the load is tension, N, or a moment,
+    /// N m.
+    #[staticmethod]
+    fn of(sensors: &Bound<'_, Sensors>, kind: &str) -> PyResult<Self> {
+        let origin = Origin::new(sensors.py(), "of", (sensors, kind))?;
+        let sensors = &sensors.get().inner;
+        let scale = match kind {
+            "axial" => sensors.strain.axial_scale().map(Some),
+            "bending" => sensors.strain.bending_scale(),
+            other => {
+                return Err(errors::argument(format!(
+                    "kind = {other:?}: must be \"axial\" or \"bending\""
+                )));
+            }
+        };
+        let scale = scale.map_err(|e| errors::model(&e))?.ok_or_else(|| {
+            errors::argument(format!(
+                "sensors = {:?}: has no bending bridges; use sensors that have them, such as \
+                 full-bridge-16bit-bending",
+                sensors.name
+            ))
+        })?;
+        Ok(Self { scale, origin })
+    }
+
     /// The axial channels of a sensors file that ships with the package; the load is tension, N.
     #[staticmethod]
     #[pyo3(signature = (sensors="thesis-10bit"))]
-    fn axial(sensors: &str) -> PyResult<Self> {
-        let chain = Sensors::builtin(sensors)
-            .map_err(|e| errors::model(&e))?
-            .strain;
-        let scale = chain.axial_scale();
-        scale
-            .map(|scale| Self { scale })
-            .map_err(|e| errors::model(&e))
+    fn axial(py: Python<'_>, sensors: &str) -> PyResult<Self> {
+        Self::of(&Bound::new(py, Sensors::builtin(sensors)?)?, "axial")
     }
 
     /// The bending channels; the load is a moment, N m.
     #[staticmethod]
     #[pyo3(signature = (sensors="full-bridge-16bit-bending"))]
-    fn bending(sensors: &str) -> PyResult<Self> {
-        let chain = Sensors::builtin(sensors)
-            .map_err(|e| errors::model(&e))?
-            .strain;
-        let scale = chain.bending_scale().map_err(|e| errors::model(&e))?;
-        scale.map(|scale| Self { scale }).ok_or_else(|| {
-            errors::argument(format!("sensors = {sensors:?}: has no bending bridges"))
-        })
+    fn bending(py: Python<'_>, sensors: &str) -> PyResult<Self> {
+        Self::of(&Bound::new(py, Sensors::builtin(sensors)?)?, "bending")
     }
 
-    /// The axial channels of a sensors file of your own; all mistakes of the file are told at once.
+    /// The axial channels of a sensors file of your own; all errors of the file are reported at
+    /// once.
     #[staticmethod]
-    fn load_axial(path: PathBuf) -> PyResult<Self> {
-        let scale = sensors::read(&path)?.strain.axial_scale();
-        scale
-            .map(|scale| Self { scale })
-            .map_err(|e| errors::model(&e))
+    fn load_axial(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Self::of(&Bound::new(py, Sensors::load(path)?)?, "axial")
     }
 
     /// The bending channels of a sensors file of your own.
     #[staticmethod]
-    fn load_bending(path: PathBuf) -> PyResult<Self> {
-        let scale = sensors::read(&path)?.strain.bending_scale();
-        scale
-            .map_err(|e| errors::model(&e))?
-            .map(|scale| Self { scale })
-            .ok_or_else(|| errors::argument(format!("{}: has no bending bridges", path.display())))
+    fn load_bending(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Self::of(&Bound::new(py, Sensors::load(path)?)?, "bending")
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
     }
 
     /// Names of the sensors files that ship with the package.

@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::input::{self, Doubles};
+use crate::origin::{Origin, Reduced};
 use crate::vehicle::Vehicle;
 use crate::{batch, errors};
 
@@ -37,48 +38,53 @@ enum Kind {
 #[pyclass(frozen, module = "atvrec")]
 pub struct Ride {
     kind: Kind,
+    origin: Origin,
 }
 
 #[pymethods]
 impl Ride {
     /// Quarter car over one wheel (`fl`, `fr`, `rl`, `rr`): q = (z_s, z_u).
     #[staticmethod]
-    fn quarter(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
-        let made = QuarterCar::of(&vehicle.inner, input::wheel(wheel)?);
-        made.map(|m| Self {
-            kind: Kind::Quarter(Box::new(m)),
+    fn quarter(vehicle: &Bound<'_, Vehicle>, wheel: &str) -> PyResult<Self> {
+        let made = QuarterCar::of(&vehicle.get().inner, input::wheel(wheel)?);
+        Ok(Self {
+            kind: Kind::Quarter(Box::new(made.map_err(|e| suspension(&e))?)),
+            origin: Origin::new(vehicle.py(), "quarter", (vehicle, wheel))?,
         })
-        .map_err(|e| suspension(&e))
     }
 
     /// Half car, longitudinal: q = (z_s, theta nose down, z_front, z_rear), both sides together.
     #[staticmethod]
-    fn half(vehicle: &Vehicle) -> PyResult<Self> {
-        let made = HalfCar::of(&vehicle.inner);
-        made.map(|m| Self {
-            kind: Kind::Half(Box::new(m)),
+    fn half(vehicle: &Bound<'_, Vehicle>) -> PyResult<Self> {
+        let made = HalfCar::of(&vehicle.get().inner);
+        Ok(Self {
+            kind: Kind::Half(Box::new(made.map_err(|e| suspension(&e))?)),
+            origin: Origin::new(vehicle.py(), "half", (vehicle,))?,
         })
-        .map_err(|e| suspension(&e))
     }
 
     /// Half car, lateral, over the axle of `wheel`: q = (z_s, phi right side down, z_left, z_right).
     #[staticmethod]
-    fn half_lateral(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
-        let made = HalfCar::lateral_of(&vehicle.inner, input::wheel(wheel)?);
-        made.map(|m| Self {
-            kind: Kind::Half(Box::new(m)),
+    fn half_lateral(vehicle: &Bound<'_, Vehicle>, wheel: &str) -> PyResult<Self> {
+        let made = HalfCar::lateral_of(&vehicle.get().inner, input::wheel(wheel)?);
+        Ok(Self {
+            kind: Kind::Half(Box::new(made.map_err(|e| suspension(&e))?)),
+            origin: Origin::new(vehicle.py(), "half_lateral", (vehicle, wheel))?,
         })
-        .map_err(|e| suspension(&e))
     }
 
     /// Full car: q = (z_s, phi, theta, z_fl, z_fr, z_rl, z_rr).
     #[staticmethod]
-    fn full(vehicle: &Vehicle) -> PyResult<Self> {
-        let made = FullCar::of(&vehicle.inner);
-        made.map(|m| Self {
-            kind: Kind::Full(Box::new(m)),
+    fn full(vehicle: &Bound<'_, Vehicle>) -> PyResult<Self> {
+        let made = FullCar::of(&vehicle.get().inner);
+        Ok(Self {
+            kind: Kind::Full(Box::new(made.map_err(|e| suspension(&e))?)),
+            origin: Origin::new(vehicle.py(), "full", (vehicle,))?,
         })
-        .map_err(|e| suspension(&e))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
     }
 
     /// A, B_0 and B_1: arrays (n, n), (n, wheels), (n, wheels).
@@ -182,6 +188,7 @@ pub fn road_height_m<'py>(
 pub struct Corner {
     linkage: Linkage,
     axle: Axle,
+    origin: Origin,
 }
 
 const CURVES: [&str; 6] = [
@@ -209,18 +216,23 @@ impl Corner {
 
     /// The corner of a wheel: `fl`, `fr`, `rl` or `rr`.
     #[new]
-    fn new(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
-        let wheel = input::wheel(wheel)?;
+    fn new(vehicle: &Bound<'_, Vehicle>, wheel: &str) -> PyResult<Self> {
+        let origin = Origin::new(vehicle.py(), "", (vehicle, wheel))?;
+        let (vehicle, wheel) = (&vehicle.get().inner, input::wheel(wheel)?);
         let axle = if wheel.is_front() {
-            &vehicle.inner.front
+            &vehicle.front
         } else {
-            &vehicle.inner.rear
+            &vehicle.rear
         };
-        let linkage = Linkage::of(&vehicle.inner, wheel).map_err(|e| suspension(&e))?;
         Ok(Self {
-            linkage,
+            linkage: Linkage::of(vehicle, wheel).map_err(|e| suspension(&e))?,
             axle: axle.clone(),
+            origin,
         })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
     }
 
     /// Kinematics against jounce (wheel centre above its design height, m) as a dict of arrays

@@ -13,6 +13,7 @@ use pyo3::types::{PyDict, PyFloat, PyTuple};
 use crate::batch;
 use crate::errors;
 use crate::input::{self, Doubles};
+use crate::origin::{Origin, Reduced};
 use crate::vehicle::Vehicle;
 
 const ARGUMENTS: [(&str, &str); 6] = [
@@ -31,17 +32,24 @@ const OUTPUTS: [(&str, usize); 3] = [("longitudinal_n", 1), ("lateral_n", 1), ("
 #[pyclass(frozen, module = "atvrec")]
 pub struct Tyre {
     inner: Model,
+    origin: Origin,
 }
 
 #[pymethods]
 impl Tyre {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
+    }
+
     /// The tyre of a vehicle's `front` or `rear` axle: a brush tyre with the file's stiffnesses,
     /// load exponent and friction.
     #[staticmethod]
-    fn of(vehicle: &Vehicle, axle: &str) -> PyResult<Self> {
+    fn of(vehicle: &Bound<'_, Vehicle>, axle: &str) -> PyResult<Self> {
+        let origin = Origin::new(vehicle.py(), "of", (vehicle, axle))?;
+        let vehicle = &vehicle.get().inner;
         let axle = match axle {
-            "front" => &vehicle.inner.front,
-            "rear" => &vehicle.inner.rear,
+            "front" => &vehicle.front,
+            "rear" => &vehicle.rear,
             other => {
                 return Err(errors::argument(format!(
                     "axle = {other:?}: must be \"front\" or \"rear\""
@@ -50,6 +58,7 @@ impl Tyre {
         };
         Ok(Self {
             inner: Model::from_vehicle(&axle.tyre),
+            origin,
         })
     }
 
@@ -63,6 +72,7 @@ impl Tyre {
     ))]
     #[allow(clippy::too_many_arguments)]
     fn physical(
+        py: Python<'_>,
         law: &str,
         cornering_stiffness_n_rad: f64,
         slip_stiffness_n: f64,
@@ -73,6 +83,15 @@ impl Tyre {
         reference_load_n: Option<f64>,
         load_exponent: f64,
     ) -> PyResult<Self> {
+        let origin = Origin::new(py, "physical", (law,))?
+            .with(py, "cornering_stiffness_n_rad", cornering_stiffness_n_rad)?
+            .with(py, "slip_stiffness_n", slip_stiffness_n)?
+            .with(py, "friction", friction)?
+            .with(py, "sliding_friction", sliding_friction)?
+            .with(py, "camber_stiffness_n_rad", camber_stiffness_n_rad)?
+            .with(py, "contact_length_m", contact_length_m)?
+            .with(py, "reference_load_n", reference_load_n)?
+            .with(py, "load_exponent", load_exponent)?;
         let law = match law {
             "linear" => Law::Linear,
             "fiala" => Law::Fiala,
@@ -118,15 +137,17 @@ impl Tyre {
                 camber_stiffness_n_rad,
                 contact_length_m,
             }),
+            origin,
         })
     }
 
     /// The Magic Formula of 1987/89 with the published tyre of SAE 870421, table 2 (a car's).
     #[staticmethod]
-    fn magic_formula_89() -> Self {
-        Self {
+    fn magic_formula_89(py: Python<'_>) -> PyResult<Self> {
+        Ok(Self {
             inner: Model::MagicFormula89(Box::default()),
-        }
+            origin: Origin::new(py, "magic_formula_89", ())?,
+        })
     }
 
     /// The Magic Formula 5.2 with combined slip (Pacejka, Tyre and Vehicle Dynamics, 2nd edition,
@@ -134,7 +155,11 @@ impl Tyre {
     /// `FNOMIN` in N, `UNLOADED_RADIUS` in m); what is not given is a passenger car's 205/60 R15.
     #[staticmethod]
     #[pyo3(signature = (coefficients=None))]
-    fn magic_formula_52(coefficients: Option<HashMap<String, f64>>) -> PyResult<Self> {
+    fn magic_formula_52(
+        py: Python<'_>,
+        coefficients: Option<HashMap<String, f64>>,
+    ) -> PyResult<Self> {
+        let origin = Origin::new(py, "magic_formula_52", (coefficients.clone(),))?;
         let mut formula = Box::<MagicFormula52>::default();
         for (name, value) in coefficients.into_iter().flatten() {
             let Some(place) = formula.coefficient_mut(&name.to_lowercase()) else {
@@ -149,6 +174,7 @@ impl Tyre {
         input::positive("UNLOADED_RADIUS", formula.radius_m, "m")?;
         Ok(Self {
             inner: Model::MagicFormula52(formula),
+            origin,
         })
     }
 
@@ -162,7 +188,9 @@ impl Tyre {
         *, nominal_load_n, greatest_load_n, longitudinal, lateral, offset, radius_m,
         vertical_stiffness_n_m
     ))]
+    #[allow(clippy::too_many_arguments)]
     fn rational(
+        py: Python<'_>,
         nominal_load_n: f64,
         greatest_load_n: f64,
         longitudinal: [[f64; 5]; 2],
@@ -171,6 +199,14 @@ impl Tyre {
         radius_m: f64,
         vertical_stiffness_n_m: f64,
     ) -> PyResult<Self> {
+        let origin = Origin::new(py, "rational", ())?
+            .with(py, "nominal_load_n", nominal_load_n)?
+            .with(py, "greatest_load_n", greatest_load_n)?
+            .with(py, "longitudinal", longitudinal)?
+            .with(py, "lateral", lateral)?
+            .with(py, "offset", offset)?
+            .with(py, "radius_m", radius_m)?
+            .with(py, "vertical_stiffness_n_m", vertical_stiffness_n_m)?;
         let curves = |name: &str, rows: [[f64; 5]; 2]| {
             for value in rows.as_flattened() {
                 input::positive(name, *value, "")?;
@@ -206,6 +242,7 @@ impl Tyre {
                     "N/m",
                 )?,
             })),
+            origin,
         })
     }
 
@@ -296,6 +333,7 @@ impl Tyre {
 #[pyclass(frozen, module = "atvrec")]
 pub struct SpringTyre {
     inner: RadialSpringTyre,
+    origin: Origin,
 }
 
 #[pymethods]
@@ -309,6 +347,7 @@ impl SpringTyre {
         interradial_part=0.3
     ))]
     fn new(
+        py: Python<'_>,
         radius_m: f64,
         deflection_m: f64,
         load_n: f64,
@@ -323,7 +362,17 @@ impl SpringTyre {
         let part = interradial_part;
         Ok(Self {
             inner: RadialSpringTyre::calibrated(radius_m, spacing_rad, part, deflection_m, load_n),
+            origin: Origin::new(py, "", ())?
+                .with(py, "radius_m", radius_m)?
+                .with(py, "deflection_m", deflection_m)?
+                .with(py, "load_n", load_n)?
+                .with(py, "spacing_rad", spacing_rad)?
+                .with(py, "interradial_part", interradial_part)?,
         })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        self.origin.reduce::<Self>(py)
     }
 
     /// Forces (longitudinal, forward positive, and vertical, upward positive; N) on a wheel whose

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors;
+use crate::origin::{Origin, Reduced};
 use crate::tables::{to_python, to_toml};
+use crate::{errors, files};
 
 /// A vehicle, as its file describes it: SI units and radians, ISO 8855 axes.
 ///
@@ -32,11 +33,10 @@ impl Vehicle {
         model::vehicle::Vehicle::builtin_names().collect()
     }
 
-    /// A vehicle from a file. All mistakes of the file are told at once.
+    /// A vehicle from a file. All errors of the file are reported at once.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
-        let text = std::fs::read_to_string(&path)?;
-        Self::parse(&text, path)
+        Self::parse(&files::text(&path)?, path)
     }
 
     /// A vehicle from the text of a vehicle file; `name` stands for the file in messages.
@@ -47,7 +47,7 @@ impl Vehicle {
     }
 
     /// The text of a vehicle file.
-    fn to_toml(&self) -> PyResult<String> {
+    pub fn to_toml(&self) -> PyResult<String> {
         let text = self.inner.to_toml();
         text.map_err(|error| errors::vehicle(error.to_string()))
     }
@@ -118,6 +118,10 @@ impl Vehicle {
     #[getter]
     fn roll_arm_m(&self) -> f64 {
         self.inner.roll_arm_m()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        Origin::new(py, "from_toml", (self.to_toml()?,))?.reduce::<Self>(py)
     }
 
     fn __repr__(&self) -> String {

@@ -16,7 +16,7 @@ use estimator::Calibration;
 use crate::cli::{CalibrateArgs, CalibrateCommand};
 use crate::cmd::findings;
 use crate::exit::Outcome;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 use recording::Recording;
 

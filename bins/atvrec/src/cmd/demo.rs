@@ -13,8 +13,8 @@ use super::{record, replay};
 use crate::cli::{DemoArgs, DriveArgs, Replace, ReplayArgs, ReplayChanges};
 use crate::devices::{Devices, Sent};
 use crate::exit::Outcome;
-use crate::output::target::{Kind, Target};
 use crate::pipeline::Summary;
+use engine::output::{Kind, Target};
 
 /// Default directory.
 const DIRECTORY: &str = "atvrec-demo";

@@ -12,7 +12,7 @@ use store::{Column, Missing, Reader, Table, UtcOffset, Values};
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
 use crate::output;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Runs the command.
 pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
@@ -54,7 +54,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         Some(target) => {
             let is_parquet = target.has_extension("parquet");
             target.write_by(|file| match is_parquet {
-                true => parquet::write(&table, file),
+                true => Ok(parquet::write(&table, file)?),
                 false => Ok(text::write(&table, BufWriter::new(file))?),
             })?;
             println!(

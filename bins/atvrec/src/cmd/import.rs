@@ -18,7 +18,7 @@ use sample::LogTime;
 
 use crate::cli::{ImportCommand, ImportInto};
 use crate::exit::{Outcome, UsageError};
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Time zero of a file without a date: 2000-01-01 UTC, ns.
 const START_DEFAULT_NS: u64 = 946_684_800_000_000_000;

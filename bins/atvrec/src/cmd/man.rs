@@ -6,7 +6,7 @@ use clap_mangen::Man;
 
 use crate::cli::{Cli, ManArgs};
 use crate::exit::Outcome;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Runs the command.
 pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {

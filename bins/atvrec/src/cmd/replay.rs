@@ -16,9 +16,9 @@ use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session,
 
 use crate::cli::ReplayArgs;
 use crate::exit::{Outcome, UsageError};
-use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::session;
+use engine::output::{Kind, LogFile, Target};
 
 /// What a replay did.
 #[derive(Debug, Default)]
@@ -123,7 +123,7 @@ impl Replay {
         args: &ReplayArgs,
         output: Option<&Target>,
     ) -> anyhow::Result<Self> {
-        let session = engine::session::replayed(config, session::PROGRAM, original);
+        let session = engine::session::replayed(config, engine::session::PROGRAM, original);
         let options = config.storage.options.clone();
         let writer = match output {
             Some(target) => {
@@ -339,7 +339,7 @@ fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
 /// The program that made the log, if it was not this one.
 fn other_program(original: &Session) -> Option<String> {
     let hash = &original.git_hash;
-    (hash != session::PROGRAM.git_hash).then(|| format!("{} ({hash})", original.version))
+    (hash != engine::session::PROGRAM.git_hash).then(|| format!("{} ({hash})", original.version))
 }
 
 fn tell(

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::ReportArgs;
 use crate::exit::Outcome;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Runs the command.
 pub fn run(args: &ReportArgs) -> anyhow::Result<Outcome> {

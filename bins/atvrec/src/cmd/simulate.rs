@@ -14,10 +14,10 @@ use store::{ClockState, Options, Record, Recorder, Session};
 use crate::cli::SimulateArgs;
 use crate::exit::Outcome;
 use crate::folder::{self, Protected, RunName};
-use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::retention::{self, Limits};
-use crate::session::PROGRAM;
+use engine::output::{Kind, LogFile, Target};
+use engine::session::PROGRAM;
 
 /// Interval of ticks, as the recorder has it, s.
 const TICK_S: f64 = 0.1;

@@ -10,7 +10,7 @@ use engine::{Ports, Rig};
 use crate::cli::VirtualArgs;
 use crate::devices::Devices;
 use crate::exit::Outcome;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Runs the command: drives until the manoeuvre ends or a signal is received.
 pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {

@@ -18,7 +18,7 @@ use toml::Value;
 
 use crate::cli::IdentifyHandlingArgs;
 use crate::exit::{Outcome, UsageError};
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// File name of the calibration.
 const CALIBRATION_NAME: &str = "calibration.toml";

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Found;
 use crate::cli::{IdentifyArgs, IdentifyCommand, OutputArgs};
 use crate::cmd::findings;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Output files of a command.
 pub struct Outputs {

@@ -10,8 +10,8 @@ use store::Record;
 use super::Output;
 use super::truth::TruthPoint;
 use crate::exit::{Outcome, UsageError};
-use crate::output::target::{Kind, LogFile, Target};
-use crate::session::PROGRAM;
+use engine::output::{Kind, LogFile, Target};
+use engine::session::PROGRAM;
 
 /// Interval of ticks, equal to that of the recorder, ns.
 const TICK_NS: i64 = NANOS_PER_SECOND / 10;

@@ -6,7 +6,7 @@ use sample::text::printable;
 
 use crate::cli::ImportVehicleArgs;
 use crate::exit::Outcome;
-use crate::output::target::{Kind, Target};
+use engine::output::{Kind, Target};
 
 /// Runs the command.
 pub fn run(args: &ImportVehicleArgs) -> anyhow::Result<Outcome> {

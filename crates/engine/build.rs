@@ -1,4 +1,4 @@
-//! Gives the program the commit that it is built from, and a date that no later run can be before.
+//! Gives the crate the commit that it is built from, and a date that no later run can be before.
 
 #![allow(
     clippy::disallowed_methods,
@@ -6,16 +6,22 @@
     reason = "a build script is given its inputs in the environment"
 )]
 
+use std::path::Path;
 use std::process::Command;
 
 /// Date of a source without history: 2026-01-01.
 const UNKNOWN_BUILD_UNIX_S: u64 = 1_767_225_600;
 
 fn main() {
-    println!("cargo::rerun-if-changed=../../.git/HEAD");
-    println!("cargo::rerun-if-changed=../../.git/logs/HEAD");
-    let hash = git(&["rev-parse", "--short=12", "HEAD"])
-        .map_or_else(|| "unknown".to_owned(), |hash| hash.trim().to_owned());
+    println!("cargo::rerun-if-changed=build.rs");
+    // In a linked work tree these files are not below `.git`.
+    for name in ["HEAD", "logs/HEAD"] {
+        let path = git(&["rev-parse", "--path-format=absolute", "--git-path", name]);
+        if let Some(path) = path.filter(|path| Path::new(path).exists()) {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+    let hash = git(&["rev-parse", "--short=12", "HEAD"]).unwrap_or_else(|| "unknown".to_owned());
     println!("cargo::rustc-env=ATVREC_GIT_HASH={hash}");
     println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
     println!("cargo::rustc-env=ATVREC_BUILD_UNIX_S={}", build_unix_s());
@@ -33,5 +39,5 @@ fn build_unix_s() -> u64 {
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let text = output.status.success().then_some(output.stdout)?;
-    String::from_utf8(text).ok()
+    Some(String::from_utf8(text).ok()?.trim().to_owned())
 }

@@ -1,19 +1,93 @@
-//! Output files of the commands.
+//! Output files of the program and of the Python package.
 //!
-//! An existing file is replaced only with `--force`, and an input file never. An output has a temporary
+//! An existing file is replaced only on request, and an input file never. An output has a temporary
 //! name beside its target while it is written, and is renamed in one step when it is complete and
 //! synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` for a log.
 
+use std::error::Error as StdError;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::os::fd::AsFd;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
-use crate::exit::UsageError;
+use crate::{Error, Result};
+
+/// Cause of a failed write.
+pub type WriteError = Box<dyn StdError + Send + Sync>;
+
+/// Why a file cannot be an output.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TargetError {
+    /// The extension belongs to another kind of file.
+    #[error("{path} has the wrong extension for {kind}; use .{extensions}")]
+    Extension {
+        /// The output.
+        path: PathBuf,
+        /// Kind of the output.
+        kind: &'static str,
+        /// Extensions of the kind.
+        extensions: String,
+    },
+    /// A log on a device.
+    #[error("{path} is a device, but a log must be a regular file; use a name with .mcap")]
+    Device {
+        /// The output.
+        path: PathBuf,
+    },
+    /// A block device.
+    #[error("{path} is a block device (a disk); use the name of a file")]
+    Disk {
+        /// The output.
+        path: PathBuf,
+    },
+    /// A directory.
+    #[error("{path} is a directory; use the name of a file")]
+    Directory {
+        /// The output.
+        path: PathBuf,
+    },
+    /// A file of that name exists and is not to be replaced.
+    #[error("{path} exists already; use another name, or replace the file with --force")]
+    Exists {
+        /// The output.
+        path: PathBuf,
+    },
+    /// The directory does not exist.
+    #[error(
+        "{path} cannot be written: the directory {directory} does not exist; create it, or use \
+         another name"
+    )]
+    NoDirectory {
+        /// The output.
+        path: PathBuf,
+        /// Its directory.
+        directory: PathBuf,
+    },
+    /// The output is an input, possibly under another name.
+    #[error(
+        "{path} is the input {input} of this command and cannot be its output; use another name"
+    )]
+    Input {
+        /// The output.
+        path: PathBuf,
+        /// The input.
+        input: PathBuf,
+    },
+    /// An unfinished log of that name exists and is not to be replaced.
+    #[error(
+        "{path} exists: it is the unfinished log of a command that was killed or is still running; \
+         recover it with `atvrec recover {path}`, replace it with --force, or use another name for \
+         the output"
+    )]
+    Unfinished {
+        /// The unfinished log.
+        path: PathBuf,
+    },
+}
 
 /// Kind of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,14 +162,14 @@ impl Target {
     /// reads.
     ///
     /// # Errors
-    /// [`UsageError`] if the extension is wrong, if the target is an input (also through a link), a
+    /// [`TargetError`] if the extension is wrong, if the target is an input (also through a link), a
     /// directory or a disk, if it exists and `force` is not set, or if its directory does not exist.
     pub fn new<'p>(
         path: &Path,
         kind: Kind,
         force: bool,
         inputs: impl IntoIterator<Item = &'p Path>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self> {
         let mut target = Self {
             path: path.to_owned(),
             resolved: path.canonicalize().unwrap_or_else(|_| path.to_owned()),
@@ -107,8 +181,7 @@ impl Target {
         if target.device.is_none() {
             target.check(kind)?;
         } else if kind == Kind::Log {
-            return target
-                .reject("is a device, but a log must be a regular file; use a name with .mcap");
+            return Err(TargetError::Device { path: target.path }.into());
         }
         Ok(target)
     }
@@ -124,11 +197,7 @@ impl Target {
         found.is_some_and(|found| found.eq_ignore_ascii_case(extension))
     }
 
-    fn reject<T>(&self, reason: impl std::fmt::Display) -> anyhow::Result<T> {
-        Err(UsageError(format!("{} {reason}", self.path.display())).into())
-    }
-
-    fn find_device(&self) -> anyhow::Result<Option<Device>> {
+    fn find_device(&self) -> Result<Option<Device>> {
         match self.path.to_str() {
             Some("/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1") => {
                 return Ok(Some(Device::StandardOutput));
@@ -143,34 +212,31 @@ impl Target {
         };
         let of = found.file_type();
         if of.is_block_device() {
-            return self.reject("is a block device (a disk); use the name of a file");
+            let path = self.path.clone();
+            return Err(TargetError::Disk { path }.into());
         }
         let other = of.is_char_device() || of.is_fifo() || of.is_socket();
         Ok(other.then_some(Device::Other))
     }
 
-    fn check(&self, kind: Kind) -> anyhow::Result<()> {
+    fn check(&self, kind: Kind) -> Result<()> {
         self.check_extension(kind)?;
         self.check_inputs(&self.path)?;
+        let path = self.path.clone();
         if self.resolved.is_dir() {
-            return self.reject("is a directory; use the name of a file");
+            return Err(TargetError::Directory { path }.into());
         }
-        if !self.force && self.path.symlink_metadata().is_ok() {
-            return self
-                .reject("exists already; use another name, or replace the file with --force");
+        if !self.force && path.symlink_metadata().is_ok() {
+            return Err(TargetError::Exists { path }.into());
         }
-        let directory = self.directory();
+        let directory = self.directory().to_owned();
         if !directory.is_dir() {
-            return self.reject(format_args!(
-                "cannot be written: the directory {} does not exist; create it, or use another \
-                 name",
-                directory.display()
-            ));
+            return Err(TargetError::NoDirectory { path, directory }.into());
         }
         Ok(())
     }
 
-    fn check_extension(&self, kind: Kind) -> anyhow::Result<()> {
+    fn check_extension(&self, kind: Kind) -> Result<()> {
         let extensions = kind.extensions();
         let is_valid = match self.path.extension() {
             _ if extensions.is_empty() => true,
@@ -182,15 +248,16 @@ impl Target {
         if is_valid {
             return Ok(());
         }
-        let allowed = extensions.join(" or .");
-        self.reject(format_args!(
-            "has the wrong extension for {}; use .{allowed}",
-            kind.name()
-        ))
+        let error = TargetError::Extension {
+            path: self.path.clone(),
+            kind: kind.name(),
+            extensions: extensions.join(" or ."),
+        };
+        Err(error.into())
     }
 
     /// Rejects a path that leads to an input, under any name.
-    fn check_inputs(&self, path: &Path) -> anyhow::Result<()> {
+    fn check_inputs(&self, path: &Path) -> Result<()> {
         let Ok(found) = std::fs::metadata(path) else {
             return Ok(());
         };
@@ -199,12 +266,10 @@ impl Target {
                 .is_ok_and(|other| (other.dev(), other.ino()) == (found.dev(), found.ino()))
         };
         match self.inputs.iter().find(is_same) {
-            Some(input) => Err(UsageError(format!(
-                "{} is the input {} of this command and cannot be its output; use another name",
-                path.display(),
-                input.display()
-            ))
-            .into()),
+            Some(input) => {
+                let (path, input) = (path.to_owned(), input.clone());
+                Err(TargetError::Input { path, input }.into())
+            }
             None => Ok(()),
         }
     }
@@ -220,7 +285,7 @@ impl Target {
     ///
     /// # Errors
     /// As [`Target::write_by`].
-    pub fn write(&self, text: &str) -> anyhow::Result<()> {
+    pub fn write(&self, text: &str) -> Result<()> {
         self.write_by(|mut file| Ok(file.write_all(text.as_bytes())?))
     }
 
@@ -229,18 +294,25 @@ impl Target {
     /// # Errors
     /// If `write` fails, if the disk fails, or if a file of that name was created meanwhile and
     /// `force` is not set. The temporary file is removed then.
-    pub fn write_by(&self, write: impl FnOnce(File) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    pub fn write_by(
+        &self,
+        write: impl FnOnce(File) -> std::result::Result<(), WriteError>,
+    ) -> Result<()> {
         let written = match self.device {
             Some(device) => self
                 .open(device)
+                .map_err(WriteError::from)
                 .and_then(write)
                 .or_else(ignore_closed_pipe),
             None => self.write_file(write),
         };
-        written.with_context(|| format!("cannot write {}", self.path.display()))
+        written.map_err(|source| Error::Write {
+            path: self.path.clone(),
+            source,
+        })
     }
 
-    fn open(&self, device: Device) -> anyhow::Result<File> {
+    fn open(&self, device: Device) -> std::io::Result<File> {
         Ok(match device {
             Device::StandardOutput => {
                 let mut output = std::io::stdout().lock();
@@ -252,7 +324,10 @@ impl Target {
         })
     }
 
-    fn write_file(&self, write: impl FnOnce(File) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    fn write_file(
+        &self,
+        write: impl FnOnce(File) -> std::result::Result<(), WriteError>,
+    ) -> std::result::Result<(), WriteError> {
         let partial = PartialFile::create(&self.resolved)?;
         write(partial.file.try_clone()?)?;
         partial.file.sync_all()?;
@@ -264,9 +339,9 @@ impl Target {
     /// Creates the log.
     ///
     /// # Errors
-    /// [`UsageError`] if an unfinished log of that name exists and `force` is not set; if the disk
+    /// [`TargetError`] if an unfinished log of that name exists and `force` is not set; if the disk
     /// fails.
-    pub fn log(&self, session: Session, options: Options) -> anyhow::Result<LogFile> {
+    pub fn log(&self, session: Session, options: Options) -> Result<LogFile> {
         let mut active = self.resolved.clone().into_os_string();
         active.push(ACTIVE_SUFFIX);
         let active = PathBuf::from(active);
@@ -280,31 +355,32 @@ impl Target {
     }
 
     /// Removes the unfinished log of a command that was killed, if `force` is set.
-    fn remove_unfinished(&self, active: &Path) -> anyhow::Result<()> {
+    fn remove_unfinished(&self, active: &Path) -> Result<()> {
         if active.symlink_metadata().is_err() {
             return Ok(());
         }
         self.check_inputs(active)?;
         if !self.force {
-            return Err(UsageError(format!(
-                "{0} exists: it is the unfinished log of a command that was killed or is still \
-                 running; recover it with `atvrec recover {0}`, replace it with --force, or use \
-                 another name for the output",
-                active.display()
-            ))
-            .into());
+            let path = active.to_owned();
+            return Err(TargetError::Unfinished { path }.into());
         }
-        let file =
-            File::open(active).with_context(|| format!("cannot open {}", active.display()))?;
+        let failed = |action: &'static str| {
+            move |cause| store::Error::File {
+                action,
+                path: active.to_owned(),
+                cause,
+            }
+        };
+        let file = File::open(active).map_err(failed("open"))?;
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(store::Error::InUse(active.to_owned()).into());
         }
-        std::fs::remove_file(active).with_context(|| format!("cannot remove {}", active.display()))
+        Ok(std::fs::remove_file(active).map_err(failed("remove"))?)
     }
 }
 
 /// Treats output that its reader has closed as success.
-fn ignore_closed_pipe(error: anyhow::Error) -> anyhow::Result<()> {
+fn ignore_closed_pipe(error: WriteError) -> std::result::Result<(), WriteError> {
     match error.downcast_ref::<std::io::Error>() {
         Some(cause) if cause.kind() == ErrorKind::BrokenPipe => Ok(()),
         _ => Err(error),
@@ -384,7 +460,7 @@ impl LogFile {
     /// # Errors
     /// If the disk fails, or if a file of that name was created meanwhile and `force` is not set. The
     /// log is removed then.
-    pub fn finish(mut self) -> anyhow::Result<store::Finished> {
+    pub fn finish(mut self) -> Result<store::Finished> {
         let writer = self.writer.take().expect("`finish` consumes the log");
         let finished = if self.force {
             writer.finish_replacing()
