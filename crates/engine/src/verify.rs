@@ -44,7 +44,7 @@ pub struct Verifier {
     smoothed: bool,
     /// Whether the log has offsets of UTC to compare with.
     utc_offset: bool,
-    report: Report,
+    report: Verification,
 }
 
 /// Messages of a topic and an instant whose counterpart has not come yet.
@@ -58,7 +58,7 @@ struct Waiting {
 
 /// What the comparison found.
 #[derive(Debug, Default)]
-pub struct Report {
+pub struct Verification {
     compared: BTreeMap<String, u64>,
     different: u64,
     only_recorded: BTreeMap<String, u64>,
@@ -86,10 +86,10 @@ impl Verifier {
             .map(|(topic, _)| topic.clone());
         let cut = |missing: &store::Missing| !matches!(missing, store::Missing::NoSchema { .. });
         let lost_records = info.counters.get("lost_records").copied();
-        let report = Report {
+        let report = Verification {
             unfinished: info.missing.iter().any(cut) || reader.was_recovered(),
             lost_records: lost_records.unwrap_or_default(),
-            ..Report::default()
+            ..Verification::default()
         };
         Self {
             encoder,
@@ -228,7 +228,7 @@ impl Verifier {
     }
 
     /// The result, when the last arrival is replayed.
-    pub fn finish(mut self) -> Result<Report> {
+    pub fn finish(mut self) -> Result<Verification> {
         const END: LogTime = LogTime(u64::MAX);
         while let Some(message) = self.recorded.next() {
             self.recorded(message?, LogTime(0));
@@ -254,7 +254,7 @@ fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
     hasher.finish()
 }
 
-impl Report {
+impl Verification {
     /// Whether every message is bit-identical that both sides can have. Decoded records that did not
     /// reach the disk count as the log states them; in a log that was cut short, what only one side
     /// has does not count: computed messages are written later than the raw bytes, or earlier.
@@ -332,7 +332,7 @@ impl Report {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for Verification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let compared = Self::sum(&self.compared);
         let (recorded, computed) = (
