@@ -302,8 +302,8 @@ impl DriveArgs {
         let options = self.options.as_deref().map(engine::read_options);
         Ok(engine::Drive {
             course,
-            vehicle: self.vehicle.clone(),
-            sensors: self.sensors.clone(),
+            vehicle: PathBuf::from(&self.vehicle).into(),
+            sensors: PathBuf::from(&self.sensors).into(),
             seed: self.seed,
             options: options.transpose()?.unwrap_or_default(),
             duration_s: self.duration_s,

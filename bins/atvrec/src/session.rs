@@ -3,7 +3,7 @@
 use std::fs;
 
 use engine::Config;
-use engine::session::{PROGRAM, build_time, started_at, utc_compact};
+use engine::session::{build_time, started_at, utc_compact};
 use sample::LogTime;
 use store::{ClockState, Session};
 
@@ -16,7 +16,7 @@ pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockStat
         run_id: format!("{}-{:06x}", utc_compact(seconds), started.0 & 0xFF_FFFF),
         boot_id: read_line("/proc/sys/kernel/random/boot_id"),
         host: read_line("/proc/sys/kernel/hostname"),
-        ..started_at(config, PROGRAM, started)
+        ..started_at(config, started)
     }
 }
 

@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use store::Attachment;
 
 pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
-pub use estimator::Estimator;
-pub use files::{FileKind, FileProblem, Files, GAVLAB, read_text};
+pub use estimator::{Estimator, input, method};
+pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, read_text};
 pub use reader::{Problem, Problems, TOML_MAX};
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
@@ -99,7 +99,11 @@ impl Config {
     /// Reads a configuration that the program has created; names in it are files in `directory` or
     /// built-in files.
     pub fn from_text(text: &str, directory: &Path) -> Result<Self> {
-        let files = Files::on_disk(directory.to_owned());
+        Self::from_files(text, Files::on_disk(directory.to_owned()))
+    }
+
+    /// The same; names in it are those of `files`.
+    pub(crate) fn from_files(text: &str, files: Files) -> Result<Self> {
         Ok(Self::resolve(ATTACHED_NAME, text, files)?)
     }
 

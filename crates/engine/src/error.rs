@@ -39,9 +39,53 @@ pub enum Error {
     /// The log's configuration is not text.
     #[error("the configuration in the log is not UTF-8 text; give one with --config")]
     ConfigurationNotText(#[from] std::str::Utf8Error),
+    /// The log's configuration is not TOML.
+    #[error(transparent)]
+    AttachedConfiguration(toml::de::Error),
+    /// A part of the log's configuration that is to be changed is not what it should be.
+    #[error("{name} is no {what} in the log's configuration")]
+    NotA {
+        /// Name of the part.
+        name: &'static str,
+        /// What it should be.
+        what: &'static str,
+    },
+    /// The changed configuration cannot be written.
+    #[error(transparent)]
+    Toml(#[from] toml::ser::Error),
+    /// An input that is to be ignored no longer is not ignored.
+    #[error(
+        "--with {input}: the log's configuration does not ignore that; {}", ignores(.ignored)
+    )]
+    NotIgnored {
+        /// The input.
+        input: String,
+        /// What the log's configuration ignores.
+        ignored: Vec<String>,
+    },
+    /// A file cannot be read.
+    #[error("cannot read {path}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
     /// A file that is named cannot be read.
     #[error(transparent)]
     File(#[from] FileProblem),
+    /// The configuration has other sources than the log.
+    #[error(
+        "the configuration does not have the log's sources {} in the same order; \
+         name all sources of the log in it", .0.join(", ")
+    )]
+    OtherSources(Vec<String>),
+    /// A part of the run is not there.
+    #[error(
+        "{0}: the state of the estimator at the beginning of the next part is unknown, so that the \
+         log cannot be verified; give all parts of the run"
+    )]
+    PartsMissing(store::Missing),
     /// The options of the virtual vehicle cannot be read.
     #[error("cannot read the options {path}")]
     OptionsUnreadable {
@@ -102,9 +146,20 @@ impl Error {
             self,
             Self::Configuration(_)
                 | Self::ConfigurationUnreadable { .. }
+                | Self::NotIgnored { .. }
+                | Self::Unreadable { .. }
                 | Self::File(_)
+                | Self::OtherSources(_)
                 | Self::Options { .. }
                 | Self::Target(_)
         )
+    }
+}
+
+fn ignores(names: &[String]) -> String {
+    if names.is_empty() {
+        "it ignores nothing".to_owned()
+    } else {
+        format!("it ignores {}", names.join(", "))
     }
 }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
-use crate::{Error, Result};
+use crate::{Entry, Error, Result};
 
 /// Cause of a failed write.
 pub type WriteError = Box<dyn StdError + Send + Sync>;
@@ -448,11 +448,20 @@ pub struct LogFile {
 }
 
 impl LogFile {
-    /// Writer of the log.
-    pub fn writer(&mut self) -> &mut Writer {
-        self.writer
+    /// Appends an entry to the log.
+    ///
+    /// # Errors
+    /// If the disk fails.
+    pub fn push(&mut self, entry: Entry) -> Result<()> {
+        let writer = self
+            .writer
             .as_mut()
-            .expect("only `finish` takes the writer, and it consumes the log")
+            .expect("only `finish` takes the writer, and it consumes the log");
+        match entry {
+            Entry::Arrival(arrival) => writer.push(arrival)?,
+            Entry::Record(record) => writer.record(&record),
+        }
+        Ok(())
     }
 
     /// Closes the log and renames it to the target.

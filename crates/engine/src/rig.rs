@@ -9,11 +9,12 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{ForceFrame, LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
-use store::{Pose, Record};
+use store::{Pose, Record, Session};
 use wire::line;
 
-use crate::config::{FileKind, Files, TOML_MAX, read_text};
-use crate::{Error, Result};
+use crate::config::{FileKind, Files, GivenFile, TOML_MAX, read_text};
+use crate::replay::FileSource;
+use crate::{Config, Error, Result, session};
 
 /// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
 const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
@@ -37,9 +38,9 @@ pub struct Drive {
     /// Course of the vehicle.
     pub course: Course,
     /// Vehicle file, or the name of a built-in vehicle.
-    pub vehicle: String,
+    pub vehicle: FileSource,
     /// Sensors file, or the name of a built-in sensor set.
-    pub sensors: String,
+    pub sensors: FileSource,
     /// Seed of the sensor noise.
     pub seed: u64,
     /// Hidden errors, faults and delays.
@@ -54,13 +55,16 @@ pub struct Rig {
     pub vehicle: VirtualVehicle,
     /// Name of the drive, for people.
     pub drive: String,
-    /// Name or path of the vehicle file.
-    pub vehicle_file: String,
-    /// Name or path of the sensors file.
-    pub sensors_file: String,
     /// True calibration.
     pub true_calibration: Calibration,
+    /// Name or path of the vehicle file.
+    vehicle_file: String,
+    /// Name or path of the sensors file.
+    sensors_file: String,
+    /// Files that were given as text.
+    given: Vec<GivenFile>,
     options: Options,
+    seed: u64,
     duration_s: f64,
 }
 
@@ -70,11 +74,14 @@ impl Rig {
     /// # Errors
     /// If a file cannot be read or has errors, or if the vehicle cannot perform the course.
     pub fn new(drive: &Drive) -> Result<Self> {
-        let mut files = Files::on_disk(PathBuf::new());
-        let vehicle = files.read_text(&drive.vehicle, FileKind::Vehicle)?;
-        let vehicle = Vehicle::from_toml(&vehicle, &drive.vehicle)?;
-        let sensors = files.read_text(&drive.sensors, FileKind::Sensors)?;
-        let sensors = Sensors::from_toml(&sensors, &drive.sensors)?;
+        let mut given = Vec::new();
+        let vehicle_file = drive.vehicle.name(FileKind::Vehicle, &mut given);
+        let sensors_file = drive.sensors.name(FileKind::Sensors, &mut given);
+        let mut files = Files::on_disk(PathBuf::new()).with_given(given.clone());
+        let vehicle = files.read_text(&vehicle_file, FileKind::Vehicle)?;
+        let vehicle = Vehicle::from_toml(&vehicle, &vehicle_file)?;
+        let sensors = files.read_text(&sensors_file, FileKind::Sensors)?;
+        let sensors = Sensors::from_toml(&sensors, &sensors_file)?;
         let (motion, name) = motion(&drive.course, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
@@ -91,9 +98,11 @@ impl Rig {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
             drive: name,
-            vehicle_file: drive.vehicle.clone(),
-            sensors_file: drive.sensors.clone(),
+            vehicle_file,
+            sensors_file,
+            given,
             options,
+            seed: drive.seed,
             duration_s,
         })
     }
@@ -108,6 +117,25 @@ impl Rig {
         let gps = self.options.gps_start;
         let seconds = GPS_EPOCH_UNIX_S + u64::from(gps.week) * WEEK_S - LEAP_SECONDS;
         LogTime(seconds * NANOS_PER_SECOND as u64 + u64::from(gps.time_of_week_ms) * 1_000_000)
+    }
+
+    /// Session of a log of the drive.
+    pub fn session(&self, config: &Config) -> Session {
+        let run_id = format!("simulate-{}-{}", self.drive, self.seed);
+        session::simulated(config, &run_id, self.start())
+    }
+
+    /// Configuration of a simulation without ports.
+    ///
+    /// # Errors
+    /// If it has errors.
+    pub fn config(&self) -> Result<Config> {
+        let ports = Ports {
+            directory: Path::new("virtual"),
+            can: None,
+        };
+        let files = Files::on_disk(PathBuf::from(".")).with_given(self.given.clone());
+        Config::from_files(&self.configuration(&ports), files)
     }
 
     /// Record of the truth at `time_s` of the drive.

@@ -28,26 +28,26 @@ pub fn build_time() -> LogTime {
 }
 
 /// Session of a simulation. It does not depend on this machine.
-pub fn simulated(config: &Config, program: Program, run_id: &str, started: LogTime) -> Session {
+pub fn simulated(config: &Config, run_id: &str, started: LogTime) -> Session {
     Session {
         run_id: run_id.to_owned(),
-        ..started_at(config, program, started)
+        ..started_at(config, started)
     }
 }
 
 /// Session of a replay: the run of the original with a configuration that may differ.
-pub fn replayed(config: &Config, program: Program, original: &Session) -> Session {
+pub fn replayed(config: &Config, original: &Session) -> Session {
     Session {
         run_id: format!("{}-replay", original.run_id),
         boot_id: original.boot_id.clone(),
         host: original.host.clone(),
         clock: original.clock,
-        ..started_at(config, program, original.started)
+        ..started_at(config, original.started)
     }
 }
 
-/// Session with only configuration, program and start.
-pub fn started_at(config: &Config, program: Program, started: LogTime) -> Session {
+/// Session with only configuration and start.
+pub fn started_at(config: &Config, started: LogTime) -> Session {
     let mut sources: Vec<Source> = config
         .sources
         .iter()
@@ -67,9 +67,9 @@ pub fn started_at(config: &Config, program: Program, started: LogTime) -> Sessio
     });
     Session {
         started,
-        version: program.version.to_owned(),
+        version: PROGRAM.version.to_owned(),
         silence_ns: SILENCE_NS.cast_unsigned(),
-        git_hash: program.git_hash.to_owned(),
+        git_hash: PROGRAM.git_hash.to_owned(),
         sources,
         dynamic: dynamic(config),
         attachments: config.attachments.clone(),

@@ -65,7 +65,10 @@ impl Calibration {
     /// All values as nested dicts and lists, named as in the file.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let table = toml::Value::try_from(&self.inner);
-        to_python(py, table.map_err(|error| errors::argument(error.to_string()))?)
+        to_python(
+            py,
+            table.map_err(|error| errors::argument(error.to_string()))?,
+        )
     }
 
     /// Name of the vehicle that it is for.

@@ -1,6 +1,7 @@
 //! Errors of the crates as exceptions of Python.
 
-use pyo3::exceptions::{PyException, PyOSError, PyValueError};
+use engine::output::TargetError;
+use pyo3::exceptions::{PyException, PyFileExistsError, PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -130,4 +131,56 @@ pub fn model(error: &model::Error) -> PyErr {
         Error::Argument { .. } => argument(message),
         _ => raise(|all| &all.simulation, message),
     }
+}
+
+/// What the engine says. A file that exists is a `FileExistsError`.
+pub fn engine(error: &engine::Error) -> PyErr {
+    use engine::Error;
+    let message = with_causes(error);
+    match error {
+        Error::Target(error) => target(error),
+        Error::Log(error) => log(error),
+        Error::Simulation(_) | Error::Manoeuvre { .. } => raise(|all| &all.simulation, message),
+        Error::VehicleFile(_) => vehicle(message),
+        Error::ConfigurationUnreadable { source, .. }
+        | Error::OptionsUnreadable { source, .. }
+        | Error::Unreadable { source, .. } => match source.raw_os_error() {
+            Some(number) => PyOSError::new_err((number, message)),
+            None => PyOSError::new_err(message),
+        },
+        Error::Write { .. } => PyOSError::new_err(message),
+        Error::NoConfiguration
+        | Error::ConfigurationNotText(_)
+        | Error::AttachedConfiguration(_)
+        | Error::PartsMissing(_) => raise(|all| &all.log, message),
+        _ => argument(message),
+    }
+}
+
+/// Why a file cannot be an output, with the next step in Python's terms.
+fn target(error: &TargetError) -> PyErr {
+    match error {
+        TargetError::Exists { path } => PyFileExistsError::new_err(format!(
+            "{} exists already; use another name, or replace the file with force=True",
+            path.display()
+        )),
+        TargetError::Unfinished { path } => PyFileExistsError::new_err(format!(
+            "{0} exists: it is the unfinished log of a call that was killed or is still running; \
+             recover it with `atvrec recover {0}`, replace it with force=True, or use another name \
+             for the output",
+            path.display()
+        )),
+        other => argument(other.to_string()),
+    }
+}
+
+/// The message of an error and of all its causes.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let mut message = error.to_string();
+    let mut cause = error.source();
+    while let Some(found) = cause {
+        message = format!("{message}: {found}");
+        cause = found.source();
+    }
+    message
 }

@@ -73,7 +73,8 @@ impl<'a, 'py, T> Table<'a, 'py, T> {
 
     fn several<const N: usize>(&self, name: &str, value: impl Fn(&T) -> [f64; N]) -> PyResult<()> {
         let values = self.rows.iter().flat_map(value).collect();
-        self.columns.set_item(name, self.shaped(&[self.rows.len(), N], values))
+        self.columns
+            .set_item(name, self.shaped(&[self.rows.len(), N], values))
     }
 
     fn forces(&self, name: &str, of: impl Fn(&T) -> &PerWheel<TyreForce>) -> PyResult<()> {
@@ -82,13 +83,17 @@ impl<'a, 'py, T> Table<'a, 'py, T> {
             let forces = self.rows.iter().flat_map(|row| of(row).0.iter());
             self.shaped(&shape, forces.flat_map(value).collect())
         };
-        self.columns.set_item(format!("{name}_n"), all(|force| force.force_n))?;
-        self.columns.set_item(format!("{name}_sigma_n"), all(|force| force.sigma_n))
+        self.columns
+            .set_item(format!("{name}_n"), all(|force| force.force_n))?;
+        self.columns
+            .set_item(format!("{name}_sigma_n"), all(|force| force.sigma_n))
     }
 
     fn shaped(&self, shape: &[usize], values: Vec<f64>) -> Bound<'py, PyArrayDyn<f64>> {
         let array = ArrayD::from_shape_vec(IxDyn(shape), values);
-        array.expect("as many values as the shape has").into_pyarray(self.py)
+        array
+            .expect("as many values as the shape has")
+            .into_pyarray(self.py)
     }
 }
 
@@ -108,7 +113,9 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
     table.one("grade_rad", |row| row.motion.grade_rad)?;
     table.forces("force", |row| &row.measured)?;
     table.forces("expected_force", |row| &row.expected)?;
-    table.one("load_transfer_ratio", |row| row.rollover.load_transfer_ratio)?;
+    table.one("load_transfer_ratio", |row| {
+        row.rollover.load_transfer_ratio
+    })?;
     table.one("load_transfer_ratio_sigma", |row| {
         row.rollover.load_transfer_ratio_sigma
     })?;
@@ -125,7 +132,9 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
         .collect();
     let columns = table.columns;
     columns.set_item("force_source", sources)?;
-    let frame = rows.first().map_or_else(ForceFrame::default, |row| row.frame);
+    let frame = rows
+        .first()
+        .map_or_else(ForceFrame::default, |row| row.frame);
     columns.set_item("force_frame", frame_name(frame))?;
     Ok(columns)
 }
@@ -142,7 +151,9 @@ fn parameters<'py>(py: Python<'py>, rows: &[Parameters]) -> PyResult<Bound<'py, 
         ("stiffness_factor", |axle| axle.stiffness_factor),
         ("stiffness_factor_sigma", |axle| axle.stiffness_factor_sigma),
         ("friction", |axle| axle.friction.unwrap_or(f64::NAN)),
-        ("friction_sigma", |axle| axle.friction_sigma.unwrap_or(f64::NAN)),
+        ("friction_sigma", |axle| {
+            axle.friction_sigma.unwrap_or(f64::NAN)
+        }),
         ("friction_min", |axle| axle.friction_min),
         ("utilisation", |axle| axle.utilisation),
         ("utilisation_sigma", |axle| axle.utilisation_sigma),

@@ -108,7 +108,8 @@ impl State {
         }
         self.now = now;
         let collected = &mut self.collected;
-        self.estimator.advance(now, &mut |output| collected.push(output));
+        self.estimator
+            .advance(now, &mut |output| collected.push(output));
         Ok(())
     }
 

@@ -20,6 +20,7 @@ mod input;
 mod interrupt;
 mod log;
 mod origin;
+mod replay;
 mod samples;
 mod sensors;
 mod steering;
@@ -54,6 +55,9 @@ fn _atvrec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<suspension::Ride>()?;
     module.add_class::<suspension::Corner>()?;
     module.add_class::<strain::StrainChannel>()?;
+    module.add_function(wrap_pyfunction!(replay::replay_log, module)?)?;
+    module.add_function(wrap_pyfunction!(replay::simulate_log, module)?)?;
+    module.add_function(wrap_pyfunction!(replay::manoeuvres, module)?)?;
     module.add_function(wrap_pyfunction!(origin::restore, module)?)?;
     module.add_function(wrap_pyfunction!(suspension::road_height_m, module)?)?;
     module.add_function(wrap_pyfunction!(steering::ackermann_rad, module)?)?;

@@ -33,7 +33,9 @@ pub fn read(samples: &Bound<'_, PyDict>) -> PyResult<Vec<Sample>> {
     for (kind, rows) in samples {
         let kind: String = kind.extract()?;
         let rows = rows.cast_into::<PyDict>().map_err(|_| {
-            errors::argument(format!("samples[{kind:?}]: must be a dict of arrays by name"))
+            errors::argument(format!(
+                "samples[{kind:?}]: must be a dict of arrays by name"
+            ))
         })?;
         let rows = Rows { kind: &kind, rows };
         match kind.as_str() {
@@ -221,7 +223,11 @@ impl<'py> Rows<'_, 'py> {
                 self.name(name)
             )));
         }
-        let times = array.as_array().iter().map(|time| LogTime(time.cast_unsigned())).collect();
+        let times = array
+            .as_array()
+            .iter()
+            .map(|time| LogTime(time.cast_unsigned()))
+            .collect();
         Ok(times)
     }
 
@@ -230,7 +236,10 @@ impl<'py> Rows<'_, 'py> {
     }
 
     fn optional_column(&self, name: &str) -> PyResult<Option<Vec<f64>>> {
-        self.rows.contains(name)?.then(|| self.column(name)).transpose()
+        self.rows
+            .contains(name)?
+            .then(|| self.column(name))
+            .transpose()
     }
 
     fn vectors<const N: usize>(&self, name: &str) -> PyResult<Vec<[f64; N]>> {
@@ -239,7 +248,10 @@ impl<'py> Rows<'_, 'py> {
     }
 
     fn optional_vectors<const N: usize>(&self, name: &str) -> PyResult<Option<Vec<[f64; N]>>> {
-        self.rows.contains(name)?.then(|| self.vectors(name)).transpose()
+        self.rows
+            .contains(name)?
+            .then(|| self.vectors(name))
+            .transpose()
     }
 
     /// A text for each row, or one for all.
@@ -255,7 +267,10 @@ impl<'py> Rows<'_, 'py> {
     fn text<'a>(&self, name: &str, texts: &'a [String], row: usize) -> PyResult<&'a str> {
         match texts {
             [one] => Ok(one),
-            texts => texts.get(row).map(String::as_str).ok_or_else(|| self.short(name, texts.len())),
+            texts => texts
+                .get(row)
+                .map(String::as_str)
+                .ok_or_else(|| self.short(name, texts.len())),
         }
     }
 
@@ -293,7 +308,9 @@ impl<'py> Rows<'_, 'py> {
     }
 
     fn row<T: Copy>(&self, name: &str, rows: &[T], row: usize) -> PyResult<T> {
-        rows.get(row).copied().ok_or_else(|| self.short(name, rows.len()))
+        rows.get(row)
+            .copied()
+            .ok_or_else(|| self.short(name, rows.len()))
     }
 
     /// A row whose first number is known.

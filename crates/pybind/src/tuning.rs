@@ -56,7 +56,10 @@ impl Tuning {
     /// The numbers as nested dicts and lists.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let table = toml::Value::try_from(self.inner);
-        to_python(py, table.map_err(|error| errors::argument(error.to_string()))?)
+        to_python(
+            py,
+            table.map_err(|error| errors::argument(error.to_string()))?,
+        )
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
@@ -84,6 +87,8 @@ fn replace(tuning: &mut Inner, name: &str, value: &toml::Value) -> Result<(), St
     };
     match numbers {
         Some(numbers) => tuning.replace(name, &numbers),
-        None => Err(format!("{name} = {value}: must be a number or a list of numbers")),
+        None => Err(format!(
+            "{name} = {value}: must be a number or a list of numbers"
+        )),
     }
 }

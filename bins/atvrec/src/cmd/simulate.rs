@@ -4,60 +4,45 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use engine::Config;
-use engine::Engine;
-use engine::{Ports, Rig};
-use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
-use sim::{Output, Port};
-use store::{ClockState, Options, Record, Recorder, Session};
+use engine::output::{Kind, LogFile, Target};
+use engine::{Config, Entry, Rig, simulate};
+use sample::{Arrival, LogTime, NANOS_PER_SECOND};
+use store::{ClockState, Options, Recorder, Session};
 
 use crate::cli::SimulateArgs;
 use crate::exit::Outcome;
 use crate::folder::{self, Protected, RunName};
 use crate::progress::Progress;
 use crate::retention::{self, Limits};
-use engine::output::{Kind, LogFile, Target};
-use engine::session::PROGRAM;
-
-/// Interval of ticks, as the recorder has it, s.
-const TICK_S: f64 = 0.1;
-/// Interval of the truth, s.
-const TRUTH_S: f64 = 0.01;
 
 /// Drives and writes.
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (output, calibration) = outputs(args)?;
     let mut rig = Rig::new(&args.drive.as_drive()?)?;
-    let ports = Ports {
-        directory: Path::new("virtual"),
-        can: None,
-    };
-    let text = rig.configuration(&ports);
     let config = match &args.config {
         Some(path) => Config::load(path)?,
-        None => Config::from_text(&text, Path::new("."))?,
+        None => rig.config()?,
     };
-    let run_id = format!("simulate-{}-{}", rig.drive, args.drive.seed);
-    let session = engine::session::simulated(&config, PROGRAM, &run_id, rig.start());
-    let mut log = Log {
-        engine: Engine::new(&config)?,
-        sink: Sink::open(output.as_ref(), &args.output, &config, session)?,
-        sequence: 0,
-        records: Vec::new(),
-    };
+    let session = rig.session(&config);
+    let mut sink = Sink::open(output.as_ref(), &args.output, &config, session)?;
     if let Some(target) = calibration {
         target.write(&rig.true_calibration.to_toml()?)?;
     }
     let progress = Progress::seconds("simulate", rig.duration_s(), quiet);
-    drive(&mut rig, &config, &mut log, &progress)?;
-    let messages = log.sink.finish()?;
+    let start = rig.start();
+    let arrivals = simulate(&mut rig, &config, |entry| {
+        if let Entry::Arrival(arrival) = &entry {
+            progress.set(arrival.log_time.seconds_since(start));
+        }
+        sink.push(entry)
+    })?;
+    let messages = sink.finish()?;
     progress.finish();
     println!(
-        "{}: {:.1} s of {}, {} arrivals, {messages} decoded messages",
+        "{}: {:.1} s of {}, {arrivals} arrivals, {messages} decoded messages",
         args.output.display(),
         rig.duration_s(),
         rig.drive,
-        log.sequence,
     );
     Ok(Outcome::Good)
 }
@@ -134,20 +119,15 @@ impl Sink {
         })))
     }
 
-    fn push(&mut self, arrival: Arrival) -> anyhow::Result<()> {
-        match self {
-            Self::File(log) => Ok(log.writer().push(arrival)?),
-            Self::Run(run) => run.push(arrival),
-        }
-    }
-
-    fn record(&mut self, record: Record) {
-        match self {
-            Self::File(log) => log.writer().record(&record),
-            Self::Run(run) => {
+    fn push(&mut self, entry: Entry) -> anyhow::Result<()> {
+        match (self, entry) {
+            (Self::File(log), entry) => log.push(entry)?,
+            (Self::Run(run), Entry::Arrival(arrival)) => run.push(arrival)?,
+            (Self::Run(run), Entry::Record(record)) => {
                 run.recorder.record(record);
             }
         }
+        Ok(())
     }
 
     /// Closes the files; says how many decoded messages are in them.
@@ -181,80 +161,4 @@ impl Run {
         self.recorder.push(arrival);
         Ok(())
     }
-}
-
-/// The log being written and the engine that fills it.
-struct Log {
-    engine: Engine,
-    sink: Sink,
-    sequence: u64,
-    records: Vec<Record>,
-}
-
-impl Log {
-    fn push(&mut self, source: SourceId, time: LogTime, payload: Payload) -> anyhow::Result<()> {
-        let arrival = Arrival {
-            sequence: self.sequence,
-            source,
-            log_time: time,
-            realtime_ns: i64::try_from(time.0).unwrap_or(i64::MAX),
-            payload,
-        };
-        self.sequence += 1;
-        self.records.clear();
-        self.engine.push(&arrival, &mut self.records);
-        self.sink.push(arrival)?;
-        for record in self.records.drain(..) {
-            self.sink.record(record);
-        }
-        Ok(())
-    }
-}
-
-fn drive(rig: &mut Rig, config: &Config, log: &mut Log, progress: &Progress) -> anyhow::Result<()> {
-    let start = rig.start();
-    let source_of = |port: Port| {
-        config
-            .sources
-            .iter()
-            .find(|source| source.spec.name == port.name())
-            .map(|source| source.spec.id)
-    };
-    for source in &config.sources {
-        let opened = Notice::Opened("virtual vehicle".to_owned());
-        log.push(source.spec.id, start, Payload::Notice(opened))?;
-    }
-    let (mut ticks, mut truths, mut noted) = (0_u64, 0_u64, 0);
-    let duration_s = rig.duration_s();
-    while let Some(emission) = rig.vehicle.next() {
-        if emission.time_s > duration_s {
-            break;
-        }
-        while truths as f64 * TRUTH_S <= emission.time_s {
-            let truth = rig.truth(truths as f64 * TRUTH_S);
-            log.sink.record(truth);
-            truths += 1;
-        }
-        while ticks as f64 * TICK_S <= emission.time_s {
-            let time = start.offset_seconds(ticks as f64 * TICK_S);
-            log.push(SourceId::HOST, time, Payload::Tick)?;
-            ticks += 1;
-            progress.set(ticks as f64 * TICK_S);
-        }
-        let marks = rig.vehicle.motion().marks();
-        while let Some((time_s, text)) = marks.get(noted).filter(|m| m.0 <= emission.time_s) {
-            let mark = Payload::Notice(Notice::Mark(text.clone()));
-            log.push(SourceId::HOST, start.offset_seconds(*time_s), mark)?;
-            noted += 1;
-        }
-        let Some(source) = source_of(emission.port) else {
-            continue;
-        };
-        let payload = match emission.output {
-            Output::Bytes(bytes) => Payload::Bytes(bytes),
-            Output::Can(frame) => Payload::Can(vec![frame]),
-        };
-        log.push(source, start.offset_seconds(emission.time_s), payload)?;
-    }
-    Ok(())
 }

@@ -142,21 +142,42 @@ fn by_name<T: Copy>(
     known: &[(&str, T)],
     gather: &mut Gatherer<'_>,
 ) -> Option<T> {
-    let found = known.iter().find(|(known, _)| *known == name);
-    if found.is_none() {
-        let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
-        let help = match closest(name, &names) {
-            Some(near) => format!("did you mean \"{near}\"?"),
-            None => format!("use one of: {}", names.join(", ")),
-        };
-        gather.add(
-            &field.span,
-            &field.name,
-            format!("\"{name}\" is not known"),
-            help,
-        );
+    match find(name, known) {
+        Ok(value) => Some(value),
+        Err((message, help)) => {
+            gather.add(&field.span, &field.name, message, help);
+            None
+        }
     }
-    found.map(|(_, value)| *value)
+}
+
+/// The method with this name.
+///
+/// # Errors
+/// Text that names the value and the methods.
+pub fn method(name: &str) -> Result<Method, String> {
+    find(name, &METHODS).map_err(|(message, help)| format!("method: {message}; {help}"))
+}
+
+/// The input with this name.
+///
+/// # Errors
+/// Text that names the value and the inputs.
+pub fn input(name: &str) -> Result<Input, String> {
+    find(name, &INPUTS).map_err(|(message, help)| format!("input: {message}; {help}"))
+}
+
+/// The value with this name, or what is wrong and what to do.
+fn find<T: Copy>(name: &str, known: &[(&str, T)]) -> Result<T, (String, String)> {
+    if let Some((_, value)) = known.iter().find(|(known, _)| *known == name) {
+        return Ok(*value);
+    }
+    let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+    let help = match closest(name, &names) {
+        Some(near) => format!("did you mean \"{near}\"?"),
+        None => format!("use one of: {}", names.join(", ")),
+    };
+    Err((format!("\"{name}\" is not known"), help))
 }
 
 fn text_of(

@@ -70,18 +70,22 @@ impl FileKind {
     /// Name of the attachment of the file `name` in a log. The name of a built-in file, or of another
     /// file without the extension, does not show the kind of the file, so that the kind is added.
     fn attached_name(self, name: &str) -> String {
-        let kind = match self {
-            Self::Dbc => return name.to_owned(),
+        if self == Self::Dbc || name.ends_with(".toml") {
+            name.to_owned()
+        } else {
+            format!("{name}.{}.toml", self.noun())
+        }
+    }
+
+    /// The kind in names of files.
+    pub(crate) const fn noun(self) -> &'static str {
+        match self {
+            Self::Dbc => "dbc",
             Self::Vehicle => "vehicle",
             Self::Sensors => "sensors",
             Self::Calibration => "calibration",
             Self::Overrides => "overrides",
             Self::Columns => "columns",
-        };
-        if name.ends_with(".toml") {
-            name.to_owned()
-        } else {
-            format!("{name}.{kind}.toml")
         }
     }
 
@@ -115,6 +119,7 @@ enum Place {
 #[derive(Debug)]
 pub struct Files {
     place: Place,
+    given: Vec<GivenFile>,
     used: Vec<Used>,
 }
 
@@ -124,6 +129,17 @@ struct Used {
     name: String,
     kind: FileKind,
     text: String,
+}
+
+/// A file that was given as text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GivenFile {
+    /// Its name in the configuration.
+    pub name: String,
+    /// Its kind.
+    pub kind: FileKind,
+    /// Its text.
+    pub text: String,
 }
 
 /// A file that cannot be read.
@@ -141,6 +157,7 @@ impl Files {
     pub fn on_disk(directory: PathBuf) -> Self {
         Self {
             place: Place::Disk(directory),
+            given: Vec::new(),
             used: Vec::new(),
         }
     }
@@ -153,8 +170,15 @@ impl Files {
             .collect();
         Self {
             place: Place::Attached(files),
+            given: Vec::new(),
             used: Vec::new(),
         }
+    }
+
+    /// With files that were given as text; they go before those of the same name elsewhere.
+    pub(crate) fn with_given(mut self, given: Vec<GivenFile>) -> Self {
+        self.given = given;
+        self
     }
 
     /// Text of the file `name`. A file of the user has priority over a built-in file with the same
@@ -177,6 +201,10 @@ impl Files {
     }
 
     fn load(&self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
+        let mut given = self.given.iter();
+        if let Some(given) = given.find(|file| file.name == name && file.kind == kind) {
+            return Ok(given.text.clone());
+        }
         let builtin = || kind.builtin(name).map(str::to_owned);
         let bytes = match &self.place {
             Place::Attached(files) => match kind.find(name, files) {

@@ -1,0 +1,182 @@
+//! What a replay gives the estimator instead of what the log's own configuration names.
+
+use std::path::{Path, PathBuf};
+
+use store::Attachment;
+use toml::{Table, Value};
+
+use crate::config::{ATTACHED_NAME, FileKind, GivenFile, TOML_MAX, read_text};
+use crate::{Config, Error, Result};
+
+/// What a replay gives the estimator instead of what the log's own configuration names.
+#[derive(Clone, Debug, Default)]
+pub struct Changes {
+    /// The vehicle file.
+    pub vehicle: Option<FileSource>,
+    /// Files of identified parameters, behind those that the configuration names.
+    pub overrides: Vec<FileSource>,
+    /// The sensors file.
+    pub sensors: Option<FileSource>,
+    /// The calibration file.
+    pub calibration: Option<FileSource>,
+    /// Inputs that are ignored too, by the names of `estimator.ignore`.
+    pub without: Vec<String>,
+    /// Inputs that are ignored no longer.
+    pub with: Vec<String>,
+    /// Method, as `estimator.method` has it.
+    pub method: Option<String>,
+}
+
+/// Where the text of a file is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FileSource {
+    /// In a file, or in the program under this name.
+    Path(PathBuf),
+    /// Here.
+    Text(String),
+}
+
+impl From<PathBuf> for FileSource {
+    fn from(path: PathBuf) -> Self {
+        Self::Path(path)
+    }
+}
+
+impl FileSource {
+    /// The name of the file in a configuration. A text is added to the files that are given.
+    pub(crate) fn name(&self, kind: FileKind, given: &mut Vec<GivenFile>) -> String {
+        match self {
+            Self::Path(path) => path.display().to_string(),
+            Self::Text(text) => {
+                let name = format!("{}.toml", kind.noun());
+                given.push(GivenFile {
+                    name: name.clone(),
+                    kind,
+                    text: text.clone(),
+                });
+                name
+            }
+        }
+    }
+}
+
+impl Changes {
+    /// The configuration that a log carries, with the changes.
+    ///
+    /// # Errors
+    /// If a file cannot be read, an input of [`Changes::with`] is not ignored by the log, or the
+    /// changed configuration has errors.
+    pub fn configuration(&self, attachments: Vec<Attachment>) -> Result<Config> {
+        Config::from_attachments(&self.apply(attachments)?)
+    }
+
+    fn is_empty(&self) -> bool {
+        let files = [&self.vehicle, &self.sensors, &self.calibration];
+        files.into_iter().all(Option::is_none)
+            && self.overrides.is_empty()
+            && self.without.is_empty()
+            && self.with.is_empty()
+            && self.method.is_none()
+    }
+
+    /// The attachments with the changes: files beside the others, and a configuration that names
+    /// them.
+    fn apply(&self, mut attachments: Vec<Attachment>) -> Result<Vec<Attachment>> {
+        let own = attachments.iter().position(|a| a.name == ATTACHED_NAME);
+        let Some(own) = own.filter(|_| !self.is_empty()) else {
+            return Ok(attachments);
+        };
+        let text = std::str::from_utf8(&attachments[own].data)?;
+        let mut configuration: Table = text.parse().map_err(Error::AttachedConfiguration)?;
+        let files = [
+            ("file", "vehicle", &self.vehicle),
+            ("sensors", "sensors", &self.sensors),
+            ("calibration", "calibration", &self.calibration),
+        ];
+        for (key, kind, file) in files {
+            let Some(file) = file else { continue };
+            let name = attach(&mut attachments, file, kind)?;
+            section(&mut configuration, "vehicle")?.insert(key.to_owned(), Value::String(name));
+        }
+        for (number, file) in self.overrides.iter().enumerate() {
+            let name = attach(&mut attachments, file, &format!("overrides-{}", number + 1))?;
+            list(section(&mut configuration, "vehicle")?, "overrides")?.push(Value::String(name));
+        }
+        let estimator = section(&mut configuration, "estimator")?;
+        self.change_ignored(list(estimator, "ignore")?)?;
+        if let Some(method) = &self.method {
+            estimator.insert("method".to_owned(), Value::String(method.clone()));
+        }
+        let own = attachments.iter_mut().find(|a| a.name == ATTACHED_NAME);
+        if let Some(own) = own {
+            own.data = toml::to_string(&configuration)?.into_bytes();
+        }
+        Ok(attachments)
+    }
+
+    fn change_ignored(&self, ignored: &mut Vec<Value>) -> Result<()> {
+        for input in &self.with {
+            let is_it = |ignored: &Value| ignored.as_str() == Some(input);
+            if !ignored.iter().any(is_it) {
+                let names = ignored.iter().filter_map(Value::as_str);
+                return Err(Error::NotIgnored {
+                    input: input.clone(),
+                    ignored: names.map(str::to_owned).collect(),
+                });
+            }
+            ignored.retain(|ignored| !is_it(ignored));
+        }
+        ignored.extend(self.without.iter().cloned().map(Value::String));
+        Ok(())
+    }
+}
+
+/// Attaches a file in the place of one of the same name; the program's own need no file.
+fn attach(attachments: &mut Vec<Attachment>, file: &FileSource, kind: &str) -> Result<String> {
+    let (name, text) = match file {
+        FileSource::Path(path) if !path.exists() && path.extension().is_none() => {
+            return Ok(path.display().to_string());
+        }
+        FileSource::Path(path) => (file_name(path), read(path)?),
+        FileSource::Text(text) => (format!("{kind}.toml"), text.clone()),
+    };
+    let name = format!("replay-{name}");
+    attachments.retain(|attachment| attachment.name != name);
+    attachments.push(Attachment {
+        name: name.clone(),
+        media_type: "application/toml".to_owned(),
+        data: text.into_bytes(),
+    });
+    Ok(name)
+}
+
+fn file_name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+fn read(path: &Path) -> Result<String> {
+    read_text(path, TOML_MAX).map_err(|source| Error::Unreadable {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+fn list<'a>(section: &'a mut Table, name: &'static str) -> Result<&'a mut Vec<Value>> {
+    section
+        .entry(name)
+        .or_insert_with(|| Value::Array(Vec::new()))
+        .as_array_mut()
+        .ok_or(Error::NotA { name, what: "list" })
+}
+
+fn section<'a>(configuration: &'a mut Table, name: &'static str) -> Result<&'a mut Table> {
+    configuration
+        .entry(name)
+        .or_insert_with(|| Value::Table(Table::new()))
+        .as_table_mut()
+        .ok_or(Error::NotA {
+            name,
+            what: "table",
+        })
+}

@@ -1,0 +1,292 @@
+//! Replay and simulation in this process.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use engine::output::{Kind, LogFile, Target};
+use engine::{Changes, Config, Course, Drive, Entry, FileSource, Replay, ReplayOptions, Rig};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use store::Reader;
+
+use crate::calibration::Calibration;
+use crate::estimates::Collected;
+use crate::log::LogReader;
+use crate::sensors::Sensors;
+use crate::vehicle::Vehicle;
+use crate::{errors, interrupt};
+
+/// A vehicle, sensors or calibration: an object of the package, a file, or the name of one that ships
+/// with the package.
+#[derive(FromPyObject)]
+enum File<'py> {
+    Vehicle(Bound<'py, Vehicle>),
+    Sensors(Bound<'py, Sensors>),
+    Calibration(Bound<'py, Calibration>),
+    Path(PathBuf),
+}
+
+impl File<'_> {
+    /// What the engine reads.
+    fn source(self, argument: &str) -> PyResult<FileSource> {
+        let text = match (argument, &self) {
+            ("vehicle", Self::Vehicle(vehicle)) => vehicle.get().to_toml()?,
+            ("sensors", Self::Sensors(sensors)) => sensors.get().to_toml()?,
+            ("calibration", Self::Calibration(calibration)) => calibration.get().to_toml()?,
+            (_, Self::Path(path)) => return Ok(FileSource::Path(path.clone())),
+            _ => {
+                return Err(errors::argument(format!(
+                    "{argument}: must be a file, or an object of the class for {argument}"
+                )));
+            }
+        };
+        Ok(FileSource::Text(text))
+    }
+}
+
+/// An error of the engine, or what Python raised meanwhile.
+enum Stop {
+    Engine(engine::Error),
+    Python(PyErr),
+}
+
+impl From<engine::Error> for Stop {
+    fn from(error: engine::Error) -> Self {
+        Self::Engine(error)
+    }
+}
+
+impl From<Stop> for PyErr {
+    fn from(stop: Stop) -> Self {
+        match stop {
+            Stop::Engine(error) => errors::engine(&error),
+            Stop::Python(error) => error,
+        }
+    }
+}
+
+/// Estimates, parameters and events, as [`Collected::into_python`] gives them.
+type Estimated<'py> = (Bound<'py, PyDict>, Bound<'py, PyDict>, Bound<'py, PyList>);
+
+/// Replays a log: what `atvrec replay --json` prints, and the estimates where no log is written. What
+/// Python users see is `atvrec.replay`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn replay_log<'py>(
+    py: Python<'py>,
+    log: &LogReader,
+    output: Option<PathBuf>,
+    force: bool,
+    config: Option<PathBuf>,
+    vehicle: Option<File<'py>>,
+    overrides: Vec<PathBuf>,
+    sensors: Option<File<'py>>,
+    calibration: Option<File<'py>>,
+    without: Vec<String>,
+    with_inputs: Vec<String>,
+    method: Option<String>,
+    smooth: bool,
+    verify: bool,
+) -> PyResult<(String, Option<Estimated<'py>>)> {
+    let file = |name, file: Option<File<'py>>| file.map(|file| file.source(name)).transpose();
+    let changes = Changes {
+        vehicle: file("vehicle", vehicle)?,
+        overrides: overrides.into_iter().map(Into::into).collect(),
+        sensors: file("sensors", sensors)?,
+        calibration: file("calibration", calibration)?,
+        without,
+        with: with_inputs,
+        method,
+    };
+    let job = Job {
+        reader: Arc::clone(&log.reader),
+        output: replay_target(
+            &log.paths,
+            output.as_deref(),
+            force,
+            config.as_deref(),
+            &changes,
+        )?,
+        config,
+        changes,
+        options: ReplayOptions {
+            smooth,
+            verify,
+            truth: output.is_some(),
+        },
+    };
+    let (json, collected) = py.detach(|| job.run())?;
+    let estimated = collected
+        .map(|collected| collected.into_python(py))
+        .transpose()?;
+    Ok((json, estimated))
+}
+
+fn replay_target(
+    logs: &[PathBuf],
+    output: Option<&Path>,
+    force: bool,
+    config: Option<&Path>,
+    changes: &Changes,
+) -> PyResult<Option<Target>> {
+    let Some(output) = output else {
+        return Ok(None);
+    };
+    let files = [&changes.vehicle, &changes.sensors, &changes.calibration];
+    let files = files.into_iter().flatten().chain(&changes.overrides);
+    let paths = files.filter_map(|file| match file {
+        FileSource::Path(path) => Some(path.as_path()),
+        FileSource::Text(_) => None,
+    });
+    let inputs = logs.iter().map(PathBuf::as_path).chain(config).chain(paths);
+    let target = Target::new(output, Kind::Log, force, inputs);
+    target.map(Some).map_err(|error| errors::engine(&error))
+}
+
+/// A replay that can be run without the GIL.
+struct Job {
+    reader: Arc<Reader>,
+    output: Option<Target>,
+    config: Option<PathBuf>,
+    changes: Changes,
+    options: ReplayOptions,
+}
+
+impl Job {
+    fn run(self) -> Result<(String, Option<Collected>), Stop> {
+        let config = match &self.config {
+            Some(path) => Config::load(path)?,
+            None => {
+                let attachments = self.reader.attachments().map_err(engine::Error::from)?;
+                self.changes.configuration(attachments)?
+            }
+        };
+        let replay = Replay::new(&self.reader, &config, self.options)?;
+        let mut sink = match &self.output {
+            Some(target) => {
+                let options = config.storage.options.clone();
+                Sink::Log(Box::new(target.log(replay.session().clone(), options)?))
+            }
+            None => Sink::Memory(Collected::default()),
+        };
+        let mut interrupt = interrupt::Watch::default();
+        let done = replay.run(|entry| {
+            interrupt.check().map_err(Stop::Python)?;
+            sink.push(entry)
+        })?;
+        let json = done.to_json().to_string();
+        match sink {
+            Sink::Log(log) => {
+                log.finish()?;
+                Ok((json, None))
+            }
+            Sink::Memory(collected) => Ok((json, Some(collected))),
+        }
+    }
+}
+
+/// What records go to.
+enum Sink {
+    Log(Box<LogFile>),
+    Memory(Collected),
+}
+
+impl Sink {
+    fn push(&mut self, entry: Entry) -> Result<(), Stop> {
+        match (self, entry) {
+            (Self::Log(log), entry) => log.push(entry)?,
+            (Self::Memory(collected), Entry::Record(record)) => collected.record(record),
+            (Self::Memory(_), Entry::Arrival(_)) => {}
+        }
+        Ok(())
+    }
+}
+
+/// Drives a virtual vehicle and writes the log: seconds, name of the drive, arrivals, and decoded
+/// messages. What Python users see is `atvrec.simulate`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn simulate_log(
+    py: Python<'_>,
+    manoeuvre: Option<String>,
+    truth: Option<PathBuf>,
+    output: PathBuf,
+    force: bool,
+    vehicle: File<'_>,
+    sensors: File<'_>,
+    seed: u64,
+    options: Option<PathBuf>,
+    duration_s: Option<f64>,
+    config: Option<PathBuf>,
+    true_calibration: Option<PathBuf>,
+) -> PyResult<(f64, String, u64, u64)> {
+    let (vehicle, sensors) = (vehicle.source("vehicle")?, sensors.source("sensors")?);
+    let path = |file: &FileSource| match file {
+        FileSource::Path(path) => Some(path.clone()),
+        FileSource::Text(_) => None,
+    };
+    let inputs = [
+        truth.clone(),
+        options.clone(),
+        config.clone(),
+        path(&vehicle),
+        path(&sensors),
+    ];
+    let inputs = || inputs.iter().flatten().map(PathBuf::as_path);
+    let target = |path: &Path, kind| {
+        Target::new(path, kind, force, inputs()).map_err(|error| errors::engine(&error))
+    };
+    let log = target(&output, Kind::Log)?;
+    let calibration = true_calibration
+        .map(|path| target(&path, Kind::Toml))
+        .transpose()?;
+    let course = match (manoeuvre, truth) {
+        (Some(name), None) => Course::Manoeuvre(name),
+        (None, Some(path)) => Course::Truth(path),
+        (None, None) | (Some(_), Some(_)) => {
+            return Err(errors::argument(
+                "manoeuvre and truth: give one of them, the name of a manoeuvre or a truth file",
+            ));
+        }
+    };
+    let done = py.detach(move || -> Result<_, Stop> {
+        let options = options.as_deref().map(engine::read_options).transpose()?;
+        let mut rig = Rig::new(&Drive {
+            course,
+            vehicle,
+            sensors,
+            seed,
+            options: options.unwrap_or_default(),
+            duration_s,
+        })?;
+        let config = match &config {
+            Some(path) => Config::load(path)?,
+            None => rig.config()?,
+        };
+        let mut log = log.log(rig.session(&config), config.storage.options.clone())?;
+        if let Some(target) = calibration {
+            target.write(
+                &rig.true_calibration
+                    .to_toml()
+                    .map_err(engine::Error::from)?,
+            )?;
+        }
+        let mut interrupt = interrupt::Watch::default();
+        let arrivals = engine::simulate(&mut rig, &config, |entry| {
+            interrupt.check().map_err(Stop::Python)?;
+            Ok::<_, Stop>(log.push(entry)?)
+        })?;
+        let messages = log.finish()?.counters.messages;
+        Ok((rig.duration_s(), rig.drive, arrivals, messages))
+    })?;
+    Ok(done)
+}
+
+/// Names of the manoeuvres of the virtual vehicle.
+#[pyfunction]
+pub fn manoeuvres() -> Vec<&'static str> {
+    sim::Manoeuvre::ALL
+        .iter()
+        .map(|manoeuvre| manoeuvre.name())
+        .collect()
+}
