@@ -1,0 +1,8 @@
+//! Logs from outside: written, read, damaged and recovered.
+
+mod common;
+mod damage;
+mod integrity;
+mod recorder;
+mod recovery;
+mod round_trip;
