@@ -8,7 +8,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "it takes arguments")]
 
-use estimator::{Calibration, Settings};
+use atvrec_estimator::{Calibration, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sim::Manoeuvre;

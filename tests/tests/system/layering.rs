@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Floor of each crate; an edge must lead to a lower floor.
-const FLOORS: [(&str, u8); 12] = [
+const FLOORS: [(&str, u8); 13] = [
     ("math", 0),
     ("sample", 0),
     ("wire", 1),
@@ -13,6 +13,7 @@ const FLOORS: [(&str, u8); 12] = [
     ("estimator", 2),
     ("acq", 2),
     ("sim", 2),
+    ("engine", 3),
     ("report", 3),
     ("testkit", 3),
     ("pybind", 4),

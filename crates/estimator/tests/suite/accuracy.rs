@@ -1,7 +1,7 @@
 //! The accuracy that the documents state, on the excerpts of truth runs that every clone of the
 //! project has. Each test prints file, sensors file, error and limit. `truth.rs` tests the whole runs.
 
-use estimator::{Calibration, Settings};
+use atvrec_estimator::{Calibration, Settings};
 use model::sensors::Sensors;
 use sample::{EventKind, Wheel};
 use testkit::report;

@@ -3,7 +3,7 @@
 //!
 //! `make campaigns` runs a thousand, [`BOUNDED`] of them are part of `make test-all`.
 
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use rand::{Rng, SeedableRng};

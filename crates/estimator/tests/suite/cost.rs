@@ -3,7 +3,7 @@
 #![allow(clippy::disallowed_types, reason = "it measures time")]
 use std::time::Instant;
 
-use estimator::{Calibration, Estimator, Method, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Method, Output, Settings};
 use model::sensors::Sensors;
 use sample::Sample;
 use testkit::{allocations, truth};

@@ -1,7 +1,7 @@
 //! `docs/filter-spec.md` says what the code does.
 
-use estimator::Tuning;
-use estimator::specification::{Sensitivity, markdown};
+use atvrec_estimator::Tuning;
+use atvrec_estimator::specification::{Sensitivity, markdown};
 
 const SENSITIVITIES: &str = include_str!("../../../../docs/filter-sensitivity.csv");
 

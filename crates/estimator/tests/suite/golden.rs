@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use estimator::{Calibration, Settings};
+use atvrec_estimator::{Calibration, Settings};
 use model::sensors::Sensors;
 use sample::{Estimate, Wheel};
 use testkit::scoring::estimate;

@@ -1,7 +1,7 @@
 //! Faults of the sensors of motion, on truth runs: each is named, what it says is left out, so that
 //! forces and motion stay as good as without it, and it is used again when it is good.
 
-use estimator::{Calibration, Input, Settings};
+use atvrec_estimator::{Calibration, Input, Settings};
 use model::sensors::Sensors;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -5,11 +5,11 @@
 mod cubature;
 mod square_root;
 
-use estimator::fusion::OUTPUTS;
-use estimator::fusion::layout::SIZE;
-use estimator::smoother::Step;
-use estimator::trace::{Operation, Term};
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::fusion::OUTPUTS;
+use atvrec_estimator::fusion::layout::SIZE;
+use atvrec_estimator::smoother::Step;
+use atvrec_estimator::trace::{Operation, Term};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use square_root::SquareRoot;
 use testkit::sensing;

@@ -1,7 +1,7 @@
 //! What smoothing gains on an independent simulator's truth runs through the thesis's sensors.
 
-use estimator::smoother::{LAG_STEPS, Smoother, Step};
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::smoother::{LAG_STEPS, Smoother, Step};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::Sample;

@@ -1,6 +1,6 @@
 //! Missing, faulty and imperfect: what the filter makes of less than everything, on truth runs.
 
-use estimator::{Calibration, Input, Settings};
+use atvrec_estimator::{Calibration, Input, Settings};
 use model::sensors::Sensors;
 use model::vehicle::{Vehicle, Wishbone};
 use rand::{Rng, SeedableRng};

@@ -4,7 +4,7 @@ mod alone;
 mod locked;
 mod parameters;
 
-use estimator::{Calibration, Input, Method, Settings};
+use atvrec_estimator::{Calibration, Input, Method, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{Axle, Event, EventKind, Sample, Side, Wheel};

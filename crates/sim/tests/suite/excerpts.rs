@@ -1,7 +1,7 @@
 //! The excerpts of truth runs in `testdata/truth`.
 
+use atvrec_sim::{Motion, Options, Port, VirtualVehicle};
 use model::sensors::Sensors;
-use sim::{Motion, Options, Port, VirtualVehicle};
 use testkit::project;
 use testkit::truth::{Run, WINDOWS, excerpt, excerpt_path, resolution, vehicle};
 
@@ -24,7 +24,7 @@ fn excerpts_have_the_values_of_their_runs() {
     for window in &WINDOWS {
         let Some(path) = window.source() else { return };
         let [whole, cut] = [path, excerpt_path(window.name)].map(|path| {
-            sim::read_columns(&path, |full| Ok(Some(full.to_owned()))).expect("a truth file")
+            atvrec_sim::read_columns(&path, |full| Ok(Some(full.to_owned()))).expect("a truth file")
         });
         let rows = window.rows(&whole["t[s]"]);
         assert!(!cut.is_empty());

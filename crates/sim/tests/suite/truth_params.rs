@@ -1,9 +1,9 @@
 //! The converter from `params.json` to a vehicle file.
 
+use atvrec_sim::vehicle_from_truth_params;
 use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use sample::Wheel;
-use sim::vehicle_from_truth_params;
 
 fn vehicle() -> Vehicle {
     vehicle_from_truth_params(&params_text()).expect("params.json converts")

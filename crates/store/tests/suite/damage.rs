@@ -13,9 +13,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use crate::common::{START, arrivals, records, session};
+use atvrec_store::{LogWriter, Options, recover};
 use sample::Payload;
-use store::{LogWriter, Options, recover};
+
+use crate::common::{START, arrivals, records, session};
 
 /// An unfinished log, small enough to damage each of its headers in a moment.
 fn small_log() -> Vec<u8> {

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use atvrec_store::{LogWriter, Options, Reader};
+
 use crate::common::{START, arrivals, records, session};
-use store::{LogWriter, Options, Reader};
 
 #[test]
 fn one_changed_bit_anywhere_is_found() {

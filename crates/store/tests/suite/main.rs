@@ -1,6 +1,7 @@
 //! Logs from outside: written, read, damaged and recovered.
 
 mod common;
+mod compat;
 mod damage;
 mod integrity;
 mod recorder;

@@ -1,14 +1,16 @@
 //! The Crossbow decoder against reference vectors and against noise.
 
+use atvrec_wire::crossbow440::{BitStatus, Decoder, Increments, Packet, PacketRate, Scaled};
+use atvrec_wire::{Message, Statistics};
 use proptest::prelude::*;
 use sample::{DeviceTime, Measurement};
-use wire::crossbow440::{BitStatus, Decoder, Increments, Packet, PacketRate, Scaled};
-use wire::{Message, Statistics};
+
+use crate::common;
 
 fn decode(bytes: &[u8]) -> (Vec<Packet>, Statistics) {
     let mut decoder = Decoder::default();
     let mut packets = Vec::new();
-    let mut sink = |item: wire::Item<'_>| {
+    let mut sink = |item: atvrec_wire::Item<'_>| {
         if let Message::Crossbow440(packet) = item.message {
             packets.push(packet);
         }
@@ -25,8 +27,8 @@ fn close(ours: f64, theirs: f64) -> bool {
 #[test]
 fn s1_reference_vectors() {
     let (Some(bytes), Some(text)) = (
-        crate::common::read("crossbow-440/s1_vectors.bin"),
-        crate::common::read_text("crossbow-440/s1_vectors.json"),
+        common::read("crossbow-440/s1_vectors.bin"),
+        common::read_text("crossbow-440/s1_vectors.json"),
     ) else {
         return;
     };
@@ -75,8 +77,8 @@ fn s1_reference_vectors() {
 #[test]
 fn s2_reference_vectors() {
     let (Some(bytes), Some(text)) = (
-        crate::common::read("crossbow-440/s2_vectors.bin"),
-        crate::common::read_text("crossbow-440/s2_vectors.json"),
+        common::read("crossbow-440/s2_vectors.bin"),
+        common::read_text("crossbow-440/s2_vectors.json"),
     ) else {
         return;
     };
@@ -202,7 +204,7 @@ proptest! {
 
     #[test]
     fn noise_never_costs_an_intact_packet(
-        parts in prop::collection::vec((any_scaled(), crate::common::noise(b"\x55\x55S1\x18")), 1..8),
+        parts in prop::collection::vec((any_scaled(), common::noise(b"\x55\x55S1\x18")), 1..8),
         cuts in prop::collection::vec(1usize..40, 1..20),
     ) {
         let mut bytes = Vec::new();
@@ -217,8 +219,8 @@ proptest! {
         // Any cut of the stream gives the same.
         let mut decoder = Decoder::default();
         let mut again = Vec::new();
-        let mut sink = |item: wire::Item<'_>| if let Message::Crossbow440(p) = item.message { again.push(p) };
-        for chunk in crate::common::cut(&bytes, &cuts) {
+        let mut sink = |item: atvrec_wire::Item<'_>| if let Message::Crossbow440(p) = item.message { again.push(p) };
+        for chunk in common::cut(&bytes, &cuts) {
             decoder.push(chunk, &mut sink);
         }
         decoder.finish(&mut sink);

@@ -1,18 +1,20 @@
 //! The receiver decoder against reference decodes, mixtures and noise.
 
+use atvrec_wire::gnss::Decoder;
+use atvrec_wire::novatel::{self, Log};
+use atvrec_wire::sbf::{self, Block};
+use atvrec_wire::{Message, Protocol, Statistics, nmea};
 use proptest::prelude::*;
 use serde_json::Value;
-use wire::gnss::Decoder;
-use wire::novatel::{self, Log};
-use wire::sbf::{self, Block};
-use wire::{Message, Protocol, Statistics, nmea};
+
+use crate::common;
 
 type Found = (Protocol, &'static str, Message, std::ops::Range<u64>);
 
 fn decode(bytes: &[u8]) -> (Vec<Found>, Statistics) {
     let mut decoder = Decoder::new();
     let mut found = Vec::new();
-    let mut sink = |i: wire::Item<'_>| found.push((i.protocol, i.name, i.message, i.range));
+    let mut sink = |i: atvrec_wire::Item<'_>| found.push((i.protocol, i.name, i.message, i.range));
     decoder.push(bytes, &mut sink);
     decoder.finish(&mut sink);
     (found, decoder.statistics())
@@ -95,8 +97,8 @@ const NOVATEL: [&str; 7] = [
 
 fn compare_novatel(name: &str) -> (usize, usize) {
     let (Some(bytes), Some(reference)) = (
-        crate::common::read(name),
-        crate::common::read_json_lines(&format!("{name}.edie.jsonl")),
+        common::read(name),
+        common::read_json_lines(&format!("{name}.edie.jsonl")),
     ) else {
         return (0, 0);
     };
@@ -173,7 +175,7 @@ fn novatel_reference_decodes() {
 
 #[test]
 fn a_thousand_positions_in_ascii() {
-    let Some(bytes) = crate::common::read("novatel-edie/BESTPOS.GPS") else {
+    let Some(bytes) = common::read("novatel-edie/BESTPOS.GPS") else {
         return;
     };
     let (found, statistics) = decode(&bytes);
@@ -306,8 +308,8 @@ fn sbf_reference_decodes() {
     let (mut blocks, mut framed, mut fields) = (0, 0, 0);
     for name in names {
         let (Some(bytes), Some(reference)) = (
-            crate::common::read(name),
-            crate::common::read_json_lines(&format!("{name}.pysbf2.jsonl")),
+            common::read(name),
+            common::read_json_lines(&format!("{name}.pysbf2.jsonl")),
         ) else {
             continue;
         };
@@ -346,7 +348,7 @@ fn sbf_reference_decodes() {
 
 #[test]
 fn nmea_reference_decodes() {
-    let Some(bytes) = crate::common::read("mixed-fixposition/test_data_nmea.bin") else {
+    let Some(bytes) = common::read("mixed-fixposition/test_data_nmea.bin") else {
         return;
     };
     let (found, statistics) = decode(&bytes);
@@ -370,7 +372,7 @@ fn nmea_reference_decodes() {
 
 #[test]
 fn a_mixture_of_protocols() {
-    let Some(bytes) = crate::common::read("mixed-fixposition/test_data_mixed.bin") else {
+    let Some(bytes) = common::read("mixed-fixposition/test_data_mixed.bin") else {
         return;
     };
     let (found, statistics) = decode(&bytes);
@@ -516,8 +518,8 @@ fn a_stray_dollar_does_not_swallow_a_novatel_log() {
 /// Heading, velocity and position as sent come out in the project's axes.
 #[test]
 fn axes_and_signs() {
+    use atvrec_wire::geodesy::Geodetic;
     use sample::Measurement;
-    use wire::geodesy::Geodetic;
     let place = Geodetic {
         latitude_rad: 0.57,
         longitude_rad: -1.49,
@@ -615,7 +617,7 @@ proptest! {
 
     #[test]
     fn noise_never_costs_an_intact_message(
-        parts in prop::collection::vec((crate::common::noise(HEADERS), logs(), blocks(), any::<bool>()), 1..6),
+        parts in prop::collection::vec((common::noise(HEADERS), logs(), blocks(), any::<bool>()), 1..6),
         cuts in prop::collection::vec(1usize..60, 1..20),
     ) {
         let mut bytes = Vec::new();
@@ -634,8 +636,8 @@ proptest! {
         }
         let mut decoder = Decoder::new();
         let mut again = Vec::new();
-        let mut sink = |i: wire::Item<'_>| again.push((i.protocol, i.name, i.message, i.range));
-        for chunk in crate::common::cut(&bytes, &cuts) {
+        let mut sink = |i: atvrec_wire::Item<'_>| again.push((i.protocol, i.name, i.message, i.range));
+        for chunk in common::cut(&bytes, &cuts) {
             decoder.push(chunk, &mut sink);
         }
         decoder.finish(&mut sink);

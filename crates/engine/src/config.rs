@@ -1,0 +1,139 @@
+//! `atvrec.toml`: parses the text into a configuration that is valid by construction.
+//!
+//! All errors of the file and of the files that it names are collected and reported together.
+
+mod columns;
+mod estimator;
+mod files;
+mod overrides;
+mod reader;
+mod roles;
+mod source;
+mod storage;
+mod trigger;
+
+use std::path::{Path, PathBuf};
+
+use store::Attachment;
+
+pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
+pub use estimator::Estimator;
+pub use files::{FileKind, FileProblem, Files, GAVLAB, read_text};
+pub use reader::{Problem, Problems, TOML_MAX};
+pub use roles::{Role, RoleOf};
+pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
+pub use storage::{Limits, Storage};
+pub use trigger::{CanRule, Trigger};
+
+use crate::{Error, Result};
+use reader::{Gatherer, Section};
+
+/// Name of the configuration among a log's attachments.
+pub const ATTACHED_NAME: &str = "atvrec.toml";
+
+/// A resolved configuration.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// All sources, in the order of their numbers.
+    pub sources: Vec<Source>,
+    /// Where and how logs are written.
+    pub storage: Storage,
+    /// Configuration of the estimator; `None` switches it off.
+    pub estimator: Option<Estimator>,
+    /// Path of the control socket; `None` leaves the choice to the recorder.
+    pub control: Option<PathBuf>,
+    /// Text of the configuration and of every file that it names, which are attached to a log.
+    pub attachments: Vec<Attachment>,
+}
+
+impl Config {
+    /// Reads a configuration file.
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = read_text(path, TOML_MAX).map_err(|source| Error::ConfigurationUnreadable {
+            path: path.to_owned(),
+            source,
+        })?;
+        let directory = path.parent().map(Path::to_owned).unwrap_or_default();
+        let files = Files::on_disk(directory.clone());
+        let mut config = Self::resolve(&path.display().to_string(), &text, files)?;
+        config.storage.directory = directory.join(&config.storage.directory);
+        config.control = config.control.map(|socket| directory.join(socket));
+        for source in &mut config.sources {
+            source.look_from(&directory);
+        }
+        Ok(config)
+    }
+
+    /// Reads a configuration file again for a running recorder.
+    ///
+    /// # Errors
+    /// As [`Config::load`]. A file without any field is an error too: it is probably being written,
+    /// and does not mean that all sources are to be stopped.
+    pub fn load_again(path: &Path) -> Result<Self> {
+        let config = Self::load(path)?;
+        let written = config.attachments.first();
+        let is_field = |line: &[u8]| {
+            let line = line.trim_ascii();
+            !line.is_empty() && !line.starts_with(b"#")
+        };
+        let lines = written.map(|own| own.data.split(|byte| *byte == b'\n'));
+        if lines.is_some_and(|mut lines| lines.any(is_field)) {
+            return Ok(config);
+        }
+        Err(Error::ConfigurationEmpty {
+            path: path.to_owned(),
+        })
+    }
+
+    /// Reads the configuration in the attachments of a log.
+    pub fn from_attachments(attachments: &[Attachment]) -> Result<Self> {
+        let attached = attachments
+            .iter()
+            .find(|attachment| attachment.name == ATTACHED_NAME)
+            .ok_or(Error::NoConfiguration)?;
+        let text = std::str::from_utf8(&attached.data)?;
+        let files = Files::attached(attachments);
+        Ok(Self::resolve(ATTACHED_NAME, text, files)?)
+    }
+
+    /// Reads a configuration that the program has created; names in it are files in `directory` or
+    /// built-in files.
+    pub fn from_text(text: &str, directory: &Path) -> Result<Self> {
+        let files = Files::on_disk(directory.to_owned());
+        Ok(Self::resolve(ATTACHED_NAME, text, files)?)
+    }
+
+    fn resolve(name: &str, text: &str, mut files: Files) -> std::result::Result<Self, Problems> {
+        let mut gather = Gatherer::new(name, text);
+        let Some(table) = reader::parse(text, &mut gather) else {
+            return Err(Problems(gather.into_problems()));
+        };
+        let mut top = Section::new("", table);
+        let sources = top.section("source", &mut gather);
+        let sources = source::read_all(sources, &mut files, &mut gather);
+        let storage = Storage::read(top.section("storage", &mut gather), &sources, &mut gather);
+        let vehicle = top.section("vehicle", &mut gather);
+        let section = top.section("estimator", &mut gather);
+        let estimator = estimator::read(section, vehicle, &mut files, &mut gather);
+        let mut control = top.section("control", &mut gather);
+        let socket = control.optional::<String>("socket", &mut gather);
+        control.finish(&mut gather);
+        top.finish(&mut gather);
+        if !gather.is_empty() {
+            return Err(Problems(gather.into_problems()));
+        }
+        let mut attachments = vec![Attachment {
+            name: ATTACHED_NAME.to_owned(),
+            media_type: "application/toml".to_owned(),
+            data: text.as_bytes().to_vec(),
+        }];
+        attachments.extend(files.into_used());
+        Ok(Self {
+            sources,
+            storage,
+            estimator,
+            control: socket.map(|field| PathBuf::from(field.value)),
+            attachments,
+        })
+    }
+}

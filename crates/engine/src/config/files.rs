@@ -1,0 +1,314 @@
+//! Files that a configuration names: on disk, attached to a log, or built in.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use store::Attachment;
+
+use super::columns::GAVLAB_MAP;
+use super::reader::TOML_MAX;
+
+/// Name of the built-in column map for MOOS logs.
+pub const GAVLAB: &str = "gavlab.toml";
+
+/// Name of the built-in DBC file.
+pub const PROJECT_DBC: &str = "prowler.dbc";
+
+/// Text of the built-in DBC file.
+const PROJECT_DBC_TEXT: &str = include_str!("../../assets/prowler.dbc");
+
+/// Kind of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// A DBC file.
+    Dbc,
+    /// A vehicle file.
+    Vehicle,
+    /// A sensors file.
+    Sensors,
+    /// A calibration file.
+    Calibration,
+    /// Values from identification that replace fields of the vehicle file.
+    Overrides,
+    /// A column map.
+    Columns,
+}
+
+impl FileKind {
+    const fn media_type(self) -> &'static str {
+        match self {
+            Self::Dbc => "text/plain",
+            Self::Vehicle | Self::Sensors | Self::Calibration | Self::Overrides | Self::Columns => {
+                "application/toml"
+            }
+        }
+    }
+
+    /// Largest file that is read, bytes.
+    const fn bytes_max(self) -> usize {
+        match self {
+            Self::Dbc => wire::dbc::BYTES_MAX,
+            _ => TOML_MAX,
+        }
+    }
+
+    /// Text of the built-in file with this name.
+    fn builtin(self, name: &str) -> Option<&'static str> {
+        match self {
+            Self::Dbc => (name == PROJECT_DBC).then_some(PROJECT_DBC_TEXT),
+            Self::Vehicle => Vehicle::builtin_text(name),
+            Self::Sensors => Sensors::builtin_text(name),
+            Self::Calibration | Self::Overrides => None,
+            Self::Columns => (name == GAVLAB).then_some(GAVLAB_MAP),
+        }
+    }
+
+    /// Name of the attachment of the file `name` in a log. The name of a built-in file, or of another
+    /// file without the extension, does not show the kind of the file, so that the kind is added.
+    fn attached_name(self, name: &str) -> String {
+        let kind = match self {
+            Self::Dbc => return name.to_owned(),
+            Self::Vehicle => "vehicle",
+            Self::Sensors => "sensors",
+            Self::Calibration => "calibration",
+            Self::Overrides => "overrides",
+            Self::Columns => "columns",
+        };
+        if name.ends_with(".toml") {
+            name.to_owned()
+        } else {
+            format!("{name}.{kind}.toml")
+        }
+    }
+
+    /// Attachment of the file `name` in a log. In older logs the attachment has the name itself.
+    fn find(self, name: &str, files: &BTreeMap<String, Vec<u8>>) -> Option<Vec<u8>> {
+        let found = files.get(&self.attached_name(name));
+        found.or_else(|| files.get(name)).cloned()
+    }
+
+    fn builtin_names(self) -> Vec<&'static str> {
+        match self {
+            Self::Dbc => vec![PROJECT_DBC],
+            Self::Vehicle => Vehicle::builtin_names().collect(),
+            Self::Sensors => Sensors::builtin_names().collect(),
+            Self::Calibration | Self::Overrides => Vec::new(),
+            Self::Columns => vec![GAVLAB],
+        }
+    }
+}
+
+/// Place of the files.
+#[derive(Debug)]
+enum Place {
+    /// This directory.
+    Disk(PathBuf),
+    /// The attachments of a log.
+    Attached(BTreeMap<String, Vec<u8>>),
+}
+
+/// Reads files once and keeps their texts, so that they can be attached to a log.
+#[derive(Debug)]
+pub struct Files {
+    place: Place,
+    used: Vec<Used>,
+}
+
+/// A file that was read, with its name in the configuration.
+#[derive(Debug)]
+struct Used {
+    name: String,
+    kind: FileKind,
+    text: String,
+}
+
+/// A file that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}; {help}")]
+pub struct FileProblem {
+    /// Description of the problem.
+    pub message: String,
+    /// What to do about it.
+    pub help: String,
+}
+
+impl Files {
+    /// Files relative to `directory`.
+    pub fn on_disk(directory: PathBuf) -> Self {
+        Self {
+            place: Place::Disk(directory),
+            used: Vec::new(),
+        }
+    }
+
+    /// Files attached to a log.
+    pub fn attached(attachments: &[Attachment]) -> Self {
+        let files = attachments
+            .iter()
+            .map(|attachment| (attachment.name.clone(), attachment.data.clone()))
+            .collect();
+        Self {
+            place: Place::Attached(files),
+            used: Vec::new(),
+        }
+    }
+
+    /// Text of the file `name`. A file of the user has priority over a built-in file with the same
+    /// name.
+    pub fn read_text(&mut self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
+        let known = self
+            .used
+            .iter()
+            .find(|file| file.name == name && file.kind == kind);
+        if let Some(known) = known {
+            return Ok(known.text.clone());
+        }
+        let text = self.load(name, kind)?;
+        self.used.push(Used {
+            name: name.to_owned(),
+            kind,
+            text: text.clone(),
+        });
+        Ok(text)
+    }
+
+    fn load(&self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
+        let builtin = || kind.builtin(name).map(str::to_owned);
+        let bytes = match &self.place {
+            Place::Attached(files) => match kind.find(name, files) {
+                Some(bytes) => bytes,
+                None => return builtin().ok_or_else(|| not_attached(name)),
+            },
+            Place::Disk(directory) => {
+                let path = directory.join(name);
+                match read_bytes(&path, kind.bytes_max()) {
+                    Ok(bytes) => bytes,
+                    Err(error) => {
+                        return builtin().ok_or_else(|| FileProblem {
+                            message: format!("cannot read {}: {error}", path.display()),
+                            help: unreadable_help(kind),
+                        });
+                    }
+                }
+            }
+        };
+        String::from_utf8(bytes).or_else(|error| match kind {
+            // DBC files are often in Latin-1, in which each byte is a code point.
+            FileKind::Dbc => Ok(error
+                .as_bytes()
+                .iter()
+                .map(|byte| char::from(*byte))
+                .collect()),
+            _ => Err(FileProblem {
+                message: format!("{name} is not UTF-8 text"),
+                help: "save the file as UTF-8".to_owned(),
+            }),
+        })
+    }
+
+    /// All files that were read, as attachments of a log.
+    pub fn into_used(self) -> Vec<Attachment> {
+        let attach = |file: Used| Attachment {
+            name: file.kind.attached_name(&file.name),
+            media_type: file.kind.media_type().to_owned(),
+            data: file.text.into_bytes(),
+        };
+        self.used.into_iter().map(attach).collect()
+    }
+}
+
+/// Reads a regular file of at most `limit` bytes. Another kind of file, such as a FIFO, could block.
+fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
+    let reject = |text: String| Err(io::Error::new(ErrorKind::InvalidInput, text));
+    if !std::fs::metadata(path)?.is_file() {
+        return reject("it is not a regular file".to_owned());
+    }
+    let mut bytes = Vec::new();
+    let read = File::open(path)?
+        .take(limit as u64 + 1)
+        .read_to_end(&mut bytes)?;
+    if read > limit {
+        return reject(format!("it is longer than {limit} bytes"));
+    }
+    Ok(bytes)
+}
+
+/// Reads a regular file of at most `limit` bytes as UTF-8.
+///
+/// # Errors
+/// If the file cannot be read, is no regular file, is longer, or is not UTF-8.
+pub fn read_text(path: &Path, limit: usize) -> io::Result<String> {
+    String::from_utf8(read_bytes(path, limit)?)
+        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
+}
+
+fn not_attached(name: &str) -> FileProblem {
+    FileProblem {
+        message: format!("{name} is not attached to the log"),
+        help: "give a configuration with --config".to_owned(),
+    }
+}
+
+fn unreadable_help(kind: FileKind) -> String {
+    let names = kind.builtin_names();
+    if names.is_empty() {
+        "paths are relative to the configuration file".to_owned()
+    } else {
+        format!(
+            "paths are relative to the configuration file; built-in files are: {}",
+            names.join(", ")
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attached(name: &str, text: &str) -> Attachment {
+        Attachment {
+            name: name.to_owned(),
+            media_type: "application/toml".to_owned(),
+            data: text.as_bytes().to_vec(),
+        }
+    }
+
+    #[test]
+    fn attachments_of_new_and_of_older_logs_are_found() {
+        let mut files = Files::on_disk(PathBuf::from("/nonexistent"));
+        let own = files.read_text("prowler", FileKind::Vehicle);
+        assert!(own.is_ok());
+        assert!(files.read_text("thesis-10bit", FileKind::Sensors).is_ok());
+        let written = files.into_used();
+        let names: Vec<&str> = written.iter().map(|file| file.name.as_str()).collect();
+        assert_eq!(names, ["prowler.vehicle.toml", "thesis-10bit.sensors.toml"]);
+        let mut read = Files::attached(&written);
+        assert_eq!(read.read_text("prowler", FileKind::Vehicle), own);
+
+        let old = [attached("prowler", "of an older log")];
+        let text = Files::attached(&old).read_text("prowler", FileKind::Vehicle);
+        assert_eq!(text.as_deref(), Ok("of an older log"));
+    }
+
+    #[test]
+    fn a_calibration_with_the_name_of_the_vehicle_is_a_different_file() {
+        let directory = tempfile::tempdir().expect("a directory");
+        std::fs::write(directory.path().join("prowler.toml"), "calibration").expect("written");
+        let mut files = Files::on_disk(directory.path().to_owned());
+        let vehicle = files
+            .read_text("prowler", FileKind::Vehicle)
+            .expect("built in");
+        let calibration = files.read_text("prowler.toml", FileKind::Calibration);
+        assert_eq!(calibration.as_deref(), Ok("calibration"));
+        let mut read = Files::attached(&files.into_used());
+        assert_eq!(read.read_text("prowler", FileKind::Vehicle), Ok(vehicle));
+        assert_eq!(
+            read.read_text("prowler.toml", FileKind::Calibration),
+            calibration
+        );
+    }
+}

@@ -1,0 +1,210 @@
+//! Roles of DBC signals as measurements: `[source.<name>.roles]`.
+
+use sample::{StrainChannel, Wheel};
+use wire::dbc::{Database, SignalDef};
+
+use super::reader::{Field, Gatherer, Section, closest};
+
+/// Role of a signal for the estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Role {
+    /// Steering-wheel angle; the factor converts the signal's unit to rad.
+    Steer(f64),
+    /// Angular speed of a wheel; the factor converts the signal's unit to rad/s.
+    WheelSpeed(Wheel, f64),
+    /// Counts of a spring potentiometer.
+    Deflection(Wheel),
+    /// Counts of a strain channel.
+    Strain(Wheel, StrainChannel),
+}
+
+/// A signal and its role.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RoleOf {
+    /// Index of the DBC file.
+    pub database: usize,
+    /// Index of the message in the file.
+    pub message: usize,
+    /// Index of the signal in the message.
+    pub signal: usize,
+    /// Role of the signal.
+    pub role: Role,
+}
+
+/// Reads the table. A role without an entry has the signal of the built-in DBC file, if the DBC files
+/// contain it.
+pub fn read(
+    mut section: Section<'_>,
+    databases: &[Database],
+    gather: &mut Gatherer<'_>,
+) -> Vec<RoleOf> {
+    let mut finder = Finder {
+        databases,
+        roles: Vec::new(),
+    };
+    let field = section.optional::<String>("steer", gather);
+    finder.add(field, "Steering.hand_wheel_angle", gather, |signal| {
+        angle_factor(signal).map(Role::Steer)
+    });
+    let mut speeds = section.section("wheel_speed", gather);
+    let mut deflections = section.section("deflection", gather);
+    let mut strains = section.section("strain", gather);
+    for wheel in Wheel::ALL {
+        let (key, corner) = (key(wheel), wheel.abbreviation());
+        let field = speeds.optional::<String>(key, gather);
+        let default = format!("WheelSpeed.{corner}");
+        finder.add(field, &default, gather, |signal| {
+            rate_factor(signal).map(|factor| Role::WheelSpeed(wheel, factor))
+        });
+        let field = deflections.optional::<String>(key, gather);
+        let default = format!("Corner_{corner}.deflection");
+        finder.add(field, &default, gather, |_| Ok(Role::Deflection(wheel)));
+        let mut channels = strains.section(key, gather);
+        for channel in StrainChannel::ALL {
+            let field = channels.optional::<String>(channel.name(), gather);
+            let default = default_strain(corner, channel);
+            finder.add(field, &default, gather, |_| {
+                Ok(Role::Strain(wheel, channel))
+            });
+        }
+        channels.finish(gather);
+    }
+    for section in [speeds, deflections, strains, section] {
+        section.finish(gather);
+    }
+    finder.roles
+}
+
+const fn key(wheel: Wheel) -> &'static str {
+    wheel.abbreviation()
+}
+
+fn default_strain(corner: &str, channel: StrainChannel) -> String {
+    let message = match channel {
+        StrainChannel::UpperFront
+        | StrainChannel::UpperRear
+        | StrainChannel::LowerFront
+        | StrainChannel::LowerRear => "Strain",
+        StrainChannel::TieRod
+        | StrainChannel::LowerFrontBending
+        | StrainChannel::LowerRearBending => "Corner",
+    };
+    format!("{message}_{corner}.{}", channel.name())
+}
+
+struct Finder<'d> {
+    databases: &'d [Database],
+    roles: Vec<RoleOf>,
+}
+
+impl Finder<'_> {
+    fn add(
+        &mut self,
+        field: Option<Field<String>>,
+        default: &str,
+        gather: &mut Gatherer<'_>,
+        role: impl Fn(&SignalDef) -> Result<Role, String>,
+    ) {
+        let name = field.as_ref().map_or(default, |field| &field.value);
+        let found = self.find(name);
+        let problem = match (found, field.is_some()) {
+            (Some((database, message, signal)), _) => {
+                let definition = &self.databases[database].messages()[message].signals[signal];
+                match role(definition) {
+                    Ok(role) => {
+                        self.roles.push(RoleOf {
+                            database,
+                            message,
+                            signal,
+                            role,
+                        });
+                        return;
+                    }
+                    Err(message) => (
+                        message,
+                        "correct the unit of the signal in the DBC file".to_owned(),
+                    ),
+                }
+            }
+            (None, true) => self.not_found(name),
+            (None, false) => return,
+        };
+        if let Some(field) = field {
+            gather.add(&field.span, &field.name, problem.0, problem.1);
+        }
+    }
+
+    fn find(&self, name: &str) -> Option<(usize, usize, usize)> {
+        let (message_name, signal_name) = name.split_once('.')?;
+        self.databases
+            .iter()
+            .enumerate()
+            .find_map(|(number, database)| {
+                let messages = database.messages();
+                let message = messages.iter().position(|m| m.name == message_name)?;
+                let signals = &messages[message].signals;
+                let signal = signals.iter().position(|s| s.name == signal_name)?;
+                Some((number, message, signal))
+            })
+    }
+
+    fn not_found(&self, name: &str) -> (String, String) {
+        let Some((message_name, signal_name)) = name.split_once('.') else {
+            return (
+                format!("\"{name}\" is not the name of a signal"),
+                "use \"Message.Signal\" with both names of the DBC file".to_owned(),
+            );
+        };
+        let message = self.databases.iter().find_map(|d| d.by_name(message_name));
+        let (missing, known): (String, Vec<&str>) = match message {
+            Some(message) => (
+                format!("the message {message_name} has no signal \"{signal_name}\""),
+                message.signals.iter().map(|s| s.name.as_str()).collect(),
+            ),
+            None => (
+                format!("no DBC file has a message \"{message_name}\""),
+                self.databases
+                    .iter()
+                    .flat_map(Database::messages)
+                    .map(|m| m.name.as_str())
+                    .collect(),
+            ),
+        };
+        let wanted = if message.is_some() {
+            signal_name
+        } else {
+            message_name
+        };
+        let help = match closest(wanted, &known) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None => format!("use one of: {}", known.join(", ")),
+        };
+        (missing, help)
+    }
+}
+
+/// Factor that converts the unit of a signal to rad.
+fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
+    match signal.unit.trim() {
+        "rad" => Ok(1.0),
+        "deg" | "degree" | "degrees" | "°" => Ok(1.0_f64.to_radians()),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of an angle",
+            signal.name
+        )),
+    }
+}
+
+/// Factor that converts the unit of a signal to rad/s.
+fn rate_factor(signal: &SignalDef) -> Result<f64, String> {
+    match signal.unit.trim() {
+        "rad/s" => Ok(1.0),
+        "deg/s" | "°/s" => Ok(1.0_f64.to_radians()),
+        "rpm" | "1/min" => Ok(std::f64::consts::TAU / 60.0),
+        "Hz" | "1/s" | "rev/s" => Ok(std::f64::consts::TAU),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of an angular speed",
+            signal.name
+        )),
+    }
+}

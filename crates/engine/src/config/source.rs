@@ -1,0 +1,415 @@
+//! `[source.<name>]`: a device or a bus.
+
+mod can;
+
+use std::path::Path;
+use std::time::Duration;
+
+use acq::{Parity, PortSpec, SerialSpec, Setup, SourceKind, SourceSpec};
+use sample::SourceId;
+use wire::crossbow440::{PacketRate, SetupOptions};
+use wire::dbc::Database;
+use wire::line;
+
+use super::columns::{self, CsvMap};
+use super::files::{FileKind, Files};
+use super::reader::{Field, Gatherer, Problem, Section, closest};
+use super::roles::RoleOf;
+
+/// Names of the kinds of source in the file.
+const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];
+
+/// A source: how it is opened and how its bytes are decoded.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// How the source is opened.
+    pub spec: SourceSpec,
+    /// How its bytes are decoded.
+    pub meaning: Meaning,
+    /// Time without data after which the source is reported as silent.
+    pub silent_after: Option<Duration>,
+    /// Delay of the fastest message from its time of validity to its arrival, s.
+    pub transport_delay_s: f64,
+}
+
+/// How the bytes of a source are decoded.
+#[derive(Clone, Debug)]
+pub enum Meaning {
+    /// Frames, decoded through DBC files.
+    Can(CanMeaning),
+    /// Crossbow 440 packets at this rate.
+    Crossbow440(PacketRate),
+    /// Messages of a GNSS receiver.
+    Gnss(GnssMeaning),
+    /// Lines of text.
+    Line(line::Format),
+    /// Delimited text.
+    Csv(CsvMap),
+    /// A MOOS log.
+    Alog(wire::alog::Format),
+}
+
+/// How frames are decoded.
+#[derive(Clone, Debug)]
+pub struct CanMeaning {
+    /// DBC files; the first file that contains a frame's message decodes the frame.
+    pub databases: Vec<Database>,
+    /// Signals that are measurements.
+    pub roles: Vec<RoleOf>,
+}
+
+/// How the bytes of a GNSS receiver are decoded.
+#[derive(Clone, Debug)]
+pub struct GnssMeaning {
+    /// Latency of velocities without a latency field in their record, s; `None` means half the interval
+    /// between two records.
+    pub velocity_latency_s: Option<f64>,
+    /// Latency of attitudes, s; `None` means the latency in the sensors file.
+    pub attitude_latency_s: Option<f64>,
+}
+
+impl Source {
+    /// Resolves the path of the port relative to `directory`.
+    pub fn look_from(&mut self, directory: &Path) {
+        match &mut self.spec.kind {
+            SourceKind::Slcan(slcan) => slcan.port.path = directory.join(&slcan.port.path),
+            SourceKind::Serial(serial) => serial.port.path = directory.join(&serial.port.path),
+            SourceKind::Can(_) => {}
+        }
+    }
+}
+
+/// Reads all `[source.*]` tables. The sources are numbered in the order of their names.
+pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Vec<Source> {
+    let mut named = section.into_sections(gather);
+    named.sort_by(|(a, _), (b, _)| a.value.cmp(&b.value));
+    let mut sources = Vec::new();
+    for (number, (name, section)) in named.into_iter().enumerate() {
+        if !is_name(&name.value) {
+            gather.add(
+                &name.span,
+                &name.name,
+                format!("\"{}\" cannot be part of a topic", name.value),
+                "use only letters, digits, _ and -",
+            );
+        }
+        let id = SourceId(u16::try_from(number).unwrap_or(u16::MAX - 1));
+        if let Some(source) = read(id, &name.value, section, files, gather) {
+            report_shared_device(&source, &sources, &name, gather);
+            sources.push(source);
+        }
+    }
+    sources
+}
+
+fn is_name(name: &str) -> bool {
+    !name.is_empty()
+        && name
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
+}
+
+fn read(
+    id: SourceId,
+    name: &str,
+    mut section: Section<'_>,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+) -> Option<Source> {
+    let kind =
+        section.required::<String>("kind", &format!("use one of: {}", KINDS.join(", ")), gather)?;
+    let (acq_kind, meaning, silent_default_s) = match kind.value.as_str() {
+        "can" => can::read_can(&mut section, files, gather),
+        "slcan" => can::read_slcan(&mut section, files, gather),
+        "crossbow440" => read_crossbow(&mut section, gather),
+        "gnss" => read_gnss(&mut section, gather),
+        "line" => read_line(&mut section, gather),
+        "csv" => read_table(&mut section, files, gather, |name, text| {
+            columns::csv_map(name, text).map(Meaning::Csv)
+        }),
+        "alog" => read_table(&mut section, files, gather, |name, text| {
+            columns::alog_map(name, text).map(Meaning::Alog)
+        }),
+        other => {
+            let help = match closest(other, &KINDS) {
+                Some(near) => format!("did you mean \"{near}\"?"),
+                None => format!("use one of: {}", KINDS.join(", ")),
+            };
+            gather.add(
+                &kind.span,
+                &kind.name,
+                format!("\"{other}\" is not a kind of source"),
+                help,
+            );
+            return None;
+        }
+    };
+    let silent_s = section.number_in("silent_after_s", 0.0..=3600.0, silent_default_s, gather);
+    let transport_delay_s = section.number_in("transport_delay_s", 0.0..=10.0, 0.0, gather);
+    section.finish(gather);
+    Some(Source {
+        spec: SourceSpec {
+            id,
+            name: name.to_owned(),
+            kind: acq_kind?,
+        },
+        meaning: meaning?,
+        silent_after: (silent_s > 0.0).then(|| Duration::from_secs_f64(silent_s)),
+        transport_delay_s,
+    })
+}
+
+type Read = (Option<SourceKind>, Option<Meaning>, f64);
+
+fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 57_600, gather);
+    let rate_field = section.optional::<u32>("rate_hz", gather);
+    let rate_hz = rate_field.as_ref().map_or(100, |field| field.value);
+    let rate = match rate_hz {
+        50 => PacketRate::Hz50,
+        25 => PacketRate::Hz25,
+        20 => PacketRate::Hz20,
+        10 => PacketRate::Hz10,
+        _ => PacketRate::Hz100,
+    };
+    if let Some(field) = rate_field
+        && ![100, 50, 25, 20, 10].contains(&field.value)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("the device cannot send {} packets per second", field.value),
+            "use 100, 50, 25, 20 or 10",
+        );
+    }
+    let packet = section.optional::<String>("packet", gather);
+    if let Some(field) = &packet
+        && !["S0", "S1", "S2"].contains(&field.value.as_str())
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" is not a supported packet type", field.value),
+            "use \"S1\" (scaled samples), \"S2\" (increments) or \"S0\"",
+        );
+    }
+    let configure = section.or("configure", true, gather);
+    let packet = packet.map_or_else(|| "S1".to_owned(), |field| field.value);
+    let setup = match (configure, packet.as_bytes()) {
+        (true, &[letter, digit]) => Setup::Crossbow440(SetupOptions {
+            packet: [letter, digit],
+            rate,
+            baud: None,
+        }),
+        _ => Setup::None,
+    };
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    (kind, Some(Meaning::Crossbow440(rate)), 0.5)
+}
+
+fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 115_200, gather);
+    let meaning = Meaning::Gnss(GnssMeaning {
+        velocity_latency_s: read_latency(section, "velocity_latency_s", gather),
+        attitude_latency_s: read_latency(section, "attitude_latency_s", gather),
+    });
+    let setup = read_commands(section, gather);
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    (kind, Some(meaning), 1.0)
+}
+
+fn read_latency(
+    section: &mut Section<'_>,
+    key: &'static str,
+    gather: &mut Gatherer<'_>,
+) -> Option<f64> {
+    let field = section.optional::<f64>(key, gather)?;
+    if !(0.0..=5.0).contains(&field.value) {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("{} s is out of range", field.value),
+            "use a number from 0 to 5, or remove the field for the default",
+        );
+    }
+    Some(field.value)
+}
+
+fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 9_600, gather);
+    let delimiter = section.optional::<String>("delimiter", gather);
+    if let Some(field) = &delimiter
+        && field.value.len() != 1
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" is not one ASCII character", field.value),
+            "use one character, such as \",\", or remove the field for blanks",
+        );
+    }
+    let steer = section.optional::<String>("steer", gather);
+    let fields = section.section("fields", gather);
+    let (span, name) = (fields.span(), fields.field_name("fields"));
+    let format = line::Format {
+        delimiter: delimiter.and_then(|field| field.value.bytes().next()),
+        prefix: section.or("prefix", String::new(), gather),
+        fields: fields
+            .into_sections(gather)
+            .into_iter()
+            .map(|(name, field)| read_line_field(name.value, field, gather))
+            .collect(),
+        role: steer.map_or(line::Role::Control, |field| line::Role::Steer(field.value)),
+        query: section.or("query", String::new(), gather).into_bytes(),
+    };
+    if let Err(error) = format.check() {
+        let help = "write a table [source.<name>.fields.<quantity>] with index, scale and unit for \
+                    each number";
+        gather.add(&span, &name, error.to_string(), help);
+    }
+    let setup = read_commands(section, gather);
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    (kind, Some(Meaning::Line(format)), 0.0)
+}
+
+/// A table that a device sends, or an imported file, which a column map describes.
+fn read_table(
+    section: &mut Section<'_>,
+    files: &mut Files,
+    gather: &mut Gatherer<'_>,
+    map: impl FnOnce(&str, &str) -> Result<Meaning, Vec<Problem>>,
+) -> Read {
+    let port = read_port(section, 115_200, gather);
+    let columns = section.required::<String>(
+        "columns",
+        "set the column map, such as columns = \"columns.toml\"",
+        gather,
+    );
+    let setup = read_commands(section, gather);
+    let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
+    let meaning = columns.and_then(|field| {
+        match files.read_text(&field.value, FileKind::Columns) {
+            Ok(text) => match map(&field.value, &text) {
+                Ok(meaning) => return Some(meaning),
+                Err(problems) => gather.add_foreign(problems),
+            },
+            Err(error) => gather.add(&field.span, &field.name, error.message, error.help),
+        }
+        None
+    });
+    (kind, meaning, 0.0)
+}
+
+fn read_line_field(
+    name: String,
+    mut section: Section<'_>,
+    gather: &mut Gatherer<'_>,
+) -> line::Field {
+    let index = section.or::<u32>("index", 0, gather);
+    let bits = section.optional::<u32>("signed_bits", gather);
+    let field = line::Field {
+        index: index as usize,
+        name,
+        scale: section.or("scale", 1.0, gather),
+        offset: section.or("offset", 0.0, gather),
+        unit: section.or("unit", String::new(), gather),
+        signed_bits: bits.map(|field| u8::try_from(field.value).unwrap_or(u8::MAX)),
+    };
+    section.finish(gather);
+    field
+}
+
+fn read_commands(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Setup {
+    let commands = section.or("commands", Vec::<String>::new(), gather);
+    let pause_s = section.number_in("command_pause_s", 0.0..=10.0, 0.1, gather);
+    if commands.is_empty() {
+        return Setup::None;
+    }
+    Setup::Commands {
+        commands: commands
+            .into_iter()
+            .map(|command| format!("{command}\r\n").into_bytes())
+            .collect(),
+        pause: Duration::from_secs_f64(pause_s),
+    }
+}
+
+fn read_port(
+    section: &mut Section<'_>,
+    baud_default: u32,
+    gather: &mut Gatherer<'_>,
+) -> Option<PortSpec> {
+    let device = section.required::<String>(
+        "device",
+        "set the port; a link by device identity is safest: device = \"/dev/serial/by-id/...\"",
+        gather,
+    );
+    let baud = section.optional::<u32>("baud", gather);
+    if let Some(field) = &baud
+        && !(50..=4_000_000).contains(&field.value)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("{} bit/s is out of range", field.value),
+            "use the baud rate of the device, from 50 to 4000000",
+        );
+    }
+    let parity = section.optional::<String>("parity", gather);
+    let parity = parity.map_or(Parity::None, |field| read_parity(&field, gather));
+    let two_stop_bits = section.or("two_stop_bits", false, gather);
+    let low_latency = section.or("low_latency", true, gather);
+    let device = device?;
+    Some(PortSpec {
+        parity,
+        two_stop_bits,
+        low_latency,
+        ..PortSpec::new(device.value, baud.map_or(baud_default, |field| field.value))
+    })
+}
+
+fn read_parity(field: &Field<String>, gather: &mut Gatherer<'_>) -> Parity {
+    match field.value.as_str() {
+        "none" => Parity::None,
+        "odd" => Parity::Odd,
+        "even" => Parity::Even,
+        other => {
+            gather.add(
+                &field.span,
+                &field.name,
+                format!("\"{other}\" is not a parity"),
+                "use \"none\", \"odd\" or \"even\"",
+            );
+            Parity::None
+        }
+    }
+}
+
+/// Name of the device of a source, for messages.
+pub fn device_name(kind: &SourceKind) -> String {
+    match kind {
+        SourceKind::Can(can) => can.interface.clone(),
+        SourceKind::Slcan(slcan) => slcan.port.path.display().to_string(),
+        SourceKind::Serial(serial) => serial.port.path.display().to_string(),
+    }
+}
+
+fn report_shared_device(
+    source: &Source,
+    others: &[Source],
+    name: &Field<String>,
+    gather: &mut Gatherer<'_>,
+) {
+    let device = device_name(&source.spec.kind);
+    let first = others
+        .iter()
+        .find(|other| device_name(&other.spec.kind) == device);
+    if let Some(first) = first {
+        gather.add(
+            &name.span,
+            &name.name,
+            format!("source.{} reads {device} already", first.spec.name),
+            "use a different device for each source",
+        );
+    }
+}

@@ -1,0 +1,205 @@
+//! `kind = "can"` and `kind = "slcan"`.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+use acq::{CanSpec, LinkSpec, SlcanSpec, SourceKind};
+use wire::dbc::Database;
+use wire::slcan;
+
+use super::{CanMeaning, Meaning, Read, read_port};
+use crate::config::files::{FileKind, Files, PROJECT_DBC};
+use crate::config::reader::{Field, Gatherer, Problem, Section};
+use crate::config::roles;
+
+/// Longest time that a frame waits to be read if no DBC file decodes the bus: only the disk needs it.
+const RECORDED_WITHIN: Duration = Duration::from_millis(6);
+
+pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
+    let interface = section.required::<String>(
+        "interface",
+        "set the network interface, such as interface = \"can0\"",
+        gather,
+    );
+    if let Some(field) = &interface
+        && (field.value.is_empty() || field.value.len() > 15)
+    {
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("\"{}\" is not a name of a network interface", field.value),
+            "use a name of 1 to 15 characters; `ip link` lists the interfaces",
+        );
+    }
+    let fd = section.or("fd", true, gather);
+    let errors = section.or("error_frames", true, gather);
+    let hardware_stamps = section.or("hardware_stamps", true, gather);
+    let buffer = section.number_in("receive_buffer_mb", 0.1..=256.0, 8.0, gather);
+    let link = read_link(section, fd, gather);
+    let meaning = can_meaning(section, files, gather);
+    let kind = interface.map(|interface| {
+        let usual = CanSpec::new(interface.value);
+        let read_within = match &meaning {
+            Meaning::Can(can) if can.databases.is_empty() => RECORDED_WITHIN,
+            _ => usual.read_within,
+        };
+        SourceKind::Can(CanSpec {
+            fd,
+            link,
+            errors,
+            hardware_stamps,
+            receive_buffer_bytes: (buffer * f64::from(1 << 20)) as usize,
+            read_within,
+            ..usual
+        })
+    });
+    (kind, Some(meaning), 1.0)
+}
+
+/// `[source.<name>.link]`: settings with which the recorder brings the interface up. Without the table
+/// the system brings it up.
+fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> Option<LinkSpec> {
+    let mut link = section.optional_section("link", gather)?;
+    let mut rate = |key, range: RangeInclusive<u32>| {
+        let field = link.optional::<u32>(key, gather)?;
+        if !range.contains(&field.value) {
+            gather.add(
+                &field.span,
+                &field.name,
+                format!("{} bit/s is out of range", field.value),
+                format!("use a bit rate from {} to {}", range.start(), range.end()),
+            );
+        }
+        Some(field)
+    };
+    let bit_rate = rate("bitrate", 5_000..=1_000_000);
+    let data_bit_rate = rate("data_bitrate", 5_000..=16_000_000);
+    let restart = link.optional::<u32>("restart_ms", gather);
+    let listen_only = link.optional::<bool>("listen_only", gather);
+    if let Some(data) = &data_bit_rate {
+        let slower = bit_rate.as_ref().filter(|bits| bits.value > data.value);
+        if !fd {
+            gather.add(
+                &data.span,
+                &data.name,
+                "a data bit rate without CAN FD",
+                "remove it, or remove `fd = false`",
+            );
+        } else if let Some(bits) = slower {
+            gather.add(
+                &data.span,
+                &data.name,
+                format!("{} bit/s is below bitrate = {}", data.value, bits.value),
+                "set a data bit rate that is at least the bit rate",
+            );
+        }
+    }
+    if bit_rate.is_none() {
+        let place = |field: &Field<u32>| (field.span.clone(), field.name.clone());
+        let flag = listen_only
+            .as_ref()
+            .map(|f| (f.span.clone(), f.name.clone()));
+        let idle = [
+            data_bit_rate.as_ref().map(place),
+            restart.as_ref().map(place),
+            flag,
+        ];
+        for (span, name) in idle.into_iter().flatten() {
+            let help = "set bitrate too, or remove the field (vcan interfaces have no bit rate)";
+            gather.add(&span, &name, "has no effect without bitrate", help);
+        }
+    }
+    link.finish(gather);
+    let defaults = LinkSpec::new(0);
+    Some(LinkSpec {
+        bit_rate: bit_rate.map(|field| field.value),
+        data_bit_rate: data_bit_rate.map(|field| field.value),
+        restart_ms: restart.map_or(defaults.restart_ms, |field| field.value),
+        listen_only: listen_only.map_or(defaults.listen_only, |field| field.value),
+    })
+}
+
+pub fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
+    let port = read_port(section, 115_200, gather);
+    let bit_rate = section.optional::<u32>("bitrate", gather);
+    if let Some(field) = &bit_rate
+        && !slcan::BIT_RATES.contains(&field.value)
+    {
+        let known = slcan::BIT_RATES.map(|rate| rate.to_string()).join(", ");
+        gather.add(
+            &field.span,
+            &field.name,
+            format!("SLCAN adapters do not support {} bit/s", field.value),
+            format!("use one of: {known}"),
+        );
+    }
+    let listen_only = section.or("listen_only", false, gather);
+    let timestamps = section.or("timestamps", true, gather);
+    let meaning = can_meaning(section, files, gather);
+    let kind = port.map(|port| {
+        SourceKind::Slcan(SlcanSpec {
+            port,
+            bit_rate: bit_rate.map(|field| field.value),
+            listen_only,
+            timestamps,
+        })
+    });
+    (kind, Some(meaning), 1.0)
+}
+
+fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Meaning {
+    let names = section.optional::<Vec<String>>("dbc", gather);
+    let (names, span, field) = match names {
+        Some(field) => (field.value, field.span, field.name),
+        None => (
+            vec![PROJECT_DBC.to_owned()],
+            section.span(),
+            section.field_name("dbc"),
+        ),
+    };
+    let mut databases = Vec::new();
+    for name in names {
+        match files.read_text(&name, FileKind::Dbc) {
+            Ok(text) => match Database::parse(text.as_bytes()) {
+                Ok(database) => databases.push(database),
+                Err(error) => gather.add_foreign(error.issues.into_iter().map(|issue| Problem {
+                    file: name.clone(),
+                    line: issue.line,
+                    column: 0,
+                    field: issue.token,
+                    message: issue.text,
+                    help: String::new(),
+                })),
+            },
+            Err(error) => gather.add(&span, &field, error.message, error.help),
+        }
+    }
+    let roles = section.section("roles", gather);
+    let roles = roles::read(roles, &databases, gather);
+    Meaning::Can(CanMeaning { databases, roles })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::Config;
+
+    fn read_within(dbc: &str) -> Duration {
+        let text = format!("[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n{dbc}");
+        let config = Config::from_text(&text, Path::new(".")).expect("a configuration");
+        match &config.sources[0].spec.kind {
+            SourceKind::Can(can) => can.read_within,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn frames_that_are_decoded_are_read_sooner() {
+        let decoded = CanSpec::new(String::new()).read_within;
+        assert_eq!(read_within(""), decoded);
+        assert_eq!(read_within("dbc = []\n"), RECORDED_WITHIN);
+        assert!(decoded < RECORDED_WITHIN);
+    }
+}

@@ -1,0 +1,405 @@
+//! Engine: computes records from arrivals, in a recording and in a replay alike.
+//!
+//! The engine is deterministic: it reads no clock, no device and no environment. The same configuration
+//! and the same arrivals give the same records, bit for bit. Its time is the log time of the arrivals,
+//! among which are ticks, so that time also advances without data.
+
+mod can;
+mod clock;
+mod source;
+mod utc;
+
+use std::collections::BTreeSet;
+
+use estimator::smoother::{LAG_STEPS, Smoother};
+use estimator::{Estimator, Output};
+use sample::{
+    Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
+    Severity, SourceId,
+};
+use store::{LogMessage, Losses, Record, Stage, UtcOffset};
+
+use crate::Result;
+use crate::config::{self, Config};
+use source::{SilenceChange, SourceState};
+
+/// Time between two health reports.
+const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
+/// Time without data of any source after which there is no estimate, ns.
+pub const SILENCE_NS: i64 = NANOS_PER_SECOND;
+/// Time between two checks for silent sources.
+const WATCH_INTERVAL_NS: i64 = NANOS_PER_SECOND / 10;
+
+/// Text of the notice of a source that was closed normally.
+const STOPPED: &str = "stopped";
+
+/// Computes records from arrivals.
+pub struct Engine {
+    sources: Vec<SourceState>,
+    estimator: Option<Estimator>,
+    smoother: Option<Smoother>,
+    samples: Vec<Sample>,
+    silence: Silence,
+    /// Losses in the notices of the stream, so that a replay computes the same health.
+    losses: Losses,
+    faulty_sensors: BTreeSet<String>,
+    next_watch: Option<LogTime>,
+    next_health: Option<LogTime>,
+    utc_offset: Option<UtcOffset>,
+}
+
+impl Engine {
+    /// Engine before the first arrival.
+    pub fn new(config: &Config) -> Result<Self> {
+        let attitude_latency_s = config
+            .estimator
+            .as_ref()
+            .map_or(0.0, |settings| settings.sensors.gnss_attitude.latency_s);
+        let sources = config
+            .sources
+            .iter()
+            .map(|source| SourceState::new(source, attitude_latency_s))
+            .collect::<Result<_>>()?;
+        Ok(Self {
+            sources,
+            estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
+            smoother: None,
+            samples: Vec::new(),
+            silence: Silence::default(),
+            losses: Losses::default(),
+            faulty_sensors: BTreeSet::new(),
+            next_watch: None,
+            next_health: None,
+            utc_offset: None,
+        })
+    }
+
+    /// Engine that also smooths, for a replay. [`Engine::finish`] returns the last smoothed estimates.
+    pub fn smoothing(config: &Config) -> Result<Self> {
+        let mut engine = Self::new(config)?;
+        engine.estimator = engine.estimator.map(Estimator::traced);
+        let settings = config.estimator.as_ref();
+        engine.smoother = settings.map(|settings| Smoother::new(&settings.vehicle, LAG_STEPS));
+        Ok(engine)
+    }
+
+    /// Last offset of UTC from the log clock that a receiver gave.
+    pub const fn utc_offset(&self) -> Option<UtcOffset> {
+        self.utc_offset
+    }
+
+    /// Engine that also estimates during silence, as earlier versions did, to verify their logs.
+    pub fn through_silence(mut self) -> Self {
+        self.silence.is_ignored = true;
+        self
+    }
+
+    /// Number of estimates during silence of an engine
+    /// [`through_silence`](Self::through_silence).
+    pub const fn estimates_during_silence(&self) -> u64 {
+        self.silence.estimates
+    }
+
+    /// Whether the engine estimates or only decodes.
+    pub const fn estimates(&self) -> bool {
+        self.estimator.is_some()
+    }
+
+    /// Appends the records that were waiting for more arrivals.
+    pub fn finish(&mut self, records: &mut Vec<Record>) {
+        if let Some(smoother) = &mut self.smoother {
+            smoother.finish(&mut |estimate| push_smoothed(records, &estimate));
+        }
+    }
+
+    /// Processes the next arrival and appends its records to `records`.
+    pub fn push(&mut self, arrival: &Arrival, records: &mut Vec<Record>) {
+        let now = arrival.log_time;
+        self.samples.clear();
+        if let Some(source) = self.sources.get_mut(usize::from(arrival.source.0)) {
+            source.push(arrival, &mut self.samples);
+        }
+        if let Payload::Notice(notice) = &arrival.payload {
+            self.losses.add_notice(arrival.source, notice);
+            self.log_notice(arrival.source, now, notice, records);
+        }
+        self.estimate(now, has_data(&arrival.payload), records);
+        records.extend(self.samples.drain(..).map(Record::Sample));
+        self.watch(now, records);
+        self.report_health(now, records);
+    }
+
+    fn estimate(&mut self, now: LogTime, has_data: bool, records: &mut Vec<Record>) {
+        let Some(estimator) = &mut self.estimator else {
+            return;
+        };
+        let smoother = &mut self.smoother;
+        let faulty = &mut self.faulty_sensors;
+        let silent_from = self.silence.begins(now, has_data);
+        let is_ignored = self.silence.is_ignored;
+        let estimates = &mut self.silence.estimates;
+        let mut take = |output| match output {
+            Output::Estimate(estimate) => {
+                *estimates += u64::from(silent_from.is_some_and(|from| estimate.time >= from));
+                records.push(Record::Estimate(estimate));
+            }
+            Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
+            Output::Event(event) => {
+                match &event.kind {
+                    EventKind::SensorFault(name) => drop(faulty.insert(name.clone())),
+                    EventKind::SensorRecovered(name) => drop(faulty.remove(name)),
+                    _ => {}
+                }
+                records.push(Record::Event(event));
+            }
+            Output::Step(step) => {
+                if let Some(smoother) = smoother {
+                    smoother.push(*step, &mut |estimate| push_smoothed(records, &estimate));
+                }
+            }
+        };
+        match silent_from {
+            Some(from) if !is_ignored => {
+                estimator.advance(from, &mut take);
+                if has_data {
+                    estimator.skip_to(now);
+                }
+            }
+            _ => estimator.advance(now, &mut take),
+        }
+        for sample in &self.samples {
+            estimator.push(sample);
+        }
+    }
+
+    fn source_name(&self, id: SourceId) -> &str {
+        self.sources
+            .get(usize::from(id.0))
+            .map_or("recorder", SourceState::name)
+    }
+
+    // `replay --verify` compares the texts of log messages with those of older logs: they must not
+    // change.
+    fn log_notice(
+        &self,
+        source: SourceId,
+        time: LogTime,
+        notice: &Notice,
+        records: &mut Vec<Record>,
+    ) {
+        let (severity, text) = match notice {
+            Notice::Opened(text) => (Severity::Info, format!("opened: {text}")),
+            Notice::Closed(text) => {
+                let severity = if text == STOPPED {
+                    Severity::Info
+                } else {
+                    Severity::Warning
+                };
+                (severity, format!("closed: {text}"))
+            }
+            Notice::Lost { place, count } => (
+                Severity::Error,
+                format!("{count} items lost ({})", place.name()),
+            ),
+            Notice::EstimatorSkipped {
+                first_sequence,
+                count,
+            } => (
+                Severity::Warning,
+                format!("the estimator left out {count} arrivals from {first_sequence} on"),
+            ),
+            Notice::Mark(text) => {
+                let text = text.clone();
+                records.push(Record::Mark { time, text });
+                return;
+            }
+        };
+        let name = self.source_name(source).to_owned();
+        records.push(log(time, severity, name, text));
+    }
+
+    fn watch(&mut self, now: LogTime, records: &mut Vec<Record>) {
+        if !is_due(&mut self.next_watch, now, WATCH_INTERVAL_NS) {
+            return;
+        }
+        for source in &mut self.sources {
+            let (severity, text) = match source.watch(now) {
+                Some(SilenceChange::Began) => (Severity::Error, "fell silent"),
+                Some(SilenceChange::Ended) => (Severity::Info, "speaks again"),
+                None => continue,
+            };
+            let name = source.name().to_owned();
+            records.push(log(now, severity, name, text.to_owned()));
+        }
+    }
+
+    fn report_health(&mut self, now: LogTime, records: &mut Vec<Record>) {
+        if !is_due(&mut self.next_health, now, HEALTH_INTERVAL_NS) {
+            return;
+        }
+        records.push(Record::Health(self.health(now)));
+        for source in &self.sources {
+            records.extend(source.clocks(now).map(Record::ClockFit));
+        }
+        let offsets = self.sources.iter_mut().filter_map(|s| s.utc_offset(now));
+        // Of equally good offsets, the first one is used.
+        if let Some(best) = offsets.min_by(|a, b| a.sigma_s.total_cmp(&b.sigma_s)) {
+            self.utc_offset = Some(best);
+            records.push(Record::UtcOffset(best));
+        }
+    }
+
+    /// Counters of all sources, and the sensors that the estimator excludes.
+    pub fn health(&self, time: LogTime) -> Health {
+        Health {
+            time,
+            sources: self
+                .sources
+                .iter()
+                .map(|s| s.health(&self.losses))
+                .collect(),
+            faulty_sensors: self.faulty_sensors.iter().cloned().collect(),
+        }
+    }
+}
+
+/// Time without data of any source.
+#[derive(Default)]
+struct Silence {
+    /// Log time of the last data; before the first data, of the first arrival.
+    last_data: Option<LogTime>,
+    /// Whether estimates continue during silence.
+    is_ignored: bool,
+    /// Number of estimates during silence.
+    estimates: u64,
+}
+
+impl Silence {
+    /// Begin of the silence that contains or ends at `now`, if there is one.
+    fn begins(&mut self, now: LogTime, has_data: bool) -> Option<LogTime> {
+        let from = *self.last_data.get_or_insert(now) + SILENCE_NS;
+        if has_data {
+            self.last_data = Some(now);
+        }
+        (now > from).then_some(from)
+    }
+}
+
+/// Whether the payload contains data of a source.
+fn has_data(payload: &Payload) -> bool {
+    match payload {
+        Payload::Bytes(bytes) => !bytes.is_empty(),
+        Payload::Can(frames) => !frames.is_empty(),
+        Payload::Notice(_) | Payload::Tick => false,
+    }
+}
+
+fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
+    let estimator = Estimator::new(
+        &config.vehicle,
+        &config.sensors,
+        &config.calibration,
+        config.settings.clone(),
+    )?;
+    Ok(estimator)
+}
+
+fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
+    let (time, stage) = (estimate.time, Stage::Smoothed);
+    let (motion, forces) = (estimate.motion, estimate.measured);
+    records.push(Record::Motion {
+        time,
+        stage,
+        motion,
+    });
+    records.push(Record::TyreForces {
+        time,
+        stage,
+        frame: estimate.frame,
+        forces,
+    });
+}
+
+fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record {
+    Record::Log(LogMessage {
+        time,
+        severity,
+        name,
+        text,
+    })
+}
+
+/// Whether a periodic action is due; if so, sets the next due time. The first arrival starts the
+/// period.
+fn is_due(next: &mut Option<LogTime>, now: LogTime, interval_ns: i64) -> bool {
+    match *next {
+        None => {
+            *next = Some(now + interval_ns);
+            false
+        }
+        Some(due) if now >= due => {
+            let periods = (now - due) / interval_ns + 1;
+            *next = Some(due + periods * interval_ns);
+            true
+        }
+        Some(_) => false,
+    }
+}
+
+/// Arrivals that the estimator skipped while recording.
+#[derive(Clone, Debug, Default)]
+pub struct Skipped(BTreeSet<(u64, u64)>);
+
+impl Skipped {
+    /// Adds the arrivals of a notice.
+    pub fn add(&mut self, notice: &Notice) {
+        if let Notice::EstimatorSkipped {
+            first_sequence,
+            count,
+        } = notice
+        {
+            let end = first_sequence.saturating_add(*count);
+            self.0.insert((*first_sequence, end));
+        }
+    }
+
+    /// Whether the arrival with this number was skipped.
+    pub fn contains(&self, sequence: u64) -> bool {
+        self.0
+            .range(..=(sequence, u64::MAX))
+            .next_back()
+            .is_some_and(|(_, end)| sequence < *end)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skipped_arrivals_are_found_by_their_bounds() {
+        let mut skipped = Skipped::default();
+        for (first_sequence, count) in [(10, 5), (100, 1)] {
+            skipped.add(&Notice::EstimatorSkipped {
+                first_sequence,
+                count,
+            });
+        }
+        let found: Vec<u64> = (0..200).filter(|s| skipped.contains(*s)).collect();
+        assert_eq!(found, [10, 11, 12, 13, 14, 100]);
+    }
+
+    #[test]
+    fn periodic_actions_keep_their_grid_over_gaps() {
+        let mut next = None;
+        let due = |next: &mut Option<LogTime>, ms: u64| {
+            is_due(next, LogTime(ms * 1_000_000), HEALTH_INTERVAL_NS)
+        };
+        assert!(!due(&mut next, 500));
+        assert!(!due(&mut next, 1_499));
+        assert!(due(&mut next, 1_500));
+        assert!(due(&mut next, 7_700));
+        assert!(!due(&mut next, 8_400));
+        assert!(due(&mut next, 8_500));
+    }
+}

@@ -1,0 +1,178 @@
+//! Decodes CAN frames to signals and measurements.
+
+use sample::{
+    CanFrame, CornerSample, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
+    Signal, SignalFrame, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
+};
+use wire::dbc::{Database, MessageDef};
+
+use crate::config::{CanMeaning, Role};
+
+/// Value of a 16-bit count without a reading.
+const ABSENT: u64 = 0xFFFF;
+/// Largest plausible age of a kernel stamp, ns; an older stamp is ignored.
+const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
+
+/// Decodes the frames of one bus.
+pub struct CanDecoder {
+    databases: Vec<Decodable>,
+}
+
+struct Decodable {
+    database: Database,
+    /// Role of each signal of each message.
+    roles: Vec<Vec<Option<Role>>>,
+}
+
+/// Arrival of frames.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrived {
+    /// Source.
+    pub source: SourceId,
+    /// Time on the log clock.
+    pub log_time: LogTime,
+    /// Time on the wall clock, ns.
+    pub realtime_ns: i64,
+    /// Delay from the end of a frame on the bus to its kernel stamp, s.
+    pub transport_delay_s: f64,
+}
+
+impl Arrived {
+    /// Time of a frame: the kernel's stamp, converted from the wall clock to the log clock.
+    fn instant_of(&self, frame: &CanFrame) -> LogTime {
+        let delay_ns = frame
+            .kernel_ns
+            .map(|kernel_ns| self.realtime_ns - kernel_ns)
+            .filter(|delay_ns| (0..=KERNEL_DELAY_MAX_NS).contains(delay_ns))
+            .unwrap_or(0);
+        self.log_time
+            .offset_nanos(-delay_ns)
+            .offset_seconds(-self.transport_delay_s)
+    }
+}
+
+/// Measurements in the signals of a frame.
+#[derive(Default)]
+struct Measured {
+    steer_rad: Option<f64>,
+    speeds_rad_s: PerWheel<Option<f64>>,
+    corners: PerWheel<Option<CornerSample>>,
+}
+
+impl CanDecoder {
+    /// Decoder with the DBC files and roles of a bus.
+    pub fn new(meaning: &CanMeaning) -> Self {
+        let mut databases: Vec<Decodable> = meaning
+            .databases
+            .iter()
+            .map(|database| Decodable {
+                roles: database
+                    .messages()
+                    .iter()
+                    .map(|message| vec![None; message.signals.len()])
+                    .collect(),
+                database: database.clone(),
+            })
+            .collect();
+        for role in &meaning.roles {
+            let slot = databases
+                .get_mut(role.database)
+                .and_then(|decodable| decodable.roles.get_mut(role.message))
+                .and_then(|message| message.get_mut(role.signal));
+            if let Some(slot) = slot {
+                *slot = Some(role.role);
+            }
+        }
+        Self { databases }
+    }
+
+    /// Decodes a frame and appends its samples.
+    pub fn push(&self, arrived: &Arrived, frame: &CanFrame, sink: &mut Vec<Sample>) {
+        if frame.flags.error || frame.flags.remote {
+            return;
+        }
+        let found = self.databases.iter().find_map(|decodable| {
+            let position = decodable
+                .database
+                .position(frame.id, frame.flags.extended)?;
+            let message = &decodable.database.messages()[position];
+            Some((message, &decodable.roles[position]))
+        });
+        let Some((message, roles)) = found else {
+            return;
+        };
+        let mut emit = |measurement| {
+            sink.push(Sample {
+                source: arrived.source,
+                log_time: arrived.log_time,
+                valid_time: arrived.instant_of(frame),
+                device_time: frame.hardware_ns.map(DeviceTime::AdapterNanos),
+                measurement,
+            });
+        };
+        let (signals, measured) = decode(message, roles, frame);
+        emit(Measurement::Signals(signals));
+        for corner in measured.corners.0.into_iter().flatten() {
+            emit(Measurement::Corner(corner));
+        }
+        if let Some(hand_wheel_rad) = measured.steer_rad {
+            emit(Measurement::Steer(SteerSample { hand_wheel_rad }));
+        }
+        if measured.speeds_rad_s.0.iter().any(Option::is_some) {
+            emit(Measurement::WheelSpeed(WheelSpeedSample {
+                angular_speed_rad_s: measured.speeds_rad_s,
+            }));
+        }
+    }
+}
+
+fn decode(
+    message: &MessageDef,
+    roles: &[Option<Role>],
+    frame: &CanFrame,
+) -> (SignalFrame, Measured) {
+    let mut measured = Measured::default();
+    let mut signals = Vec::with_capacity(message.signals.len());
+    for value in message.decode(frame.bytes()) {
+        signals.push(Signal {
+            name: value.signal.name.clone(),
+            value: value.physical,
+            unit: value.signal.unit.clone(),
+        });
+        match roles.get(value.index).copied().flatten() {
+            Some(Role::Steer(factor)) => measured.steer_rad = Some(value.physical * factor),
+            Some(Role::WheelSpeed(wheel, factor)) => {
+                measured.speeds_rad_s[wheel] = Some(value.physical * factor);
+            }
+            Some(Role::Deflection(wheel)) => {
+                let corner = measured.corner(wheel);
+                corner.deflection_counts = counts(value.bits);
+            }
+            Some(Role::Strain(wheel, channel)) => {
+                let corner = measured.corner(wheel);
+                corner.strain_counts[channel.index()] = counts(value.bits);
+            }
+            None => {}
+        }
+    }
+    let frame = SignalFrame {
+        message: message.name.clone(),
+        id: frame.id,
+        signals,
+    };
+    (frame, measured)
+}
+
+impl Measured {
+    fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {
+        self.corners[wheel].get_or_insert(CornerSample {
+            wheel,
+            strain_counts: [None; StrainChannel::COUNT],
+            deflection_counts: None,
+        })
+    }
+}
+
+fn counts(bits: u64) -> Option<u16> {
+    (bits != ABSENT).then(|| u16::try_from(bits).ok()).flatten()
+}

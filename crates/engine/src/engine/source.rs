@@ -1,0 +1,343 @@
+//! A source in the engine: decoder, device clock and counters.
+
+use sample::{
+    Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
+    SourceHealth, SourceId,
+};
+use store::{ClockFit as ClockRecord, Losses, UtcOffset};
+use wire::{Item, Protocol, Statistics};
+
+use super::can::{Arrived, CanDecoder};
+use super::clock::{ClockFit, Scale};
+use super::utc::UtcClock;
+use crate::Result;
+use crate::config::{GnssMeaning, Meaning, Source};
+
+/// Seconds from the UNIX epoch to GPS time zero, 1980-01-06, leap seconds left out.
+const GPS_EPOCH_UNIX_S: f64 = 315_964_800.0;
+/// Seconds of a day.
+const DAY_S: f64 = 86_400.0;
+/// Largest time between two velocity records that is used as their interval, s.
+const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
+
+/// Additional time without data that is allowed after a device was opened, because it is set up.
+const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
+
+/// A source in the engine.
+pub struct SourceState {
+    id: SourceId,
+    name: String,
+    decoder: Decoder,
+    timing: Timing,
+    silent_after_ns: Option<i64>,
+    last_data: Option<LogTime>,
+    silent: bool,
+    open: bool,
+    opened: u64,
+    bytes: u64,
+    frames: u64,
+}
+
+enum Decoder {
+    Can(CanDecoder),
+    Crossbow440(Box<wire::crossbow440::Decoder>),
+    Gnss(Box<wire::gnss::Decoder>),
+    Line(Box<wire::line::Decoder>),
+    Csv(Box<wire::csv::Decoder>),
+    Alog(Box<wire::alog::Decoder>),
+}
+
+/// Computes the time of validity from device time and arrival.
+struct Timing {
+    fits: [ClockFit; 2],
+    transport_delay_s: f64,
+    velocity_latency_s: Option<f64>,
+    attitude_latency_s: f64,
+    last_velocity_tag_s: Option<f64>,
+    velocity_interval_s: f64,
+    utc: UtcClock,
+}
+
+/// Change of the silence of a source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SilenceChange {
+    /// The source has become silent.
+    Began,
+    /// The source sends data again.
+    Ended,
+}
+
+impl SourceState {
+    /// State before the first arrival.
+    ///
+    /// `attitude_latency_s` is the latency of receivers without one in their configuration.
+    pub fn new(source: &Source, attitude_latency_s: f64) -> Result<Self> {
+        let (decoder, gnss) = match &source.meaning {
+            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can)), None),
+            Meaning::Crossbow440(rate) => {
+                let decoder = wire::crossbow440::Decoder::new(*rate);
+                (Decoder::Crossbow440(Box::new(decoder)), None)
+            }
+            Meaning::Gnss(gnss) => (Decoder::Gnss(Box::default()), Some(gnss)),
+            Meaning::Line(format) => {
+                let decoder = wire::line::Decoder::new(format.clone())?;
+                (Decoder::Line(Box::new(decoder)), None)
+            }
+            Meaning::Csv(map) => {
+                let decoder = wire::csv::Decoder::new(map.format.clone())?;
+                (Decoder::Csv(Box::new(decoder)), None)
+            }
+            Meaning::Alog(format) => {
+                let decoder = wire::alog::Decoder::new(format.clone())?;
+                (Decoder::Alog(Box::new(decoder)), None)
+            }
+        };
+        Ok(Self {
+            id: source.spec.id,
+            name: source.spec.name.clone(),
+            decoder,
+            timing: Timing::new(source.transport_delay_s, gnss, attitude_latency_s),
+            silent_after_ns: source
+                .silent_after
+                .map(|limit| i64::try_from(limit.as_nanos()).unwrap_or(i64::MAX)),
+            last_data: None,
+            silent: false,
+            open: false,
+            opened: 0,
+            bytes: 0,
+            frames: 0,
+        })
+    }
+
+    /// Name in the configuration.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Processes an arrival of the source and appends the samples.
+    pub fn push(&mut self, arrival: &Arrival, sink: &mut Vec<Sample>) {
+        let log_time = arrival.log_time;
+        match &arrival.payload {
+            Payload::Bytes(bytes) => self.push_bytes(log_time, bytes, sink),
+            Payload::Can(frames) => self.push_frames(arrival, frames, sink),
+            Payload::Notice(notice) => self.push_notice(log_time, notice),
+            Payload::Tick => {}
+        }
+    }
+
+    fn push_frames(&mut self, arrival: &Arrival, frames: &[CanFrame], sink: &mut Vec<Sample>) {
+        self.last_data = Some(arrival.log_time);
+        self.frames += frames.len() as u64;
+        self.bytes += frames.iter().map(|f| f.bytes().len() as u64).sum::<u64>();
+        let arrived = Arrived {
+            source: self.id,
+            log_time: arrival.log_time,
+            realtime_ns: arrival.realtime_ns,
+            transport_delay_s: self.timing.transport_delay_s,
+        };
+        if let Decoder::Can(decoder) = &self.decoder {
+            for frame in frames {
+                decoder.push(&arrived, frame, sink);
+            }
+        }
+    }
+
+    fn push_bytes(&mut self, log_time: LogTime, bytes: &[u8], sink: &mut Vec<Sample>) {
+        self.last_data = Some(log_time);
+        self.bytes += bytes.len() as u64;
+        let (id, timing) = (self.id, &mut self.timing);
+        let deliver = |item: Item<'_>| {
+            let tag = timing.tag(item.device_time, log_time);
+            timing.utc.push(&item.message, &timing.fits);
+            for measurement in item.measurements {
+                let latency_s = match item.protocol {
+                    Protocol::Csv | Protocol::Alog => item.latency_s.unwrap_or(0.0),
+                    _ => timing.latency_s(item.device_time, item.latency_s, &measurement),
+                };
+                sink.push(Sample {
+                    source: id,
+                    log_time,
+                    valid_time: tag.offset_seconds(-latency_s).min(log_time),
+                    device_time: item.device_time,
+                    measurement,
+                });
+            }
+        };
+        match &mut self.decoder {
+            Decoder::Crossbow440(decoder) => decoder.push(bytes, deliver),
+            Decoder::Gnss(decoder) => decoder.push(bytes, deliver),
+            Decoder::Line(decoder) => decoder.push(bytes, deliver),
+            Decoder::Csv(decoder) => decoder.push(bytes, deliver),
+            Decoder::Alog(decoder) => decoder.push(bytes, deliver),
+            Decoder::Can(_) => {}
+        }
+    }
+
+    fn push_notice(&mut self, log_time: LogTime, notice: &Notice) {
+        match notice {
+            Notice::Opened(_) => {
+                self.open = true;
+                self.opened += 1;
+                self.last_data = Some(log_time + OPENING_GRACE_NS);
+            }
+            Notice::Closed(_) => self.open = false,
+            Notice::Lost { .. } | Notice::Mark(_) | Notice::EstimatorSkipped { .. } => {}
+        }
+    }
+
+    /// Checks whether the source has become silent or sends data again.
+    pub fn watch(&mut self, now: LogTime) -> Option<SilenceChange> {
+        let limit_ns = self.silent_after_ns?;
+        let silent = self.last_data.is_some_and(|last| now - last > limit_ns);
+        if silent == self.silent {
+            return None;
+        }
+        self.silent = silent;
+        Some(if silent {
+            SilenceChange::Began
+        } else {
+            SilenceChange::Ended
+        })
+    }
+
+    /// Counters since the start; `losses` are the losses of all sources.
+    pub fn health(&self, losses: &Losses) -> SourceHealth {
+        let statistics = self.statistics();
+        SourceHealth {
+            source: self.id,
+            name: self.name.clone(),
+            open: self.open,
+            silent: self.silent,
+            bytes: self.bytes,
+            messages: self.frames + statistics.messages,
+            checksum_errors: statistics.checksum_errors,
+            skipped_bytes: statistics.skipped_bytes,
+            gaps: statistics.gaps,
+            malformed: statistics.malformed,
+            reopened: self.opened.saturating_sub(1),
+            lost: losses.of(self.id),
+        }
+    }
+
+    fn statistics(&self) -> Statistics {
+        match &self.decoder {
+            Decoder::Can(_) => Statistics::default(),
+            Decoder::Crossbow440(decoder) => decoder.statistics(),
+            Decoder::Gnss(decoder) => decoder.statistics(),
+            Decoder::Line(decoder) => decoder.statistics(),
+            Decoder::Csv(decoder) => decoder.statistics(),
+            Decoder::Alog(decoder) => decoder.statistics(),
+        }
+    }
+
+    /// Fits of the device clocks to the log clock.
+    pub fn clocks(&self, now: LogTime) -> impl Iterator<Item = ClockRecord> {
+        self.timing
+            .fits
+            .iter()
+            .filter_map(ClockFit::state)
+            .map(move |state| {
+                let log_s = state.log_time.0 as f64 * 1e-9;
+                let offset_s = match state.scale {
+                    Scale::Gps => state.device_s + GPS_EPOCH_UNIX_S - log_s,
+                    Scale::UtcDay => {
+                        let apart_s = state.device_s - log_s;
+                        apart_s - (apart_s / DAY_S).round() * DAY_S
+                    }
+                };
+                ClockRecord {
+                    source: self.id,
+                    time: now,
+                    offset_s,
+                    drift_ppm: -state.drift * 1e6,
+                    residual_sigma_s: state.jitter_s,
+                    count: state.messages,
+                    steps: u64::from(state.restarts),
+                }
+            })
+    }
+}
+
+impl SourceState {
+    /// UTC against the log clock, if the device has sent date and time since the last call.
+    pub fn utc_offset(&mut self, now: LogTime) -> Option<UtcOffset> {
+        let timing = &mut self.timing;
+        let offset = timing.utc.offset(&timing.fits, timing.transport_delay_s)?;
+        Some(UtcOffset {
+            time: now,
+            offset_ns: offset.offset_ns,
+            sigma_s: offset.sigma_s,
+            source: self.id,
+            leap_seconds: offset.leap_seconds,
+        })
+    }
+}
+
+impl Timing {
+    fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
+        Self {
+            fits: [ClockFit::new(Scale::Gps), ClockFit::new(Scale::UtcDay)],
+            transport_delay_s,
+            velocity_latency_s: gnss.and_then(|gnss| gnss.velocity_latency_s),
+            attitude_latency_s: gnss
+                .and_then(|gnss| gnss.attitude_latency_s)
+                .unwrap_or(attitude_latency_s),
+            last_velocity_tag_s: None,
+            velocity_interval_s: 0.0,
+            utc: UtcClock::default(),
+        }
+    }
+
+    /// Time of a message without a device time.
+    fn of_arrival(&self, log_time: LogTime) -> LogTime {
+        log_time.offset_seconds(-self.transport_delay_s)
+    }
+
+    /// Time of a message's time tag on the log clock.
+    fn tag(&mut self, device: Option<DeviceTime>, log_time: LogTime) -> LogTime {
+        let mapped = device.and_then(|device| {
+            let scale = Scale::of(device)?;
+            self.fits[scale as usize].push(device, log_time)
+        });
+        self.of_arrival(mapped.unwrap_or(log_time))
+    }
+
+    /// Latency of a measurement: time from its validity to its time tag, s.
+    fn latency_s(
+        &mut self,
+        device: Option<DeviceTime>,
+        of_message_s: Option<f64>,
+        measurement: &Measurement,
+    ) -> f64 {
+        match measurement {
+            Measurement::GnssVelocity(velocity) => {
+                let half_interval_s = self.half_velocity_interval_s(device);
+                velocity
+                    .latency_s
+                    .or(of_message_s)
+                    .or(self.velocity_latency_s)
+                    .unwrap_or(half_interval_s)
+            }
+            Measurement::GnssAttitude(_) => self.attitude_latency_s,
+            _ => 0.0,
+        }
+    }
+
+    /// Half the time between the last two velocity records, which is the latency of a position
+    /// difference or of an averaged Doppler shift, s.
+    fn half_velocity_interval_s(&mut self, device: Option<DeviceTime>) -> f64 {
+        let tag_s = match device {
+            Some(DeviceTime::Gps { time_of_week_s, .. }) => time_of_week_s,
+            Some(DeviceTime::UtcTimeOfDay(time_of_day_s)) => time_of_day_s,
+            _ => return 0.0,
+        };
+        if let Some(last_s) = self.last_velocity_tag_s {
+            let interval_s = tag_s - last_s;
+            if interval_s > 0.0 && interval_s <= VELOCITY_INTERVAL_MAX_S {
+                self.velocity_interval_s = interval_s;
+            }
+        }
+        self.last_velocity_tag_s = Some(tag_s);
+        0.5 * self.velocity_interval_s
+    }
+}

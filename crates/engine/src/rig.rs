@@ -1,0 +1,352 @@
+//! Virtual vehicle with its drive, and the configuration for its ports.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use estimator::Calibration;
+use estimator::calibration::{ChannelCalibration, Resolved};
+use model::sensors::Sensors;
+use model::vehicle::Vehicle;
+use sample::{ForceFrame, LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
+use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
+use store::{Pose, Record};
+use wire::line;
+
+use crate::config::{FileKind, Files, TOML_MAX, read_text};
+use crate::{Error, Result};
+
+/// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
+const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
+/// Seconds of a week.
+const WEEK_S: u64 = 604_800;
+/// GPS time minus UTC when the virtual drives take place (2009), s.
+const LEAP_SECONDS: u64 = 15;
+
+/// Course of a virtual vehicle.
+#[derive(Clone, Debug)]
+pub enum Course {
+    /// The manoeuvre with this name.
+    Manoeuvre(String),
+    /// The motion in a file of another simulator (Parquet or CSV).
+    Truth(PathBuf),
+}
+
+/// Inputs of a simulation.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// Course of the vehicle.
+    pub course: Course,
+    /// Vehicle file, or the name of a built-in vehicle.
+    pub vehicle: String,
+    /// Sensors file, or the name of a built-in sensor set.
+    pub sensors: String,
+    /// Seed of the sensor noise.
+    pub seed: u64,
+    /// Hidden errors, faults and delays.
+    pub options: Options,
+    /// Longest duration, s; only mixed driving is repeated until this duration.
+    pub duration_s: Option<f64>,
+}
+
+/// A virtual vehicle and its inputs.
+pub struct Rig {
+    /// Vehicle that performs the motion.
+    pub vehicle: VirtualVehicle,
+    /// Name of the drive, for people.
+    pub drive: String,
+    /// Name or path of the vehicle file.
+    pub vehicle_file: String,
+    /// Name or path of the sensors file.
+    pub sensors_file: String,
+    /// True calibration.
+    pub true_calibration: Calibration,
+    options: Options,
+    duration_s: f64,
+}
+
+impl Rig {
+    /// Creates the virtual vehicle.
+    ///
+    /// # Errors
+    /// If a file cannot be read or has errors, or if the vehicle cannot perform the course.
+    pub fn new(drive: &Drive) -> Result<Self> {
+        let mut files = Files::on_disk(PathBuf::new());
+        let vehicle = files.read_text(&drive.vehicle, FileKind::Vehicle)?;
+        let vehicle = Vehicle::from_toml(&vehicle, &drive.vehicle)?;
+        let sensors = files.read_text(&drive.sensors, FileKind::Sensors)?;
+        let sensors = Sensors::from_toml(&sensors, &drive.sensors)?;
+        let (motion, name) = motion(&drive.course, &vehicle)?;
+        let motion = repeated(motion, drive.duration_s);
+        let own_s = motion.duration_s();
+        let duration_s = drive.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
+        if let Some(asked_s) = drive.duration_s.filter(|asked_s| *asked_s > own_s) {
+            tracing::warn!(
+                "{name} lasts {own_s:.1} s, so that it ends before the {asked_s} s of --for"
+            );
+        }
+        let truth = vehicle.name.clone();
+        let options = drive.options.clone();
+        let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, drive.seed)?;
+        Ok(Self {
+            true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
+            vehicle,
+            drive: name,
+            vehicle_file: drive.vehicle.clone(),
+            sensors_file: drive.sensors.clone(),
+            options,
+            duration_s,
+        })
+    }
+
+    /// Duration of the drive, s.
+    pub fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// Start of the drive on the log clock of a simulation: UTC of the receivers.
+    pub fn start(&self) -> LogTime {
+        let gps = self.options.gps_start;
+        let seconds = GPS_EPOCH_UNIX_S + u64::from(gps.week) * WEEK_S - LEAP_SECONDS;
+        LogTime(seconds * NANOS_PER_SECOND as u64 + u64::from(gps.time_of_week_ms) * 1_000_000)
+    }
+
+    /// Record of the truth at `time_s` of the drive.
+    pub fn truth(&self, time_s: f64) -> Record {
+        let state = self.vehicle.truth_at(time_s);
+        Record::Truth {
+            time: self.start().offset_seconds(time_s),
+            motion: state.motion(),
+            frame: ForceFrame::Contact,
+            forces: state.tyre_forces(),
+            pose: Some(Pose {
+                position_enu_m: state.position_m,
+                yaw_rad: state.yaw_rad,
+                pitch_rad: state.pitch_rad,
+                roll_rad: state.roll_rad,
+            }),
+            friction: state.friction(),
+        }
+    }
+
+    /// Configuration whose sources are the ports of this vehicle, at `ports`.
+    pub fn configuration(&self, ports: &Ports<'_>) -> String {
+        let mut text = String::from(
+            "# Sources of the virtual vehicle. docs/configuration.md describes every field.\n\n",
+        );
+        let mut table = |name: Port, lines: &[(&str, String)]| {
+            let _ = writeln!(text, "[source.{}]", name.name());
+            for (key, value) in lines {
+                let _ = writeln!(text, "{key} = {value}");
+            }
+            text.push('\n');
+        };
+        let options = &self.options;
+        table(
+            Port::Imu,
+            &[
+                ("kind", quoted("crossbow440")),
+                ("device", quoted(&ports.serial(Port::Imu))),
+                ("baud", options.imu_baud.to_string()),
+                // The packet of 31 bytes on the line.
+                (
+                    "transport_delay_s",
+                    seconds(line_time_s(31, options.imu_baud)),
+                ),
+            ],
+        );
+        table(
+            Port::Novatel,
+            &[
+                ("kind", quoted("gnss")),
+                ("device", quoted(&ports.serial(Port::Novatel))),
+                ("baud", options.novatel_baud.to_string()),
+                (
+                    "transport_delay_s",
+                    // BESTPOS, the first message of an epoch.
+                    seconds(options.novatel_processing_s + line_time_s(104, options.novatel_baud)),
+                ),
+            ],
+        );
+        table(
+            Port::Septentrio,
+            &[
+                ("kind", quoted("gnss")),
+                ("device", quoted(&ports.serial(Port::Septentrio))),
+                ("baud", options.septentrio_baud.to_string()),
+                (
+                    "transport_delay_s",
+                    seconds(
+                        options.septentrio_processing_s + line_time_s(80, options.septentrio_baud),
+                    ),
+                ),
+            ],
+        );
+        table(Port::Can0, &self.can_lines(ports));
+        for port in Port::ALL {
+            if let Some(format) = port.line_format() {
+                text.push_str(&self.controller_lines(port, &format, ports));
+            }
+        }
+        let _ = write!(
+            text,
+            "[vehicle]\nfile = {}\nsensors = {}\n\n[storage]\ndirectory = \"logs\"\n",
+            quoted(&self.vehicle_file),
+            quoted(&self.sensors_file),
+        );
+        text
+    }
+
+    /// Source of a controller. Its data is only recorded: the estimator uses the steering-wheel angle
+    /// on CAN, which has a higher rate and a smaller latency.
+    fn controller_lines(&self, port: Port, format: &line::Format, ports: &Ports<'_>) -> String {
+        let (name, baud) = (port.name(), self.options.controller_baud);
+        let mut text = format!(
+            "[source.{name}]\nkind = \"line\"\ndevice = {}\nbaud = {baud}\n\
+             transport_delay_s = {}\nsilent_after_s = 1.0\n",
+            quoted(&ports.serial(port)),
+            // A count of four figures with sign and line end.
+            seconds(line_time_s(7, baud)),
+        );
+        for field in &format.fields {
+            let _ = write!(
+                text,
+                "[source.{name}.fields.{}]\nindex = {}\nscale = {:?}\nunit = {}\n",
+                field.name,
+                field.index,
+                field.scale,
+                quoted(&field.unit),
+            );
+        }
+        text.push('\n');
+        text
+    }
+
+    fn can_lines(&self, ports: &Ports<'_>) -> Vec<(&'static str, String)> {
+        match ports.can {
+            Some(interface) => vec![("kind", quoted("can")), ("interface", quoted(interface))],
+            None => vec![
+                ("kind", quoted("slcan")),
+                ("device", quoted(&ports.serial(Port::Can0))),
+                ("bitrate", self.options.can_bit_rate.to_string()),
+            ],
+        }
+    }
+}
+
+/// Location of the ports of the virtual vehicle.
+pub struct Ports<'a> {
+    /// Directory of the links to the pseudo-terminals.
+    pub directory: &'a Path,
+    /// SocketCAN interface, instead of SLCAN on a pseudo-terminal.
+    pub can: Option<&'a str>,
+}
+
+impl Ports<'_> {
+    fn serial(&self, port: Port) -> String {
+        self.directory.join(port.name()).display().to_string()
+    }
+}
+
+/// Repeats mixed driving until the requested duration; every other drive keeps its own duration.
+fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
+    let laps = asked_s.map_or(1.0, |asked_s| (asked_s / motion.duration_s()).ceil());
+    if motion.name() == Manoeuvre::MixedDriving.name() && !motion.tips_over() {
+        motion.repeated(laps as u32)
+    } else {
+        motion
+    }
+}
+
+fn motion(course: &Course, vehicle: &Vehicle) -> Result<(Motion, String)> {
+    let name = match course {
+        Course::Manoeuvre(name) => name,
+        Course::Truth(path) => {
+            let motion = Motion::open(path)?;
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            return Ok((motion, format!("truth-{name}")));
+        }
+    };
+    let drive = Manoeuvre::by_name(name)?.drive(vehicle);
+    let motion = drive.map_err(|source| Error::Manoeuvre {
+        manoeuvre: name.clone(),
+        source: Box::new(source),
+    })?;
+    if motion.tips_over() {
+        let end_s = motion.duration_s();
+        tracing::warn!("the vehicle rolls over after {end_s:.1} s, which ends {name}");
+    }
+    Ok((motion, name.clone()))
+}
+
+/// Reads the options of a virtual vehicle from a file.
+///
+/// # Errors
+/// If the file cannot be read or has errors.
+pub fn read_options(path: &Path) -> Result<Options> {
+    let text = read_text(path, TOML_MAX).map_err(|source| Error::OptionsUnreadable {
+        path: path.to_owned(),
+        source,
+    })?;
+    toml::from_str(&text).map_err(|cause| Error::Options {
+        path: path.to_owned(),
+        cause: Box::new(cause),
+    })
+}
+
+/// True calibration of the virtual vehicle.
+fn true_calibration(
+    name: &str,
+    sensors: &Sensors,
+    vehicle: &VirtualVehicle,
+) -> Result<Calibration> {
+    let mut calibration = Calibration::nominal(name);
+    let nominal = Resolved::new(sensors, &calibration)?;
+    let hidden = vehicle.hidden();
+    let zeros = vehicle.zero_counts();
+    for wheel in Wheel::ALL {
+        let (strain, pot) = zeros[wheel];
+        let corner = calibration.corner.entry(wheel).or_default();
+        corner.deflection.offset_counts = Some(pot);
+        for channel in StrainChannel::ALL {
+            let i = channel.index();
+            let Some(zero) = strain[i] else { continue };
+            let gain = nominal.corners[wheel].strain[i].gain * hidden.bridge_gain_factor[wheel][i];
+            let found = ChannelCalibration {
+                offset_counts: Some(zero),
+                gain_per_count: Some(gain),
+                ..ChannelCalibration::default()
+            };
+            corner.strain.insert(channel, found);
+        }
+    }
+    let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
+    let (accel, gyro) = vehicle.imu_biases();
+    calibration.steer.offset_rad = hidden.steer_offset_rad;
+    calibration.imu.accel_bias_m_s2 = accel;
+    calibration.imu.gyro_bias_rad_s = gyro;
+    calibration.imu.misalignment_rad = Some(sum(
+        sensors.imu.misalignment_rad,
+        hidden.imu_misalignment_rad,
+    ));
+    calibration.gnss_velocity.antenna_m = Some(sum(
+        sensors.gnss_velocity.antenna_m,
+        hidden.velocity_antenna_m,
+    ));
+    calibration.gnss_velocity.latency_s = Some(hidden.velocity_latency_s);
+    calibration.gnss_attitude.latency_s = Some(hidden.attitude_latency_s);
+    calibration.gnss_attitude.attitude_offset_rad = hidden.attitude_offset_rad;
+    Ok(calibration)
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+fn seconds(value: f64) -> String {
+    format!("{value:.6}")
+}
+
+/// Duration of `bytes` on a serial line at `baud`, 8N1, s.
+fn line_time_s(bytes: u32, baud: u32) -> f64 {
+    f64::from(bytes) * 10.0 / f64::from(baud)
+}

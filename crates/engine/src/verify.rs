@@ -1,0 +1,421 @@
+//! Verification: compares the messages of a replay with those of the recording, bit by bit.
+
+use std::collections::{BTreeMap, HashSet, VecDeque};
+use std::fmt;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::Sink;
+
+use sample::text::printable;
+use sample::{LogTime, NANOS_PER_SECOND};
+use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection};
+
+use crate::Result;
+
+/// Schemas of the raw data, which is the input of a replay.
+const RAW: &str = "atvrec.Raw";
+/// Topics that the engine does not compute.
+const FOREIGN: [&str; 1] = ["/truth/"];
+/// Topics that only the log of a replay can contain.
+const SMOOTHED: &str = "/smoothed/";
+/// Topic that logs of version 0.1.0 do not contain.
+const UTC_OFFSET: &str = "/utc_offset";
+/// Schemas of latched messages, which every part of a run repeats at its beginning.
+const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
+/// Most differences that are reported in full.
+const REPORTED_MAX: usize = 3;
+/// Most messages of a decoded record.
+const MESSAGES_PER_RECORD_MAX: u64 = 4;
+/// Time on the log clock for which a message waits for its counterpart: above the latency of both sides.
+const WAIT_MAX_NANOS: i64 = 10 * NANOS_PER_SECOND;
+/// Time before missing arrivals from which estimates may depend on them.
+const DEPENDENCE_NANOS: i64 = NANOS_PER_SECOND;
+
+/// Compares two streams of messages by topic and time, in bounded memory.
+pub struct Verifier {
+    encoder: LogWriter<Sink>,
+    recorded: std::iter::Peekable<MessageIter>,
+    waiting: BTreeMap<String, BTreeMap<LogTime, Waiting>>,
+    states: BTreeMap<String, Message>,
+    /// Messages that were recently found on both sides: a file after a failure may repeat them.
+    found: HashSet<u64>,
+    found_at: VecDeque<(LogTime, u64)>,
+    settle_at: LogTime,
+    /// Whether the log contains smoothed estimates.
+    smoothed: bool,
+    /// Whether the log contains offsets of UTC.
+    utc_offset: bool,
+    report: Report,
+}
+
+/// Messages of a topic and a time without a counterpart so far.
+#[derive(Default)]
+struct Waiting {
+    recorded: Vec<Message>,
+    computed: Vec<Encoded>,
+    /// Time of the last of them.
+    since: LogTime,
+}
+
+/// Result of the comparison.
+#[derive(Debug, Default)]
+pub struct Report {
+    compared: BTreeMap<String, u64>,
+    different: u64,
+    only_recorded: BTreeMap<String, u64>,
+    only_computed: BTreeMap<String, u64>,
+    /// Messages of the log after missing arrivals that differ or have no counterpart.
+    uncertain: u64,
+    /// Number of the first missing arrival, and the time from which messages may depend on it.
+    gap: Option<(u64, LogTime)>,
+    /// Lost decoded records by the counters of the log.
+    lost_records: u64,
+    unfinished: bool,
+    differences: Vec<String>,
+}
+
+impl Verifier {
+    /// Verifier of the messages of `reader`; `encoder` converts the records of the replay to messages.
+    pub fn new(reader: &Reader, encoder: LogWriter<Sink>) -> Self {
+        let info = reader.info();
+        let topics = info
+            .channels
+            .iter()
+            .filter(|(topic, (schema, _))| {
+                !schema.starts_with(RAW) && !FOREIGN.iter().any(|t| topic.starts_with(t))
+            })
+            .map(|(topic, _)| topic.clone());
+        let cut = |missing: &store::Missing| !matches!(missing, store::Missing::NoSchema { .. });
+        let lost_records = info.counters.get("lost_records").copied();
+        let report = Report {
+            unfinished: info.missing.iter().any(cut) || reader.was_recovered(),
+            lost_records: lost_records.unwrap_or_default(),
+            ..Report::default()
+        };
+        Self {
+            encoder,
+            recorded: reader.messages(Selection::topics(topics)).peekable(),
+            waiting: BTreeMap::new(),
+            states: BTreeMap::new(),
+            found: HashSet::new(),
+            found_at: VecDeque::new(),
+            settle_at: LogTime(0),
+            smoothed: info
+                .channels
+                .keys()
+                .any(|topic| topic.starts_with(SMOOTHED)),
+            utc_offset: info.channels.contains_key(UTC_OFFSET),
+            report,
+        }
+    }
+
+    /// Reports that arrivals from number `first` on are missing, and that the last arrival before them
+    /// has the time `time`. Messages from then on cannot be verified.
+    pub fn arrivals_missing(&mut self, first: u64, time: LogTime) {
+        self.report
+            .gap
+            .get_or_insert((first, time + -DEPENDENCE_NANOS));
+    }
+
+    /// Compares the records of the arrival at `now`.
+    pub fn expect(&mut self, records: &[Record], now: LogTime) -> Result<()> {
+        for record in records {
+            for message in self.encoder.encode(record) {
+                self.computed(message, now);
+            }
+        }
+        while let Some(next) = self.recorded.next_if(|message| match message {
+            Ok(message) => message.log_time <= now,
+            Err(_) => true,
+        }) {
+            self.recorded(next?, now);
+        }
+        if now >= self.settle_at {
+            self.settle_at = LogTime(now.0.saturating_add(NANOS_PER_SECOND as u64));
+            self.settle(now + -WAIT_MAX_NANOS);
+        }
+        Ok(())
+    }
+
+    fn computed(&mut self, message: Encoded, now: LogTime) {
+        if message.topic.starts_with(SMOOTHED) && !self.smoothed
+            || message.topic == UTC_OFFSET && !self.utc_offset
+        {
+            return;
+        }
+        let topic = self.waiting.entry(message.topic.clone()).or_default();
+        let waiting = topic.entry(message.log_time).or_default();
+        let same = |recorded: &Message| is_same(recorded, &message);
+        match waiting.recorded.iter().position(same) {
+            Some(position) => {
+                waiting.recorded.remove(position);
+                if waiting.is_empty() {
+                    topic.remove(&message.log_time);
+                }
+                self.identical(&message.topic, message.log_time, &message.data, now);
+            }
+            None => {
+                waiting.since = now;
+                waiting.computed.push(message);
+            }
+        }
+    }
+
+    fn recorded(&mut self, message: Message, now: LogTime) {
+        if self.is_repeated(&message) {
+            return;
+        }
+        let name = &message.channel.topic;
+        let topic = self.waiting.entry(name.clone()).or_default();
+        let waiting = topic.entry(message.log_time).or_default();
+        let same = |computed: &Encoded| is_same(&message, computed);
+        match waiting.computed.iter().position(same) {
+            Some(position) => {
+                waiting.computed.remove(position);
+                if waiting.is_empty() {
+                    topic.remove(&message.log_time);
+                }
+                self.identical(name, message.log_time, &message.data, now);
+            }
+            None => {
+                waiting.since = now;
+                waiting.recorded.push(message);
+            }
+        }
+    }
+
+    fn identical(&mut self, topic: &str, log_time: LogTime, data: &[u8], now: LogTime) {
+        self.report.count(topic);
+        let hash = hash_of(topic, log_time, data);
+        self.found.insert(hash);
+        self.found_at.push_back((now, hash));
+    }
+
+    /// Whether the message repeats the last latched message at the beginning of another part.
+    fn is_repeated(&mut self, message: &Message) -> bool {
+        if !REPEATED.contains(&message.channel.schema.as_str()) {
+            return false;
+        }
+        let topic = message.channel.topic.clone();
+        let same = self
+            .states
+            .get(&topic)
+            .is_some_and(|last| last.log_time == message.log_time && last.data == message.data);
+        if !same {
+            self.states.insert(topic, message.clone());
+        }
+        same
+    }
+
+    /// Settles the messages that have waited since before `before`: they have no counterpart.
+    fn settle(&mut self, before: LogTime) {
+        let (found, report) = (&self.found, &mut self.report);
+        for (topic, instants) in &mut self.waiting {
+            instants.retain(|time, waiting| {
+                if waiting.since >= before {
+                    return true;
+                }
+                let twice = |m: &Message| found.contains(&hash_of(topic, *time, &m.data));
+                waiting.recorded.retain(|message| !twice(message));
+                report.settle(topic, *time, std::mem::take(waiting));
+                false
+            });
+        }
+        while self.found_at.front().is_some_and(|(at, _)| *at < before) {
+            if let Some((_, hash)) = self.found_at.pop_front() {
+                self.found.remove(&hash);
+            }
+        }
+    }
+
+    /// Result after the last arrival.
+    pub fn finish(mut self) -> Result<Report> {
+        const END: LogTime = LogTime(u64::MAX);
+        while let Some(message) = self.recorded.next() {
+            self.recorded(message?, LogTime(0));
+        }
+        self.settle(END);
+        Ok(self.report)
+    }
+}
+
+impl Waiting {
+    fn is_empty(&self) -> bool {
+        self.recorded.is_empty() && self.computed.is_empty()
+    }
+}
+
+fn is_same(recorded: &Message, computed: &Encoded) -> bool {
+    recorded.publish_time == computed.publish_time && recorded.data == computed.data
+}
+
+fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (topic, log_time.0, data).hash(&mut hasher);
+    hasher.finish()
+}
+
+impl Report {
+    /// Whether all messages that both sides can contain are bit-identical. Decoded records that the log
+    /// states as lost are no differences. In a log that was cut short, messages on one side only are no
+    /// differences either, because decoded messages are written later or earlier than the raw data.
+    pub fn is_identical(&self) -> bool {
+        !self.has_differences() && self.uncertain == 0 && !self.compared.is_empty()
+    }
+
+    /// Whether there is no difference, but raw data of the recording is missing.
+    pub fn is_partial(&self) -> bool {
+        !self.has_differences() && self.uncertain > 0
+    }
+
+    fn has_differences(&self) -> bool {
+        let explained = self.lost_records.saturating_mul(MESSAGES_PER_RECORD_MAX);
+        let complete = self.only_recorded.is_empty() && Self::sum(&self.only_computed) <= explained;
+        self.different > 0 || !(complete || self.unfinished)
+    }
+
+    /// Counts the messages of a topic and a time that have no identical counterpart.
+    fn settle(&mut self, topic: &str, time: LogTime, waiting: Waiting) {
+        let mut recorded = waiting.recorded.into_iter();
+        let mut computed = waiting.computed.into_iter();
+        let behind_gap = self.gap.is_some_and(|(_, since)| time >= since);
+        loop {
+            let what = match (recorded.next(), computed.next()) {
+                (None, None) => return,
+                (Some(_), _) if behind_gap => {
+                    self.uncertain += 1;
+                    continue;
+                }
+                (None, Some(_)) if behind_gap => continue,
+                (Some(recorded), Some(computed)) => {
+                    self.count(topic);
+                    self.different += 1;
+                    difference(&recorded, &computed)
+                }
+                (Some(_), None) => {
+                    *self.only_recorded.entry(topic.to_owned()).or_default() += 1;
+                    format!("{topic} at {time} s is in the log, but not in the replay")
+                }
+                (None, Some(_)) => {
+                    *self.only_computed.entry(topic.to_owned()).or_default() += 1;
+                    format!("{topic} at {time} s is in the replay, but not in the log")
+                }
+            };
+            if self.differences.len() < REPORTED_MAX {
+                self.differences.push(what);
+            }
+        }
+    }
+
+    fn count(&mut self, topic: &str) {
+        *self.compared.entry(topic.to_owned()).or_default() += 1;
+    }
+
+    fn sum(counts: &BTreeMap<String, u64>) -> u64 {
+        counts.values().sum()
+    }
+
+    /// Result as JSON.
+    pub fn as_json(&self) -> serde_json::Value {
+        serde_json::json!({
+            "identical": self.is_identical(),
+            "compared": self.compared,
+            "different": self.different,
+            "only_recorded": self.only_recorded,
+            "only_computed": self.only_computed,
+            "uncertain": self.uncertain,
+            "first_missing_arrival": self.gap.map(|(first, _)| first),
+            "lost_records": self.lost_records,
+            "first_differences": self.differences,
+        })
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let compared = Self::sum(&self.compared);
+        let (recorded, computed) = (
+            Self::sum(&self.only_recorded),
+            Self::sum(&self.only_computed),
+        );
+        if compared == 0 && self.different == 0 {
+            return writeln!(
+                f,
+                "NOT VERIFIED: the log contains no decoded or estimated message to compare with"
+            );
+        }
+        if self.has_differences() {
+            writeln!(
+                f,
+                "NOT IDENTICAL: {} of {compared} messages differ, {recorded} are only in the log, \
+                 {computed} only in the replay",
+                self.different
+            )?;
+            for text in &self.differences {
+                writeln!(f, "  {}", printable(text))?;
+            }
+            return Ok(());
+        }
+        if let Some((first, _)) = self.gap.filter(|_| self.uncertain > 0) {
+            writeln!(
+                f,
+                "VERIFIED IN PART: {compared} messages are bit-identical, but {} cannot be \
+                 verified, because they depend on arrivals from number {first} on, which are \
+                 missing in the log",
+                self.uncertain
+            )?;
+        } else {
+            writeln!(
+                f,
+                "verified: {compared} messages on {} topics are bit-identical",
+                self.compared.len()
+            )?;
+        }
+        if computed > 0 && self.lost_records > 0 {
+            writeln!(
+                f,
+                "  {computed} messages of the replay are not in the log, which states {} decoded \
+                 records as lost on the way to the disk",
+                self.lost_records
+            )?;
+        } else if recorded + computed > 0 {
+            writeln!(
+                f,
+                "  the log was cut short: {recorded} messages at its end have no raw bytes, \
+                 {computed} were not written"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Where two messages part.
+fn difference(recorded: &Message, computed: &Encoded) -> String {
+    let topic = &computed.topic;
+    let at = recorded.log_time;
+    if recorded.publish_time != computed.publish_time {
+        return format!(
+            "{topic} at {at} s: time of validity {} s in the log, {} s in the replay",
+            recorded.publish_time, computed.publish_time
+        );
+    }
+    let position = recorded
+        .data
+        .iter()
+        .zip(&computed.data)
+        .position(|(a, b)| a != b)
+        .unwrap_or_else(|| recorded.data.len().min(computed.data.len()));
+    let around = |data: &[u8]| {
+        let end = (position + 8).min(data.len());
+        let shown = data.get(position..end).unwrap_or_default();
+        shown
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect::<String>()
+    };
+    format!(
+        "{topic} at {at} s: byte {position} of {}: {} in the log, {} in the replay",
+        recorded.data.len(),
+        around(&recorded.data),
+        around(&computed.data)
+    )
+}
