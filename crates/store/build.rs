@@ -9,7 +9,11 @@ use std::path::Path;
 
 use prost::Message as _;
 
-const PROTOS: [&str; 8] = [
+/// Messages of an earlier layout, which no log carries any more.
+const EARLIER: &str = "earlier/layout.proto";
+
+const PROTOS: [&str; 9] = [
+    EARLIER,
     "atvrec/raw.proto",
     "atvrec/sensor.proto",
     "atvrec/estimate.proto",
@@ -26,6 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut config = prost_build::Config::new();
     config.enable_type_names();
     config.compile_fds(set.clone())?;
+    set.file.retain(|file| file.name() != EARLIER);
     // Comments have served the Rust documentation; a log carries the bare descriptors.
     for file in &mut set.file {
         file.source_code_info = None;

@@ -181,7 +181,7 @@ fn can(seeds: &Seeds, drive: &Drive) -> Result<()> {
 }
 
 fn texts(seeds: &Seeds) -> Result<()> {
-    let dbc = include_bytes!("../../bins/atvrec/assets/prowler.dbc");
+    let dbc = include_bytes!("../../crates/engine/assets/prowler.dbc");
     seeds.write("dbc", "prowler", &[&[0x5A; 64], &dbc[..]].concat())?;
     let multiplexed = b"VERSION \"\"\nBU_: A\nBO_ 2147484160 M: 8 A\n SG_ S m0 : 7|12@0- (0.5,-3) [0|1] \"m\" A\n SG_ X M : 12|4@1+ (1,0) [0|0] \"\" A\nVAL_ 2147484160 X 0 \"off\" 1 \"on\" ;\nSIG_VALTYPE_ 2147484160 S : 1;\n";
     seeds.write(

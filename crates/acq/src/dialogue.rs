@@ -128,7 +128,10 @@ impl Crossbow440 {
             return self.advance();
         }
         if self.packets == 0 {
-            tracing::info!("no packet from the Crossbow 440, setting it up again");
+            tracing::info!(
+                silence_s = SILENCE.as_secs(),
+                "no packet from the Crossbow 440; it is set up again"
+            );
             return self.begin();
         }
         self.watch()
@@ -151,11 +154,16 @@ impl Crossbow440 {
                 Some(Action::SetBaud(baud)) => act.baud = Some(baud),
                 Some(Action::Send(bytes)) => act.write.extend(bytes),
                 Some(Action::Done { baud }) => {
-                    tracing::info!(baud, "Crossbow 440 is set up");
+                    tracing::info!(baud, "the Crossbow 440 is set up");
                     act.wake = self.watch().wake;
                 }
                 Some(Action::Failed(error)) => {
-                    tracing::warn!(%error, "Crossbow 440 is not set up, listening");
+                    tracing::warn!(
+                        %error,
+                        baud = self.baud,
+                        "cannot set up the Crossbow 440; its data is recorded at the port's own \
+                         baud rate"
+                    );
                     act.baud = Some(self.baud);
                     act.wake = self.watch().wake;
                 }

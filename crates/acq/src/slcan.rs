@@ -57,7 +57,7 @@ impl SlcanTalk {
                 None => tracing::error!(
                     source = %owner.name,
                     ?command,
-                    "SLCAN has no such bit rate, the adapter keeps its own"
+                    "SLCAN does not support this bit rate; the adapter keeps its own"
                 ),
             }
         }
@@ -78,7 +78,11 @@ impl SlcanTalk {
             let line = String::from_utf8_lossy(&self.opening[self.next - 1]).into_owned();
             // Leaving a bus that one is not on is refused by some adapters.
             if line != "C\r" {
-                tracing::warn!(source = %self.owner.name, command = line.trim(), "refused");
+                tracing::warn!(
+                    source = %self.owner.name,
+                    command = line.trim(),
+                    "the SLCAN adapter rejected a command"
+                );
             }
         } else if self.asked_status {
             self.has_status = false;
@@ -105,7 +109,11 @@ impl Talk for SlcanTalk {
             Event::Status(status) => {
                 overrun |= status.lost_frames();
                 if status.0 != 0 {
-                    tracing::warn!(source = %self.owner.name, status = status.describe());
+                    tracing::warn!(
+                        source = %self.owner.name,
+                        status = status.describe(),
+                        "the SLCAN adapter reports an error"
+                    );
                 }
             }
             Event::Refused => refused = true,

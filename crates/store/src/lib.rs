@@ -13,6 +13,7 @@ mod column;
 mod convert;
 mod counters;
 mod dynamic;
+mod earlier;
 mod error;
 mod file;
 mod journal;
@@ -30,6 +31,7 @@ mod schema;
 mod session;
 mod summary;
 mod table;
+mod wheels;
 
 pub use sample;
 
@@ -73,6 +75,10 @@ pub mod proto {
     )]
     pub mod atvrec {
         include!(concat!(env!("OUT_DIR"), "/atvrec.rs"));
+
+        pub(crate) mod earlier {
+            include!(concat!(env!("OUT_DIR"), "/atvrec.earlier.rs"));
+        }
     }
 
     /// The well-known messages that viewers draw without being told how.

@@ -5,20 +5,20 @@ mod changes;
 use std::iter::Peekable;
 use std::time::{Duration, Instant};
 
+use engine::Config;
+use engine::ReadAhead;
+use engine::missing;
+use engine::{Engine, Skipped};
+use engine::{Report, Verifier};
 use sample::text::printable;
 use sample::{Arrival, LogTime, Payload};
 use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Stage, Writer};
 
 use crate::cli::ReplayArgs;
-use crate::config::Config;
-use crate::engine::{Engine, Skipped};
 use crate::exit::{Outcome, UsageError};
-use crate::missing;
 use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
-use crate::read_ahead::ReadAhead;
 use crate::session;
-use crate::verify::{Report, Verifier};
 
 /// What a replay did.
 #[derive(Debug, Default)]
@@ -123,7 +123,7 @@ impl Replay {
         args: &ReplayArgs,
         output: Option<&Target>,
     ) -> anyhow::Result<Self> {
-        let session = session::replayed(config, original);
+        let session = engine::session::replayed(config, session::PROGRAM, original);
         let options = config.storage.options.clone();
         let writer = match output {
             Some(target) => {
@@ -229,7 +229,7 @@ impl Replay {
             }
             log.finish()?;
         }
-        self.verifier.map(Verifier::finish).transpose()
+        Ok(self.verifier.map(Verifier::finish).transpose()?)
     }
 }
 
@@ -339,7 +339,7 @@ fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
 /// The program that made the log, if it was not this one.
 fn other_program(original: &Session) -> Option<String> {
     let hash = &original.git_hash;
-    (hash != env!("ATVREC_GIT_HASH")).then(|| format!("{} ({hash})", original.version))
+    (hash != session::PROGRAM.git_hash).then(|| format!("{} ({hash})", original.version))
 }
 
 fn tell(

@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
+use engine::Config;
+use engine::Engine;
+use engine::{Ports, Rig};
 use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
 use sim::{Output, Port};
 use store::{ClockState, Options, Record, Recorder, Session};
 
 use crate::cli::SimulateArgs;
-use crate::config::Config;
-use crate::engine::Engine;
 use crate::exit::Outcome;
 use crate::folder::{self, Protected, RunName};
 use crate::output::target::{Kind, LogFile, Target};
 use crate::progress::Progress;
 use crate::retention::{self, Limits};
-use crate::rig::{Ports, Rig};
-use crate::session;
+use crate::session::PROGRAM;
 
 /// Interval of ticks, as the recorder has it, s.
 const TICK_S: f64 = 0.1;
@@ -27,7 +27,7 @@ const TRUTH_S: f64 = 0.01;
 /// Drives and writes.
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (output, calibration) = outputs(args)?;
-    let mut rig = Rig::new(&args.drive)?;
+    let mut rig = Rig::new(&args.drive.as_drive()?)?;
     let ports = Ports {
         directory: Path::new("virtual"),
         can: None,
@@ -38,7 +38,7 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
         None => Config::from_text(&text, Path::new("."))?,
     };
     let run_id = format!("simulate-{}-{}", rig.drive, args.drive.seed);
-    let session = session::simulated(&config, &run_id, rig.start());
+    let session = engine::session::simulated(&config, PROGRAM, &run_id, rig.start());
     let mut log = Log {
         engine: Engine::new(&config)?,
         sink: Sink::open(output.as_ref(), &args.output, &config, session)?,

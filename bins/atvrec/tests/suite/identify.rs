@@ -325,7 +325,7 @@ fn truth(directory: &Path, log: &str) -> Drive {
         ..Drive::default()
     };
     for row in lines {
-        let steer = 0.5 * (of(&row, "steer_rad.fl") + of(&row, "steer_rad.fr"));
+        let steer = 0.5 * (of(&row, "fl.steer_rad") + of(&row, "fr.steer_rad"));
         drive.steer_rad.push(steer);
         drive.yaw_rate_rad_s.push(of(&row, "yaw_rate_rad_s"));
     }

@@ -149,7 +149,7 @@ fn hand_wheel_and_wheel_speeds() {
 
 #[test]
 fn frames_are_those_of_the_project_s_dbc() {
-    let dbc = include_bytes!("../../../../bins/atvrec/assets/prowler.dbc");
+    let dbc = include_bytes!("../../../../crates/engine/assets/prowler.dbc");
     let database = wire::dbc::Database::parse(dbc).expect("the project's DBC");
     let all = emissions(circle(6.0, 15.24, 0.5), &Options::default(), 5);
     let mut seen = std::collections::BTreeSet::new();

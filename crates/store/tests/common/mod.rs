@@ -8,10 +8,11 @@ use atvrec_store::{
 use math::Random;
 use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
-    Estimate, Event, EventKind, FixQuality, ForceSource, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime, LossPlace,
-    Measurement, Motion, Notice, Parameters, Payload, PerWheel, Rollover, Sample, Severity, Side,
-    Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel, WheelSpeedSample,
+    Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude, GnssPosition,
+    GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime,
+    LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Rollover, Sample,
+    Severity, Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
+    WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
@@ -162,6 +163,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
         Record::TyreForces {
             time,
             stage: Stage::Model,
+            frame: ForceFrame::WheelCarrier,
             forces: forces(1.5),
         },
         Record::Friction {
@@ -455,6 +457,7 @@ pub fn estimate(time: LogTime) -> Estimate {
             time_to_lift_s: PerWheel([0.0, f64::INFINITY, 2.0, 3.0]),
             time_to_two_wheel_lift_s: [1.5, f64::INFINITY],
         },
+        frame: ForceFrame::Contact,
     }
 }
 

@@ -3,7 +3,7 @@ use sample::{CanFlags, CanFrame, StrainChannel, Wheel};
 
 use super::*;
 
-const PROWLER: &[u8] = include_bytes!("../../../../bins/atvrec/assets/prowler.dbc");
+const PROWLER: &[u8] = include_bytes!("../../../../crates/engine/assets/prowler.dbc");
 
 /// Two multiplexors inside each other, a Motorola signal, labels.
 const NESTED: &str = r#"VERSION ""

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::Context;
+use engine::config::{ATTACHED_NAME, TOML_MAX, read_text};
 use store::Attachment;
 use toml::{Table, Value};
 
 use crate::cli::ReplayChanges;
-use crate::config::{ATTACHED_NAME, TOML_MAX, read_text};
 use crate::exit::UsageError;
 
 /// The attachments with the changes: files beside the others, and a configuration that names them.

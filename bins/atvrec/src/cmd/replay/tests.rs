@@ -3,7 +3,6 @@ use std::path::{Path, PathBuf};
 use sample::SourceId;
 
 use super::*;
-use crate::engine;
 
 const CONFIGURATION: &str = r#"
 [source.t]
@@ -27,7 +26,7 @@ fn log(directory: &Path, name: &str, through_silence: bool, silence_ns: u64) -> 
     let start = LogTime(1_000_000_000_000_000_000);
     let session = Session {
         silence_ns,
-        ..session::simulated(&config, "old", start)
+        ..engine::session::simulated(&config, session::PROGRAM, "old", start)
     };
     let mut engine = Engine::new(&config).expect("an engine");
     if through_silence {

@@ -1,6 +1,6 @@
-//! `atvrec.toml`: from text to a configuration that cannot be wrong.
+//! `atvrec.toml`: parses the text into a configuration that is valid by construction.
 //!
-//! All errors of the file and of the files that it names are gathered and told at once.
+//! All errors of the file and of the files that it names are collected and reported together.
 
 mod columns;
 mod estimator;
@@ -14,19 +14,18 @@ mod trigger;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use store::Attachment;
 
-pub use columns::{CsvMap, GAVLAB_MAP, RowTime, alog_map, csv_map};
+pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::Estimator;
-pub use files::{FileKind, Files, GAVLAB, read_text};
-pub use reader::{Problems, TOML_MAX};
-pub use roles::Role;
+pub use files::{FileKind, FileProblem, Files, GAVLAB, read_text};
+pub use reader::{Problem, Problems, TOML_MAX};
+pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::{Limits, Storage};
-pub use trigger::Trigger;
+pub use trigger::{CanRule, Trigger};
 
-use crate::exit::UsageError;
+use crate::{Error, Result};
 use reader::{Gatherer, Section};
 
 /// Name of the configuration among a log's attachments.
@@ -39,23 +38,20 @@ pub struct Config {
     pub sources: Vec<Source>,
     /// Where and how logs are written.
     pub storage: Storage,
-    /// What the estimator is told; `None` switches it off.
+    /// Configuration of the estimator; `None` switches it off.
     pub estimator: Option<Estimator>,
-    /// Control socket; `None` leaves the place to [`crate::control::paths`].
+    /// Path of the control socket; `None` leaves the choice to the recorder.
     pub control: Option<PathBuf>,
-    /// The configuration itself and every file that it names, for the log.
+    /// Text of the configuration and of every file that it names, which are attached to a log.
     pub attachments: Vec<Attachment>,
 }
 
 impl Config {
     /// Reads a configuration file.
-    pub fn load(path: &Path) -> anyhow::Result<Self> {
-        let text = read_text(path, TOML_MAX).with_context(|| {
-            UsageError(format!(
-                "cannot read the configuration {}; `atvrec virtual` writes one to begin with, \
-                 docs/configuration.md explains every field",
-                path.display()
-            ))
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = read_text(path, TOML_MAX).map_err(|source| Error::ConfigurationUnreadable {
+            path: path.to_owned(),
+            source,
         })?;
         let directory = path.parent().map(Path::to_owned).unwrap_or_default();
         let files = Files::on_disk(directory.clone());
@@ -71,9 +67,9 @@ impl Config {
     /// Reads a configuration file again for a running recorder.
     ///
     /// # Errors
-    /// As [`Config::load`]; a file without any field is an error too, since it is rather a file that
-    /// is being written than the wish to end all sources.
-    pub fn load_again(path: &Path) -> anyhow::Result<Self> {
+    /// As [`Config::load`]. A file without any field is an error too: it is probably being written,
+    /// and does not mean that all sources are to be stopped.
+    pub fn load_again(path: &Path) -> Result<Self> {
         let config = Self::load(path)?;
         let written = config.attachments.first();
         let is_field = |line: &[u8]| {
@@ -81,34 +77,33 @@ impl Config {
             !line.is_empty() && !line.starts_with(b"#")
         };
         let lines = written.map(|own| own.data.split(|byte| *byte == b'\n'));
-        anyhow::ensure!(
-            lines.is_some_and(|mut lines| lines.any(is_field)),
-            "the configuration {} is empty; nothing was changed",
-            path.display()
-        );
-        Ok(config)
+        if lines.is_some_and(|mut lines| lines.any(is_field)) {
+            return Ok(config);
+        }
+        Err(Error::ConfigurationEmpty {
+            path: path.to_owned(),
+        })
     }
 
-    /// Reads the configuration that a log carries.
-    pub fn from_attachments(attachments: &[Attachment]) -> anyhow::Result<Self> {
+    /// Reads the configuration in the attachments of a log.
+    pub fn from_attachments(attachments: &[Attachment]) -> Result<Self> {
         let attached = attachments
             .iter()
             .find(|attachment| attachment.name == ATTACHED_NAME)
-            .context("the log carries no configuration; give one with --config")?;
-        let text = std::str::from_utf8(&attached.data)
-            .context("the log's configuration is not UTF-8; give one with --config")?;
+            .ok_or(Error::NoConfiguration)?;
+        let text = std::str::from_utf8(&attached.data)?;
         let files = Files::attached(attachments);
         Ok(Self::resolve(ATTACHED_NAME, text, files)?)
     }
 
-    /// Reads a configuration made by the program; names in it are files of `directory` or the
-    /// program's own.
-    pub fn from_text(text: &str, directory: &Path) -> anyhow::Result<Self> {
+    /// Reads a configuration that the program has created; names in it are files in `directory` or
+    /// built-in files.
+    pub fn from_text(text: &str, directory: &Path) -> Result<Self> {
         let files = Files::on_disk(directory.to_owned());
         Ok(Self::resolve(ATTACHED_NAME, text, files)?)
     }
 
-    fn resolve(name: &str, text: &str, mut files: Files) -> Result<Self, Problems> {
+    fn resolve(name: &str, text: &str, mut files: Files) -> std::result::Result<Self, Problems> {
         let mut gather = Gatherer::new(name, text);
         let Some(table) = reader::parse(text, &mut gather) else {
             return Err(Problems(gather.into_problems()));

@@ -1,0 +1,24 @@
+//! Engine: computes records from a configuration and arrivals, for recording, replay, simulation and
+//! import.
+//!
+//! [`Config`] reads `atvrec.toml` and every file that it names, and reports all of their errors
+//! together. [`Engine`] computes records from arrivals: the same configuration and the same arrivals
+//! give the same records, bit for bit. [`Replay`] runs an engine with the arrivals of a log and compares
+//! its records with those in the log; [`simulate`](fn@simulate) runs an engine with the bytes of a
+//! virtual vehicle. This crate reads no clock, no device and no environment.
+
+pub mod config;
+mod engine;
+mod error;
+pub mod missing;
+mod read_ahead;
+mod rig;
+pub mod session;
+mod verify;
+
+pub use config::Config;
+pub use engine::{Engine, SILENCE_NS, Skipped};
+pub use error::{Error, Result};
+pub use read_ahead::ReadAhead;
+pub use rig::{Course, Drive, Ports, Rig, read_options};
+pub use verify::{Report, Verifier};

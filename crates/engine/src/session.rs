@@ -1,0 +1,132 @@
+//! Session: metadata of a run in its logs.
+
+use sample::{LogTime, SourceId};
+use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
+
+use crate::config::{Config, Meaning};
+use crate::engine::SILENCE_NS;
+
+/// Program that writes a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Program {
+    /// Version.
+    pub version: &'static str,
+    /// Commit of its source.
+    pub git_hash: &'static str,
+}
+
+/// Session of a simulation. It does not depend on this machine.
+pub fn simulated(config: &Config, program: Program, run_id: &str, started: LogTime) -> Session {
+    Session {
+        run_id: run_id.to_owned(),
+        ..started_at(config, program, started)
+    }
+}
+
+/// Session of a replay: the run of the original with a configuration that may differ.
+pub fn replayed(config: &Config, program: Program, original: &Session) -> Session {
+    Session {
+        run_id: format!("{}-replay", original.run_id),
+        boot_id: original.boot_id.clone(),
+        host: original.host.clone(),
+        clock: original.clock,
+        ..started_at(config, program, original.started)
+    }
+}
+
+/// Session with only configuration, program and start.
+pub fn started_at(config: &Config, program: Program, started: LogTime) -> Session {
+    let mut sources: Vec<Source> = config
+        .sources
+        .iter()
+        .map(|source| Source {
+            id: source.spec.id,
+            name: source.spec.name.clone(),
+            kind: match source.meaning {
+                Meaning::Can(_) => SourceKind::Can,
+                _ => SourceKind::Serial,
+            },
+        })
+        .collect();
+    sources.push(Source {
+        id: SourceId::HOST,
+        name: "recorder".to_owned(),
+        kind: SourceKind::Recorder,
+    });
+    Session {
+        started,
+        version: program.version.to_owned(),
+        silence_ns: SILENCE_NS.cast_unsigned(),
+        git_hash: program.git_hash.to_owned(),
+        sources,
+        dynamic: dynamic(config),
+        attachments: config.attachments.clone(),
+        ..Session::default()
+    }
+}
+
+/// All messages of the DBC files.
+fn dynamic(config: &Config) -> Vec<DynamicMessage> {
+    let mut messages = Vec::new();
+    for source in &config.sources {
+        let Meaning::Can(can) = &source.meaning else {
+            continue;
+        };
+        for message in can.databases.iter().flat_map(|d| d.messages()) {
+            let signals = message
+                .signals
+                .iter()
+                .map(|signal| SignalSchema {
+                    name: signal.name.clone(),
+                    unit: signal.unit.clone(),
+                })
+                .collect();
+            messages.push(DynamicMessage::can(
+                &source.spec.name,
+                &message.name,
+                message.id,
+                signals,
+            ));
+        }
+    }
+    messages
+}
+
+/// UTC as `20261121T140500Z` from seconds since the UNIX epoch.
+pub fn utc_compact(unix_s: u64) -> String {
+    let (year, month, day) = civil_date(unix_s / 86_400);
+    let second = unix_s % 86_400;
+    format!(
+        "{year:04}{month:02}{day:02}T{:02}{:02}{:02}Z",
+        second / 3_600,
+        second / 60 % 60,
+        second % 60
+    )
+}
+
+/// Gregorian date of days since 1970-01-01 (era arithmetic with years that begin in March).
+fn civil_date(days: u64) -> (u64, u64, u64) {
+    let shifted = days + 719_468;
+    let era = shifted / 146_097;
+    let day_of_era = shifted % 146_097;
+    let year_of_era =
+        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = (month_from_march + 2) % 12 + 1;
+    let year = era * 400 + year_of_era + u64::from(month <= 2);
+    (year, month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates() {
+        assert_eq!(utc_compact(0), "19700101T000000Z");
+        assert_eq!(utc_compact(951_782_400), "20000229T000000Z");
+        assert_eq!(utc_compact(1_795_269_600 + 3_661), "20261121T150101Z");
+    }
+}
