@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use common::session;
 use sample::LogTime;
-use store::{
+use atvrec_store::{
     DynamicMessage, Error, LogWriter, Message, Options, Reader, Record, Selection, Values,
 };
 
