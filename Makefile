@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless ratchet links docs fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless ratchet links docs licences fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -20,7 +20,7 @@ demo: setup ## Record a virtual drive, replay it bit for bit, draw the report
 
 test: setup check python rig ## Everything that CI runs
 
-check: fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
+check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
 fmt:
 	$(CARGO) fmt --all --check
@@ -46,8 +46,13 @@ docs: setup venv ## The pages of docs/ as a web site, target/book/index.html, wi
 	target/tools/bin/mdbook build docs
 	@$(PYTHON) scripts/check-links target/book
 
+deny: export PATH := $(CURDIR)/target/tools/bin:$(PATH)
 deny:
-	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed; licences and bans not checked (cargo install cargo-deny)"; fi
+	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed, so that licences and bans are not checked (make licences installs it)"; fi
+
+licences: setup ## Licences, sources and bans of all dependencies; installs cargo-deny into target/tools
+	@scripts/setup tool cargo-deny
+	@$(MAKE) --no-print-directory deny
 
 python: venv ## Reference readers on our logs, and the Python package's tests
 	@scripts/test-python
@@ -58,7 +63,7 @@ rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 rig-full: deb ## The whole rig: the service from the Debian package, twenty power cuts
 	@scripts/test-rig full
 
-deb: setup ## The Debian package, target/debian/atvrec_*.deb
+deb: setup ## The Debian packages: target/debian/atvrec_*.deb, and its debug information
 	@scripts/deb
 
 kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
