@@ -13,11 +13,13 @@
 mod can;
 mod can_sender;
 pub mod clock;
+mod context;
 mod datagram;
 mod dialogue;
 pub mod link;
 mod pace;
 mod port;
+mod protocol;
 mod ring;
 pub mod sequencer;
 mod serial;
