@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless ratchet links fuzz deb clean
+.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless ratchet links docs fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -40,6 +40,11 @@ ratchet: venv ## Listed words, long functions and constants outside Tuning may f
 
 links: venv
 	@scripts/check-links
+
+docs: setup venv ## The pages of docs/ as a web site, target/book/index.html, with all links checked
+	@scripts/setup tool mdbook --no-default-features --features search
+	target/tools/bin/mdbook build docs
+	@$(PYTHON) scripts/check-links target/book
 
 deny:
 	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed; licences and bans not checked (cargo install cargo-deny)"; fi

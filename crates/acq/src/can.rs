@@ -47,7 +47,11 @@ pub(crate) async fn run(
             Err(error) => {
                 let text = format!("{}: {}", spec.interface, explain(&error, &spec.interface));
                 if text != last_failure {
-                    tracing::warn!(source = %context.name, %text, "no CAN, trying again");
+                    tracing::warn!(
+                        source = %context.name,
+                        %text,
+                        "cannot open the CAN interface; the next attempts follow"
+                    );
                     context.notice(Notice::Closed(text.clone()));
                     last_failure = text;
                 }
@@ -63,13 +67,13 @@ pub(crate) async fn run(
 fn explain(error: &io::Error, interface: &str) -> String {
     match error.raw_os_error() {
         Some(libc::ENODEV | libc::ENXIO) => {
-            "no such interface; plug the adapter in or load its driver".to_owned()
+            "the interface does not exist; connect the adapter or load its driver".to_owned()
         }
         Some(libc::ENETDOWN) => {
             format!("the interface is down; bring it up with `ip link set {interface} up`")
         }
         Some(libc::EAFNOSUPPORT | libc::EPROTONOSUPPORT) => {
-            "this kernel has no CAN; load the modules can and can-raw".to_owned()
+            "the kernel has no CAN support; load the modules can and can-raw".to_owned()
         }
         _ => error.to_string(),
     }
@@ -181,7 +185,7 @@ impl<'a> Session<'a> {
             // An overflow is at least one frame; the controller does not say how many.
             device += u64::from(frame.as_ref().is_some_and(is_controller_overflow));
             if let Some(event) = frame.as_ref().and_then(controller_event) {
-                tracing::warn!(source = %self.context.name, event);
+                tracing::warn!(source = %self.context.name, "{event}");
             }
             frames.extend(frame);
         }
@@ -228,7 +232,7 @@ impl<'a> Session<'a> {
         };
         self.link_failures = self.link_failures.saturating_add(1);
         if self.link_failures == LINK_FAILURES_TOLD {
-            tracing::warn!(source = %self.context.name, %failure);
+            tracing::warn!(source = %self.context.name, "{failure}");
         }
     }
 
@@ -253,7 +257,7 @@ impl<'a> Session<'a> {
         } else {
             let down = io::Error::from_raw_os_error(libc::ENETDOWN);
             let text = format!("{interface}: {}", explain(&down, interface));
-            tracing::warn!(source = %self.context.name, %text);
+            tracing::warn!(source = %self.context.name, "{text}");
             self.context.notice(Notice::Closed(text));
         }
     }
@@ -312,8 +316,8 @@ fn enlarge_queue(socket: &CanSocket, spec: &CanSpec) -> io::Result<usize> {
             interface = %spec.interface,
             wanted,
             got,
-            "the kernel's queue is smaller than asked for; raise net.core.rmem_max or grant \
-             CAP_NET_ADMIN"
+            "the receive queue of the kernel is smaller than configured; raise net.core.rmem_max \
+             or grant CAP_NET_ADMIN"
         );
     }
     Ok(got)

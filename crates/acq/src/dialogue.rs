@@ -128,7 +128,10 @@ impl Crossbow440 {
             return self.advance();
         }
         if self.packets == 0 {
-            tracing::info!("no packet from the Crossbow 440, setting it up again");
+            tracing::info!(
+                silence_s = SILENCE.as_secs(),
+                "no packet from the Crossbow 440; it is set up again"
+            );
             return self.begin();
         }
         self.watch()
@@ -151,11 +154,16 @@ impl Crossbow440 {
                 Some(crossbow440::Action::SetBaud(baud)) => action.baud = Some(baud),
                 Some(crossbow440::Action::Send(bytes)) => action.write.extend(bytes),
                 Some(crossbow440::Action::Done { baud }) => {
-                    tracing::info!(baud, "Crossbow 440 is set up");
+                    tracing::info!(baud, "the Crossbow 440 is set up");
                     action.wake = self.watch().wake;
                 }
                 Some(crossbow440::Action::Failed(error)) => {
-                    tracing::warn!(%error, "Crossbow 440 is not set up, listening");
+                    tracing::warn!(
+                        %error,
+                        baud = self.baud,
+                        "cannot set up the Crossbow 440; its data is recorded at the port's own \
+                         baud rate"
+                    );
                     action.baud = Some(self.baud);
                     action.wake = self.watch().wake;
                 }

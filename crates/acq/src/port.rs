@@ -50,7 +50,7 @@ pub(crate) async fn run(
                     Ok(()) => return,
                     Err(error) => {
                         let text = format!("{}: {error}", spec.path.display());
-                        tracing::warn!(source = %context.name, %text, "closed, opening again");
+                        tracing::warn!(source = %context.name, %text, "the port failed; it is opened again");
                         context.notice(Notice::Closed(text));
                     }
                 }
@@ -58,7 +58,11 @@ pub(crate) async fn run(
             Err(error) => {
                 let text = explain(&error, &spec.path);
                 if text != last_failure {
-                    tracing::warn!(source = %context.name, %text, "cannot open, trying again");
+                    tracing::warn!(
+                        source = %context.name,
+                        %text,
+                        "cannot open the port; the next attempts follow"
+                    );
                     context.notice(Notice::Closed(text.clone()));
                     last_failure = text;
                 }
@@ -76,11 +80,11 @@ fn explain(error: &io::Error, path: &Path) -> String {
     let path_text = path.display();
     match error.kind() {
         io::ErrorKind::PermissionDenied => {
-            format!("{path_text}: no permission; add the user to the group that owns the port")
+            format!("{path_text}: permission denied; add the user to the group that owns the port")
         }
         // The library answers "not found" to a port that is locked, too.
         io::ErrorKind::NotFound if !path.exists() => {
-            format!("{path_text}: no such device; plug it in or correct the path")
+            format!("{path_text}: the device does not exist; connect it or correct the path")
         }
         io::ErrorKind::NotFound | io::ErrorKind::ResourceBusy => {
             format!("{path_text}: {error}; if another program has the port, stop it")
@@ -116,7 +120,7 @@ fn open(spec: &PortSpec) -> io::Result<SerialStream> {
     if spec.low_latency
         && let Err(error) = sys::set_low_latency(&port)
     {
-        tracing::debug!(path = %spec.path.display(), %error, "driver has no low-latency mode");
+        tracing::debug!(path = %spec.path.display(), %error, "the driver has no low-latency mode");
     }
     Ok(port)
 }
@@ -157,7 +161,7 @@ impl<'a> Session<'a> {
                 biased;
                 () = stopped(shutdown) => break,
                 read = self.port.read(&mut buffer) => match read? {
-                    0 => return Err(io::Error::other("the device went away")),
+                    0 => return Err(io::Error::other("the device was disconnected")),
                     count => protocol.on_bytes(&buffer[..count]),
                 },
                 () = tokio::time::sleep_until(wake), if self.wake.is_some() => {
@@ -197,7 +201,11 @@ impl<'a> Session<'a> {
         match tokio::time::timeout(WRITE_DEADLINE, self.port.write_all(bytes)).await {
             Ok(result) => result,
             Err(_) => {
-                tracing::warn!(source = %self.context.name, "the device accepts no commands");
+                tracing::warn!(
+                    source = %self.context.name,
+                    timeout_s = WRITE_DEADLINE.as_secs_f64(),
+                    "cannot send commands to the device; check its cable and flow control"
+                );
                 Ok(())
             }
         }
@@ -213,7 +221,11 @@ impl<'a> Session<'a> {
             .lost(LossPlace::Device, now.overruns_since(&earlier));
         let line_errors = now.line_errors_since(&earlier);
         if line_errors > 0 {
-            tracing::warn!(source = %self.context.name, line_errors, "check the baud rate and cable");
+            tracing::warn!(
+                source = %self.context.name,
+                line_errors,
+                "the UART reports framing, parity or break errors; check the baud rate and the cable"
+            );
         }
         self.counters = Some(now);
         Ok(())
@@ -230,7 +242,7 @@ mod tests {
         let gone = Path::new("/dev/no-such-port");
         for (kind, path, word) in [
             (io::ErrorKind::PermissionDenied, here, "group"),
-            (io::ErrorKind::NotFound, gone, "plug it in"),
+            (io::ErrorKind::NotFound, gone, "connect it"),
             (io::ErrorKind::NotFound, here, "another program"),
         ] {
             let text = explain(&io::Error::from(kind), path);

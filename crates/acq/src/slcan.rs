@@ -63,7 +63,7 @@ impl SlcanProtocol {
                 None => tracing::error!(
                     source = %context.name,
                     ?command,
-                    "SLCAN has no such bit rate, the adapter keeps its own"
+                    "SLCAN does not support this bit rate; the adapter keeps its own"
                 ),
             }
         }
@@ -84,7 +84,11 @@ impl SlcanProtocol {
             let line = String::from_utf8_lossy(&self.opening[self.next - 1]).into_owned();
             // Leaving a bus that one is not on is refused by some adapters.
             if line != "C\r" {
-                tracing::warn!(source = %self.context.name, command = line.trim(), "refused");
+                tracing::warn!(
+                    source = %self.context.name,
+                    command = line.trim(),
+                    "the SLCAN adapter rejected a command"
+                );
             }
         } else if self.asked_status {
             self.has_status = false;
@@ -111,7 +115,11 @@ impl SerialProtocol for SlcanProtocol {
             Event::Status(status) => {
                 overrun |= status.lost_frames();
                 if status.0 != 0 {
-                    tracing::warn!(source = %self.context.name, status = status.describe());
+                    tracing::warn!(
+                        source = %self.context.name,
+                        status = status.describe(),
+                        "the SLCAN adapter reports an error"
+                    );
                 }
             }
             Event::Refused => refused = true,

@@ -193,8 +193,11 @@ async fn supervise(spec: SourceSpec, sequencer: Sequencer, mut shutdown: watch::
         let Some(Err(error)) = inner.join_next().await else {
             return;
         };
-        tracing::error!(source = %spec.name, %error, "source failed, starting it again");
-        let text = format!("{}: internal error ({error}), starting again", spec.name);
+        tracing::error!(source = %spec.name, %error, "internal error in a source; it is restarted");
+        let text = format!(
+            "{}: internal error ({error}); the source is restarted",
+            spec.name
+        );
         sequencer.notice(spec.id, Notice::Closed(text));
         pause(PANIC_PAUSE, &mut shutdown).await;
     }

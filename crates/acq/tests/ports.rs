@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use acq::{
+use atvrec_acq::{
     LogClock, PortSpec, QueueSizes, Sequencer, SerialSpec, Setup, SlcanSpec, SourceKind,
     SourceSpec, Streams, Supervisor,
 };

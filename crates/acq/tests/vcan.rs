@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use acq::{
+use atvrec_acq::{
     CanFilter, CanSpec, LinkSpec, LogClock, QueueSizes, Sequencer, SourceKind, SourceSpec, Streams,
     Supervisor,
 };
@@ -280,7 +280,7 @@ async fn controllers_are_set_up_and_heard() {
         let link = CanInterface::open(name).expect("the interface");
         link.bring_down().expect("the interface goes down");
     }
-    acq::link::bring_up("can0", &LinkSpec::new(1_000_000)).expect("can0 goes up");
+    atvrec_acq::link::bring_up("can0", &LinkSpec::new(1_000_000)).expect("can0 goes up");
     let (supervisor, sequencer, mut streams) = start(CanSpec {
         link: Some(LinkSpec::new(1_000_000)),
         ..CanSpec::new("can1")

@@ -1,14 +1,14 @@
-//! What the engine refuses.
+//! Errors of the engine.
 
 use std::io;
 use std::path::PathBuf;
 
 use crate::config::{FileProblem, Problems};
 
-/// A result of the engine.
+/// Result of the engine.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why a configuration, an engine, a replay or a simulation is refused.
+/// Error of a configuration, an engine, a replay or a simulation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -17,26 +17,26 @@ pub enum Error {
     Configuration(#[from] Problems),
     /// The configuration cannot be read.
     #[error(
-        "cannot read the configuration {path}; `atvrec virtual` writes one to begin with, \
-         docs/configuration.md explains every field"
+        "cannot read the configuration {path}; `atvrec virtual` writes an example, \
+         docs/configuration.md describes every field"
     )]
     ConfigurationUnreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The configuration has no field.
-    #[error("the configuration {path} is empty; nothing was changed")]
+    #[error("the configuration {path} has no field; nothing was changed")]
     ConfigurationEmpty {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
     /// The log has no configuration among its attachments.
-    #[error("the log carries no configuration; give one with --config")]
+    #[error("the log contains no configuration; give one with --config")]
     NoConfiguration,
     /// The log's configuration is not text.
-    #[error("the log's configuration is not UTF-8; give one with --config")]
+    #[error("the configuration in the log is not UTF-8 text; give one with --config")]
     ConfigurationNotText(#[from] std::str::Utf8Error),
     /// A file that is named cannot be read.
     #[error(transparent)]
@@ -44,21 +44,21 @@ pub enum Error {
     /// The options of the virtual vehicle cannot be read.
     #[error("cannot read the options {path}")]
     OptionsUnreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The options of the virtual vehicle are wrong.
     #[error("{path}: {cause}")]
     Options {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the TOML reader says.
+        /// Error of the TOML parser.
         cause: Box<toml::de::Error>,
     },
-    /// The vehicle cannot do the manoeuvre.
-    #[error("cannot drive {manoeuvre}")]
+    /// The vehicle cannot perform the manoeuvre.
+    #[error("the vehicle cannot perform the manoeuvre {manoeuvre}")]
     Manoeuvre {
         /// Name of the manoeuvre.
         manoeuvre: String,
@@ -68,13 +68,13 @@ pub enum Error {
     /// A vehicle or sensors file has errors.
     #[error(transparent)]
     VehicleFile(#[from] model::FileErrors),
-    /// The bytes of a source cannot be decoded as the configuration says.
+    /// The configured decoder of a source is not possible.
     #[error(transparent)]
     Wire(#[from] wire::WireError),
-    /// No estimator can be made.
+    /// The estimator cannot be created.
     #[error(transparent)]
     Estimator(#[from] estimator::EstimatorError),
-    /// No virtual vehicle can be made.
+    /// The virtual vehicle cannot be created.
     #[error(transparent)]
     Simulation(#[from] sim::SimError),
     /// A log cannot be read or written.
@@ -83,7 +83,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether what the user wrote is wrong: a file, its name, or an option.
+    /// Whether the error is in the user's input: a file, its name, or an option.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
         matches!(

@@ -1,7 +1,7 @@
 //! Writes `docs/filter-spec.md`: `cargo run -p atvrec-estimator --example filter_spec`, which is
 //! part of `make bless`.
 
-use estimator::specification::{Sensitivity, markdown};
+use atvrec_estimator::specification::{Sensitivity, markdown};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let docs = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs");

@@ -22,8 +22,8 @@ mod run;
 #[path = "../tests/truth/sensing.rs"]
 mod sensing;
 
+use atvrec_estimator::{Calibration, Settings};
 use deviations::deviations;
-use estimator::{Calibration, Settings};
 use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;

@@ -1,9 +1,10 @@
-//! Motion, tyre forces, events, calibration and identification of a vehicle from its samples.
+#![doc = include_str!("../README.md")]
 //!
-//! The [`Estimator`] is deterministic and reads no clock: [`Estimator::advance`] sets the log time,
-//! [`Estimator::push`] takes a sample, and each instant of a 100 Hz grid gives an
-//! [`Estimate`](sample::Estimate) and events. The same calls in the same order give the same bits.
-//! All tuned numbers stand in [`Tuning`].
+//! # Data flow
+//!
+//! The [`Estimator`] reads no clock. [`Estimator::advance`] sets the log time, and
+//! [`Estimator::push`] takes a sample. Each instant of a 100 Hz grid gives an
+//! [`Estimate`](sample::Estimate) and events. [`Tuning`] contains all tuned numbers.
 //!
 //! ```text
 //! samples ─► calibration ─► motion (attitude, velocity, sideslip) ─┬─► statics or fusion ─► measured forces
@@ -43,6 +44,8 @@ pub mod triads;
 pub mod tuning;
 mod waiting;
 pub mod watch;
+
+pub use {model, sample};
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;

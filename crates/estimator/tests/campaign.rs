@@ -16,7 +16,7 @@ mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
 
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use fault::Fault;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;

@@ -16,7 +16,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use estimator::{Calibration, Estimator, Method, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Method, Output, Settings};
 use model::sensors::Sensors;
 use run::Run;
 use sample::Sample;

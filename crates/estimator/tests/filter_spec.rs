@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use estimator::Tuning;
-use estimator::specification::{Sensitivity, markdown};
+use atvrec_estimator::Tuning;
+use atvrec_estimator::specification::{Sensitivity, markdown};
 
 const PAGE: &str = include_str!("../../../docs/filter-spec.md");
 const SENSITIVITIES: &str = include_str!("../../../docs/filter-sensitivity.csv");

@@ -17,7 +17,7 @@ mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
 
-use estimator::{Calibration, Input, Settings};
+use atvrec_estimator::{Calibration, Input, Settings};
 use fault::{Channel, Fault, Kind};
 use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;

@@ -7,7 +7,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use estimator::{Calibration, Estimator, Method, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Method, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use proptest::prelude::*;

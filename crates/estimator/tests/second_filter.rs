@@ -17,11 +17,11 @@ mod sensing;
 #[path = "second/square_root.rs"]
 mod square_root;
 
-use estimator::fusion::OUTPUTS;
-use estimator::fusion::layout::SIZE;
-use estimator::smoother::Step;
-use estimator::trace::{Operation, Term};
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::fusion::OUTPUTS;
+use atvrec_estimator::fusion::layout::SIZE;
+use atvrec_estimator::smoother::Step;
+use atvrec_estimator::trace::{Operation, Term};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use run::Run;
 use square_root::SquareRoot;

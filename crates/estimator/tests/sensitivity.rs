@@ -19,9 +19,9 @@ mod sensing;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use estimator::specification::Sensitivity;
-use estimator::tuning::NumberPath;
-use estimator::{Calibration, Estimator, Output, Settings, Tuning};
+use atvrec_estimator::specification::Sensitivity;
+use atvrec_estimator::tuning::NumberPath;
+use atvrec_estimator::{Calibration, Estimator, Output, Settings, Tuning};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use run::{RATE_HZ, Run};

@@ -17,9 +17,9 @@ mod sensing;
 #[path = "truth/slip.rs"]
 mod slip;
 
+use atvrec_estimator::smoother::{LAG_STEPS, Smoother, Step};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use deviations::deviations;
-use estimator::smoother::{LAG_STEPS, Smoother, Step};
-use estimator::{Calibration, Estimator, Output, Settings};
 use judge::{Result, estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;

@@ -15,8 +15,8 @@ mod run;
 #[path = "truth/sensing.rs"]
 mod sensing;
 
+use atvrec_estimator::{Calibration, Input, Settings};
 use deviations::deviations;
-use estimator::{Calibration, Input, Settings};
 use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
 use model::vehicle::{Vehicle, Wishbone};

@@ -25,8 +25,8 @@ mod sensing;
 #[path = "truth/slip.rs"]
 mod slip;
 
+use atvrec_estimator::{Calibration, Input, Method, Settings};
 use deviations::deviations;
-use estimator::{Calibration, Input, Method, Settings};
 use judge::{Result, estimate, force_errors, motion_errors, rms, row};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;

@@ -4,13 +4,15 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
-use model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};
-use model::integrate::{LANES, Tolerance, adaptive, step_to_event};
-use model::simulation::Model;
-use model::steering::{Lash, SteeringGear};
-use model::suspension::{Corner, QuarterCar};
-use model::tyre::{Contact, Law, MagicFormula52, MagicFormula89, Physical, RadialSpringTyre, Tyre};
-use model::vehicle::Vehicle;
+use atvrec_model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};
+use atvrec_model::integrate::{LANES, Tolerance, adaptive, step_to_event};
+use atvrec_model::simulation::Model;
+use atvrec_model::steering::{Lash, SteeringGear};
+use atvrec_model::suspension::{Corner, QuarterCar};
+use atvrec_model::tyre::{
+    Contact, Law, MagicFormula52, MagicFormula89, Physical, RadialSpringTyre, Tyre,
+};
+use atvrec_model::vehicle::Vehicle;
 use sample::Wheel;
 
 struct Counting;

@@ -1,10 +1,10 @@
 //! The corner's statics against an independent solve: free-body equations of upper arm, lower arm
 //! and upright with wheel, 18 equations in 18 unknowns.
 
-use model::suspension::{
+use atvrec_model::suspension::{
     ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, TyreFrame, Wrench,
 };
-use model::vehicle::{Axle, Tyre, Unsprung, Wishbone};
+use atvrec_model::vehicle::{Axle, Tyre, Unsprung, Wishbone};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use proptest::prelude::*;
 use sample::Wheel;
@@ -344,7 +344,7 @@ proptest! {
 
         let rates = corner.rates(&pose);
         let step = 1e-6;
-        let differ = |twist: &model::suspension::Twist, dl: f64, dr: f64| {
+        let differ = |twist: &atvrec_model::suspension::Twist, dl: f64, dr: f64| {
             let at = |k: f64| corner.pose(pose.strut_length_m + k * dl, rack + k * dr).expect("near");
             let (high, low) = (at(1.0), at(-1.0));
             let point = |pose: &CornerPose| pose.tie_rod_outer_m;

@@ -5,11 +5,11 @@ mod common;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use common::session;
-use sample::LogTime;
-use store::{
+use atvrec_store::{
     DynamicMessage, Error, LogWriter, Message, Options, Reader, Record, Selection, Values,
 };
+use common::session;
+use sample::LogTime;
 
 fn earlier() -> Reader {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/compat/slow-sine-0.mcap");

@@ -15,9 +15,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use atvrec_store::{LogWriter, Options, recover};
 use common::{START, arrivals, records, session};
 use sample::Payload;
-use store::{LogWriter, Options, recover};
 
 /// An unfinished log, small enough to damage each of its headers in a moment.
 fn small_log() -> Vec<u8> {

@@ -4,8 +4,8 @@ mod common;
 
 use std::collections::BTreeMap;
 
+use atvrec_store::{LogWriter, Options, Reader};
 use common::{START, arrivals, records, session};
-use store::{LogWriter, Options, Reader};
 
 #[test]
 fn one_changed_bit_anywhere_is_found() {

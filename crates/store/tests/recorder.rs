@@ -11,9 +11,11 @@ mod common;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use atvrec_store::{
+    DiskState, Missing, Options, Reader, Record, Recorder, RecorderSummary, Selection,
+};
 use common::{START, arrivals, estimate, session};
 use sample::{Arrival, LossPlace, Notice, Payload};
-use store::{DiskState, Missing, Options, Reader, Record, Recorder, RecorderSummary, Selection};
 
 fn paths(summary: &RecorderSummary) -> Vec<PathBuf> {
     summary.files.iter().map(|file| file.path.clone()).collect()
@@ -85,14 +87,14 @@ fn a_file_cut_just_behind_its_rotation_is_removed() {
     push_all(&recorder, &arrivals(22, 200));
     wait_until(|| recorder.status().waiting == 0);
     recorder.rotate();
-    let second = store::part_path(directory.path(), "run", 1);
+    let second = atvrec_store::part_path(directory.path(), "run", 1);
     wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
     let copies = tempfile::tempdir().expect("a directory");
     let copy = copies.path().join("run_0001.mcap.active");
     std::fs::copy(directory.path().join("run_0001.mcap.active"), &copy).expect("copied");
     let begun = Reader::open([&copy]).expect("a log");
     assert!(begun.info().channels["/notice"].1 >= 1);
-    assert!(store::recover(&copy).expect("recovered").was_empty);
+    assert!(atvrec_store::recover(&copy).expect("recovered").was_empty);
     let left = std::fs::read_dir(copies.path()).expect("readable");
     assert_eq!(left.count(), 0);
     recorder.finish().expect("finished");
@@ -109,12 +111,12 @@ fn a_name_that_cannot_be_given_is_tried_again_and_the_next_file_goes_on() {
     };
     let recorder = Recorder::start(directory.path(), "run", session(), options).expect("started");
     // A folder stands where the first file's name is to be.
-    let taken = store::part_path(directory.path(), "run", 0);
+    let taken = atvrec_store::part_path(directory.path(), "run", 0);
     std::fs::create_dir_all(taken.join("full")).expect("a folder");
     let written = arrivals(31, 300);
     push_all(&recorder, &written[..100]);
     recorder.rotate();
-    let second = store::part_path(directory.path(), "run", 1);
+    let second = atvrec_store::part_path(directory.path(), "run", 1);
     wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
     push_all(&recorder, &written[100..200]);
     wait_until(|| recorder.status().waiting == 0);
@@ -144,7 +146,7 @@ fn a_name_that_is_taken_is_passed_over() {
     let written = arrivals(31, 200);
     push_all(&recorder, &written[..100]);
     recorder.rotate();
-    let next = store::part_path(directory.path(), "run", 2);
+    let next = atvrec_store::part_path(directory.path(), "run", 2);
     wait_until(|| recorder.status().disk == DiskState::Writing(next.clone()));
     push_all(&recorder, &written[100..]);
     let summary = recorder.finish().expect("finished");
@@ -173,7 +175,7 @@ fn a_run_that_is_not_finished_is_on_disk_but_for_the_last_moment() {
             std::fs::copy(&path, copies.path().join(name)).expect("copied");
         }
         let _ = std::fs::remove_file(copies.path().join("run_0000.mcap"));
-        let recovered = store::recover(&copy).expect("recovered");
+        let recovered = atvrec_store::recover(&copy).expect("recovered");
         if recovered.was_empty {
             return false;
         }
@@ -229,7 +231,7 @@ fn a_killed_run_is_recovered_without_a_gap() {
         victim.wait().expect("gone");
         let pushed = std::fs::read(place.path().join(PUSHED)).expect("it pushed");
         let pushed = u64::from_le_bytes(pushed.try_into().expect("a number"));
-        for (_, result) in store::recover_directory(&directory).expect("readable") {
+        for (_, result) in atvrec_store::recover_directory(&directory).expect("readable") {
             from_journals += result.expect("recovered").arrivals_of_journal;
         }
         let entries = std::fs::read_dir(&directory).expect("readable");
@@ -331,7 +333,7 @@ fn a_disk_that_comes_back_gets_what_was_kept() {
     assert_eq!(summary.losses.arrivals, 0);
     assert!(summary.last_failure.is_some());
     let mut files = paths(&summary);
-    for (_, result) in store::recover_directory(&directory).expect("readable") {
+    for (_, result) in atvrec_store::recover_directory(&directory).expect("readable") {
         files.push(result.expect("recovered").path);
     }
     assert_eq!(read(&files), written);
@@ -359,7 +361,7 @@ fn a_disk_that_stays_away_costs_what_is_counted() {
     let summary = recorder.finish().expect("finished");
     assert_eq!(summary.losses.arrivals, 200);
     let active = parent.path().join("away/run_0000.mcap.active");
-    let recovered = store::recover(&active).expect("recovered");
+    let recovered = atvrec_store::recover(&active).expect("recovered");
     assert_eq!(read(&[recovered.path]), written[..100]);
 }
 
@@ -385,7 +387,7 @@ fn a_deleted_log_is_noticed_within_a_second_and_counted() {
             std::fs::remove_file(directory.join("run_0000.mcap.active")).expect("removed");
         }
         let begin = Instant::now();
-        let second = store::part_path(&directory, "run", 1);
+        let second = atvrec_store::part_path(&directory, "run", 1);
         wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
         assert!(begin.elapsed() < Duration::from_secs(1));
         assert_eq!(recorder.status().gone.len(), 1);
@@ -434,14 +436,14 @@ fn a_log_that_was_renamed_stays_whole_and_the_run_continues_in_a_new_file() {
             std::fs::rename(directory.join("run_0000.mcap.active"), &moved).expect("moved");
             moved
         };
-        let second = store::part_path(&directory, "run", 1);
+        let second = atvrec_store::part_path(&directory, "run", 1);
         wait_until(|| recorder.status().disk == DiskState::Writing(second.clone()));
         push_all(&recorder, &written[2_000..]);
         let summary = recorder.finish().expect("finished");
         assert!(summary.losses.is_empty(), "{summary:?}");
         assert_eq!(summary.gone.len(), 1);
         let mut files = paths(&summary);
-        files.push(store::recover(&moved).expect("recovered").path);
+        files.push(atvrec_store::recover(&moved).expect("recovered").path);
         assert_eq!(read(&files), written);
     }
 }
@@ -477,7 +479,7 @@ fn each_file_tells_of_its_own_losses() {
         wait_until(|| recorder.status().waiting == 0);
         if part < 2 {
             recorder.rotate();
-            let path = store::part_path(directory.path(), "run", part + 1);
+            let path = atvrec_store::part_path(directory.path(), "run", part + 1);
             wait_until(|| recorder.status().disk == DiskState::Writing(path.clone()));
         }
     }
@@ -580,7 +582,7 @@ fn a_full_disk_is_told_and_loses_only_what_is_counted() {
         .write(true)
         .open("/dev/full")
         .expect("Linux has it");
-    let refused = store::LogWriter::new(full, session(), Options::default(), 0);
+    let refused = atvrec_store::LogWriter::new(full, session(), Options::default(), 0);
     let error = refused.err().expect("nothing can be written");
     assert!(error.to_string().contains("No space left"), "{error}");
 }

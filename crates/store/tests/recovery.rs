@@ -13,12 +13,12 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use common::{START, arrivals, estimate, records, session};
-use sample::{Arrival, Payload};
-use store::{
+use atvrec_store::{
     LogWriter, Missing, Options, Reader, Record, RecoverOptions, Recovered, Selection, Writer,
     companions, recover, recover_directory, recover_with, salvage,
 };
+use common::{START, arrivals, estimate, records, session};
+use sample::{Arrival, Payload};
 
 /// A log with small chunks, so that cuts meet every kind of record.
 fn sample_log(count: u64) -> (Vec<Arrival>, Vec<u8>) {
@@ -46,7 +46,7 @@ fn log_of(written: &[Arrival], records: &[Record]) -> Vec<u8> {
     writer.finish(&BTreeMap::new()).expect("a vector")
 }
 
-fn all_messages(path: &Path) -> Vec<store::Message> {
+fn all_messages(path: &Path) -> Vec<atvrec_store::Message> {
     Reader::open([path])
         .expect("a log")
         .messages(Selection::default())
@@ -229,7 +229,7 @@ fn a_recovered_log_has_counters_of_what_was_saved() {
     let lost = device + kernel + queue;
     let told = found.iter().filter(|(name, _)| name.starts_with("lost."));
     assert_eq!(told.map(|(_, count)| count).sum::<u64>(), lost);
-    let is_raw = |m: &&store::Message| m.channel.schema.starts_with("atvrec.Raw");
+    let is_raw = |m: &&atvrec_store::Message| m.channel.schema.starts_with("atvrec.Raw");
     let messages = all_messages(&recovered.path);
     let raw = messages.iter().filter(is_raw).count();
     assert_eq!(found["messages"], (messages.len() - raw) as u64);
@@ -296,7 +296,10 @@ fn a_log_that_is_being_written_is_left_alone() {
         writer.push(arrival).expect("written");
     }
     let active = directory.path().join("log.mcap.active");
-    assert!(matches!(recover(&active), Err(store::Error::InUse(_))));
+    assert!(matches!(
+        recover(&active),
+        Err(atvrec_store::Error::InUse(_))
+    ));
     assert_eq!(
         recover_directory(directory.path()).expect("readable").len(),
         0
@@ -350,7 +353,10 @@ fn journals_that_outlived_their_log_are_removed() {
 fn what_is_no_log_is_refused_and_kept() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = write_active(directory.path(), b"can0 100#0011\n");
-    assert!(matches!(recover(&path), Err(store::Error::NotMcap { .. })));
+    assert!(matches!(
+        recover(&path),
+        Err(atvrec_store::Error::NotMcap { .. })
+    ));
     assert!(path.exists());
 }
 
@@ -373,7 +379,7 @@ fn what_recovery_cannot_handle_is_set_aside_after_one_try() {
     let results = recover_directory(directory.path()).expect("readable");
     assert_eq!(results.len(), 5);
     for (path, result) in &results[..4] {
-        let Err(store::Error::SetAside { to, .. }) = result else {
+        let Err(atvrec_store::Error::SetAside { to, .. }) = result else {
             panic!("{}: {result:?}", path.display());
         };
         assert!(!path.exists() && to.exists(), "{}", path.display());
@@ -501,8 +507,9 @@ fn a_chunk_of_unknown_compression_is_kept() {
 #[test]
 fn channels_come_from_the_journal() {
     let directory = tempfile::tempdir().expect("a directory");
-    let recorder = store::Recorder::start(directory.path(), "run", session(), Options::default())
-        .expect("started");
+    let recorder =
+        atvrec_store::Recorder::start(directory.path(), "run", session(), Options::default())
+            .expect("started");
     for arrival in arrivals(7, 3_000) {
         while !recorder.push(arrival.clone()) {
             std::thread::sleep(Duration::from_millis(1));
@@ -557,7 +564,10 @@ fn a_recovered_log_replaces_no_other() {
         let path = write_active(directory.path(), &bytes[..length]);
         std::fs::write(&other, b"another recording").expect("written");
         let error = recover(&path).expect_err("the name is taken");
-        assert!(matches!(error, store::Error::NameTaken { .. }), "{error}");
+        assert!(
+            matches!(error, atvrec_store::Error::NameTaken { .. }),
+            "{error}"
+        );
         assert_eq!(std::fs::read(&other).expect("there"), b"another recording");
         assert_eq!(std::fs::read(&path).expect("there"), bytes[..length]);
     }
@@ -609,7 +619,7 @@ fn a_recovery_that_is_stopped_changes_nothing() {
     };
     assert!(matches!(
         recover_with(&path, &options),
-        Err(store::Error::Stopped(_))
+        Err(atvrec_store::Error::Stopped(_))
     ));
     assert_eq!(
         std::fs::read_dir(directory.path())

@@ -4,10 +4,10 @@ mod common;
 
 use std::collections::BTreeMap;
 
+use atvrec_store::{LogWriter, Missing, Options, Reader, Record, Selection, Writer};
 use common::{START, arrivals, estimate, records, session};
 use proptest::prelude::*;
 use sample::{Arrival, LogTime};
-use store::{LogWriter, Missing, Options, Reader, Record, Selection, Writer};
 
 fn write(arrivals: &[Arrival], records: &[Record], options: &Options) -> Vec<u8> {
     let mut writer =
@@ -213,7 +213,7 @@ fn different_runs_are_not_mixed() {
     let directory = tempfile::tempdir().expect("a directory");
     let paths = ["a", "b"].map(|run| {
         let path = directory.path().join(run);
-        let session = store::Session {
+        let session = atvrec_store::Session {
             run_id: run.to_owned(),
             ..session()
         };
@@ -223,7 +223,7 @@ fn different_runs_are_not_mixed() {
     });
     assert!(matches!(
         Reader::open(&paths),
-        Err(store::Error::MixedRuns { .. })
+        Err(atvrec_store::Error::MixedRuns { .. })
     ));
 }
 

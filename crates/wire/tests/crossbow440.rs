@@ -1,16 +1,16 @@
 //! The Crossbow decoder against reference vectors and against noise.
 
+use atvrec_wire::crossbow440::{BitStatus, Decoder, Increments, Packet, PacketRate, Scaled};
+use atvrec_wire::{Message, Statistics};
 use proptest::prelude::*;
 use sample::{DeviceTime, Measurement};
-use wire::crossbow440::{BitStatus, Decoder, Increments, Packet, PacketRate, Scaled};
-use wire::{Message, Statistics};
 
 mod common;
 
 fn decode(bytes: &[u8]) -> (Vec<Packet>, Statistics) {
     let mut decoder = Decoder::default();
     let mut packets = Vec::new();
-    let mut sink = |item: wire::Item<'_>| {
+    let mut sink = |item: atvrec_wire::Item<'_>| {
         if let Message::Crossbow440(packet) = item.message {
             packets.push(packet);
         }
@@ -219,7 +219,7 @@ proptest! {
         // Any cut of the stream gives the same.
         let mut decoder = Decoder::default();
         let mut again = Vec::new();
-        let mut sink = |item: wire::Item<'_>| if let Message::Crossbow440(p) = item.message { again.push(p) };
+        let mut sink = |item: atvrec_wire::Item<'_>| if let Message::Crossbow440(p) = item.message { again.push(p) };
         for chunk in common::cut(&bytes, &cuts) {
             decoder.push(chunk, &mut sink);
         }

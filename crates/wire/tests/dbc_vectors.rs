@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use atvrec_wire::candump;
+use atvrec_wire::dbc::{Database, MessageDef};
 use sample::{CanFlags, CanFrame};
 use serde_json::Value;
-use wire::candump;
-use wire::dbc::{Database, MessageDef};
 
 /// A folder of the test data; `None` if it is missing.
 fn folder(name: &str) -> Option<PathBuf> {

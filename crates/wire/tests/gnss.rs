@@ -1,11 +1,11 @@
 //! The receiver decoder against reference decodes, mixtures and noise.
 
+use atvrec_wire::gnss::Decoder;
+use atvrec_wire::novatel::{self, Log};
+use atvrec_wire::sbf::{self, Block};
+use atvrec_wire::{Message, Protocol, Statistics, nmea};
 use proptest::prelude::*;
 use serde_json::Value;
-use wire::gnss::Decoder;
-use wire::novatel::{self, Log};
-use wire::sbf::{self, Block};
-use wire::{Message, Protocol, Statistics, nmea};
 
 mod common;
 
@@ -14,7 +14,7 @@ type Found = (Protocol, &'static str, Message, std::ops::Range<u64>);
 fn decode(bytes: &[u8]) -> (Vec<Found>, Statistics) {
     let mut decoder = Decoder::new();
     let mut found = Vec::new();
-    let mut sink = |i: wire::Item<'_>| found.push((i.protocol, i.name, i.message, i.range));
+    let mut sink = |i: atvrec_wire::Item<'_>| found.push((i.protocol, i.name, i.message, i.range));
     decoder.push(bytes, &mut sink);
     decoder.finish(&mut sink);
     (found, decoder.statistics())
@@ -518,8 +518,8 @@ fn a_stray_dollar_does_not_swallow_a_novatel_log() {
 /// Heading, velocity and position as sent come out in the project's axes.
 #[test]
 fn axes_and_signs() {
+    use atvrec_wire::geodesy::Geodetic;
     use sample::Measurement;
-    use wire::geodesy::Geodetic;
     let place = Geodetic {
         latitude_rad: 0.57,
         longitude_rad: -1.49,
@@ -636,7 +636,7 @@ proptest! {
         }
         let mut decoder = Decoder::new();
         let mut again = Vec::new();
-        let mut sink = |i: wire::Item<'_>| again.push((i.protocol, i.name, i.message, i.range));
+        let mut sink = |i: atvrec_wire::Item<'_>| again.push((i.protocol, i.name, i.message, i.range));
         for chunk in common::cut(&bytes, &cuts) {
             decoder.push(chunk, &mut sink);
         }

@@ -1,4 +1,5 @@
-//! `atvrec calibrate`: what a workshop finds, one step a command, into one calibration file.
+//! `atvrec calibrate`: calibrate the sensors from workshop logs. Each step is a command and adds its
+//! values to one calibration file.
 
 mod gnss;
 mod imu;
@@ -19,19 +20,19 @@ use crate::output::target::{Kind, Target};
 
 use recording::Recording;
 
-/// The logs on the bench, and the calibration as it is known so far.
+/// Logs of a step, and the calibration so far.
 pub struct Bench {
     /// Logs, at least one, all of one vehicle.
     pub recordings: Vec<Recording>,
-    /// What earlier steps found; each step adds its part.
+    /// Calibration of the earlier steps, to which the step adds its values.
     pub calibration: Calibration,
 }
 
-/// Calibrates.
+/// Runs the command.
 pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let args = command.shared();
     let inputs = || args.logs.iter().map(|log| &**log);
-    // What other steps wrote into the file is kept, so that the file is not replaced.
+    // The values of other steps in the file are kept, so that `--force` is not needed.
     let output = Target::new(&args.output, Kind::Toml, true, inputs())?;
     let page = args.report.as_ref();
     let page = page.map(|path| Target::new(path, Kind::Page, args.replace.force, inputs()));
@@ -52,9 +53,9 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
         let title = format!("Calibration: {title}");
         page.write(&findings::page(&title, bench.facts(), &results))?;
     }
-    findings::tell(&results, args.json)?;
+    findings::print(&results, args.json)?;
     if !args.json {
-        println!("written: {}", args.output.display());
+        println!("wrote {}", args.output.display());
     }
     Ok(Outcome::Good)
 }
@@ -71,8 +72,8 @@ impl Bench {
         for other in &recordings {
             ensure!(
                 other.vehicle.name == name && other.sensors == first.sensors,
-                "{} is of vehicle \"{}\" with sensors \"{}\", {} of \"{name}\" with \"{}\"; \
-                 calibrate one vehicle at a time",
+                "{} is a log of vehicle \"{}\" with sensors \"{}\", but {} is a log of vehicle \
+                 \"{name}\" with sensors \"{}\"; give logs of one vehicle",
                 other.path.display(),
                 other.vehicle.name,
                 other.sensors.name,
@@ -102,7 +103,7 @@ impl Bench {
     }
 }
 
-/// What earlier steps wrote; nominal where there is no file yet.
+/// Calibration of the earlier steps; the nominal calibration if there is no file yet.
 fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
     let text = match read_text(path, TOML_MAX) {
         Ok(text) => text,
@@ -114,11 +115,11 @@ fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
         }
     };
     let known = Calibration::from_toml(&text)
-        .with_context(|| format!("{} is kept as it is", path.display()))?;
+        .with_context(|| format!("cannot use {}; the file is not changed", path.display()))?;
     ensure!(
         known.vehicle == vehicle,
-        "{} is the calibration of \"{}\", the log is of \"{vehicle}\"; it is kept as it is: name \
-         another file with -o",
+        "{} is the calibration of vehicle \"{}\", but the log is of vehicle \"{vehicle}\"; the file \
+         is not changed; choose another file with --output",
         path.display(),
         known.vehicle,
     );
@@ -130,6 +131,9 @@ fn one_log<'a>(recordings: &'a [Recording], step: &str) -> anyhow::Result<&'a Re
     let paths: Vec<&PathBuf> = recordings.iter().map(|r| &r.path).collect();
     match recordings {
         [one] => Ok(one),
-        _ => anyhow::bail!("{step} takes one log, not {}: {paths:?}", recordings.len()),
+        _ => anyhow::bail!(
+            "the step {step} needs one log, but {} were given: {paths:?}",
+            recordings.len()
+        ),
     }
 }

@@ -1,4 +1,4 @@
-//! `atvrec identify`: parameters of the vehicle from logs of drives.
+//! `atvrec identify`: identify parameters of the vehicle from logs of drives.
 
 mod handling;
 mod outputs;
@@ -42,22 +42,22 @@ struct Found {
     overrides: Overrides,
 }
 
-/// Identifies.
+/// Runs the command.
 pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
     let outputs = Outputs::check(command)?;
-    let (found, tell) = match command {
-        IdentifyCommand::Cornering(args) => (cornering(args)?, &args.tell),
-        IdentifyCommand::Tyre(args) => (tyre(args)?, &args.shared.tell),
-        IdentifyCommand::RollPitch(args) => (roll_pitch(args)?, &args.tell),
-        IdentifyCommand::Inertia(args) => (inertia(args)?, &args.shared.tell),
-        IdentifyCommand::RollCentre(args) => (roll_centre(args)?, &args.tell),
-        IdentifyCommand::Understeer(args) => (understeer(args)?, &args.tell),
-        IdentifyCommand::Response(args) => (response(args)?, &args.shared.tell),
-        IdentifyCommand::Friction(args) => (friction(args)?, &args.tell),
+    let (found, output) = match command {
+        IdentifyCommand::Cornering(args) => (cornering(args)?, &args.output),
+        IdentifyCommand::Tyre(args) => (tyre(args)?, &args.shared.output),
+        IdentifyCommand::RollPitch(args) => (roll_pitch(args)?, &args.output),
+        IdentifyCommand::Inertia(args) => (inertia(args)?, &args.shared.output),
+        IdentifyCommand::RollCentre(args) => (roll_centre(args)?, &args.output),
+        IdentifyCommand::Understeer(args) => (understeer(args)?, &args.output),
+        IdentifyCommand::Response(args) => (response(args)?, &args.shared.output),
+        IdentifyCommand::Friction(args) => (friction(args)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
     };
     outputs.write(&found)?;
-    findings::tell(&found.results, tell.json)?;
+    findings::print(&found.results, output.json)?;
     Ok(Outcome::Good)
 }
 
@@ -192,7 +192,10 @@ fn kinds(name: Option<&str>) -> anyhow::Result<Vec<tyre::Kind>> {
         .find(|kind| kind.name() == name)
         .map(|kind| vec![kind])
         .ok_or_else(|| {
-            UsageError(format!("\"{name}\" is no tyre model; there are: {known}")).into()
+            UsageError(format!(
+                "\"{name}\" is not a tyre model; use one of: {known}"
+            ))
+            .into()
         })
 }
 
@@ -284,8 +287,8 @@ fn inertia(args: &InertiaArgs) -> anyhow::Result<Found> {
     )?;
     if ride.fused {
         result.notes.push(
-            "the log's forces are the fusion filter's, which knows the vehicle file's inertia; for \
-             an independent value replay the log with estimator.method = \"thesis\""
+            "the forces in the log are from the fusion filter, which uses the inertia in the vehicle \
+             file; for an independent value, replay the log with --method thesis"
                 .to_owned(),
         );
     }
@@ -300,7 +303,7 @@ fn inertia(args: &InertiaArgs) -> anyhow::Result<Found> {
 
 fn pendulum(args: &InertiaArgs, kind: PendulumKind) -> anyhow::Result<Found> {
     let needs = |value: Option<f64>, name: &str| {
-        value.ok_or_else(|| UsageError(format!("a pendulum of this kind needs --{name}")))
+        value.ok_or_else(|| UsageError(format!("this kind of pendulum needs --{name}")))
     };
     let record = ride::Swing::read(&args.shared, &args.axis)?;
     let mass_kg = args.mass_kg.unwrap_or(record.vehicle.body.mass_kg);
@@ -384,7 +387,9 @@ fn response(args: &ResponseArgs) -> anyhow::Result<Found> {
             found.results = vec![one];
         }
         (Err(step), Err(frequency)) => {
-            return Err(step).context(format!("neither steps nor frequencies; {frequency}"));
+            return Err(step).context(format!(
+                "the drive gives neither a step response nor a frequency response: {frequency}"
+            ));
         }
     }
     Ok(found)

@@ -1,4 +1,4 @@
-//! `atvrec info`.
+//! `atvrec info`: show the contents of a log.
 
 use std::fmt::Write as _;
 
@@ -11,12 +11,12 @@ use store::{Info, Reader, UtcOffset, utc_ns};
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
 
-/// Tells what a log holds.
+/// Runs the command.
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let mut info = reader.info();
     info.missing.extend(reader.changed()?);
-    info.span = info.span.map(|span| recorded(&reader, span));
+    info.span = info.span.map(|span| recorded_span(&reader, span));
     let utc = reader.utc_offset()?;
     if args.json {
         println!("{:#}", as_json(&info, &reader, utc));
@@ -26,9 +26,9 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// From when on the log tells what came. A part of a run repeats the states that last with their own
-/// time, which may be that of the run's first second; its first arrival is no such repetition.
-fn recorded(reader: &Reader, (first, last): (LogTime, LogTime)) -> (LogTime, LogTime) {
+/// Time span of the recorded data. A part begins with latched messages, whose times may be in the first
+/// second of the run, so that the span begins with the first arrival.
+fn recorded_span(reader: &Reader, (first, last): (LogTime, LogTime)) -> (LogTime, LogTime) {
     let arrival = reader.arrivals().find_map(Result::ok);
     (arrival.map_or(first, |arrival| arrival.log_time), last)
 }
@@ -160,7 +160,7 @@ fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::
     })
 }
 
-/// Bytes for people.
+/// Size in a suitable unit.
 fn size(bytes: u64) -> String {
     match bytes {
         0..1_000 => format!("{bytes} B"),

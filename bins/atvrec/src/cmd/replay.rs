@@ -280,7 +280,7 @@ fn skipped(reader: &Reader) -> anyhow::Result<Skipped> {
     let mut skipped = Skipped::default();
     for arrival in reader.notices() {
         if let Payload::Notice(notice) = arrival?.payload {
-            skipped.note(&notice);
+            skipped.add(&notice);
         }
     }
     Ok(skipped)

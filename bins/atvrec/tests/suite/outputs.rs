@@ -220,7 +220,7 @@ fn a_name_must_fit_what_is_written() {
     refused(
         here,
         &["report", "drive.mcap", "-o", "absent/x.html"],
-        "no directory absent",
+        "the directory absent does not exist",
     );
     refused(here, &["report", "drive.mcap", "-o", "."], "is a directory");
 }

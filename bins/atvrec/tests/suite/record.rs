@@ -254,7 +254,7 @@ fn marks_and_state_go_through_the_control_socket() {
         .assert()
         .code(1);
     let text = crate::support::stderr(&assert);
-    assert!(text.contains("no recorder answers"), "{text}");
+    assert!(text.contains("cannot connect to a recorder"), "{text}");
 
     let mut recorder = Recorder::start(directory.path());
     atvrec(directory.path())

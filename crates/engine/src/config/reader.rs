@@ -1,4 +1,4 @@
-//! Reads a TOML table field by field and gathers every problem instead of stopping at the first.
+//! Reads a TOML table field by field and collects every problem instead of stopping at the first.
 
 use std::fmt;
 use std::ops::Range;
@@ -9,18 +9,18 @@ use sample::text::printable;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// One thing wrong with a configuration file.
+/// A problem of a configuration file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// The file, as the user named it.
+    /// Name of the file.
     pub file: String,
-    /// Line, from 1; 0 where the file as a whole is meant.
+    /// Line, from 1; 0 for a problem of the whole file.
     pub line: usize,
-    /// Column, from 1; 0 where only the line is known.
+    /// Column, from 1; 0 if only the line is known.
     pub column: usize,
-    /// Dotted name of the field, such as `source.imu.baud`; empty for the file as a whole.
+    /// Dotted name of the field, such as `source.imu.baud`; empty for a problem of the whole file.
     pub field: String,
-    /// What is wrong, with the value.
+    /// Description with the value.
     pub message: String,
     /// What to do about it.
     pub help: String,
@@ -47,7 +47,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// All that is wrong with a configuration.
+/// All problems of a configuration.
 #[derive(Debug, thiserror::Error)]
 pub struct Problems(pub Vec<Problem>);
 
@@ -63,12 +63,12 @@ impl fmt::Display for Problems {
     }
 }
 
-/// Longest TOML text that is read, bytes.
+/// Largest TOML text that is read, bytes.
 pub const TOML_MAX: usize = 1 << 20;
-/// Problems of one file that are reported one by one.
+/// Most problems of a file that are reported.
 const PROBLEMS_MAX: usize = 100;
 
-/// Gathers the problems of one file.
+/// Collects the problems of a file.
 pub struct Gatherer<'t> {
     file: &'t str,
     text: &'t str,
@@ -78,7 +78,7 @@ pub struct Gatherer<'t> {
 }
 
 impl<'t> Gatherer<'t> {
-    /// A gatherer for the file called `file` whose text is `text`.
+    /// Collector for the file with the name `file` and the content `text`.
     pub fn new(file: &'t str, text: &'t str) -> Self {
         Self {
             file,
@@ -88,7 +88,7 @@ impl<'t> Gatherer<'t> {
         }
     }
 
-    /// Adds a problem with the part of the text at `span`.
+    /// Adds a problem at `span` of the text.
     pub fn add(
         &mut self,
         span: &Range<usize>,
@@ -114,7 +114,7 @@ impl<'t> Gatherer<'t> {
     /// Adds a problem that the TOML parser found.
     pub fn add_syntax(&mut self, error: &toml::de::Error) {
         let span = error.span().unwrap_or(0..0);
-        self.add(&span, "", error.message(), "correct the TOML syntax here");
+        self.add(&span, "", error.message(), "correct the TOML syntax");
     }
 
     /// Adds problems of another file.
@@ -132,12 +132,12 @@ impl<'t> Gatherer<'t> {
         self.problems.len() >= PROBLEMS_MAX
     }
 
-    /// Whether nothing is wrong so far.
+    /// Whether there is no problem so far.
     pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// The problems, in the order of the text.
+    /// Problems in the order of the text.
     pub fn into_problems(mut self) -> Vec<Problem> {
         let own = self.file;
         self.problems.sort_by(|a, b| {
@@ -150,20 +150,22 @@ impl<'t> Gatherer<'t> {
                 line: 0,
                 column: 0,
                 field: String::new(),
-                message: format!("{} further errors are not shown", self.more),
-                help: "correct the first ones and check again".to_owned(),
+                message: format!("{} more errors are not shown", self.more),
+                help: "correct the errors above and check again".to_owned(),
             });
         }
         self.problems
     }
 }
 
-/// The table of a TOML text; syntax errors, a text of absurd size and a panic of the parser are
-/// problems.
+/// Parses a TOML text. Syntax errors, a text above [`TOML_MAX`] and a panic of the parser are problems.
 pub fn parse<'t>(text: &'t str, gather: &mut Gatherer<'_>) -> Option<Spanned<DeTable<'t>>> {
     if text.len() > TOML_MAX {
-        let message = format!("has {} bytes; it may have {TOML_MAX}", text.len());
-        gather.add(&(0..0), "", message, "name the right file");
+        let message = format!(
+            "the file has {} bytes, but the limit is {TOML_MAX}",
+            text.len()
+        );
+        gather.add(&(0..0), "", message, "check the name of the file");
         return None;
     }
     match guarded(|| DeTable::parse_recoverable(text)) {
@@ -189,9 +191,9 @@ pub fn line_and_column(text: &str, position: usize) -> (usize, usize) {
     (line, column)
 }
 
-/// A value that a field can hold.
+/// Type of a field's value.
 pub trait FromValue: Sized {
-    /// What is expected, for messages: `a string`.
+    /// Name of the type in messages, such as `a string`.
     const EXPECTED: &'static str;
 
     /// The value, if it is of this type.
@@ -231,7 +233,7 @@ impl FromValue for f64 {
 }
 
 impl FromValue for u64 {
-    const EXPECTED: &'static str = "a whole number, not negative";
+    const EXPECTED: &'static str = "an integer from 0 on";
 
     fn from_value(value: &DeValue<'_>) -> Option<Self> {
         match value {
@@ -242,7 +244,7 @@ impl FromValue for u64 {
 }
 
 impl FromValue for u32 {
-    const EXPECTED: &'static str = "a whole number, not negative";
+    const EXPECTED: &'static str = "an integer from 0 on";
 
     fn from_value(value: &DeValue<'_>) -> Option<Self> {
         u64::from_value(value).and_then(|value| Self::try_from(value).ok())
@@ -275,18 +277,18 @@ impl FromValue for NumberOrList {
     }
 }
 
-/// A field's value with its place.
+/// Value of a field with its place in the text.
 #[derive(Clone, Debug)]
 pub struct Field<T> {
     /// The value.
     pub value: T,
-    /// Where it stands in the text.
+    /// Position in the text.
     pub span: Range<usize>,
     /// Dotted name.
     pub name: String,
 }
 
-/// A table whose fields are taken one after another; what is left over is unknown.
+/// A table whose fields are read one after another; fields that are never read are unknown.
 pub struct Section<'t> {
     name: String,
     span: Range<usize>,
@@ -295,7 +297,7 @@ pub struct Section<'t> {
 }
 
 impl<'t> Section<'t> {
-    /// The section `name` (empty at the top) made of `table`.
+    /// Section with this name (empty at the top) and the fields of `table`.
     pub fn new(name: &str, table: Spanned<DeTable<'t>>) -> Self {
         let span = table.span();
         let mut entries: Vec<_> = table
@@ -324,7 +326,7 @@ impl<'t> Section<'t> {
         }
     }
 
-    /// Where the section stands.
+    /// Position of the section in the text.
     pub fn span(&self) -> Range<usize> {
         self.span.clone()
     }
@@ -335,7 +337,7 @@ impl<'t> Section<'t> {
         Some(self.entries.remove(at).2)
     }
 
-    /// The field `key`, if it is there and of the right type.
+    /// The field `key`, if it exists and has the right type.
     pub fn optional<T: FromValue>(
         &mut self,
         key: &'static str,
@@ -351,7 +353,7 @@ impl<'t> Section<'t> {
                     &span,
                     &name,
                     format!(
-                        "{} found where {} is expected",
+                        "found {}, but {} is expected",
                         describe(value.get_ref()),
                         T::EXPECTED
                     ),
@@ -391,12 +393,12 @@ impl<'t> Section<'t> {
             &field.span,
             &field.name,
             format!("{} is out of range", field.value),
-            format!("give a number from {} to {}", range.start(), range.end()),
+            format!("use a number from {} to {}", range.start(), range.end()),
         );
         default
     }
 
-    /// The field `key`, whose absence is an error; `help` says what belongs there.
+    /// The field `key`, whose absence is an error; `help` describes the value.
     pub fn required<T: FromValue>(
         &mut self,
         key: &'static str,
@@ -423,7 +425,7 @@ impl<'t> Section<'t> {
             })
     }
 
-    /// The sub-table `key`, if it is there.
+    /// The sub-table `key`, if it exists.
     pub fn optional_section(
         &mut self,
         key: &'static str,
@@ -434,14 +436,14 @@ impl<'t> Section<'t> {
         Some(self.as_section(&name, value, gather))
     }
 
-    /// The sub-table `key`, if it is there.
+    /// The sub-table `key`, if it exists.
     pub fn present(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Option<Section<'t>> {
         let name = self.field_name(key);
         let value = self.take(key)?;
         Some(self.as_section(&name, value, gather))
     }
 
-    /// All sub-tables that are left, with their names; consumes the section.
+    /// All sub-tables that were not read yet, with their names.
     pub fn into_sections(mut self, gather: &mut Gatherer<'_>) -> Vec<(Field<String>, Self)> {
         let entries = std::mem::take(&mut self.entries);
         entries
@@ -472,7 +474,7 @@ impl<'t> Section<'t> {
                 gather.add(
                     &span,
                     name,
-                    format!("{} found where a table is expected", describe(&other)),
+                    format!("found {}, but a table is expected", describe(&other)),
                     format!("write a table [{name}]"),
                 );
                 Section {
@@ -485,7 +487,7 @@ impl<'t> Section<'t> {
         }
     }
 
-    /// Reports what was not asked for as unknown.
+    /// Reports the fields that were not read as unknown.
     pub fn finish(self, gather: &mut Gatherer<'_>) {
         for (key, span, _) in &self.entries {
             if gather.is_full() {
@@ -494,14 +496,14 @@ impl<'t> Section<'t> {
             }
             let help = match closest(key, &self.known) {
                 Some(near) => format!("did you mean `{near}`?"),
-                None => format!("known here: {}", self.known.join(", ")),
+                None => format!("known fields: {}", self.known.join(", ")),
             };
             gather.add(span, &self.field_name(key), "unknown field", help);
         }
     }
 }
 
-/// A value as words for messages.
+/// Description of a value for messages.
 fn describe(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("the string \"{text}\""),
@@ -523,7 +525,7 @@ fn example_of(expected: &str) -> &'static str {
     }
 }
 
-/// The known name nearest to `word`, if one is near enough to be meant.
+/// The known name that is most similar to `word`, if it is similar enough.
 pub fn closest<'k>(word: &str, known: &[&'k str]) -> Option<&'k str> {
     known
         .iter()

@@ -1,6 +1,6 @@
-use estimator::calibration::gnss::{GnssFound, GnssInput, Vectors, gnss};
-use estimator::calibration::imu::ImuSignal;
-use estimator::finding::{Findings, Refusal};
+use atvrec_estimator::calibration::gnss::{GnssFound, GnssInput, Vectors, gnss};
+use atvrec_estimator::calibration::imu::ImuSignal;
+use atvrec_estimator::finding::{Findings, Refusal};
 use nalgebra::{Rotation3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

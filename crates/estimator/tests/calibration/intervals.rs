@@ -1,14 +1,14 @@
 //! Whether the intervals of the steps that measure a few readings, or windows of a drive, hold the
 //! truth as often as they say.
 
-use estimator::Calibration;
-use estimator::calibration::gnss::Vectors;
-use estimator::calibration::imu::ImuSignal;
-use estimator::calibration::load_rig::{RigLoad, load_rig, members};
-use estimator::calibration::rest::Signal;
-use estimator::calibration::weight::{ScaleReading, weight};
-use estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
-use estimator::finding::Findings;
+use atvrec_estimator::Calibration;
+use atvrec_estimator::calibration::gnss::Vectors;
+use atvrec_estimator::calibration::imu::ImuSignal;
+use atvrec_estimator::calibration::load_rig::{RigLoad, load_rig, members};
+use atvrec_estimator::calibration::rest::Signal;
+use atvrec_estimator::calibration::weight::{ScaleReading, weight};
+use atvrec_estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
+use atvrec_estimator::finding::Findings;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use rand::SeedableRng;

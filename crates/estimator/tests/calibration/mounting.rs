@@ -3,11 +3,11 @@
 
 use std::sync::LazyLock;
 
-use estimator::Calibration;
-use estimator::calibration::imu::{ImuLog, ImuSignal, Lean, Leaning, imu};
-use estimator::calibration::rest::{Signal, Stretch};
-use estimator::calibration::zero::rest_roll_pitch_rad;
-use estimator::finding::Findings;
+use atvrec_estimator::Calibration;
+use atvrec_estimator::calibration::imu::{ImuLog, ImuSignal, Lean, Leaning, imu};
+use atvrec_estimator::calibration::rest::{Signal, Stretch};
+use atvrec_estimator::calibration::zero::rest_roll_pitch_rad;
+use atvrec_estimator::finding::Findings;
 use model::vehicle::Vehicle;
 use nalgebra::{Rotation3, Vector3};
 use sample::{PerWheel, Wheel};

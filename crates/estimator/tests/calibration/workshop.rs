@@ -1,6 +1,6 @@
-use estimator::calibration::steer::{PlateReading, steer};
-use estimator::calibration::weight::{ScaleReading, weight};
-use estimator::{Calibration, Estimator, Settings};
+use atvrec_estimator::calibration::steer::{PlateReading, steer};
+use atvrec_estimator::calibration::weight::{ScaleReading, weight};
+use atvrec_estimator::{Calibration, Estimator, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use rand::SeedableRng;

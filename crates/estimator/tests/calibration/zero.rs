@@ -1,6 +1,6 @@
-use estimator::Calibration;
-use estimator::calibration::rest::{Rest, Signal};
-use estimator::calibration::zero::{CornerRest, FaultKind, Zero, ZeroInput, zero};
+use atvrec_estimator::Calibration;
+use atvrec_estimator::calibration::rest::{Rest, Signal};
+use atvrec_estimator::calibration::zero::{CornerRest, FaultKind, Zero, ZeroInput, zero};
 use model::sensors::Sensors;
 use model::suspension::Corner;
 use model::vehicle::Vehicle;
@@ -76,7 +76,7 @@ fn found(hanging: &PerWheel<CornerRest>, known: &Calibration) -> Zero {
 fn try_zero(
     hanging: &PerWheel<CornerRest>,
     known: &Calibration,
-) -> Result<Zero, estimator::EstimatorError> {
+) -> Result<Zero, atvrec_estimator::EstimatorError> {
     zero(&ZeroInput {
         vehicle: &vehicle(),
         sensors: &sensors(),

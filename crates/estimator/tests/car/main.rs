@@ -7,13 +7,13 @@ mod road;
 mod spin;
 mod surrogate;
 
+use atvrec_estimator::finding::Refusal;
+use atvrec_estimator::identification::handling::{Identified, identify};
+use atvrec_estimator::planar::PlanarInput;
+use atvrec_estimator::score::{self, Errors};
+use atvrec_estimator::smoother::{LAG_STEPS, Smoother};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use cars::Case;
-use estimator::finding::Refusal;
-use estimator::identification::handling::{Identified, identify};
-use estimator::planar::PlanarInput;
-use estimator::score::{self, Errors};
-use estimator::smoother::{LAG_STEPS, Smoother};
-use estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{

@@ -1,5 +1,5 @@
-use estimator::finding::Refusal;
-use estimator::identification::cornering::{Body, Options, identify};
+use atvrec_estimator::finding::Refusal;
+use atvrec_estimator::identification::cornering::{Body, Options, identify};
 use model::vehicle::Vehicle;
 
 use crate::coverage;

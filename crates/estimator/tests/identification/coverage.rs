@@ -6,7 +6,7 @@
 pub fn covers(
     seeds: std::ops::Range<u64>,
     truths: &[(&str, f64)],
-    find: impl Fn(u64) -> estimator::finding::Findings,
+    find: impl Fn(u64) -> atvrec_estimator::finding::Findings,
 ) {
     let count = (seeds.end - seeds.start) as f64;
     let found: Vec<_> = seeds.map(find).collect();

@@ -1,6 +1,6 @@
 //! The independent simulator's runs, whose parameters stand in its params.json.
 
-use estimator::identification::{Drive, cornering, roll_centre, roll_pitch, tyre};
+use atvrec_estimator::identification::{Drive, cornering, roll_centre, roll_pitch, tyre};
 use sample::{PerWheel, Wheel};
 
 use crate::run::{self, Run};

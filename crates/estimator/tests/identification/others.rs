@@ -1,10 +1,10 @@
 //! Understeer, roll and pitch, response, tyre and inertia.
 
-use estimator::finding::{Findings, Refusal};
-use estimator::identification::{
+use atvrec_estimator::finding::{Findings, Refusal};
+use atvrec_estimator::identification::{
     Drive, inertia, response, roll_centre, roll_pitch, tyre, understeer,
 };
-use estimator::regression::least_squares;
+use atvrec_estimator::regression::least_squares;
 use model::chassis::four_wheel::Parameters;
 use model::tyre::{Contact, Tyre};
 use model::vehicle::Vehicle;

@@ -1,6 +1,6 @@
 //! Drives of the four-wheel model as arrays, and sensors' noise on them.
 
-use estimator::identification::Drive;
+use atvrec_estimator::identification::Drive;
 use model::chassis::four_wheel::{Inputs, Parameters, State, outputs};
 use model::simulation::Model;
 use model::vehicle::Vehicle;

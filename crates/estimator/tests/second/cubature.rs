@@ -3,12 +3,12 @@
 //! filters", IEEE Trans. Automatic Control 54 (2009) 1254-1269). Late measurements are taken in at
 //! the instant that they are for, and what came after is done again.
 
-use estimator::motion::{
+use atvrec_estimator::motion::{
     ACCEL_BIAS, ATTITUDE, GYRO_BIAS, MotionFilter, MotionSettings, STATES, Solution, VELOCITY,
     VelocityReceiver,
 };
-use estimator::triads::Triads;
-use estimator::tuning::MotionTuning;
+use atvrec_estimator::triads::Triads;
+use atvrec_estimator::tuning::MotionTuning;
 use model::sensors::Sensors;
 use nalgebra::{Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
 use sample::{ImuSample, LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};

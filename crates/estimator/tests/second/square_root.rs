@@ -3,7 +3,7 @@
 //! Automatic Control 16 (1971) 727-736). All measurements between two changes of the state are
 //! taken at once.
 
-use estimator::trace::{Operation, Term, Update};
+use atvrec_estimator::trace::{Operation, Term, Update};
 use nalgebra::{DMatrix, DVector};
 
 pub struct SquareRoot {

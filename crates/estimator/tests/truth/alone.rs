@@ -1,7 +1,7 @@
 //! What deflection alone, the vehicle model alone and the thesis's own method say of the forces.
 
-use estimator::calibration::Resolved;
-use estimator::{Calibration, Method, Settings};
+use atvrec_estimator::calibration::Resolved;
+use atvrec_estimator::{Calibration, Method, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{Measurement, PerWheel, Sample};

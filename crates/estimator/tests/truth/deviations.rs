@@ -1,6 +1,6 @@
 //! Whether the deviations of the forces hold on a run.
 
-use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
+use atvrec_estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use sample::Wheel;
 
 use super::judge::{Result, row};

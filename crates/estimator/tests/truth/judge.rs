@@ -1,6 +1,6 @@
 //! The estimator over a run's samples, and its errors against the truth.
 
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{Estimate, Event, Sample, Wheel};

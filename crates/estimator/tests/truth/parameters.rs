@@ -1,6 +1,6 @@
 //! What the estimator finds beside motion and forces, against what the run was made with.
 
-use estimator::{Calibration, Estimator, Output, Settings};
+use atvrec_estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{AxleGrip, ImuSample, Measurement, Parameters, Sample};

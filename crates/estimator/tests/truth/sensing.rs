@@ -1,7 +1,7 @@
 //! The thesis's sensors on a truth run: lag, bias, noise, quantisation and latency, seeded.
 
-use estimator::Calibration;
-use estimator::calibration::{Channel, Resolved};
+use atvrec_estimator::Calibration;
+use atvrec_estimator::calibration::{Channel, Resolved};
 use model::sensors::Sensors;
 use model::strain::Lag;
 use model::suspension::Corner;

@@ -1,6 +1,6 @@
 //! Wheels in the air, against the run on jackstands.
 
-use model::suspension::Corner;
+use atvrec_model::suspension::Corner;
 use nalgebra::Vector3;
 use sample::Wheel;
 

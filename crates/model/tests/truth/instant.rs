@@ -1,10 +1,10 @@
 //! All four corners at one row of a truth run, with any one term of the statics left out.
 
-use model::suspension::{
+use atvrec_model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, MemberForces,
     TyreFrame, Wrench, ground_plane, inboard_excess_n,
 };
-use model::vehicle::{Axle, Vehicle};
+use atvrec_model::vehicle::{Axle, Vehicle};
 use nalgebra::Vector3;
 use sample::{PerWheel, Wheel};
 

@@ -1,6 +1,6 @@
 //! Positions and angles of every corner.
 
-use model::suspension::{Corner, CornerPose};
+use atvrec_model::suspension::{Corner, CornerPose};
 use nalgebra::Vector3;
 use sample::Wheel;
 

@@ -1,6 +1,6 @@
 //! Reads a few columns of a truth run in place.
 
-use model::vehicle::Vehicle;
+use atvrec_model::vehicle::Vehicle;
 use nalgebra::Vector3;
 
 /// The vehicle of the runs; `None` if the data is missing.

@@ -1,7 +1,7 @@
 //! Tyre forces from member forces and back, with every term and with one left out.
 
-use model::suspension::{ChannelKind, Corner, Parity, vertical_force_n};
-use model::vehicle::Vehicle;
+use atvrec_model::suspension::{ChannelKind, Corner, Parity, vertical_force_n};
+use atvrec_model::vehicle::Vehicle;
 use nalgebra::{SMatrix, Vector3, Vector6};
 use sample::{PerWheel, Wheel};
 

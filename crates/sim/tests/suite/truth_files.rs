@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use model::sensors::Sensors;
 
+use atvrec_sim::{Motion, Options, SimError, VirtualVehicle, WheelTruth};
 use parquet::data_type::DoubleType;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use sample::Wheel;
-use sim::{Motion, Options, SimError, VirtualVehicle, WheelTruth};
 
 use crate::support;
 
@@ -27,8 +27,8 @@ fn column(index: usize, name: &str) -> Vec<f64> {
 }
 
 fn names(optional: bool) -> Vec<String> {
-    let extra = sim::optional_columns().filter(|_| optional);
-    sim::required_columns().chain(extra).collect()
+    let extra = atvrec_sim::optional_columns().filter(|_| optional);
+    atvrec_sim::required_columns().chain(extra).collect()
 }
 
 fn write_csv(path: &Path, names: &[String]) {

@@ -1,9 +1,9 @@
 //! The converter from `params.json` to a vehicle file.
 
+use atvrec_sim::vehicle_from_truth_params;
 use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use sample::Wheel;
-use sim::vehicle_from_truth_params;
 
 fn vehicle() -> Option<Vehicle> {
     params_text().map(|text| vehicle_from_truth_params(&text).expect("params.json converts"))

@@ -1,6 +1,10 @@
 //! A run with every kind of arrival and record.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+use atvrec_store::{
+    Attachment, ClockFit, ClockState, DynamicMessage, LogMessage, Pose, Record, Session,
+    SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset,
+};
 use math::Random;
 use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
@@ -9,10 +13,6 @@ use sample::{
     LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Rollover, Sample,
     Severity, Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
     WheelSpeedSample,
-};
-use store::{
-    Attachment, ClockFit, ClockState, DynamicMessage, LogMessage, Pose, Record, Session,
-    SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset,
 };
 
 /// Log clock at the start of the run.

@@ -1,4 +1,4 @@
-//! `atvrec calibrate gnss`.
+//! `atvrec calibrate gnss` and `wheel-radius`.
 
 use anyhow::Context;
 use estimator::calibration::gnss::{GnssInput, Vectors, gnss, sigma_of};
@@ -16,7 +16,7 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     let imu = recording.body_imu(&resolved);
     let (attitude_name, attitude) = recording.attitude.iter().next().with_context(|| {
         format!(
-            "{}: no receiver measures attitude, so that no heading is known; record the attitude \
+            "{}: the log has no GNSS attitude, so that the heading is unknown; record the attitude \
              receiver in the same drive",
             recording.path.display()
         )
@@ -63,7 +63,7 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     }
     anyhow::ensure!(
         !results.is_empty(),
-        "{}: no receiver measures velocity; record one",
+        "{}: the log has no GNSS velocity; record a receiver with velocity",
         recording.path.display()
     );
     bench.calibration = found;
@@ -80,7 +80,7 @@ pub fn wheels(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     let imu = recording.body_imu(&resolved);
     let velocity = fastest(recording).with_context(|| {
         format!(
-            "{}: no receiver measures velocity; record one",
+            "{}: the log has no GNSS velocity; record a receiver with velocity",
             recording.path.display()
         )
     })?;
@@ -98,7 +98,7 @@ pub fn wheels(bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
     Ok(vec![found.findings])
 }
 
-/// The receiver with the most velocities.
+/// Receiver with the most velocities.
 fn fastest(recording: &Recording) -> Option<&recording::Vectors> {
     let receivers = recording.velocity.values();
     receivers.max_by_key(|velocity| velocity.time_s.len())

@@ -1,4 +1,4 @@
-//! `atvrec calibrate imu`.
+//! `atvrec calibrate imu`: bias and misalignment of the inertial unit.
 
 use estimator::calibration::Resolved;
 use estimator::calibration::imu::{ImuLog, imu};

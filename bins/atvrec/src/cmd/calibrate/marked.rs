@@ -1,5 +1,5 @@
-//! Steps whose loads and readings a person marks: `weight`, `load-rig`, `steer`. After a mark
-//! everything rests for two seconds.
+//! Steps with loads and readings in marks: `weight`, `load-rig`, `steer`. After a mark the vehicle must
+//! be at rest for two seconds.
 
 use anyhow::Context;
 use estimator::calibration::Resolved;
@@ -15,7 +15,7 @@ use super::{Bench, one_log};
 use crate::cli::{SteerArgs, WeightArgs};
 use crate::exit::UsageError;
 
-/// How long everything rests after a mark, s.
+/// Time at rest after a mark, s.
 const REST_S: f64 = 2.0;
 /// Standard gravity, for loads in kg, m/s^2.
 const NEWTONS_PER_KG: f64 = sample::STANDARD_GRAVITY_M_S2;
@@ -41,7 +41,8 @@ pub fn weigh(args: &WeightArgs, bench: &mut Bench) -> anyhow::Result<Vec<Finding
                 .max_by(|a, b| (a.to_s - a.from_s).total_cmp(&(b.to_s - b.from_s)))
                 .with_context(|| {
                     format!(
-                        "{}: the vehicle never rests for 2 s",
+                        "{}: the vehicle is never at rest for 2 s; do not touch it while it is on \
+                         the scales",
                         recording.path.display()
                     )
                 })?;
@@ -50,8 +51,8 @@ pub fn weigh(args: &WeightArgs, bench: &mut Bench) -> anyhow::Result<Vec<Finding
         }
         if args.scales.len() != bench.recordings.len() {
             return Err(UsageError(format!(
-                "{} logs, but --scales is given {} times; give the scales of each log, in the \
-                 logs' order",
+                "there are {} logs, but --scales is given {} times; give it once for each log, in \
+                 the order of the logs",
                 bench.recordings.len(),
                 args.scales.len()
             ))
@@ -94,7 +95,7 @@ fn compression(
         .map(|counts| channel.gain * (counts - channel.offset_counts))
         .with_context(|| {
             format!(
-                "{}: no deflection of {wheel} at {time_s:.1} s; mend the potentiometer",
+                "{}: no deflection of {wheel} at {time_s:.1} s; check the potentiometer",
                 recording.path.display()
             )
         })
@@ -149,7 +150,7 @@ pub fn plates(args: &SteerArgs, bench: &mut Bench) -> anyhow::Result<Vec<Finding
         readings.push(PlateReading {
             hand_wheel_rad: hand_wheel.with_context(|| {
                 format!(
-                    "{}: no hand wheel at {time_s:.1} s",
+                    "{}: no steering-wheel angle at {time_s:.1} s; check its sensor",
                     recording.path.display()
                 )
             })?,
@@ -161,7 +162,7 @@ pub fn plates(args: &SteerArgs, bench: &mut Bench) -> anyhow::Result<Vec<Finding
     Ok(vec![found.findings])
 }
 
-/// Marks `<word> <number>...` with their instants.
+/// Marks `<word> <number>...` with their times.
 fn marked(recording: &Recording, word: &str, count: usize) -> anyhow::Result<Vec<(f64, Vec<f64>)>> {
     let mut found = Vec::new();
     for (time_s, text) in &recording.marks {
@@ -178,7 +179,7 @@ fn marked(recording: &Recording, word: &str, count: usize) -> anyhow::Result<Vec
     Ok(found)
 }
 
-/// Marks `rig <wheel> <F_x> <F_y> <F_z>` with their instants.
+/// Marks `rig <wheel> <F_x> <F_y> <F_z>` with their times.
 fn rig_marks(recording: &Recording) -> anyhow::Result<Vec<(f64, Wheel, [f64; 3])>> {
     let mut found = Vec::new();
     for (time_s, text) in &recording.marks {
@@ -193,14 +194,14 @@ fn rig_marks(recording: &Recording) -> anyhow::Result<Vec<(f64, Wheel, [f64; 3])
         };
         let (name, rest) = rest.trim().split_once(' ').unwrap_or((rest, ""));
         let wheel = Wheel::from_abbreviation(name)
-            .ok_or_else(|| problem(format!("\"{name}\" is no wheel; FL, FR, RL or RR")))?;
+            .ok_or_else(|| problem(format!("\"{name}\" is not a wheel; use FL, FR, RL or RR")))?;
         let values = numbers(rest, 3).map_err(problem)?;
         found.push((*time_s, wheel, [values[0], values[1], values[2]]));
     }
     Ok(found)
 }
 
-/// Numbers apart by blanks or commas; `kg` at the end turns masses into loads.
+/// Numbers that are separated by blanks or commas; with `kg` at the end, masses are converted to loads.
 fn numbers(text: &str, count: usize) -> Result<Vec<f64>, String> {
     let (text, factor) = match text.trim().strip_suffix("kg") {
         Some(masses) => (masses, NEWTONS_PER_KG),
@@ -210,13 +211,16 @@ fn numbers(text: &str, count: usize) -> Result<Vec<f64>, String> {
     let values: Vec<f64> = parts
         .map(|part| {
             let value = part.parse::<f64>().ok().filter(|value| value.is_finite());
-            value.ok_or_else(|| format!("\"{part}\" is no number"))
+            value.ok_or_else(|| format!("\"{part}\" is not a number"))
         })
         .collect::<Result<_, _>>()?;
     if values.len() == count {
         Ok(values.into_iter().map(|value| value * factor).collect())
     } else {
-        Err(format!("{} numbers, {count} are needed", values.len()))
+        Err(format!(
+            "there are {} numbers, but {count} are needed",
+            values.len()
+        ))
     }
 }
 

@@ -1,4 +1,4 @@
-//! A log as columns: what calibration reads.
+//! Columns of a log for the calibration.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ const TOPICS: [&str; 7] = [
     "/mark",
 ];
 
-/// Values and when they were true, s since the log's start.
+/// Values and their times of validity, s from the start of the log.
 #[derive(Debug, Default)]
 pub struct Column {
     time_s: Vec<f64>,
@@ -34,14 +34,14 @@ pub struct Column {
 
 impl Column {
     fn push(&mut self, time_s: f64, value: f64) {
-        // A stamp that was corrected backwards would break the order.
+        // A time that decreases, after a correction of a clock, is ignored to keep the order.
         if self.time_s.last().is_none_or(|last| time_s > *last) {
             self.time_s.push(time_s);
             self.value.push(value);
         }
     }
 
-    /// As the estimator's functions take it.
+    /// View for the functions of the estimator.
     pub fn signal(&self) -> Signal<'_> {
         Signal {
             time_s: &self.time_s,
@@ -49,7 +49,7 @@ impl Column {
         }
     }
 
-    /// The value next to an instant.
+    /// Value at or after a time.
     fn near(&self, time_s: f64) -> Option<f64> {
         let next = self.time_s.partition_point(|&known_s| known_s < time_s);
         let last = self.value.len().checked_sub(1)?;
@@ -62,12 +62,12 @@ impl Column {
     }
 }
 
-/// Vectors and when they were true.
+/// Vectors and their times of validity.
 #[derive(Debug, Default)]
 pub struct Vectors {
-    /// Instants, s since the log's start.
+    /// Times, s from the start of the log.
     pub time_s: Vec<f64>,
-    /// Values; `NaN` where the device told none.
+    /// Values; `NaN` if the device sent none.
     pub value: Vec<[f64; 3]>,
 }
 
@@ -89,7 +89,7 @@ pub struct ImuColumns {
 }
 
 impl ImuColumns {
-    /// As the estimator's functions take it.
+    /// View for the functions of the estimator.
     pub fn signal(&self) -> ImuSignal<'_> {
         ImuSignal {
             time_s: &self.time_s,
@@ -102,11 +102,11 @@ impl ImuColumns {
 /// A log.
 #[derive(Debug)]
 pub struct Recording {
-    /// Where it is.
+    /// Path of the log.
     pub path: PathBuf,
-    /// The vehicle that it was recorded on.
+    /// Vehicle.
     pub vehicle: Vehicle,
-    /// Its sensors.
+    /// Sensors of the vehicle.
     pub sensors: Sensors,
     /// Strain counts.
     pub strain: PerWheel<[Column; StrainChannel::COUNT]>,
@@ -114,7 +114,7 @@ pub struct Recording {
     pub deflection: PerWheel<Column>,
     /// Wheel speeds, rad/s.
     pub wheel_speed: PerWheel<Column>,
-    /// Steering wheel as read, rad.
+    /// Measured steering-wheel angle, rad.
     pub steer: Column,
     /// First inertial unit.
     pub imu: ImuColumns,
@@ -122,7 +122,7 @@ pub struct Recording {
     pub velocity: BTreeMap<String, Vectors>,
     /// GNSS attitude of each receiver: yaw, pitch, roll, rad.
     pub attitude: BTreeMap<String, Vectors>,
-    /// Marks, s since the log's start.
+    /// Marks with their times, s from the start of the log.
     pub marks: Vec<(f64, String)>,
 }
 
@@ -134,8 +134,8 @@ impl Recording {
             .with_context(|| format!("{}", path.display()))?;
         let estimator = config.estimator.with_context(|| {
             format!(
-                "{}: the log's configuration names no vehicle; name one in [vehicle] and record \
-                 again, or make the log anew with `atvrec replay --config`",
+                "{}: the configuration in the log has no vehicle; set one in [vehicle] and record \
+                 again, or write a new log with `atvrec replay --config`",
                 path.display()
             )
         })?;
@@ -227,7 +227,7 @@ impl Recording {
         }
     }
 
-    /// Refuses a log without what a step cannot do without.
+    /// Returns an error if the log has no data of a channel that the step needs.
     pub fn require(&self, channel: &str, is_known: bool) -> anyhow::Result<()> {
         ensure!(
             is_known,
@@ -237,17 +237,17 @@ impl Recording {
         Ok(())
     }
 
-    /// Refuses a log without an inertial unit.
+    /// Returns an error if the log has no data of an inertial unit.
     pub fn require_imu(&self) -> anyhow::Result<()> {
         self.require("inertial unit", !self.imu.time_s.is_empty())
     }
 
-    /// The inertial unit's readings in its own axes.
+    /// Readings of the inertial unit in its own axes.
     pub fn imu_signal(&self) -> ImuSignal<'_> {
         self.imu.signal()
     }
 
-    /// The inertial unit's readings in body axes, as `calibration` says.
+    /// Readings of the inertial unit in body axes, corrected with `calibration`.
     pub fn body_imu(&self, calibration: &Resolved) -> ImuColumns {
         let turned = |values: &[[f64; 3]], bias: Vector3<f64>| {
             let turn =
@@ -278,7 +278,7 @@ impl Recording {
         (count > 0.0).then(|| (sum / count).into())
     }
 
-    /// The stretches over which nothing moves.
+    /// Times at rest.
     pub fn rest(&self) -> Vec<Stretch> {
         let rate = |axis: usize| Column {
             time_s: self.imu.time_s.clone(),
@@ -291,7 +291,7 @@ impl Recording {
         rest::stretches(&steady, &wheels)
     }
 
-    /// Roll and pitch by the springs, rad; empty unless all four are measured.
+    /// Roll and pitch from the spring deflections, rad; empty unless all four are measured.
     pub fn lean(&self, calibration: &Resolved) -> [Column; 2] {
         let mut column = [Column::default(), Column::default()];
         let Some(lean) = Lean::of(&self.vehicle) else {
@@ -322,7 +322,7 @@ impl Recording {
         column
     }
 
-    /// Forward speed by the mean of the wheels, m/s: good enough to tell how fast, not to measure.
+    /// Approximate forward speed from the mean of the wheel speeds, m/s.
     pub fn rolling_speed(&self) -> Column {
         let radius_m = self.vehicle.front.tyre.unloaded_radius_m;
         let known: Vec<&Column> = self.wheel_speed.0.iter().filter(|c| c.is_known()).collect();
@@ -338,7 +338,7 @@ impl Recording {
     }
 }
 
-/// The receiver's name in `/gnss/<name>/…`.
+/// Name of the receiver in `/gnss/<name>/…`.
 fn receiver(topic: &str) -> String {
     topic.split('/').nth(2).unwrap_or_default().to_owned()
 }

@@ -1,4 +1,4 @@
-//! `atvrec calibrate zero`.
+//! `atvrec calibrate zero`: zero offsets of strain bridges and potentiometers.
 
 use anyhow::Context;
 use estimator::calibration::Resolved;
@@ -11,7 +11,7 @@ use super::recording::{Column, Recording};
 use super::{Bench, one_log};
 use crate::cli::ZeroArgs;
 
-/// Travel of a wheel that frees its tyre of scrub, in turns of the wheel (rad).
+/// Rotation of a wheel after which its tyre has no lateral scrub force, rad.
 const ROLLED_RAD: f64 = 3.0;
 
 pub fn run(args: &ZeroArgs, bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
@@ -21,8 +21,8 @@ pub fn run(args: &ZeroArgs, bench: &mut Bench) -> anyhow::Result<Vec<Findings>> 
     let stretches = recording.rest();
     let hanging = hanging(recording, &stretches).with_context(|| {
         format!(
-            "{}: at no time do all potentiometers and wheels rest for 2 s; put the vehicle on \
-             stands and leave it alone for 10 s",
+            "{}: there is no time of 2 s in which all potentiometers and wheels are at rest; put \
+             the vehicle on stands and do not touch it for 10 s",
             recording.path.display()
         )
     })?;
@@ -32,31 +32,31 @@ pub fn run(args: &ZeroArgs, bench: &mut Bench) -> anyhow::Result<Vec<Findings>> 
         let mean = stretch.and_then(|s| recording.steer.signal().mean(s.from_s, s.to_s));
         mean.map_or(0.0, |angle| angle - offset)
     };
-    let hanging_said = said(recording, hanging);
-    let standing_said = standing.map(|stretch| said(recording, stretch));
+    let hanging_rest = rest_values(recording, hanging);
+    let standing_rest = standing.map(|stretch| rest_values(recording, stretch));
     let resolved = Resolved::new(&recording.sensors, &bench.calibration)?;
     let level = [0.0, 0.0, STANDARD_GRAVITY_M_S2];
-    let felt = recording.specific_force(&resolved, hanging);
+    let measured = recording.specific_force(&resolved, hanging);
     let mut found = zero(&ZeroInput {
-        specific_force_m_s2: felt.unwrap_or(level),
+        specific_force_m_s2: measured.unwrap_or(level),
         vehicle: &recording.vehicle,
         sensors: &recording.sensors,
         known: &bench.calibration,
-        hanging: &hanging_said,
-        standing: standing_said.as_ref(),
+        hanging: &hanging_rest,
+        standing: standing_rest.as_ref(),
         hand_wheel_rad: [hand_wheel(Some(hanging)), hand_wheel(standing)],
         weight_sigma: args.weight_sigma,
     })?;
-    if felt.is_none() {
-        let note = "without an inertial unit the stands are taken to be level";
+    if measured.is_none() {
+        let note = "the log has no inertial unit, so the stands are assumed to be level";
         found.findings.notes.push(note.to_owned());
     }
     bench.calibration = found.calibration;
     Ok(vec![found.findings])
 }
 
-/// The longest stretch among those with the struts longest: the first one, unless the log begins
-/// on the ground.
+/// Longest time at rest with the struts at full length, which is the first one unless the log begins
+/// with the vehicle on the ground.
 fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
     let level = |stretch: &Stretch| {
         let mut levels: Vec<f64> = recording
@@ -72,7 +72,7 @@ fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
         .iter()
         .filter_map(level)
         .fold(f64::INFINITY, f64::min);
-    // Counts rise with compression: a tenth of the range is well above noise and below travel.
+    // Counts increase with compression. A tenth of the range is above the noise and below the travel.
     let span = 0.1 * math::exp2(f64::from(recording.sensors.deflection.adc_bits));
     stretches
         .iter()
@@ -81,7 +81,7 @@ fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
         .copied()
 }
 
-/// The last stretch after the wheels have rolled, if they have.
+/// Last time at rest after the wheels have rolled, if there is one.
 fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> Option<Stretch> {
     stretches
         .iter()
@@ -98,7 +98,7 @@ fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> O
         .copied()
 }
 
-fn said(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
+fn rest_values(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
     let Stretch { from_s, to_s } = stretch;
     let range = |bits: u8| [0.0, math::exp2(f64::from(bits)) - 1.0];
     let strain_range = range(recording.sensors.strain.adc_bits);

@@ -1,26 +1,26 @@
-//! What an identification writes: its findings, and the vehicle file's fields that they replace.
+//! File with the findings of an identification and the overrides for the vehicle file.
 
 use anyhow::Context;
 use estimator::finding::Findings;
 use toml::{Table, Value};
 
-/// Fields of the vehicle file by their dotted names, with the values that replace the file's.
+/// Overrides: dotted names of fields of the vehicle file, with new values.
 #[derive(Debug, Default)]
 pub struct Overrides(Table);
 
 impl Overrides {
-    /// Replaces a number.
+    /// Overrides a number.
     pub fn set(&mut self, field: &str, value: f64) {
         self.0.insert(field.to_owned(), Value::Float(value));
     }
 
-    /// Replaces a list of numbers.
+    /// Overrides a list of numbers.
     pub fn set_list(&mut self, field: &str, values: &[f64]) {
         let list = values.iter().map(|value| Value::Float(*value)).collect();
         self.0.insert(field.to_owned(), Value::Array(list));
     }
 
-    /// The file's text: for which vehicle, from which logs, the overrides, the findings.
+    /// Text of the file: vehicle, logs, overrides and findings.
     pub fn file(
         &self,
         command: &str,
@@ -33,13 +33,12 @@ impl Overrides {
         table.insert("made_by".to_owned(), format!("identify {command}").into());
         table.insert("logs".to_owned(), logs.to_vec().into());
         table.insert("overrides".to_owned(), Value::Table(self.0.clone()));
-        let results = Value::try_from(results).context("findings as TOML")?;
+        let results = Value::try_from(results).context("cannot write the findings as TOML")?;
         table.insert("result".to_owned(), results);
-        let text = toml::to_string_pretty(&table).context("findings as TOML")?;
+        let text = toml::to_string_pretty(&table).context("cannot write the findings as TOML")?;
         Ok(format!(
-            "# Found by `atvrec identify {command}`. Name this file under [vehicle] as one of \
-             `overrides`\n# in atvrec.toml, and its [overrides] replace fields of the vehicle \
-             file.\n{text}"
+            "# Result of `atvrec identify {command}`. Add this file to `overrides` under [vehicle] \
+             in\n# atvrec.toml; then its [overrides] replace fields of the vehicle file.\n{text}"
         ))
     }
 }

@@ -1,4 +1,4 @@
-//! A log's estimates as the arrays that identification works on.
+//! Estimates of a log as arrays for identification.
 
 use anyhow::Context;
 use engine::Config;
@@ -14,28 +14,28 @@ use crate::cli::IdentifyArgs;
 
 /// Interval of the estimates, s.
 const DT_S: f64 = estimator::GRID_NANOS as f64 * 1e-9;
-/// Rows of tyre data that are left out between two that are used.
+/// Interval of the rows of tyre data that are used.
 const TYRE_STRIDE: usize = 10;
-/// Below this speed slip angles say nothing, m/s.
+/// Smallest speed at which slip angles are used, m/s.
 const SLIP_SPEED_MIN_M_S: f64 = 3.0;
-/// `source` of a tyre force that the fusion filter gave.
+/// Value of `source` of a tyre force of the fusion filter.
 const FUSION: i32 = 3;
 
-/// What of the sensors a drive's estimates rest on.
+/// Sensors on which the estimates of a drive depend.
 #[derive(Clone, Copy, Debug)]
 pub enum Sense {
     /// Rates and accelerations.
     Inertia,
-    /// Speed over ground, and with it sideslip.
+    /// Speed over ground and sideslip.
     Velocity,
     /// The steering wheel.
     Steer,
-    /// The tyres' forces.
+    /// Tyre forces.
     Strain,
 }
 
 impl Sense {
-    /// The schema of its channels, and what people call them.
+    /// Schema of the channels, and their name in messages.
     fn channel(self) -> (&'static str, &'static str) {
         match self {
             Self::Inertia => ("atvrec.Imu", "inertial unit"),
@@ -46,7 +46,7 @@ impl Sense {
     }
 }
 
-/// Refuses a log whose estimates of the motion or the forces are the model's alone.
+/// Returns an error if the estimates of motion or forces depend on the model alone.
 fn require(reader: &Reader, what: &str, senses: &[Sense]) -> Result<(), Refusal> {
     let channels = reader.info().channels;
     for sense in senses {
@@ -58,7 +58,7 @@ fn require(reader: &Reader, what: &str, senses: &[Sense]) -> Result<(), Refusal>
             return Err(Refusal::Missing {
                 what: what.to_owned(),
                 channel: channel.to_owned(),
-                help: "without it the estimates are the vehicle file's; record it in the drive"
+                help: "record it: without it, the estimates only repeat the vehicle file"
                     .to_owned(),
             });
         }
@@ -66,15 +66,15 @@ fn require(reader: &Reader, what: &str, senses: &[Sense]) -> Result<(), Refusal>
     Ok(())
 }
 
-/// A log's drive.
+/// Drive of a log.
 pub struct Ride {
-    /// The log's vehicle, or the one given in its place.
+    /// Vehicle of the log, or of the argument `--vehicle`.
     pub vehicle: Vehicle,
-    /// The logs' paths.
+    /// Paths of the logs.
     pub logs: Vec<String>,
     /// Motion.
     pub drive: Drive,
-    /// Whether the forces are the fusion filter's.
+    /// Whether the forces are from the fusion filter.
     pub fused: bool,
     forces_n: PerWheel<[Vec<f64>; 2]>,
     slip_angles_rad: PerWheel<Vec<f64>>,
@@ -82,7 +82,7 @@ pub struct Ride {
 }
 
 impl Ride {
-    /// Reads a run's logs; those without what `what` needs are refused.
+    /// Reads the logs of a run. Logs without the data for `what` are an error.
     pub fn read(args: &IdentifyArgs, what: &str, senses: &[Sense]) -> anyhow::Result<Self> {
         let reader = Reader::open(&args.logs)?;
         require(&reader, what, senses)?;
@@ -98,7 +98,7 @@ impl Ride {
         let [ax, ay, az] = ["x", "y", "z"].map(|axis| each(&format!("acceleration_m_s2.{axis}")));
         let (roll_rad, pitch_rad) = (each("roll_rad"), each("pitch_rad"));
         let steer_rad = wheels("steer_rad");
-        // The body's axes lean with it; what turns and brakes the vehicle is horizontal.
+        // The axes lean with the body, but the accelerations of interest are horizontal.
         let horizontal = |along: &[f64], up: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
             let rows = along.iter().zip(up).zip(lean);
             rows.map(|((a, z), angle)| a * math::cos(*angle) + sign * z * math::sin(*angle))
@@ -166,7 +166,7 @@ impl Ride {
         Ok(())
     }
 
-    /// Force and slip of an axle's two tyres, one after the other.
+    /// Force and slip of the two tyres of an axle, one after the other.
     pub fn tyre(&self, axle: usize) -> tyre::Data {
         let mut data = tyre::Data {
             dt_s: DT_S * TYRE_STRIDE as f64,
@@ -185,8 +185,8 @@ impl Ride {
         data
     }
 
-    /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; unknown
-    /// without forces.
+    /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; NaN without
+    /// forces.
     pub fn yaw_moment_n_m(&self) -> Vec<f64> {
         let body = &self.vehicle.body;
         (0..self.drive.rows())
@@ -247,20 +247,20 @@ fn as_read(vehicle: &Vehicle, steer_rad: &PerWheel<Vec<f64>>, learnt_rad: &[f64]
     .collect()
 }
 
-/// A pendulum's record.
+/// Log of a pendulum test.
 pub struct Swing {
-    /// The log's vehicle.
+    /// Vehicle of the log.
     pub vehicle: Vehicle,
-    /// The logs' paths.
+    /// Paths of the logs.
     pub logs: Vec<String>,
-    /// Rate about the axis, rad/s, on a grid.
+    /// Rate about the axis on a grid, rad/s.
     pub rate_rad_s: Vec<f64>,
-    /// The grid's interval, s.
+    /// Interval of the grid, s.
     pub dt_s: f64,
 }
 
 impl Swing {
-    /// Reads the rate about `axis` of the log's first inertial unit.
+    /// Reads the rate about `axis` of the first inertial unit in the log.
     pub fn read(args: &IdentifyArgs, axis: &str) -> anyhow::Result<Self> {
         let reader = Reader::open(&args.logs)?;
         let vehicle = vehicle(&reader, args)?;
@@ -272,7 +272,7 @@ impl Swing {
             .ok_or_else(|| Refusal::Missing {
                 what: "moment of inertia".to_owned(),
                 channel: "inertial unit".to_owned(),
-                help: "fix one to what swings and record it".to_owned(),
+                help: "attach an inertial unit to the pendulum and record it".to_owned(),
             })?;
         let grid = Grid::read(&reader, &topic, args)?;
         Ok(Self {
@@ -288,7 +288,7 @@ impl Swing {
     }
 }
 
-/// A topic's rows on the grid of the estimates.
+/// Rows of a topic on the grid of the estimates.
 struct Grid {
     table: Table,
     first_ns: i64,
@@ -300,11 +300,14 @@ impl Grid {
         let table = reader
             .table(topic, LogTime(0), LogTime(u64::MAX))
             .with_context(|| {
-                format!("{topic} is needed; was the estimator switched off? replay with a vehicle")
+                format!(
+                    "the log has no {topic}, which is needed; replay the log with an estimator \
+                     (--vehicle)"
+                )
             })?;
         let times = &table.publish_time_ns;
         let (Some(first), Some(last)) = (times.iter().min(), times.iter().max()) else {
-            anyhow::bail!("{topic} is empty");
+            anyhow::bail!("{topic} has no message; replay the log with an estimator");
         };
         let nanos = |seconds: f64| (seconds * 1e9).round() as i64;
         let from = first + nanos(args.from_s.max(0.0));
@@ -313,7 +316,7 @@ impl Grid {
             .map_or(*last, |to_s| (first + nanos(to_s)).min(*last));
         anyhow::ensure!(
             to > from,
-            "nothing lies between --from and --to: {topic} spans {:.1} s",
+            "there is no data between --from and --to: {topic} has {:.1} s; choose times in it",
             (last - first) as f64 * 1e-9
         );
         let rows = ((to - from) as f64 * 1e-9 / DT_S).round() as usize + 1;
@@ -349,7 +352,7 @@ impl Grid {
         line
     }
 
-    /// A column by its name; unknown where there is no row, or no such column.
+    /// Column with this name; NaN without a row or a column.
     fn column(&self, name: &str) -> Vec<f64> {
         let mut grid = vec![f64::NAN; self.rows];
         let column = self.table.columns.iter().find(|column| column.name == name);
@@ -365,12 +368,15 @@ impl Grid {
     }
 }
 
-/// The log's vehicle, or the file given in its place.
+/// Vehicle of the log, or of the argument `--vehicle`.
 fn vehicle(reader: &Reader, args: &IdentifyArgs) -> anyhow::Result<Vehicle> {
     let config = Config::from_attachments(&reader.attachments()?)?;
     let own = config
         .estimator
-        .context("the log's configuration names no vehicle, so nothing was estimated")?
+        .context(
+            "the configuration in the log has no vehicle, so that nothing was estimated; replay it \
+             with --config",
+        )?
         .vehicle;
     let Some(name) = &args.vehicle else {
         return Ok(own);
@@ -387,7 +393,7 @@ fn vehicle(reader: &Reader, args: &IdentifyArgs) -> anyhow::Result<Vehicle> {
     Ok(given)
 }
 
-/// A vehicle file, or one that ships with the program.
+/// Reads a vehicle file or a built-in vehicle.
 pub fn vehicle_file(name: &str) -> anyhow::Result<Vehicle> {
     let text = Files::on_disk(std::path::PathBuf::new())
         .read_text(name, FileKind::Vehicle)

@@ -1,4 +1,4 @@
-//! What a running recorder says of itself: whether it writes, where to, and how long the disk lasts.
+//! State of a running recorder: whether it writes, where, and how long the free space lasts.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -12,15 +12,15 @@ use store::Recorder;
 
 use crate::retention::{self, Limits, Outcome, Removed};
 
-/// A rate is measured once a run is this old.
-const MEASURED_AFTER: Duration = Duration::from_secs(10);
+/// Age of a run from which its data rate is measured.
+const RATE_MEASURED_AFTER: Duration = Duration::from_secs(10);
 
 /// Whether files are written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Writing {
-    /// Until told otherwise.
+    /// Until a stop.
     Always,
-    /// Because of this, for a while.
+    /// Until the end of the trigger's time; holds the reason of the trigger.
     Triggered(String),
     /// Not before the next trigger.
     Armed,
@@ -39,22 +39,22 @@ impl fmt::Display for Writing {
     }
 }
 
-/// Told by the pipeline, read by whoever asks.
-pub struct Board(Mutex<State>);
+/// State of the recorder: the pipeline sets it, the control socket reads it.
+pub struct RecorderStatus(Mutex<State>);
 
 struct State {
     writing: Writing,
     recorder: Weak<Recorder>,
-    begun: Instant,
+    run_start: Instant,
     directory: PathBuf,
     limits: Limits,
-    /// Of the newest log, from before there was one to measure.
+    /// Data rate of the newest log at the start of the program, bytes/s.
     last_rate: Option<f64>,
-    names: Vec<String>,
+    source_names: Vec<String>,
     faulty_sensors: Vec<String>,
     removed: Removals,
-    /// Limits of the log directory that do not hold, and why.
-    broken: Vec<String>,
+    /// Limits of the log directory that are exceeded, and why.
+    exceeded: Vec<String>,
 }
 
 /// Logs that retention has removed since the start.
@@ -65,48 +65,48 @@ struct Removals {
     last: Option<Removed>,
 }
 
-impl Board {
-    /// The board of a recorder that does not write yet.
+impl RecorderStatus {
+    /// State of a recorder that does not write yet.
     pub fn new(config: &Config) -> Self {
         let directory = config.storage.directory.clone();
         Self(Mutex::new(State {
             writing: Writing::Stopped,
             recorder: Weak::new(),
-            begun: Instant::now(),
+            run_start: Instant::now(),
             last_rate: retention::last_rate(&directory),
             directory,
             limits: config.storage.limits,
-            names: names(config),
+            source_names: source_names(config),
             faulty_sensors: Vec::new(),
             removed: Removals::default(),
-            broken: Vec::new(),
+            exceeded: Vec::new(),
         }))
     }
 
-    /// Another configuration is in force.
+    /// Takes the values of a new configuration.
     pub fn reload(&self, config: &Config) {
         let mut state = self.lock();
         state.directory.clone_from(&config.storage.directory);
         state.limits = config.storage.limits;
-        state.broken.clear();
-        state.names = names(config);
+        state.exceeded.clear();
+        state.source_names = source_names(config);
         state.faulty_sensors.clear();
     }
 
-    /// Tells which sensors the estimator leaves out.
+    /// Sets the sensors that the estimator excludes.
     pub fn set_faulty_sensors(&self, names: Vec<String>) {
         self.lock().faulty_sensors = names;
     }
 
-    /// Sensors that the estimator leaves out.
+    /// Sensors that the estimator excludes.
     pub fn faulty_sensors(&self) -> Vec<String> {
         self.lock().faulty_sensors.clone()
     }
 
-    /// Takes in what a look at the log directory led to.
-    pub fn note_retention(&self, outcome: Outcome) {
+    /// Adds the result of a retention check.
+    pub fn add_retention(&self, outcome: Outcome) {
         let mut state = self.lock();
-        state.broken = outcome.broken;
+        state.exceeded = outcome.exceeded;
         for log in outcome.removed {
             state.removed.count += 1;
             state.removed.bytes += log.bytes;
@@ -114,8 +114,8 @@ impl Board {
         }
     }
 
-    /// Which logs were removed since the start, and why: `removed`, `removed_bytes`, `last`,
-    /// `reason` (the limit), and `broken`, the limits that do not hold.
+    /// Logs that were removed since the start: `removed`, `removed_bytes`, `last`, `reason` (the
+    /// limit), and `broken`, the limits that are exceeded.
     pub fn retention(&self) -> Value {
         let state = self.lock();
         let last = state.removed.last.as_ref();
@@ -124,56 +124,51 @@ impl Board {
             "removed_bytes": state.removed.bytes,
             "last": last.map(|log| log.path.display().to_string()),
             "reason": last.map(|log| log.reason.to_string()),
-            "broken": state.broken,
+            "broken": state.exceeded,
         })
     }
 
-    /// A run begins.
-    pub fn write_to(&self, recorder: &Arc<Recorder>) {
+    /// Starts a run with this recorder.
+    pub fn begin_run(&self, recorder: &Arc<Recorder>) {
         let mut state = self.lock();
         state.recorder = Arc::downgrade(recorder);
-        state.begun = Instant::now();
+        state.run_start = Instant::now();
     }
 
-    /// Tells whether files are written.
-    pub fn set(&self, writing: Writing) {
+    /// Sets whether files are written.
+    pub fn set_writing(&self, writing: Writing) {
         self.lock().writing = writing;
     }
 
     /// Whether files are written.
-    pub fn state(&self) -> Writing {
+    pub fn writing(&self) -> Writing {
         self.lock().writing.clone()
     }
 
-    /// Whether files are written, in words.
-    pub fn writing(&self) -> String {
-        self.lock().writing.to_string()
-    }
-
-    /// Who writes, if somebody does.
+    /// Recorder of the present run.
     pub fn recorder(&self) -> Option<Arc<Recorder>> {
         self.lock().recorder.upgrade()
     }
 
     /// Name of a source.
     pub fn source_name(&self, id: SourceId) -> String {
-        match self.lock().names.get(usize::from(id.0)) {
+        match self.lock().source_names.get(usize::from(id.0)) {
             Some(name) => name.clone(),
             None => "recorder".to_owned(),
         }
     }
 
-    /// How long the disk lasts: at the rate of the present run once it is old enough, before that
-    /// at the rate of the newest log.
-    pub fn estimate(&self) -> Estimate {
+    /// How long the free space lasts: at the rate of the present run, or at the rate of the newest
+    /// log before [`RATE_MEASURED_AFTER`].
+    pub fn disk_forecast(&self) -> DiskForecast {
         let (rate_bytes_s, directory, limits) = {
             let state = self.lock();
-            let age = state.begun.elapsed();
+            let age = state.run_start.elapsed();
             let bytes = state
                 .recorder
                 .upgrade()
                 .map(|recorder| recorder.status().bytes);
-            let measured = bytes.filter(|bytes| age >= MEASURED_AFTER && *bytes > 0);
+            let measured = bytes.filter(|bytes| age >= RATE_MEASURED_AFTER && *bytes > 0);
             let measured = measured.map(|bytes| bytes as f64 / age.as_secs_f64());
             (
                 measured.or(state.last_rate),
@@ -181,10 +176,10 @@ impl Board {
                 state.limits,
             )
         };
-        Estimate {
-            room_bytes: retention::room(&directory, limits).ok(),
+        DiskForecast {
+            available_bytes: retention::available_bytes(&directory, limits).ok(),
             rate_bytes_s,
-            oldest_go: limits != Limits::default(),
+            removes_oldest: limits != Limits::default(),
         }
     }
 
@@ -193,36 +188,37 @@ impl Board {
     }
 }
 
-fn names(config: &Config) -> Vec<String> {
+fn source_names(config: &Config) -> Vec<String> {
     let sources = config.sources.iter();
     sources.map(|source| source.spec.name.clone()).collect()
 }
 
-/// How long the disk lasts.
+/// How long the free space lasts.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Estimate {
-    /// Bytes that logs may still take.
-    pub room_bytes: Option<u64>,
-    /// Bytes a second, where that is known.
+pub struct DiskForecast {
+    /// Bytes that are available for logs; `None` if the disk cannot be queried.
+    pub available_bytes: Option<u64>,
+    /// Data rate, bytes/s, if it is known.
     pub rate_bytes_s: Option<f64>,
-    /// What is full then is made room in: the oldest logs go.
-    pub oldest_go: bool,
+    /// Whether the oldest logs are removed when the space is used up.
+    pub removes_oldest: bool,
 }
 
-impl Estimate {
-    /// Seconds until the room is used up.
+impl DiskForecast {
+    /// Time until the space is used up, s.
     pub fn lasts_s(&self) -> Option<f64> {
-        let (room, rate) = self.room_bytes.zip(self.rate_bytes_s)?;
-        (rate > 0.0).then(|| room as f64 / rate)
+        let (available, rate) = self.available_bytes.zip(self.rate_bytes_s)?;
+        (rate > 0.0).then(|| available as f64 / rate)
     }
 }
 
-impl fmt::Display for Estimate {
+impl fmt::Display for DiskForecast {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(room) = self.room_bytes else {
-            return f.write_str("the disk does not tell its room");
+        let Some(available) = self.available_bytes else {
+            return f.write_str("the free space of the disk is unknown");
         };
-        write!(f, "room for {:.1} GiB", room as f64 / (1 << 30) as f64)?;
+        let gib = available as f64 / (1 << 30) as f64;
+        write!(f, "{gib:.1} GiB are available for logs")?;
         if let (Some(lasts_s), Some(rate)) = (self.lasts_s(), self.rate_bytes_s) {
             write!(
                 f,
@@ -231,8 +227,8 @@ impl fmt::Display for Estimate {
                 rate / 1000.0
             )?;
         }
-        if self.oldest_go {
-            f.write_str("; then the oldest logs go")?;
+        if self.removes_oldest {
+            f.write_str("; then the oldest logs are removed")?;
         }
         Ok(())
     }
@@ -243,19 +239,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_estimate_is_told_as_far_as_it_is_known() {
-        let mut estimate = Estimate {
-            room_bytes: Some(36 << 30),
+    fn the_text_of_a_forecast_contains_the_known_values() {
+        let mut forecast = DiskForecast {
+            available_bytes: Some(36 << 30),
             rate_bytes_s: None,
-            oldest_go: false,
+            removes_oldest: false,
         };
-        assert_eq!(estimate.to_string(), "room for 36.0 GiB");
-        estimate.rate_bytes_s = Some(1e6);
-        estimate.oldest_go = true;
-        let text = estimate.to_string();
+        assert_eq!(forecast.to_string(), "36.0 GiB are available for logs");
+        forecast.rate_bytes_s = Some(1e6);
+        forecast.removes_oldest = true;
         assert_eq!(
-            text,
-            "room for 36.0 GiB, 10.7 h at 1000.0 kB/s; then the oldest logs go"
+            forecast.to_string(),
+            "36.0 GiB are available for logs, 10.7 h at 1000.0 kB/s; then the oldest logs are removed"
         );
     }
 }
