@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python rig rig-full bench kills campaigns golden bless excerpts ratchet links docs fuzz deb clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python rig rig-full bench kills campaigns golden bless excerpts ratchet links docs licences fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -25,7 +25,7 @@ test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on 
 
 test-all: $(TESTS) ## The same with the recordings in ../shared, as CI runs it: 70 minutes
 
-check: fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
+check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
 fmt:
 	$(CARGO) fmt --all --check
@@ -40,7 +40,7 @@ unit: ## Rust tests of all crates
 doc:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
 
-ratchet: venv ## Listed words, long functions and constants outside Tuning may fall and not rise
+ratchet: venv ## Listed words, long functions and constants outside Tuning do not rise; packages stay within their budget
 	@scripts/ratchet
 
 links: venv
@@ -51,8 +51,13 @@ docs: setup venv ## The pages of docs/ as a web site, target/book/index.html, wi
 	target/tools/bin/mdbook build docs
 	@$(PYTHON) scripts/check-links target/book
 
+deny: export PATH := $(CURDIR)/target/tools/bin:$(PATH)
 deny:
-	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed; licences and bans not checked (cargo install cargo-deny)"; fi
+	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed, so that licences and bans are not checked (make licences installs it)"; fi
+
+licences: setup ## Licences, sources and bans of all dependencies; installs cargo-deny into target/tools
+	@scripts/setup tool cargo-deny
+	@$(MAKE) --no-print-directory deny
 
 python: venv ## Reference readers on our logs, and the Python package's tests
 	@scripts/test-python
@@ -63,7 +68,7 @@ rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 rig-full: deb ## The whole rig: the service from the Debian package, twenty power cuts
 	@scripts/test-rig full
 
-deb: setup ## The Debian package, target/debian/atvrec_*.deb
+deb: setup ## The Debian packages: target/debian/atvrec_*.deb, and its debug information
 	@scripts/deb
 
 kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
@@ -78,10 +83,11 @@ campaigns: setup ## Seeded drives: do the intervals of calibrate and identify ho
 	$(CARGO) test --locked -p atvrec-store --test suite campaign_of -- --ignored --nocapture
 
 golden: ## Write the golden estimates again (testdata/golden); review the difference
-	ATVREC_BLESS=1 $(CARGO) test --locked -p atvrec-estimator --test suite golden::
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite golden::
 
-bless: golden ## Write the golden estimates and docs/filter-spec.md again
-	ATVREC_BLESS=1 $(CARGO) test --locked -p atvrec-estimator --test suite filter_spec::
+bless: golden ## Write the generated files again: golden estimates, docs/filter-spec.md, crates/store/src/generated
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite filter_spec::
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-store --test suite generated::
 
 excerpts: ## Cut the excerpts of truth runs (testdata/truth) again out of ../shared
 	$(CARGO) run --locked -p atvrec-testkit --features truth --example make_excerpts

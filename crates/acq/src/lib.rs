@@ -15,18 +15,20 @@
 
 mod can;
 mod can_sender;
-pub mod clock;
+mod clock;
+mod context;
 mod datagram;
 mod dialogue;
 pub mod link;
 mod pace;
 mod port;
+mod protocol;
 mod ring;
-pub mod sequencer;
+mod sequencer;
 mod serial;
 mod slcan;
-pub mod spec;
-pub mod supervisor;
+mod spec;
+mod supervisor;
 mod sys;
 mod virtual_port;
 

@@ -81,31 +81,31 @@ pub fn report(line: &str) {
     let _ = writeln!(std::io::stderr(), "    {test}: {line}");
 }
 
-/// Compares a text with a file of the project, which `make bless` writes.
+/// Compares a text or other bytes with a file of the project, which `make bless` writes.
 ///
 /// # Panics
-/// If the file has another text, with the first line that differs.
-pub fn assert_file(path: &str, text: &str) {
-    let file = project().join(path);
+/// If the file has other contents, with the first line that differs.
+pub fn assert_file(path: &str, contents: impl AsRef<[u8]>) {
+    let (file, contents) = (project().join(path), contents.as_ref());
     if variable(BLESS).is_some() {
-        std::fs::write(&file, text).unwrap_or_else(|error| panic!("{path}: {error}"));
+        std::fs::write(&file, contents).unwrap_or_else(|error| panic!("{path}: {error}"));
         return;
     }
-    let stored = std::fs::read_to_string(&file).unwrap_or_else(|error| panic!("{path}: {error}"));
-    if stored == text {
+    let stored = std::fs::read(&file).unwrap_or_else(|error| panic!("{path}: {error}"));
+    if stored == contents {
         return;
     }
-    let (mut old, mut new) = (stored.lines(), text.lines());
-    let mut number = 1;
-    let [old, new] = loop {
-        match [old.next(), new.next()] {
-            [None, None] => break ["", ""],
-            [old, new] if old == new => number += 1,
-            differs => break differs.map(|line| line.unwrap_or("(the end)")),
-        }
+    let lines = |bytes: &[u8]| {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        text.lines().map(str::to_owned).collect::<Vec<_>>()
     };
+    let (old, new) = (lines(&stored), lines(contents));
+    let same = old.iter().zip(&new).take_while(|(old, new)| old == new);
+    let number = same.count();
+    let [old, new] = [old, new].map(|lines| lines.get(number).cloned().unwrap_or_default());
     panic!(
-        "{path}:{number} is not current: run `make bless` and review the difference\n  it has: \
-         {old}\n  now: {new}"
+        "{path}:{} is not current: run `make bless` and review the difference\n  the file has: \
+         {old}\n  now it is:    {new}",
+        number + 1
     );
 }

@@ -3,6 +3,7 @@
 mod common;
 mod compat;
 mod damage;
+mod generated;
 mod integrity;
 mod recorder;
 mod recovery;
