@@ -27,7 +27,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The configuration has no field.
-    #[error("the configuration {path} has no field; nothing was changed")]
+    #[error("the configuration {path} is empty (it has no field); nothing was changed")]
     ConfigurationEmpty {
         /// Path of the file.
         path: PathBuf,
