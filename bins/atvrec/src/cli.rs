@@ -60,17 +60,17 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Record all configured sources and estimate tyre forces while recording.
+    /// Record all configured sources and estimate tyre forces.
     Record(RecordArgs),
     /// Repeat the estimate from the raw data of a log.
     Replay(ReplayArgs),
     /// Write a self-contained HTML report of a log.
     Report(ReportArgs),
-    /// Compare the estimates of a log with the truth in it, or with the estimates of another log.
+    /// Compare the estimates of a log with the truth or another log.
     Score(ScoreArgs),
-    /// Run the complete chain without hardware: virtual vehicle, recording, replay, report.
+    /// Record, replay and report a virtual drive, without hardware.
     Demo(DemoArgs),
-    /// Run a virtual vehicle in real time; its sensors send on pseudo-terminals and CAN.
+    /// Run a virtual vehicle on pseudo-terminals and CAN, in real time.
     Virtual(VirtualArgs),
     /// Run a virtual vehicle at full speed and write its data to a log.
     Simulate(SimulateArgs),
@@ -83,7 +83,9 @@ pub enum Command {
     /// The exit code is 0 if the configuration is valid and every device sends data, 1 if a device
     /// is missing or silent, 2 if the configuration is wrong.
     Check(CheckArgs),
-    /// Calibrate the sensors from workshop logs; each step adds its values to one file.
+    /// Calibrate the sensors from workshop logs, step by step.
+    ///
+    /// Each step adds its values to one calibration file.
     #[command(subcommand)]
     Calibrate(CalibrateCommand),
     /// Recover logs that were cut short or damaged.
@@ -97,11 +99,18 @@ pub enum Command {
     Status(StatusArgs),
     /// Start writing logs in the running recorder.
     Start(ControlArgs),
-    /// Stop writing logs in the running recorder; its sources and its estimator continue.
+    /// Stop writing logs in the running recorder.
+    ///
+    /// The command returns when the logs are closed. Sources and estimator continue.
     Stop(ControlArgs),
-    /// Reload the configuration of the running recorder without losing a frame.
+    /// Reload the configuration of the running recorder.
+    ///
+    /// A new run begins with the new configuration; no frame of an unchanged source is lost. A wrong
+    /// configuration is rejected and changes nothing.
     Reload(ControlArgs),
-    /// Bring up the CAN interfaces of the configuration; needs CAP_NET_ADMIN.
+    /// Bring up the CAN interfaces of the configuration.
+    ///
+    /// The command needs the capability CAP_NET_ADMIN.
     Link(LinkArgs),
     /// Import logs and project files of other formats.
     #[command(subcommand)]

@@ -28,7 +28,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The configuration has no field.
-    #[error("the configuration {path} has no field; nothing was changed")]
+    #[error("the configuration {path} is empty (it has no field); nothing was changed")]
     ConfigurationEmpty {
         /// Path of the file.
         path: PathBuf,
@@ -39,51 +39,54 @@ pub enum Error {
     /// The log's configuration is not text.
     #[error("the configuration in the log is not UTF-8 text; give one with --config")]
     ConfigurationNotText(#[from] std::str::Utf8Error),
-    /// The log's configuration is not TOML.
+    /// The configuration in the log is not TOML.
     #[error(transparent)]
     AttachedConfiguration(toml::de::Error),
-    /// A part of the log's configuration that is to be changed is not what it should be.
-    #[error("{name} is no {what} in the log's configuration")]
+    /// A field of the configuration in the log has the wrong type.
+    #[error(
+        "{name} in the configuration of the log is not a {what}; give another one with --config"
+    )]
     NotA {
-        /// Name of the part.
+        /// Name of the field.
         name: &'static str,
-        /// What it should be.
+        /// Expected type.
         what: &'static str,
     },
     /// The changed configuration cannot be written.
     #[error(transparent)]
     Toml(#[from] toml::ser::Error),
-    /// An input that is to be ignored no longer is not ignored.
+    /// An input of `--with` is not ignored by the configuration in the log.
     #[error(
-        "--with {input}: the log's configuration does not ignore that; {}", ignores(.ignored)
+        "--with {input}: the configuration in the log does not ignore this input; {}",
+        ignores(.ignored)
     )]
     NotIgnored {
-        /// The input.
+        /// Name of the input.
         input: String,
-        /// What the log's configuration ignores.
+        /// Inputs that the configuration in the log ignores.
         ignored: Vec<String>,
     },
     /// A file cannot be read.
     #[error("cannot read {path}")]
     Unreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// A file that is named cannot be read.
+    /// A file that the configuration names cannot be read.
     #[error(transparent)]
     File(#[from] FileProblem),
     /// The configuration has other sources than the log.
     #[error(
-        "the configuration does not have the log's sources {} in the same order; \
-         name all sources of the log in it", .0.join(", ")
+        "the configuration does not contain the sources {} of the log with the same numbers; it must \
+         contain all sources of the log", .0.join(", ")
     )]
     OtherSources(Vec<String>),
-    /// A part of the run is not there.
+    /// A part of the run is missing, so that the log cannot be verified.
     #[error(
-        "{0}: the state of the estimator at the beginning of the next part is unknown, so that the \
-         log cannot be verified; give all parts of the run"
+        "{0}, so that the state of the estimator at the start of the next part is unknown and the log \
+         cannot be verified; give all parts of the run to `replay --verify`, from part 0 on"
     )]
     PartsMissing(store::Missing),
     /// The options of the virtual vehicle cannot be read.
@@ -158,7 +161,7 @@ impl Error {
 
 fn ignores(names: &[String]) -> String {
     if names.is_empty() {
-        "it ignores nothing".to_owned()
+        "it ignores no input; remove the option".to_owned()
     } else {
         format!("it ignores {}", names.join(", "))
     }

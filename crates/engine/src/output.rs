@@ -112,7 +112,10 @@ impl Kind {
             Self::Log => "a log (MCAP)",
             Self::Page => "an HTML page",
             Self::Toml => "a TOML file",
+            #[cfg(feature = "formats")]
             Self::Table => "a table",
+            #[cfg(not(feature = "formats"))]
+            Self::Table => "a table (this build has no Parquet: feature formats)",
             Self::Manual => "a manual page",
             Self::Any => "a file",
         }
@@ -124,7 +127,10 @@ impl Kind {
             Self::Log => &["mcap"],
             Self::Page => &["html", "htm"],
             Self::Toml => &["toml"],
+            #[cfg(feature = "formats")]
             Self::Table => &["csv", "parquet"],
+            #[cfg(not(feature = "formats"))]
+            Self::Table => &["csv"],
             Self::Manual => &["1"],
             Self::Any => &[],
         }

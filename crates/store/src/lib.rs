@@ -1,13 +1,13 @@
-//! Samples to MCAP and back: schemas, writing, reading, recovery.
+#![doc = include_str!("../README.md")]
 //!
-//! A log holds the raw bytes of every source, from which everything else in it can be made again,
-//! and decoded channels beside them. Every channel carries its protobuf schema.
+//! # Parts
 //!
-//! - [`LogWriter`] writes one log to anything that takes bytes; the same input gives the same bytes.
-//! - [`Writer`] writes one log file, named `.active` until it is whole.
-//! - [`Recorder`] writes a run of files on threads of its own, and never blocks who feeds it.
-//! - [`Reader`] reads logs, whole or cut short, and gives the arrivals back in their exact order.
-//! - [`recover`] makes a log whole that was cut short.
+//! - [`LogWriter`] writes one log to any [`std::io::Write`]. The same input gives the same bytes.
+//! - [`Writer`] writes one log file. The name of the file ends in `.active` until the log is complete.
+//! - [`Recorder`] writes the files of a run on its own threads. Its methods never block the caller.
+//! - [`Reader`] reads complete and incomplete logs. It gives the arrivals in the order in which they
+//!   were recorded.
+//! - [`recover`] makes a complete log from an unfinished or damaged one.
 
 mod column;
 mod convert;
@@ -32,6 +32,8 @@ mod session;
 mod summary;
 mod table;
 mod wheels;
+
+pub use sample;
 
 pub use convert::Encoded;
 pub use counters::WriteCounters;
@@ -61,7 +63,7 @@ pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, 
 pub use summary::Summary;
 pub use table::{Column, Table, Values};
 
-/// Types generated from the schemas in `proto/`, as they stand in the log.
+/// Types generated from the schemas in `proto/` (`make bless` writes them).
 pub mod proto {
     /// The project's own messages.
     #[allow(
@@ -72,10 +74,10 @@ pub mod proto {
         rustdoc::all
     )]
     pub mod atvrec {
-        include!(concat!(env!("OUT_DIR"), "/atvrec.rs"));
+        include!("generated/atvrec.rs");
 
         pub(crate) mod earlier {
-            include!(concat!(env!("OUT_DIR"), "/atvrec.earlier.rs"));
+            include!("generated/atvrec.earlier.rs");
         }
     }
 
@@ -88,6 +90,6 @@ pub mod proto {
         rustdoc::all
     )]
     pub mod foxglove {
-        include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+        include!("generated/foxglove.rs");
     }
 }

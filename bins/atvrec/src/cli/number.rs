@@ -60,7 +60,7 @@ pub fn inertia_kg_m2(text: &str) -> Result<f64, String> {
 /// A seed of random numbers.
 pub fn seed(text: &str) -> Result<u64, String> {
     text.parse()
-        .map_err(|_| format!("a whole number from 0 to {} is needed", u64::MAX))
+        .map_err(|_| format!("it must be an integer from 0 to {}", u64::MAX))
 }
 
 /// Parses `text` as a number in `range`. NaN is in no range.
@@ -68,8 +68,8 @@ fn within(text: &str, range: RangeInclusive<f64>, unit: &str) -> Result<f64, Str
     match text.parse::<f64>() {
         Ok(value) if range.contains(&value) => Ok(value),
         _ => {
-            let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
-            Err(format!("{} is needed", allowed.trim_end()))
+            let allowed = format!("{} to {} {unit}", range.start(), range.end());
+            Err(format!("it must be a number from {}", allowed.trim_end()))
         }
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -34,7 +34,7 @@ fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
 }
 
 /// Reads messages until `is_it` is true for one.
-fn wait_for_message(messages: &Receiver<String>, mut is_it: impl FnMut(&str) -> bool) {
+fn wait_for_message(messages: &mpsc::Receiver<String>, mut is_it: impl FnMut(&str) -> bool) {
     let deadline = Instant::now() + PATIENCE;
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
@@ -63,7 +63,7 @@ impl Background {
     }
 
     /// Queue of the recorder's messages, which a thread reads.
-    fn messages(&mut self) -> Receiver<String> {
+    fn messages(&mut self) -> mpsc::Receiver<String> {
         let stderr = self.0.stderr.take().expect("a pipe");
         let (send, messages) = mpsc::channel();
         std::thread::spawn(move || {
@@ -270,7 +270,7 @@ fn check_warns_of_limits_that_cannot_hold() {
 }
 
 /// A receiver that sends an RMC sentence ten times a second, from 2041-02-03 04:05:06 UTC on.
-struct Receiver {
+struct GnssReceiver {
     device: PathBuf,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -279,7 +279,7 @@ struct Receiver {
 /// 2041-02-03 04:05:06 UTC.
 const RECEIVER_UNIX_S: i64 = 2_243_477_106;
 
-impl Receiver {
+impl GnssReceiver {
     fn start() -> Self {
         let mut port = acq::VirtualPort::new().expect("a pseudo-terminal");
         let device = port.path().to_owned();
@@ -311,7 +311,7 @@ impl Receiver {
     }
 }
 
-impl Drop for Receiver {
+impl Drop for GnssReceiver {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
@@ -336,7 +336,7 @@ fn info(log: &Path) -> serde_json::Value {
 #[test]
 fn a_receiver_gives_the_date_to_names_metadata_info_and_export() {
     let directory = tempfile::tempdir().expect("a directory");
-    let receiver = Receiver::start();
+    let receiver = GnssReceiver::start();
     let text = format!(
         "[source.gnss]\nkind = \"gnss\"\ndevice = \"{}\"\n[storage]\nrotate_after_s = 2\n",
         receiver.device.display()
@@ -397,7 +397,7 @@ fn a_receiver_gives_the_date_to_names_metadata_info_and_export() {
 #[test]
 fn a_killed_run_gets_its_date_at_the_next_start() {
     let directory = tempfile::tempdir().expect("a directory");
-    let receiver = Receiver::start();
+    let receiver = GnssReceiver::start();
     let config = directory.path().join("atvrec.toml");
     let text = format!(
         "[source.gnss]\nkind = \"gnss\"\ndevice = \"{}\"\n[storage]\nrotate_after_s = 2\n",

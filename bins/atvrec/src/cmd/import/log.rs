@@ -182,7 +182,7 @@ fn write_run(
     Ok(())
 }
 
-/// Log that is being written, and its engine.
+/// Log that is being written, and the feed of its engine.
 struct Log<'t> {
     feed: Feed,
     file: LogFile,
