@@ -99,7 +99,10 @@ pub enum Kind {
     /// Values in TOML.
     Toml,
     /// A table; the extension of its name decides on the format.
-    Table,
+    Table {
+        /// Whether the program can write Parquet.
+        parquet: bool,
+    },
     /// A manual page.
     Manual,
     /// A file with any name.
@@ -112,10 +115,10 @@ impl Kind {
             Self::Log => "a log (MCAP)",
             Self::Page => "an HTML page",
             Self::Toml => "a TOML file",
-            #[cfg(feature = "formats")]
-            Self::Table => "a table",
-            #[cfg(not(feature = "formats"))]
-            Self::Table => "a table (this build has no Parquet: feature formats)",
+            Self::Table { parquet: true } => "a table",
+            Self::Table { parquet: false } => {
+                "a table (this build has no Parquet: feature formats)"
+            }
             Self::Manual => "a manual page",
             Self::Any => "a file",
         }
@@ -127,10 +130,8 @@ impl Kind {
             Self::Log => &["mcap"],
             Self::Page => &["html", "htm"],
             Self::Toml => &["toml"],
-            #[cfg(feature = "formats")]
-            Self::Table => &["csv", "parquet"],
-            #[cfg(not(feature = "formats"))]
-            Self::Table => &["csv"],
+            Self::Table { parquet: true } => &["csv", "parquet"],
+            Self::Table { parquet: false } => &["csv"],
             Self::Manual => &["1"],
             Self::Any => &[],
         }
@@ -138,7 +139,7 @@ impl Kind {
 
     /// Whether the name must have an extension.
     const fn needs_extension(self) -> bool {
-        matches!(self, Self::Table)
+        matches!(self, Self::Table { .. })
     }
 }
 

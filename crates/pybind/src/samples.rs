@@ -1,6 +1,6 @@
 //! Samples for the estimator from dicts of arrays.
 
-use numpy::{AllowTypeChange, PyArrayLikeDyn, PyUntypedArrayMethods};
+use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sample::{
@@ -23,8 +23,8 @@ const QUALITIES: [(&str, FixQuality); 6] = [
 ];
 
 /// Sources of samples for which the caller gives none: a device for each kind.
-const VELOCITY_SOURCE: u8 = 1;
-const ATTITUDE_SOURCE: u8 = 2;
+const VELOCITY_SOURCE: u16 = 1;
+const ATTITUDE_SOURCE: u16 = 2;
 
 /// All samples of a dict of kinds, ordered by log time; samples of the same log time keep the order
 /// of the kinds in the dict and of the rows in a kind.
@@ -190,7 +190,7 @@ impl<'py> Rows<'_, 'py> {
     fn fill(
         &self,
         all: &mut Vec<Sample>,
-        source: u8,
+        source: u16,
         measurement: impl Fn(usize) -> PyResult<Measurement>,
     ) -> PyResult<()> {
         let log_times = self.times("log_time_ns")?;
@@ -198,13 +198,16 @@ impl<'py> Rows<'_, 'py> {
             true => self.times("valid_time_ns")?,
             false => log_times.clone(),
         };
-        let source = match self.rows.get_item("source")? {
-            Some(source) => source.extract()?,
-            None => source,
+        let sources = match self.rows.get_item("source")? {
+            Some(_) => self.numbers("source")?,
+            None => vec![source],
         };
         for (row, log_time) in log_times.iter().enumerate() {
             all.push(Sample {
-                source: SourceId(source.into()),
+                source: SourceId(match sources[..] {
+                    [one] => one,
+                    _ => self.row("source", &sources, row)?,
+                }),
                 log_time: *log_time,
                 valid_time: self.row("valid_time_ns", &valid_times, row)?,
                 device_time: None,
@@ -212,6 +215,15 @@ impl<'py> Rows<'_, 'py> {
             });
         }
         Ok(())
+    }
+
+    /// A number of a source for each row, or one for all.
+    fn numbers(&self, name: &str) -> PyResult<Vec<u16>> {
+        let array: PyArrayLikeDyn<'_, i64, AllowTypeChange> = self.extract(name)?;
+        let numbers = array.as_array().iter().map(|number| u16::try_from(*number)).collect();
+        numbers.map_err(|_| {
+            errors::argument(format!("{}: must be numbers from 0 to 65535", self.name(name)))
+        })
     }
 
     fn times(&self, name: &str) -> PyResult<Vec<LogTime>> {
@@ -260,7 +272,7 @@ impl<'py> Rows<'_, 'py> {
         if let Ok(text) = value.cast::<PyString>() {
             return Ok(vec![text.extract()?]);
         }
-        let texts = value.extract();
+        let texts = value.try_iter().and_then(|items| items.map(|item| item?.extract()).collect());
         texts.map_err(|_| errors::argument(format!("{}: must be a list of texts", self.name(name))))
     }
 

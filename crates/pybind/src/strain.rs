@@ -82,7 +82,7 @@ impl StrainChannel {
     /// Names of the sensors files that ship with the package.
     #[staticmethod]
     fn builtin_names() -> Vec<&'static str> {
-        Sensors::builtin_names().collect()
+        Sensors::builtin_names()
     }
 
     /// Load of one count, N or N m.

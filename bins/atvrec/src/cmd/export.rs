@@ -15,6 +15,11 @@ use crate::exit::{Outcome, UsageError};
 use crate::output;
 use engine::output::{Kind, Target};
 
+/// Kind of the output.
+const TABLE: Kind = Kind::Table {
+    parquet: cfg!(feature = "formats"),
+};
+
 /// Runs the command.
 pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     let target = args
@@ -22,7 +27,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         .as_ref()
         .map(|path| {
             let inputs = args.logs.iter().map(|log| &**log);
-            Target::new(path, Kind::Table, args.replace.force, inputs)
+            Target::new(path, TABLE, args.replace.force, inputs)
         })
         .transpose()?;
     if let Some((from_s, to_s)) = args.from_s.zip(args.to_s).filter(|(from, to)| from > to) {

@@ -1,6 +1,9 @@
-"""Vehicle dynamics and logs of atvrec, the recorder that estimates tyre forces.
+"""Estimator, vehicle dynamics and logs of atvrec, the recorder that estimates tyre forces.
 
 - :func:`open` reads logs into NumPy arrays, pandas or polars frames
+- :func:`simulate` makes the log of a virtual vehicle, :func:`replay` estimates a log again
+- :class:`Estimator` estimates motion and tyre forces from samples, :func:`samples` reads them from a
+  log
 - :func:`score` judges a log's estimates by its truth, :func:`compare` by another log's,
   :func:`innovations` by its own measurements
 - :class:`Vehicle` reads vehicle files
@@ -9,7 +12,8 @@
 - :class:`FourteenDof` the same with wheels that lift
 - :class:`Tyre`, :class:`SpringTyre`, :class:`Steering`, :class:`Ride`, :class:`Corner`,
   :class:`StrainChannel` its parts
-- :class:`Sensors` reads sensors files
+- :class:`Sensors` and :class:`Calibration` read sensors and calibration files, :class:`Tuning` has
+  the tuned numbers of the estimator
 - :mod:`atvrec.identify` finds parameters in drives, :mod:`atvrec.calibrate` calibrates sensors
 
 Axes are ISO 8855: x forward, y left, z up. Wheels stand in the order front left, front right, rear
@@ -21,6 +25,7 @@ from atvrec._atvrec import (
     ArgumentError,
     AtvrecError,
     Bicycle,
+    Calibration,
     Corner,
     DataError,
     FourteenDof,
@@ -32,6 +37,7 @@ from atvrec._atvrec import (
     SpringTyre,
     Steering,
     StrainChannel,
+    Tuning,
     Tyre,
     Vehicle,
     VehicleError,
@@ -41,28 +47,48 @@ from atvrec._atvrec import (
     road_height_m,
     strain_circuits,
 )
+from atvrec.estimation import (
+    Estimated,
+    Estimates,
+    Estimator,
+    Event,
+    Parameters,
+    Samples,
+    samples,
+)
 from atvrec.log import Log, open
+from atvrec.replaying import Replayed, Simulated, manoeuvres, replay, simulate
 from atvrec.scoring import Comparison, Innovations, Score, compare, innovations, score
 
 __all__ = [
     "ArgumentError",
     "AtvrecError",
     "Bicycle",
+    "Calibration",
     "Comparison",
     "Corner",
     "DataError",
+    "Estimated",
+    "Estimates",
+    "Estimator",
+    "Event",
     "FourWheel",
     "FourteenDof",
     "Innovations",
     "Log",
     "LogError",
+    "Parameters",
+    "Replayed",
     "Ride",
+    "Samples",
     "Score",
     "Sensors",
+    "Simulated",
     "SimulationError",
     "SpringTyre",
     "Steering",
     "StrainChannel",
+    "Tuning",
     "Tyre",
     "Vehicle",
     "VehicleError",
@@ -73,8 +99,12 @@ __all__ = [
     "compare",
     "identify",
     "innovations",
+    "manoeuvres",
     "open",
+    "replay",
     "road_height_m",
+    "samples",
     "score",
+    "simulate",
     "strain_circuits",
 ]

@@ -27,6 +27,7 @@ __all__ = [
     "ArgumentError",
     "AtvrecError",
     "Bicycle",
+    "Calibration",
     "Corner",
     "DataError",
     "Drive",
@@ -35,15 +36,18 @@ __all__ = [
     "LogError",
     "LogReader",
     "Ride",
+    "SampleEstimator",
     "Sensors",
     "SimulationError",
     "SpringTyre",
     "Steering",
     "StrainChannel",
+    "Tuning",
     "Tyre",
     "Vehicle",
     "VehicleError",
     "__version__",
+    "_restore",
     "ackermann_rad",
     "amplifier_gain",
     "calibrate_gnss",
@@ -64,7 +68,10 @@ __all__ = [
     "identify_tyre",
     "identify_understeer",
     "identify_yaw_inertia",
+    "manoeuvres",
+    "replay_log",
     "road_height_m",
+    "simulate_log",
     "strain_circuits",
 ]
 __version__: str
@@ -401,11 +408,87 @@ class Sensors:
     def load(path: str | os.PathLike[str]) -> Sensors: ...
     @staticmethod
     def from_toml(text: str, name: str = "sensors.toml") -> Sensors: ...
+    def to_toml(self) -> str: ...
     @property
     def name(self) -> str: ...
 
 @final
+class Calibration:
+    @staticmethod
+    def nominal(vehicle: Vehicle) -> Calibration: ...
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Calibration: ...
+    @staticmethod
+    def from_toml(text: str, name: str = "calibration.toml") -> Calibration: ...
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Calibration: ...
+    def to_toml(self) -> str: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    @property
+    def vehicle(self) -> str: ...
+
+@final
+class Tuning:
+    def __new__(cls) -> Tuning: ...
+    @staticmethod
+    def from_toml(text: str, name: str = "tuning.toml") -> Tuning: ...
+    def with_values(self, values: Mapping[str, Any]) -> Tuning: ...
+    def to_toml(self) -> str: ...
+    def to_dict(self) -> dict[str, Any]: ...
+
+_Estimated: TypeAlias = tuple[dict[str, Any], dict[str, Any], list[dict[str, Any]]]
+
+@final
+class SampleEstimator:
+    def __new__(
+        cls,
+        vehicle: Vehicle,
+        sensors: Sensors,
+        calibration: Calibration,
+        tuning: Tuning,
+        method: str,
+        ignore: Sequence[str],
+    ) -> SampleEstimator: ...
+    def advance(self, log_time_ns: int) -> None: ...
+    def push(self, samples: Mapping[str, Any]) -> None: ...
+    def take(self) -> _Estimated: ...
+
+def replay_log(
+    log: LogReader,
+    output: str | None,
+    force: bool,
+    config: str | None,
+    vehicle: Vehicle | str | None,
+    overrides: Sequence[str],
+    sensors: Sensors | str | None,
+    calibration: Calibration | str | None,
+    without: Sequence[str],
+    with_inputs: Sequence[str],
+    method: str | None,
+    smooth: bool,
+    verify: bool,
+) -> tuple[str, _Estimated | None]: ...
+def simulate_log(
+    manoeuvre: str | None,
+    truth: str | None,
+    output: str,
+    force: bool,
+    vehicle: Vehicle | str,
+    sensors: Sensors | str,
+    seed: int,
+    options: str | None,
+    duration_s: float | None,
+    config: str | None,
+    true_calibration: str | None,
+) -> tuple[float, str, int, int]: ...
+def manoeuvres() -> list[str]: ...
+def _restore(
+    cls: type[Any], method: str, arguments: tuple[Any, ...], named: dict[str, Any]
+) -> Any: ...
+@final
 class StrainChannel:
+    @staticmethod
+    def of(sensors: Sensors, kind: Literal["axial", "bending"]) -> StrainChannel: ...
     @staticmethod
     def axial(sensors: str = "thesis-10bit") -> StrainChannel: ...
     @staticmethod

@@ -162,6 +162,11 @@ def open(paths: Path | Iterable[Path]) -> Log:
     return Log(paths)
 
 
+def opened(log: Log | Path | Iterable[Path]) -> Log:
+    """The log, opened if it is not yet."""
+    return log if isinstance(log, Log) else open(log)
+
+
 def _time_ns(name: str, time_s: float | None, first_ns: int, otherwise_ns: int) -> int:
     if time_s is None:
         return otherwise_ns

@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from atvrec._atvrec import ArgumentError
-from atvrec.log import Log, Path, open
+from atvrec.log import Log, Path, opened
 
 
 class Signal(TypedDict):
@@ -201,7 +201,7 @@ def innovations(
     Seconds that begin within ``from_s`` of the first report are left out, and kinds of measurement
     of which the log has none.
     """
-    found: list[Innovations] = json.loads(_opened(log)._reader.innovations_json(_checked(from_s)))
+    found: list[Innovations] = json.loads(opened(log)._reader.innovations_json(_checked(from_s)))
     return found
 
 
@@ -211,8 +211,8 @@ def _scored(
     smoothed: bool,
     from_s: float,
 ) -> Any:
-    against = None if other is None else _opened(other)._reader
-    return json.loads(_opened(log)._reader.score_json(against, smoothed, _checked(from_s)))
+    against = None if other is None else opened(other)._reader
+    return json.loads(opened(log)._reader.score_json(against, smoothed, _checked(from_s)))
 
 
 def _checked(from_s: float) -> float:
@@ -220,6 +220,3 @@ def _checked(from_s: float) -> float:
         raise ArgumentError(f"from_s = {from_s} s: must be a finite number, not negative")
     return from_s
 
-
-def _opened(log: Log | Path | Iterable[Path]) -> Log:
-    return log if isinstance(log, Log) else open(log)

@@ -1,0 +1,150 @@
+"""The estimator through Python: the bits of the program, one by one and as arrays, and its errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import atvrec
+
+
+def vehicle_of(log: atvrec.Log) -> tuple[atvrec.Vehicle, atvrec.Sensors]:
+    texts = {name: data.decode() for name, data in log.attachments.items()}
+    return (
+        atvrec.Vehicle.from_toml(texts["prowler.vehicle.toml"]),
+        atvrec.Sensors.from_toml(texts["thesis-10bit.sensors.toml"]),
+    )
+
+
+def compare_with_log(found: atvrec.Estimates, log: atvrec.Log, *, least: int) -> None:
+    """All values of all instants that both have, bit by bit."""
+    motion, forces = log.read("/estimate/motion"), log.read("/estimate/tyre_forces")
+    assert np.array_equal(motion["log_time_ns"], forces["log_time_ns"])
+    _, here, there = np.intersect1d(
+        found.time_ns, motion["log_time_ns"], assume_unique=True, return_indices=True
+    )
+    assert len(here) >= least
+    compared = {
+        "velocity_x_m_s": found.velocity_x_m_s,
+        "velocity_y_m_s": found.velocity_y_m_s,
+        "sideslip_rad": found.sideslip_rad,
+        "sideslip_sigma_rad": found.sideslip_sigma_rad,
+        "roll_rad": found.roll_rad,
+        "pitch_rad": found.pitch_rad,
+        "acceleration_m_s2.y": found.acceleration_m_s2[:, 1],
+        "rl.slip_angle_rad": found.slip_angle_rad[:, 2],
+    }
+    for name, values in compared.items():
+        np.testing.assert_array_equal(values[here], motion[name][there], err_msg=name)
+    for wheel, name in enumerate(("fl", "fr", "rl", "rr")):
+        for axis, letter in enumerate("xyz"):
+            column = forces[f"{name}.{letter}_n"][there]
+            np.testing.assert_array_equal(found.force_n[here, wheel, axis], column)
+
+
+def test_samples_of_a_log_give_its_estimates(simulated_log: Path) -> None:
+    log = atvrec.open(simulated_log)
+    samples = atvrec.samples(log)
+    assert {"imu", "gnss_velocity", "gnss_attitude", "corner", "steer"} <= set(samples)
+    estimator = atvrec.Estimator(*vehicle_of(log))
+    estimator.advance(log.start_ns)
+    found = estimator.run(samples)
+    instants = log.read("/estimate/motion")["log_time_ns"].size
+    compare_with_log(found.estimates, log, least=instants - 2)
+    assert found.estimates.force_frame == "contact"
+    assert set(found.estimates.force_source[-1]) == {"fusion"}
+    parameters = log.read("/estimate/parameters")
+    np.testing.assert_array_equal(found.parameters.time_ns, parameters["log_time_ns"])
+    np.testing.assert_array_equal(
+        found.parameters.stiffness_factor[:, 0], parameters["front.stiffness_factor"]
+    )
+    assert len(estimator.take().estimates) == 0
+
+
+def test_samples_one_by_one_give_the_same_bits(simulated_log: Path) -> None:
+    log = atvrec.open(simulated_log)
+    samples = atvrec.samples(log)
+    until = log.start_ns + 700_000_000
+    rows = [
+        (int(time_ns), kind, row)
+        for kind, table in samples.items()
+        for row, time_ns in enumerate(table["log_time_ns"])  # type: ignore[index]
+        if time_ns <= until
+    ]
+    one_by_one, at_once = (atvrec.Estimator(*vehicle_of(log)) for _ in range(2))
+    for estimator in (one_by_one, at_once):
+        estimator.advance(log.start_ns)
+    for time_ns, kind, row in sorted(rows, key=lambda entry: entry[0]):
+        values = {name: column[row] for name, column in samples[kind].items()}  # type: ignore[literal-required]
+        times = {
+            "log_time_ns": int(values.pop("log_time_ns")),
+            "valid_time_ns": int(values.pop("valid_time_ns")),
+        }
+        values = {name: _plain(value) for name, value in values.items()}
+        getattr(one_by_one, f"push_{kind}")(**times, **values)
+    cut = {
+        kind: {name: column[table["log_time_ns"] <= until] for name, column in table.items()}
+        for kind, table in samples.items()
+    }
+    found, expected = one_by_one.take(), at_once.run(cut)  # type: ignore[arg-type]
+    assert len(found.estimates) > 60
+    for name, values in vars(expected.estimates).items():
+        np.testing.assert_array_equal(getattr(found.estimates, name), values, err_msg=name)
+
+
+def _plain(value: object) -> object:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def test_calibration_and_tuning_have_an_effect(simulated_log: Path) -> None:
+    log = atvrec.open(simulated_log)
+    vehicle, sensors = vehicle_of(log)
+    samples = atvrec.samples(log)
+
+    def last_force(
+        calibration: atvrec.Calibration | None = None, tuning: atvrec.Tuning | None = None
+    ) -> float:
+        estimator = atvrec.Estimator(vehicle, sensors, calibration, tuning)
+        return float(estimator.run(samples).estimates.force_n[-1, 0, 2])
+
+    nominal = last_force()
+    assert nominal > 0.0
+    offset = {"vehicle": vehicle.name, "corner": {"front_left": {"deflection": {"offset_counts": 520.0}}}}
+    assert last_force(atvrec.Calibration.from_dict(offset)) != nominal
+    assert last_force(tuning=atvrec.Tuning().with_values({"motion.aiding.lateral_sigma_m_s": 5.0})) != nominal
+
+
+def test_errors_name_the_value_and_the_next_step() -> None:
+    vehicle = atvrec.Vehicle.builtin("prowler")
+    estimator = atvrec.Estimator(vehicle)
+    steer = {"log_time_ns": [2_000], "steering_wheel_rad": [0.1]}
+    estimator.push({"steer": steer})
+    with pytest.raises(atvrec.ArgumentError, match="log_time_ns = 1000 is earlier than 2000"):
+        estimator.push_steer(1_000, 0.1)
+    with pytest.raises(atvrec.ArgumentError, match="no such kind of samples; there are imu"):
+        estimator.push({"stear": steer})  # type: ignore[typeddict-unknown-key]
+    with pytest.raises(atvrec.ArgumentError, match=r'samples\["steer"\]\["angle_rad"\]: no such array'):
+        estimator.push({"steer": steer | {"angle_rad": [0.1]}})  # type: ignore[typeddict-item]
+    with pytest.raises(atvrec.ArgumentError, match=r'\["steering_wheel_rad"\] has 1 rows, fewer'):
+        estimator.push({"steer": steer | {"log_time_ns": [3_000, 4_000]}})  # type: ignore[typeddict-item]
+    with pytest.raises(atvrec.ArgumentError, match="must be fl, fr, rl or rr"):
+        estimator.push_corner(5_000, "front left", deflection_counts=500)
+    with pytest.raises(atvrec.ArgumentError, match="is 70000: counts are whole numbers from 0 to 65535"):
+        estimator.push_corner(5_000, "fl", deflection_counts=70_000)
+    with pytest.raises(atvrec.ArgumentError, match="must be none, single"):
+        estimator.push_gnss_velocity(5_000, [0.0, 0.0, 0.0], quality="good")  # type: ignore[arg-type]
+    with pytest.raises(atvrec.ArgumentError, match='"fusoin" is not known; did you mean "fusion"'):
+        atvrec.Estimator(vehicle, method="fusoin")  # type: ignore[arg-type]
+    other = atvrec.Calibration.from_toml('vehicle = "another"')
+    with pytest.raises(atvrec.ArgumentError, match="calibrate this vehicle, or name the right files"):
+        atvrec.Estimator(vehicle, calibration=other)
+    with pytest.raises(atvrec.ArgumentError, match="motion.gate_sgma; docs/filter-spec.md lists"):
+        atvrec.Tuning().with_values({"motion.gate_sgma": 6.0})
+    with pytest.raises(atvrec.ArgumentError, match=r"motion.gate_sigma = \[-1.0\] found where a number above 0"):
+        atvrec.Tuning().with_values({"motion": {"gate_sigma": -1.0}})
+    with pytest.raises(atvrec.ArgumentError, match="cal.toml: .*vehicel"):
+        atvrec.Calibration.from_toml('vehicel = "x"', "cal.toml")
+    with pytest.raises(FileNotFoundError, match="absent.toml"):
+        atvrec.Calibration.load("absent.toml")
