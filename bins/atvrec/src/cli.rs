@@ -11,8 +11,8 @@ use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
 pub use identify::{
-    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, PendulumKind, ResponseArgs,
-    RollCentreArgs, TellArgs, TyreArgs,
+    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, PendulumKind, RollCentreArgs,
+    TellArgs,
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
 

@@ -121,9 +121,40 @@ pub enum Error {
     /// No virtual vehicle can be made.
     #[error(transparent)]
     Simulation(#[from] sim::SimError),
+    /// The log's configuration names no vehicle.
+    #[error("the log's configuration names no vehicle, so nothing was estimated")]
+    NoVehicle,
+    /// The configuration names no vehicle.
+    #[error("the configuration names no vehicle; give one with --config, or import with --vehicle")]
+    NoVehicleNamed,
+    /// The log has no estimates.
+    #[error("{topic} is needed; was the estimator switched off? replay with a vehicle")]
+    NoEstimates {
+        /// The topic that is needed.
+        topic: String,
+        /// Why it cannot be read.
+        source: Box<store::Error>,
+    },
+    /// A topic has no messages.
+    #[error("{0} is empty")]
+    Empty(String),
+    /// No estimate lies between the given times.
+    #[error("nothing lies between --from and --to: {topic} spans {span_s:.1} s")]
+    EmptyWindow {
+        /// The topic.
+        topic: String,
+        /// How long it is, s.
+        span_s: f64,
+    },
     /// A log cannot be read or written.
     #[error(transparent)]
     Log(#[from] store::Error),
+}
+
+impl From<estimator::finding::Refusal> for Error {
+    fn from(refusal: estimator::finding::Refusal) -> Self {
+        Self::Estimator(refusal.into())
+    }
 }
 
 impl Error {
@@ -138,6 +169,7 @@ impl Error {
                 | Self::Unreadable { .. }
                 | Self::File(_)
                 | Self::OtherSources(_)
+                | Self::NoVehicleNamed
                 | Self::Options { .. }
         )
     }
