@@ -124,6 +124,20 @@ pub enum Error {
     /// The log's configuration names no vehicle.
     #[error("the log's configuration names no vehicle, so nothing was estimated")]
     NoVehicle,
+    /// The configuration of a log has errors.
+    #[error("{path}")]
+    InLog {
+        /// The log.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<Error>,
+    },
+    /// The configuration of a log names no vehicle.
+    #[error(
+        "{0}: the log's configuration names no vehicle; name one in [vehicle] and record again, or \
+         make the log anew with `atvrec replay --config`"
+    )]
+    NoVehicleIn(PathBuf),
     /// The configuration names no vehicle.
     #[error("the configuration names no vehicle; give one with --config, or import with --vehicle")]
     NoVehicleNamed,
@@ -161,17 +175,18 @@ impl Error {
     /// Whether what the user wrote is wrong: a file, its name, or an option.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
-        matches!(
-            self,
+        match self {
             Self::Configuration(_)
-                | Self::ConfigurationUnreadable { .. }
-                | Self::NotIgnored { .. }
-                | Self::Unreadable { .. }
-                | Self::File(_)
-                | Self::OtherSources(_)
-                | Self::NoVehicleNamed
-                | Self::Options { .. }
-        )
+            | Self::ConfigurationUnreadable { .. }
+            | Self::NotIgnored { .. }
+            | Self::Unreadable { .. }
+            | Self::File(_)
+            | Self::OtherSources(_)
+            | Self::NoVehicleNamed
+            | Self::Options { .. } => true,
+            Self::InLog { source, .. } => source.is_usage(),
+            _ => false,
+        }
     }
 }
 

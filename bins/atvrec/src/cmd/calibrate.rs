@@ -1,31 +1,17 @@
 //! `atvrec calibrate`: what a workshop finds, one step a command, into one calibration file.
 
-mod gnss;
-mod imu;
-mod marked;
-mod recording;
-mod zero;
-
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, ensure};
 use engine::config::{TOML_MAX, read_text};
+use engine::read_recording;
 use estimator::Calibration;
+use estimator::calibration::{Recording, Step};
 
 use crate::cli::{CalibrateArgs, CalibrateCommand};
 use crate::cmd::findings;
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
-
-use recording::Recording;
-
-/// The logs on the bench, and the calibration as it is known so far.
-pub struct Bench {
-    /// Logs, at least one, all of one vehicle.
-    pub recordings: Vec<Recording>,
-    /// What earlier steps found; each step adds its part.
-    pub calibration: Calibration,
-}
 
 /// Calibrates.
 pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
@@ -36,70 +22,55 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let page = args.report.as_ref();
     let page = page.map(|path| Target::new(path, Kind::Page, args.replace.force, inputs()));
     let page = page.transpose()?;
-    let mut bench = Bench::set_up(args)?;
-    let (title, results) = match command {
-        CalibrateCommand::Zero(own) => ("zero", zero::run(own, &mut bench)),
-        CalibrateCommand::Imu(_) => ("imu", imu::run(&mut bench)),
-        CalibrateCommand::Gnss(_) => ("gnss", gnss::run(&mut bench)),
-        CalibrateCommand::Weight(own) => ("weight", marked::weigh(own, &mut bench)),
-        CalibrateCommand::LoadRig(_) => ("load-rig", marked::rig(&mut bench)),
-        CalibrateCommand::Steer(own) => ("steer", marked::plates(own, &mut bench)),
-        CalibrateCommand::WheelRadius(_) => ("wheel-radius", gnss::wheels(&mut bench)),
-    };
-    let results = results.with_context(|| format!("calibrate {title}"))?;
-    output.write(&bench.calibration.to_toml()?)?;
+    let recordings = read(args)?;
+    let step = step(command);
+    let first = recordings.first().context("no log is given")?;
+    let known = known(&args.output, &first.vehicle.name)?;
+    let found = step
+        .calibrate(&recordings, &known)
+        .with_context(|| format!("calibrate {}", step.title()))?;
+    output.write(&found.calibration.to_toml()?)?;
     if let Some(page) = page {
-        let title = format!("Calibration: {title}");
-        page.write(&findings::page(&title, bench.facts(), &results))?;
+        let title = format!("Calibration: {}", step.title());
+        page.write(&findings::page(&title, facts(&recordings), &found.findings))?;
     }
-    findings::tell(&results, args.json)?;
+    findings::tell(&found.findings, args.json)?;
     if !args.json {
         println!("written: {}", args.output.display());
     }
     Ok(Outcome::Good)
 }
 
-impl Bench {
-    fn set_up(args: &CalibrateArgs) -> anyhow::Result<Self> {
-        let recordings: Vec<Recording> = args
-            .logs
-            .iter()
-            .map(|path| Recording::read(path))
-            .collect::<anyhow::Result<_>>()?;
-        let first = recordings.first().context("no log is given")?;
-        let name = first.vehicle.name.clone();
-        for other in &recordings {
-            ensure!(
-                other.vehicle.name == name && other.sensors == first.sensors,
-                "{} is of vehicle \"{}\" with sensors \"{}\", {} of \"{name}\" with \"{}\"; \
-                 calibrate one vehicle at a time",
-                other.path.display(),
-                other.vehicle.name,
-                other.sensors.name,
-                first.path.display(),
-                first.sensors.name,
-            );
-        }
-        let calibration = known(&args.output, &name)?;
-        Ok(Self {
-            recordings,
-            calibration,
-        })
+fn step(command: &CalibrateCommand) -> Step {
+    match command {
+        CalibrateCommand::Zero(args) => Step::Zero {
+            weight_sigma: args.weight_sigma,
+        },
+        CalibrateCommand::Imu(_) => Step::Imu,
+        CalibrateCommand::Gnss(_) => Step::Gnss,
+        CalibrateCommand::Weight(args) => Step::Weight {
+            scales: args.scales.clone(),
+        },
+        CalibrateCommand::LoadRig(_) => Step::LoadRig,
+        CalibrateCommand::Steer(args) => Step::Steer {
+            plate_sigma_rad: args.plate_sigma_deg.to_radians(),
+        },
+        CalibrateCommand::WheelRadius(_) => Step::WheelRadius,
     }
+}
 
-    fn facts(&self) -> Vec<(String, String)> {
-        let first = &self.recordings[0];
-        let logs: Vec<String> = self
-            .recordings
-            .iter()
-            .map(|r| r.path.display().to_string())
-            .collect();
-        vec![
-            ("vehicle".to_owned(), first.vehicle.name.clone()),
-            ("sensors".to_owned(), first.sensors.name.clone()),
-            ("logs".to_owned(), logs.join(", ")),
-        ]
-    }
+fn read(args: &CalibrateArgs) -> engine::Result<Vec<Recording>> {
+    args.logs.iter().map(|path| read_recording(path)).collect()
+}
+
+fn facts(recordings: &[Recording]) -> Vec<(String, String)> {
+    let first = &recordings[0];
+    let logs: Vec<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
+    vec![
+        ("vehicle".to_owned(), first.vehicle.name.clone()),
+        ("sensors".to_owned(), first.sensors.name.clone()),
+        ("logs".to_owned(), logs.join(", ")),
+    ]
 }
 
 /// What earlier steps wrote; nominal where there is no file yet.
@@ -123,13 +94,4 @@ fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
         known.vehicle,
     );
     Ok(known)
-}
-
-/// The only log of a step that takes one.
-fn one_log<'a>(recordings: &'a [Recording], step: &str) -> anyhow::Result<&'a Recording> {
-    let paths: Vec<&PathBuf> = recordings.iter().map(|r| &r.path).collect();
-    match recordings {
-        [one] => Ok(one),
-        _ => anyhow::bail!("{step} takes one log, not {}: {paths:?}", recordings.len()),
-    }
 }
