@@ -3,7 +3,7 @@
 pub mod chassis;
 mod checks;
 mod error;
-mod file;
+pub mod file;
 pub mod integrate;
 mod scalar;
 pub mod sensors;
@@ -16,6 +16,6 @@ mod values;
 pub mod vehicle;
 
 pub use error::Error;
-pub use file::{FileErrors, Problem, closest};
+pub use file::FileErrors;
 pub use scalar::Scalar;
 pub use values::Values;

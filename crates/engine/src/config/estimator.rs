@@ -8,7 +8,7 @@ use model::vehicle::Vehicle;
 
 use super::files::{FileKind, Files};
 use super::overrides;
-use super::reader::{Field, Gatherer, NumberOrList, Problem, Section, closest};
+use model::file::{Field, Gatherer, NumberOrList, Section, closest};
 
 /// Methods, as they are written in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
@@ -211,18 +211,7 @@ fn told<T>(read: Result<T, FileErrors>, gather: &mut Gatherer<'_>) -> Option<T> 
     match read {
         Ok(value) => Some(value),
         Err(errors) => {
-            gather.add_foreign(errors.problems.iter().map(|problem| Problem {
-                file: errors.path.display().to_string(),
-                line: problem.line.unwrap_or(0),
-                column: 0,
-                field: problem.field.clone(),
-                message: if problem.value.is_empty() {
-                    problem.message.clone()
-                } else {
-                    format!("{} {}", problem.value, problem.message)
-                },
-                help: problem.remedy.clone(),
-            }));
+            gather.add_foreign(errors.problems);
             None
         }
     }

@@ -10,7 +10,7 @@ use model::vehicle::Vehicle;
 use store::Attachment;
 
 use super::columns::GAVLAB_MAP;
-use super::reader::TOML_MAX;
+use model::file::TOML_MAX;
 
 /// Name of the program's own column map for MOOS logs.
 pub const GAVLAB: &str = "gavlab.toml";

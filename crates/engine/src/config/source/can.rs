@@ -9,8 +9,8 @@ use wire::slcan;
 
 use super::{CanMeaning, Meaning, Read, read_port};
 use crate::config::files::{FileKind, Files, PROJECT_DBC};
-use crate::config::reader::{Field, Gatherer, Problem, Section};
 use crate::config::roles;
+use model::file::{Field, Gatherer, Problem, Section};
 
 /// How long a frame may wait to be read that nothing decodes: only the disk waits for it.
 const RECORDED_WITHIN: Duration = Duration::from_millis(6);
@@ -166,6 +166,7 @@ fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gather
                     line: issue.line,
                     column: 0,
                     field: issue.token,
+                    value: String::new(),
                     message: issue.text,
                     help: String::new(),
                 })),
