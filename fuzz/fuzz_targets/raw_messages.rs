@@ -10,7 +10,7 @@ use mcap::records::MessageHeader;
 
 const SCHEMAS: [(&str, &str); 4] = [
     ("atvrec.RawBytes", "/raw/imu"),
-    ("atvrec.RawCan", "/can/can0/raw"),
+    ("atvrec.RawCan", "/raw/can0"),
     ("atvrec.RawTicks", "/clock"),
     ("atvrec.RawNotices", "/notice"),
 ];

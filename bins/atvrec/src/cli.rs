@@ -11,35 +11,38 @@ use clap::{Args, Parser, Subcommand};
 use sim::Manoeuvre;
 
 pub use identify::{
-    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, PendulumKind, RollCentreArgs,
-    TellArgs,
+    IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
+    RollCentreArgs,
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
 
 const AFTER_HELP: &str = "\
 Examples:
-  atvrec demo                              a virtual drive, recorded, replayed and reported
-  atvrec check                             look at atvrec.toml and at the devices it names
-  atvrec record                            record with ./atvrec.toml until Ctrl-C
-  atvrec replay drive.mcap --verify        make the estimate again and compare bit by bit
+  atvrec demo                         record, replay and report a virtual drive
+  atvrec check                        check atvrec.toml and the devices in it
+  atvrec record                       record with atvrec.toml until Ctrl-C
+  atvrec replay drive.mcap --verify   repeat the estimate, compare bit by bit
   atvrec simulate --manoeuvre slow-sine -o sine.mcap
   atvrec report drive.mcap -o drive.html
 
-Exit codes: 0 good, 1 failed, 2 wrong usage or configuration, 3 finished with data loss.";
+Exit codes:
+  0  success
+  1  failure
+  2  wrong usage or configuration
+  3  finished, but data was lost";
 
-/// Records a vehicle's sensors, estimates its tyre forces while it records, and makes the same
-/// estimate again from the recording.
+/// Record vehicle sensors, estimate tyre forces, and repeat the estimate bit for bit from a log.
 #[derive(Debug, Parser)]
 #[command(name = "atvrec", version, after_help = AFTER_HELP, max_term_width = 100)]
 pub struct Cli {
-    /// Say more: -v debug, -vv every detail.
+    /// Print more messages: -v for debug messages, -vv for all messages.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
-    /// Say only what went wrong.
+    /// Print errors only.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
-    /// Largest chunk of a log when inflated, and largest other record, in MB (2^20 bytes). A log with a
-    /// larger one is damaged or was made to exhaust memory.
+    /// Largest uncompressed chunk, and largest other record, that is read from a log, in MB (2^20
+    /// bytes). A log with a larger record is damaged, or was made to exhaust the memory.
     #[arg(
         long,
         global = true,
@@ -49,70 +52,79 @@ pub struct Cli {
         value_parser = clap::value_parser!(u64).range(1..=1 << 20)
     )]
     pub max_chunk: u64,
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// The verbs.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Record all configured sources and estimate while recording.
+    /// Record all configured sources and estimate tyre forces.
     Record(RecordArgs),
-    /// Make the estimate again from a log's raw bytes.
+    /// Repeat the estimate from the raw data of a log.
     Replay(ReplayArgs),
     /// Write a self-contained HTML report of a log.
     Report(ReportArgs),
-    /// Compare the estimates of a log with its truth, or with another log's estimates.
+    /// Compare the estimates of a log with the truth or another log.
     Score(ScoreArgs),
-    /// Show the whole chain without hardware: virtual vehicle, record, replay, report.
+    /// Record, replay and report a virtual drive, without hardware.
     Demo(DemoArgs),
-    /// Drive a virtual vehicle whose sensors speak on pseudo-terminals and CAN, in real time.
+    /// Run a virtual vehicle on pseudo-terminals and CAN, in real time.
     Virtual(VirtualArgs),
-    /// Drive a virtual vehicle at full speed straight into a log.
+    /// Run a virtual vehicle at full speed and write its data to a log.
     Simulate(SimulateArgs),
-    /// Write a topic of a log as a table: CSV or Parquet.
+    /// Write a topic of a log as a CSV or Parquet table.
     Export(ExportArgs),
-    /// Tell what a log holds.
+    /// Show the contents of a log.
     Info(InfoArgs),
-    /// Look for errors in a configuration and for the devices that it names.
+    /// Check a configuration, and whether its devices send data.
     ///
-    /// Exits 0 if there is no error and every device answers, 1 if a device is missing or silent,
-    /// 2 if the configuration is wrong.
+    /// The exit code is 0 if the configuration is valid and every device sends data, 1 if a device
+    /// is missing or silent, 2 if the configuration is wrong.
     Check(CheckArgs),
-    /// Find offsets, gains and mounting from workshop logs, step by step into one file.
+    /// Calibrate the sensors from workshop logs, step by step.
+    ///
+    /// Each step adds its values to one calibration file.
     #[command(subcommand)]
     Calibrate(CalibrateCommand),
-    /// Make cut-short logs whole.
+    /// Recover logs that were cut short or damaged.
     Recover(RecoverArgs),
-    /// Find parameters of the vehicle in logs of drives.
+    /// Identify parameters of the vehicle from logs of drives.
     #[command(subcommand)]
     Identify(IdentifyCommand),
-    /// Set a mark in the running recording.
+    /// Add a mark to the running recording.
     Mark(MarkArgs),
-    /// Show how the running recorder does.
+    /// Show the state of the running recorder.
     Status(StatusArgs),
-    /// Begin to write, until `stop`.
-    Start(OrderArgs),
-    /// End writing; sources and estimator go on.
-    Stop(OrderArgs),
-    /// Let the running recorder read its configuration again, without losing a frame.
-    Reload(OrderArgs),
-    /// Bring the configuration's CAN interfaces up; needs CAP_NET_ADMIN.
+    /// Start writing logs in the running recorder.
+    Start(ControlArgs),
+    /// Stop writing logs in the running recorder.
+    ///
+    /// The command returns when the logs are closed. Sources and estimator continue.
+    Stop(ControlArgs),
+    /// Reload the configuration of the running recorder.
+    ///
+    /// A new run begins with the new configuration; no frame of an unchanged source is lost. A wrong
+    /// configuration is rejected and changes nothing.
+    Reload(ControlArgs),
+    /// Bring up the CAN interfaces of the configuration.
+    ///
+    /// The command needs the capability CAP_NET_ADMIN.
     Link(LinkArgs),
-    /// Make logs and project files from others' formats.
+    /// Import logs and project files of other formats.
     #[command(subcommand)]
     Import(ImportCommand),
-    /// Print a completion script for a shell.
+    /// Print the completion script of a shell.
     Completions(CompletionsArgs),
     /// Write the manual pages, one for each command.
     Man(ManArgs),
 }
 
-/// Whether outputs may replace files.
+/// Permission to replace output files.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct Replace {
-    /// Replace output files that exist. An input is never replaced.
+    /// Replace output files that exist. An input file is never replaced.
     #[arg(long)]
     pub force: bool,
 }
@@ -120,10 +132,10 @@ pub struct Replace {
 /// `atvrec record`.
 #[derive(Debug, Args)]
 pub struct RecordArgs {
-    /// Configuration.
+    /// Configuration file.
     #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
     pub config: PathBuf,
-    /// Write logs here instead of the configuration's storage.directory.
+    /// Write the logs to this directory instead of storage.directory of the configuration.
     #[arg(short, long, value_name = "DIR")]
     pub directory: Option<PathBuf>,
     /// Stop after this many seconds.
@@ -140,24 +152,24 @@ pub struct ReplayArgs {
     /// Logs, in the order in which they were recorded.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Write the raw bytes and the new estimate to this log.
+    /// Write the raw data and the new estimate to this log.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Use this configuration instead of the one in the log.
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// What to tell the estimator otherwise than while recording.
+    /// Changes of the log's configuration.
     #[command(flatten)]
     pub changes: ReplayChanges,
-    /// Smooth too: estimates that also know the ten seconds and more after their instant, on
-    /// /smoothed/... of the new log.
+    /// Write smoothed estimates too, on the topics /smoothed/... of the new log. A smoothed
+    /// estimate also uses the data of at least ten seconds after its time.
     #[arg(long, requires = "output")]
     pub smooth: bool,
     /// Replay at this multiple of real time instead of at full speed.
     #[arg(long, value_name = "FACTOR", value_parser = number::rate, allow_negative_numbers = true)]
     pub rate: Option<f64>,
-    /// Compare with what was decoded and estimated while recording; exit 1 unless every message
-    /// is bit-identical.
+    /// Compare every message that was decoded or estimated while recording with the repeated one,
+    /// bit by bit. The exit code is 1 if one differs.
     #[arg(long)]
     pub verify: bool,
     /// Print the result as JSON.
@@ -168,30 +180,31 @@ pub struct ReplayArgs {
     pub replace: Replace,
 }
 
-/// What a replay tells the estimator in the place of what the log's configuration says.
+/// Changes that a replay makes to the log's configuration.
 #[derive(Debug, Default, Args)]
 #[group(multiple = true, conflicts_with = "config")]
 pub struct ReplayChanges {
-    /// Take this vehicle file.
+    /// Use this vehicle file.
     #[arg(long, value_name = "FILE")]
     pub vehicle: Option<PathBuf>,
-    /// Put what `identify -o` found into the vehicle file, after what the log's configuration names.
+    /// Apply these overrides (files of `identify -o`) to the vehicle file, after the overrides of
+    /// the log's configuration.
     #[arg(long, value_name = "FILE", value_delimiter = ',')]
     pub overrides: Vec<PathBuf>,
-    /// Take this sensors file.
+    /// Use this sensors file.
     #[arg(long, value_name = "FILE")]
     pub sensors: Option<PathBuf>,
-    /// Take this calibration.
+    /// Use this calibration file.
     #[arg(long, value_name = "FILE")]
     pub calibration: Option<PathBuf>,
-    /// Leave these inputs out too, as if they were not fitted: strain, deflection, imu,
+    /// Ignore these inputs too, as if the sensors were not fitted: strain, deflection, imu,
     /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed.
     #[arg(long, value_name = "INPUT", value_delimiter = ',')]
     pub without: Vec<String>,
-    /// Take these inputs in, although the log's configuration ignores them.
+    /// Use these inputs, although the log's configuration ignores them.
     #[arg(long, value_name = "INPUT", value_delimiter = ',')]
     pub with: Vec<String>,
-    /// Estimate forces by this method: fusion or thesis.
+    /// Estimate the forces with this method: fusion or thesis.
     #[arg(long)]
     pub method: Option<String>,
 }
@@ -202,7 +215,7 @@ pub struct ReportArgs {
     /// Logs, in the order in which they were recorded.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// The report; it needs no network.
+    /// Report to write (HTML); it needs no network.
     #[arg(short, long, default_value = "report.html", value_name = "FILE")]
     pub output: PathBuf,
     /// Whether outputs may replace files.
@@ -219,13 +232,13 @@ pub struct ScoreArgs {
     /// Compare with the estimates of these logs of the same drive instead of with the truth.
     #[arg(long, value_name = "LOG")]
     pub against: Vec<PathBuf>,
-    /// Judge the smoothed estimates of `replay --smooth` instead of the causal ones.
+    /// Score the smoothed estimates of `replay --smooth` instead of the causal estimates.
     #[arg(long)]
     pub smoothed: bool,
-    /// Tell only how large the filters' innovations are, which needs no truth.
+    /// Print only the statistics of the filters' innovations, which need no truth.
     #[arg(long, conflicts_with_all = ["against", "smoothed"])]
     pub innovations: bool,
-    /// Leave out the first seconds, while the estimator settles.
+    /// Ignore the first seconds, in which the estimator converges.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,
     /// Print JSON.
@@ -236,17 +249,17 @@ pub struct ScoreArgs {
 /// `atvrec demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
-    /// Put everything here; without it, atvrec-demo, or the first of atvrec-demo-2, -3, ... that
-    /// holds no demonstration yet.
+    /// Write all files to this directory [default: atvrec-demo, or the first of atvrec-demo-2,
+    /// atvrec-demo-3, ... without a demonstration].
     #[arg(short, long, value_name = "DIR")]
     pub directory: Option<PathBuf>,
-    /// Manoeuvre to drive.
+    /// Manoeuvre of the drive.
     #[arg(long, default_value = "slow-sine", value_name = "NAME", value_parser = manoeuvres())]
     pub manoeuvre: String,
-    /// Seconds to drive, in real time.
+    /// Duration of the drive in real time.
     #[arg(long = "for", default_value = "25", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
     pub duration_s: f64,
-    /// Seed of the sensors' noise.
+    /// Seed of the sensor noise.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Whether outputs may replace files.
@@ -254,7 +267,7 @@ pub struct DemoArgs {
     pub replace: Replace,
 }
 
-/// What a virtual vehicle drives.
+/// Drive of a virtual vehicle.
 #[derive(Debug, Args)]
 pub struct DriveArgs {
     /// Manoeuvre.
@@ -268,28 +281,28 @@ pub struct DriveArgs {
         conflicts_with = "truth"
     )]
     pub manoeuvre: Option<String>,
-    /// Follow a truth file (Parquet or CSV) instead.
+    /// Follow the motion in this truth file (Parquet or CSV) instead of a manoeuvre.
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
-    /// Vehicle file, or the name of one that ships with the program.
+    /// Vehicle file, or the name of a built-in vehicle.
     #[arg(long, default_value = "prowler", value_name = "FILE")]
     pub vehicle: String,
-    /// Sensors file, or the name of one that ships with the program.
+    /// Sensors file, or the name of a built-in sensor set.
     #[arg(long, default_value = "thesis-10bit", value_name = "FILE")]
     pub sensors: String,
-    /// Seed of the sensors' noise; the same seed gives the same bytes.
+    /// Seed of the sensor noise; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
-    /// Further settings of the virtual vehicle (TOML): hidden errors, faults, delays.
+    /// File with more settings of the virtual vehicle (TOML): sensor errors, faults, delays.
     #[arg(long, value_name = "FILE")]
     pub options: Option<PathBuf>,
-    /// Drive for this long; beyond the manoeuvre's own duration only mixed-driving goes on.
+    /// Duration of the drive. Only mixed-driving continues after the manoeuvre's own duration.
     #[arg(long = "for", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
 }
 
 impl DriveArgs {
-    /// What the engine makes of it.
+    /// Inputs of the simulation.
     pub fn as_drive(&self) -> engine::Result<engine::Drive> {
         let course = match &self.truth {
             Some(path) => engine::Course::Truth(path.clone()),
@@ -310,16 +323,16 @@ impl DriveArgs {
 /// `atvrec virtual`.
 #[derive(Debug, Args)]
 pub struct VirtualArgs {
-    /// What to drive.
+    /// Drive.
     #[command(flatten)]
     pub drive: DriveArgs,
-    /// Make the ports' links and a fitting atvrec.toml here.
+    /// Create the links of the ports, and an atvrec.toml for them, in this directory.
     #[arg(short, long, default_value = "virtual-ports", value_name = "DIR")]
     pub directory: PathBuf,
     /// Send the CAN frames to this SocketCAN interface instead of SLCAN on a pseudo-terminal.
     #[arg(long, value_name = "INTERFACE")]
     pub can: Option<String>,
-    /// Start over when the manoeuvre ends.
+    /// Repeat the manoeuvre until the program is stopped.
     #[arg(long)]
     pub repeat: bool,
     /// Whether outputs may replace files.
@@ -330,17 +343,17 @@ pub struct VirtualArgs {
 /// `atvrec simulate`.
 #[derive(Debug, Args)]
 pub struct SimulateArgs {
-    /// What to drive.
+    /// Drive.
     #[command(flatten)]
     pub drive: DriveArgs,
-    /// Estimator and decoder settings; sources are the virtual vehicle's own.
+    /// Configuration of estimator and decoders; the sources are always those of the virtual vehicle.
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// The log to write; or a directory that is there, for files that are rotated and kept within
-    /// limits as those of a recording.
+    /// Log to write, or an existing directory. In a directory, logs are rotated and removed as those
+    /// of a recording.
     #[arg(short, long, value_name = "LOG|DIRECTORY")]
     pub output: PathBuf,
-    /// Write the calibration that a perfect workshop would find to this file.
+    /// Write the true calibration of the virtual vehicle to this file.
     #[arg(long, value_name = "FILE")]
     pub true_calibration: Option<PathBuf>,
     /// Whether outputs may replace files.
@@ -365,16 +378,16 @@ pub struct ExportArgs {
     /// Logs, in the order in which they were recorded.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// The topic; `atvrec info` lists them.
+    /// Topic to export; `atvrec info` lists the topics of a log.
     #[arg(short, long, value_name = "TOPIC")]
     pub topic: String,
-    /// The table, CSV or Parquet by the ending of its name; CSV on standard output without one.
+    /// Table to write: .csv or .parquet. Without this option, CSV goes to standard output.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Leave out what is earlier, in seconds from the log's start.
+    /// Ignore earlier data; seconds from the start of the log.
     #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: Option<f64>,
-    /// Leave out what is later, in seconds from the log's start.
+    /// Ignore later data; seconds from the start of the log.
     #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub to_s: Option<f64>,
     /// Whether outputs may replace files.
@@ -385,16 +398,16 @@ pub struct ExportArgs {
 /// `atvrec check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Configuration; `atvrec.toml` if none is named.
+    /// Configuration file [default: atvrec.toml].
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
-    /// The same as FILE, as `record` takes it.
+    /// The same as FILE; the option of `record`.
     #[arg(short, long, value_name = "FILE", conflicts_with = "file")]
     pub config: Option<PathBuf>,
-    /// Look at the file only, not at the devices.
+    /// Check the file only, not the devices.
     #[arg(long)]
     pub no_devices: bool,
-    /// Listen to each device for this long.
+    /// Time in which each device must send data.
     #[arg(long, default_value = "2", value_name = "SECONDS", value_parser = number::listen_s, allow_negative_numbers = true)]
     pub listen_s: f64,
     /// Print JSON.
@@ -403,7 +416,7 @@ pub struct CheckArgs {
 }
 
 impl CheckArgs {
-    /// The configuration that is meant.
+    /// Path of the configuration.
     pub fn path(&self) -> &Path {
         let named = self.file.as_deref().or(self.config.as_deref());
         named.unwrap_or(Path::new("atvrec.toml"))
@@ -413,25 +426,25 @@ impl CheckArgs {
 /// `atvrec calibrate`.
 #[derive(Debug, Subcommand)]
 pub enum CalibrateCommand {
-    /// Zeros of strain bridges and potentiometers, and what is wrong with a channel, from wheels
-    /// that hang free.
+    /// Zero offsets of strain bridges and potentiometers, and faults of their channels, with the
+    /// wheels hanging free.
     Zero(ZeroArgs),
-    /// Preload, rate and friction of the springs, from three loads or more on four scales.
+    /// Preload, rate and friction of the springs, from three or more loads on four scales.
     Weight(WeightArgs),
-    /// Steering maps, play and centre, from turn plates.
+    /// Steering maps, play and centre position, from turn plates.
     Steer(SteerArgs),
     /// Gains and wiring of the strain bridges, from known forces on each wheel.
     LoadRig(CalibrateArgs),
-    /// Bias and misalignment of the inertial unit, from rest in two opposite headings and driving.
+    /// Bias and misalignment of the inertial unit, from rest in two opposite headings and a drive.
     Imu(CalibrateArgs),
-    /// Antenna places and latencies of the receivers, from a drive with turns.
+    /// Antenna positions and latencies of the GNSS receivers, from a drive with turns.
     Gnss(CalibrateArgs),
-    /// Rolling radius of each wheel, from straight and even driving with GNSS.
+    /// Rolling radius of each wheel, from straight driving at constant speed with GNSS.
     WheelRadius(CalibrateArgs),
 }
 
 impl CalibrateCommand {
-    /// What all steps take.
+    /// Arguments that all steps share.
     pub fn shared(&self) -> &CalibrateArgs {
         match self {
             Self::Zero(args) => &args.shared,
@@ -444,17 +457,17 @@ impl CalibrateCommand {
     }
 }
 
-/// What all steps of `atvrec calibrate` take.
+/// Arguments that all steps of `atvrec calibrate` share.
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
     /// Logs of the step, all of one vehicle.
     #[arg(required = true, value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Calibration file; what other steps wrote is kept.
+    /// Calibration file to write; values of other steps in it are kept.
     #[arg(short, long, default_value = "calibration.toml", value_name = "FILE")]
     pub output: PathBuf,
-    /// Write a page with figures.
-    #[arg(long, value_name = "HTML")]
+    /// Write a page with figures (HTML).
+    #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
@@ -467,22 +480,22 @@ pub struct CalibrateArgs {
 /// `atvrec calibrate zero`.
 #[derive(Debug, Args)]
 pub struct ZeroArgs {
-    /// What all steps take.
+    /// Arguments that all steps share.
     #[command(flatten)]
     pub shared: CalibrateArgs,
-    /// How well the weight of the hanging parts is known: standard deviation as a part of it.
-    #[arg(long, default_value = "0.02", value_name = "PART", value_parser = number::part, allow_negative_numbers = true)]
+    /// Standard deviation of the weight of the hanging parts, as a fraction of the weight.
+    #[arg(long, default_value = "0.02", value_name = "FRACTION", value_parser = number::fraction, allow_negative_numbers = true)]
     pub weight_sigma: f64,
 }
 
 /// `atvrec calibrate weight`.
 #[derive(Debug, Args)]
 pub struct WeightArgs {
-    /// What all steps take.
+    /// Arguments that all steps share.
     #[command(flatten)]
     pub shared: CalibrateArgs,
-    /// Scales FL,FR,RL,RR in N (or "... kg"), once for each log in the logs' order; without it the
-    /// logs' marks `scales FL FR RL RR` are taken.
+    /// Scale readings FL,FR,RL,RR in N (or "... kg"), once for each log, in the order of the logs.
+    /// Without this option, the marks `scales FL FR RL RR` in the logs are used.
     #[arg(long, value_name = "LOADS")]
     pub scales: Vec<String>,
 }
@@ -490,48 +503,50 @@ pub struct WeightArgs {
 /// `atvrec calibrate steer`.
 #[derive(Debug, Args)]
 pub struct SteerArgs {
-    /// What all steps take.
+    /// Arguments that all steps share.
     #[command(flatten)]
     pub shared: CalibrateArgs,
-    /// How well a plate is read, degrees.
+    /// Standard deviation of a reading of a turn plate, degrees.
     #[arg(long, default_value = "0.1", value_name = "DEGREES", value_parser = number::angle_deg, allow_negative_numbers = true)]
     pub plate_sigma_deg: f64,
 }
 
+// A paragraph is one line: it is wrapped where it is printed.
 const RECOVER_HELP: &str = "\
-Recovery saves every chunk whose checksum is right, wherever it stands in the file, and the arrivals
-that the journals beside an unfinished log hold. Bytes at the end of a log that a kill cut are no loss
-if the journals hold their arrivals. If anything else is lost, the original stays as LOG.damaged beside
-the recovered log, the loss is printed and written into the log (metadata atvrec.recovered), and the
-exit code is 3.
+Recovery saves every chunk with a correct checksum, at any position in the file, and the arrivals in \
+the journals of an unfinished log. If a kill cut the end of a log, nothing is lost as long as the \
+journals contain the arrivals of that end.
 
-An unfinished log of a directory that cannot be recovered (another kind of file, a directory, a chunk
-above --max-chunk) is renamed to NAME.unrecoverable and not tried again. If the disk has no room for the
-recovered copy, nothing is changed.";
+If anything is lost, the original is kept as LOG.damaged beside the recovered log, the loss is printed \
+and written into the recovered log (metadata atvrec.recovered), and the exit code is 3.
+
+In a directory, an unfinished log that cannot be recovered (not a log, a directory, a chunk above \
+--max-chunk) is renamed to NAME.unrecoverable and is not tried again. If the disk has no space for \
+the recovered copy, nothing is changed.";
 
 /// `atvrec recover`.
 #[derive(Debug, Args)]
 #[command(after_help = RECOVER_HELP)]
 pub struct RecoverArgs {
-    /// Logs, or directories whose unfinished logs (`*.active`) are meant.
+    /// Logs, or directories; in a directory, the unfinished logs (`*.active`) are recovered.
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
-    /// Save records too that no checksum confirms: the beginning of a chunk that was cut, chunks
+    /// Save also records that no checksum confirms: the beginning of a chunk that was cut, chunks
     /// without a checksum, messages outside of chunks. The recovered log is marked as unchecked.
     #[arg(long)]
     pub unchecked: bool,
 }
 
-/// Where the running recorder listens.
+/// Control socket of the running recorder.
 #[derive(Debug, Args)]
 pub struct SocketArgs {
     /// Configuration of the recorder [default: atvrec.toml, else /etc/atvrec/atvrec.toml].
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Storage directory of the recorder, if `record --directory` replaced the configuration's.
+    /// Log directory of the recorder, if it was started with `record --directory`.
     #[arg(short, long, value_name = "DIR")]
     pub directory: Option<PathBuf>,
-    /// Its control socket, if the configuration is not at hand.
+    /// Control socket of the recorder, if its configuration is not available.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["config", "directory"])]
     pub socket: Option<PathBuf>,
 }
@@ -541,15 +556,15 @@ pub struct SocketArgs {
 pub struct MarkArgs {
     /// Text of the mark.
     pub text: String,
-    /// Where the recorder listens.
+    /// Control socket.
     #[command(flatten)]
     pub socket: SocketArgs,
 }
 
 /// `atvrec start`, `atvrec stop` and `atvrec reload`.
 #[derive(Debug, Args)]
-pub struct OrderArgs {
-    /// Where the recorder listens.
+pub struct ControlArgs {
+    /// Control socket.
     #[command(flatten)]
     pub socket: SocketArgs,
 }
@@ -557,7 +572,7 @@ pub struct OrderArgs {
 /// `atvrec status`.
 #[derive(Debug, Args)]
 pub struct StatusArgs {
-    /// Where the recorder listens.
+    /// Control socket.
     #[command(flatten)]
     pub socket: SocketArgs,
     /// Print JSON.
@@ -568,10 +583,10 @@ pub struct StatusArgs {
 /// `atvrec link`.
 #[derive(Debug, Args)]
 pub struct LinkArgs {
-    /// Only these; one that no source reads is left alone.
+    /// Bring up only these interfaces. An interface without a source is ignored [default: all].
     #[arg(value_name = "INTERFACE")]
     pub interfaces: Vec<String>,
-    /// Configuration.
+    /// Configuration file.
     #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
     pub config: PathBuf,
 }
@@ -579,14 +594,14 @@ pub struct LinkArgs {
 /// `atvrec completions`.
 #[derive(Debug, Args)]
 pub struct CompletionsArgs {
-    /// The shell.
+    /// Shell.
     pub shell: clap_complete::Shell,
 }
 
 /// `atvrec man`.
 #[derive(Debug, Args)]
 pub struct ManArgs {
-    /// Where to; it is made if it is not there.
+    /// Directory of the pages; it is created if it does not exist.
     #[arg(value_name = "DIR")]
     pub directory: PathBuf,
     /// Whether outputs may replace files.
@@ -606,7 +621,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_definition_is_sound() {
+    fn the_definition_is_consistent() {
         Cli::command().debug_assert();
     }
 }

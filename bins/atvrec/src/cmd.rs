@@ -1,4 +1,4 @@
-//! One file a verb.
+//! Commands, one per file.
 
 pub mod calibrate;
 pub mod check;

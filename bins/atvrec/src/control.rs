@@ -1,6 +1,7 @@
-//! The control socket of a running recorder: one JSON line is the request, one JSON line the answer.
+//! Control socket of a running recorder: a client sends a request as one JSON line and receives the
+//! response as one JSON line.
 //!
-//! Only this user and group can open it; nothing listens on a network.
+//! Only the recorder's user and group can open the socket. The recorder listens on no network.
 
 mod socket;
 
@@ -19,115 +20,121 @@ use tokio::net::UnixStream;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
-pub use crate::board::{Board, Writing};
+pub use crate::status::{RecorderStatus, Writing};
 pub use socket::{Listener, paths};
 
 /// Longest request, bytes: a mark of [`MARK_MAX`] characters, each escaped.
 const REQUEST_MAX: u64 = 16_384;
 /// Longest text of a mark, characters.
 const MARK_MAX: usize = 1000;
-/// Time in which a client sends its request, and in which it reads the answer.
-const IDLE_MAX: Duration = Duration::from_secs(10);
+/// Longest time in which a client sends its request, and in which it reads the response.
+const CLIENT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// What can be asked.
+/// Request of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "command", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Request {
-    /// Set a mark.
+    /// Add a mark.
     Mark {
-        /// Its text.
+        /// Text of the mark.
         text: String,
     },
-    /// Tell how things are.
+    /// Report the recorder's state.
     Status,
-    /// Begin to write, until told otherwise.
+    /// Start writing logs, until a stop.
     Start,
-    /// End writing; sources and estimator go on.
+    /// Stop writing logs; sources and estimator continue.
     Stop,
-    /// Read the configuration again.
+    /// Reload the configuration.
     Reload,
 }
 
-/// What only the pipeline can do.
+/// Command to the pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Begin to write, until told otherwise.
+pub enum Command {
+    /// Start writing logs, until a stop.
     Start,
-    /// End writing; sources and estimator go on.
+    /// Stop writing logs; sources and estimator continue.
     Stop,
-    /// Read the configuration again.
+    /// Reload the configuration.
     Reload,
 }
 
-/// What became of an order, in words.
-pub type Answer = anyhow::Result<String>;
+/// Result of a command: the recorder's state after it, in words.
+pub type CommandResult = anyhow::Result<String>;
 
-/// What requests are answered from.
+/// Handles the requests of clients.
 #[derive(Clone)]
-pub struct Desk {
-    /// The stream.
+pub struct ControlHandler {
+    /// Sequencer of the sources.
     pub sequencer: Sequencer,
-    /// What the pipeline says of itself.
-    pub board: Arc<Board>,
-    /// Where orders go.
-    pub orders: mpsc::Sender<(Order, oneshot::Sender<Answer>)>,
+    /// State of the recorder.
+    pub status: Arc<RecorderStatus>,
+    /// Queue of commands to the pipeline, each with the channel of its result.
+    pub commands: mpsc::Sender<(Command, oneshot::Sender<CommandResult>)>,
 }
 
-/// Reads one request, carries it out, writes its answer. `busy` is true while it is carried out.
-async fn answer(stream: UnixStream, desk: &Desk, busy: &AtomicBool) -> io::Result<()> {
-    let (read, mut write) = stream.into_split();
-    let mut line = Vec::new();
-    let mut read = BufReader::new(read.take(REQUEST_MAX));
-    timeout(IDLE_MAX, read.read_until(b'\n', &mut line)).await??;
-    busy.store(true, Ordering::Relaxed);
-    let value = carry_out(&line, desk).await;
-    busy.store(false, Ordering::Relaxed);
-    let text = format!("{value}\n");
-    timeout(IDLE_MAX, write.write_all(text.as_bytes())).await?
-}
-
-async fn carry_out(line: &[u8], desk: &Desk) -> Value {
-    if !line.ends_with(b"\n") && line.len() as u64 >= REQUEST_MAX {
-        return json!({ "error": format!("the request is longer than {REQUEST_MAX} bytes") });
+impl ControlHandler {
+    /// Reads one request, handles it, and writes the response. `busy` is true while the request is
+    /// handled.
+    async fn serve_client(&self, stream: UnixStream, busy: &AtomicBool) -> io::Result<()> {
+        let (read, mut write) = stream.into_split();
+        let mut line = Vec::new();
+        let mut read = BufReader::new(read.take(REQUEST_MAX));
+        timeout(CLIENT_TIMEOUT, read.read_until(b'\n', &mut line)).await??;
+        busy.store(true, Ordering::Relaxed);
+        let value = self.handle_request(&line).await;
+        busy.store(false, Ordering::Relaxed);
+        let text = format!("{value}\n");
+        timeout(CLIENT_TIMEOUT, write.write_all(text.as_bytes())).await?
     }
-    match serde_json::from_slice(line) {
-        Ok(Request::Mark { text }) => mark(&desk.sequencer, &text),
-        Ok(Request::Status) => status(desk),
-        Ok(Request::Start) => order(desk, Order::Start).await,
-        Ok(Request::Stop) => order(desk, Order::Stop).await,
-        Ok(Request::Reload) => order(desk, Order::Reload).await,
-        Err(error) => json!({ "error": format!("the request is not valid: {error}") }),
-    }
-}
 
-async fn order(desk: &Desk, order: Order) -> Value {
-    let (reply, answer) = oneshot::channel();
-    // Both fail only when the recorder ends.
-    let _ = desk.orders.send((order, reply)).await;
-    match answer.await {
-        Ok(Ok(said)) => json!({ "writing": said }),
-        Ok(Err(error)) => json!({ "error": format!("{error:#}") }),
-        Err(_) => json!({ "error": "the recorder is ending" }),
+    async fn handle_request(&self, line: &[u8]) -> Value {
+        if !line.ends_with(b"\n") && line.len() as u64 >= REQUEST_MAX {
+            return json!({ "error": format!("the request is longer than {REQUEST_MAX} bytes") });
+        }
+        match serde_json::from_slice(line) {
+            Ok(Request::Mark { text }) => mark(&self.sequencer, &text),
+            Ok(Request::Status) => status(self),
+            Ok(Request::Start) => self.run_command(Command::Start).await,
+            Ok(Request::Stop) => self.run_command(Command::Stop).await,
+            Ok(Request::Reload) => self.run_command(Command::Reload).await,
+            Err(error) => json!({ "error": format!("the request is not valid: {error}") }),
+        }
+    }
+
+    async fn run_command(&self, command: Command) -> Value {
+        let (reply, result) = oneshot::channel();
+        // Both fail only when the recorder ends.
+        let _ = self.commands.send((command, reply)).await;
+        match result.await {
+            Ok(Ok(state)) => json!({ "writing": state }),
+            Ok(Err(error)) => json!({ "error": format!("{error:#}") }),
+            Err(_) => json!({ "error": "the recorder is ending" }),
+        }
     }
 }
 
 fn mark(sequencer: &Sequencer, text: &str) -> Value {
-    if text.chars().count() > MARK_MAX {
-        return json!({ "error": format!("the text is longer than {MARK_MAX} characters") });
+    let length = text.chars().count();
+    if length > MARK_MAX {
+        return json!({
+            "error": format!("the text has {length} characters; the limit is {MARK_MAX}")
+        });
     }
     json!({ "time_ns": sequencer.mark(text).0 })
 }
 
-fn status(desk: &Desk) -> Value {
-    let losses = desk.sequencer.ledger().losses();
-    let sources: Vec<Value> = desk
+fn status(handler: &ControlHandler) -> Value {
+    let losses = handler.sequencer.ledger().losses();
+    let sources: Vec<Value> = handler
         .sequencer
         .counters()
         .into_iter()
         .map(|(id, counters)| {
             json!({
                 "source": id,
-                "name": desk.board.source_name(id),
+                "name": handler.status.source_name(id),
                 "open": counters.open,
                 "state": counters.state,
                 "items": counters.items,
@@ -137,37 +144,37 @@ fn status(desk: &Desk) -> Value {
             })
         })
         .collect();
-    let now = desk.sequencer.clock().now();
-    let kept_s = desk
+    let now = handler.sequencer.clock().now();
+    let kept_s = handler
         .sequencer
         .kept_since()
         .map(|since| now.seconds_since(since));
     json!({
         "now_ns": now.0,
-        "arrivals": desk.sequencer.next_sequence(),
-        "writing": desk.board.writing(),
+        "arrivals": handler.sequencer.next_sequence(),
+        "writing": handler.status.writing().to_string(),
         "memory_s": kept_s,
         "sources": sources,
         "lost": by_place(&losses),
-        "faulty_sensors": desk.board.faulty_sensors(),
-        "disk": disk(&desk.board),
-        "retention": desk.board.retention(),
+        "faulty_sensors": handler.status.faulty_sensors(),
+        "disk": disk(&handler.status),
+        "retention": handler.status.retention(),
     })
 }
 
-fn disk(board: &Board) -> Value {
-    let estimate = board.estimate();
+fn disk(status: &RecorderStatus) -> Value {
+    let forecast = status.disk_forecast();
     let mut disk = json!({
         "state": "closed",
         "detail": "",
         "bytes": 0,
         "waiting": 0,
-        "room_bytes": estimate.room_bytes,
-        "rate_bytes_s": estimate.rate_bytes_s,
-        "lasts_s": estimate.lasts_s(),
-        "estimate": estimate.to_string(),
+        "room_bytes": forecast.available_bytes,
+        "rate_bytes_s": forecast.rate_bytes_s,
+        "lasts_s": forecast.lasts_s(),
+        "estimate": forecast.to_string(),
     });
-    if let Some(recorder) = board.recorder() {
+    if let Some(recorder) = status.recorder() {
         let status = recorder.status();
         let (state, detail) = match status.disk {
             DiskState::Writing(path) => ("writing", path.display().to_string()),
@@ -181,7 +188,7 @@ fn disk(board: &Board) -> Value {
         disk["lost_arrivals"] = status.losses.arrivals.into();
         disk["lost_records"] = status.losses.records.into();
         disk["raw_only"] = status.raw_only.into();
-        disk["gone"] = status.gone.iter().map(gone).collect();
+        disk["gone"] = status.gone.iter().map(gone_log).collect();
         let backlog = status.backlog;
         disk["backlog"] = json!({
             "arrivals": backlog.arrivals,
@@ -194,8 +201,8 @@ fn disk(board: &Board) -> Value {
     disk
 }
 
-/// A file that was deleted or renamed while it was being written.
-pub fn gone(gone: &GoneLog) -> Value {
+/// A log that was deleted or renamed while it was written.
+pub fn gone_log(gone: &GoneLog) -> Value {
     json!({
         "path": gone.path,
         "arrivals": gone.arrivals,
@@ -203,8 +210,8 @@ pub fn gone(gone: &GoneLog) -> Value {
     })
 }
 
-/// Items lost by place; on the way to the disk arrivals, and decoded records, which a replay computes
-/// again.
+/// Lost items by place. For the disk these are arrivals; `records` are decoded records, which a replay
+/// computes again.
 pub fn by_place(losses: &Losses) -> Value {
     let mut lost: serde_json::Map<String, Value> = LossPlace::ALL
         .into_iter()

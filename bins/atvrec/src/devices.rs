@@ -1,5 +1,5 @@
-//! The virtual vehicle's devices on pseudo-terminals: they send on their own and answer what a
-//! recorder says to them.
+//! Devices of the virtual vehicle on pseudo-terminals: they send data and respond to the commands of a
+//! recorder.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -14,15 +14,15 @@ use sim::{Output, Port};
 use wire::crossbow440::{Field, encode_packet};
 use wire::slcan;
 
-/// Longest time between two looks at what a recorder says.
-const LOOK: Duration = Duration::from_millis(2);
-/// Bytes read at once.
+/// Longest time between two reads of the recorder's commands.
+const POLL_PERIOD: Duration = Duration::from_millis(2);
+/// Bytes of a read.
 const READ_BYTES: usize = 512;
-/// Longest command of the inertial unit that is waited for.
+/// Longest command to the inertial unit, bytes.
 const COMMAND_MAX: usize = 262;
 
-/// All devices of a virtual vehicle, linked in a directory by the names of its ports. The links go
-/// when this is dropped.
+/// All devices of a virtual vehicle, with links in a directory that have the names of the ports. The
+/// links are removed on drop.
 pub struct Devices {
     devices: Vec<Device>,
 }
@@ -31,17 +31,17 @@ struct Device {
     name: Port,
     link: PathBuf,
     port: VirtualPort,
-    manner: Manner,
-    attended: bool,
-    /// What is begun and waits for room on the line.
-    begun: Vec<u8>,
+    behaviour: Behaviour,
+    is_open: bool,
+    /// Bytes that wait until the line has space.
+    pending: Vec<u8>,
     sent: u64,
-    left_out: u64,
+    dropped: u64,
 }
 
-/// How a device behaves.
-enum Manner {
-    /// Sends whatever it is told; swallows commands. Also the controllers.
+/// Behaviour of a device.
+enum Behaviour {
+    /// GNSS receiver or controller: sends all data and ignores commands.
     Receiver,
     /// Crossbow 440.
     Inertial(Inertial),
@@ -49,15 +49,15 @@ enum Manner {
     Adapter(Adapter),
 }
 
-/// A Crossbow 440 as its owner's commands have left it.
+/// State of a Crossbow 440, which commands change.
 struct Inertial {
-    heard: Vec<u8>,
+    received: Vec<u8>,
     divider: u16,
     packet_type: u16,
     packets: u64,
 }
 
-/// A SLCAN adapter as its owner's commands have left it.
+/// State of a SLCAN adapter, which commands change.
 #[derive(Default)]
 struct Adapter {
     decoder: slcan::Decoder,
@@ -65,15 +65,15 @@ struct Adapter {
     stamps: bool,
 }
 
-/// What a device did.
+/// Counters of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// Which.
+    /// Name of the device.
     pub name: &'static str,
-    /// Messages that went out.
+    /// Messages that were sent.
     pub messages: u64,
-    /// Messages that found no room on the line.
-    pub left_out: u64,
+    /// Messages that were dropped because the line had no space.
+    pub dropped: u64,
 }
 
 impl fmt::Display for Sent {
@@ -81,20 +81,20 @@ impl fmt::Display for Sent {
         let Self {
             name,
             messages,
-            left_out,
+            dropped,
         } = self;
         write!(
             f,
-            "{name:<14}{messages:>10} messages sent, {left_out} left out: no room on the line"
+            "{name:<14}{messages:>10} messages sent, {dropped} dropped (the line was full)"
         )
     }
 }
 
 impl Devices {
-    /// Makes the devices and links them in `directory`; those on CAN only if `slcan`.
+    /// Creates the devices and their links in `directory`, the CAN adapter only if `slcan` is set.
     pub fn new(directory: &Path, slcan: bool) -> anyhow::Result<Self> {
         std::fs::create_dir_all(directory)
-            .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+            .with_context(|| format!("cannot create the directory {}", directory.display()))?;
         let devices = Port::ALL
             .into_iter()
             .filter(|port| slcan || !port.is_can())
@@ -103,13 +103,13 @@ impl Devices {
         Ok(Self { devices })
     }
 
-    /// Where the devices are linked.
+    /// Links of the devices.
     pub fn links(&self) -> impl Iterator<Item = &Path> {
         self.devices.iter().map(|device| device.link.as_path())
     }
 
-    /// Lets the rig drive in real time until its end or until `stop`. Frames without a device go
-    /// to `bus`.
+    /// Sends the data of the rig in real time until its end or until `stop` is set. Frames without a
+    /// device are passed to `bus`.
     pub fn drive(
         &mut self,
         rig: &mut Rig,
@@ -127,12 +127,12 @@ impl Devices {
                 if stop.load(Ordering::Relaxed) {
                     return Ok(());
                 }
-                self.listen()?;
-                let left = due.saturating_duration_since(Instant::now());
-                if left.is_zero() {
+                self.poll()?;
+                let remaining = due.saturating_duration_since(Instant::now());
+                if remaining.is_zero() {
                     break;
                 }
-                std::thread::sleep(left.min(LOOK));
+                std::thread::sleep(remaining.min(POLL_PERIOD));
             }
             let device = self
                 .devices
@@ -147,22 +147,22 @@ impl Devices {
         Ok(())
     }
 
-    /// Hears what recorders say and answers.
-    fn listen(&mut self) -> anyhow::Result<()> {
+    /// Reads and answers the commands of recorders.
+    fn poll(&mut self) -> anyhow::Result<()> {
         for device in &mut self.devices {
-            device.listen()?;
+            device.poll()?;
         }
         Ok(())
     }
 
-    /// Counters.
+    /// Counters of all devices.
     pub fn sent(&self) -> Vec<Sent> {
         self.devices
             .iter()
             .map(|device| Sent {
                 name: device.name.name(),
                 messages: device.sent,
-                left_out: device.left_out,
+                dropped: device.dropped,
             })
             .collect()
     }
@@ -171,7 +171,7 @@ impl Devices {
 impl Drop for Devices {
     fn drop(&mut self) {
         for device in &self.devices {
-            // A link that is gone already needs no removal.
+            // The link may have been removed already.
             let _ = std::fs::remove_file(&device.link);
         }
     }
@@ -179,80 +179,82 @@ impl Drop for Devices {
 
 impl Device {
     fn new(name: Port, directory: &Path) -> anyhow::Result<Self> {
-        let port = VirtualPort::new().context("cannot make a pseudo-terminal")?;
+        let port = VirtualPort::new().context("cannot create a pseudo-terminal")?;
         let link = directory.join(name.name());
         if link.is_symlink() {
             std::fs::remove_file(&link)
                 .with_context(|| format!("cannot replace the old link {}", link.display()))?;
         }
         std::os::unix::fs::symlink(port.path(), &link)
-            .with_context(|| format!("cannot make the link {}", link.display()))?;
-        let manner = match name {
-            Port::Imu => Manner::Inertial(Inertial::new()),
-            Port::Can0 => Manner::Adapter(Adapter::default()),
+            .with_context(|| format!("cannot create the link {}", link.display()))?;
+        let behaviour = match name {
+            Port::Imu => Behaviour::Inertial(Inertial::new()),
+            Port::Can0 => Behaviour::Adapter(Adapter::default()),
             Port::Novatel | Port::Septentrio | Port::Steering | Port::Throttle | Port::Brake => {
-                Manner::Receiver
+                Behaviour::Receiver
             }
         };
         Ok(Self {
             name,
             link,
             port,
-            manner,
-            attended: false,
-            begun: Vec::new(),
+            behaviour,
+            is_open: false,
+            pending: Vec::new(),
             sent: 0,
-            left_out: 0,
+            dropped: 0,
         })
     }
 
-    fn listen(&mut self) -> anyhow::Result<()> {
+    fn poll(&mut self) -> anyhow::Result<()> {
         let mut buffer = [0; READ_BYTES];
         let count = match self.port.read(&mut buffer)? {
             Heard::Nobody => {
-                self.attended = false;
-                self.begun.clear();
+                self.is_open = false;
+                self.pending.clear();
                 return Ok(());
             }
             Heard::Bytes(count) => count,
         };
-        self.attended = true;
-        let heard = &buffer[..count];
+        self.is_open = true;
+        let received = &buffer[..count];
         let mut answers = Vec::new();
-        match &mut self.manner {
-            Manner::Receiver => {}
-            Manner::Inertial(unit) => unit.hear(heard, &mut answers),
-            Manner::Adapter(adapter) => adapter.hear(heard, &mut answers),
+        match &mut self.behaviour {
+            Behaviour::Receiver => {}
+            Behaviour::Inertial(unit) => unit.receive(received, &mut answers),
+            Behaviour::Adapter(adapter) => adapter.receive(received, &mut answers),
         }
-        self.begun.extend(answers);
-        self.push()
+        self.pending.extend(answers);
+        self.flush()
     }
 
     fn send(&mut self, output: &Output, time_s: f64) -> anyhow::Result<()> {
-        let bytes = match (&mut self.manner, output) {
-            (Manner::Adapter(adapter), Output::Can(frame)) => adapter.line(frame, time_s),
-            (Manner::Inertial(unit), Output::Bytes(bytes)) => unit.is_due().then(|| bytes.clone()),
+        let bytes = match (&mut self.behaviour, output) {
+            (Behaviour::Adapter(adapter), Output::Can(frame)) => adapter.line(frame, time_s),
+            (Behaviour::Inertial(unit), Output::Bytes(bytes)) => {
+                unit.is_due().then(|| bytes.clone())
+            }
             (_, Output::Bytes(bytes)) => Some(bytes.clone()),
             (_, Output::Can(_)) => None,
         };
-        let Some(bytes) = bytes.filter(|_| self.attended) else {
+        let Some(bytes) = bytes.filter(|_| self.is_open) else {
             return Ok(());
         };
-        self.push()?;
-        if !self.begun.is_empty() {
-            self.left_out += 1;
+        self.flush()?;
+        if !self.pending.is_empty() {
+            self.dropped += 1;
             return Ok(());
         }
-        self.begun = bytes;
+        self.pending = bytes;
         self.sent += 1;
-        self.push()
+        self.flush()
     }
 
-    /// Sends of what is begun as much as the line takes.
-    fn push(&mut self) -> anyhow::Result<()> {
-        if !self.begun.is_empty() {
-            let gone = self.port.write(&self.begun)?;
-            self.begun.drain(..gone);
+    /// Writes as many pending bytes as the line accepts.
+    fn flush(&mut self) -> anyhow::Result<()> {
+        if !self.pending.is_empty() {
+            let written = self.port.write(&self.pending)?;
+            self.pending.drain(..written);
         }
         Ok(())
     }
@@ -261,41 +263,41 @@ impl Device {
 impl Inertial {
     const fn new() -> Self {
         Self {
-            heard: Vec::new(),
+            received: Vec::new(),
             divider: 1,
             packet_type: u16::from_be_bytes(*b"S1"),
             packets: 0,
         }
     }
 
-    /// Whether the next internal step sends a packet.
+    /// Counts an internal step; whether the step sends a packet.
     fn is_due(&mut self) -> bool {
         self.packets += 1;
         self.divider > 0 && self.packets.is_multiple_of(u64::from(self.divider))
     }
 
-    fn hear(&mut self, bytes: &[u8], answers: &mut Vec<u8>) {
-        self.heard.extend(bytes);
+    fn receive(&mut self, bytes: &[u8], answers: &mut Vec<u8>) {
+        self.received.extend(bytes);
         loop {
-            let Some(start) = self.heard.windows(2).position(|w| w == [0x55, 0x55]) else {
-                let keep = self.heard.len().saturating_sub(1);
-                self.heard.drain(..keep);
+            let Some(start) = self.received.windows(2).position(|w| w == [0x55, 0x55]) else {
+                let keep = self.received.len().saturating_sub(1);
+                self.received.drain(..keep);
                 return;
             };
-            self.heard.drain(..start);
-            let length = match self.heard.get(4) {
+            self.received.drain(..start);
+            let length = match self.received.get(4) {
                 Some(payload) => 7 + usize::from(*payload),
                 None => return,
             };
-            if self.heard.len() < length {
-                if self.heard.len() > COMMAND_MAX {
-                    self.heard.clear();
+            if self.received.len() < length {
+                if self.received.len() > COMMAND_MAX {
+                    self.received.clear();
                 }
                 return;
             }
-            let command: Vec<u8> = self.heard.drain(..length).collect();
+            let command: Vec<u8> = self.received.drain(..length).collect();
             let (kind, payload) = ([command[2], command[3]], &command[5..length - 2]);
-            // The unit is silent about a command with a wrong checksum.
+            // The unit does not answer a command with a wrong checksum.
             if encode_packet(kind, payload) == command {
                 answers.extend(self.answer(kind, payload));
             }
@@ -313,7 +315,7 @@ impl Inertial {
     }
 
     fn set(&mut self, kind: [u8; 2], payload: &[u8]) -> Vec<u8> {
-        let mut taken = vec![0];
+        let mut accepted = vec![0];
         for pair in payload.get(1..).unwrap_or_default().chunks_exact(4) {
             let id = u16::from_be_bytes([pair[0], pair[1]]);
             let value = u16::from_be_bytes([pair[2], pair[3]]);
@@ -322,10 +324,10 @@ impl Inertial {
                 Field::PACKET_TYPE => self.packet_type = value,
                 _ => {}
             }
-            taken.extend(&pair[..2]);
-            taken[0] += 1;
+            accepted.extend(&pair[..2]);
+            accepted[0] += 1;
         }
-        encode_packet(kind, &taken)
+        encode_packet(kind, &accepted)
     }
 
     fn get(&self, kind: [u8; 2], payload: &[u8]) -> Vec<u8> {
@@ -346,7 +348,7 @@ impl Inertial {
 }
 
 impl Adapter {
-    fn hear(&mut self, bytes: &[u8], answers: &mut Vec<u8>) {
+    fn receive(&mut self, bytes: &[u8], answers: &mut Vec<u8>) {
         use slcan::{Command, Event};
         let (open, stamps) = (&mut self.open, &mut self.stamps);
         self.decoder.push(bytes, &mut |event| match event {
@@ -371,7 +373,7 @@ impl Adapter {
         });
     }
 
-    /// A frame as the adapter writes it; `None` while it is not on the bus.
+    /// Line of a frame; `None` while the channel is closed.
     fn line(&self, frame: &CanFrame, time_s: f64) -> Option<Vec<u8>> {
         if !self.open {
             return None;
@@ -389,12 +391,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_without_room_gets_whole_messages_or_none() {
+    fn a_full_line_receives_complete_messages_or_none() {
         let directory = tempfile::tempdir().expect("a directory");
         let mut device = Device::new(Port::Novatel, directory.path()).expect("a port");
         let mut program = File::open(device.port.path()).expect("it opens");
-        device.listen().expect("it listens");
-        // Lengths that no buffer is a multiple of; the program reads now and then.
+        device.poll().expect("polled");
+        // The lengths differ, so that messages do not fit the buffer exactly.
         let mut received = Vec::new();
         let mut buffer = [0; 1000];
         for k in 0..4000 {
@@ -406,12 +408,12 @@ mod tests {
                 received.extend_from_slice(&buffer[..count]);
             }
         }
-        assert!(device.left_out > 100, "{} left out", device.left_out);
+        assert!(device.dropped > 100, "{} dropped", device.dropped);
         let mut wanted = device.sent as usize;
         let lines = |bytes: &[u8]| bytes.iter().filter(|byte| **byte == b'\n').count();
         wanted -= lines(&received);
         while wanted > 0 {
-            device.listen().expect("it listens");
+            device.poll().expect("polled");
             let count = program.read(&mut buffer).expect("it reads");
             received.extend_from_slice(&buffer[..count]);
             wanted -= lines(&buffer[..count]);

@@ -1,18 +1,18 @@
-//! How the program ends.
+//! Exit codes of the program.
 
 use std::process::ExitCode;
 
 use engine::config::Problems;
 use estimator::EstimatorError;
 
-/// How a command ended that did its job.
+/// Result of a command that ended without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// All is well.
+    /// Success.
     Good,
-    /// The answer is no: a comparison found a difference, a check found an error.
+    /// Failure: a comparison found a difference, or a check found an error.
     Failed,
-    /// Done, but data was lost on the way.
+    /// Finished, but data was lost.
     DataLoss,
 }
 
@@ -26,7 +26,7 @@ impl From<Outcome> for ExitCode {
     }
 }
 
-/// The exit code of an error: 2 for what the user wrote wrongly, 1 for all else.
+/// Exit code of an error: 2 for wrong usage or configuration, 1 for all other errors.
 pub fn code_of(error: &anyhow::Error) -> ExitCode {
     let usage = error.downcast_ref::<Problems>().is_some()
         || error.downcast_ref::<UsageError>().is_some()
@@ -35,7 +35,7 @@ pub fn code_of(error: &anyhow::Error) -> ExitCode {
     ExitCode::from(if usage { 2 } else { 1 })
 }
 
-/// Something on the command line that only the command itself could find wrong.
+/// Error in the command line that the command itself finds.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);

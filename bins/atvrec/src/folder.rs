@@ -1,4 +1,4 @@
-//! The log folder: which recorder owns it, the numbers of its runs, and the names of its logs.
+//! Log folder: its owner, the numbers of its runs, and the names of its logs.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -17,45 +17,44 @@ use crate::session;
 
 /// File with the number of the last run.
 const COUNTER: &str = "run_counter";
-/// A number of a run above this is damage.
+/// Largest run number; a larger number in a file is damage.
 const RUN_MAX: u64 = 999_999_999;
-/// Least number of digits of a run's number in a name.
+/// Smallest number of digits of the run number in a name.
 const RUN_DIGITS: usize = 6;
-/// What stands in a name behind a start time that may be wrong.
+/// Suffix of a start time that may be wrong.
 const UNSYNCED: &str = "unsynced";
-/// An offset to UTC below this does not change the name of a run whose clock was synchronised, ns.
+/// Smallest offset to UTC for which a run with a synchronised clock is renamed, ns.
 const RENAME_OFFSET_MIN_NS: u64 = 1_000_000_000;
 
-/// A log folder that this process owns until it ends.
+/// A log folder that this process owns until the value is dropped.
 ///
-/// The lock is an abstract socket named by the directory's device and inode. It leaves nothing behind,
-/// and it holds no file of the disk open: a disk that was given up can be unmounted.
+/// The lock is an abstract socket whose name contains device and inode of the directory. It leaves no
+/// file, and it keeps no file of the disk open, so that a disk that is no longer used can be unmounted.
 pub struct Folder {
     path: PathBuf,
     _lock: Option<UnixDatagram>,
 }
 
 impl Folder {
-    /// Makes the directory if it is not there, and takes it.
+    /// Creates the directory if it does not exist, and locks it.
     pub fn take(directory: &Path) -> anyhow::Result<Self> {
         std::fs::create_dir_all(directory).with_context(|| {
             format!(
-                "cannot make the log directory {}; name another one in storage.directory",
+                "cannot create the log directory {}; set another one in storage.directory",
                 directory.display()
             )
         })?;
         let lock = match lock(directory) {
             Ok(lock) => Some(lock),
             Err(error) if error.kind() == io::ErrorKind::AddrInUse => anyhow::bail!(
-                "another recorder writes into {}; stop it, or give this one another \
-                 storage.directory",
+                "another recorder writes to {}; stop it, or set another storage.directory",
                 directory.display()
             ),
             Err(error) => {
                 tracing::warn!(
                     directory = %directory.display(),
                     %error,
-                    "cannot lock the log directory; start no second recorder in it"
+                    "cannot lock the log directory; do not start a second recorder with it"
                 );
                 None
             }
@@ -82,8 +81,8 @@ fn resolved(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
-/// The number of the next run: one more than the counter file and every log say. A counter file that
-/// is lost or damaged costs nothing as long as a log of the last run is there.
+/// Number of the next run: one more than the largest number in the counter file and in the names of the
+/// logs. A lost or damaged counter file has no effect as long as a log of the last run exists.
 pub fn next_run(directory: &Path) -> io::Result<u64> {
     let mut last = 0;
     for entry in std::fs::read_dir(directory)? {
@@ -101,18 +100,22 @@ pub fn next_run(directory: &Path) -> io::Result<u64> {
     Ok(last.max(counted.unwrap_or(0)) + 1)
 }
 
-/// Keeps the number of a closed run, for the time when its logs were moved elsewhere.
+/// Stores the number of a closed run, which is needed when its logs have been moved.
 pub fn count_run(directory: &Path, run: u64) {
     let path = directory.join(COUNTER);
     let temporary = directory.join(format!("{COUNTER}.new"));
     let written = std::fs::write(&temporary, format!("{run}\n"))
         .and_then(|()| std::fs::rename(&temporary, &path));
     if let Err(error) = written {
-        tracing::warn!(file = %path.display(), %error, "cannot write the run counter");
+        tracing::warn!(
+            file = %path.display(),
+            %error,
+            "cannot write the run counter; the next run number follows from the logs only"
+        );
     }
 }
 
-/// What the names of a run's logs are made of.
+/// Parts of the names of a run's logs.
 #[derive(Clone, Debug)]
 pub struct RunName {
     /// The directory.
@@ -121,15 +124,15 @@ pub struct RunName {
     pub name: String,
     /// Number of the run.
     pub number: u64,
-    /// Log clock at the start of the run.
+    /// Start of the run on the log clock.
     pub started: LogTime,
-    /// State of the host's clock then.
+    /// State of the host's clock at the start.
     pub clock: ClockState,
 }
 
 impl RunName {
-    /// What all names of the run begin with: `drive-r000042-20261121T140500Z`, with `-unsynced`
-    /// behind it where that time may be wrong.
+    /// Beginning of all names of the run: `drive-r000042-20261121T140500Z`, followed by `-unsynced` if
+    /// the time may be wrong.
     pub fn stem(&self) -> String {
         let stem = self.stem_at(self.started.0);
         if self.clock.is_implausible() {
@@ -139,8 +142,8 @@ impl RunName {
         }
     }
 
-    /// The same by a receiver's UTC; `None` if the names are right as they are, or if the receiver's
-    /// date is before the build of this program and thus wrong.
+    /// Stem with the UTC of a receiver; `None` if the names are correct, or if the date of the receiver
+    /// is before the build of this program and thus wrong.
     pub fn stem_by_utc(&self, offset: &UtcOffset) -> Option<String> {
         let start_ns = u64::try_from(offset.utc_ns(self.started)).ok()?;
         let differs = offset.offset_ns.unsigned_abs() >= RENAME_OFFSET_MIN_NS;
@@ -148,7 +151,7 @@ impl RunName {
         (is_plausible && (differs || self.clock.is_implausible())).then(|| self.stem_at(start_ns))
     }
 
-    /// Gives all logs of the closed run their names by UTC; says the new stem if they have changed.
+    /// Renames all logs of the closed run by UTC. Returns the old and the new stem if they differ.
     pub fn rename(&self, offset: Option<UtcOffset>) -> store::Result<Option<(String, String)>> {
         let Some(new) = offset.and_then(|offset| self.stem_by_utc(&offset)) else {
             return Ok(None);
@@ -157,7 +160,7 @@ impl RunName {
         if old == new || !store::rename_run(&self.directory, &old, &new)? {
             return Ok(None);
         }
-        tracing::info!(%old, %new, "the logs of the run got names by the receiver's date");
+        tracing::info!(%old, %new, "renamed the logs of the run by the receiver's date");
         Ok(Some((old, new)))
     }
 
@@ -168,14 +171,14 @@ impl RunName {
     }
 }
 
-/// What the name of a log, or of a file beside a log, says.
+/// Parts of the name of a log or of a file beside a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogName<'a> {
     /// First part of the name, from the configuration of that run.
     pub name: &'a str,
-    /// All up to the part's number.
+    /// Name up to the part number.
     pub stem: &'a str,
-    /// Number of the run; `None` in names of older versions and in names that a person gave.
+    /// Run number; `None` in names of older versions and in names that a person gave.
     pub run: Option<u64>,
     /// Number of the part.
     pub part: Option<u32>,
@@ -211,8 +214,8 @@ impl<'a> LogName<'a> {
     }
 }
 
-/// The runs of this process whose logs are not to be removed: those that are being written or
-/// closed, and the newest one.
+/// Runs of this process whose logs are not removed: runs that are being written or closed, and the
+/// newest run.
 #[derive(Clone, Debug, Default)]
 pub struct Protected(Arc<Mutex<Runs>>);
 
@@ -223,7 +226,7 @@ struct Runs {
 }
 
 impl Protected {
-    /// Protects a run until the guard is dropped, and as long as no newer one begins.
+    /// Protects a run until the guard is dropped and a newer run has begun.
     pub fn begin(&self, run: u64) -> RunGuard {
         let mut runs = self.lock();
         runs.open.insert(run);
@@ -235,7 +238,7 @@ impl Protected {
         }
     }
 
-    /// Whether logs of this run must stay.
+    /// Whether logs of this run are protected.
     pub fn contains(&self, run: u64) -> bool {
         let runs = self.lock();
         runs.newest == Some(run) || runs.open.contains(&run)
@@ -274,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn names_say_run_start_and_part() {
+    fn names_contain_run_start_and_part() {
         let stem = run_name(ClockState::BeforeBuild).stem();
         assert_eq!(stem, "drive-2-r000042-20020101T000005Z-unsynced");
         for end in [".mcap", ".mcap.active", ".mcap.damaged"] {
@@ -296,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_names_the_run_unless_its_date_is_wrong_too() {
+    fn a_run_is_renamed_by_a_receiver_with_a_plausible_date() {
         let run = run_name(ClockState::BeforeBuild);
         let seconds = |s: i64| UtcOffset {
             time: run.started,
@@ -320,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_counted_on_whatever_is_lost() {
+    fn run_numbers_increase_although_logs_or_the_counter_are_lost() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path();
         let next = || {
@@ -329,7 +332,7 @@ mod tests {
             run
         };
         assert_eq!((next(), next()), (1, 2));
-        // All logs were moved away: the file counts on.
+        // All logs were moved away: the counter file keeps the number.
         assert_eq!(next(), 3);
         std::fs::write(
             path.join("drive-r000040-20020101T000005Z_0000.mcap.active"),

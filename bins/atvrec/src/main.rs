@@ -2,13 +2,12 @@
 
 #![allow(
     clippy::disallowed_types,
-    reason = "the live pipeline and the progress display time themselves"
+    reason = "the live pipeline and the progress display use the clock"
 )]
 
 #[macro_use]
 mod output;
 
-mod board;
 mod cli;
 mod cmd;
 mod control;
@@ -20,6 +19,7 @@ mod pipeline;
 mod progress;
 mod retention;
 mod session;
+mod status;
 
 use std::process::ExitCode;
 
@@ -62,9 +62,9 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Identify(command) => cmd::identify::run(&command),
         Command::Mark(args) => cmd::control::mark(&args),
         Command::Status(args) => cmd::control::status(&args),
-        Command::Start(args) => cmd::control::order(&args, &Request::Start),
-        Command::Stop(args) => cmd::control::order(&args, &Request::Stop),
-        Command::Reload(args) => cmd::control::order(&args, &Request::Reload),
+        Command::Start(args) => cmd::control::command(&args, &Request::Start),
+        Command::Stop(args) => cmd::control::command(&args, &Request::Stop),
+        Command::Reload(args) => cmd::control::command(&args, &Request::Reload),
         Command::Link(args) => cmd::link::run(&args),
         Command::Import(command) => cmd::import::run(&command),
         Command::Completions(args) => cmd::completions::run(&args),

@@ -1,7 +1,8 @@
-//! The program's own messages, on standard error: for people at a terminal with times, for the
-//! journal with priorities and without times, which the journal has itself.
+//! Messages of the program on standard error. On a terminal they have times; in the journal, which
+//! adds times itself, they have priorities.
 //!
-//! Every field of a message is printable text in one line, whatever a device or a mark put into it.
+//! Every field of a message is printed as one line of printable text, also if it contains bytes of a
+//! device or the text of a mark.
 
 mod limit;
 
@@ -23,7 +24,7 @@ use tracing_subscriber::{EnvFilter, Layer};
 
 use limit::Limit;
 
-/// Starts the output of messages; `ATVREC_LOG` filters finer than `verbose` and `quiet`.
+/// Starts the output of messages. `ATVREC_LOG` overrides `verbose` and `quiet` with finer filters.
 pub fn start(verbose: u8, quiet: bool) {
     let level = match (quiet, verbose) {
         (true, _) => "error",
@@ -55,16 +56,16 @@ pub fn start(verbose: u8, quiet: bool) {
     }
 }
 
-/// Reports the messages that were left out since the last report. To be called at the end.
+/// Reports the repeated messages that were not printed since the last report. Call it at the end.
 pub fn finish() {
     limit::report(Instant::now(), true);
 }
 
-/// Reports why the program ends.
+/// Prints the error with which the program ends.
 pub fn failed(error: &anyhow::Error) {
     let text = format!("error: {error:#}");
     if goes_to_journal() {
-        // Each line is an entry of its own.
+        // Each line is a separate entry of the journal.
         for line in text.lines() {
             eprintln!("<{}>{}", priority(Level::ERROR), printable(line));
         }
@@ -73,11 +74,11 @@ pub fn failed(error: &anyhow::Error) {
     }
 }
 
-/// Whether standard error is the journal's, as systemd gives it by device and inode.
+/// Whether standard error is connected to the journal: systemd passes device and inode of its stream.
 fn goes_to_journal() -> bool {
     #[allow(
         clippy::disallowed_methods,
-        reason = "systemd says it in the environment"
+        reason = "systemd passes it in the environment"
     )]
     let Ok(journal) = std::env::var("JOURNAL_STREAM") else {
         return false;
@@ -91,7 +92,7 @@ fn goes_to_journal() -> bool {
     journal == format!("{}:{}", metadata.dev(), metadata.ino())
 }
 
-/// Priority of a level, as in syslog.
+/// Syslog priority of a level.
 const fn priority(level: Level) -> u8 {
     match level {
         Level::ERROR => 3,
@@ -101,7 +102,7 @@ const fn priority(level: Level) -> u8 {
     }
 }
 
-/// `<priority>text fields`, as the journal reads it from a service's standard error.
+/// Format `<priority>text fields`, which the journal reads from the standard error of a service.
 struct Journal(Format<Compact, ()>);
 
 impl Journal {

@@ -1,5 +1,5 @@
-//! Standard output. Its reader may leave early (`atvrec info drive.mcap | head -1`): that is no
-//! failure, and the command goes on.
+//! Standard output. If its reader closes it early (`atvrec info drive.mcap | head -1`), the command
+//! continues without an error.
 
 pub mod target;
 
@@ -10,25 +10,25 @@ use sample::text::printable_lines;
 
 use crate::messages;
 
-/// As the standard library's, but silent once nobody reads.
+/// Like `print!` of the standard library, but without a panic when the reader has closed the output.
 macro_rules! print {
     ($($text:tt)*) => { $crate::output::write(format_args!($($text)*)) };
 }
 
-/// As the standard library's, but silent once nobody reads.
+/// Like `println!` of the standard library, but without a panic when the reader has closed the output.
 macro_rules! println {
     () => { $crate::output::write_line(format_args!("")) };
     ($($text:tt)*) => { $crate::output::write_line(format_args!($($text)*)) };
 }
 
-/// Prints without control characters other than line feed and tab; in JSON their escapes keep the
-/// value. Ends the program if standard output fails for another reason than that its reader left.
+/// Prints a text without control characters except line feed and tab; in JSON, escapes keep the
+/// values. Ends the program if standard output fails, except when its reader has closed it.
 pub fn write(text: Arguments<'_>) {
     let text = text.to_string();
     let printed = std::io::stdout()
         .lock()
         .write_all(printable_lines(&text).as_bytes());
-    if let Err(error) = printed.or_else(reader_left) {
+    if let Err(error) = printed.or_else(ignore_closed_pipe) {
         messages::failed(&anyhow::anyhow!("cannot write to standard output: {error}"));
         std::process::exit(1);
     }
@@ -39,8 +39,8 @@ pub fn write_line(text: Arguments<'_>) {
     write(format_args!("{text}\n"));
 }
 
-/// Takes it for success that nobody reads any more.
-pub fn reader_left(error: std::io::Error) -> std::io::Result<()> {
+/// Treats output that its reader has closed as success.
+pub fn ignore_closed_pipe(error: std::io::Error) -> std::io::Result<()> {
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(()),
         _ => Err(error),

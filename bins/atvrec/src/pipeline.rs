@@ -1,5 +1,4 @@
-//! The live pipeline: sources, recorder, engine. The only place that sees `acq` and `store`
-//! together.
+//! Live pipeline of sources, recorder and engine. Only this module uses `acq` and `store` together.
 //!
 //! ```text
 //! sources (tokio tasks) ─► Sequencer ─┬─► thread "recorder": arrivals ─────────► store::Recorder
@@ -7,12 +6,12 @@
 //!                                     └─► memory before a trigger, thread "live engine", triggers
 //! ```
 //!
-//! The sources run from start to end. Runs of files come and go: at the start, with `atvrec start`
-//! and `stop`, at triggers, and with a new configuration, each between two arrivals. Every run has
-//! an engine of its own that begins with its first arrival, so that a replay of its files finds the
-//! same.
+//! The sources run from the start of the program to its end. A run begins and ends between two
+//! arrivals: at the start of the program, with `atvrec start` and `stop`, at triggers, and with a new
+//! configuration. Every run has its own engine, which begins with the first arrival of the run, so
+//! that a replay of the run's files gives the same estimates.
 
-mod pulse;
+mod heartbeat;
 mod recovery;
 mod run;
 
@@ -33,53 +32,55 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinSet};
 
-use crate::control::{self, Answer, Board, Desk, Listener, Order, Writing};
+use crate::control::{
+    self, Command, CommandResult, ControlHandler, Listener, RecorderStatus, Writing,
+};
 use crate::folder::{Folder, Protected};
 use crate::{retention, session};
-use pulse::{Pulses, extend_stop, notify};
-use run::{Files, Fired, Live, Progress, Run, Voice, join, judge};
+use heartbeat::{Heartbeats, extend_stop, notify};
+use run::{Files, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers};
 
-/// Time between two ticks of the stream.
+/// Period of the ticks of the stream.
 const TICK: Duration = Duration::from_millis(100);
-/// How long sources may take to end.
+/// Longest time that sources may take to end.
 const STOP_DEADLINE: Duration = Duration::from_millis(1_000);
-/// Kept in memory beyond the time before a trigger, while files are being made.
+/// Time that is kept in memory in addition to the time before a trigger, while files are created.
 const MEMORY_SLACK: Duration = Duration::from_secs(2);
-/// Arrivals that may wait for an engine that nobody writes down, and for the look at triggers.
+/// Most arrivals that wait for the live engine and for the triggers.
 const LISTENER_QUEUE: usize = 8_192;
-/// Triggers that may wait.
-const FIRED_QUEUE: usize = 256;
-/// Orders that may wait.
-const ORDER_QUEUE: usize = 8;
+/// Most trigger events that wait.
+const TRIGGER_QUEUE: usize = 256;
+/// Most commands that wait.
+const COMMAND_QUEUE: usize = 8;
 
-/// What became of a recording.
+/// Result of a recording.
 #[derive(Debug, Default)]
 pub struct Summary {
     /// The files that were written.
     pub files: Vec<PathBuf>,
-    /// How long it took, s.
+    /// Duration, s.
     pub duration_s: f64,
-    /// Arrivals of all sources.
+    /// Number of arrivals of all sources.
     pub arrivals: u64,
-    /// What the disk took.
+    /// What was written to the disk.
     pub recorder: RecorderSummary,
-    /// Counters of each source, of the last run or of the time without one.
+    /// Health of each source, of the last run or of the time without a run.
     pub health: Health,
-    /// What was lost, over all sources and runs.
+    /// Losses of all sources and runs.
     pub losses: Losses,
-    /// Tasks that had to be cut off.
+    /// Tasks that were aborted because they did not end in time.
     pub stuck: Vec<String>,
 }
 
 impl Summary {
-    /// Losses over all sources, by place: items, and arrivals on the way to the disk.
+    /// Losses of all sources by place: items, and for the disk arrivals.
     pub fn lost(&self) -> [u64; LossPlace::ALL.len()] {
         let mut lost = self.losses.totals();
         lost[LossPlace::Disk as usize] = self.losses.arrivals;
         lost
     }
 
-    /// Whether raw data was lost, or its file is not where it was written.
+    /// Whether raw data was lost, or a log was deleted, renamed or not closed.
     pub fn has_loss(&self) -> bool {
         self.losses.has_raw() || !self.recorder.gone.is_empty() || self.recorder.cut_off.is_some()
     }
@@ -95,10 +96,10 @@ impl Summary {
     }
 }
 
-/// Reads the configuration again.
+/// Function that reads the configuration again.
 pub type Reload<'a> = &'a dyn Fn() -> anyhow::Result<Config>;
 
-/// Records until `stop` is ready, then ends everything in order: sources, stream, threads, files.
+/// Records until `stop` is ready, then stops sources, stream, threads and files in this order.
 pub async fn record(
     config: Config,
     reload: Option<Reload<'_>>,
@@ -106,146 +107,150 @@ pub async fn record(
 ) -> anyhow::Result<Summary> {
     let begin = Instant::now();
     let mut hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
-    // Whoever must stop because another recorder is there has made no file.
+    // The folder is locked before any file is created in it: another recorder may own it.
     let folder = Folder::take(&config.storage.directory)?;
     let sockets = control::paths(&config);
-    let (orders, mut waiting) = mpsc::channel(ORDER_QUEUE);
-    let (fired, mut triggers) = mpsc::channel(FIRED_QUEUE);
-    let mut conductor = Conductor::new(config, reload, fired, folder);
-    conductor.start().await?;
-    // Whoever finds the socket finds a recorder that records.
+    let (commands, mut received) = mpsc::channel(COMMAND_QUEUE);
+    let (trigger_events, mut triggers) = mpsc::channel(TRIGGER_QUEUE);
+    let mut controller = RecordingController::new(config, reload, trigger_events, folder);
+    controller.start().await?;
+    // The socket is opened after the start: a client that finds it finds a recorder that records.
     let listener = open_control(&sockets);
     notify(&[sd_notify::NotifyState::Ready]);
-    conductor.look_after_folder();
+    controller.check_folder();
 
-    let desk = Desk {
-        sequencer: conductor.sequencer.clone(),
-        board: Arc::clone(&conductor.board),
-        orders,
+    let handler = ControlHandler {
+        sequencer: controller.sequencer.clone(),
+        status: Arc::clone(&controller.status),
+        commands,
     };
-    let mut serving = Box::pin(serve(listener, desk));
-    let watchdog = tokio::spawn(conductor.pulses.clone().watch());
+    let mut serving = Box::pin(serve(listener, handler));
+    let watchdog = tokio::spawn(controller.heartbeats.clone().watch());
     let mut stop = std::pin::pin!(stop);
-    let mut keep = Box::pin(conductor.retention());
+    let mut retention = Box::pin(controller.retention());
     loop {
-        let trigger_ends = until(conductor.left_of_trigger());
+        let trigger_ends = sleep_for(controller.remaining_trigger_time());
         tokio::select! {
             biased;
             () = &mut stop => break,
             () = &mut serving => {}
-            Some((order, reply)) = waiting.recv() => {
-                let answer = conductor.obey(order).await;
-                // Who asked may have gone.
-                let _ = reply.send(answer);
-                keep = Box::pin(conductor.retention());
+            Some((command, reply)) = received.recv() => {
+                let result = controller.handle_command(command).await;
+                // The client may have disconnected.
+                let _ = reply.send(result);
+                retention = Box::pin(controller.retention());
             }
             _ = hangup.recv() => {
-                if let Err(error) = conductor.reload().await {
-                    tracing::error!("the configuration was not read again: {error:#}");
+                if let Err(error) = controller.reload().await {
+                    tracing::error!(
+                        "cannot reload the configuration; the recording continues with the \
+                         previous one: {error:#}"
+                    );
                 }
-                keep = Box::pin(conductor.retention());
+                retention = Box::pin(controller.retention());
             }
-            Some(fired) = triggers.recv() => conductor.fire(fired).await,
-            () = trigger_ends => conductor.pause(),
-            Some(closed) = conductor.closing.join_next() => conductor.closed(closed),
-            () = &mut keep => {}
+            Some(event) = triggers.recv() => controller.handle_trigger(event).await,
+            () = trigger_ends => controller.pause(),
+            Some(closed) = controller.closing.join_next() => controller.closed(closed),
+            () = &mut retention => {}
         }
     }
     watchdog.abort();
     notify(&[sd_notify::NotifyState::Stopping]);
     drop(serving);
     drop(triggers);
-    let mut summary = conductor.finish().await?;
+    let mut summary = controller.finish().await?;
     summary.duration_s = begin.elapsed().as_secs_f64();
     Ok(summary)
 }
 
-/// Opens the control socket; a recording without one goes on.
+/// Opens the control socket. If that fails, the recording continues without a socket.
 fn open_control(paths: &[PathBuf]) -> Option<Listener> {
     match Listener::open(paths) {
         Ok(listener) => {
-            tracing::info!(path = %listener.path().display(), "control socket");
+            tracing::info!(path = %listener.path().display(), "opened the control socket");
             Some(listener)
         }
         Err(error) => {
             tracing::warn!(
-                "no control socket, so mark, status, start, stop and reload cannot reach this \
-                 recorder; recording goes on: {error:#}"
+                "cannot open the control socket; recording continues, but mark, status, start, \
+                 stop and reload cannot reach this recorder: {error:#}"
             );
             None
         }
     }
 }
 
-async fn serve(listener: Option<Listener>, desk: Desk) {
+async fn serve(listener: Option<Listener>, handler: ControlHandler) {
     match listener {
-        Some(listener) => listener.serve(desk).await,
+        Some(listener) => listener.serve(handler).await,
         None => std::future::pending().await,
     }
 }
 
-async fn until(left: Option<Duration>) {
-    match left {
-        Some(left) => tokio::time::sleep(left).await,
+/// Sleeps for this time; for ever if there is none.
+async fn sleep_for(time: Option<Duration>) {
+    match time {
+        Some(time) => tokio::time::sleep(time).await,
         None => std::future::pending().await,
     }
 }
 
-/// Decides when files are written, and by which configuration.
-struct Conductor<'a> {
+/// Controls when files are written, and with which configuration.
+struct RecordingController<'a> {
     config: Arc<Config>,
     reload: Option<Reload<'a>>,
     sequencer: Sequencer,
     supervisor: Supervisor,
-    pulses: Pulses,
-    board: Arc<Board>,
-    fired: mpsc::Sender<Fired>,
+    heartbeats: Heartbeats,
+    status: Arc<RecorderStatus>,
+    trigger_events: mpsc::Sender<TriggerEvent>,
     run: Option<Run>,
-    /// When a triggered run ends; `None` for one that goes on until it is told otherwise.
-    until: Option<LogTime>,
+    /// End of a triggered run; `None` for a run without a trigger.
+    run_end: Option<LogTime>,
     live: Option<JoinHandle<Health>>,
-    /// Ends the look for triggers and the engine that looks for events, when dropped.
-    armed: JoinSet<()>,
+    /// Tasks for the triggers and the live engine; they end when the set is dropped.
+    listeners: JoinSet<()>,
     closing: JoinSet<Closed>,
-    /// How far the files are that are being closed.
-    watched: Vec<store::Progress>,
+    /// Progress of the files that are closed at present.
+    closing_files: Vec<store::Progress>,
     summary: Summary,
-    /// The first run that did not end well.
+    /// Error of the first run that failed.
     failed: Option<anyhow::Error>,
     /// Log folders that this process owns.
     folders: Vec<Folder>,
-    /// Runs whose logs retention leaves alone.
+    /// Runs whose logs retention does not remove.
     protected: Protected,
-    /// State of the host's clock when the log clock was set to it.
+    /// State of the host's clock when the log clock was set from it.
     clock: ClockState,
 }
 
 type Closed = anyhow::Result<(RecorderSummary, Engine, Progress)>;
 
-impl<'a> Conductor<'a> {
+impl<'a> RecordingController<'a> {
     fn new(
         config: Config,
         reload: Option<Reload<'a>>,
-        fired: mpsc::Sender<Fired>,
+        trigger_events: mpsc::Sender<TriggerEvent>,
         folder: Folder,
     ) -> Self {
         let log_clock = LogClock::start();
         let clock = session::clock_state(log_clock.now());
         let sequencer = Sequencer::idle(log_clock);
         Self {
-            board: Arc::new(Board::new(&config)),
+            status: Arc::new(RecorderStatus::new(&config)),
             config: Arc::new(config),
             reload,
             supervisor: Supervisor::new(sequencer.clone()),
             sequencer,
-            pulses: Pulses::default(),
-            fired,
+            heartbeats: Heartbeats::default(),
+            trigger_events,
             run: None,
-            until: None,
+            run_end: None,
             live: None,
-            armed: JoinSet::new(),
+            listeners: JoinSet::new(),
             closing: JoinSet::new(),
-            watched: Vec::new(),
+            closing_files: Vec::new(),
             summary: Summary::default(),
             failed: None,
             folders: vec![folder],
@@ -254,11 +259,11 @@ impl<'a> Conductor<'a> {
         }
     }
 
-    /// Beside the recording: makes whole what an earlier run could not close, and states which
-    /// limits cannot hold.
-    fn look_after_folder(&self) {
+    /// Warns of limits that cannot be met and of an implausible clock, and starts the recovery of
+    /// unfinished logs in the background.
+    fn check_folder(&self) {
         let storage = &self.config.storage;
-        let rate = self.board.estimate().rate_bytes_s;
+        let rate = self.status.disk_forecast().rate_bytes_s;
         let options = &storage.options;
         for text in retention::warnings(&storage.directory, storage.limits, options, rate) {
             tracing::warn!("{text}");
@@ -266,8 +271,8 @@ impl<'a> Conductor<'a> {
         if self.clock.is_implausible() {
             tracing::warn!(
                 clock = self.clock.name(),
-                "the date of the computer's clock may be wrong; the logs are marked until a \
-                 receiver gives the date"
+                "the date of the computer's clock may be wrong; the names of the logs contain \
+                 \"unsynced\" until a GNSS receiver gives the date"
             );
         }
         recovery::start(storage.directory.clone(), self.protected.clone());
@@ -275,44 +280,49 @@ impl<'a> Conductor<'a> {
 
     async fn start(&mut self) -> anyhow::Result<()> {
         if self.config.storage.trigger.is_none() {
-            self.begin(Arc::clone(&self.config), None, None).await?;
+            self.begin_run(Arc::clone(&self.config), None, None).await?;
         }
-        self.arm()?;
+        self.start_listeners()?;
         self.supervisor.spawn_ticks(TICK);
         for spec in specs(&self.config) {
             self.supervisor.spawn(spec);
         }
         let sources = self.config.sources.len();
-        let state = self.board.writing();
-        tracing::info!(sources, "{state}; {}", self.board.estimate());
+        let state = self.status.writing();
+        tracing::info!(sources, "{state}; {}", self.status.disk_forecast());
         Ok(())
     }
 
     fn retention(&self) -> impl Future<Output = ()> + use<> {
         let storage = &self.config.storage;
-        let (protected, board) = (self.protected.clone(), Arc::clone(&self.board));
-        retention::keep(storage.directory.clone(), storage.limits, protected, board)
+        let (protected, status) = (self.protected.clone(), Arc::clone(&self.status));
+        retention::enforce_periodically(
+            storage.directory.clone(),
+            storage.limits,
+            protected,
+            status,
+        )
     }
 
-    async fn obey(&mut self, order: Order) -> Answer {
-        match order {
-            Order::Start => {
-                self.until = None;
+    async fn handle_command(&mut self, command: Command) -> CommandResult {
+        match command {
+            Command::Start => {
+                self.run_end = None;
                 if self.run.is_none() {
                     let config = Arc::clone(&self.config);
-                    self.begin(config, None, None).await?;
+                    self.begin_run(config, None, None).await?;
                 }
-                self.board.set(Writing::Always);
+                self.status.set_writing(Writing::Always);
             }
-            Order::Stop => self.stop().await?,
-            Order::Reload => self.reload().await?,
+            Command::Stop => self.stop().await?,
+            Command::Reload => self.reload().await?,
         }
-        Ok(self.board.writing())
+        Ok(self.status.writing().to_string())
     }
 
-    /// Begins a run, in the place of the one that there may be; with `numbers`, by another
-    /// configuration.
-    async fn begin(
+    /// Begins a run, and ends the present one if there is one. `numbers` are the new numbers of the
+    /// sources if `config` is another configuration.
+    async fn begin_run(
         &mut self,
         config: Arc<Config>,
         since: Option<LogTime>,
@@ -320,9 +330,9 @@ impl<'a> Conductor<'a> {
     ) -> anyhow::Result<()> {
         let started = since.unwrap_or_else(|| self.sequencer.clock().now());
         let engine = Engine::new(&config)?;
-        let voice = Voice {
-            board: Arc::clone(&self.board),
-            aloud: match numbers {
+        let sink = RecordSink {
+            status: Arc::clone(&self.status),
+            prints: match numbers {
                 Some(_) => config.storage.trigger.is_none(),
                 None => self.live.is_none(),
             },
@@ -330,162 +340,170 @@ impl<'a> Conductor<'a> {
         };
         let (clock, protected) = (self.clock, self.protected.clone());
         let ledger = self.sequencer.ledger();
-        let made = move || Files::open(&config, started, clock, &protected, &ledger);
-        let made = tokio::task::spawn_blocking(made);
-        let files = made.await.context("making the files failed")??;
+        let open = move || Files::open(&config, started, clock, &protected, &ledger);
+        let files = tokio::task::spawn_blocking(open);
+        let files = files.await.context("cannot create the files")??;
         let numbers = numbers.unwrap_or_default();
         let sizes = QueueSizes::default();
         let streams = self.sequencer.begin(sizes, since, &numbers);
-        self.board.write_to(files.recorder());
+        self.status.begin_run(files.recorder());
         let sequencer = self.sequencer.clone();
-        let next = Run::start(files, engine, sequencer, streams, &self.pulses, voice)?;
+        let next = Run::start(files, engine, sequencer, streams, &self.heartbeats, sink)?;
         if let Some(old) = self.run.replace(next) {
             self.close(old, None);
         }
-        self.board.set(Writing::Always);
+        self.status.set_writing(Writing::Always);
         Ok(())
     }
 
-    /// Closes a run's files beside everything else.
+    /// Closes a run's files in the background.
     fn close(&mut self, run: Run, deadline: Option<Instant>) {
         if self.closing.is_empty() {
-            self.watched.clear();
+            self.closing_files.clear();
         }
-        self.watched.push(run.recorder.progress());
+        self.closing_files.push(run.recorder.progress());
         self.closing.spawn_blocking(move || run.finish(deadline));
     }
 
     fn closed(&mut self, closed: Result<Closed, JoinError>) {
-        match closed.context("closing the files failed").and_then(|c| c) {
+        match closed.context("cannot close the files").and_then(|c| c) {
             Ok((more, engine, progress)) => {
                 self.summary.add(more);
                 self.summary.health = engine.health(progress.time);
             }
             Err(error) => {
-                tracing::error!("a run did not end well: {error:#}");
+                tracing::error!("a run ended with an error: {error:#}");
                 self.failed.get_or_insert(error);
             }
         }
     }
 
-    /// A trigger was met: what was kept in memory before it is written, and what follows.
-    async fn fire(&mut self, fired: Fired) {
+    /// Starts a triggered run, which begins with the arrivals in memory before the trigger, or
+    /// extends the present one.
+    async fn handle_trigger(&mut self, event: TriggerEvent) {
         let Some(trigger) = self.config.storage.trigger.clone() else {
             return;
         };
-        let until = fired.time + nanos(trigger.post);
+        let run_end = event.time + nanos(trigger.post);
         if self.run.is_some() {
-            self.until = self.until.map(|before| before.max(until));
+            self.run_end = self.run_end.map(|before| before.max(run_end));
             return;
         }
         let since = LogTime(
-            fired
+            event
                 .time
                 .0
                 .saturating_sub(nanos(trigger.memory.duration) as u64),
         );
         let config = Arc::clone(&self.config);
-        match self.begin(config, Some(since), None).await {
+        match self.begin_run(config, Some(since), None).await {
             Ok(()) => {
-                self.until = Some(until);
-                tracing::info!(reason = %fired.reason, "triggered");
-                self.board.set(Writing::Triggered(fired.reason));
+                self.run_end = Some(run_end);
+                tracing::info!(reason = %event.reason, "triggered");
+                self.status.set_writing(Writing::Triggered(event.reason));
             }
-            Err(error) => tracing::error!("the trigger was not recorded: {error:#}"),
+            Err(error) => tracing::error!(
+                reason = %event.reason,
+                "cannot record the data of a trigger: {error:#}"
+            ),
         }
     }
 
     /// Time until the end of a triggered run.
-    fn left_of_trigger(&self) -> Option<Duration> {
-        let until = self.until.filter(|_| self.run.is_some())?;
-        let left_ns = until - self.sequencer.clock().now();
-        Some(Duration::from_nanos(u64::try_from(left_ns).unwrap_or(0)))
+    fn remaining_trigger_time(&self) -> Option<Duration> {
+        let run_end = self.run_end.filter(|_| self.run.is_some())?;
+        let remaining_ns = run_end - self.sequencer.clock().now();
+        Some(Duration::from_nanos(
+            u64::try_from(remaining_ns).unwrap_or(0),
+        ))
     }
 
-    /// Ends the run and goes on listening.
+    /// Ends the run; sources and live engine continue.
     fn pause(&mut self) {
-        self.until = None;
+        self.run_end = None;
         self.sequencer.pause();
         if let Some(run) = self.run.take() {
             self.close(run, None);
         }
-        self.board.set(self.at_rest());
-        tracing::info!("{}", self.board.writing());
+        self.status.set_writing(self.writing_without_run());
+        tracing::info!("{}", self.status.writing());
     }
 
-    fn at_rest(&self) -> Writing {
+    fn writing_without_run(&self) -> Writing {
         match &self.config.storage.trigger {
             Some(_) => Writing::Armed,
             None => Writing::Stopped,
         }
     }
 
-    /// Ends the run and waits for its files. Its engine goes on, where no other one runs.
+    /// Ends the run and waits for its files. Its engine becomes the live engine if there is none.
     async fn stop(&mut self) -> anyhow::Result<()> {
         let Some(run) = self.run.take() else {
             return Ok(());
         };
-        self.until = None;
+        self.run_end = None;
         let queue = self.live.is_none().then(|| self.listen());
         self.sequencer.pause();
-        self.board.set(self.at_rest());
+        self.status.set_writing(self.writing_without_run());
         let closed = tokio::task::spawn_blocking(move || run.finish(None));
-        let (summary, engine, progress) = closed.await.context("closing the files failed")??;
+        let (summary, engine, progress) = closed.await.context("cannot close the files")??;
         self.summary.add(summary);
         if let Some(queue) = queue {
-            let live = Live {
+            let live = LiveEngine {
                 next_sequence: progress.next_sequence,
                 engine,
                 queue,
-                voice: Voice {
-                    board: Arc::clone(&self.board),
-                    aloud: true,
+                sink: RecordSink {
+                    status: Arc::clone(&self.status),
+                    prints: true,
                     events: None,
                 },
             };
-            self.live = Some(live.start(&self.pulses)?);
+            self.live = Some(live.start(&self.heartbeats)?);
         }
-        tracing::info!("{}", self.board.writing());
+        tracing::info!("{}", self.status.writing());
         Ok(())
     }
 
-    /// Looks out for triggers, where there are any, and lets an engine run where no run has one.
-    fn arm(&mut self) -> anyhow::Result<()> {
-        // What listened by the configuration before has heard its last.
-        self.armed = JoinSet::new();
+    /// Starts the tasks that wait for triggers, if the configuration has triggers, and the live
+    /// engine, if no run has an engine.
+    fn start_listeners(&mut self) -> anyhow::Result<()> {
+        // Listeners of the previous configuration end here.
+        self.listeners = JoinSet::new();
         self.live = None;
         let trigger = self.config.storage.trigger.clone().map(Arc::new);
         let memory = trigger.as_deref().map_or_else(RingLimits::default, memory);
         self.sequencer.keep(memory);
         if let Some(trigger) = &trigger {
             let queue = self.sequencer.listen(LISTENER_QUEUE);
-            let judge = judge(Arc::clone(trigger), queue, self.fired.clone());
-            self.armed.spawn(judge);
+            let events = self.trigger_events.clone();
+            self.listeners
+                .spawn(watch_for_triggers(Arc::clone(trigger), queue, events));
         }
         if trigger.is_some() || self.run.is_none() {
-            let live = Live {
+            let live = LiveEngine {
                 next_sequence: 0,
                 engine: Engine::new(&self.config)?,
                 queue: self.listen(),
-                voice: Voice {
-                    board: Arc::clone(&self.board),
-                    aloud: true,
-                    events: trigger.map(|trigger| (trigger, self.fired.clone())),
+                sink: RecordSink {
+                    status: Arc::clone(&self.status),
+                    prints: true,
+                    events: trigger.map(|trigger| (trigger, self.trigger_events.clone())),
                 },
             };
-            self.live = Some(live.start(&self.pulses)?);
+            self.live = Some(live.start(&self.heartbeats)?);
         }
         if self.run.is_none() {
-            self.board.set(self.at_rest());
+            self.status.set_writing(self.writing_without_run());
         }
         Ok(())
     }
 
-    /// A queue of everything that ends when the configuration changes.
+    /// Queue of all arrivals; it ends when the configuration changes.
     fn listen(&mut self) -> mpsc::Receiver<Arc<Arrival>> {
         let mut from = self.sequencer.listen(LISTENER_QUEUE);
         let (to, queue) = mpsc::channel(1);
-        self.armed.spawn(async move {
+        self.listeners.spawn(async move {
             while let Some(arrival) = from.recv().await {
                 if to.send(arrival).await.is_err() {
                     return;
@@ -495,14 +513,14 @@ impl<'a> Conductor<'a> {
         queue
     }
 
-    /// Takes the configuration as it is now over: a new run begins with it between two arrivals,
-    /// and the sources that are the same run on.
+    /// Reloads the configuration: a new run begins between two arrivals, and unchanged sources
+    /// continue.
     async fn reload(&mut self) -> anyhow::Result<()> {
         let Some(reload) = self.reload else {
             anyhow::bail!("this recording has no configuration file");
         };
         let config = Arc::new(reload()?);
-        // What only the engine finds wrong is to be found before anything changes.
+        // The engine checks the configuration further, before anything changes.
         Engine::new(&config)?;
         let directory = &config.storage.directory;
         let is_new = !self.folders.iter().any(|folder| folder.is(directory));
@@ -510,43 +528,44 @@ impl<'a> Conductor<'a> {
             self.folders.push(Folder::take(directory)?);
         }
         if control::paths(&config) != control::paths(&self.config) {
-            tracing::warn!("the control socket stays where it is until the next start");
+            tracing::warn!("the new path of the control socket is used from the next start on");
         }
         let specs = specs(&config);
         let numbers = self.supervisor.numbers(&specs);
         let stopped = self.run.is_none() && self.config.storage.trigger.is_none();
         if self.run.is_some() || (config.storage.trigger.is_none() && !stopped) {
-            let writing = self.board.state();
-            self.begin(Arc::clone(&config), None, Some(numbers)).await?;
-            self.until = self.until.filter(|_| config.storage.trigger.is_some());
-            if self.until.is_some() {
-                self.board.set(writing);
+            let writing = self.status.writing();
+            self.begin_run(Arc::clone(&config), None, Some(numbers))
+                .await?;
+            self.run_end = self.run_end.filter(|_| config.storage.trigger.is_some());
+            if self.run_end.is_some() {
+                self.status.set_writing(writing);
             }
         } else {
             self.sequencer.renumber(&numbers);
         }
         self.config = config;
-        self.board.reload(&self.config);
-        self.arm()?;
+        self.status.reload(&self.config);
+        self.start_listeners()?;
         if let Err(stuck) = self.supervisor.apply(specs, STOP_DEADLINE).await {
-            tracing::warn!(%stuck, "sources did not end in time");
+            tracing::warn!(%stuck, "sources did not end in time and were aborted");
             self.summary.stuck.extend(stuck.names);
         }
         if is_new {
-            self.look_after_folder();
+            self.check_folder();
         }
         let sources = self.config.sources.len();
-        tracing::info!(sources, "the configuration was read again");
+        tracing::info!(sources, "reloaded the configuration");
         Ok(())
     }
 
-    /// Ends everything in order.
+    /// Stops sources, stream, threads and files in this order.
     async fn finish(mut self) -> anyhow::Result<Summary> {
         let deadline = Instant::now() + self.config.storage.options.stop_within;
-        let nobody = Supervisor::new(self.sequencer.clone());
-        let supervisor = std::mem::replace(&mut self.supervisor, nobody);
+        let empty = Supervisor::new(self.sequencer.clone());
+        let supervisor = std::mem::replace(&mut self.supervisor, empty);
         if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
-            tracing::warn!(%stuck, "sources did not end in time");
+            tracing::warn!(%stuck, "sources did not end in time and were aborted");
             self.summary.stuck.extend(stuck.names);
         }
         self.summary.arrivals = self.sequencer.next_sequence();
@@ -558,7 +577,7 @@ impl<'a> Conductor<'a> {
         if let Some(run) = self.run.take() {
             self.close(run, Some(deadline));
         }
-        let extending = tokio::spawn(extend_stop(self.watched.clone()));
+        let extending = tokio::spawn(extend_stop(self.closing_files.clone()));
         while let Some(closed) = self.closing.join_next().await {
             self.closed(closed);
         }
@@ -574,10 +593,10 @@ impl<'a> Conductor<'a> {
     }
 }
 
-/// New numbers of the sources that run, by the numbers they were started with.
+/// New numbers of the running sources, by the numbers with which they were started.
 type Numbers = BTreeMap<SourceId, Option<SourceId>>;
 
-/// What is kept in memory: somewhat more than the time before a trigger.
+/// Limits of the memory before a trigger, with a margin of [`MEMORY_SLACK`].
 fn memory(trigger: &Trigger) -> RingLimits {
     RingLimits {
         duration: trigger.memory.duration + MEMORY_SLACK,

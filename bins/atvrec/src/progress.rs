@@ -1,18 +1,18 @@
-//! Progress bars on standard error, where it is a terminal.
+//! Progress bars on standard error, if it is a terminal.
 
 use std::io::IsTerminal;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar that may be invisible.
+/// Progress bar; hidden if standard error is not a terminal.
 pub struct Progress {
     bar: ProgressBar,
     unit: f64,
 }
 
 impl Progress {
-    /// A bar over seconds of a drive.
+    /// Bar of the seconds of a drive.
     pub fn seconds(what: &'static str, total_s: f64, quiet: bool) -> Self {
         Self::new(
             what,
@@ -38,7 +38,7 @@ impl Progress {
         Self { bar, unit }
     }
 
-    /// Moves the bar.
+    /// Sets the position.
     pub fn set(&self, position: f64) {
         self.bar.set_position((position / self.unit) as u64);
     }

@@ -1,8 +1,9 @@
-//! Keeps the log directory within its limits: the oldest logs go first, those with marks last.
+//! Retention: keeps the log directory within its limits. The oldest logs are removed first, logs with
+//! marks last.
 //!
-//! The order is that of the runs' numbers, never that of modification times: a computer without a
-//! battery behind its clock has wrong ones. Logs of the present drive stay, and nothing is removed
-//! where that would not reach the limit.
+//! The order is the order of the run numbers, not of the modification times, which are wrong on a
+//! computer whose clock has no battery. Logs of the present drive are not removed, and no log is
+//! removed if the limit cannot be met.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,21 +15,21 @@ use std::time::Duration;
 
 use store::{ACTIVE_SUFFIX, Summary};
 
-use crate::board::Board;
 use crate::folder::{LogName, Protected};
+use crate::status::RecorderStatus;
 pub use engine::config::Limits;
 
-/// How often the directory is looked at.
+/// Period of the checks of the directory.
 const PERIOD: Duration = Duration::from_secs(10);
 /// One MiB, bytes.
 const MIB: f64 = 1_048_576.0;
 
-/// The limit that a log was removed for.
+/// Limit for which a log was removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
-    /// All logs together took more than the quota.
+    /// All logs together exceeded the quota.
     Quota,
-    /// Less than the limit was free on the disk.
+    /// The free space of the disk was below the limit.
     KeepFree,
 }
 
@@ -41,77 +42,89 @@ impl fmt::Display for Reason {
     }
 }
 
-/// A log that was removed with all that belongs to it.
+/// A log that was removed together with its other files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Removed {
     /// The log.
     pub path: PathBuf,
-    /// Bytes of it and of what belonged to it.
+    /// Bytes of the log and of its other files.
     pub bytes: u64,
-    /// For which limit.
+    /// Limit for which it was removed.
     pub reason: Reason,
 }
 
-/// What a look at the directory led to.
+/// Result of a check of the directory.
 #[derive(Debug, Default)]
 pub struct Outcome {
     /// Logs that were removed.
     pub removed: Vec<Removed>,
-    /// Limits that do not hold, and why.
-    pub broken: Vec<String>,
+    /// Limits that are exceeded, and why.
+    pub exceeded: Vec<String>,
 }
 
-/// A log of the directory and the files that belong to it: its journals, the original of a damaged
-/// one, what was lost.
+/// A log of the directory and its other files: journals, damaged original, list of losses.
 struct Log {
-    /// Up to `.mcap`, which is included.
+    /// Path up to and including `.mcap`.
     path: PathBuf,
     run: Option<u64>,
     part: Option<u32>,
     /// All files.
     files: Vec<PathBuf>,
     bytes: u64,
-    /// It is closed, and nothing shows that it is being recovered.
-    whole: bool,
+    /// Whether the log is closed and is not being recovered.
+    is_closed: bool,
 }
 
-/// Keeps `directory` within `limits` until it is dropped, and states on `board` what was removed.
-pub async fn keep(directory: PathBuf, limits: Limits, protected: Protected, board: Arc<Board>) {
+/// Enforces `limits` in `directory` periodically, and adds the results to `status`.
+pub async fn enforce_periodically(
+    directory: PathBuf,
+    limits: Limits,
+    protected: Protected,
+    status: Arc<RecorderStatus>,
+) {
     if limits == Limits::default() {
         return std::future::pending().await;
     }
     let mut interval = tokio::time::interval(PERIOD);
-    let mut broken_before = Vec::new();
+    let mut exceeded_before = Vec::new();
     loop {
         interval.tick().await;
-        let (directory, protected) = (directory.clone(), protected.clone());
-        let look = move || enforce(&directory, limits, &protected);
-        match tokio::task::spawn_blocking(look).await {
+        let (path, protected) = (directory.clone(), protected.clone());
+        let check = move || enforce(&path, limits, &protected);
+        match tokio::task::spawn_blocking(check).await {
             Ok(Ok(outcome)) => {
                 for log in &outcome.removed {
                     tracing::warn!(
                         log = %log.path.display(),
                         bytes = log.bytes,
                         limit = %log.reason,
-                        "removed a log to keep within a limit"
+                        "removed a log because a limit of the log directory was exceeded"
                     );
                 }
-                if outcome.broken != broken_before {
-                    for text in &outcome.broken {
+                if outcome.exceeded != exceeded_before {
+                    for text in &outcome.exceeded {
                         tracing::warn!("{text}");
                     }
-                    broken_before.clone_from(&outcome.broken);
+                    exceeded_before.clone_from(&outcome.exceeded);
                 }
-                board.note_retention(outcome);
+                status.add_retention(outcome);
             }
-            Ok(Err(error)) => tracing::error!(%error, "cannot look at the log directory"),
-            Err(error) => tracing::error!(%error, "the look at the log directory failed"),
+            Ok(Err(error)) => tracing::error!(
+                directory = %directory.display(),
+                %error,
+                "cannot read the log directory; no log is removed"
+            ),
+            Err(error) => tracing::error!(
+                directory = %directory.display(),
+                %error,
+                "the check of the log directory failed"
+            ),
         }
     }
 }
 
-/// Removes logs until each limit holds that removing can reach. Logs of `protected` runs, unfinished
-/// logs and logs that another process holds stay.
+/// Removes logs until each limit is met that removing logs can meet. Logs of `protected` runs,
+/// unfinished logs and logs that another process has locked are not removed.
 pub fn enforce(directory: &Path, limits: Limits, protected: &Protected) -> io::Result<Outcome> {
     let logs = list(directory)?;
     let total: u64 = logs.iter().map(|log| log.bytes).sum();
@@ -132,17 +145,18 @@ pub fn enforce(directory: &Path, limits: Limits, protected: &Protected) -> io::R
     }
     let mut removable: Vec<Log> = logs
         .into_iter()
-        .filter(|log| log.whole && !log.run.is_some_and(|run| protected.contains(run)))
+        .filter(|log| log.is_closed && !log.run.is_some_and(|run| protected.contains(run)))
         .collect();
-    let most: u64 = removable.iter().map(|log| log.bytes).sum();
+    let removable_bytes: u64 = removable.iter().map(|log| log.bytes).sum();
     let mut needed = (0, Reason::Quota);
     for (reason, bytes) in excess {
-        if bytes > most {
-            outcome.broken.push(format!(
-                "{reason} does not hold: {:.0} MiB too much, and the logs that may be removed take \
-                 {:.0} MiB; no log is removed for it. Free the disk, or change the limit",
+        if bytes > removable_bytes {
+            outcome.exceeded.push(format!(
+                "storage.{reason} is exceeded by {:.0} MiB, but the logs that may be removed have \
+                 only {:.0} MiB; no log is removed for it; free space on the disk, or change the \
+                 limit",
                 bytes as f64 / MIB,
-                most as f64 / MIB
+                removable_bytes as f64 / MIB
             ));
         } else if bytes > needed.0 {
             needed = (bytes, reason);
@@ -168,15 +182,15 @@ pub fn enforce(directory: &Path, limits: Limits, protected: &Protected) -> io::R
             }
             Ok(false) => {}
             Err(error) => outcome
-                .broken
+                .exceeded
                 .push(format!("cannot remove {}: {error}", log.path.display())),
         }
     }
     Ok(outcome)
 }
 
-/// Bytes that logs may still take before the disk is full or the oldest ones go.
-pub fn room(directory: &Path, limits: Limits) -> io::Result<u64> {
+/// Bytes that are available for logs until the disk is full or the oldest logs are removed.
+pub fn available_bytes(directory: &Path, limits: Limits) -> io::Result<u64> {
     let free = acq::disk_space(directory)?.free_bytes;
     let free = free.saturating_sub(limits.keep_free.unwrap_or(0));
     Ok(match limits.quota {
@@ -188,17 +202,18 @@ pub fn room(directory: &Path, limits: Limits) -> io::Result<u64> {
     })
 }
 
-/// Bytes a second of the newest closed log, by its summary.
+/// Data rate of the newest closed log by its summary, bytes/s.
 pub fn last_rate(directory: &Path) -> Option<f64> {
     let logs = list(directory).ok()?;
-    let closed = logs.iter().filter(|log| log.whole);
+    let closed = logs.iter().filter(|log| log.is_closed);
     let newest = closed.max_by_key(|log| (log.run, log.part, &log.path))?;
     let (first, last) = Summary::read(&newest.path).ok()??.span?;
     let seconds = last.seconds_since(first);
     (seconds > 0.0).then(|| newest.bytes as f64 / seconds)
 }
 
-/// Limits that cannot hold on this disk, in words. `rate_bytes_s` is that of the newest log.
+/// Warnings of limits that cannot be met on this disk. `rate_bytes_s` is the data rate of the newest
+/// log.
 pub fn warnings(
     directory: &Path,
     limits: Limits,
@@ -214,7 +229,7 @@ pub fn warnings(
         && keep_free >= disk
     {
         warnings.push(format!(
-            "storage.keep_free_mb cannot hold: {} is to stay free, and the disk has {}",
+            "storage.keep_free_mb cannot be met: it is {}, and the whole disk has {}; lower it",
             mib(keep_free),
             mib(disk)
         ));
@@ -223,7 +238,7 @@ pub fn warnings(
         && quota > disk
     {
         warnings.push(format!(
-            "storage.quota_mb has no effect: it is {}, and the disk has {}",
+            "storage.quota_mb has no effect: it is {}, and the whole disk has {}; lower it",
             mib(quota),
             mib(disk)
         ));
@@ -231,15 +246,15 @@ pub fn warnings(
     if let Some(quota) = limits.quota {
         match part_bytes(options, rate_bytes_s) {
             Some(part) if quota < part.saturating_mul(2) => warnings.push(format!(
-                "storage.quota_mb may not hold: it is {}, and two parts of a drive take {}; lower \
-                 storage.rotate_after_mb",
+                "storage.quota_mb may be exceeded: it is {}, and two parts of a drive need {}; \
+                 lower storage.rotate_after_mb",
                 mib(quota),
                 mib(part.saturating_mul(2))
             )),
             Some(_) => {}
             None => warnings.push(
-                "storage.quota_mb may not hold: a drive is one file, since rotate_after_s and \
-                 rotate_after_mb are 0"
+                "storage.quota_mb may be exceeded: a drive is one file, because rotate_after_s and \
+                 rotate_after_mb are 0; set one of them"
                     .to_owned(),
             ),
         }
@@ -247,19 +262,19 @@ pub fn warnings(
     warnings
 }
 
-/// Largest size of a part, where it has one: by size, or by time at a known rate.
+/// Largest size of a part, if there is one: by size, or by time at a known rate.
 fn part_bytes(options: &store::Options, rate_bytes_s: Option<f64>) -> Option<u64> {
     let by_time = options.rotate_after.zip(rate_bytes_s);
     let by_time = by_time.map(|(after, rate)| (after.as_secs_f64() * rate) as u64);
     match (options.rotate_bytes, by_time) {
         (Some(a), Some(b)) => Some(a.min(b)),
-        // Rotated by time at a rate that is not known yet: no size to compare with.
+        // Rotated by time, at an unknown rate: there is no size to compare with.
         (None, None) if options.rotate_after.is_some() => Some(0),
         (a, b) => a.or(b),
     }
 }
 
-/// All logs with what belongs to them.
+/// All logs of the directory with their other files.
 fn list(directory: &Path) -> io::Result<Vec<Log>> {
     let mut logs: BTreeMap<PathBuf, Log> = BTreeMap::new();
     for entry in std::fs::read_dir(directory)? {
@@ -271,7 +286,7 @@ fn list(directory: &Path) -> io::Result<Vec<Log>> {
         };
         let end = end + ".mcap".len();
         let rest = &name[end..];
-        // A file that vanished has been given its name or was removed.
+        // A file that does not exist any more was renamed or removed meanwhile.
         let Some(data) = entry.metadata().ok().filter(std::fs::Metadata::is_file) else {
             continue;
         };
@@ -285,44 +300,44 @@ fn list(directory: &Path) -> io::Result<Vec<Log>> {
             part: parsed.part,
             files: Vec::new(),
             bytes: 0,
-            whole: true,
+            is_closed: true,
         });
         log.bytes += data.len();
-        log.whole &= !rest.ends_with(ACTIVE_SUFFIX) && !rest.ends_with(".recovering");
+        log.is_closed &= !rest.ends_with(ACTIVE_SUFFIX) && !rest.ends_with(".recovering");
         log.files.push(entry.path());
     }
     let mut logs: Vec<Log> = logs.into_values().collect();
     for log in &mut logs {
-        log.whole &= log.files.contains(&log.path);
+        log.is_closed &= log.files.contains(&log.path);
     }
     Ok(logs)
 }
 
 impl Log {
-    /// What is removed first comes first: logs without marks; logs without a run's number, by name;
-    /// runs by their number, parts by theirs.
+    /// Sort key of the removal: logs without marks first; among these, logs without a run number by
+    /// name, then logs by run number and part number.
     fn order(&self) -> (bool, Option<u64>, Option<u32>, PathBuf) {
         let summary = Summary::read(&self.path).ok().flatten();
-        // A log that a person has renamed still knows its number.
+        // The summary of a renamed log still contains the numbers.
         let of_summary = |summary: &Summary| (summary.session.run_number, summary.part);
         let (run, part) = match (self.run, &summary) {
             (None, Some(summary)) => of_summary(summary),
             _ => (self.run, self.part),
         };
-        // A log whose end cannot be read is kept as if it had a mark.
+        // A log whose summary cannot be read is treated like a log with a mark.
         let has_mark = summary.is_none_or(|summary| summary.marks > 0);
         (has_mark, run, run.and(part), self.path.clone())
     }
 
-    /// Removes the log and what belongs to it; `false` if another process holds it.
+    /// Removes the log and its other files; `false` if another process has locked it.
     fn remove(&self) -> io::Result<bool> {
         let lock = File::open(&self.path)?;
         if lock.try_lock().is_err() {
             return Ok(false);
         }
-        // The log goes last: what belongs to it is never left alone.
-        let beside = self.files.iter().filter(|file| **file != self.path);
-        for file in beside.chain([&self.path]) {
+        // The log is removed last, so that its other files are never left without it.
+        let others = self.files.iter().filter(|file| **file != self.path);
+        for file in others.chain([&self.path]) {
             match std::fs::remove_file(file) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
                 _ => {}

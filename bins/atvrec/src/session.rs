@@ -1,4 +1,4 @@
-//! What a log states about a recording on this machine.
+//! Session of a recording on this machine.
 
 use std::fs;
 
@@ -13,8 +13,7 @@ pub const PROGRAM: Program = Program {
     git_hash: env!("ATVREC_GIT_HASH"),
 };
 
-/// The session of a recording on this machine: run `run_number` of its log folder, by a clock whose
-/// state was `clock`.
+/// Session of the run `run_number` of a log folder; `clock` is the state of the clock.
 pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockState) -> Session {
     let seconds = started.0 / 1_000_000_000;
     Session {
@@ -27,13 +26,13 @@ pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockStat
     }
 }
 
-/// Date of the source that this program is built from: a clock that stands before it is wrong.
+/// Date of the source of this program: an earlier clock is wrong.
 pub fn build_time() -> LogTime {
     let seconds: u64 = env!("ATVREC_BUILD_UNIX_S").parse().unwrap_or(0);
     LogTime(seconds * 1_000_000_000)
 }
 
-/// State of the host's clock, which stood at `anchor` when the log clock was set to it.
+/// State of the host's clock, which was at `anchor` when the log clock was set from it.
 pub fn clock_state(anchor: LogTime) -> ClockState {
     if anchor < build_time() {
         return ClockState::BeforeBuild;
@@ -42,7 +41,7 @@ pub fn clock_state(anchor: LogTime) -> ClockState {
         Ok(true) => ClockState::Synchronised,
         Ok(false) => ClockState::Unsynchronised,
         Err(error) => {
-            tracing::debug!(%error, "the kernel does not say whether the clock is synchronised");
+            tracing::debug!(%error, "cannot read from the kernel whether the clock is synchronised");
             ClockState::Unknown
         }
     }

@@ -1,9 +1,12 @@
-//! The only crate that touches devices and clocks: sources, stamps, supervision.
+#![doc = include_str!("../README.md")]
 //!
-//! A [`Supervisor`] runs one task for each [`SourceSpec`]. The tasks push what the operating
-//! system gives them, unaltered, into the [`Sequencer`], which stamps and numbers it and hands it
-//! to the recorder and to the estimator through bounded queues. Nothing here knows what the bytes
-//! mean, save for SLCAN, whose text is turned into frames, and the dialogues that set a device up.
+//! # Data flow
+//!
+//! A [`Supervisor`] runs one task for each [`SourceSpec`]. A task pushes the bytes or frames that the
+//! operating system returns into the [`Sequencer`], unaltered. The sequencer stamps and numbers each
+//! arrival and gives it to the recorder and to the estimator through bounded queues. The crate
+//! interprets bytes in two cases only: the text of SLCAN, which becomes frames, and the dialogues that
+//! set up a device.
 
 #![allow(
     clippy::disallowed_types,
@@ -12,20 +15,24 @@
 
 mod can;
 mod can_sender;
-pub mod clock;
+mod clock;
+mod context;
 mod datagram;
 mod dialogue;
 pub mod link;
 mod pace;
 mod port;
+mod protocol;
 mod ring;
-pub mod sequencer;
+mod sequencer;
 mod serial;
 mod slcan;
-pub mod spec;
-pub mod supervisor;
+mod spec;
+mod supervisor;
 mod sys;
 mod virtual_port;
+
+pub use sample;
 
 pub use can_sender::CanSender;
 pub use clock::{LogClock, Reading};

@@ -90,7 +90,7 @@ fn explain(error: &socketcan::Error) -> String {
     let text = error.to_string();
     match error {
         socketcan::Error::Io(io) if io.raw_os_error() == Some(libc::ENODEV) => {
-            "no such interface; plug the adapter in or load its driver".to_owned()
+            "the interface does not exist; connect the adapter or load its driver".to_owned()
         }
         _ if text.contains("not permitted") || text.contains("os error 1)") => {
             format!("{text}; run as root or grant CAP_NET_ADMIN")
@@ -107,6 +107,6 @@ mod tests {
     fn a_missing_interface_is_named() {
         let error = bring_up("nocan77", &LinkSpec::new(500_000)).expect_err("no such interface");
         assert_eq!(error.interface, "nocan77");
-        assert!(error.to_string().contains("plug the adapter in"), "{error}");
+        assert!(error.to_string().contains("connect the adapter"), "{error}");
     }
 }

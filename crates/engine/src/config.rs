@@ -1,6 +1,6 @@
-//! `atvrec.toml`: from text to a configuration that cannot be wrong.
+//! `atvrec.toml`: parses the text into a configuration that is valid by construction.
 //!
-//! All errors of the file and of the files that it names are gathered and told at once.
+//! All errors of the file and of the files that it names are collected and reported together.
 
 mod columns;
 mod estimator;
@@ -28,7 +28,7 @@ pub use trigger::{CanRule, Trigger};
 
 use crate::{Error, Result};
 
-/// All that is wrong with a configuration.
+/// All problems of a configuration.
 #[derive(Debug, thiserror::Error)]
 pub struct Problems(pub Vec<Problem>);
 
@@ -54,11 +54,11 @@ pub struct Config {
     pub sources: Vec<Source>,
     /// Where and how logs are written.
     pub storage: Storage,
-    /// What the estimator is told; `None` switches it off.
+    /// Configuration of the estimator; `None` switches it off.
     pub estimator: Option<Estimator>,
-    /// Control socket; `None` leaves the place to the recorder.
+    /// Path of the control socket; `None` leaves the choice to the recorder.
     pub control: Option<PathBuf>,
-    /// The configuration itself and every file that it names, for the log.
+    /// Text of the configuration and of every file that it names, which are attached to a log.
     pub attachments: Vec<Attachment>,
 }
 
@@ -83,8 +83,8 @@ impl Config {
     /// Reads a configuration file again for a running recorder.
     ///
     /// # Errors
-    /// As [`Config::load`]; a file without any field is an error too, since it is rather a file that
-    /// is being written than the wish to end all sources.
+    /// As [`Config::load`]. A file without any field is an error too: it is probably being written,
+    /// and does not mean that all sources are to be stopped.
     pub fn load_again(path: &Path) -> Result<Self> {
         let config = Self::load(path)?;
         let written = config.attachments.first();
@@ -101,7 +101,7 @@ impl Config {
         })
     }
 
-    /// Reads the configuration that a log carries.
+    /// Reads the configuration in the attachments of a log.
     pub fn from_attachments(attachments: &[Attachment]) -> Result<Self> {
         let attached = attachments
             .iter()
@@ -112,8 +112,8 @@ impl Config {
         Ok(Self::resolve(ATTACHED_NAME, text, files)?)
     }
 
-    /// Reads a configuration made by the program; names in it are files of `directory` or the
-    /// program's own.
+    /// Reads a configuration that the program has created; names in it are files in `directory` or
+    /// built-in files.
     pub fn from_text(text: &str, directory: &Path) -> Result<Self> {
         let files = Files::on_disk(directory.to_owned());
         Ok(Self::resolve(ATTACHED_NAME, text, files)?)

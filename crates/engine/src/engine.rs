@@ -1,8 +1,8 @@
-//! From arrivals to records: the deterministic machine that live recording and replay share.
+//! Engine: computes records from arrivals, in a recording and in a replay alike.
 //!
-//! Nothing here reads a clock, a device or the environment. The same configuration and the same
-//! arrivals give the same records, bit for bit; the passage of time is the arrivals' log time, and
-//! the ticks among them let it pass when nothing else does.
+//! The engine is deterministic: it reads no clock, no device and no environment. The same configuration
+//! and the same arrivals give the same records, bit for bit. Its time is the log time of the arrivals,
+//! among which are ticks, so that time also advances without data.
 
 mod can;
 mod clock;
@@ -21,26 +21,26 @@ use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
 use crate::Result;
 use crate::config::{self, Config};
-use source::{Silence, SourceState};
+use source::{SilenceChange, SourceState};
 
 /// Time between two health reports.
 const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
-/// While no source has delivered anything for longer than this, ns, there is no estimate.
+/// Time without data of any source after which there is no estimate, ns.
 pub const SILENCE_NS: i64 = NANOS_PER_SECOND;
-/// Time between two looks for silent sources.
+/// Time between two checks for silent sources.
 const WATCH_INTERVAL_NS: i64 = NANOS_PER_SECOND / 10;
 
-/// What a source says when it is closed in good order.
+/// Text of the notice of a source that was closed normally.
 const STOPPED: &str = "stopped";
 
-/// The machine.
+/// Computes records from arrivals.
 pub struct Engine {
     sources: Vec<SourceState>,
     estimator: Option<Estimator>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
-    silence: Silent,
-    /// As the notices of the stream state them, so that a replay computes the same health.
+    silence: Silence,
+    /// Losses in the notices of the stream, so that a replay computes the same health.
     losses: Losses,
     faulty_sensors: BTreeSet<String>,
     next_watch: Option<LogTime>,
@@ -49,12 +49,12 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// A machine at its start.
+    /// Engine before the first arrival.
     pub fn new(config: &Config) -> Result<Self> {
         let attitude_latency_s = config
             .estimator
             .as_ref()
-            .map_or(0.0, |told| told.sensors.gnss_attitude.latency_s);
+            .map_or(0.0, |settings| settings.sensors.gnss_attitude.latency_s);
         let sources = config
             .sources
             .iter()
@@ -65,7 +65,7 @@ impl Engine {
             estimator: config.estimator.as_ref().map(new_estimator).transpose()?,
             smoother: None,
             samples: Vec::new(),
-            silence: Silent::default(),
+            silence: Silence::default(),
             losses: Losses::default(),
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
@@ -74,45 +74,45 @@ impl Engine {
         })
     }
 
-    /// A machine that also smooths, as a replay may: [`Engine::finish`] hands out the last of it.
+    /// Engine that also smooths, for a replay. [`Engine::finish`] returns the last smoothed estimates.
     pub fn smoothing(config: &Config) -> Result<Self> {
         let mut engine = Self::new(config)?;
         engine.estimator = engine.estimator.map(Estimator::traced);
-        let told = config.estimator.as_ref();
-        engine.smoother = told.map(|told| Smoother::new(&told.vehicle, LAG_STEPS));
+        let settings = config.estimator.as_ref();
+        engine.smoother = settings.map(|settings| Smoother::new(&settings.vehicle, LAG_STEPS));
         Ok(engine)
     }
 
-    /// The last offset of UTC against the log clock that a receiver gave.
+    /// Last offset of UTC from the log clock that a receiver gave.
     pub const fn utc_offset(&self) -> Option<UtcOffset> {
         self.utc_offset
     }
 
-    /// An engine that also estimates during silence, as earlier versions did: for the verification
-    /// of their logs.
+    /// Engine that also estimates during silence, as earlier versions did, to verify their logs.
     pub fn through_silence(mut self) -> Self {
-        self.silence.bridged = true;
+        self.silence.is_ignored = true;
         self
     }
 
-    /// Instants during silence that an engine [`through_silence`](Self::through_silence) estimated.
+    /// Number of estimates during silence of an engine
+    /// [`through_silence`](Self::through_silence).
     pub const fn estimates_during_silence(&self) -> u64 {
         self.silence.estimates
     }
 
-    /// Whether it estimates, or decodes only.
+    /// Whether the engine estimates or only decodes.
     pub const fn estimates(&self) -> bool {
         self.estimator.is_some()
     }
 
-    /// Appends what waited for more arrivals than there are.
+    /// Appends the records that were waiting for more arrivals.
     pub fn finish(&mut self, records: &mut Vec<Record>) {
         if let Some(smoother) = &mut self.smoother {
             smoother.finish(&mut |estimate| push_smoothed(records, &estimate));
         }
     }
 
-    /// Takes the next arrival and appends what follows from it to `records`.
+    /// Processes the next arrival and appends its records to `records`.
     pub fn push(&mut self, arrival: &Arrival, records: &mut Vec<Record>) {
         let now = arrival.log_time;
         self.samples.clear();
@@ -121,7 +121,7 @@ impl Engine {
         }
         if let Payload::Notice(notice) = &arrival.payload {
             self.losses.add_notice(arrival.source, notice);
-            self.announce(arrival.source, now, notice, records);
+            self.log_notice(arrival.source, now, notice, records);
         }
         self.estimate(now, has_data(&arrival.payload), records);
         records.extend(self.samples.drain(..).map(Record::Sample));
@@ -136,7 +136,7 @@ impl Engine {
         let smoother = &mut self.smoother;
         let faulty = &mut self.faulty_sensors;
         let silent_from = self.silence.begins(now, has_data);
-        let bridged = self.silence.bridged;
+        let is_ignored = self.silence.is_ignored;
         let estimates = &mut self.silence.estimates;
         let mut take = |output| match output {
             Output::Estimate(estimate) => {
@@ -159,7 +159,7 @@ impl Engine {
             }
         };
         match silent_from {
-            Some(from) if !bridged => {
+            Some(from) if !is_ignored => {
                 estimator.advance(from, &mut take);
                 if has_data {
                     estimator.skip_to(now);
@@ -178,7 +178,9 @@ impl Engine {
             .map_or("recorder", SourceState::name)
     }
 
-    fn announce(
+    // `replay --verify` compares the texts of log messages with those of older logs: they must not
+    // change.
+    fn log_notice(
         &self,
         source: SourceId,
         time: LogTime,
@@ -222,8 +224,8 @@ impl Engine {
         }
         for source in &mut self.sources {
             let (severity, text) = match source.watch(now) {
-                Some(Silence::Began) => (Severity::Error, "fell silent"),
-                Some(Silence::Ended) => (Severity::Info, "speaks again"),
+                Some(SilenceChange::Began) => (Severity::Error, "fell silent"),
+                Some(SilenceChange::Ended) => (Severity::Info, "speaks again"),
                 None => continue,
             };
             let name = source.name().to_owned();
@@ -240,14 +242,14 @@ impl Engine {
             records.extend(source.clocks(now).map(Record::ClockFit));
         }
         let offsets = self.sources.iter_mut().filter_map(|s| s.utc_offset(now));
-        // The first of those that are equally good.
+        // Of equally good offsets, the first one is used.
         if let Some(best) = offsets.min_by(|a, b| a.sigma_s.total_cmp(&b.sigma_s)) {
             self.utc_offset = Some(best);
             records.push(Record::UtcOffset(best));
         }
     }
 
-    /// Counters of all sources, and the sensors that the estimator leaves out.
+    /// Counters of all sources, and the sensors that the estimator excludes.
     pub fn health(&self, time: LogTime) -> Health {
         Health {
             time,
@@ -261,19 +263,19 @@ impl Engine {
     }
 }
 
-/// Since when no source has delivered anything.
+/// Time without data of any source.
 #[derive(Default)]
-struct Silent {
+struct Silence {
     /// Log time of the last data; before the first data, of the first arrival.
     last_data: Option<LogTime>,
-    /// Estimates go on.
-    bridged: bool,
-    /// How many did.
+    /// Whether estimates continue during silence.
+    is_ignored: bool,
+    /// Number of estimates during silence.
     estimates: u64,
 }
 
-impl Silent {
-    /// Where the silence begins whose end or middle `now` is, if there is one.
+impl Silence {
+    /// Begin of the silence that contains or ends at `now`, if there is one.
     fn begins(&mut self, now: LogTime, has_data: bool) -> Option<LogTime> {
         let from = *self.last_data.get_or_insert(now) + SILENCE_NS;
         if has_data {
@@ -283,7 +285,7 @@ impl Silent {
     }
 }
 
-/// Whether a source delivered something.
+/// Whether the payload contains data of a source.
 fn has_data(payload: &Payload) -> bool {
     match payload {
         Payload::Bytes(bytes) => !bytes.is_empty(),
@@ -313,6 +315,7 @@ fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
     records.push(Record::TyreForces {
         time,
         stage,
+        frame: estimate.frame,
         forces,
     });
 }
@@ -326,8 +329,8 @@ fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record 
     })
 }
 
-/// Whether a regular act is due; if so, sets when it is due next. The first arrival starts the
-/// intervals.
+/// Whether a periodic action is due; if so, sets the next due time. The first arrival starts the
+/// period.
 fn is_due(next: &mut Option<LogTime>, now: LogTime, interval_ns: i64) -> bool {
     match *next {
         None => {
@@ -343,13 +346,13 @@ fn is_due(next: &mut Option<LogTime>, now: LogTime, interval_ns: i64) -> bool {
     }
 }
 
-/// The arrivals that the estimator left out while recording.
+/// Arrivals that the estimator skipped while recording.
 #[derive(Clone, Debug, Default)]
 pub struct Skipped(BTreeSet<(u64, u64)>);
 
 impl Skipped {
-    /// Takes a notice into account.
-    pub fn note(&mut self, notice: &Notice) {
+    /// Adds the arrivals of a notice.
+    pub fn add(&mut self, notice: &Notice) {
         if let Notice::EstimatorSkipped {
             first_sequence,
             count,
@@ -360,7 +363,7 @@ impl Skipped {
         }
     }
 
-    /// Whether the arrival with this number was left out.
+    /// Whether the arrival with this number was skipped.
     pub fn contains(&self, sequence: u64) -> bool {
         self.0
             .range(..=(sequence, u64::MAX))
@@ -374,10 +377,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn skipped_runs_are_found_by_their_bounds() {
+    fn skipped_arrivals_are_found_by_their_bounds() {
         let mut skipped = Skipped::default();
         for (first_sequence, count) in [(10, 5), (100, 1)] {
-            skipped.note(&Notice::EstimatorSkipped {
+            skipped.add(&Notice::EstimatorSkipped {
                 first_sequence,
                 count,
             });
@@ -387,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn regular_acts_keep_their_grid_over_gaps() {
+    fn periodic_actions_keep_their_grid_over_gaps() {
         let mut next = None;
         let due = |next: &mut Option<LogTime>, ms: u64| {
             is_due(next, LogTime(ms * 1_000_000), HEALTH_INTERVAL_NS)

@@ -1,14 +1,14 @@
-//! What the engine refuses.
+//! Errors of the engine.
 
 use std::io;
 use std::path::PathBuf;
 
 use crate::config::{FileProblem, Problems};
 
-/// A result of the engine.
+/// Result of the engine.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why a configuration, an engine, a replay or a simulation is refused.
+/// Error of a configuration, an engine, a replay or a simulation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -17,92 +17,95 @@ pub enum Error {
     Configuration(#[from] Problems),
     /// The configuration cannot be read.
     #[error(
-        "cannot read the configuration {path}; `atvrec virtual` writes one to begin with, \
-         docs/configuration.md explains every field"
+        "cannot read the configuration {path}; `atvrec virtual` writes an example, \
+         docs/configuration.md describes every field"
     )]
     ConfigurationUnreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The configuration has no field.
-    #[error("the configuration {path} is empty; nothing was changed")]
+    #[error("the configuration {path} is empty (it has no field); nothing was changed")]
     ConfigurationEmpty {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
     /// The log has no configuration among its attachments.
-    #[error("the log carries no configuration; give one with --config")]
+    #[error("the log contains no configuration; give one with --config")]
     NoConfiguration,
     /// The log's configuration is not text.
-    #[error("the log's configuration is not UTF-8; give one with --config")]
+    #[error("the configuration in the log is not UTF-8 text; give one with --config")]
     ConfigurationNotText(#[from] std::str::Utf8Error),
-    /// The log's configuration is not TOML.
+    /// The configuration in the log is not TOML.
     #[error(transparent)]
     AttachedConfiguration(toml::de::Error),
-    /// A part of the log's configuration that is to be changed is not what it should be.
-    #[error("{name} is no {what} in the log's configuration")]
+    /// A field of the configuration in the log has the wrong type.
+    #[error(
+        "{name} in the configuration of the log is not a {what}; give another one with --config"
+    )]
     NotA {
-        /// Name of the part.
+        /// Name of the field.
         name: &'static str,
-        /// What it should be.
+        /// Expected type.
         what: &'static str,
     },
     /// The changed configuration cannot be written.
     #[error(transparent)]
     Toml(#[from] toml::ser::Error),
-    /// An input that is to be ignored no longer is not ignored.
+    /// An input of `--with` is not ignored by the configuration in the log.
     #[error(
-        "--with {input}: the log's configuration does not ignore that; {}", ignores(.ignored)
+        "--with {input}: the configuration in the log does not ignore this input; {}",
+        ignores(.ignored)
     )]
     NotIgnored {
-        /// The input.
+        /// Name of the input.
         input: String,
-        /// What the log's configuration ignores.
+        /// Inputs that the configuration in the log ignores.
         ignored: Vec<String>,
     },
     /// A file cannot be read.
     #[error("cannot read {path}")]
     Unreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// A file that is named cannot be read.
+    /// A file that the configuration names cannot be read.
     #[error(transparent)]
     File(#[from] FileProblem),
     /// The configuration has other sources than the log.
     #[error(
-        "the configuration does not have the log's sources {} in the same order; \
-         name all sources of the log in it", .0.join(", ")
+        "the configuration does not contain the sources {} of the log with the same numbers; it must \
+         contain all sources of the log", .0.join(", ")
     )]
     OtherSources(Vec<String>),
-    /// A part of the run is not there.
+    /// A part of the run is missing, so that the log cannot be verified.
     #[error(
-        "{0}: the state of the estimator at the beginning of the next part is unknown, so that the \
-         log cannot be verified; give all parts of the run"
+        "{0}, so that the state of the estimator at the start of the next part is unknown and the log \
+         cannot be verified; give all parts of the run to `replay --verify`, from part 0 on"
     )]
     PartsMissing(store::Missing),
     /// The options of the virtual vehicle cannot be read.
     #[error("cannot read the options {path}")]
     OptionsUnreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The options of the virtual vehicle are wrong.
     #[error("{path}: {cause}")]
     Options {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the TOML reader says.
+        /// Error of the TOML parser.
         cause: Box<toml::de::Error>,
     },
-    /// The vehicle cannot do the manoeuvre.
-    #[error("cannot drive {manoeuvre}")]
+    /// The vehicle cannot perform the manoeuvre.
+    #[error("the vehicle cannot perform the manoeuvre {manoeuvre}")]
     Manoeuvre {
         /// Name of the manoeuvre.
         manoeuvre: String,
@@ -112,17 +115,20 @@ pub enum Error {
     /// A vehicle or sensors file has errors.
     #[error(transparent)]
     VehicleFile(#[from] model::FileErrors),
-    /// The bytes of a source cannot be decoded as the configuration says.
+    /// The configured decoder of a source is not possible.
     #[error(transparent)]
     Wire(#[from] wire::WireError),
-    /// No estimator can be made.
+    /// The estimator cannot be created.
     #[error(transparent)]
     Estimator(#[from] estimator::EstimatorError),
-    /// No virtual vehicle can be made.
+    /// The virtual vehicle cannot be created.
     #[error(transparent)]
     Simulation(#[from] sim::SimError),
     /// The log's configuration names no vehicle.
-    #[error("the log's configuration names no vehicle, so nothing was estimated")]
+    #[error(
+        "the configuration in the log has no vehicle, so that nothing was estimated; replay it with \
+         --config"
+    )]
     NoVehicle,
     /// The configuration of a log has errors.
     #[error("{path}")]
@@ -134,15 +140,17 @@ pub enum Error {
     },
     /// The configuration of a log names no vehicle.
     #[error(
-        "{0}: the log's configuration names no vehicle; name one in [vehicle] and record again, or \
-         make the log anew with `atvrec replay --config`"
+        "{0}: the configuration in the log has no vehicle; set one in [vehicle] and record again, or \
+         write a new log with `atvrec replay --config`"
     )]
     NoVehicleIn(PathBuf),
     /// The configuration names no vehicle.
     #[error("the configuration names no vehicle; give one with --config, or import with --vehicle")]
     NoVehicleNamed,
     /// The log has no estimates.
-    #[error("{topic} is needed; was the estimator switched off? replay with a vehicle")]
+    #[error(
+        "the log has no {topic}, which is needed; replay the log with an estimator (--vehicle)"
+    )]
     NoEstimates {
         /// The topic that is needed.
         topic: String,
@@ -150,10 +158,12 @@ pub enum Error {
         source: Box<store::Error>,
     },
     /// A topic has no messages.
-    #[error("{0} is empty")]
+    #[error("{0} has no message; replay the log with an estimator")]
     Empty(String),
     /// No estimate lies between the given times.
-    #[error("nothing lies between --from and --to: {topic} spans {span_s:.1} s")]
+    #[error(
+        "there is no data between --from and --to: {topic} has {span_s:.1} s; choose times in it"
+    )]
     EmptyWindow {
         /// The topic.
         topic: String,
@@ -172,7 +182,7 @@ impl From<estimator::finding::Refusal> for Error {
 }
 
 impl Error {
-    /// Whether what the user wrote is wrong: a file, its name, or an option.
+    /// Whether the error is in the user's input: a file, its name, or an option.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
         match self {
@@ -192,7 +202,7 @@ impl Error {
 
 fn ignores(names: &[String]) -> String {
     if names.is_empty() {
-        "it ignores nothing".to_owned()
+        "it ignores no input; remove the option".to_owned()
     } else {
         format!("it ignores {}", names.join(", "))
     }

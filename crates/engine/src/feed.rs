@@ -1,24 +1,24 @@
-//! What goes into a log, and how arrivals that are made rather than recorded go through an engine.
+//! Entries of a log, and the processing of arrivals that are generated instead of recorded.
 
 use sample::{Arrival, LogTime, Payload, SourceId};
 use store::Record;
 
 use crate::{Config, Engine, Result};
 
-/// One thing that goes into a log.
+/// Entry of a log.
 #[derive(Debug)]
 #[allow(
     clippy::large_enum_variant,
-    reason = "entries are handed on one by one and not stored"
+    reason = "entries are passed one by one and not stored"
 )]
 pub enum Entry {
-    /// What a source delivered.
+    /// Data of a source.
     Arrival(Arrival),
-    /// What followed from it, or what is true in a simulation.
+    /// Record that the engine computed, or truth of a simulation.
     Record(Record),
 }
 
-/// Numbers arrivals and lets an engine work on them.
+/// Numbers arrivals and processes them with an engine.
 pub struct Feed {
     engine: Engine,
     sequence: u64,
@@ -26,7 +26,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// A feed of a new engine.
+    /// Feed of a new engine.
     ///
     /// # Errors
     /// As [`Engine::new`].
@@ -38,15 +38,15 @@ impl Feed {
         })
     }
 
-    /// How many arrivals there were.
+    /// Number of arrivals so far.
     pub const fn arrivals(&self) -> u64 {
         self.sequence
     }
 
-    /// Hands the next arrival to `sink`, and the records that follow from it.
+    /// Passes the next arrival and its records to `sink`.
     ///
     /// # Errors
-    /// As `sink`.
+    /// The errors of `sink`.
     pub fn push<E>(
         &mut self,
         source: SourceId,

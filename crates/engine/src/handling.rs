@@ -48,7 +48,7 @@ pub fn identify_handling(
     })
 }
 
-/// What the filter would be driven by, from the raw bytes.
+/// Inputs of the planar filter, from the raw data.
 fn inputs(
     reader: &Reader,
     config: &Config,

@@ -1,11 +1,11 @@
-//! From a configuration and arrivals to records: the engine that recording, replay, simulation and
-//! import share.
+//! Engine: computes records from a configuration and arrivals, for recording, replay, simulation and
+//! import.
 //!
-//! [`Config`] reads `atvrec.toml` and every file that it names, and reports all of their errors at
-//! once. [`Engine`] turns arrivals into records: the same configuration and the same arrivals give
-//! the same records, bit for bit. [`Replay`] feeds an engine with the arrivals of a log and compares
-//! what follows with what the log holds; [`simulate`](fn@simulate) feeds one with the bytes of a
-//! virtual vehicle. Nothing here reads a clock, a device or the environment.
+//! [`Config`] reads `atvrec.toml` and every file that it names, and reports all of their errors
+//! together. [`Engine`] computes records from arrivals: the same configuration and the same arrivals
+//! give the same records, bit for bit. [`Replay`] runs an engine with the arrivals of a log and compares
+//! its records with those in the log; [`simulate`](fn@simulate) runs an engine with the bytes of a
+//! virtual vehicle. This crate reads no clock, no device and no environment.
 
 pub mod config;
 mod engine;

@@ -1,46 +1,46 @@
-//! What a log turned out not to hold, in few lines.
+//! Short summary of the losses and faults of a log.
 
 use std::collections::BTreeMap;
 
 use sample::text::printable;
 use store::Missing;
 
-/// How many of one sort are told one by one.
-const TOLD: usize = 4;
+/// Most items of a kind that have a line of their own.
+const LINES_MAX: usize = 4;
 
-/// One line each for the first few of each sort, one with a count for the rest of it.
+/// A line for each of the first items of a kind, and a line with the number of the others.
 pub fn summary(missing: &[Missing]) -> Vec<String> {
     let mut lines = Vec::new();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for one in missing {
-        let count = counts.entry(sort(one)).or_default();
+        let count = counts.entry(kind(one)).or_default();
         *count += 1;
-        if *count <= TOLD {
+        if *count <= LINES_MAX {
             lines.push(printable(&one.to_string()).into_owned());
         }
     }
-    for (sort, count) in counts {
-        if count > TOLD {
+    for (kind, count) in counts {
+        if count > LINES_MAX {
             lines.push(format!(
-                "and {} more {sort}; --json lists them all",
-                count - TOLD
+                "and {} more {kind}; --json lists all",
+                count - LINES_MAX
             ));
         }
     }
     lines
 }
 
-fn sort(missing: &Missing) -> &'static str {
+fn kind(missing: &Missing) -> &'static str {
     match missing {
         Missing::Unfinished { .. } => "files that were not closed",
-        Missing::Cut { .. } => "cut files",
+        Missing::Cut { .. } => "files that were cut short",
         Missing::Damaged { .. } => "damaged parts",
         Missing::Unconfirmed { .. } => "records without a checksum",
         Missing::Changed { .. } => "wrong checksums",
         Missing::BadMessage { .. } => "malformed messages",
-        Missing::Parts { .. } => "holes in the row of parts",
+        Missing::Parts { .. } => "gaps between the parts",
         Missing::NoSchema { .. } => "channels without a schema",
-        Missing::Unwritten { .. } => "files that state losses",
+        Missing::Unwritten { .. } => "files with losses",
         Missing::Arrivals { .. } => "gaps in the sequence of arrivals",
         _ => "losses",
     }
@@ -52,7 +52,7 @@ mod tests {
     use sample::LogTime;
 
     #[test]
-    fn many_of_one_sort_become_a_count() {
+    fn many_items_of_a_kind_are_counted() {
         let mut missing: Vec<Missing> = (0..100)
             .map(|second| Missing::BadMessage {
                 topic: "/imu/imu".to_owned(),
@@ -65,8 +65,8 @@ mod tests {
             count: 3,
         });
         let lines = summary(&missing);
-        assert_eq!(lines.len(), TOLD + 2);
-        assert!(lines[0].contains("/imu/imu") && lines[TOLD].contains("3 arrivals"));
-        assert!(lines[TOLD + 1].starts_with("and 96 more malformed messages"));
+        assert_eq!(lines.len(), LINES_MAX + 2);
+        assert!(lines[0].contains("/imu/imu") && lines[LINES_MAX].contains("3 arrivals"));
+        assert!(lines[LINES_MAX + 1].starts_with("and 96 more malformed messages"));
     }
 }

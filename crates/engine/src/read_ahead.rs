@@ -1,4 +1,4 @@
-//! Reads a log on a thread of its own, so that a replay decodes and estimates meanwhile.
+//! Reads a log on a separate thread, in parallel with the decoding and estimating of a replay.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
@@ -6,9 +6,9 @@ use std::thread::JoinHandle;
 use sample::Arrival;
 use store::{ArrivalIter, Missing};
 
-/// Arrivals handed over together.
+/// Arrivals per batch.
 const BATCH: usize = 1024;
-/// Batches read ahead at most.
+/// Most batches that are read ahead.
 const BATCHES: usize = 8;
 
 /// The arrivals of a log, in order, in batches.
@@ -18,7 +18,7 @@ pub struct ReadAhead {
 }
 
 impl ReadAhead {
-    /// Begins to read.
+    /// Starts the thread.
     pub fn start(mut arrivals: ArrivalIter) -> Self {
         let (sender, batches) = sync_channel(BATCHES);
         let reading = std::thread::spawn(move || {
@@ -38,7 +38,7 @@ impl ReadAhead {
         self.batches.recv().ok()
     }
 
-    /// What the log turned out not to hold.
+    /// Losses and faults of the log.
     pub fn missing(self) -> Vec<Missing> {
         drop(self.batches);
         self.reading.join().unwrap_or_default()

@@ -1,4 +1,4 @@
-//! A log's estimates as the arrays that identification works on.
+//! Estimates of a log as arrays for identification.
 
 use estimator::finding::Refusal;
 use estimator::identification::{Motion, Recorded, Sense, TyreForces};
@@ -11,7 +11,7 @@ use crate::{Config, Error, Result};
 
 /// Interval of the estimates, s.
 const DT_S: f64 = estimator::GRID_NANOS as f64 * 1e-9;
-/// `source` of a tyre force that the fusion filter gave.
+/// Value of `source` of a tyre force of the fusion filter.
 const FUSION: i32 = 3;
 /// Topics of the estimates.
 const MOTION: &str = "/estimate/motion";
@@ -46,7 +46,7 @@ pub fn read_drive(
     let vehicle = vehicle_of(reader, given)?;
     let grid = Grid::read(reader, MOTION, window)?;
     let each = |name: &str| grid.column(name);
-    let wheels = |name: &str| PerWheel(WHEELS.map(|wheel| each(&format!("{name}.{wheel}"))));
+    let wheels = |name: &str| PerWheel(WHEELS.map(|wheel| each(&format!("{wheel}.{name}"))));
     let motion = Motion {
         dt_s: DT_S,
         velocity_m_s: ["velocity_x_m_s", "velocity_y_m_s"].map(each),
@@ -77,7 +77,7 @@ pub fn read_swing(reader: &Reader, window: Window, axis: &str) -> Result<(Vec<f6
         .ok_or_else(|| Refusal::Missing {
             what: "moment of inertia".to_owned(),
             channel: Sense::Inertia.name().to_owned(),
-            help: "fix one to what swings and record it".to_owned(),
+            help: "attach an inertial unit to the pendulum and record it".to_owned(),
         })?;
     let grid = Grid::read(reader, &topic, window)?;
     Ok((grid.column(&format!("angular_rate_rad_s.{axis}")), DT_S))
@@ -122,7 +122,7 @@ const fn schema_of(sense: Sense) -> &'static str {
     }
 }
 
-/// Refuses a log whose estimates of the motion or the forces are the model's alone.
+/// Returns an error if the estimates of motion or forces depend on the model alone.
 fn require(reader: &Reader, what: &str, senses: &[Sense]) -> std::result::Result<(), Refusal> {
     let channels = reader.info().channels;
     let is_there = |sense: Sense| {
@@ -134,8 +134,7 @@ fn require(reader: &Reader, what: &str, senses: &[Sense]) -> std::result::Result
         Some(sense) => Err(Refusal::Missing {
             what: what.to_owned(),
             channel: sense.name().to_owned(),
-            help: "without it the estimates are the vehicle file's; record it in the drive"
-                .to_owned(),
+            help: "record it: without it, the estimates only repeat the vehicle file".to_owned(),
         }),
     }
 }
@@ -174,7 +173,7 @@ fn learnt_offset(reader: &Reader, motion: &Grid) -> Result<Vec<f64>> {
     Ok(learnt.line("steer_offset_rad"))
 }
 
-/// A topic's rows on the grid of the estimates.
+/// Rows of a topic on the grid of the estimates.
 struct Grid {
     table: Table,
     first_ns: i64,
@@ -236,7 +235,7 @@ impl Grid {
         line
     }
 
-    /// A column by its name; unknown where there is no row, or no such column.
+    /// Column with this name; NaN without a row or a column.
     fn column(&self, name: &str) -> Vec<f64> {
         let mut grid = vec![f64::NAN; self.rows];
         let column = self.table.columns.iter().find(|column| column.name == name);

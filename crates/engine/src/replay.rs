@@ -1,4 +1,4 @@
-//! The estimate again, from the raw bytes of a log alone.
+//! Replay: repeats the estimate from the raw data of a log.
 
 mod changes;
 
@@ -15,58 +15,58 @@ use crate::{Config, Engine, Error, Result, Skipped};
 
 pub use changes::{Changes, FileSource};
 
-/// How a log is replayed.
+/// Options of a replay.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ReplayOptions {
-    /// Smooth too: estimates that also know what came after their instant.
+    /// Compute smoothed estimates too, which also use the data after their time.
     pub smooth: bool,
-    /// Compare every message with what the log holds.
+    /// Compare every message with the message in the log.
     pub verify: bool,
-    /// Hand on what a simulation states as true, too.
+    /// Pass the truth of a simulation to the sink too.
     pub truth: bool,
 }
 
-/// What a replay did.
+/// Result of a replay.
 #[derive(Debug, Default)]
 pub struct Replayed {
     /// Arrivals of the log.
     pub arrivals: u64,
-    /// Records that followed from them.
+    /// Records that the engine computed from them.
     pub records: u64,
-    /// Arrivals that the estimator left out while recording, and here again.
-    pub left_out: u64,
-    /// Estimates of the verified log that this version no longer gives.
+    /// Arrivals that the estimator skipped while recording, and in the replay.
+    pub skipped: u64,
+    /// Estimates during silence in the verified log, which this version does not compute any more.
     pub during_silence: u64,
     /// Times of the first and the last arrival.
     pub span: Option<(LogTime, LogTime)>,
-    /// What the log turned out not to hold.
+    /// Losses and faults of the log.
     pub missing: Vec<Missing>,
-    /// Closed files are not what was written; only a verification looks for that.
+    /// Whether closed files were changed later; only a verification checks this.
     pub changed: bool,
-    /// Result of the comparison, if one was asked for.
+    /// Result of the verification, if it was requested.
     pub verification: Option<Verification>,
 }
 
-/// A replay that is ready to begin.
+/// A replay that can start.
 pub struct Replay<'r> {
     reader: &'r Reader,
     session: Session,
     options: ReplayOptions,
     engine: Engine,
     verifier: Option<Verifier>,
-    /// Computes what the verifier expects, where that is not what is handed on.
+    /// Engine of the verifier, if the log is of a version that estimated during silence.
     earlier: Option<(Engine, Vec<Record>)>,
     records: Vec<Record>,
-    /// Number of the next arrival, and log clock of the last one.
+    /// Sequence number of the next arrival, and log time of the last one.
     next: (Option<u64>, LogTime),
 }
 
 impl<'r> Replay<'r> {
-    /// Makes the engines for a replay of `reader` under `config`.
+    /// Creates the engines for a replay of `reader` with `config`.
     ///
     /// # Errors
-    /// If the configuration's sources are not the log's, no engine can be made of it, or the log is
-    /// to be verified and lacks parts.
+    /// If the configuration does not have the sources of the log, if the engine cannot be created, or
+    /// if parts of a log to be verified are missing.
     pub fn new(
         reader: &'r Reader,
         config: &Config,
@@ -81,13 +81,13 @@ impl<'r> Replay<'r> {
         let session = session::replayed(config, program, original);
         let verifier = match options.verify {
             true => {
-                let how = config.storage.options.clone();
-                let encoder = LogWriter::new(std::io::sink(), session.clone(), how, 0)?;
+                let options = config.storage.options.clone();
+                let encoder = LogWriter::new(std::io::sink(), session.clone(), options, 0)?;
                 Some(Verifier::new(reader, encoder))
             }
             false => None,
         };
-        let engine = || match options.smooth || options.verify && holds_smoothed(reader) {
+        let engine = || match options.smooth || options.verify && has_smoothed(reader) {
             true => Engine::smoothing(config),
             false => Engine::new(config),
         };
@@ -107,15 +107,15 @@ impl<'r> Replay<'r> {
         })
     }
 
-    /// What a log of the replay states about its run.
+    /// Session of a log of the replay.
     pub const fn session(&self) -> &Session {
         &self.session
     }
 
-    /// Replays to the end, and hands what belongs into a log of the replay to `sink`.
+    /// Replays to the end, and passes the entries of a log of the replay to `sink`.
     ///
     /// # Errors
-    /// If the log cannot be read; as `sink`.
+    /// If the log cannot be read, and the errors of `sink`.
     pub fn run<E: From<Error>>(
         mut self,
         mut sink: impl FnMut(Entry) -> std::result::Result<(), E>,
@@ -133,7 +133,7 @@ impl<'r> Replay<'r> {
                 self.watch_sequence(&arrival, &skipped);
                 self.records.clear();
                 if skipped.contains(arrival.sequence) {
-                    done.left_out += 1;
+                    done.skipped += 1;
                 } else {
                     self.step(&arrival)?;
                     done.records += self.records.len() as u64;
@@ -142,7 +142,7 @@ impl<'r> Replay<'r> {
                     truth.until(time, &mut sink)?;
                 }
                 sink(Entry::Arrival(arrival))?;
-                self.hand_on(&mut sink)?;
+                self.pass_records(&mut sink)?;
             }
         }
         done.missing = self.missing(ahead);
@@ -156,12 +156,12 @@ impl<'r> Replay<'r> {
         if let Some(truth) = &mut truth {
             truth.until(END, &mut sink)?;
         }
-        self.hand_on(&mut sink)?;
+        self.pass_records(&mut sink)?;
         done.verification = self.verifier.map(Verifier::finish).transpose()?;
         Ok(done)
     }
 
-    /// Tells the verification where arrivals are missing that the estimator saw while recording.
+    /// Reports missing arrivals to the verifier, except those that the estimator skipped.
     fn watch_sequence(&mut self, arrival: &Arrival, skipped: &Skipped) {
         let (next, time) = self.next;
         self.next = (Some(arrival.sequence.saturating_add(1)), arrival.log_time);
@@ -173,7 +173,7 @@ impl<'r> Replay<'r> {
         }
     }
 
-    /// Lets the engines work on an arrival.
+    /// Processes an arrival with the engines.
     fn step(&mut self, arrival: &Arrival) -> Result<()> {
         self.engine.push(arrival, &mut self.records);
         self.expect(arrival.log_time, |engine, records| {
@@ -187,7 +187,8 @@ impl<'r> Replay<'r> {
         self.expect(END, Engine::finish)
     }
 
-    /// Compares what the engine gave; an engine of earlier versions gives it by `work`.
+    /// Compares the records of the engine with the log. `work` computes them with the engine of an
+    /// earlier version.
     fn expect(
         &mut self,
         now: LogTime,
@@ -206,7 +207,7 @@ impl<'r> Replay<'r> {
         }
     }
 
-    fn hand_on<E>(
+    fn pass_records<E>(
         &mut self,
         sink: &mut impl FnMut(Entry) -> std::result::Result<(), E>,
     ) -> std::result::Result<(), E> {
@@ -227,16 +228,16 @@ impl<'r> Replay<'r> {
     }
 }
 
-/// Behind every time of a log.
+/// Time after every time of a log.
 const END: LogTime = LogTime(u64::MAX);
 
-/// Whether the log is one of a replay that smoothed.
-fn holds_smoothed(reader: &Reader) -> bool {
+/// Whether the log contains smoothed estimates.
+fn has_smoothed(reader: &Reader) -> bool {
     let mut channels = reader.channels();
     channels.any(|channel| Stage::from_topic(&channel.topic) == Some(Stage::Smoothed))
 }
 
-/// What a simulation knows to be true, which no engine computes.
+/// Truth messages of the log, which no engine computes.
 struct Truth(Peekable<MessageIter>);
 
 impl Truth {
@@ -262,19 +263,19 @@ impl Truth {
     }
 }
 
-/// Which arrivals the estimator left out: the log states it after the fact, so it must be known
-/// beforehand.
+/// Arrivals that the estimator skipped. The log reports them afterwards, so that they are read before
+/// the replay.
 fn skipped(reader: &Reader) -> Result<Skipped> {
     let mut skipped = Skipped::default();
     for arrival in reader.notices() {
         if let Payload::Notice(notice) = arrival?.payload {
-            skipped.note(&notice);
+            skipped.add(&notice);
         }
     }
     Ok(skipped)
 }
 
-/// Source numbers of the log must mean the same in the configuration.
+/// Checks that the sources of the log have the same numbers in the configuration.
 fn check_sources(config: &Config, original: &Session) -> Result<()> {
     let known = |id, name: &str| {
         let mut sources = config.sources.iter();

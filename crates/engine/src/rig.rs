@@ -1,4 +1,4 @@
-//! The virtual vehicle's rig: what it drives, and the configuration that fits its ports.
+//! Virtual vehicle with its drive, and the configuration for its ports.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
+use sample::{ForceFrame, LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
 use store::{Pose, Record, Session};
 use wire::line;
@@ -23,43 +23,43 @@ const WEEK_S: u64 = 604_800;
 /// GPS time minus UTC when the virtual drives take place (2009), s.
 const LEAP_SECONDS: u64 = 15;
 
-/// What a virtual vehicle does.
+/// Course of a virtual vehicle.
 #[derive(Clone, Debug)]
 pub enum Course {
-    /// A manoeuvre, by its name.
+    /// The manoeuvre with this name.
     Manoeuvre(String),
-    /// What a file of another simulator says (Parquet or CSV).
+    /// The motion in a file of another simulator (Parquet or CSV).
     Truth(PathBuf),
 }
 
-/// What a simulation is made of.
+/// Inputs of a simulation.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    /// What the vehicle does.
+    /// Course of the vehicle.
     pub course: Course,
-    /// Vehicle file, or the name of one of the program's own.
+    /// Vehicle file, or the name of a built-in vehicle.
     pub vehicle: String,
-    /// Sensors file, or the name of one of the program's own.
+    /// Sensors file, or the name of a built-in sensor set.
     pub sensors: String,
-    /// Seed of the sensors' noise.
+    /// Seed of the sensor noise.
     pub seed: u64,
     /// Hidden errors, faults and delays.
     pub options: Options,
-    /// How long it lasts at most, s; only mixed driving goes on for longer than once.
+    /// Longest duration, s; only mixed driving is repeated until this duration.
     pub duration_s: Option<f64>,
 }
 
-/// A virtual vehicle and what it is made of.
+/// A virtual vehicle and its inputs.
 pub struct Rig {
-    /// The vehicle, performing its motion.
+    /// Vehicle that performs the motion.
     pub vehicle: VirtualVehicle,
-    /// What it drives, for people.
+    /// Name of the drive, for people.
     pub drive: String,
     /// Name or path of the vehicle file.
     pub vehicle_file: String,
     /// Name or path of the sensors file.
     pub sensors_file: String,
-    /// The calibration that a perfect workshop would find.
+    /// True calibration.
     pub true_calibration: Calibration,
     options: Options,
     seed: u64,
@@ -67,10 +67,10 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Makes the virtual vehicle.
+    /// Creates the virtual vehicle.
     ///
     /// # Errors
-    /// If a file cannot be read or has errors, or the vehicle cannot do what is asked.
+    /// If a file cannot be read or has errors, or if the vehicle cannot perform the course.
     pub fn new(drive: &Drive) -> Result<Self> {
         let mut files = Files::on_disk(PathBuf::new());
         let vehicle = files.read_text(&drive.vehicle, FileKind::Vehicle)?;
@@ -82,7 +82,9 @@ impl Rig {
         let own_s = motion.duration_s();
         let duration_s = drive.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
         if let Some(asked_s) = drive.duration_s.filter(|asked_s| *asked_s > own_s) {
-            tracing::warn!("{name} ends after {own_s:.1} s, before the {asked_s} s of --for");
+            tracing::warn!(
+                "{name} lasts {own_s:.1} s, so that it ends before the {asked_s} s of --for"
+            );
         }
         let truth = vehicle.name.clone();
         let options = drive.options.clone();
@@ -99,30 +101,31 @@ impl Rig {
         })
     }
 
-    /// How long the drive lasts, s.
+    /// Duration of the drive, s.
     pub fn duration_s(&self) -> f64 {
         self.duration_s
     }
 
-    /// The drive's start on the log clock of a simulation: the receivers' own time as UTC.
+    /// Start of the drive on the log clock of a simulation: UTC of the receivers.
     pub fn start(&self) -> LogTime {
         let gps = self.options.gps_start;
         let seconds = GPS_EPOCH_UNIX_S + u64::from(gps.week) * WEEK_S - LEAP_SECONDS;
         LogTime(seconds * NANOS_PER_SECOND as u64 + u64::from(gps.time_of_week_ms) * 1_000_000)
     }
 
-    /// What a log of the drive states about its run.
+    /// Session of a log of the drive.
     pub fn session(&self, config: &Config, program: Program) -> Session {
         let run_id = format!("simulate-{}-{}", self.drive, self.seed);
         session::simulated(config, program, &run_id, self.start())
     }
 
-    /// What is true at `time_s` of the drive, as a record.
+    /// Record of the truth at `time_s` of the drive.
     pub fn truth(&self, time_s: f64) -> Record {
         let state = self.vehicle.truth_at(time_s);
         Record::Truth {
             time: self.start().offset_seconds(time_s),
             motion: state.motion(),
+            frame: ForceFrame::Contact,
             forces: state.tyre_forces(),
             pose: Some(Pose {
                 position_enu_m: state.position_m,
@@ -134,10 +137,10 @@ impl Rig {
         }
     }
 
-    /// A configuration whose sources are this vehicle's ports, at `ports`.
+    /// Configuration whose sources are the ports of this vehicle, at `ports`.
     pub fn configuration(&self, ports: &Ports<'_>) -> String {
         let mut text = String::from(
-            "# Sources of the virtual vehicle. docs/configuration.md explains every field.\n\n",
+            "# Sources of the virtual vehicle. docs/configuration.md describes every field.\n\n",
         );
         let mut table = |name: Port, lines: &[(&str, String)]| {
             let _ = writeln!(text, "[source.{}]", name.name());
@@ -202,8 +205,8 @@ impl Rig {
         text
     }
 
-    /// A controller's source. What it sends is recorded as it is: the estimator has the steering wheel
-    /// from CAN, more often and sooner.
+    /// Source of a controller. Its data is only recorded: the estimator uses the steering-wheel angle
+    /// on CAN, which has a higher rate and a smaller latency.
     fn controller_lines(&self, port: Port, format: &line::Format, ports: &Ports<'_>) -> String {
         let (name, baud) = (port.name(), self.options.controller_baud);
         let mut text = format!(
@@ -239,9 +242,9 @@ impl Rig {
     }
 }
 
-/// Where the virtual vehicle's ports are.
+/// Location of the ports of the virtual vehicle.
 pub struct Ports<'a> {
-    /// Directory of the pseudo-terminals' links.
+    /// Directory of the links to the pseudo-terminals.
     pub directory: &'a Path,
     /// SocketCAN interface, instead of SLCAN on a pseudo-terminal.
     pub can: Option<&'a str>,
@@ -253,7 +256,7 @@ impl Ports<'_> {
     }
 }
 
-/// Mixed driving goes on for as long as it is asked for; every other drive ends by itself.
+/// Repeats mixed driving until the requested duration; every other drive keeps its own duration.
 fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
     let laps = asked_s.map_or(1.0, |asked_s| (asked_s / motion.duration_s()).ceil());
     if motion.name() == Manoeuvre::MixedDriving.name() && !motion.tips_over() {
@@ -279,7 +282,7 @@ fn motion(course: &Course, vehicle: &Vehicle) -> Result<(Motion, String)> {
     })?;
     if motion.tips_over() {
         let end_s = motion.duration_s();
-        tracing::warn!("the vehicle tips over; {name} ends there, after {end_s:.1} s");
+        tracing::warn!("the vehicle rolls over after {end_s:.1} s, which ends {name}");
     }
     Ok((motion, name.clone()))
 }
@@ -299,7 +302,7 @@ pub fn read_options(path: &Path) -> Result<Options> {
     })
 }
 
-/// What a perfect workshop would find of this virtual vehicle.
+/// True calibration of the virtual vehicle.
 fn true_calibration(
     name: &str,
     sensors: &Sensors,
@@ -352,7 +355,7 @@ fn seconds(value: f64) -> String {
     format!("{value:.6}")
 }
 
-/// Time that `bytes` take on a serial line at `baud`, 8N1, s.
+/// Duration of `bytes` on a serial line at `baud`, 8N1, s.
 fn line_time_s(bytes: u32, baud: u32) -> f64 {
     f64::from(bytes) * 10.0 / f64::from(baud)
 }

@@ -1,4 +1,4 @@
-//! What a log states about its run.
+//! Session: metadata of a run in its logs.
 
 use sample::{LogTime, SourceId};
 use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
@@ -6,16 +6,16 @@ use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
 use crate::config::{Config, Meaning};
 use crate::engine::SILENCE_NS;
 
-/// The program that makes logs, as they state it.
+/// Program that writes a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Program {
-    /// Its version.
+    /// Version.
     pub version: &'static str,
-    /// The commit that it was built from.
+    /// Commit of its source.
     pub git_hash: &'static str,
 }
 
-/// The session of a simulation: nothing in it depends on this machine.
+/// Session of a simulation. It does not depend on this machine.
 pub fn simulated(config: &Config, program: Program, run_id: &str, started: LogTime) -> Session {
     Session {
         run_id: run_id.to_owned(),
@@ -23,7 +23,7 @@ pub fn simulated(config: &Config, program: Program, run_id: &str, started: LogTi
     }
 }
 
-/// The session of a replay: the original's run under a configuration that may be another.
+/// Session of a replay: the run of the original with a configuration that may differ.
 pub fn replayed(config: &Config, program: Program, original: &Session) -> Session {
     Session {
         run_id: format!("{}-replay", original.run_id),
@@ -34,7 +34,7 @@ pub fn replayed(config: &Config, program: Program, original: &Session) -> Sessio
     }
 }
 
-/// A session of which nothing is known but its configuration, its program and its start.
+/// Session with only configuration, program and start.
 pub fn started_at(config: &Config, program: Program, started: LogTime) -> Session {
     let mut sources: Vec<Source> = config
         .sources
@@ -65,7 +65,7 @@ pub fn started_at(config: &Config, program: Program, started: LogTime) -> Sessio
     }
 }
 
-/// All messages of the buses' DBC files.
+/// All messages of the DBC files.
 fn dynamic(config: &Config) -> Vec<DynamicMessage> {
     let mut messages = Vec::new();
     for source in &config.sources {
@@ -92,7 +92,7 @@ fn dynamic(config: &Config) -> Vec<DynamicMessage> {
     messages
 }
 
-/// `20261121T140500Z` of seconds since the UNIX epoch.
+/// UTC as `20261121T140500Z` from seconds since the UNIX epoch.
 pub fn utc_compact(unix_s: u64) -> String {
     let (year, month, day) = civil_date(unix_s / 86_400);
     let second = unix_s % 86_400;

@@ -1,4 +1,4 @@
-//! The virtual vehicle's bytes straight into an engine, as fast as they can be made.
+//! Simulation: processes the bytes of a virtual vehicle with an engine at full speed.
 
 use sample::{LogTime, Notice, Payload, SourceId};
 use sim::{Output, Port};
@@ -6,16 +6,16 @@ use sim::{Output, Port};
 use crate::feed::{Entry, Feed};
 use crate::{Config, Error, Rig};
 
-/// Interval of ticks, as the recorder has it, s.
+/// Interval of ticks, equal to that of the recorder, s.
 const TICK_S: f64 = 0.1;
 /// Interval of the truth, s.
 const TRUTH_S: f64 = 0.01;
 
-/// Drives to the end, and hands what belongs into a log to `sink`: arrivals, what the engine makes of
-/// them, and the truth every 10 ms. Returns the number of arrivals.
+/// Drives to the end, and passes the entries of a log to `sink`: arrivals, the records of the engine, and
+/// the truth every 10 ms. Returns the number of arrivals.
 ///
 /// # Errors
-/// As [`Engine::new`](crate::Engine::new), and as `sink`.
+/// The errors of [`Engine::new`](crate::Engine::new) and of `sink`.
 pub fn simulate<E: From<Error>>(
     rig: &mut Rig,
     config: &Config,

@@ -1,4 +1,4 @@
-//! Compares what a replay computes with what was computed while recording, bit by bit.
+//! Verification: compares the messages of a replay with those of the recording, bit by bit.
 
 use std::collections::{BTreeMap, HashSet, VecDeque};
 use std::fmt;
@@ -11,24 +11,24 @@ use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection}
 
 use crate::Result;
 
-/// Schemas of the raw stream, which is what a replay starts from.
+/// Schemas of the raw data, which is the input of a replay.
 const RAW: &str = "atvrec.Raw";
-/// Topics that the engine has no part in.
+/// Topics that the engine does not compute.
 const FOREIGN: [&str; 1] = ["/truth/"];
-/// Topics that only a log of a replay may have.
+/// Topics that only the log of a replay can contain.
 const SMOOTHED: &str = "/smoothed/";
-/// A topic that logs of version 0.1.0 do not have.
+/// Topic that logs of version 0.1.0 do not contain.
 const UTC_OFFSET: &str = "/utc_offset";
-/// Schemas of states that every file of a run repeats at its beginning.
+/// Schemas of latched messages, which every part of a run repeats at its beginning.
 const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
-/// Differences that are reported in full.
+/// Most differences that are reported in full.
 const REPORTED_MAX: usize = 3;
-/// Messages that one decoded record becomes at most.
-const MESSAGES_A_RECORD_MAX: u64 = 4;
-/// A message waits so long for its counterpart, on the log clock: longer than either side is late.
-const PATIENCE_NANOS: i64 = 10 * NANOS_PER_SECOND;
-/// So long before missing arrivals estimates may depend on them.
-const LATENESS_NANOS: i64 = NANOS_PER_SECOND;
+/// Most messages of a decoded record.
+const MESSAGES_PER_RECORD_MAX: u64 = 4;
+/// Time on the log clock for which a message waits for its counterpart: above the latency of both sides.
+const WAIT_MAX_NANOS: i64 = 10 * NANOS_PER_SECOND;
+/// Time before missing arrivals from which estimates may depend on them.
+const DEPENDENCE_NANOS: i64 = NANOS_PER_SECOND;
 
 /// Compares two streams of messages by topic and time, in bounded memory.
 pub struct Verifier {
@@ -36,45 +36,45 @@ pub struct Verifier {
     recorded: std::iter::Peekable<MessageIter>,
     waiting: BTreeMap<String, BTreeMap<LogTime, Waiting>>,
     states: BTreeMap<String, Message>,
-    /// Messages found on both sides a moment ago: a file after a failure may repeat them.
+    /// Messages that were recently found on both sides: a file after a failure may repeat them.
     found: HashSet<u64>,
     found_at: VecDeque<(LogTime, u64)>,
     settle_at: LogTime,
-    /// Whether the log has smoothed estimates to compare with.
+    /// Whether the log contains smoothed estimates.
     smoothed: bool,
-    /// Whether the log has offsets of UTC to compare with.
+    /// Whether the log contains offsets of UTC.
     utc_offset: bool,
     report: Verification,
 }
 
-/// Messages of a topic and an instant whose counterpart has not come yet.
+/// Messages of a topic and a time without a counterpart so far.
 #[derive(Default)]
 struct Waiting {
     recorded: Vec<Message>,
     computed: Vec<Encoded>,
-    /// When the last of them came.
+    /// Time of the last of them.
     since: LogTime,
 }
 
-/// What the comparison found.
+/// Result of the comparison.
 #[derive(Debug, Default)]
 pub struct Verification {
     compared: BTreeMap<String, u64>,
     different: u64,
     only_recorded: BTreeMap<String, u64>,
     only_computed: BTreeMap<String, u64>,
-    /// Messages of the log behind missing arrivals that differ or have no counterpart.
+    /// Messages of the log after missing arrivals that differ or have no counterpart.
     uncertain: u64,
-    /// Number of the first arrival that is missing, and since when messages may depend on it.
+    /// Number of the first missing arrival, and the time from which messages may depend on it.
     gap: Option<(u64, LogTime)>,
-    /// Decoded records that the log states as lost.
+    /// Lost decoded records by the counters of the log.
     lost_records: u64,
     unfinished: bool,
     differences: Vec<String>,
 }
 
 impl Verifier {
-    /// Compares with what `reader` holds; `encoder` makes messages of the new records.
+    /// Verifier of the messages of `reader`; `encoder` converts the records of the replay to messages.
     pub fn new(reader: &Reader, encoder: LogWriter<Sink>) -> Self {
         let info = reader.info();
         let topics = info
@@ -108,15 +108,15 @@ impl Verifier {
         }
     }
 
-    /// Arrivals from number `first` on are missing, the last before them came at `time`: what was
-    /// computed from then on cannot be computed again.
+    /// Reports that arrivals from number `first` on are missing, and that the last arrival before them
+    /// has the time `time`. Messages from then on cannot be verified.
     pub fn arrivals_missing(&mut self, first: u64, time: LogTime) {
         self.report
             .gap
-            .get_or_insert((first, time + -LATENESS_NANOS));
+            .get_or_insert((first, time + -DEPENDENCE_NANOS));
     }
 
-    /// Takes what followed from the arrival at `now`.
+    /// Compares the records of the arrival at `now`.
     pub fn expect(&mut self, records: &[Record], now: LogTime) -> Result<()> {
         for record in records {
             for message in self.encoder.encode(record) {
@@ -131,7 +131,7 @@ impl Verifier {
         }
         if now >= self.settle_at {
             self.settle_at = LogTime(now.0.saturating_add(NANOS_PER_SECOND as u64));
-            self.settle(now + -PATIENCE_NANOS);
+            self.settle(now + -WAIT_MAX_NANOS);
         }
         Ok(())
     }
@@ -190,7 +190,7 @@ impl Verifier {
         self.found_at.push_back((now, hash));
     }
 
-    /// Whether this state is the last one again, at the beginning of another file.
+    /// Whether the message repeats the last latched message at the beginning of another part.
     fn is_repeated(&mut self, message: &Message) -> bool {
         if !REPEATED.contains(&message.channel.schema.as_str()) {
             return false;
@@ -206,7 +206,7 @@ impl Verifier {
         same
     }
 
-    /// Gives up waiting for counterparts of what came before `before`.
+    /// Settles the messages that have waited since before `before`: they have no counterpart.
     fn settle(&mut self, before: LogTime) {
         let (found, report) = (&self.found, &mut self.report);
         for (topic, instants) in &mut self.waiting {
@@ -227,7 +227,7 @@ impl Verifier {
         }
     }
 
-    /// The result, when the last arrival is replayed.
+    /// Result after the last arrival.
     pub fn finish(mut self) -> Result<Verification> {
         const END: LogTime = LogTime(u64::MAX);
         while let Some(message) = self.recorded.next() {
@@ -255,25 +255,25 @@ fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
 }
 
 impl Verification {
-    /// Whether every message is bit-identical that both sides can have. Decoded records that did not
-    /// reach the disk count as the log states them; in a log that was cut short, what only one side
-    /// has does not count: computed messages are written later than the raw bytes, or earlier.
+    /// Whether all messages that both sides can contain are bit-identical. Decoded records that the log
+    /// states as lost are no differences. In a log that was cut short, messages on one side only are no
+    /// differences either, because decoded messages are written later or earlier than the raw data.
     pub fn is_identical(&self) -> bool {
-        !self.contradicts() && self.uncertain == 0 && !self.compared.is_empty()
+        !self.has_differences() && self.uncertain == 0 && !self.compared.is_empty()
     }
 
-    /// Whether nothing contradicts, but raw bytes are missing that were there while recording.
+    /// Whether there is no difference, but raw data of the recording is missing.
     pub fn is_partial(&self) -> bool {
-        !self.contradicts() && self.uncertain > 0
+        !self.has_differences() && self.uncertain > 0
     }
 
-    fn contradicts(&self) -> bool {
-        let explained = self.lost_records.saturating_mul(MESSAGES_A_RECORD_MAX);
+    fn has_differences(&self) -> bool {
+        let explained = self.lost_records.saturating_mul(MESSAGES_PER_RECORD_MAX);
         let complete = self.only_recorded.is_empty() && Self::sum(&self.only_computed) <= explained;
         self.different > 0 || !(complete || self.unfinished)
     }
 
-    /// Takes the messages of a topic and an instant that have no identical counterpart.
+    /// Counts the messages of a topic and a time that have no identical counterpart.
     fn settle(&mut self, topic: &str, time: LogTime, waiting: Waiting) {
         let mut recorded = waiting.recorded.into_iter();
         let mut computed = waiting.computed.into_iter();
@@ -293,13 +293,11 @@ impl Verification {
                 }
                 (Some(_), None) => {
                     *self.only_recorded.entry(topic.to_owned()).or_default() += 1;
-                    format!("{topic} at {time} s is in the log, the replay does not compute it")
+                    format!("{topic} at {time} s is in the log, but not in the replay")
                 }
                 (None, Some(_)) => {
                     *self.only_computed.entry(topic.to_owned()).or_default() += 1;
-                    format!(
-                        "{topic} at {time} s is computed by the replay, the log does not have it"
-                    )
+                    format!("{topic} at {time} s is in the replay, but not in the log")
                 }
             };
             if self.differences.len() < REPORTED_MAX {
@@ -316,7 +314,7 @@ impl Verification {
         counts.values().sum()
     }
 
-    /// The result for scripts.
+    /// Result as JSON.
     pub fn as_json(&self) -> serde_json::Value {
         serde_json::json!({
             "identical": self.is_identical(),
@@ -340,9 +338,12 @@ impl fmt::Display for Verification {
             Self::sum(&self.only_computed),
         );
         if compared == 0 && self.different == 0 {
-            return writeln!(f, "NOT VERIFIED: the log holds nothing to compare with");
+            return writeln!(
+                f,
+                "NOT VERIFIED: the log contains no decoded or estimated message to compare with"
+            );
         }
-        if self.contradicts() {
+        if self.has_differences() {
             writeln!(
                 f,
                 "NOT IDENTICAL: {} of {compared} messages differ, {recorded} are only in the log, \
@@ -357,8 +358,9 @@ impl fmt::Display for Verification {
         if let Some((first, _)) = self.gap.filter(|_| self.uncertain > 0) {
             writeln!(
                 f,
-                "VERIFIED IN PART: {compared} messages are bit-identical, {} cannot be verified: \
-                 the arrivals from number {first} on, which they depend on, are not in the log",
+                "VERIFIED IN PART: {compared} messages are bit-identical, but {} cannot be \
+                 verified, because they depend on arrivals from number {first} on, which are \
+                 missing in the log",
                 self.uncertain
             )?;
         } else {
@@ -392,7 +394,7 @@ fn difference(recorded: &Message, computed: &Encoded) -> String {
     let at = recorded.log_time;
     if recorded.publish_time != computed.publish_time {
         return format!(
-            "{topic} at {at} s: true at {} s in the log, at {} s in the replay",
+            "{topic} at {at} s: time of validity {} s in the log, {} s in the replay",
             recorded.publish_time, computed.publish_time
         );
     }

@@ -9,8 +9,8 @@ mod stages;
 use model::sensors::Sensors;
 use model::vehicle::{Axle, Vehicle};
 use sample::{
-    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
-    SourceId, Wheel,
+    Estimate, Event, ForceFrame, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
+    Sample, SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -242,6 +242,7 @@ impl Estimator {
             measured,
             expected,
             rollover,
+            frame: ForceFrame::Contact,
         };
         self.trace(&estimate, planar.is_none(), out);
         estimate

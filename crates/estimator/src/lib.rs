@@ -1,9 +1,10 @@
-//! Motion, tyre forces, events, calibration and identification of a vehicle from its samples.
+#![doc = include_str!("../README.md")]
 //!
-//! The [`Estimator`] is deterministic and reads no clock: [`Estimator::advance`] sets the log time,
-//! [`Estimator::push`] takes a sample, and each instant of a 100 Hz grid gives an
-//! [`Estimate`](sample::Estimate) and events. The same calls in the same order give the same bits.
-//! All tuned numbers stand in [`Tuning`].
+//! # Data flow
+//!
+//! The [`Estimator`] reads no clock. [`Estimator::advance`] sets the log time, and
+//! [`Estimator::push`] takes a sample. Each instant of a 100 Hz grid gives an
+//! [`Estimate`](sample::Estimate) and events. [`Tuning`] contains all tuned numbers.
 //!
 //! ```text
 //! samples ─► calibration ─► motion (attitude, velocity, sideslip) ─┬─► statics or fusion ─► measured forces
@@ -12,22 +13,22 @@
 
 pub mod calibration;
 pub mod consistency;
-pub mod corners;
+mod corners;
 mod error;
 mod estimator;
-pub mod expected;
-pub mod feedback;
+mod expected;
+mod feedback;
 pub mod finding;
 pub mod fusion;
-pub mod gaussian;
+mod gaussian;
 mod grid;
-pub mod grip;
+mod grip;
 mod handling;
 pub mod identification;
 mod innovation;
-pub mod inputs;
+mod inputs;
 mod kinematics;
-pub mod lift;
+mod lift;
 pub mod motion;
 pub mod planar;
 mod process_noise;
@@ -36,13 +37,15 @@ pub mod score;
 mod settings;
 pub mod smoother;
 pub mod specification;
-pub mod statics;
+mod statics;
 mod steering_column;
 pub mod trace;
 pub mod triads;
 pub mod tuning;
 mod waiting;
-pub mod watch;
+mod watch;
+
+pub use {model, sample};
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;

@@ -1,17 +1,12 @@
-//! Elementary functions that give the same bits on every processor.
+#![doc = include_str!("../README.md")]
 //!
 //! The C library selects its variants of these functions by the features of the processor, and the
 //! variants differ in the last bit. A log that was recorded on a small vehicle PC would then not
 //! replay bit for bit on a newer computer. The functions here are those of the crate `libm`, which
-//! has one variant of each. Clippy's list of disallowed methods keeps the standard library's
-//! functions out of the project.
+//! has one variant of each. Clippy's list of disallowed methods excludes the functions of the
+//! standard library from the project.
 //!
-//! [`Random`] gives the numbers of a seed, the same ones everywhere.
-//!
-//! ```
-//! let (sine, cosine) = atvrec_math::sin_cos(0.5);
-//! assert!((atvrec_math::hypot(sine, cosine) - 1.0).abs() < 1e-15);
-//! ```
+//! [`Random`] gives the random numbers of a seed, the same ones on every processor.
 
 mod random;
 

@@ -6,9 +6,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use model::chassis::{four_wheel, fourteen_dof};
-use model::simulation::{Grid, Model, Rollout, rollouts};
-use model::vehicle::Vehicle;
+use atvrec_model::chassis::{four_wheel, fourteen_dof};
+use atvrec_model::simulation::{Grid, Model, Rollout, rollouts};
+use atvrec_model::vehicle::Vehicle;
 
 /// Steps of one measurement of a single run.
 const STEPS: u32 = 500;
@@ -58,7 +58,7 @@ fn batch<M: Model>(
     start: M::State,
     inputs: impl Fn(f64) -> M::Inputs,
     step_s: f64,
-) -> Result<(), model::Error> {
+) -> Result<(), atvrec_model::Error> {
     let inputs: Vec<[M::Inputs; 1]> = (0..BATCH)
         .map(|run| [inputs(run as f64 / BATCH as f64)])
         .collect();

@@ -12,9 +12,9 @@
 
 use std::time::Instant;
 
-use model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};
-use model::simulation::{Grid, Model, Rollout, rollouts};
-use model::vehicle::Vehicle;
+use atvrec_model::chassis::{bicycle::Bicycle, four_wheel, fourteen_dof};
+use atvrec_model::simulation::{Grid, Model, Rollout, rollouts};
+use atvrec_model::vehicle::Vehicle;
 
 const STEP_S: f64 = 0.001;
 
@@ -25,7 +25,7 @@ fn run<M: Model>(
     inputs: impl Fn(f64) -> M::Inputs,
     [runs, steps, rounds]: [usize; 3],
     step_s: f64,
-) -> Result<(Vec<M::State>, f64), model::Error> {
+) -> Result<(Vec<M::State>, f64), atvrec_model::Error> {
     let inputs: Vec<[M::Inputs; 1]> = (0..runs)
         .map(|run| [inputs(0.1 * (run as f64) / (runs as f64))])
         .collect();

@@ -7,9 +7,7 @@ pub enum Error {
     #[error(transparent)]
     File(#[from] FileErrors),
     /// No vehicle or sensors file of this name ships with the project.
-    #[error(
-        "no {kind} named {name:?} ships with the project; there are {known}, or give a file's path"
-    )]
+    #[error("{name:?} is not a built-in {kind}; use one of {known}, or the path of a file")]
     UnknownName {
         /// Vehicle or sensors.
         kind: &'static str,
@@ -42,8 +40,8 @@ pub enum Error {
     },
     /// No steady state exists or none was found.
     #[error(
-        "no equilibrium at {speed_m_s} m/s on a radius of {radius_m} m (left over: {residual_m_s2:.3e} \
-         m/s^2); lower the speed or widen the turn"
+        "no equilibrium at {speed_m_s} m/s on a radius of {radius_m} m (residual \
+         {residual_m_s2:.3e} m/s^2); use a lower speed or a larger radius"
     )]
     NoEquilibrium {
         /// Speed asked for, m/s.

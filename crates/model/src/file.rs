@@ -17,16 +17,16 @@ use toml::de::DeTable;
 
 pub use section::{Field, FromValue, NumberOrList, Section};
 
-/// One thing that is wrong with a file.
+/// A problem of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// The file, as the user named it.
+    /// Name of the file.
     pub file: String,
-    /// Line, from 1; 0 where the file as a whole is meant.
+    /// Line, from 1; 0 for a problem of the whole file.
     pub line: usize,
-    /// Column, from 1; 0 where only the line is known.
+    /// Column, from 1; 0 if only the line is known.
     pub column: usize,
-    /// Dotted name of the field, such as `source.imu.baud`; empty for the file as a whole.
+    /// Dotted name of the field, such as `source.imu.baud`; empty for a problem of the whole file.
     pub field: String,
     /// The value found, as written; empty where the message has it.
     pub value: String,
@@ -37,7 +37,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// What is wrong, with the value.
+    /// Description with the value.
     #[must_use]
     pub fn statement(&self) -> String {
         if self.value.is_empty() {
@@ -111,12 +111,12 @@ impl fmt::Display for FileErrors {
 
 impl std::error::Error for FileErrors {}
 
-/// Longest TOML text that is read, bytes.
+/// Largest TOML text that is read, bytes.
 pub const TOML_MAX: usize = 1 << 20;
-/// Problems of one file that are reported one by one.
+/// Most problems of a file that are reported.
 const PROBLEMS_MAX: usize = 100;
 
-/// Gathers the problems of one file.
+/// Collects the problems of a file.
 pub struct Gatherer<'t> {
     file: &'t str,
     text: &'t str,
@@ -126,7 +126,7 @@ pub struct Gatherer<'t> {
 }
 
 impl<'t> Gatherer<'t> {
-    /// A gatherer for the file called `file` whose text is `text`.
+    /// Collector for the file with the name `file` and the content `text`.
     pub fn new(file: &'t str, text: &'t str) -> Self {
         Self {
             file,
@@ -136,7 +136,7 @@ impl<'t> Gatherer<'t> {
         }
     }
 
-    /// Adds a problem with the part of the text at `span`.
+    /// Adds a problem at `span` of the text.
     pub fn add(
         &mut self,
         span: &Range<usize>,
@@ -181,13 +181,13 @@ impl<'t> Gatherer<'t> {
         match parse(self.text) {
             Ok(table) => return Some(table),
             Err(Unparsed::TooLong(bytes)) => {
-                let message = format!("has {bytes} bytes; it may have {TOML_MAX}");
-                self.add(&whole, "", message, "name the right file");
+                let message = format!("the file has {bytes} bytes, but the limit is {TOML_MAX}");
+                self.add(&whole, "", message, "check the name of the file");
             }
             Err(Unparsed::Syntax(errors)) => {
                 for error in errors {
                     let span = error.span().unwrap_or(whole.clone());
-                    self.add(&span, "", error.message(), "correct the TOML syntax here");
+                    self.add(&span, "", error.message(), "correct the TOML syntax");
                 }
             }
             Err(Unparsed::Panic(panic)) => {
@@ -218,12 +218,12 @@ impl<'t> Gatherer<'t> {
         full
     }
 
-    /// Whether nothing is wrong so far.
+    /// Whether there is no problem so far.
     pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// The problems, in the order of the text.
+    /// Problems in the order of the text.
     pub fn into_problems(mut self) -> Vec<Problem> {
         let own = self.file;
         self.problems.sort_by(|a, b| {
@@ -237,8 +237,8 @@ impl<'t> Gatherer<'t> {
                 column: 0,
                 field: String::new(),
                 value: String::new(),
-                message: format!("{} further errors are not shown", self.more),
-                help: "correct the first ones and check again".to_owned(),
+                message: format!("{} more errors are not shown", self.more),
+                help: "correct the errors above and check again".to_owned(),
             });
         }
         self.problems

@@ -1,4 +1,4 @@
-//! What a vehicle does: chassis, suspension, tyres, strain chain, steering and vehicle files.
+#![doc = include_str!("../README.md")]
 
 pub mod chassis;
 mod checks;
@@ -14,6 +14,8 @@ pub mod suspension;
 pub mod tyre;
 mod values;
 pub mod vehicle;
+
+pub use {nalgebra, sample};
 
 pub use error::Error;
 pub use file::FileErrors;

@@ -83,7 +83,7 @@ def strain_of(log: atvrec.Log, start_s: float, end_s: float) -> tuple[Doubles, D
     """Instants and counts of all strain channels, NaN where a message does not bring one."""
     columns = log.read("/strain", start_s, end_s)
     channels = [*LINKS, "lower_front_bending", "lower_rear_bending"]
-    counts = [[columns[f"{wheel}.{name}_counts"] for name in channels] for wheel in WHEELS]
+    counts = [[columns[f"{wheel}.{name}.raw_counts"] for name in channels] for wheel in WHEELS]
     return columns["t_s"], np.moveaxis(np.array(counts), 2, 0)
 
 
@@ -91,7 +91,7 @@ def deflection_of(
     log: atvrec.Log, start_s: float | None = None, end_s: float | None = None
 ) -> tuple[Doubles, Doubles]:
     columns = log.read("/deflection", start_s, end_s)
-    return columns["t_s"], np.stack([columns[f"{wheel}_counts"] for wheel in WHEELS], axis=1)
+    return columns["t_s"], np.stack([columns[f"{wheel}.raw_counts"] for wheel in WHEELS], axis=1)
 
 
 def vectors_of(log: atvrec.Log, topic: str, *names: str) -> tuple[Doubles, Doubles]:
@@ -149,7 +149,7 @@ def test_the_load_rig_of_a_log_is_the_commands(program: str, tmp_path: Path) -> 
         compression_m.append(0.15 / 1024 * (np.nanmean(pots[:, one]) - 512.0))
         counts.append([mean for mean, _ in rests])
         sigma.append([deviation for _, deviation in rests])
-        hand.append(log.read("/steer", start_s, start_s + 2.0)["hand_wheel_rad"].mean())
+        hand.append(log.read("/steer", start_s, start_s + 2.0)["steering_wheel_rad"].mean())
     found = calibrate.load_rig(
         vehicle_of(log),
         sensors_of(log),
@@ -175,7 +175,7 @@ def test_unit_receivers_and_wheels_of_a_drive_are_the_commands(
     vehicle, sensors = vehicle_of(drive), sensors_of(drive)
 
     def inertial_log(log: atvrec.Log) -> calibrate.InertialLog:
-        speed_s, wheels = vectors_of(log, "/wheel_speed", *(f"{wheel}_rad_s" for wheel in WHEELS))
+        speed_s, wheels = vectors_of(log, "/wheel_speed", *(f"{wheel}.angular_speed_rad_s" for wheel in WHEELS))
         pot_s, pots = deflection_of(log)
         known = [np.isfinite(pots[:, wheel]) for wheel in range(4)]
         columns = [pots[rows, wheel] for wheel, rows in enumerate(known)]
@@ -188,7 +188,7 @@ def test_unit_receivers_and_wheels_of_a_drive_are_the_commands(
             "compression_time_s": pot_s[known[0]],
             "compression_m": 0.15 / 1024 * (np.stack(columns, axis=1) - 512.0),
             "hand_wheel_time_s": hand["t_s"],
-            "hand_wheel_rad": hand["hand_wheel_rad"],
+            "hand_wheel_rad": hand["steering_wheel_rad"],
         }
 
     by_command = calibrated(program, tmp_path, "imu", turned_path, path)["imu"]
@@ -210,7 +210,7 @@ def test_unit_receivers_and_wheels_of_a_drive_are_the_commands(
     assert antennas["calibration"]["antenna_m"] == pytest.approx(receiver["antenna_m"], abs=1e-3)
     assert antennas["calibration"]["latency_s"] == pytest.approx(receiver["latency_s"], abs=1e-4)
 
-    wheel_s, wheels = vectors_of(drive, "/wheel_speed", *(f"{wheel}_rad_s" for wheel in WHEELS))
+    wheel_s, wheels = vectors_of(drive, "/wheel_speed", *(f"{wheel}.angular_speed_rad_s" for wheel in WHEELS))
     radii = calibrate.wheel_radius(velocity_s, velocity, imu, wheel_s, wheels)["findings"]
     corner = calibrated(program, tmp_path, "wheel-radius", path)["corner"]["front_left"]
     assert radii["FL rolling radius"]["value"] == pytest.approx(corner["rolling_radius_m"], rel=1e-6)

@@ -194,6 +194,7 @@ impl Drive {
                 time,
                 stage,
                 forces,
+                ..
             } => {
                 let series = match stage {
                     Stage::Estimate => &mut self.measured,

@@ -1,9 +1,12 @@
-//! From a log to figures and tables: one HTML page that works without a network, zooms and prints;
-//! and [`mod@score`], estimates against truth or against another log's.
+#![doc = include_str!("../README.md")]
 //!
-//! The figures are the thesis's kinds: steer and speed, angular rates, sideslip, slip angles, and
-//! for each wheel the model's expected force against the measured one. Nothing is estimated here;
-//! what the report shows is what the log says.
+//! # Contents
+//!
+//! The page works without a network, and its figures can be zoomed and printed. They have the
+//! quantities of the figures of the thesis: steer angle and speed, angular rates, sideslip, slip
+//! angles, and for each wheel the expected force of the vehicle model and the measured force. The
+//! crate estimates nothing: the page shows the values of the log. [`mod@score`] compares estimates
+//! with the truth or with those of another log.
 
 mod decimate;
 mod drive;
@@ -16,6 +19,8 @@ pub mod score;
 use std::path::PathBuf;
 
 use store::Reader;
+
+pub use store;
 
 pub use plot::{Figure, Panel, Pen, Trace};
 

@@ -35,18 +35,21 @@ pub enum ScoreError {
     Log(#[from] store::Error),
     /// No truth.
     #[error(
-        "the log has no truth to compare with; make one with `atvrec simulate`, map a reference to \
-         truth.* in an import, or replay such a log"
+        "the log has no truth to compare with; use a log of `atvrec simulate`, an import with \
+         columns truth.*, or a replay of such a log"
     )]
     NoTruth,
     /// No estimate at an instant of the truth.
     #[error(
-        "no estimate stands at the same instant as a {0}; was the estimator switched off, or are \
-         smoothed estimates asked for of a log that `replay --smooth` did not make?"
+        "no estimate has the same time as a {0}; use a log with estimates, and for --smoothed a log \
+         of `replay --smooth`"
     )]
     NoPair(&'static str),
     /// No vehicle.
-    #[error("the log's configuration names no vehicle that can be read, so nothing was estimated")]
+    #[error(
+        "the configuration in the log has no valid vehicle, so that nothing was estimated; replay \
+         the log with --vehicle"
+    )]
     NoVehicle,
 }
 

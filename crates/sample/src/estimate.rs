@@ -17,6 +17,8 @@ pub struct Estimate {
     pub expected: PerWheel<TyreForce>,
     /// How near the measured loads are to a wheel's lift and to tipping over.
     pub rollover: Rollover,
+    /// Axes of the forces.
+    pub frame: ForceFrame,
 }
 
 /// Motion of the body at its centre of gravity. A standard deviation of `NaN` means that the
@@ -68,7 +70,19 @@ impl Motion {
     };
 }
 
-/// The force that the ground exerts on one tyre, contact frame.
+/// Axes in which tyre forces are given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceFrame {
+    /// Contact frame: z is the normal of the ground at the contact, x the wheel heading and y left of
+    /// it, both in the tangent plane of the ground.
+    #[default]
+    Contact,
+    /// Wheel-carrier frame: y is the spindle axis, x = unit(y × z of the chassis), z = x × y.
+    WheelCarrier,
+}
+
+/// The force that the ground exerts on one tyre, in the axes of a [`ForceFrame`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TyreForce {
     /// F_x, F_y, F_z in N; `NaN` where unknown.

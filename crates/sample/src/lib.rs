@@ -1,15 +1,19 @@
-//! What one datum is: stamps, SI payloads, frames and signs.
+#![doc = include_str!("../README.md")]
 //!
-//! Axes and signs are stated here, once, for the whole project.
+//! # Axes and signs
 //!
-//! - Vehicle axes (ISO 8855): x forward, y left, z up. Earth axes: east, north, up.
-//! - Roll right side down, pitch nose down and yaw left are positive, as the right-hand rule gives.
-//! - Tyre forces stand in the wheel's contact frame: x along the wheel heading, y left of it,
-//!   z up. They are what the ground exerts on the tyre. A positive slip angle gives a negative
-//!   lateral force.
-//! - Specific force is what an accelerometer reads: +g along z at rest.
-//! - SI units and radians. Degrees, bytes and counts live in `wire` and on screens only.
-//! - Wheels are ordered front left, front right, rear left, rear right everywhere ([`Wheel::ALL`]).
+//! These definitions hold in all crates.
+//!
+//! - Vehicle axes (ISO 8855): x forward, y left, z up. Earth axes: x east, y north, z up.
+//! - By the right-hand rule, roll is positive with the right side down, pitch with the nose down,
+//!   and yaw to the left.
+//! - Tyre forces are the forces of the ground on the tyre, in the axes that [`ForceFrame`] names. The
+//!   estimator uses the contact frame: x along the wheel heading, y to the left of it, z up. A
+//!   positive slip angle gives a negative lateral force.
+//! - Specific force is the quantity that an accelerometer measures: +g along z at rest.
+//! - Values are in SI units and radians. Degrees, bytes and counts occur only in `wire` and on
+//!   screens.
+//! - The order of the wheels is front left, front right, rear left, rear right ([`Wheel::ALL`]).
 
 mod arrival;
 pub mod boundary;
@@ -22,8 +26,8 @@ mod wheel;
 
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
 pub use estimate::{
-    AxleGrip, Estimate, Event, EventKind, ForceSource, Health, Motion, Parameters, Rollover,
-    Severity, SourceHealth, TyreForce,
+    AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, Motion, Parameters,
+    Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{

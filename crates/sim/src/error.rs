@@ -22,7 +22,7 @@ pub enum SimError {
         cause: std::io::Error,
     },
     /// The file's name ends in something unknown, or in .parquet in a build without that feature.
-    #[error("truth file {path}: unknown kind of file; its name must end in {KINDS}")]
+    #[error("truth file {path}: unknown kind of file; the name must end in {KINDS}")]
     UnknownKind {
         /// The file.
         path: PathBuf,
@@ -37,7 +37,7 @@ pub enum SimError {
         cause: parquet::errors::ParquetError,
     },
     /// The file is damaged, or declares what it does not hold.
-    #[error("truth file {path} cannot be read: {what}; write it again")]
+    #[error("cannot read truth file {path}: {what}; write the file again")]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -45,7 +45,7 @@ pub enum SimError {
         what: String,
     },
     /// The file holds more than is read.
-    #[error("truth file {path} has more than {most} {what}; split it")]
+    #[error("truth file {path} has more than {most} {what}; split the file")]
     TooMuch {
         /// The file.
         path: PathBuf,
@@ -55,7 +55,7 @@ pub enum SimError {
         most: u64,
     },
     /// The CSV file is malformed.
-    #[error("truth file {path}: {cause}; the first line must name the columns")]
+    #[error("truth file {path}: {cause}; the first line must contain the names of the columns")]
     Csv {
         /// The file.
         path: PathBuf,
@@ -64,7 +64,7 @@ pub enum SimError {
     },
     /// Columns that the virtual vehicle cannot do without.
     #[error(
-        "truth file {path} lacks the column(s) {}; docs/truth-files.md lists what is needed",
+        "truth file {path} does not have the column(s) {}; docs/truth-files.md lists all columns",
         columns.join(", ")
     )]
     MissingColumns {
@@ -74,7 +74,7 @@ pub enum SimError {
         columns: Vec<String>,
     },
     /// A known column in another unit.
-    #[error("truth file {path}: column {found} must be in {expected}; convert it and name it so")]
+    #[error("truth file {path}: column {found} must be in {expected}; convert and rename it")]
     WrongUnit {
         /// The file.
         path: PathBuf,
@@ -84,7 +84,9 @@ pub enum SimError {
         expected: String,
     },
     /// A column whose type is not a number.
-    #[error("truth file {path}: column {column} holds {found}, not numbers; write it as double")]
+    #[error(
+        "truth file {path}: column {column} contains {found} instead of numbers; write it as double"
+    )]
     NotNumbers {
         /// The file.
         path: PathBuf,
@@ -106,13 +108,13 @@ pub enum SimError {
         value: String,
     },
     /// Fewer than two rows.
-    #[error("a motion needs at least two instants, {found} given")]
+    #[error("a motion needs at least two rows, but there are {found}")]
     TooShort {
         /// Instants given.
         found: usize,
     },
     /// Time does not rise.
-    #[error("time must rise from row to row: row {row} is at {time_s} s after {previous_s} s")]
+    #[error("the time must increase, but row {row} is at {time_s} s after {previous_s} s")]
     TimeOrder {
         /// Row, from 1.
         row: usize,
@@ -123,8 +125,8 @@ pub enum SimError {
     },
     /// A gap that no motion can be interpolated over.
     #[error(
-        "rows {previous} and {row} are {gap_s} s apart, more than {most_s} s; correct the times, \
-         or split the file"
+        "the gap between rows {previous} and {row} is {gap_s} s, but the limit is {most_s} s; \
+         correct the times, or split the file"
     )]
     Gap {
         /// Row before the gap, from 1.
@@ -150,7 +152,9 @@ pub enum SimError {
         expected: &'static str,
     },
     /// The linkage cannot stand as the motion says.
-    #[error("{wheel} at {time_s} s: {cause}; check the motion's strut lengths and hand wheel")]
+    #[error(
+        "{wheel} at {time_s} s: {cause}; check strut lengths and steering-wheel angle of the motion"
+    )]
     Linkage {
         /// The corner.
         wheel: sample::Wheel,
@@ -160,7 +164,7 @@ pub enum SimError {
         cause: model::suspension::SuspensionError,
     },
     /// An unknown manoeuvre.
-    #[error("no manoeuvre is called {name:?}; there are: {known}")]
+    #[error("{name:?} is not a manoeuvre; use one of: {known}")]
     UnknownManoeuvre {
         /// The name asked for.
         name: String,

@@ -1,4 +1,6 @@
-//! The virtual vehicle: a motion as each sensor's own bytes.
+#![doc = include_str!("../README.md")]
+//!
+//! # Data flow
 //!
 //! ```text
 //! Motion::open(truth file) ───────┐
@@ -6,9 +8,9 @@
 //! Manoeuvre::drive(vehicle file) ─┘                 └─► truth_at(time)
 //! ```
 //!
-//! Nothing here opens a port or reads a clock: time is seconds since the motion's start. The same
-//! motion, vehicle, sensors, options and seed give the same bytes. Each sensor draws from its own
-//! random stream, so that a change of one sensor leaves the others' bytes as they were.
+//! The crate opens no port and reads no clock. Time is in seconds since the start of the motion. Each
+//! sensor has its own random stream, so that a change of one sensor does not change the bytes of the
+//! other sensors.
 
 mod can_bus;
 mod controllers;
@@ -33,6 +35,8 @@ mod truth;
 mod truth_params;
 mod virtual_vehicle;
 mod workshop;
+
+pub use {model, sample};
 
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;

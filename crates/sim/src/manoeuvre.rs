@@ -78,25 +78,23 @@ impl Manoeuvre {
         }
     }
 
-    /// One line for a person who chooses.
+    /// Description in one line.
     #[must_use]
     pub const fn description(self) -> &'static str {
         match self {
-            Self::Circle => "left turn of 15.24 m radius, speed rising until a wheel lifts",
+            Self::Circle => "left turn of 15.24 m radius, speed increases until a wheel lifts",
             Self::SlowSine => "sine steer at 0.3 Hz",
             Self::FastSine => "sine steer at 0.7 Hz",
-            Self::SteerSweep => {
-                "sine steer of a frequency that rises from 0.2 to 2.5 Hz, three times"
-            }
-            Self::StepSteer => "a step of the hand wheel at constant speed",
-            Self::AsphaltToGravel => "sine steer, the surface changing from asphalt to gravel",
+            Self::SteerSweep => "three sine sweeps of the steering wheel from 0.2 to 2.5 Hz",
+            Self::StepSteer => "step of the steering wheel at constant speed",
+            Self::AsphaltToGravel => "sine steer, surface changes from asphalt to gravel",
             Self::LaunchBrake => "launch from rest, then hard braking",
-            Self::Jackstand => "on jackstands, lowered to the ground, at rest",
-            Self::Turned => "at rest, turned by 180 degrees on a sloping floor, at rest",
+            Self::Jackstand => "at rest on jackstands, then lowered to the ground, at rest",
+            Self::Turned => "at rest on a sloping floor, turned by 180 degrees, at rest",
             Self::Weighed => "on scales, loaded and unloaded in steps, with marks",
-            Self::LoadRig => "on stands, each wheel pushed by known forces, with marks",
+            Self::LoadRig => "on stands, known forces on each wheel, with marks",
             Self::TurnPlates => "on turn plates, steered from side to side, with marks",
-            Self::MixedDriving => "a minute of turns, braking and speeding up, for repetition",
+            Self::MixedDriving => "a minute of turns, braking and acceleration, can be repeated",
             Self::Hillside => "circles of 25 m radius on a slope of 15 %",
         }
     }

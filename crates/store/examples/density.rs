@@ -10,9 +10,9 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use atvrec_store::{LogWriter, Options, Reader, Session, Source, SourceKind};
 use math::Random;
 use sample::{Arrival, CanFlags, CanFrame, LogTime, Payload, SourceId};
-use store::{LogWriter, Options, Reader, Session, Source, SourceKind};
 
 const START: u64 = 1_790_000_000_000_000_000;
 const FRAMES_PER_CYCLE: u32 = 10;

@@ -4,16 +4,19 @@ mod estimate;
 mod sensor;
 
 use prost::{Message, Name};
-use sample::{LogTime, Motion, NANOS_PER_SECOND, PerWheel, Rollover, Sample, SourceId, TyreForce};
+use sample::{
+    ForceFrame, LogTime, Motion, NANOS_PER_SECOND, PerWheel, Rollover, Sample, SourceId, TyreForce,
+};
 
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
+use crate::wheels;
 use crate::{ClockFit, Pose, Record, Stage, UtcOffset};
 use estimate::{
-    clock_fit_to_proto, event_from_proto, event_to_proto, force_from_proto, forces_to_proto,
+    clock_fit_to_proto, event_from_proto, event_to_proto, forces_from_proto, forces_to_proto,
     health_from_proto, health_to_proto, log_from_proto, log_to_proto, motion_from_proto,
-    motion_to_proto, parameters_from_proto, parameters_to_proto, per_wheel, rollover_from_proto,
-    rollover_to_proto, transform_from_proto, transform_to_proto, wheels,
+    motion_to_proto, parameters_from_proto, parameters_to_proto, rollover_from_proto,
+    rollover_to_proto, transform_from_proto, transform_to_proto,
 };
 use sensor::{decode_measurement, encode_sample};
 
@@ -73,10 +76,11 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
     match record {
         Record::Sample(sample) => encode_sample(sample, &name(sample.source)),
         Record::Estimate(estimate) => {
+            let frame = estimate.frame;
             let mut messages = vec![
                 motion_message(Stage::Estimate, estimate.time, &estimate.motion),
-                forces_message(Stage::Estimate, estimate.time, &estimate.measured),
-                forces_message(Stage::Model, estimate.time, &estimate.expected),
+                forces_message(Stage::Estimate, estimate.time, frame, &estimate.measured),
+                forces_message(Stage::Model, estimate.time, frame, &estimate.expected),
             ];
             if !estimate.rollover.load_transfer_ratio.is_nan() {
                 messages.push(rollover_message(estimate.time, &estimate.rollover));
@@ -86,13 +90,14 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
         Record::Truth {
             time,
             motion,
+            frame,
             forces,
             pose,
             friction,
         } => {
             let mut messages = vec![
                 motion_message(Stage::Truth, *time, motion),
-                forces_message(Stage::Truth, *time, forces),
+                forces_message(Stage::Truth, *time, *frame, forces),
             ];
             messages.extend(pose.as_ref().map(|pose| pose_message(*time, pose)));
             messages.extend(friction.map(|friction| friction_message(*time, friction)));
@@ -106,8 +111,9 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
         Record::TyreForces {
             time,
             stage,
+            frame,
             forces,
-        } => vec![forces_message(*stage, *time, forces)],
+        } => vec![forces_message(*stage, *time, *frame, forces)],
         Record::Rollover { time, rollover } => vec![rollover_message(*time, rollover)],
         Record::Friction { time, coefficient } => vec![friction_message(*time, *coefficient)],
         Record::Pose { time, pose } => vec![pose_message(*time, pose)],
@@ -157,9 +163,14 @@ fn motion_message(stage: Stage, time: LogTime, motion: &Motion) -> Encoded {
     Encoded::new(topic, time, time, &motion_to_proto(motion))
 }
 
-fn forces_message(stage: Stage, time: LogTime, forces: &PerWheel<TyreForce>) -> Encoded {
+fn forces_message(
+    stage: Stage,
+    time: LogTime,
+    frame: ForceFrame,
+    forces: &PerWheel<TyreForce>,
+) -> Encoded {
     let topic = format!("/{}/tyre_forces", stage.name());
-    Encoded::new(topic, time, time, &forces_to_proto(forces))
+    Encoded::new(topic, time, time, &forces_to_proto(frame, forces))
 }
 
 fn rollover_message(time: LogTime, rollover: &Rollover) -> Encoded {
@@ -169,7 +180,11 @@ fn rollover_message(time: LogTime, rollover: &Rollover) -> Encoded {
 
 fn friction_message(time: LogTime, coefficient: PerWheel<f64>) -> Encoded {
     let message = pb::Friction {
-        coefficient: Some(wheels(coefficient)),
+        wheels: wheels::entries(|wheel, axle, side| pb::WheelFriction {
+            axle,
+            side,
+            coefficient: coefficient[wheel],
+        }),
     };
     Encoded::new("/truth/friction".to_owned(), time, time, &message)
 }
@@ -250,11 +265,11 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             motion: motion_from_proto(&pb::Motion::decode(data)?),
         },
         "atvrec.TyreForces" => {
-            let f = pb::TyreForces::decode(data)?;
-            let forces = PerWheel([f.fl, f.fr, f.rl, f.rr].map(force_from_proto));
+            let (frame, forces) = forces_from_proto(&pb::TyreForces::decode(data)?);
             Record::TyreForces {
                 time,
                 stage,
+                frame,
                 forces,
             }
         }
@@ -262,10 +277,11 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             time,
             rollover: rollover_from_proto(&pb::Rollover::decode(data)?),
         },
-        "atvrec.Friction" => Record::Friction {
-            time,
-            coefficient: per_wheel(pb::Friction::decode(data)?.coefficient),
-        },
+        "atvrec.Friction" => {
+            let friction = pb::Friction::decode(data)?;
+            let coefficient = wheels::per_wheel(&friction.wheels, f64::NAN, |w| w.coefficient);
+            Record::Friction { time, coefficient }
+        }
         "atvrec.Pose" => {
             let pose = pb::Pose::decode(data)?;
             let pose = Pose {

@@ -157,6 +157,11 @@ pub enum Error {
         /// What is wrong with the copy.
         what: String,
     },
+    /// A message has a topic that is kept for other uses.
+    #[error(
+        "the topic {0} is reserved for states of the estimator; give the message another topic"
+    )]
+    ReservedTopic(&'static str),
     /// The writer's thread ended before it was told to.
     #[error("the writer thread ended early; the log was closed as far as it was written")]
     WriterGone,

@@ -1,18 +1,19 @@
-//! Samples to MCAP and back: schemas, writing, reading, recovery.
+#![doc = include_str!("../README.md")]
 //!
-//! A log holds the raw bytes of every source, from which everything else in it can be made again,
-//! and decoded channels beside them. Every channel carries its protobuf schema.
+//! # Parts
 //!
-//! - [`LogWriter`] writes one log to anything that takes bytes; the same input gives the same bytes.
-//! - [`Writer`] writes one log file, named `.active` until it is whole.
-//! - [`Recorder`] writes a run of files on threads of its own, and never blocks who feeds it.
-//! - [`Reader`] reads logs, whole or cut short, and gives the arrivals back in their exact order.
-//! - [`recover`] makes a log whole that was cut short.
+//! - [`LogWriter`] writes one log to any [`std::io::Write`]. The same input gives the same bytes.
+//! - [`Writer`] writes one log file. The name of the file ends in `.active` until the log is complete.
+//! - [`Recorder`] writes the files of a run on its own threads. Its methods never block the caller.
+//! - [`Reader`] reads complete and incomplete logs. It gives the arrivals in the order in which they
+//!   were recorded.
+//! - [`recover`] makes a complete log from an unfinished or damaged one.
 
 mod column;
 mod convert;
 mod counters;
 mod dynamic;
+mod earlier;
 mod error;
 mod file;
 mod journal;
@@ -30,6 +31,9 @@ mod schema;
 mod session;
 mod summary;
 mod table;
+mod wheels;
+
+pub use sample;
 
 pub use convert::Encoded;
 pub use counters::WriteCounters;
@@ -59,7 +63,7 @@ pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, 
 pub use summary::Summary;
 pub use table::{Column, Table, Values};
 
-/// Types generated from the schemas in `proto/`, as they stand in the log.
+/// Types generated from the schemas in `proto/` (`make bless` writes them).
 pub mod proto {
     /// The project's own messages.
     #[allow(
@@ -70,7 +74,11 @@ pub mod proto {
         rustdoc::all
     )]
     pub mod atvrec {
-        include!(concat!(env!("OUT_DIR"), "/atvrec.rs"));
+        include!("generated/atvrec.rs");
+
+        pub(crate) mod earlier {
+            include!("generated/atvrec.earlier.rs");
+        }
     }
 
     /// The well-known messages that viewers draw without being told how.
@@ -82,6 +90,6 @@ pub mod proto {
         rustdoc::all
     )]
     pub mod foxglove {
-        include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+        include!("generated/foxglove.rs");
     }
 }

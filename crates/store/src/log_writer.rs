@@ -11,8 +11,8 @@ use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
 use crate::dynamic::DynamicMessage;
 use crate::proto::atvrec as pb;
-use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
-use crate::{Losses, Options, Record, Result, Session, raw, schema};
+use crate::session::{COUNTERS_METADATA, RESERVED_TOPIC, RUN_METADATA, UTC_METADATA};
+use crate::{Error, Losses, Options, Record, Result, Session, raw, schema};
 
 pub(crate) use handover::{Latched, Pending};
 
@@ -53,8 +53,12 @@ impl<W: Write> LogWriter<W> {
     /// Begins a log: its part number within the run, session and attachments.
     ///
     /// # Errors
-    /// If `sink` refuses the first bytes.
+    /// If `sink` refuses the first bytes, or a message of the session has a reserved topic.
     pub fn new(sink: W, session: Session, options: Options, part: u32) -> Result<Self> {
+        let mut dynamic = session.dynamic.iter();
+        if dynamic.any(|message| message.topic == RESERVED_TOPIC) {
+            return Err(Error::ReservedTopic(RESERVED_TOPIC));
+        }
         let sink = NoSeek::new(BufWriter::with_capacity(1 << 16, sink));
         let mut mcap = WriteOptions::new()
             .profile("")

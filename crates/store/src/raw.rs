@@ -123,7 +123,7 @@ impl Encoder {
                 (Encoded::new(topic, time, time, &notices), None)
             }
             Lane::Can(source) => {
-                let topic = format!("/can/{}/raw", session.source_name(source));
+                let topic = format!("/raw/{}", session.source_name(source));
                 let frames = self.packer.encode(stamps, arrivals);
                 (Encoded::new(topic, time, time, &frames), Some(source))
             }

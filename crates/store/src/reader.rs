@@ -11,7 +11,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sample::{Estimate, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce};
+use sample::{
+    Estimate, ForceFrame, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce,
+};
 
 pub use arrivals::ArrivalIter;
 pub use messages::{Message, MessageIter, Selection};
@@ -47,6 +49,8 @@ pub struct ChannelInfo {
     pub source: Option<SourceId>,
     /// What else is known of the channel, such as units.
     pub metadata: BTreeMap<String, String>,
+    /// Its messages are in the earlier layout; topic and schema are given in the present one.
+    pub(crate) is_earlier: bool,
 }
 
 /// What a log turned out not to hold.
@@ -261,6 +265,15 @@ impl Reader {
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
+    }
+
+    /// Version of the contract that the log follows; `None` for a log of the layout before it, whose
+    /// channels and messages are given in the present layout.
+    #[must_use]
+    pub fn contract(&self) -> Option<u32> {
+        let mut files = self.files.iter();
+        let run = files.find_map(|file| file.index.metadata.get(RUN_METADATA));
+        run?.get("contract")?.parse().ok()
     }
 
     /// What the log holds, in numbers.
@@ -496,5 +509,6 @@ pub(crate) fn unknown_estimate(time: LogTime) -> Estimate {
         measured: PerWheel([TyreForce::default(); 4]),
         expected: PerWheel([TyreForce::default(); 4]),
         rollover: Rollover::default(),
+        frame: ForceFrame::default(),
     }
 }

@@ -1,6 +1,6 @@
 use sample::{
-    Estimate, Event, Health, LogTime, Motion, Parameters, PerWheel, Rollover, Sample, Severity,
-    SourceId, TyreForce,
+    Estimate, Event, ForceFrame, Health, LogTime, Motion, Parameters, PerWheel, Rollover, Sample,
+    Severity, SourceId, TyreForce,
 };
 
 /// One decoded datum of a log. What is read back is what was written, with these exceptions:
@@ -23,6 +23,8 @@ pub enum Record {
         time: LogTime,
         /// Motion of the body.
         motion: Motion,
+        /// Axes of the forces.
+        frame: ForceFrame,
         /// Forces of the ground on the tyres.
         forces: PerWheel<TyreForce>,
         /// Where the vehicle is, if the simulation says.
@@ -43,8 +45,10 @@ pub enum Record {
     TyreForces {
         /// The instant.
         time: LogTime,
-        /// Whose word they are.
+        /// Where they come from.
         stage: Stage,
+        /// Axes of the forces.
+        frame: ForceFrame,
         /// The forces.
         forces: PerWheel<TyreForce>,
     },

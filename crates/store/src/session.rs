@@ -185,6 +185,10 @@ impl Default for Options {
     }
 }
 
+/// Version of the log's contract (docs/log.md) that is written. The layout before it has none.
+pub(crate) const CONTRACT: u32 = 0;
+/// A topic that is kept for states of the estimator. Nothing writes it yet.
+pub(crate) const RESERVED_TOPIC: &str = "/checkpoint";
 /// Name of the metadata record that opens each file.
 pub(crate) const RUN_METADATA: &str = "atvrec.run";
 /// Name of the metadata record with the last offset of UTC.
@@ -230,6 +234,7 @@ impl Session {
         let mut map = BTreeMap::from([
             ("run_id".to_owned(), self.run_id.clone()),
             ("part".to_owned(), part.to_string()),
+            ("contract".to_owned(), CONTRACT.to_string()),
             ("started_ns".to_owned(), self.started.0.to_string()),
             ("version".to_owned(), self.version.clone()),
             ("git_hash".to_owned(), self.git_hash.clone()),

@@ -1,5 +1,6 @@
 //! A topic as columns: every field of its messages as one list, by the channel's own schema.
 
+mod keyed;
 mod plan;
 mod values;
 mod walk;
@@ -16,8 +17,10 @@ pub use values::Values;
 /// All messages of a topic within a stretch of time, one row a message.
 ///
 /// Fields of messages inside of messages are flattened, their names joined by dots
-/// (`acceleration_m_s2.x`). Fields below a repeated message become lists. A message that contains
-/// itself is left as bytes.
+/// (`acceleration_m_s2.x`). Entries of wheels, axles and suspension members have columns of their own,
+/// without the name of the list: `fl.z_n`, `fl.tie_rod.raw_counts`, `front.friction`; of further axles
+/// `axle3_left.z_n` and `axle3.friction`. Fields below any other repeated message become lists. A
+/// message that contains itself is left as bytes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// Log clock when each row was recorded or computed, ns since 1970.
@@ -75,7 +78,7 @@ impl Table {
         for column in &mut self.columns {
             column.begin_row();
         }
-        let walked = walk::message(plan, &mut self.columns, data);
+        let walked = walk::message(plan, &mut self.columns, rows, data);
         for column in &mut self.columns {
             if walked.is_err() {
                 column.truncate(rows);

@@ -24,7 +24,7 @@ pub enum WireError {
         bauds: Vec<u32>,
     },
     /// The device refused a command.
-    #[error("the {device} refused command {command}; check that its firmware has this command")]
+    #[error("the {device} rejected the command {command}; check that its firmware supports it")]
     Refused {
         /// Which device.
         device: &'static str,
@@ -32,7 +32,7 @@ pub enum WireError {
         command: String,
     },
     /// The device did not confirm a command.
-    #[error("the {device} did not confirm command {command} in {attempts} attempts")]
+    #[error("the {device} did not confirm the command {command} in {attempts} attempts")]
     Unconfirmed {
         /// Which device.
         device: &'static str,

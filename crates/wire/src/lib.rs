@@ -1,19 +1,21 @@
-//! Bytes to samples and back, one protocol a file.
+#![doc = include_str!("../README.md")]
 //!
-//! Every decoder is an incremental machine without I/O and without a clock: bytes go in, [`Item`]s
-//! come out of a sink in stream order, and the same bytes give the same items however they are cut
-//! into reads. Memory is bounded. After noise a decoder finds the next intact message: a false
-//! header costs its first byte only, never what follows it. [`Statistics`] counts what was lost.
+//! # Decoders
+//!
+//! A decoder is incremental. It takes bytes and gives [`Item`]s to a sink, in the order of the
+//! stream. Its memory is bounded. After noise, a decoder finds the next intact message: if a header
+//! is false, the decoder discards the first byte of the header and searches on from the second
+//! byte. [`Statistics`] counts the lost bytes and messages.
 //!
 //! - [`crossbow440`]: Crossbow IMU440, with its set-up dialogue.
-//! - [`gnss`]: what one receiver port carries, [`novatel`], [`sbf`] and [`nmea`] mixed.
-//! - [`csv`], [`alog`]: tables that others recorded, their columns told by [`mod@column`].
-//! - [`mod@line`]: text devices described by the configuration (steering, throttle, brake).
-//! - [`dbc`]: CAN frames to named signals and back, through any DBC file.
+//! - [`gnss`]: the port of a receiver, which carries [`novatel`], [`sbf`] and [`nmea`] in any mixture.
+//! - [`csv`], [`alog`]: tables of other programs; [`mod@column`] describes their columns.
+//! - [`mod@line`]: text devices that the configuration describes (steering, throttle, brake).
+//! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
 //! - [`slcan`], [`candump`]: CAN frames as text.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
 //!
-//! Encoders stand beside the decoders; the virtual vehicle speaks through them.
+//! Each protocol has its encoder in the module of its decoder. The virtual vehicle uses the encoders.
 
 mod codec;
 mod error;

@@ -9,24 +9,24 @@ use super::Replace;
 /// `atvrec import`.
 #[derive(Debug, Subcommand)]
 pub enum ImportCommand {
-    /// A vehicle file from a multi-body simulator's params.json.
+    /// Convert the params.json of a multi-body simulator to a vehicle file.
     Vehicle(ImportVehicleArgs),
-    /// A log from delimited text; a column map says what the columns are.
+    /// Convert delimited text to a log; a column map assigns the columns to quantities.
     Csv(ImportCsvArgs),
-    /// A log from a MOOS .alog file.
+    /// Convert a MOOS .alog file to a log.
     Alog(ImportAlogArgs),
 }
 
 /// `atvrec import csv`.
 #[derive(Debug, Args)]
 pub struct ImportCsvArgs {
-    /// Files of one drive, with times of one clock.
+    /// Files of one drive; the times in all files must be of the same clock.
     #[arg(required = true, value_name = "FILE.csv")]
     pub input: Vec<PathBuf>,
-    /// What the columns mean; one map for all files, or one for each (docs/import.md).
+    /// Column map: one for all files, or one for each file (see docs/import.md).
     #[arg(long, required = true, value_name = "MAP.toml")]
     pub columns: Vec<PathBuf>,
-    /// What to make.
+    /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
 }
@@ -34,38 +34,37 @@ pub struct ImportCsvArgs {
 /// `atvrec import alog`.
 #[derive(Debug, Args)]
 pub struct ImportAlogArgs {
-    /// The file.
+    /// File to convert.
     #[arg(value_name = "FILE.alog")]
     pub input: PathBuf,
-    /// What the variables mean; without it, the names of Auburn's GAVLab.
+    /// Map of the variables [default: the variable names of Auburn's GAVLab].
     #[arg(long, value_name = "MAP.toml")]
     pub columns: Option<PathBuf>,
-    /// What to make.
+    /// Log to write.
     #[command(flatten)]
     pub into: ImportInto,
 }
 
-/// The log that an import makes.
+/// Log that an import writes.
 #[derive(Debug, Args)]
 pub struct ImportInto {
-    /// Vehicle file, or the name of one that ships with the program; without it nothing is
-    /// estimated.
+    /// Vehicle file, or the name of a built-in vehicle. Without a vehicle, nothing is estimated.
     #[arg(long, value_name = "FILE", conflicts_with = "config")]
     pub vehicle: Option<String>,
-    /// Sensors file, or the name of one that ships with the program.
+    /// Sensors file, or the name of a built-in sensor set.
     #[arg(long, value_name = "FILE", requires = "vehicle")]
     pub sensors: Option<String>,
     /// Calibration file.
     #[arg(long, value_name = "FILE", requires = "vehicle")]
     pub calibration: Option<String>,
-    /// Use this configuration; it must have the imported sources.
+    /// Configuration file; it must contain the imported sources.
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// The log to write.
+    /// Log to write.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Make a run of its own, NAME-1.mcap, NAME-2.mcap, ..., of the rows on each side of a gap over
-    /// 1 h, which is an error otherwise.
+    /// Write one run for the rows on each side of a gap of more than 1 h: NAME-1.mcap,
+    /// NAME-2.mcap, ... Without this option, such a gap is an error.
     #[arg(long)]
     pub split_gaps: bool,
     /// Whether outputs may replace files.
@@ -76,10 +75,10 @@ pub struct ImportInto {
 /// `atvrec import vehicle`.
 #[derive(Debug, Args)]
 pub struct ImportVehicleArgs {
-    /// The simulator's parameters.
+    /// Parameters of the simulator.
     #[arg(value_name = "PARAMS.json")]
     pub input: PathBuf,
-    /// The vehicle file to write.
+    /// Vehicle file to write.
     #[arg(short, long, default_value = "vehicle.toml", value_name = "FILE")]
     pub output: PathBuf,
     /// Whether outputs may replace files.

@@ -2,22 +2,22 @@
 
 use std::ops::RangeInclusive;
 
-/// Seconds of a drive or a recording: up to a year.
+/// Duration of a drive or a recording, s: up to a year.
 pub fn duration_s(text: &str) -> Result<f64, String> {
     within(text, 0.001..=31_536_000.0, "s")
 }
 
-/// A moment of a log, seconds from its start.
+/// Time in a log, s from its start.
 pub fn moment_s(text: &str) -> Result<f64, String> {
     within(text, 0.0..=1e9, "s")
 }
 
-/// Seconds for which a command listens to a device.
+/// Time for which a command listens to a device, s.
 pub fn listen_s(text: &str) -> Result<f64, String> {
     within(text, 0.01..=3600.0, "s")
 }
 
-/// Length of a window of a drive.
+/// Length of a time window, s.
 pub fn window_s(text: &str) -> Result<f64, String> {
     within(text, 0.1..=3600.0, "s")
 }
@@ -27,8 +27,8 @@ pub fn rate(text: &str) -> Result<f64, String> {
     within(text, 0.001..=1e6, "times real time")
 }
 
-/// A standard deviation as a part of its value.
-pub fn part(text: &str) -> Result<f64, String> {
+/// A standard deviation as a fraction of the value.
+pub fn fraction(text: &str) -> Result<f64, String> {
     within(text, 1e-6..=1.0, "")
 }
 
@@ -60,16 +60,16 @@ pub fn inertia_kg_m2(text: &str) -> Result<f64, String> {
 /// A seed of random numbers.
 pub fn seed(text: &str) -> Result<u64, String> {
     text.parse()
-        .map_err(|_| format!("a whole number from 0 to {} is needed", u64::MAX))
+        .map_err(|_| format!("it must be an integer from 0 to {}", u64::MAX))
 }
 
-/// `text` as a number of `range`. NaN is in no range.
+/// Parses `text` as a number in `range`. NaN is in no range.
 fn within(text: &str, range: RangeInclusive<f64>, unit: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if range.contains(&value) => Ok(value),
         _ => {
-            let allowed = format!("a number from {} to {} {unit}", range.start(), range.end());
-            Err(format!("{} is needed", allowed.trim_end()))
+            let allowed = format!("{} to {} {unit}", range.start(), range.end());
+            Err(format!("it must be a number from {}", allowed.trim_end()))
         }
     }
 }
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_of_the_range_is_refused() {
+    fn numbers_outside_of_the_range_are_rejected() {
         for wrong in [
             "1e300", "1e-300", "0", "-1", "nan", "inf", "-inf", "", "x", "1e999",
         ] {

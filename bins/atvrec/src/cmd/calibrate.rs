@@ -1,4 +1,5 @@
-//! `atvrec calibrate`: what a workshop finds, one step a command, into one calibration file.
+//! `atvrec calibrate`: calibrate the sensors from workshop logs. Each step is a command and adds its
+//! values to one calibration file.
 
 use std::path::Path;
 
@@ -13,11 +14,11 @@ use crate::cmd::findings;
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
-/// Calibrates.
+/// Runs the command.
 pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let args = command.shared();
     let inputs = || args.logs.iter().map(|log| &**log);
-    // What other steps wrote into the file is kept, so that the file is not replaced.
+    // The values of other steps in the file are kept, so that `--force` is not needed.
     let output = Target::new(&args.output, Kind::Toml, true, inputs())?;
     let page = args.report.as_ref();
     let page = page.map(|path| Target::new(path, Kind::Page, args.replace.force, inputs()));
@@ -34,9 +35,9 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
         let title = format!("Calibration: {}", step.title());
         page.write(&findings::page(&title, facts(&recordings), &found.findings))?;
     }
-    findings::tell(&found.findings, args.json)?;
+    findings::print(&found.findings, args.json)?;
     if !args.json {
-        println!("written: {}", args.output.display());
+        println!("wrote {}", args.output.display());
     }
     Ok(Outcome::Good)
 }
@@ -73,7 +74,7 @@ fn facts(recordings: &[Recording]) -> Vec<(String, String)> {
     ]
 }
 
-/// What earlier steps wrote; nominal where there is no file yet.
+/// Calibration of the earlier steps; the nominal calibration if there is no file yet.
 fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
     let text = match read_text(path, TOML_MAX) {
         Ok(text) => text,
@@ -85,11 +86,11 @@ fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
         }
     };
     let known = Calibration::from_toml(&text)
-        .with_context(|| format!("{} is kept as it is", path.display()))?;
+        .with_context(|| format!("cannot use {}; the file is not changed", path.display()))?;
     ensure!(
         known.vehicle == vehicle,
-        "{} is the calibration of \"{}\", the log is of \"{vehicle}\"; it is kept as it is: name \
-         another file with -o",
+        "{} is the calibration of vehicle \"{}\", but the log is of vehicle \"{vehicle}\"; the file \
+         is not changed; choose another file with --output",
         path.display(),
         known.vehicle,
     );

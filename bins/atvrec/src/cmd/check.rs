@@ -1,4 +1,4 @@
-//! `atvrec check`: errors of a configuration, and which of its devices answer.
+//! `atvrec check`: errors of a configuration, and whether its devices send data.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -15,11 +15,11 @@ use crate::cli::CheckArgs;
 use crate::exit::Outcome;
 use crate::retention;
 
-/// How long sources may take to end.
+/// Longest time that sources may take to end.
 const STOP_DEADLINE: Duration = Duration::from_secs(1);
 
-/// What a device did while it was listened to.
-struct Answer {
+/// Result of listening to a device.
+struct DeviceCheck {
     name: String,
     device: String,
     state: State,
@@ -29,7 +29,7 @@ struct Answer {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    Answers,
+    SendsData,
     Silent,
     NotOpen,
 }
@@ -37,14 +37,14 @@ enum State {
 impl State {
     const fn name(self) -> &'static str {
         match self {
-            Self::Answers => "answers",
+            Self::SendsData => "answers",
             Self::Silent => "silent",
             Self::NotOpen => "not open",
         }
     }
 }
 
-/// Checks.
+/// Runs the command.
 pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     let path = args.path();
     let config = match Config::load(path).map_err(anyhow::Error::from) {
@@ -55,9 +55,9 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
         }
         Err(error) => return Err(error),
     };
-    // What only the engine finds wrong is found here too.
+    // The engine checks the configuration further.
     Engine::new(&config)?;
-    let answers = if args.no_devices {
+    let devices = if args.no_devices {
         Vec::new()
     } else {
         listen(&config, Duration::from_secs_f64(args.listen_s))?
@@ -66,7 +66,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     let rate = retention::last_rate(&storage.directory);
     let warnings = retention::warnings(&storage.directory, storage.limits, &storage.options, rate);
     if args.json {
-        println!("{:#}", as_json(&answers, &warnings));
+        println!("{:#}", as_json(&devices, &warnings));
     } else {
         println!(
             "{}: {} sources, no errors",
@@ -76,17 +76,19 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
         for warning in &warnings {
             println!("warning: {warning}");
         }
-        tell(&answers);
+        print(&devices);
     }
-    let all_answer = answers.iter().all(|answer| answer.state == State::Answers);
-    Ok(if all_answer {
+    let all_send = devices
+        .iter()
+        .all(|device| device.state == State::SendsData);
+    Ok(if all_send {
         Outcome::Good
     } else {
         Outcome::Failed
     })
 }
 
-fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<Answer>> {
+fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<DeviceCheck>> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
@@ -105,31 +107,31 @@ fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<Answer>> {
         tokio::time::sleep(time).await;
         let counters = sequencer.counters();
         if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
-            tracing::warn!(%stuck, "sources did not end in time");
+            tracing::warn!(%stuck, "sources did not end in time and were aborted");
         }
         sequencer.finish();
         drain.await?;
         anyhow::Ok((counters, sequencer.ledger().losses()))
     })?;
-    Ok(answers(config, &counters, &losses))
+    Ok(results(config, &counters, &losses))
 }
 
-fn answers(
+fn results(
     config: &Config,
     counters: &BTreeMap<SourceId, SourceCounters>,
     losses: &Losses,
-) -> Vec<Answer> {
+) -> Vec<DeviceCheck> {
     config
         .sources
         .iter()
         .map(|source| {
             let counters = counters.get(&source.spec.id).cloned().unwrap_or_default();
             let state = match (counters.last_data, counters.open) {
-                (Some(_), _) => State::Answers,
+                (Some(_), _) => State::SendsData,
                 (None, true) => State::Silent,
                 (None, false) => State::NotOpen,
             };
-            Answer {
+            DeviceCheck {
                 name: source.spec.name.clone(),
                 device: device_name(&source.spec.kind),
                 state,
@@ -140,45 +142,45 @@ fn answers(
         .collect()
 }
 
-fn tell(answers: &[Answer]) {
-    for answer in answers {
-        let lost: u64 = answer.lost.iter().sum();
+fn print(devices: &[DeviceCheck]) {
+    for device in devices {
+        let lost: u64 = device.lost.iter().sum();
         println!(
             "  {:<14}{:<32}{:<10}{:>8} items {:>9} bytes{}",
-            answer.name,
-            printable(&answer.device),
-            answer.state.name(),
-            answer.counters.items,
-            answer.counters.bytes,
+            device.name,
+            printable(&device.device),
+            device.state.name(),
+            device.counters.items,
+            device.counters.bytes,
             if lost > 0 {
                 format!(", {lost} lost")
             } else {
                 String::new()
             },
         );
-        if answer.state != State::Answers && !answer.counters.state.is_empty() {
-            println!("                {}", printable(&answer.counters.state));
+        if device.state != State::SendsData && !device.counters.state.is_empty() {
+            println!("                {}", printable(&device.counters.state));
         }
     }
 }
 
-fn as_json(answers: &[Answer], warnings: &[String]) -> serde_json::Value {
-    let devices: Vec<_> = answers
+fn as_json(devices: &[DeviceCheck], warnings: &[String]) -> serde_json::Value {
+    let devices: Vec<_> = devices
         .iter()
-        .map(|answer| {
+        .map(|device| {
             let lost: serde_json::Map<_, _> = LossPlace::ALL
                 .into_iter()
-                .zip(answer.lost)
+                .zip(device.lost)
                 .map(|(place, count)| (place.name().to_owned(), count.into()))
                 .collect();
             json!({
-                "source": answer.name,
-                "device": answer.device,
-                "state": answer.state.name(),
-                "items": answer.counters.items,
-                "bytes": answer.counters.bytes,
+                "source": device.name,
+                "device": device.device,
+                "state": device.state.name(),
+                "items": device.counters.items,
+                "bytes": device.counters.bytes,
                 "lost": lost,
-                "said": answer.counters.state,
+                "said": device.counters.state,
             })
         })
         .collect();

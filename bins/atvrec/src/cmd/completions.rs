@@ -1,11 +1,11 @@
-//! `atvrec completions`.
+//! `atvrec completions`: print the completion script of a shell.
 
 use clap::CommandFactory;
 
 use crate::cli::{Cli, CompletionsArgs};
 use crate::exit::Outcome;
 
-/// Prints the completion script of a shell.
+/// Runs the command.
 pub fn run(args: &CompletionsArgs) -> anyhow::Result<Outcome> {
     let mut command = Cli::command();
     let mut script = Vec::new();

@@ -11,45 +11,45 @@ use engine::Config;
 use sample::text::{printable, printable_lines};
 use serde_json::Value;
 
-use crate::cli::{MarkArgs, OrderArgs, SocketArgs, StatusArgs};
+use crate::cli::{ControlArgs, MarkArgs, SocketArgs, StatusArgs};
 use crate::control::{self, Request};
 use crate::exit::Outcome;
 
-/// How long an answer is waited for.
-const PATIENCE: Duration = Duration::from_secs(3);
-/// The same where files have to be closed.
-const PATIENCE_WITH_FILES: Duration = Duration::from_secs(60);
-/// Longest answer, bytes.
-const ANSWER_MAX: u64 = 16 << 20;
-/// The configuration of a recorder that runs as a service.
-const OF_THE_SERVICE: &str = "/etc/atvrec/atvrec.toml";
+/// Timeout of a response.
+const TIMEOUT: Duration = Duration::from_secs(3);
+/// Timeout of a response to a request that closes files.
+const TIMEOUT_WITH_FILES: Duration = Duration::from_secs(60);
+/// Longest response, bytes.
+const RESPONSE_MAX: u64 = 16 << 20;
+/// Configuration of a recorder that runs as a service.
+const SERVICE_CONFIG: &str = "/etc/atvrec/atvrec.toml";
 
-/// Sets a mark.
+/// Adds a mark.
 pub fn mark(args: &MarkArgs) -> anyhow::Result<Outcome> {
     let request = Request::Mark {
         text: args.text.clone(),
     };
-    let answer = ask(&args.socket, &request)?;
-    println!("marked at {} ns", answer["time_ns"]);
+    let response = send(&args.socket, &request)?;
+    println!("added a mark at {} ns", response["time_ns"]);
     Ok(Outcome::Good)
 }
 
-/// Sends an order and prints the recorder's state after it.
-pub fn order(args: &OrderArgs, request: &Request) -> anyhow::Result<Outcome> {
-    let answer = ask(&args.socket, request)?;
-    println!("{}", text(&answer["writing"]));
+/// Sends a command and prints the recorder's state after it.
+pub fn command(args: &ControlArgs, request: &Request) -> anyhow::Result<Outcome> {
+    let response = send(&args.socket, request)?;
+    println!("{}", text(&response["writing"]));
     Ok(Outcome::Good)
 }
 
-/// Shows the state.
+/// Prints the recorder's state.
 pub fn status(args: &StatusArgs) -> anyhow::Result<Outcome> {
-    let answer = ask(&args.socket, &Request::Status)?;
+    let response = send(&args.socket, &Request::Status)?;
     if args.json {
-        println!("{answer:#}");
+        println!("{response:#}");
     } else {
-        print(&answer);
+        print(&response);
     }
-    let failing = answer["disk"]["state"] == "failing";
+    let failing = response["disk"]["state"] == "failing";
     Ok(if failing {
         Outcome::Failed
     } else {
@@ -57,27 +57,37 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<Outcome> {
     })
 }
 
-fn ask(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
+fn send(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
     let mut stream = connect(socket)?;
-    let patience = match request {
-        Request::Mark { .. } | Request::Status => PATIENCE,
-        Request::Start | Request::Stop | Request::Reload => PATIENCE_WITH_FILES,
+    let timeout = match request {
+        Request::Mark { .. } | Request::Status => TIMEOUT,
+        Request::Start | Request::Stop | Request::Reload => TIMEOUT_WITH_FILES,
     };
-    stream.set_read_timeout(Some(patience))?;
-    stream.set_write_timeout(Some(patience))?;
-    writeln!(stream, "{}", serde_json::to_string(request)?)?;
+    stream.set_read_timeout(Some(timeout))?;
+    stream.set_write_timeout(Some(timeout))?;
+    writeln!(stream, "{}", serde_json::to_string(request)?)
+        .context("cannot send the request to the recorder")?;
     let mut line = String::new();
-    BufReader::new(stream.take(ANSWER_MAX))
+    BufReader::new(stream.take(RESPONSE_MAX))
         .read_line(&mut line)
-        .context("the recorder does not answer")?;
-    let answer: Value = serde_json::from_str(&line).context("the recorder's answer is cut")?;
-    if let Some(error) = answer["error"].as_str() {
-        anyhow::bail!("the recorder refused: {}", printable_lines(error));
+        .with_context(|| {
+            format!(
+                "the recorder did not respond within {} s; see its messages",
+                timeout.as_secs()
+            )
+        })?;
+    let response: Value = serde_json::from_str(&line)
+        .context("the response of the recorder is incomplete; it may have ended: try again")?;
+    if let Some(error) = response["error"].as_str() {
+        anyhow::bail!(
+            "the recorder rejected the request: {}",
+            printable_lines(error)
+        );
     }
-    Ok(answer)
+    Ok(response)
 }
 
-/// Connects to the first of the recorder's possible sockets that accepts.
+/// Connects to the first of the recorder's possible sockets that accepts the connection.
 fn connect(socket: &SocketArgs) -> anyhow::Result<UnixStream> {
     let paths = match &socket.socket {
         Some(path) => vec![path.clone()],
@@ -97,47 +107,39 @@ fn connect(socket: &SocketArgs) -> anyhow::Result<UnixStream> {
         }
     }
     anyhow::bail!(
-        "no recorder answers; start one with `atvrec record`, or name its configuration or \
-         socket ({})",
+        "cannot connect to a recorder; start one with `atvrec record`, or select it with --config, \
+         --directory or --socket (tried {})",
         reasons.join("; ")
     )
 }
 
 fn configuration(socket: &SocketArgs) -> PathBuf {
-    let here = Path::new("atvrec.toml");
+    let local = Path::new("atvrec.toml");
     match &socket.config {
         Some(config) => config.clone(),
-        None if !here.exists() && Path::new(OF_THE_SERVICE).exists() => OF_THE_SERVICE.into(),
-        None => here.to_owned(),
+        None if !local.exists() && Path::new(SERVICE_CONFIG).exists() => SERVICE_CONFIG.into(),
+        None => local.to_owned(),
     }
 }
 
-/// A text of the answer, in one line.
+/// A text of the response in one line.
 fn text(value: &Value) -> Cow<'_, str> {
     printable(value.as_str().unwrap_or_default())
 }
 
-fn print(answer: &Value) {
+fn print(response: &Value) {
     println!(
         "{}, {} arrivals",
-        text(&answer["writing"]),
-        answer["arrivals"]
+        text(&response["writing"]),
+        response["arrivals"]
     );
-    if let Some(kept_s) = answer["memory_s"].as_f64() {
+    if let Some(kept_s) = response["memory_s"].as_f64() {
         println!("the last {kept_s:.1} s are kept in memory");
     }
-    let disk = &answer["disk"];
-    println!(
-        "disk: {} {}, {} bytes, {} waiting",
-        text(&disk["state"]),
-        text(&disk["detail"]),
-        disk["bytes"],
-        disk["waiting"]
-    );
-    println!("  {}", text(&disk["estimate"]));
-    print_losses(answer);
-    print_retention(&answer["retention"]);
-    for source in answer["sources"].as_array().into_iter().flatten() {
+    print_disk(&response["disk"]);
+    print_losses(response);
+    print_retention(&response["retention"]);
+    for source in response["sources"].as_array().into_iter().flatten() {
         println!(
             "  {:<14}{:<10}{:>10} items {:>12} bytes  {}",
             text(&source["name"]),
@@ -151,32 +153,47 @@ fn print(answer: &Value) {
             text(&source["state"]),
         );
     }
-    for name in answer["faulty_sensors"].as_array().into_iter().flatten() {
-        println!("  the estimator leaves out: {}", text(name));
+    for name in response["faulty_sensors"].as_array().into_iter().flatten() {
+        println!("  excluded by the estimator: {}", text(name));
     }
 }
 
+fn print_disk(disk: &Value) {
+    let state = match (&*text(&disk["state"]), &*text(&disk["detail"])) {
+        (state, "") => state.to_owned(),
+        ("failing", reason) => format!("failing: {reason}"),
+        (state, file) => format!("{state} {file}"),
+    };
+    println!(
+        "disk: {state}, {} bytes written, {} items waiting",
+        disk["bytes"], disk["waiting"]
+    );
+    println!("  {}", text(&disk["estimate"]));
+}
 fn print_retention(retention: &Value) {
     if retention["removed"].as_u64().is_some_and(|count| count > 0) {
         println!(
-            "  removed {} logs, {} bytes, to keep within {}; the last was {}",
+            "  removed {} logs ({} bytes); the last one was {}, for the limit {}",
             retention["removed"],
             retention["removed_bytes"],
-            text(&retention["reason"]),
-            text(&retention["last"])
+            text(&retention["last"]),
+            text(&retention["reason"])
         );
     }
-    for broken in retention["broken"].as_array().into_iter().flatten() {
-        println!("  {}", text(broken));
+    for exceeded in retention["broken"].as_array().into_iter().flatten() {
+        println!("  {}", text(exceeded));
     }
 }
 
-/// What waits for the disk, what is gone, and what is lost.
-fn print_losses(answer: &Value) {
-    let disk = &answer["disk"];
+/// Prints the backlog of the disk, logs that were deleted or renamed, and losses.
+fn print_losses(response: &Value) {
+    let disk = &response["disk"];
     print_backlog(&disk["backlog"]);
     if disk["raw_only"] == true {
-        println!("  the disk is nearly full: decoded records are left out, raw data is written");
+        println!(
+            "  the disk is nearly full: only raw data is written, without decoded records; free \
+             space on it"
+        );
     }
     for gone in disk["gone"].as_array().into_iter().flatten() {
         println!(
@@ -186,14 +203,14 @@ fn print_losses(answer: &Value) {
             gone["arrivals"]
         );
     }
-    for (place, count) in answer["lost"].as_object().into_iter().flatten() {
+    for (place, count) in response["lost"].as_object().into_iter().flatten() {
         if count.as_u64().is_some_and(|count| count > 0) {
             println!("lost ({}): {count}", printable(place));
         }
     }
 }
 
-/// What waits for the disk, once that is more than what waits for a disk that keeps pace.
+/// Prints the data that waits for the disk, if it is more than for a disk that is fast enough.
 fn print_backlog(backlog: &Value) {
     let number = |name: &str| backlog[name].as_f64().unwrap_or_default();
     let (seconds, unsynced_s) = (number("seconds"), number("unsynced_s"));
@@ -201,8 +218,8 @@ fn print_backlog(backlog: &Value) {
         return;
     }
     println!(
-        "  the disk is slow: {} arrivals ({:.1} s, {:.1} kB) wait, the queue is {} % full, nothing \
-         confirmed for {unsynced_s:.1} s",
+        "  the disk is slow: {} arrivals ({:.1} s, {:.1} kB) wait, the queue is {} % full, and \
+         written data has not been confirmed for {unsynced_s:.1} s",
         backlog["arrivals"],
         seconds,
         number("bytes") / 1000.0,

@@ -1,4 +1,4 @@
-//! `atvrec demo`: the whole chain without hardware and without privileges.
+//! `atvrec demo`: the complete chain without hardware and without privileges.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,29 +15,29 @@ use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 use crate::pipeline::Summary;
 
-/// Directory of a demonstration that names none.
+/// Default directory.
 const DIRECTORY: &str = "atvrec-demo";
-/// Files in it beside ports and logs.
+/// Files in the directory beside ports and logs.
 const CONFIGURATION: &str = "atvrec.toml";
 const PAGE: &str = "report.html";
 
-/// The recording begins before the drive and ends after it by this much.
+/// Time for which the recording begins before the drive and ends after it.
 const MARGIN: Duration = Duration::from_millis(300);
 
-/// Drives, records, replays and reports.
+/// Runs the command.
 pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let begin = Instant::now();
-    let named = directory(args)?;
-    std::fs::create_dir_all(&named)
-        .with_context(|| format!("cannot make the directory {}", named.display()))?;
-    let directory = named
+    let chosen = directory(args)?;
+    std::fs::create_dir_all(&chosen)
+        .with_context(|| format!("cannot create the directory {}", chosen.display()))?;
+    let directory = chosen
         .canonicalize()
-        .with_context(|| format!("cannot find {}", named.display()))?;
+        .with_context(|| format!("cannot resolve the path {}", chosen.display()))?;
     let config_path = directory.join(CONFIGURATION);
 
     step(
         1,
-        "a virtual vehicle on pseudo-terminals and SLCAN, recorded in real time",
+        "record a virtual vehicle on pseudo-terminals and SLCAN in real time",
     );
     let (summary, sent) = drive_and_record(args, &directory, &config_path)?;
     for sent in &sent {
@@ -45,33 +45,33 @@ pub fn run(args: &DemoArgs, quiet: bool) -> anyhow::Result<Outcome> {
     }
     print!("{}", record::as_text(&summary));
 
-    step(2, "the same estimate from the recorded bytes");
+    step(2, "repeat the estimate from the raw data and compare");
     let verified = replay::run(&replay_args(&summary.files), quiet)?;
 
-    step(3, "the report");
+    step(3, "write the report");
     let page = directory.join(PAGE);
     super::report::write(&summary.files, &page, args.replace.force)?;
 
     println!(
-        "\nDone in {:.0} s. Everything is in {}:",
+        "\nFinished in {:.0} s. All files are in {}:",
         begin.elapsed().as_secs_f64(),
         directory.display()
     );
     println!("  {:<44} configuration", config_path.display());
     for file in &summary.files {
         println!(
-            "  {:<44} log: opens in Foxglove, PlotJuggler, Rerun",
+            "  {:<44} log: open it in Foxglove, PlotJuggler or Rerun",
             file.display()
         );
     }
-    println!("  {:<44} report: opens in any browser", page.display());
+    println!("  {:<44} report: open it in a browser", page.display());
     Ok(match verified {
         Outcome::Good => record::outcome(&summary),
         other => other,
     })
 }
 
-/// The directory that is named, or the first of a row that holds no demonstration yet.
+/// Directory of the command line, or the first default directory without a demonstration.
 fn directory(args: &DemoArgs) -> anyhow::Result<PathBuf> {
     let files = |directory: &Path| [CONFIGURATION, PAGE].map(|name| directory.join(name));
     if let Some(directory) = &args.directory {
@@ -90,9 +90,9 @@ fn directory(args: &DemoArgs) -> anyhow::Result<PathBuf> {
     };
     let name = names
         .find(is_free)
-        .context("every directory atvrec-demo-N is used; name one with -d")?;
+        .context("every directory atvrec-demo-N is used; choose another one with --directory")?;
     if name != DIRECTORY {
-        println!("{DIRECTORY} holds an earlier demonstration; this one goes to {name}");
+        println!("{DIRECTORY} contains an earlier demonstration; the new one is in {name}");
     }
     Ok(name.into())
 }
@@ -129,24 +129,24 @@ fn drive_and_record(
     println!("  {}, {:.0} s", rig.drive, rig.duration_s());
 
     let stop = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&stop);
+    let stopped = Arc::clone(&stop);
     let driver = std::thread::Builder::new()
         .name("virtual".to_owned())
         .spawn(move || {
             std::thread::sleep(MARGIN);
-            devices.drive(&mut rig, &told, &mut |_| Ok(()))?;
-            // The ports stay until the recorder is done with them.
-            while !told.load(Ordering::Relaxed) {
+            devices.drive(&mut rig, &stopped, &mut |_| Ok(()))?;
+            // The ports are kept until the recorder has closed them.
+            while !stopped.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(10));
             }
             anyhow::Ok(devices.sent())
         })
-        .context("cannot start the virtual vehicle's thread")?;
+        .context("cannot start the thread of the virtual vehicle")?;
     let summary = record::block_on(config, None, Some(limit));
     stop.store(true, Ordering::Relaxed);
-    let sent = driver
-        .join()
-        .map_err(|_| anyhow::anyhow!("the virtual vehicle ended with a panic"))??;
+    let sent = driver.join().map_err(|_| {
+        anyhow::anyhow!("the virtual vehicle panicked; its message is printed above")
+    })??;
     Ok((summary?, sent))
 }
 

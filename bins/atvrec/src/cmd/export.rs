@@ -1,5 +1,6 @@
-//! `atvrec export`: a topic as a table.
+//! `atvrec export`: write a topic as a table.
 
+#[cfg(feature = "formats")]
 mod parquet;
 mod text;
 
@@ -14,7 +15,7 @@ use crate::exit::{Outcome, UsageError};
 use crate::output;
 use crate::output::target::{Kind, Target};
 
-/// Exports.
+/// Runs the command.
 pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     let target = args
         .output
@@ -25,7 +26,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         })
         .transpose()?;
     if let Some((from_s, to_s)) = args.from_s.zip(args.to_s).filter(|(from, to)| from > to) {
-        let text = format!("--from {from_s} is later than --to {to_s}; nothing lies between them");
+        let text = format!("--from {from_s} is later than --to {to_s}; exchange the two values");
         return Err(UsageError(text).into());
     }
     let reader = Reader::open(&args.logs)?;
@@ -40,7 +41,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     if let Some(utc) = reader.utc_offset()? {
         table.columns.push(utc_column(&table, utc));
     }
-    // A channel without a schema costs its own topic, whose table states it.
+    // A channel without a schema concerns its own topic only, whose table reports it.
     let mut missing = reader.info().missing;
     missing.retain(|missing| !matches!(missing, Missing::NoSchema { .. }));
     missing.extend(table.missing.iter().cloned());
@@ -48,12 +49,15 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         tracing::warn!("{line}");
     }
     match &target {
-        None => text::write(&table, std::io::stdout().lock()).or_else(output::reader_left)?,
+        None => {
+            text::write(&table, std::io::stdout().lock()).or_else(output::ignore_closed_pipe)?
+        }
         Some(target) => {
-            let is_parquet = target.has_ending("parquet");
+            let is_parquet = target.has_extension("parquet");
             target.write_by(|file| match is_parquet {
+                #[cfg(feature = "formats")]
                 true => parquet::write(&table, file),
-                false => Ok(text::write(&table, BufWriter::new(file))?),
+                _ => Ok(text::write(&table, BufWriter::new(file))?),
             })?;
             println!(
                 "{}: {} rows, {} columns",
@@ -63,19 +67,19 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
             );
         }
     }
-    // A log that is still being recorded lacks nothing, and parts that were not given are not lost.
-    let lacks = |missing: &Missing| {
+    // A log that is still being recorded has lost nothing, and neither have parts that were not given.
+    let is_loss = |missing: &Missing| {
         use Missing::{Cut, Parts, Unfinished};
         !matches!(missing, Unfinished { .. } | Cut { .. } | Parts { .. })
     };
-    Ok(if missing.iter().any(lacks) {
+    Ok(if missing.iter().any(is_loss) {
         Outcome::DataLoss
     } else {
         Outcome::Good
     })
 }
 
-/// UTC of `publish_time_ns` by a receiver.
+/// Column with the UTC of `publish_time_ns`, from a GNSS receiver.
 fn utc_column(table: &Table, utc: UtcOffset) -> Column {
     let times = table.publish_time_ns.iter();
     Column {
@@ -87,7 +91,7 @@ fn utc_column(table: &Table, utc: UtcOffset) -> Column {
     }
 }
 
-/// Heading of a column: `name[unit]`, or the name alone where the unit is a part of it.
+/// Heading of a column: `name[unit]`, or the name alone if it contains the unit.
 fn heading(column: &Column) -> String {
     if column.unit.is_empty() {
         column.name.clone()
@@ -96,8 +100,8 @@ fn heading(column: &Column) -> String {
     }
 }
 
-/// An enumeration's value in words; one without a name as its number.
-fn word(column: &Column, value: i32) -> String {
+/// Name of an enumeration value, or its number if it has no name.
+fn value_name(column: &Column, value: i32) -> String {
     let named = column.names.iter().find(|(number, _)| *number == value);
     named.map_or_else(|| value.to_string(), |(_, name)| name.clone())
 }

@@ -1,12 +1,12 @@
-//! What calibration and identification share: printing findings and drawing their page.
+//! Output of calibration and identification: printed results and the page with their figures.
 
 use estimator::finding::{Figure, Finding, Findings};
 use report::findings::{Page, Table};
 use report::{Panel, Pen, Trace};
 use serde_json::{Value, json};
 
-/// Prints all results: tables for people, or one JSON document.
-pub fn tell(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
+/// Prints all results as tables or as one JSON document.
+pub fn print(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
     if as_json {
         println!("{:#}", to_json(results)?);
         return Ok(());
@@ -36,12 +36,12 @@ pub fn tell(results: &[Findings], as_json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The results as one JSON document with the keys `results` and, below, those of [`Findings`].
+/// Results as one JSON document with the key `results`, a list of [`Findings`].
 pub fn to_json(results: &[Findings]) -> anyhow::Result<Value> {
     Ok(json!({ "results": serde_json::to_value(results)? }))
 }
 
-/// The page of the results, HTML.
+/// HTML page of the results.
 pub fn page(title: &str, facts: Vec<(String, String)>, results: &[Findings]) -> String {
     let mut page = Page {
         title: title.to_owned(),
@@ -58,14 +58,14 @@ pub fn page(title: &str, facts: Vec<(String, String)>, results: &[Findings]) -> 
         }
         let figures = result.figures.iter().enumerate();
         page.figures
-            .extend(figures.map(|(k, figure)| drawn(&format!("figure-{place}-{k}"), figure)));
+            .extend(figures.map(|(k, found)| figure(&format!("figure-{place}-{k}"), found)));
     }
     report::findings::html(&page)
 }
 
-/// Value, deviation, unit, interval and condition number of a finding as texts.
+/// Value, standard deviation, unit, interval and condition number of a finding as texts.
 fn cells(finding: &Finding) -> [String; 5] {
-    // Angles are read in degrees.
+    // Angles are printed in degrees.
     let (factor, unit) = match finding.unit.as_str() {
         "rad" => (1.0_f64.to_degrees(), "deg"),
         "rad/s" => (1.0_f64.to_degrees(), "deg/s"),
@@ -87,7 +87,7 @@ fn cells(finding: &Finding) -> [String; 5] {
     ]
 }
 
-/// Five significant digits, without an exponent where that is short.
+/// Formats a number with five significant digits, without an exponent if the text is short.
 pub fn number(value: f64) -> String {
     if !value.is_finite() {
         return "-".to_owned();
@@ -148,14 +148,14 @@ fn beside(result: &Findings) -> Table {
         vec![name.clone(), number(*value), unit.clone()]
     };
     Table {
-        heading: format!("{}: beside the point", result.what),
+        heading: format!("{}: other quantities", result.what),
         columns: ["quantity", "value", "unit"].map(str::to_owned).to_vec(),
         rows: result.beside.iter().map(row).collect(),
     }
 }
 
-fn drawn(id: &str, figure: &Figure) -> report::Figure {
-    let traces = figure.series.iter().enumerate().map(|(k, series)| Trace {
+fn figure(id: &str, found: &Figure) -> report::Figure {
+    let traces = found.series.iter().enumerate().map(|(k, series)| Trace {
         name: series.name.clone(),
         pen: if series.line {
             Pen::Other(k)
@@ -167,14 +167,14 @@ fn drawn(id: &str, figure: &Figure) -> report::Figure {
     });
     report::Figure {
         id: id.to_owned().into(),
-        title: figure.title.clone().into(),
+        title: found.title.clone().into(),
         caption: "".into(),
         panels: vec![Panel {
             heading: String::new(),
-            y_label: figure.y_label.clone(),
+            y_label: found.y_label.clone(),
             traces: traces.collect(),
         }],
-        x_label: figure.x_label.clone().into(),
+        x_label: found.x_label.clone().into(),
         equal_axes: false,
     }
 }

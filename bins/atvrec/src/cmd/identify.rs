@@ -1,4 +1,4 @@
-//! `atvrec identify`: parameters of the vehicle from logs of drives.
+//! `atvrec identify`: identify parameters of the vehicle from logs of drives.
 
 mod handling;
 mod outputs;
@@ -25,37 +25,37 @@ struct Found {
     identified: Identified,
 }
 
-/// Identifies.
+/// Runs the command.
 pub fn run(command: &IdentifyCommand) -> anyhow::Result<Outcome> {
     let outputs = Outputs::check(command)?;
-    let (found, tell) = match command {
-        IdentifyCommand::Cornering(args) => (in_drive(args, &Method::Cornering)?, &args.tell),
+    let (found, output) = match command {
+        IdentifyCommand::Cornering(args) => (in_drive(args, &Method::Cornering)?, &args.output),
         IdentifyCommand::Tyre(args) => {
             let method = Method::Tyre(kinds(args.model.as_deref())?);
-            (in_drive(&args.shared, &method)?, &args.shared.tell)
+            (in_drive(&args.shared, &method)?, &args.shared.output)
         }
-        IdentifyCommand::RollPitch(args) => (in_drive(args, &Method::RollPitch)?, &args.tell),
+        IdentifyCommand::RollPitch(args) => (in_drive(args, &Method::RollPitch)?, &args.output),
         IdentifyCommand::Inertia(args) => {
             let found = match args.pendulum {
                 Some(kind) => pendulum(args, kind)?,
                 None => in_drive(&args.shared, &Method::YawInertia)?,
             };
-            (found, &args.shared.tell)
+            (found, &args.shared.output)
         }
-        IdentifyCommand::RollCentre(args) => (roll_centre(args)?, &args.tell),
-        IdentifyCommand::Understeer(args) => (in_drive(args, &Method::Understeer)?, &args.tell),
+        IdentifyCommand::RollCentre(args) => (roll_centre(args)?, &args.output),
+        IdentifyCommand::Understeer(args) => (in_drive(args, &Method::Understeer)?, &args.output),
         IdentifyCommand::Response(args) => {
             let method = Method::Response {
                 step_min_rad: args.step_min_deg.to_radians(),
                 window_s: args.window_s,
             };
-            (in_drive(&args.shared, &method)?, &args.shared.tell)
+            (in_drive(&args.shared, &method)?, &args.shared.output)
         }
-        IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.tell),
+        IdentifyCommand::Friction(args) => (in_drive(args, &Method::Friction)?, &args.output),
         IdentifyCommand::Handling(args) => return handling::run(args),
     };
     outputs.write(&found)?;
-    findings::tell(&found.identified.results, tell.json)?;
+    findings::print(&found.identified.results, output.json)?;
     Ok(Outcome::Good)
 }
 
@@ -94,13 +94,16 @@ fn kinds(name: Option<&str>) -> anyhow::Result<Vec<tyre::Kind>> {
         .find(|kind| kind.name() == name)
         .map(|kind| vec![kind])
         .ok_or_else(|| {
-            UsageError(format!("\"{name}\" is no tyre model; there are: {known}")).into()
+            UsageError(format!(
+                "\"{name}\" is not a tyre model; use one of: {known}"
+            ))
+            .into()
         })
 }
 
 fn pendulum(args: &InertiaArgs, kind: PendulumKind) -> anyhow::Result<Found> {
     let needs = |value: Option<f64>, name: &str| {
-        value.ok_or_else(|| UsageError(format!("a pendulum of this kind needs --{name}")))
+        value.ok_or_else(|| UsageError(format!("this kind of pendulum needs --{name}")))
     };
     let shared = &args.shared;
     let reader = Reader::open(&shared.logs)?;

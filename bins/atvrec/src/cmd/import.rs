@@ -1,7 +1,7 @@
-//! `atvrec import`: logs and project files from others' formats.
+//! `atvrec import`: import logs and project files of other formats.
 //!
-//! An imported log is an ordinary log: the file's own lines are its raw bytes, each arriving at the
-//! time that the file tells, so that it can be replayed, reported and scored like a recording.
+//! An imported log is an ordinary log: the lines of the file are its raw data, and each line arrives at
+//! the time in the file. Therefore it can be replayed, reported and scored like a recording.
 
 mod alog;
 mod csv;
@@ -20,19 +20,19 @@ use crate::cli::{ImportCommand, ImportInto};
 use crate::exit::{Outcome, UsageError};
 use crate::output::target::{Kind, Target};
 
-/// Time zero of a file that does not say when it was made: 2000-01-01 UTC, ns.
+/// Time zero of a file without a date: 2000-01-01 UTC, ns.
 const START_DEFAULT_NS: u64 = 946_684_800_000_000_000;
-/// End of the times that a log can have, ns.
+/// End of the times of a log, ns.
 const TIME_END_NS: u64 = u64::MAX / 2;
-/// Largest text that is imported, bytes: an import holds it in memory.
+/// Largest text that is imported, bytes; an import keeps the text in memory.
 const INPUT_MAX: u64 = 1 << 30;
-/// Characters of a cell, and names of columns, that a message shows.
-const TOLD_CHARS: usize = 60;
-const TOLD_NAMES: usize = 50;
-/// A time column that begins later than this counts from 1970: 1980, ns.
+/// Most characters of a cell, and most names of columns, in a message.
+const CHARS_MAX: usize = 60;
+const NAMES_MAX: usize = 50;
+/// Beginning of a time column from which it is UNIX time: 1980, ns.
 const UNIX_TIME_FROM_NS: i128 = 315_532_800_000_000_000;
 
-/// Imports.
+/// Runs the command.
 pub fn run(command: &ImportCommand) -> anyhow::Result<Outcome> {
     match command {
         ImportCommand::Vehicle(args) => vehicle::run(args),
@@ -41,27 +41,27 @@ pub fn run(command: &ImportCommand) -> anyhow::Result<Outcome> {
     }
 }
 
-/// A file as a source of the log to be made.
+/// A file that becomes a source of the log.
 struct Table<'t> {
     /// Kind of source in the configuration.
     kind: &'static str,
-    /// The file.
+    /// Path of the file.
     path: &'t Path,
-    /// Its column map.
+    /// Name of its column map.
     columns: &'t str,
 }
 
 /// The outputs of an import.
 struct Output<'p> {
-    /// The log, if it is one.
+    /// Log, if the import gives one run.
     log: Target,
-    /// What the user asked for.
+    /// Arguments of the user.
     into: &'p ImportInto,
-    /// Files that are read.
+    /// Input files.
     inputs: Vec<&'p Path>,
 }
 
-/// Checks the output; `tables` are the files that are imported and their column maps.
+/// Checks the output; `tables` are the imported files and their column maps.
 fn output<'p>(
     into: &'p ImportInto,
     tables: impl IntoIterator<Item = &'p PathBuf>,
@@ -76,28 +76,24 @@ fn output<'p>(
     })
 }
 
-/// A time that a log can have.
+/// Converts to a time of a log; `None` if it is out of range.
 fn log_time(nanos: i128) -> Option<LogTime> {
     let time = u64::try_from(nanos).ok()?;
     (time < TIME_END_NS).then_some(LogTime(time))
 }
 
-/// The beginning of a text of the input, for a message.
+/// Beginning of a text of the input, for a message.
 fn shortened(text: &str) -> String {
-    let mut shown: String = text.chars().take(TOLD_CHARS).collect();
+    let mut shown: String = text.chars().take(CHARS_MAX).collect();
     if shown.len() < text.len() {
         shown.push_str("...");
     }
     shown
 }
 
-/// The first names of a list, for a message.
+/// First names of a list, for a message.
 fn listed(names: &[&str]) -> String {
-    let shown: Vec<String> = names
-        .iter()
-        .take(TOLD_NAMES)
-        .map(|n| shortened(n))
-        .collect();
+    let shown: Vec<String> = names.iter().take(NAMES_MAX).map(|n| shortened(n)).collect();
     let more = names.len() - shown.len();
     let more = if more > 0 {
         format!(" and {more} more")
@@ -107,7 +103,7 @@ fn listed(names: &[&str]) -> String {
     shown.join(", ") + &more
 }
 
-/// Name of a file as a source: its stem, with what a topic cannot hold left out.
+/// Names of the files as sources: their stems with only the characters that a topic can contain.
 fn source_names(paths: &[PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for path in paths {
@@ -130,7 +126,7 @@ fn source_names(paths: &[PathBuf]) -> Vec<String> {
     names
 }
 
-/// The configuration of the log to be made: the user's own, or one with these tables and vehicle.
+/// Configuration of the log: the user's file, or one with these tables and this vehicle.
 fn configuration(
     names: &[String],
     tables: &[Table<'_>],
@@ -178,7 +174,7 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// A whole text file within [`INPUT_MAX`].
+/// Reads a text file of at most [`INPUT_MAX`] bytes.
 fn read_text(path: &Path) -> anyhow::Result<String> {
     let mut bytes = Vec::new();
     std::fs::File::open(path)
@@ -191,15 +187,15 @@ fn read_text(path: &Path) -> anyhow::Result<String> {
         ))
         .into());
     }
-    // Files from elsewhere are often in Latin-1, whose bytes are the code points; a byte order mark
-    // is none of the first column's name.
+    // Files of other programs are often in Latin-1, in which each byte is a code point. A byte order
+    // mark does not belong to the name of the first column.
     let text = String::from_utf8(bytes)
         .unwrap_or_else(|error| error.as_bytes().iter().map(|b| char::from(*b)).collect());
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// Nanoseconds of a decimal number of units of `unit_ns`; exact, as seconds of UNIX time do not fit
-/// a double to the microsecond.
+/// Exact nanoseconds of a decimal number of units of `unit_ns`. A double cannot hold seconds of UNIX
+/// time with a resolution of a microsecond.
 fn nanos(text: &str, unit_ns: u64) -> Option<i128> {
     let (sign, digits) = match text.strip_prefix('-') {
         Some(rest) => (-1, rest),
@@ -223,20 +219,20 @@ fn nanos(text: &str, unit_ns: u64) -> Option<i128> {
     Some(sign * (whole.parse::<i128>().ok()? * unit + rounded))
 }
 
-/// Gathers what is wrong with rows, so that the first mistakes are told together.
+/// Errors of rows, of which the first ones are reported together.
 #[derive(Default)]
-struct Complaints {
-    told: Vec<String>,
+struct RowErrors {
+    texts: Vec<String>,
     count: usize,
 }
 
-impl Complaints {
-    const TOLD_MAX: usize = 10;
+impl RowErrors {
+    const TEXTS_MAX: usize = 10;
 
     fn add(&mut self, text: impl FnOnce() -> String) {
         self.count += 1;
-        if self.told.len() < Self::TOLD_MAX {
-            self.told.push(text());
+        if self.texts.len() < Self::TEXTS_MAX {
+            self.texts.push(text());
         }
     }
 
@@ -244,10 +240,10 @@ impl Complaints {
         if self.count == 0 {
             return Ok(());
         }
-        let more = self.count - self.told.len();
-        let mut text = self.told.join("\n");
+        let more = self.count - self.texts.len();
+        let mut text = self.texts.join("\n");
         if more > 0 {
-            text.push_str(&format!("\nand {more} more"));
+            text.push_str(&format!("\nand {more} more errors"));
         }
         Err(UsageError(text).into())
     }

@@ -1,4 +1,4 @@
-//! `atvrec info`.
+//! `atvrec info`: show the contents of a log.
 
 use std::fmt::Write as _;
 
@@ -6,29 +6,29 @@ use engine::missing;
 use sample::LogTime;
 use sample::text::printable;
 use serde_json::json;
-use store::{Info, Reader, Session, UtcOffset, utc_ns};
+use store::{Info, Reader, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
 
-/// Tells what a log holds.
+/// Runs the command.
 pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let mut info = reader.info();
     info.missing.extend(reader.changed()?);
-    info.span = info.span.map(|span| recorded(&reader, span));
+    info.span = info.span.map(|span| recorded_span(&reader, span));
     let utc = reader.utc_offset()?;
     if args.json {
-        println!("{:#}", as_json(&info, reader.session(), utc));
+        println!("{:#}", as_json(&info, &reader, utc));
     } else {
-        print!("{}", as_text(&info, reader.session(), utc));
+        print!("{}", as_text(&info, &reader, utc));
     }
     Ok(Outcome::Good)
 }
 
-/// From when on the log tells what came. A part of a run repeats the states that last with their own
-/// time, which may be that of the run's first second; its first arrival is no such repetition.
-fn recorded(reader: &Reader, (first, last): (LogTime, LogTime)) -> (LogTime, LogTime) {
+/// Time span of the recorded data. A part begins with latched messages, whose times may be in the first
+/// second of the run, so that the span begins with the first arrival.
+fn recorded_span(reader: &Reader, (first, last): (LogTime, LogTime)) -> (LogTime, LogTime) {
     let arrival = reader.arrivals().find_map(Result::ok);
     (arrival.map_or(first, |arrival| arrival.log_time), last)
 }
@@ -38,7 +38,8 @@ fn seconds(info: &Info) -> f64 {
         .map_or(0.0, |(first, last)| last.seconds_since(first))
 }
 
-fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
+fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
+    let session = reader.session();
     let mut text = String::new();
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "{label:<10}{}", printable(&value));
@@ -59,6 +60,13 @@ fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     line(
         "program",
         format!("atvrec {} ({})", session.version, session.git_hash),
+    );
+    line(
+        "contract",
+        reader.contract().map_or_else(
+            || "none: an earlier layout, shown in the present one".to_owned(),
+            |version| format!("version {version}"),
+        ),
     );
     if let Some((first, _)) = info.span {
         let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
@@ -104,7 +112,8 @@ fn as_text(info: &Info, session: &Session, utc: Option<UtcOffset>) -> String {
     text
 }
 
-fn as_json(info: &Info, session: &Session, utc: Option<UtcOffset>) -> serde_json::Value {
+fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::Value {
+    let session = reader.session();
     let channels: serde_json::Map<_, _> = info
         .channels
         .iter()
@@ -133,6 +142,7 @@ fn as_json(info: &Info, session: &Session, utc: Option<UtcOffset>) -> serde_json
         })),
         "version": session.version,
         "git_hash": session.git_hash,
+        "contract": reader.contract(),
         "host": session.host,
         "boot_id": session.boot_id,
         "start_ns": info.span.map(|(first, _)| first.0),
@@ -150,7 +160,7 @@ fn as_json(info: &Info, session: &Session, utc: Option<UtcOffset>) -> serde_json
     })
 }
 
-/// Bytes for people.
+/// Size in a suitable unit.
 fn size(bytes: u64) -> String {
     match bytes {
         0..1_000 => format!("{bytes} B"),

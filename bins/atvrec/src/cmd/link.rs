@@ -1,5 +1,5 @@
-//! `atvrec link` brings CAN interfaces up with the configuration's bit rates, for systems in which
-//! the recorder itself may not configure the network.
+//! `atvrec link`: bring up CAN interfaces with the bit rates of the configuration, for systems on
+//! which the recorder has no permission to configure the network.
 
 use acq::{CanSpec, SourceKind, link};
 use engine::Config;
@@ -7,15 +7,15 @@ use engine::Config;
 use crate::cli::LinkArgs;
 use crate::exit::Outcome;
 
-/// Brings up what is down.
+/// Runs the command.
 pub fn run(args: &LinkArgs) -> anyhow::Result<Outcome> {
     let config = Config::load(&args.config)?;
-    let wanted = |can: &&CanSpec| {
+    let is_selected = |can: &&CanSpec| {
         args.interfaces.is_empty()
             || args
                 .interfaces
                 .iter()
-                .any(|name| names(name, &can.interface))
+                .any(|name| is_name_of(name, &can.interface))
     };
     let buses = config
         .sources
@@ -25,13 +25,20 @@ pub fn run(args: &LinkArgs) -> anyhow::Result<Outcome> {
             _ => None,
         });
     let mut outcome = Outcome::Good;
-    for can in buses.filter(wanted) {
+    for can in buses.filter(is_selected) {
         let Some(spec) = &can.link else {
-            tracing::info!(interface = %can.interface, "has no bitrate, left to the system");
+            tracing::info!(
+                interface = %can.interface,
+                "the configuration has no link settings for the interface; it is not changed"
+            );
             continue;
         };
         match link::bring_up(&can.interface, spec) {
-            Ok(()) => tracing::info!(interface = %can.interface, bit_rate = spec.bit_rate, "up"),
+            Ok(()) => tracing::info!(
+                interface = %can.interface,
+                bit_rate = spec.bit_rate,
+                "the interface is up"
+            ),
             Err(error) => {
                 tracing::error!(%error);
                 outcome = Outcome::Failed;
@@ -41,13 +48,13 @@ pub fn run(args: &LinkArgs) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Whether `argument` names the interface, as it is or with the `\xNN` escapes of a systemd unit's
-/// name.
-fn names(argument: &str, interface: &str) -> bool {
+/// Whether `argument` is the name of the interface, also with the `\xNN` escapes of the name of a
+/// systemd unit.
+fn is_name_of(argument: &str, interface: &str) -> bool {
     argument == interface || unescaped(argument).as_deref() == Some(interface.as_bytes())
 }
 
-/// Bytes of a name with `\xNN` escapes; `None` if it has an invalid escape.
+/// Bytes of a name with `\xNN` escapes; `None` if an escape is invalid.
 fn unescaped(name: &str) -> Option<Vec<u8>> {
     let mut parts = name.split("\\x");
     let mut bytes = parts.next()?.as_bytes().to_vec();
@@ -63,9 +70,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn interfaces_are_named_as_they_are_or_escaped() {
+    fn names_of_interfaces_may_be_escaped() {
         for argument in ["can-left", "can\\x2dleft", "\\x63an-left"] {
-            assert!(names(argument, "can-left"), "{argument}");
+            assert!(is_name_of(argument, "can-left"), "{argument}");
         }
         for argument in [
             "can-right",
@@ -74,8 +81,8 @@ mod tests {
             "can\\xzzleft",
             "can\\x2ä",
         ] {
-            assert!(!names(argument, "can-left"), "{argument}");
+            assert!(!is_name_of(argument, "can-left"), "{argument}");
         }
-        assert!(names("can\\x2d", "can\\x2d"));
+        assert!(is_name_of("can\\x2d", "can\\x2d"));
     }
 }

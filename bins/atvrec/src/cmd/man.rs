@@ -1,4 +1,4 @@
-//! `atvrec man`.
+//! `atvrec man`: write the manual pages.
 
 use anyhow::Context;
 use clap::{Command, CommandFactory};
@@ -8,16 +8,16 @@ use crate::cli::{Cli, ManArgs};
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
-/// Writes the manual pages.
+/// Runs the command.
 pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
     let directory = &args.directory;
     std::fs::create_dir_all(directory)
-        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+        .with_context(|| format!("cannot create the directory {}", directory.display()))?;
     let mut command = Cli::command().disable_help_subcommand(true);
     command.build();
     let mut pages = Vec::new();
     add_pages(command, &mut pages);
-    // All are checked before the first is written.
+    // All targets are checked before the first page is written.
     let targets: Vec<Target> = pages
         .iter()
         .map(|page| {
@@ -31,7 +31,7 @@ pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// The pages of a command and of all below it.
+/// Adds the pages of a command and of all its subcommands.
 fn add_pages(command: Command, pages: &mut Vec<Man>) {
     let below = command.get_subcommands().filter(|c| !c.is_hide_set());
     for command in below.cloned().collect::<Vec<_>>() {

@@ -1,4 +1,4 @@
-//! `atvrec record`.
+//! `atvrec record`: record the configured sources.
 
 use std::time::Duration;
 
@@ -13,17 +13,18 @@ use crate::control;
 use crate::exit::Outcome;
 use crate::pipeline::{self, Reload, Summary};
 
-/// Records until a signal or the time given.
+/// Runs the command.
 pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
-    let placed = |mut config: Config| {
+    let with_directory = |mut config: Config| {
         if let Some(directory) = &args.directory {
             config.storage.directory.clone_from(directory);
         }
         config
     };
-    let reload = || Ok(placed(Config::load_again(&args.config)?));
+    let reload = || Ok(with_directory(Config::load_again(&args.config)?));
     let limit = args.duration_s.map(Duration::from_secs_f64);
-    let summary = block_on(placed(Config::load(&args.config)?), Some(&reload), limit)?;
+    let config = with_directory(Config::load(&args.config)?);
+    let summary = block_on(config, Some(&reload), limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));
     } else {
@@ -32,8 +33,8 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
     Ok(outcome(&summary))
 }
 
-/// Records with `config` until SIGINT, SIGTERM or the end of `limit`; at SIGHUP, `reload` gives
-/// another configuration.
+/// Records with `config` until SIGINT, SIGTERM or the end of `limit`. At SIGHUP, `reload` reads the
+/// configuration again.
 pub fn block_on(
     config: Config,
     reload: Option<Reload<'_>>,
@@ -44,14 +45,14 @@ pub fn block_on(
         .thread_name("sources")
         .enable_all()
         .build()
-        .context("cannot start the runtime")?;
+        .context("cannot start the threads of the sources")?;
     runtime.block_on(async {
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         let stop = async {
             tokio::select! {
-                _ = interrupt.recv() => tracing::info!("interrupted, stopping"),
-                _ = terminate.recv() => tracing::info!("told to end, stopping"),
+                _ = interrupt.recv() => tracing::info!("received SIGINT, stopping"),
+                _ = terminate.recv() => tracing::info!("received SIGTERM, stopping"),
                 () = after(limit) => {}
             }
         };
@@ -66,7 +67,7 @@ async fn after(limit: Option<Duration>) {
     }
 }
 
-/// Whether anything was lost.
+/// Outcome of a recording: whether data was lost.
 pub fn outcome(summary: &Summary) -> Outcome {
     if summary.has_loss() {
         Outcome::DataLoss
@@ -75,7 +76,7 @@ pub fn outcome(summary: &Summary) -> Outcome {
     }
 }
 
-/// The summary for people.
+/// Summary as text.
 pub fn as_text(summary: &Summary) -> String {
     use std::fmt::Write as _;
     let mut text = String::new();
@@ -109,7 +110,7 @@ pub fn as_text(summary: &Summary) -> String {
     for name in &summary.health.faulty_sensors {
         let _ = writeln!(
             text,
-            "  left out by the estimator at the end: {}",
+            "  excluded by the estimator at the end: {}",
             printable(name)
         );
     }
@@ -121,7 +122,7 @@ pub fn as_text(summary: &Summary) -> String {
     if summary.losses.records > 0 {
         let _ = writeln!(
             text,
-            "  decoded records not written: {}; `atvrec replay` computes them again",
+            "  {} decoded records were not written; `atvrec replay` computes them again",
             summary.losses.records
         );
     }
@@ -135,10 +136,14 @@ pub fn as_text(summary: &Summary) -> String {
         );
     }
     if let Some(reason) = &summary.recorder.cut_off {
-        let _ = writeln!(text, "  not closed in time: {reason}");
+        let _ = writeln!(text, "  the logs were not closed in time: {reason}");
     }
     for file in &summary.recorder.unfinished {
-        let _ = writeln!(text, "  {} waits for recovery", file.display());
+        let _ = writeln!(
+            text,
+            "  {} is unfinished; the next start recovers it",
+            file.display()
+        );
     }
     for file in &summary.files {
         let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
@@ -158,7 +163,7 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "files": summary.files,
         "lost": lost,
         "lost_records": summary.losses.records,
-        "gone": summary.recorder.gone.iter().map(control::gone).collect::<Vec<_>>(),
+        "gone": summary.recorder.gone.iter().map(control::gone_log).collect::<Vec<_>>(),
         "cut_off": summary.recorder.cut_off,
         "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,

@@ -1,4 +1,4 @@
-//! `atvrec recover`.
+//! `atvrec recover`: recover logs that were cut short or damaged.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::cli::RecoverArgs;
 use crate::exit::Outcome;
 use crate::messages;
 
-/// Makes logs whole.
+/// Runs the command.
 pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {
     let options = RecoverOptions {
         unchecked: args.unchecked,
@@ -23,22 +23,27 @@ pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {
             print(&recovered);
         }
         Err(error) => {
-            messages::failed(&anyhow::anyhow!("{}: {error}", log.display()));
+            messages::failed(&with_path(log, &error));
             failed = true;
         }
     };
     for path in &args.paths {
-        if path.is_dir() {
-            let mut is_empty = true;
-            for (log, result) in recover_each(path, options.clone())? {
-                is_empty = false;
-                report(&log, result);
-            }
-            if is_empty {
-                println!("{}: no unfinished log", path.display());
-            }
-        } else {
+        if !path.is_dir() {
             report(path, recover_with(path, &options));
+            continue;
+        }
+        match recover_each(path, options.clone()) {
+            Ok(logs) => {
+                let mut is_empty = true;
+                for (log, result) in logs {
+                    is_empty = false;
+                    report(&log, result);
+                }
+                if is_empty {
+                    println!("{}: no unfinished log", path.display());
+                }
+            }
+            Err(error) => report(path, Err(error)),
         }
     }
     Ok(match (failed, lost) {
@@ -48,14 +53,24 @@ pub fn run(args: &RecoverArgs) -> anyhow::Result<Outcome> {
     })
 }
 
+/// The error with the path of the log, which most errors already contain.
+fn with_path(log: &Path, error: &store::Error) -> anyhow::Error {
+    let (log, text) = (log.display().to_string(), error.to_string());
+    if text.contains(&log) {
+        anyhow::anyhow!(text)
+    } else {
+        anyhow::anyhow!("{log}: {text}")
+    }
+}
+
 fn print(recovered: &Recovered) {
     let path = recovered.path.display();
     if recovered.was_whole {
-        println!("{path}: whole, nothing to do");
+        println!("{path}: the log is complete, nothing to recover");
         return;
     }
     if recovered.was_empty {
-        println!("{path}: removed, no arrival had been recorded in it");
+        println!("{path}: removed the empty log (no arrivals)");
         return;
     }
     println!(
@@ -64,7 +79,7 @@ fn print(recovered: &Recovered) {
     );
     if recovered.messages_of_cut_chunk > 0 {
         println!(
-            "  {} of the messages stand in a chunk that was cut: no checksum confirms them",
+            "  {} of the messages are from a chunk that was cut; no checksum confirms them",
             recovered.messages_of_cut_chunk
         );
     }

@@ -1,4 +1,4 @@
-//! `atvrec replay`: the estimate again, from the raw bytes alone.
+//! `atvrec replay`: repeat the estimate from the raw data of a log.
 
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ use crate::output::target::{Kind, Target};
 use crate::progress::Progress;
 use crate::session::PROGRAM;
 
-/// Replays.
+/// Runs the command.
 pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let output = output(args)?;
     let reader = Reader::open(&args.logs)?;
@@ -51,7 +51,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         log.finish()?;
     }
     progress.finish();
-    tell(
+    print_result(
         args,
         &done,
         other_program(reader.session()),
@@ -80,7 +80,7 @@ fn outcome(done: &Replayed) -> Outcome {
     }
 }
 
-/// Holds a replay back to a multiple of real time.
+/// Limits a replay to a multiple of real time.
 struct Pace {
     rate: f64,
     start: Option<(Instant, LogTime)>,
@@ -106,7 +106,7 @@ fn log_seconds(reader: &Reader) -> f64 {
     span.map_or(0.0, |(first, last)| last.seconds_since(first))
 }
 
-/// The new log, if one is wanted.
+/// New log, if one is requested.
 fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
     let Some(path) = &args.output else {
         return Ok(None);
@@ -123,13 +123,13 @@ fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
     Target::new(path, Kind::Log, args.replace.force, inputs).map(Some)
 }
 
-/// The program that made the log, if it was not this one.
+/// Program that wrote the log, if it was a different one.
 fn other_program(original: &Session) -> Option<String> {
     let hash = &original.git_hash;
     (hash != PROGRAM.git_hash).then(|| format!("{} ({hash})", original.version))
 }
 
-fn tell(args: &ReplayArgs, done: &Replayed, made_by: Option<String>, took: Duration) {
+fn print_result(args: &ReplayArgs, done: &Replayed, made_by: Option<String>, took: Duration) {
     let verification = done.verification.as_ref();
     let span_s = done
         .span
@@ -139,7 +139,7 @@ fn tell(args: &ReplayArgs, done: &Replayed, made_by: Option<String>, took: Durat
         let value = serde_json::json!({
             "arrivals": done.arrivals,
             "records": done.records,
-            "left_out": done.left_out,
+            "left_out": done.skipped,
             "estimates_during_silence": done.during_silence,
             "log_s": span_s,
             "took_s": took_s,
@@ -155,15 +155,15 @@ fn tell(args: &ReplayArgs, done: &Replayed, made_by: Option<String>, took: Durat
         done.arrivals,
         done.records
     );
-    if done.left_out > 0 {
+    if done.skipped > 0 {
         println!(
-            "  {} arrivals that the estimator left out while recording are left out again",
-            done.left_out
+            "  skipped {} arrivals, which the estimator skipped while recording too",
+            done.skipped
         );
     }
     if done.during_silence > 0 {
         println!(
-            "  {} estimates during silence, which this version no longer gives",
+            "  {} estimates are during silence, for which this version gives no estimates",
             done.during_silence
         );
     }
@@ -172,18 +172,16 @@ fn tell(args: &ReplayArgs, done: &Replayed, made_by: Option<String>, took: Durat
     }
     if done.changed && verification.is_some_and(Verification::is_identical) {
         println!(
-            "NOT VERIFIED: the estimates are identical, but other bytes of the log were changed"
+            "NOT VERIFIED: the estimates are identical, but other data in the log was changed"
         );
     } else if let Some(verification) = verification {
         print!("{verification}");
         if let Some(made_by) = made_by.filter(|_| !verification.is_identical()) {
             let made_by = printable(&made_by);
-            println!(
-                "  the log was made by atvrec {made_by}; another program may estimate otherwise"
-            );
+            println!("  atvrec {made_by} wrote the log; its estimator may differ from this one");
         }
     }
     if let Some(output) = &args.output {
-        println!("  {}", output.display());
+        println!("  wrote {}", output.display());
     }
 }

@@ -1,4 +1,4 @@
-//! `atvrec report`.
+//! `atvrec report`: write an HTML report.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// Writes the report and says where it is.
+/// Writes the report and prints its path and size.
 pub fn write(logs: &[PathBuf], output: &Path, force: bool) -> anyhow::Result<()> {
     let inputs = logs.iter().map(|log| &**log);
     let target = Target::new(output, Kind::Page, force, inputs)?;

@@ -1,4 +1,4 @@
-//! `atvrec score`: estimates of a log against its truth, or against another log's.
+//! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
     Comparison, InnovationScore, Lifts, Score, compare, innovations, innovations_json, score,
@@ -9,7 +9,7 @@ use store::{Reader, Stage};
 use crate::cli::ScoreArgs;
 use crate::exit::Outcome;
 
-/// Scores.
+/// Runs the command.
 pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let stage = if args.smoothed {
@@ -23,7 +23,7 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
         if args.json {
             println!("{:#}", found.to_json());
         } else {
-            tell_comparison(&found);
+            print_comparison(&found);
         }
         return Ok(Outcome::Good);
     }
@@ -35,7 +35,7 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
                 serde_json::json!({ "innovations": innovations_json(&found) })
             );
         } else {
-            tell_innovations(&found);
+            print_innovations(&found);
         }
         return Ok(Outcome::Good);
     }
@@ -43,7 +43,7 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
     if args.json {
         println!("{:#}", found.to_json());
     } else {
-        tell(&found);
+        print_score(&found);
     }
     Ok(Outcome::Good)
 }
@@ -52,8 +52,8 @@ fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
-/// Angles are read in degrees.
-fn shown(unit: &'static str) -> (f64, &'static str) {
+/// Factor and unit for printing; angles are printed in degrees.
+fn printed_unit(unit: &'static str) -> (f64, &'static str) {
     match unit {
         "rad" => (1.0_f64.to_degrees(), "deg"),
         "rad/s" => (1.0_f64.to_degrees(), "deg/s"),
@@ -61,7 +61,7 @@ fn shown(unit: &'static str) -> (f64, &'static str) {
     }
 }
 
-fn tell(found: &Score) {
+fn print_score(found: &Score) {
     println!(
         "{:<20}{:<6}{:<7}{:>10}{:>10}{:>10}{:>10}{:>8}{:>9}{:>8}{:>9}",
         "signal",
@@ -72,12 +72,12 @@ fn tell(found: &Score) {
         "95 %",
         "peak",
         "%",
-        "late ms",
+        "delay ms",
         "nees",
         "inside %"
     );
     for row in &found.signals {
-        let (scale, unit) = shown(row.unit);
+        let (scale, unit) = printed_unit(row.unit);
         let [mean, rmse, most, peak] = [
             row.errors.mean,
             row.errors.rmse,
@@ -108,14 +108,15 @@ fn tell(found: &Score) {
         );
     }
     println!();
-    tell_innovations(&found.innovations);
+    print_innovations(&found.innovations);
     println!();
-    tell_lifts("lifts", &found.lifts);
-    tell_lifts("two-wheel lifts", &found.two_wheel_lifts);
+    print_lifts("lifts", &found.lifts);
+    print_lifts("two-wheel lifts", &found.two_wheel_lifts);
     if let Some(surfaces) = &found.surface_changes {
         for change in &surfaces.changes {
             println!(
-                "{} axle: friction times {:.2} at {:.2} s: declared {} s after, lateral force times {}",
+                "{} axle: friction changes by the factor {:.2} at {:.2} s; detected {} s later, \
+                 lateral force factor {}",
                 change.axle,
                 change.friction_ratio,
                 change.at_s,
@@ -124,17 +125,17 @@ fn tell(found: &Score) {
             );
         }
         println!(
-            "{} changes of surface, {} declared without one",
+            "{} surface changes, {} false detections",
             surfaces.changes.len(),
             surfaces.false_changes
         );
     }
     for (kind, count) in &found.events {
-        println!("declared: {count} {kind}");
+        println!("events: {count} {kind}");
     }
 }
 
-fn tell_innovations(found: &[InnovationScore]) {
+fn print_innovations(found: &[InnovationScore]) {
     println!(
         "{:<20}{:>10}{:>10}{:>8}{:>10}{:>10}{:>9}  bounds",
         "innovations", "count", "rejected", "nis", "inside %", "above %", "windows"
@@ -155,10 +156,10 @@ fn tell_innovations(found: &[InnovationScore]) {
     }
 }
 
-fn tell_lifts(name: &str, found: &Lifts) {
+fn print_lifts(name: &str, found: &Lifts) {
     for lift in &found.lifts {
         println!(
-            "{} lifts at {:.2} s: declared {} s after, warned {} s before",
+            "{} lifts at {:.2} s: detected {} s later, warning {} s before",
             lift.what,
             lift.at_s,
             optional(lift.declared_after_s, 2),
@@ -166,20 +167,20 @@ fn tell_lifts(name: &str, found: &Lifts) {
         );
     }
     println!(
-        "{} {name}, {} declared without one; {} warnings that none followed",
+        "{} {name}, {} false detections, {} false warnings",
         found.lifts.len(),
         found.false_lifts,
         found.false_warnings
     );
 }
 
-fn tell_comparison(found: &Comparison) {
+fn print_comparison(found: &Comparison) {
     println!(
         "{:<20}{:<6}{:<7}{:>12}{:>12}{:>12}{:>10}{:>11}{:>12}",
         "signal", "wheel", "unit", "mean", "rms", "largest", "at s", "one-sided", "of sigma"
     );
     for row in &found.signals {
-        let (scale, unit) = shown(row.unit);
+        let (scale, unit) = printed_unit(row.unit);
         let [mean, rms, largest] = [row.mean, row.rms, row.largest].map(|value| value * scale);
         println!(
             "{:<20}{:<6}{unit:<7}{mean:>12.4}{rms:>12.4}{largest:>12.4}{:>10.2}{:>11}{:>12}",
@@ -191,8 +192,8 @@ fn tell_comparison(found: &Comparison) {
         );
     }
     println!(
-        "{} common estimates, {} here only, {} there only; {} of {} reports of parameters differ; \
-         {} events are the same, {} nearly",
+        "{} estimates in both, {} only in the first, {} only in the second; {} of {} parameter \
+         reports differ; {} events are identical, {} similar",
         found.common,
         found.only_here,
         found.only_there,
@@ -202,12 +203,12 @@ fn tell_comparison(found: &Comparison) {
         found.similar_events
     );
     for (place, events) in [
-        ("here", &found.events_only_here),
-        ("there", &found.events_only_there),
+        ("first", &found.events_only_here),
+        ("second", &found.events_only_there),
     ] {
         for event in events {
             println!(
-                "{place} only, at {:.2} s: {} ({})",
+                "only in the {place}, at {:.2} s: {} ({})",
                 event.at_s, event.kind, event.text
             );
         }

@@ -1,4 +1,4 @@
-//! `atvrec simulate`: the virtual vehicle's bytes straight into a log, as fast as they can be made.
+//! `atvrec simulate`: run a virtual vehicle at full speed and write a log.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -16,7 +16,7 @@ use crate::progress::Progress;
 use crate::retention::{self, Limits};
 use crate::session::PROGRAM;
 
-/// Drives and writes.
+/// Runs the command.
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (output, calibration) = outputs(args)?;
     let mut rig = Rig::new(&args.drive.as_drive()?)?;
@@ -53,7 +53,7 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// The log, unless the output is a directory, and the file of the true calibration.
+/// Log, unless the output is a directory, and file of the true calibration.
 fn outputs(args: &SimulateArgs) -> anyhow::Result<(Option<Target>, Option<Target>)> {
     let drive = &args.drive;
     let named = [&drive.vehicle, &drive.sensors].map(Path::new);
@@ -70,30 +70,30 @@ fn outputs(args: &SimulateArgs) -> anyhow::Result<(Option<Target>, Option<Target
     Ok((log.transpose()?, calibration.transpose()?))
 }
 
-/// Where a simulation goes.
+/// Output of a simulation.
 enum Sink {
     /// One log.
     File(Box<LogFile>),
-    /// A directory, as a recording writes it: rotated, and kept within its limits.
+    /// A directory, with rotation and retention as in a recording.
     Run(Box<Run>),
 }
 
-/// A run of files.
+/// A run in a directory.
 struct Run {
     recorder: Recorder,
     directory: PathBuf,
     limits: Limits,
-    /// When the limits are looked at next, on the log clock.
-    look_at: LogTime,
+    /// Time of the next retention check on the log clock.
+    next_check: LogTime,
 }
 
-/// More arrivals and records than this may not wait for the writer: nothing is to be lost because time
-/// is fast, and as much memory is to be used as in a recording.
+/// Most arrivals and records that wait for the writer. The limit prevents losses at full speed, and
+/// limits the memory to that of a recording.
 const WAITING_MAX: usize = 2_048;
 
-/// Between two looks at the directory's limits, on the log clock.
-const LOOK_NANOS: i64 = 10 * NANOS_PER_SECOND;
-/// Wait for a writer that has fallen behind.
+/// Time between two retention checks on the log clock.
+const CHECK_NANOS: i64 = 10 * NANOS_PER_SECOND;
+/// Pause while more wait.
 const WRITER_PAUSE: Duration = Duration::from_millis(1);
 
 impl Sink {
@@ -107,12 +107,12 @@ impl Sink {
         if let Some(log) = log {
             return Ok(Self::File(Box::new(log.log(session, options)?)));
         }
-        let look_at = session.started;
+        let next_check = session.started;
         let name = RunName {
             directory: directory.to_owned(),
             name: config.storage.name.clone(),
             number: folder::next_run(directory)
-                .with_context(|| format!("cannot read {}", directory.display()))?,
+                .with_context(|| format!("cannot read the directory {}", directory.display()))?,
             started: session.started,
             clock: ClockState::Unknown,
         };
@@ -121,7 +121,7 @@ impl Sink {
             recorder,
             directory: directory.to_owned(),
             limits: config.storage.limits,
-            look_at,
+            next_check,
         })))
     }
 
@@ -136,7 +136,7 @@ impl Sink {
         Ok(())
     }
 
-    /// Closes the files; says how many decoded messages are in them.
+    /// Closes the files and returns the number of decoded messages in them.
     fn finish(self) -> anyhow::Result<u64> {
         match self {
             Self::File(log) => Ok(log.finish()?.counters.messages),
@@ -145,7 +145,7 @@ impl Sink {
                 let lost = summary.losses.arrivals + summary.losses.records;
                 anyhow::ensure!(
                     lost == 0,
-                    "{lost} arrivals and records did not reach the disk: {}",
+                    "{lost} arrivals and records were not written: {}",
                     summary.last_failure.unwrap_or_default()
                 );
                 Ok(summary.files.iter().map(|f| f.counters.messages).sum())
@@ -159,10 +159,11 @@ impl Run {
         while self.recorder.waiting() > WAITING_MAX {
             std::thread::sleep(WRITER_PAUSE);
         }
-        if arrival.log_time >= self.look_at {
-            self.look_at = arrival.log_time + LOOK_NANOS;
-            retention::enforce(&self.directory, self.limits, &Protected::default())
-                .with_context(|| format!("cannot look after {}", self.directory.display()))?;
+        if arrival.log_time >= self.next_check {
+            self.next_check = arrival.log_time + CHECK_NANOS;
+            retention::enforce(&self.directory, self.limits, &Protected::default()).with_context(
+                || format!("cannot read the directory {}", self.directory.display()),
+            )?;
         }
         self.recorder.push(arrival);
         Ok(())

@@ -1,4 +1,4 @@
-//! `atvrec virtual`: the virtual vehicle on ports, in real time.
+//! `atvrec virtual`: run a virtual vehicle on ports in real time.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -12,32 +12,32 @@ use crate::devices::Devices;
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
-/// Drives until the manoeuvre ends or a signal comes.
+/// Runs the command: drives until the manoeuvre ends or a signal is received.
 pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
     let mut rig = Rig::new(&args.drive.as_drive()?)?;
     std::fs::create_dir_all(&args.directory)
-        .with_context(|| format!("cannot make the directory {}", args.directory.display()))?;
+        .with_context(|| format!("cannot create the directory {}", args.directory.display()))?;
     let directory = args
         .directory
         .canonicalize()
-        .with_context(|| format!("cannot find {}", args.directory.display()))?;
+        .with_context(|| format!("cannot resolve the path {}", args.directory.display()))?;
     let ports = Ports {
         directory: &directory,
         can: args.can.as_deref(),
     };
     let config = directory.join("atvrec.toml");
     let text = rig.configuration(&ports);
-    // An earlier run's file that says the same is left alone.
+    // A file of an earlier run with the same content is kept.
     let is_same = std::fs::read_to_string(&config).is_ok_and(|found| found == text);
     let target = (!is_same)
         .then(|| Target::new(&config, Kind::Toml, args.replace.force, inputs(args)))
         .transpose()?;
     let mut devices = Devices::new(&args.directory, args.can.is_none())?;
-    // Who waits for the configuration finds the ports.
+    // The configuration is written after the ports exist, for programs that wait for it.
     if let Some(target) = target {
         target.write(&text)?;
     }
-    tell(&rig, &devices, &config);
+    print_ports(&rig, &devices, &config);
 
     let mut bus = args.can.as_deref().map(open_bus).transpose()?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -68,13 +68,13 @@ fn inputs(args: &VirtualArgs) -> impl Iterator<Item = &Path> {
 fn open_bus(interface: &str) -> anyhow::Result<acq::CanSender> {
     acq::CanSender::open(interface).with_context(|| {
         format!(
-            "cannot send on {interface}; make it with `ip link add {interface} type vcan` and \
+            "cannot send on {interface}; create it with `ip link add {interface} type vcan` and \
              bring it up with `ip link set {interface} up`"
         )
     })
 }
 
-fn tell(rig: &Rig, devices: &Devices, config: &Path) {
+fn print_ports(rig: &Rig, devices: &Devices, config: &Path) {
     println!("{}, {:.0} s; ports:", rig.drive, rig.duration_s());
     for link in devices.links() {
         println!("  {}", link.display());
@@ -82,17 +82,17 @@ fn tell(rig: &Rig, devices: &Devices, config: &Path) {
     println!("record with: atvrec record --config {}", config.display());
 }
 
-/// Sets `stop` when SIGINT or SIGTERM comes.
+/// Sets `stop` when SIGINT or SIGTERM is received.
 fn stop_on_signals(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .context("cannot start the runtime")?;
+        .context("cannot start the signal handling")?;
     std::thread::Builder::new()
         .name("signals".to_owned())
         .spawn(move || {
-            let waited: std::io::Result<()> = runtime.block_on(async {
+            let received: std::io::Result<()> = runtime.block_on(async {
                 let mut interrupt = signal(SignalKind::interrupt())?;
                 let mut terminate = signal(SignalKind::terminate())?;
                 tokio::select! {
@@ -101,12 +101,12 @@ fn stop_on_signals(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
                 }
                 Ok(())
             });
-            if let Err(error) = waited {
-                tracing::warn!(%error, "signals are not heard");
+            if let Err(error) = received {
+                tracing::warn!(%error, "cannot handle SIGINT and SIGTERM; end the program with SIGKILL");
                 return;
             }
             stop.store(true, Ordering::Relaxed);
         })
-        .context("cannot start a thread")?;
+        .context("cannot start the thread \"signals\"")?;
     Ok(())
 }

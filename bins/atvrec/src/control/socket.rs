@@ -1,4 +1,4 @@
-//! Place, permissions and clients of the control socket.
+//! Path, permissions and clients of the control socket.
 
 use std::collections::VecDeque;
 use std::fs::{DirBuilder, File, OpenOptions, Permissions};
@@ -15,23 +15,24 @@ use engine::Config;
 use tokio::net::{UnixListener, UnixStream};
 use tokio::task::{AbortHandle, JoinSet};
 
-use super::{Desk, answer};
+use super::ControlHandler;
 
-/// Clients that are connected at the same time. The oldest idle one gives way to a further one.
+/// Most clients that are connected at the same time. The oldest idle client is disconnected for a
+/// new one.
 const CLIENTS_MAX: usize = 64;
-/// Directory of the sockets of a system, and name of the directory below `XDG_RUNTIME_DIR`.
+/// Directory of the sockets of system services, and name of the directory below `XDG_RUNTIME_DIR`.
 const SYSTEM_DIRECTORY: &str = "/run/atvrec";
 const USER_DIRECTORY: &str = "atvrec";
-/// Name of the socket in the storage directory, where there is no runtime directory.
+/// Name of the socket in the storage directory, which is used if there is no runtime directory.
 const STORAGE_NAME: &str = "control";
-/// Longest part of a socket's name that repeats the name of the storage directory, characters.
+/// Most characters of the storage directory's name that the name of a socket contains.
 const NAME_MAX: usize = 24;
-/// Mode of the socket: this user and group.
+/// Mode of the socket: read and write for user and group.
 const MODE: u32 = 0o660;
 
-/// Where a recorder with this configuration has its socket: one path if the configuration names
-/// it, else the runtime directory of the system, that of the user, and the storage directory, in
-/// this order. Recorders with different storage directories have different sockets.
+/// Possible paths of the socket of a recorder with this configuration: the path in the configuration
+/// if it has one, else a path in the runtime directory of the system, of the user, and in the storage
+/// directory, in this order. Recorders with different storage directories have different sockets.
 pub fn paths(config: &Config) -> Vec<PathBuf> {
     if let Some(path) = &config.control {
         return vec![path.clone()];
@@ -40,7 +41,7 @@ pub fn paths(config: &Config) -> Vec<PathBuf> {
     let mut paths = vec![Path::new(SYSTEM_DIRECTORY).join(&name)];
     #[allow(
         clippy::disallowed_methods,
-        reason = "the login session names its folder in the environment"
+        reason = "the login session sets its runtime directory in the environment"
     )]
     let runtime = std::env::var_os("XDG_RUNTIME_DIR");
     if let Some(user) = runtime.filter(|path| !path.is_empty()) {
@@ -70,7 +71,7 @@ fn name_for(directory: &Path) -> String {
     format!("{last}-{hash:016x}.socket")
 }
 
-/// The socket; removed when dropped.
+/// Listening socket; its file is removed when it is dropped.
 pub struct Listener {
     listener: UnixListener,
     path: PathBuf,
@@ -80,12 +81,12 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// Opens the socket in the first of these places that can hold it.
+    /// Opens the socket at the first of these paths that works.
     pub fn open(paths: &[PathBuf]) -> anyhow::Result<Self> {
         let mut reasons = Vec::new();
         for path in paths {
             if paths.len() > 1 {
-                make_directory(path);
+                create_directory(path);
             }
             match Self::open_at(path) {
                 Ok(listener) => return Ok(listener),
@@ -95,7 +96,7 @@ impl Listener {
         bail!("{}", reasons.join("; "))
     }
 
-    /// Opens the socket. One that nobody listens to any more is replaced; nothing else is.
+    /// Opens the socket. Only a stale socket (without a listener) is replaced.
     fn open_at(path: &Path) -> anyhow::Result<Self> {
         SocketAddr::from_pathname(path)
             .context("the path is too long for a socket; set control.socket to a shorter one")?;
@@ -103,16 +104,20 @@ impl Listener {
         match path.symlink_metadata() {
             Ok(found) if !found.file_type().is_socket() => {
                 bail!(
-                    "the file is not a socket and stays as it is; set control.socket to another path"
+                    "a file that is not a socket has this path and is not replaced; set \
+                     control.socket to another path"
                 );
             }
             Ok(_) => remove_stale(path)?,
             Err(error) if error.kind() == ErrorKind::NotFound => {}
-            Err(error) => return Err(error).context("cannot be examined"),
+            Err(error) => return Err(error).context("cannot read the file's type"),
         }
-        let listener = bind(path)
-            .context("cannot hold a socket; set control.socket to a path on another file system")?;
-        let made = path.symlink_metadata().context("cannot be examined")?;
+        let listener = bind(path).context(
+            "cannot create the socket; set control.socket to a path on another file system",
+        )?;
+        let made = path
+            .symlink_metadata()
+            .context("cannot read the socket's identity")?;
         Ok(Self {
             listener,
             path: path.to_owned(),
@@ -121,20 +126,20 @@ impl Listener {
         })
     }
 
-    /// Where it is.
+    /// Path of the socket.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Answers requests until it is dropped.
-    pub async fn serve(&self, desk: Desk) {
+    /// Serves clients until the future is dropped.
+    pub async fn serve(&self, handler: ControlHandler) {
         let mut clients = Clients::default();
         loop {
             tokio::select! {
                 accepted = self.listener.accept() => match accepted {
-                    Ok((stream, _)) => clients.admit(stream, &desk),
+                    Ok((stream, _)) => clients.admit(stream, &handler),
                     Err(error) => {
-                        tracing::warn!(%error, "the control socket cannot accept a client; next attempt in 1 s");
+                        tracing::warn!(%error, "the control socket cannot accept a client; the next attempt is in 1 s");
                         tokio::time::sleep(Duration::from_secs(1)).await;
                     }
                 },
@@ -148,24 +153,24 @@ impl Drop for Listener {
     fn drop(&mut self) {
         let identity = |found: std::fs::Metadata| (found.dev(), found.ino());
         if self.path.symlink_metadata().map(identity).ok() == Some(self.identity) {
-            // The next start replaces what is left.
+            // The next start replaces a socket that could not be removed.
             let _ = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// Makes the directory of a default path; a failure shows when the socket is made.
-fn make_directory(path: &Path) {
+/// Creates the directory of a default path. A failure shows when the socket is created.
+fn create_directory(path: &Path) {
     if let Some(directory) = path.parent() {
         let _ = DirBuilder::new().mode(0o750).create(directory);
     }
 }
 
-/// Removes a socket that nobody listens to.
+/// Removes a socket without a listener.
 fn remove_stale(path: &Path) -> anyhow::Result<()> {
     match BlockingStream::connect(path) {
         Err(error) if error.kind() == ErrorKind::ConnectionRefused => {
-            std::fs::remove_file(path).context("the old socket cannot be removed")
+            std::fs::remove_file(path).context("cannot remove the old socket")
         }
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
         _ => bail!(
@@ -175,14 +180,14 @@ fn remove_stale(path: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// A socket that has its final mode from the moment it can be found: it is bound in a private
-/// directory beside its place and linked there, which never replaces a file.
+/// Binds a socket that has its final mode as soon as its path exists: the socket is bound in a private
+/// directory beside the path and then linked to the path, which never replaces a file.
 fn bind(path: &Path) -> io::Result<UnixListener> {
     let parent = path
         .parent()
         .filter(|parent| !parent.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    let private = Private(parent.join(format!(".c{}", std::process::id())));
+    let private = PrivateDirectory(parent.join(format!(".c{}", std::process::id())));
     DirBuilder::new().mode(0o700).create(&private.0)?;
     let name = private.socket();
     let listener = UnixListener::bind(&name)?;
@@ -192,23 +197,23 @@ fn bind(path: &Path) -> io::Result<UnixListener> {
 }
 
 /// A directory that only this user can enter; removed when dropped.
-struct Private(PathBuf);
+struct PrivateDirectory(PathBuf);
 
-impl Private {
+impl PrivateDirectory {
     fn socket(&self) -> PathBuf {
         self.0.join("s")
     }
 }
 
-impl Drop for Private {
+impl Drop for PrivateDirectory {
     fn drop(&mut self) {
-        // What is left hinders nobody: its name is that of one process.
+        // A directory that is left does no harm: its name contains the process id.
         let _ = std::fs::remove_file(self.socket());
         let _ = std::fs::remove_dir(&self.0);
     }
 }
 
-/// Held by the recorder that owns the socket, so that of several that start at once one gets it.
+/// Lock of the recorder that owns the socket: if several recorders start at once, one gets it.
 struct Lock {
     path: PathBuf,
     _file: File,
@@ -226,20 +231,23 @@ impl Lock {
                 .truncate(false)
                 .mode(0o600)
                 .open(&path)
-                .with_context(|| format!("cannot make {}", path.display()))?;
+                .with_context(|| format!("cannot create {}", path.display()))?;
             let locked = file.try_lock();
             ensure!(
                 locked.is_ok(),
                 "another recorder owns the socket; set storage.directory or control.socket to \
                  another path"
             );
-            // Its last owner may have removed the file between the two calls.
+            // The last owner may have removed the file between the two calls.
             let identity = |found: std::fs::Metadata| (found.dev(), found.ino());
             if path.symlink_metadata().map(identity).ok() == file.metadata().map(identity).ok() {
                 return Ok(Self { path, _file: file });
             }
         }
-        bail!("{} is removed again and again", path.display())
+        bail!(
+            "another process removes {} repeatedly; set control.socket to another path",
+            path.display()
+        )
     }
 }
 
@@ -253,12 +261,12 @@ impl Drop for Lock {
 #[derive(Default)]
 struct Clients {
     tasks: JoinSet<()>,
-    /// In the order of their connection; true while a request is carried out.
+    /// In the order of their connection; true while a request is handled.
     open: VecDeque<(AbortHandle, Arc<AtomicBool>)>,
 }
 
 impl Clients {
-    fn admit(&mut self, stream: UnixStream, desk: &Desk) {
+    fn admit(&mut self, stream: UnixStream, handler: &ControlHandler) {
         self.open.retain(|(task, _)| !task.is_finished());
         if self.open.len() >= CLIENTS_MAX {
             let idle = |(_, busy): &(_, Arc<AtomicBool>)| !busy.load(Ordering::Relaxed);
@@ -271,10 +279,10 @@ impl Clients {
             }
         }
         let busy = Arc::new(AtomicBool::new(false));
-        let (desk, shared) = (desk.clone(), Arc::clone(&busy));
+        let (handler, shared) = (handler.clone(), Arc::clone(&busy));
         let task = self.tasks.spawn(async move {
-            if let Err(error) = answer(stream, &desk, &shared).await {
-                tracing::debug!(%error, "a control request was not answered");
+            if let Err(error) = handler.serve_client(stream, &shared).await {
+                tracing::debug!(%error, "no response was sent to a control client");
             }
         });
         self.open.push_back((task, busy));
@@ -331,15 +339,15 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_cannot_hold_a_socket_is_an_error_with_the_next_step() {
+    fn an_unusable_path_is_an_error_with_the_next_step() {
         let directory = tempfile::tempdir().expect("a directory");
         let long = directory.path().join("n".repeat(120));
         assert!(refused(&long).contains("too long"));
-        assert!(refused(&directory.path().join("absent/control")).contains("cannot make"));
+        assert!(refused(&directory.path().join("absent/control")).contains("cannot create"));
     }
 
     #[test]
-    fn of_many_that_start_at_once_one_gets_the_socket() {
+    fn one_of_many_simultaneous_starts_gets_the_socket() {
         let runtime = runtime();
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("control");
@@ -361,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn names_differ_by_the_whole_path() {
+    fn socket_names_depend_on_the_whole_path() {
         let (a, b) = (
             name_for(Path::new("/a/logs")),
             name_for(Path::new("/b/logs")),

@@ -1,5 +1,5 @@
-//! Equal messages are limited by rate and counted: a device that repeats an error a thousand times a
-//! second must not fill the journal.
+//! Rate limit of equal messages: repetitions are counted instead of printed, so that a device that
+//! repeats an error a thousand times per second does not fill the journal.
 
 use std::collections::HashMap;
 use std::fmt::{Debug, Write};
@@ -13,20 +13,20 @@ use tracing_subscriber::layer::{Context, Filter};
 
 /// Time over which equal messages are counted.
 const INTERVAL: Duration = Duration::from_secs(10);
-/// Equal messages that are printed in one interval: the same place in the program, the same source
-/// or file, the same words (numbers aside).
+/// Most equal messages that are printed in one interval. Messages are equal if they have the same
+/// place in the program, the same source or file, and the same words (numbers are ignored).
 const EQUAL_MAX: u64 = 5;
-/// Messages of one place in the program about one source or file that are printed in one interval,
-/// whatever they say.
+/// Most messages of one place in the program about one source or file that are printed in one
+/// interval, whatever their words.
 const PLACE_MAX: u64 = 100;
-/// Counters that are kept; beyond them, those of one place are counted together.
+/// Most counters that are kept. Above this number, all messages of one place share a counter.
 const COUNTERS_MAX: usize = 4_096;
-/// Target of the reports, which are not limited themselves.
+/// Target of the reports of repetitions, which are not limited.
 const REPORT: &str = "repeated";
-/// Longest part of a message that its report repeats, characters.
-const REPORT_TEXT_MAX: usize = 200;
+/// Most characters of a message that its report contains.
+const TEXT_MAX: usize = 200;
 
-/// Lets a message through, or counts it.
+/// Filter that prints a message or counts it.
 pub struct Limit;
 
 impl<S: Subscriber> Filter<S> for Limit {
@@ -52,38 +52,38 @@ impl<S: Subscriber> Filter<S> for Limit {
     }
 }
 
-/// Reports what was left out: of the intervals that are over, or of all.
+/// Reports the repetitions of the intervals that are over, or of all intervals.
 pub fn report(now: Instant, all: bool) {
-    // The lock is released before anything is printed, which asks for it.
+    // The lock is released before the reports are printed, because printing takes it.
     let over = lock().take_over(now, all);
     for Counter {
         level,
         words,
-        left_out,
+        suppressed,
         ..
     } in over
     {
         let Words { identity, text, .. } = words;
         match level {
             Level::ERROR => {
-                tracing::error!(target: REPORT, "{identity}{text} … repeated {left_out} more times in 10 s");
+                tracing::error!(target: REPORT, "{identity}{text} … repeated {suppressed} more times in 10 s");
             }
             Level::WARN => {
-                tracing::warn!(target: REPORT, "{identity}{text} … repeated {left_out} more times in 10 s");
+                tracing::warn!(target: REPORT, "{identity}{text} … repeated {suppressed} more times in 10 s");
             }
             _ => {
-                tracing::info!(target: REPORT, "{identity}{text} … repeated {left_out} more times in 10 s")
+                tracing::info!(target: REPORT, "{identity}{text} … repeated {suppressed} more times in 10 s")
             }
         }
     }
 }
 
-/// Starts the thread that reports each second, once.
+/// Starts, once, the thread that reports every second.
 fn start_reports() {
     static THREAD: Once = Once::new();
     THREAD.call_once(|| {
         let thread = std::thread::Builder::new().name("messages".to_owned());
-        // Without the thread, the report at the end remains.
+        // If the thread cannot start, the report at the end of the program remains.
         let _ = thread.spawn(|| {
             loop {
                 std::thread::sleep(Duration::from_secs(1));
@@ -98,14 +98,14 @@ fn lock() -> std::sync::MutexGuard<'static, Counters> {
     COUNTERS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What makes two messages equal.
+/// Identity and words of a message, by which messages are compared.
 #[derive(Clone, Debug, Default)]
 struct Words {
-    /// Source or file that the message is about.
+    /// Source or file of the message.
     identity: String,
-    /// The message, cut.
+    /// Beginning of the message.
     text: String,
-    /// Hash of all other fields without their digits.
+    /// Hash of all other fields without digits.
     hash: DefaultHasher,
 }
 
@@ -124,22 +124,22 @@ impl Visit for Words {
                     .filter(|c| !c.is_ascii_digit())
                     .for_each(|c| c.hash(&mut self.hash));
                 if name == "message" {
-                    self.text = value.chars().take(REPORT_TEXT_MAX).collect();
+                    self.text = value.chars().take(TEXT_MAX).collect();
                 }
             }
         }
     }
 }
 
-/// Messages of one kind in one interval.
+/// Counter of equal messages in one interval.
 #[derive(Clone, Debug)]
 struct Counter {
     since: Instant,
     level: Level,
-    /// Of the first message that was left out.
+    /// Words of the first message that was not printed.
     words: Words,
     printed: u64,
-    left_out: u64,
+    suppressed: u64,
 }
 
 #[derive(Default)]
@@ -150,19 +150,19 @@ impl Counters {
         let words_hash = words.hash.finish();
         if self.0.len() >= COUNTERS_MAX {
             self.0
-                .retain(|_, counter| counter.left_out > 0 || now - counter.since < INTERVAL);
+                .retain(|_, counter| counter.suppressed > 0 || now - counter.since < INTERVAL);
         }
         if self.0.len() < COUNTERS_MAX {
             let equal = self.counter(now, (place, Some(words_hash)), level, &words);
             if equal.printed >= EQUAL_MAX {
-                equal.count_left_out(words);
+                equal.count_suppressed(words);
                 return false;
             }
             equal.printed += 1;
         }
         let all = self.counter(now, (place, None), level, &words);
         if all.printed >= PLACE_MAX {
-            all.count_left_out(words);
+            all.count_suppressed(words);
             return false;
         }
         all.printed += 1;
@@ -181,23 +181,23 @@ impl Counters {
             level,
             words: words.clone(),
             printed: 0,
-            left_out: 0,
+            suppressed: 0,
         };
         let counter = self.0.entry(key).or_insert_with(new);
-        if counter.left_out == 0 && now - counter.since >= INTERVAL {
+        if counter.suppressed == 0 && now - counter.since >= INTERVAL {
             *counter = new();
         }
         counter
     }
 
-    /// The counters with something left out whose interval is over; all of them at the end.
+    /// Removes and returns the counters with repetitions whose interval is over, or all of them.
     fn take_over(&mut self, now: Instant, all: bool) -> Vec<Counter> {
         let over = |counter: &Counter| all || now - counter.since >= INTERVAL;
         let mut found: Vec<_> = self
             .0
             .extract_if(|_, counter| over(counter))
             .map(|(_, counter)| counter)
-            .filter(|counter| counter.left_out > 0)
+            .filter(|counter| counter.suppressed > 0)
             .collect();
         found.sort_by_key(|counter| counter.since);
         found
@@ -205,11 +205,11 @@ impl Counters {
 }
 
 impl Counter {
-    fn count_left_out(&mut self, words: Words) {
-        if self.left_out == 0 {
+    fn count_suppressed(&mut self, words: Words) {
+        if self.suppressed == 0 {
             self.words = words;
         }
-        self.left_out += 1;
+        self.suppressed += 1;
     }
 }
 
@@ -244,7 +244,7 @@ mod tests {
         assert!(counters.take_over(late, false).is_empty());
         let over = counters.take_over(start + INTERVAL, false);
         assert_eq!(over.len(), 1);
-        assert_eq!(over[0].left_out, 28_797 - EQUAL_MAX);
+        assert_eq!(over[0].suppressed, 28_797 - EQUAL_MAX);
         assert_eq!(over[0].words.identity, "source=imu ");
         let again = start + INTERVAL;
         assert!(counters.admit(again, 1, Level::WARN, words("source=imu ", "fault 1")));
@@ -264,11 +264,11 @@ mod tests {
         }
         assert_eq!(printed, PLACE_MAX);
         assert!(counters.0.len() <= COUNTERS_MAX + 1);
-        let left_out: u64 = counters
+        let suppressed: u64 = counters
             .take_over(now, true)
             .iter()
-            .map(|c| c.left_out)
+            .map(|c| c.suppressed)
             .sum();
-        assert_eq!(left_out, 20_000 - PLACE_MAX);
+        assert_eq!(suppressed, 20_000 - PLACE_MAX);
     }
 }

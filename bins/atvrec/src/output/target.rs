@@ -1,8 +1,8 @@
 //! Output files of the commands.
 //!
-//! A file that exists is replaced only with `--force`, and an input never. An output has a temporary
-//! name beside its target while it is written, and gets its own name, in one step, when it is whole
-//! and synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` of a log.
+//! An existing file is replaced only with `--force`, and an input file never. An output has a temporary
+//! name beside its target while it is written, and is renamed in one step when it is complete and
+//! synced. A killed command leaves `NAME.partial-PID`, or `NAME.mcap.active` for a log.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
@@ -16,16 +16,16 @@ use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
 use crate::exit::UsageError;
 
-/// What an output is.
+/// Kind of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A log.
     Log,
     /// A page of figures and tables.
     Page,
-    /// Values that a person may read and edit.
+    /// Values in TOML.
     Toml,
-    /// A table; its ending decides on its form.
+    /// A table; the extension of its name decides on the format.
     Table,
     /// A manual page.
     Manual,
@@ -37,45 +37,51 @@ impl Kind {
     const fn name(self) -> &'static str {
         match self {
             Self::Log => "a log (MCAP)",
-            Self::Page => "a page (HTML)",
+            Self::Page => "an HTML page",
             Self::Toml => "a TOML file",
+            #[cfg(feature = "formats")]
             Self::Table => "a table",
+            #[cfg(not(feature = "formats"))]
+            Self::Table => "a table (this build has no Parquet: feature formats)",
             Self::Manual => "a manual page",
             Self::Any => "a file",
         }
     }
 
-    /// Endings of names that fit, without the dot.
-    const fn endings(self) -> &'static [&'static str] {
+    /// Extensions of the kind, without the dot.
+    const fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Log => &["mcap"],
             Self::Page => &["html", "htm"],
             Self::Toml => &["toml"],
+            #[cfg(feature = "formats")]
             Self::Table => &["csv", "parquet"],
+            #[cfg(not(feature = "formats"))]
+            Self::Table => &["csv"],
             Self::Manual => &["1"],
             Self::Any => &[],
         }
     }
 
-    /// Whether a name without an ending fits too.
-    const fn needs_ending(self) -> bool {
+    /// Whether the name must have an extension.
+    const fn needs_extension(self) -> bool {
         matches!(self, Self::Table)
     }
 }
 
-/// An output that may be written.
+/// An output that passed the checks.
 #[derive(Clone, Debug)]
 pub struct Target {
-    /// As the user named it.
+    /// Path from the command line.
     path: PathBuf,
-    /// Where it is, with links resolved.
-    place: PathBuf,
+    /// Path with links resolved.
+    resolved: PathBuf,
     device: Option<Device>,
     force: bool,
     inputs: Vec<PathBuf>,
 }
 
-/// A target that keeps no file.
+/// A target that is not a regular file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Device {
     StandardOutput,
@@ -85,12 +91,12 @@ enum Device {
 }
 
 impl Target {
-    /// Checks an output before the command does its work. `inputs` are all files that the command
+    /// Checks an output before the command starts its work. `inputs` are all files that the command
     /// reads.
     ///
     /// # Errors
-    /// [`UsageError`] if the name's ending does not fit, the target is an input (also by a link), a
-    /// directory or a disk, exists without `force`, or its directory is missing.
+    /// [`UsageError`] if the extension is wrong, if the target is an input (also through a link), a
+    /// directory or a disk, if it exists and `force` is not set, or if its directory does not exist.
     pub fn new<'p>(
         path: &Path,
         kind: Kind,
@@ -99,7 +105,7 @@ impl Target {
     ) -> anyhow::Result<Self> {
         let mut target = Self {
             path: path.to_owned(),
-            place: path.canonicalize().unwrap_or_else(|_| path.to_owned()),
+            resolved: path.canonicalize().unwrap_or_else(|_| path.to_owned()),
             device: None,
             force,
             inputs: inputs.into_iter().map(Path::to_owned).collect(),
@@ -109,24 +115,24 @@ impl Target {
             target.check(kind)?;
         } else if kind == Kind::Log {
             return target
-                .refuse("is a device; a log needs a file of its own: name one that ends in .mcap");
+                .reject("is a device, but a log must be a regular file; use a name with .mcap");
         }
         Ok(target)
     }
 
-    /// As the user named it.
+    /// Path from the command line.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether the name ends in `.ending`.
-    pub fn has_ending(&self, ending: &str) -> bool {
+    /// Whether the name has this extension.
+    pub fn has_extension(&self, extension: &str) -> bool {
         let found = self.path.extension();
-        found.is_some_and(|found| found.eq_ignore_ascii_case(ending))
+        found.is_some_and(|found| found.eq_ignore_ascii_case(extension))
     }
 
-    fn refuse<T>(&self, why: impl std::fmt::Display) -> anyhow::Result<T> {
-        Err(UsageError(format!("{} {why}", self.path.display())).into())
+    fn reject<T>(&self, reason: impl std::fmt::Display) -> anyhow::Result<T> {
+        Err(UsageError(format!("{} {reason}", self.path.display())).into())
     }
 
     fn find_device(&self) -> anyhow::Result<Option<Device>> {
@@ -144,63 +150,64 @@ impl Target {
         };
         let of = found.file_type();
         if of.is_block_device() {
-            return self.refuse("is a disk, not a file; name a file");
+            return self.reject("is a block device (a disk); use the name of a file");
         }
         let other = of.is_char_device() || of.is_fifo() || of.is_socket();
         Ok(other.then_some(Device::Other))
     }
 
     fn check(&self, kind: Kind) -> anyhow::Result<()> {
-        self.check_ending(kind)?;
+        self.check_extension(kind)?;
         self.check_inputs(&self.path)?;
-        if self.place.is_dir() {
-            return self.refuse("is a directory; name a file");
+        if self.resolved.is_dir() {
+            return self.reject("is a directory; use the name of a file");
         }
         if !self.force && self.path.symlink_metadata().is_ok() {
             return self
-                .refuse("exists already; name another file, or replace this one with --force");
+                .reject("exists already; use another name, or replace the file with --force");
         }
         let directory = self.directory();
         if !directory.is_dir() {
-            return self.refuse(format_args!(
-                "cannot be written: there is no directory {}; make it, or name another file",
+            return self.reject(format_args!(
+                "cannot be written: the directory {} does not exist; create it, or use another \
+                 name",
                 directory.display()
             ));
         }
         Ok(())
     }
 
-    fn check_ending(&self, kind: Kind) -> anyhow::Result<()> {
-        let endings = kind.endings();
-        let fits = match self.path.extension() {
-            _ if endings.is_empty() => true,
-            None => !kind.needs_ending(),
-            Some(found) => endings
+    fn check_extension(&self, kind: Kind) -> anyhow::Result<()> {
+        let extensions = kind.extensions();
+        let is_valid = match self.path.extension() {
+            _ if extensions.is_empty() => true,
+            None => !kind.needs_extension(),
+            Some(found) => extensions
                 .iter()
-                .any(|ending| found.eq_ignore_ascii_case(ending)),
+                .any(|extension| found.eq_ignore_ascii_case(extension)),
         };
-        if fits {
+        if is_valid {
             return Ok(());
         }
-        let fitting = endings.join(" or .");
-        self.refuse(format_args!(
-            "is not a fitting name for {}; end it in .{fitting}",
+        let allowed = extensions.join(" or .");
+        self.reject(format_args!(
+            "has the wrong extension for {}; use .{allowed}",
             kind.name()
         ))
     }
 
-    /// Refuses a path that leads to an input, by whatever name.
+    /// Rejects a path that leads to an input, under any name.
     fn check_inputs(&self, path: &Path) -> anyhow::Result<()> {
         let Ok(found) = std::fs::metadata(path) else {
             return Ok(());
         };
-        let is_it = |input: &&PathBuf| {
+        let is_same = |input: &&PathBuf| {
             std::fs::metadata(input)
                 .is_ok_and(|other| (other.dev(), other.ino()) == (found.dev(), found.ino()))
         };
-        match self.inputs.iter().find(is_it) {
+        match self.inputs.iter().find(is_same) {
             Some(input) => Err(UsageError(format!(
-                "{} is the input {} of this command and cannot be its output; name another file",
+                "{} is the input {} of this command and cannot be its output; use another name",
                 path.display(),
                 input.display()
             ))
@@ -210,7 +217,7 @@ impl Target {
     }
 
     fn directory(&self) -> &Path {
-        match self.place.parent() {
+        match self.resolved.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         }
@@ -224,14 +231,17 @@ impl Target {
         self.write_by(|mut file| Ok(file.write_all(text.as_bytes())?))
     }
 
-    /// Lets `write` fill a file, then gives it its name.
+    /// Calls `write` with a temporary file, then renames the file to the target.
     ///
     /// # Errors
-    /// If `write` fails, the disk refuses, or a file of that name has come meanwhile and is not to
-    /// be replaced. What was written is removed then.
+    /// If `write` fails, if the disk fails, or if a file of that name was created meanwhile and
+    /// `force` is not set. The temporary file is removed then.
     pub fn write_by(&self, write: impl FnOnce(File) -> anyhow::Result<()>) -> anyhow::Result<()> {
         let written = match self.device {
-            Some(device) => self.open(device).and_then(write).or_else(reader_left),
+            Some(device) => self
+                .open(device)
+                .and_then(write)
+                .or_else(ignore_closed_pipe),
             None => self.write_file(write),
         };
         written.with_context(|| format!("cannot write {}", self.path.display()))
@@ -250,25 +260,25 @@ impl Target {
     }
 
     fn write_file(&self, write: impl FnOnce(File) -> anyhow::Result<()>) -> anyhow::Result<()> {
-        let partial = Partial::create(&self.place)?;
+        let partial = PartialFile::create(&self.resolved)?;
         write(partial.file.try_clone()?)?;
         partial.file.sync_all()?;
-        partial.give_name(&self.place, self.force)?;
+        partial.rename_to(&self.resolved, self.force)?;
         File::open(self.directory())?.sync_all()?;
         Ok(())
     }
 
-    /// Begins a log.
+    /// Creates the log.
     ///
     /// # Errors
-    /// [`UsageError`] if an unfinished log of that name is there and is not to be replaced; if the
-    /// disk refuses.
+    /// [`UsageError`] if an unfinished log of that name exists and `force` is not set; if the disk
+    /// fails.
     pub fn log(&self, session: Session, options: Options) -> anyhow::Result<LogFile> {
-        let mut active = self.place.clone().into_os_string();
+        let mut active = self.resolved.clone().into_os_string();
         active.push(ACTIVE_SUFFIX);
         let active = PathBuf::from(active);
-        self.make_room(&active)?;
-        let writer = Writer::create(&self.place, session, options, 0)?;
+        self.remove_unfinished(&active)?;
+        let writer = Writer::create(&self.resolved, session, options, 0)?;
         Ok(LogFile {
             writer: Some(writer),
             active,
@@ -276,17 +286,17 @@ impl Target {
         })
     }
 
-    /// Deals with the unfinished log of a command that was killed.
-    fn make_room(&self, active: &Path) -> anyhow::Result<()> {
+    /// Removes the unfinished log of a command that was killed, if `force` is set.
+    fn remove_unfinished(&self, active: &Path) -> anyhow::Result<()> {
         if active.symlink_metadata().is_err() {
             return Ok(());
         }
         self.check_inputs(active)?;
         if !self.force {
             return Err(UsageError(format!(
-                "{0} is there: the unfinished log of a command that was stopped, or that still runs; \
-                 make it whole with `atvrec recover {0}`, replace it with --force, or name another \
-                 output",
+                "{0} exists: it is the unfinished log of a command that was killed or is still \
+                 running; recover it with `atvrec recover {0}`, replace it with --force, or use \
+                 another name for the output",
                 active.display()
             ))
             .into());
@@ -300,21 +310,21 @@ impl Target {
     }
 }
 
-/// Takes it for success that nobody reads any more.
-fn reader_left(error: anyhow::Error) -> anyhow::Result<()> {
+/// Treats output that its reader has closed as success.
+fn ignore_closed_pipe(error: anyhow::Error) -> anyhow::Result<()> {
     match error.downcast_ref::<std::io::Error>() {
         Some(cause) if cause.kind() == ErrorKind::BrokenPipe => Ok(()),
         _ => Err(error),
     }
 }
 
-/// A file that is being written under a temporary name; removed unless it gets its own.
-struct Partial {
+/// A file with a temporary name; removed when it is dropped before it is renamed.
+struct PartialFile {
     file: File,
     path: Option<PathBuf>,
 }
 
-impl Partial {
+impl PartialFile {
     fn create(target: &Path) -> std::io::Result<Self> {
         for number in 0_u32.. {
             let mut name = target.file_name().unwrap_or_default().to_owned();
@@ -337,7 +347,7 @@ impl Partial {
         Err(ErrorKind::AlreadyExists.into())
     }
 
-    fn give_name(mut self, target: &Path, replace: bool) -> std::io::Result<()> {
+    fn rename_to(mut self, target: &Path, replace: bool) -> std::io::Result<()> {
         let Some(path) = &self.path else {
             return Ok(());
         };
@@ -351,25 +361,25 @@ impl Partial {
     }
 }
 
-impl Drop for Partial {
+impl Drop for PartialFile {
     fn drop(&mut self) {
         if let Some(path) = &self.path {
-            // The reason for the failure is the message that counts.
+            // The first error is reported, not this one.
             let _ = std::fs::remove_file(path);
         }
     }
 }
 
-/// A log that is being written; removed unless it is finished.
+/// A log that is being written; removed when it is dropped before it is finished.
 pub struct LogFile {
-    /// Until it is finished.
+    /// `None` after the log is finished.
     writer: Option<Writer>,
     active: PathBuf,
     force: bool,
 }
 
 impl LogFile {
-    /// Takes what goes into the log.
+    /// Appends an entry to the log.
     pub fn push(&mut self, entry: Entry) -> anyhow::Result<()> {
         let writer = self
             .writer
@@ -382,10 +392,10 @@ impl LogFile {
         Ok(())
     }
 
-    /// Closes the log and gives it its name.
+    /// Closes the log and renames it to the target.
     ///
     /// # Errors
-    /// If the disk refuses, or a file of that name has come meanwhile and is not to be replaced. The
+    /// If the disk fails, or if a file of that name was created meanwhile and `force` is not set. The
     /// log is removed then.
     pub fn finish(mut self) -> anyhow::Result<store::Finished> {
         let writer = self.writer.take().expect("`finish` consumes the log");
@@ -401,7 +411,7 @@ impl LogFile {
     }
 
     fn remove(&self) {
-        // The reason for the failure is the message that counts.
+        // The first error is reported, not this one.
         let _ = std::fs::remove_file(&self.active);
     }
 }

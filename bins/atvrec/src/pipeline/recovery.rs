@@ -1,7 +1,7 @@
-//! Recovery of unfinished logs beside the recording, on a thread at idle priority.
+//! Recovery of unfinished logs in the background, on a thread with idle priority.
 //!
-//! Nobody waits for the thread: the end of the process abandons it. An interrupted recovery leaves
-//! the original as it was, and the next start goes on.
+//! The process does not wait for the thread at its end. An interrupted recovery leaves the original
+//! unchanged, and the next start continues.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,22 +11,28 @@ use store::{Error, Reader, RecoverOptions, Recovered, Summary};
 
 use crate::folder::{LogName, Protected, RunName};
 
-/// Starts the thread for `directory`. Runs that are `protected` are not renamed.
+/// Starts the thread for `directory`. Runs in `protected` are not renamed.
 pub fn start(directory: PathBuf, protected: Protected) {
     let run = move || {
         if let Err(error) = acq::run_at_idle_priority() {
-            tracing::debug!(%error, "recovery runs at normal priority");
+            tracing::debug!(%error, "the recovery runs at normal priority");
         }
         recover(&directory);
         if let Err(error) = name_by_utc(&directory, &protected) {
-            tracing::warn!(%error, "logs keep names by a clock that was not set");
+            tracing::warn!(
+                %error,
+                "cannot rename logs whose names contain a wrong date; the next start tries again"
+            );
         }
     };
     let started = thread::Builder::new()
         .name("recovery".to_owned())
         .spawn(run);
     if let Err(error) = started {
-        tracing::error!(%error, "unfinished logs stay as they are until the next start");
+        tracing::error!(
+            %error,
+            "cannot start the recovery of unfinished logs; run `atvrec recover`, or start again"
+        );
     }
 }
 
@@ -34,7 +40,11 @@ fn recover(directory: &Path) {
     let logs = match store::recover_each(directory, RecoverOptions::default()) {
         Ok(logs) => logs,
         Err(error) => {
-            tracing::error!(%error, "cannot look for unfinished logs");
+            tracing::error!(
+                directory = %directory.display(),
+                %error,
+                "cannot list the unfinished logs; run `atvrec recover` on the directory"
+            );
             return;
         }
     };
@@ -44,7 +54,7 @@ fn recover(directory: &Path) {
             Err(error @ Error::SetAside { .. }) => tracing::warn!(
                 log = %path.display(),
                 %error,
-                "cannot recover an unfinished log; it is set aside"
+                "cannot recover an unfinished log; it was renamed and is not tried again"
             ),
             Err(error) => tracing::error!(
                 log = %path.display(),
@@ -68,12 +78,12 @@ fn report(path: &Path, recovered: &Recovered) {
             %log,
             %lost,
             original = %original.display(),
-            "a part of the log could not be recovered; the damaged original is kept"
+            "a part of the log is lost; the damaged original is kept"
         );
     }
 }
 
-/// Finishes interrupted renames, and gives runs that a kill ended their names by a receiver's date.
+/// Completes interrupted renames, and renames runs that were killed by the date of a receiver.
 fn name_by_utc(directory: &Path, protected: &Protected) -> anyhow::Result<()> {
     store::finish_renames(directory)?;
     let mut runs: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
@@ -84,7 +94,7 @@ fn name_by_utc(directory: &Path, protected: &Protected) -> anyhow::Result<()> {
         let Some(parsed) = LogName::parse(&name) else {
             continue;
         };
-        // Without a number it is a name that a person or an older version gave.
+        // A name without a run number was given by a person or by an older version.
         let stays = parsed.run.is_none_or(|run| protected.contains(run));
         if !stays && name.ends_with(".mcap") && entry.file_type()?.is_file() {
             runs.entry(parsed.stem.to_owned())

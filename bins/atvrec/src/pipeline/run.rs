@@ -1,4 +1,4 @@
-//! One run: its files, and the two threads that write into them.
+//! A run: its files, and the two threads that write to them.
 
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
@@ -14,59 +14,59 @@ use store::{
 };
 use tokio::sync::mpsc;
 
-use super::pulse::{Pulse, Pulses};
-use crate::board::Board;
+use super::heartbeat::{Heartbeat, Heartbeats};
 use crate::folder::{self, Protected, RunGuard, RunName};
 use crate::session;
+use crate::status::RecorderStatus;
 
-/// Arrivals and records that may wait for the writer while a backlog is taken in.
+/// Most arrivals and records that wait for the writer while a backlog is written.
 const BACKLOG_WAITING_MAX: usize = 8_192;
-/// Pause while more wait.
+/// Pause while more of them wait.
 const BACKLOG_PAUSE: Duration = Duration::from_millis(2);
-/// The recorder and the engine look this often for what has come: to be woken for each arrival would
-/// cost several times the work on it. Stamps are set before, in the sources. A kill loses what was
-/// not handed over, and what the journal has not taken in hand since.
-const RECORDER_PAUSE: Duration = Duration::from_millis(25);
-/// The pause of an engine that estimates, and of one that only decodes.
-const ESTIMATOR_PAUSE: Duration = Duration::from_millis(5);
-const DECODER_PAUSE: Duration = Duration::from_millis(50);
-/// Arrivals taken at once.
+/// Polling period of the recorder thread. A wake-up for each arrival would cost several times the work
+/// on the arrival. The sources have stamped the arrivals before. A kill loses the arrivals that were
+/// not passed to the recorder, and those that are not in the journal yet.
+const RECORDER_PERIOD: Duration = Duration::from_millis(25);
+/// Polling period of an engine that estimates, and of one that only decodes.
+const ESTIMATOR_PERIOD: Duration = Duration::from_millis(5);
+const DECODER_PERIOD: Duration = Duration::from_millis(50);
+/// Most arrivals that are received at once.
 const ARRIVALS_MAX: usize = 4_096;
-/// While so many wait, there is no pause.
+/// Number of waiting arrivals from which a thread polls without a pause.
 const ARRIVALS_MANY: usize = 1_024;
-/// Between two looks at the disk: what is lost, and what waits for it.
+/// Time between two checks of the disk: losses and waiting data.
 const DISK_INTERVAL: Duration = Duration::from_secs(1);
-/// Between two warnings of a slow disk.
+/// Time between two warnings of a slow disk.
 const SLOW_DISK_WARNING_INTERVAL: Duration = Duration::from_secs(10);
-/// A disk is slow if arrivals of this much time wait for it,
+/// A disk is slow if arrivals of this time wait for it,
 const SLOW_DISK_SPAN: Duration = Duration::from_secs(2);
-/// or if they take this part of the writer's queue, per cent,
+/// or if the arrivals fill this much of the writer's queue, per cent,
 const SLOW_DISK_FILL: u8 = 10;
-/// or if it has not confirmed what was written for this time.
+/// or if it has not confirmed written data for this time.
 const SLOW_DISK_UNSYNCED: Duration = Duration::from_secs(3);
 
-/// A run of files that is being written.
+/// A run that is being written.
 pub struct Run {
-    /// Writes them.
+    /// Writer of the files.
     pub recorder: Arc<Recorder>,
     raw: JoinHandle<()>,
     engine: JoinHandle<(Engine, Progress)>,
-    pulses: [Arc<Pulse>; 2],
+    heartbeats: [Arc<Heartbeat>; 2],
     name: RunName,
-    /// Retention leaves the logs alone until they are closed.
+    /// Protects the logs from retention until they are closed.
     _guard: RunGuard,
 }
 
-/// How far an engine has come.
+/// Progress of an engine.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Progress {
-    /// Log clock of its last arrival.
+    /// Log time of its last arrival.
     pub time: LogTime,
-    /// Number of its next arrival.
+    /// Sequence number of its next arrival.
     pub next_sequence: u64,
 }
 
-/// The files of a run; made beforehand, so that the run begins between two arrivals.
+/// Files of a run. They are created before the run, so that the run can begin between two arrivals.
 pub struct Files {
     recorder: Arc<Recorder>,
     name: RunName,
@@ -74,7 +74,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Makes the files of a run that starts at `started` by a clock in the state `clock`.
+    /// Creates the files of a run that starts at `started`; `clock` is the state of the clock.
     pub fn open(
         config: &Config,
         started: LogTime,
@@ -108,64 +108,66 @@ impl Files {
         })
     }
 
-    /// What writes them.
+    /// Writer of the files.
     pub const fn recorder(&self) -> &Arc<Recorder> {
         &self.recorder
     }
 }
 
 impl Run {
-    /// Begins to write `streams` and what `engine` makes of them.
+    /// Starts to write `streams` and the records that `engine` computes from them.
     pub fn start(
         files: Files,
         engine: Engine,
         sequencer: Sequencer,
         streams: Streams,
-        pulses: &Pulses,
-        voice: Voice,
+        heartbeats: &Heartbeats,
+        sink: RecordSink,
     ) -> anyhow::Result<Self> {
         let Files {
             recorder,
             name,
             guard,
         } = files;
-        let pulse = [pulses.add("recorder"), pulses.add("engine")];
-        let estimates = streams.estimator.context("a stream without estimator")?;
-        let raw = Raw {
+        let [raw_beat, engine_beat] = [heartbeats.add("recorder"), heartbeats.add("engine")];
+        let for_engine = streams
+            .estimator
+            .context("the stream has no queue for the estimator")?;
+        let raw = RawThread {
             recorder: Arc::clone(&recorder),
             backlog: streams.backlog.clone(),
             queue: streams.recorder,
-            pulse: Arc::clone(&pulse[0]),
+            heartbeat: Arc::clone(&raw_beat),
             sequencer,
-            stated: Losses::default(),
+            reported: Losses::default(),
             checked_at: Instant::now(),
             warned_at: None,
         };
-        let worker = Estimates {
+        let worker = EngineThread {
             engine,
             recorder: Arc::clone(&recorder),
             backlog: streams.backlog,
-            queue: estimates,
-            pulse: Arc::clone(&pulse[1]),
-            voice,
+            queue: for_engine,
+            heartbeat: Arc::clone(&engine_beat),
+            sink,
         };
         Ok(Self {
             recorder,
             raw: spawn("recorder", move || raw.run())?,
             engine: spawn("engine", move || worker.run())?,
-            pulses: pulse,
+            heartbeats: [raw_beat, engine_beat],
             name,
             _guard: guard,
         })
     }
 
-    /// Waits until the stream, which has ended, is worked off, and closes the files, until `deadline`
-    /// or within the configured time. Gives the engine back.
+    /// Waits until all arrivals of the ended stream are processed, and closes the files, until
+    /// `deadline` or within the configured time. Returns the engine.
     pub fn finish(
         self,
         deadline: Option<Instant>,
     ) -> anyhow::Result<(RecorderSummary, Engine, Progress)> {
-        drop(self.pulses);
+        drop(self.heartbeats);
         let engine = join("engine", self.engine);
         join("recorder", self.raw)?;
         let recorder =
@@ -176,27 +178,30 @@ impl Run {
         };
         let (engine, progress) = engine?;
         if summary.cut_off.is_some() {
-            // The disk does not answer in time: the next start gives the names.
+            // The disk does not respond in time: the next start renames the logs.
             return Ok((summary, engine, progress));
         }
-        // Renamed under the names' guard: retention must not meet half of it.
+        // The guard still protects the logs, so that retention sees no half-renamed run.
         match self.name.rename(engine.utc_offset()) {
             Ok(Some((old, new))) => rename_in(&mut summary, &old, &new),
             Ok(None) => {}
-            Err(error) => tracing::warn!(%error, "the logs keep their names until the next start"),
+            Err(error) => tracing::warn!(
+                %error,
+                "cannot rename the logs by the receiver's date; the next start tries again"
+            ),
         }
         folder::count_run(&self.name.directory, self.name.number);
         Ok((summary, engine, progress))
     }
 }
 
-/// The files' paths after their stem has changed.
+/// Changes the paths of the files after their stem was renamed.
 fn rename_in(summary: &mut RecorderSummary, old: &str, new: &str) {
     for file in &mut summary.files {
         let name = file.path.file_name().unwrap_or_default().to_string_lossy();
         if let Some(rest) = name.strip_prefix(old) {
             let renamed = file.path.with_file_name(format!("{new}{rest}"));
-            // One whose new name was taken has kept its old one.
+            // A file keeps its old name if the new name was taken.
             if renamed.exists() {
                 file.path = renamed;
             }
@@ -204,59 +209,55 @@ fn rename_in(summary: &mut RecorderSummary, old: &str, new: &str) {
     }
 }
 
-/// The thread that hands arrivals to the recorder.
-struct Raw {
+/// Thread that passes arrivals to the recorder.
+struct RawThread {
     recorder: Arc<Recorder>,
     backlog: Vec<Arc<Arrival>>,
     queue: mpsc::Receiver<Arc<Arrival>>,
-    pulse: Arc<Pulse>,
+    heartbeat: Arc<Heartbeat>,
     sequencer: Sequencer,
-    /// Losses on the way to the disk that notices of the stream state.
-    stated: Losses,
+    /// Disk losses that were already reported as notices of the stream.
+    reported: Losses,
     checked_at: Instant,
-    /// When the last warning of a slow disk was given.
+    /// Time of the last warning of a slow disk.
     warned_at: Option<Instant>,
 }
 
-impl Raw {
+impl RawThread {
     fn run(mut self) {
         for arrival in std::mem::take(&mut self.backlog) {
-            wait_for_room(&self.recorder, &self.queue);
-            self.take(arrival);
+            wait_for_writer(&self.recorder, &self.queue);
+            self.recorder.push(Arc::unwrap_or_clone(arrival));
+            self.heartbeat.beat();
         }
-        let mut taken = Vec::new();
-        while take_what_came(&mut self.queue, &mut taken, RECORDER_PAUSE) {
-            let arrivals = taken.drain(..).map(Arc::unwrap_or_clone);
+        let mut received = Vec::new();
+        while receive(&mut self.queue, &mut received, RECORDER_PERIOD) {
+            let arrivals = received.drain(..).map(Arc::unwrap_or_clone);
             self.recorder.push_all(arrivals.collect());
-            self.pulse.beat();
+            self.heartbeat.beat();
             self.check_disk();
         }
     }
 
-    fn take(&self, arrival: Arc<Arrival>) {
-        self.recorder.push(Arc::unwrap_or_clone(arrival));
-        self.pulse.beat();
-    }
-
-    /// Looks at the disk: losses become notices of the stream, and a slow disk a warning.
+    /// Reports losses of the disk as notices of the stream, and warns of a slow disk.
     fn check_disk(&mut self) {
         if self.checked_at.elapsed() < DISK_INTERVAL {
             return;
         }
         self.checked_at = Instant::now();
         let status = self.recorder.status();
-        for (source, count) in status.losses.since(&self.stated).at(LossPlace::Disk) {
+        for (source, count) in status.losses.since(&self.reported).at(LossPlace::Disk) {
             let place = LossPlace::Disk;
             self.sequencer.notice(source, Notice::Lost { place, count });
         }
-        self.stated = status.losses;
+        self.reported = status.losses;
         let backlog = status.backlog;
         let slow = backlog.span >= SLOW_DISK_SPAN
             || backlog.queue_fill >= SLOW_DISK_FILL
             || backlog.unsynced >= SLOW_DISK_UNSYNCED;
-        let quiet = |at: Instant| at.elapsed() < SLOW_DISK_WARNING_INTERVAL;
-        let refuses = matches!(status.disk, DiskState::Failing { .. });
-        if !slow || refuses || self.warned_at.is_some_and(quiet) {
+        let is_recent = |at: Instant| at.elapsed() < SLOW_DISK_WARNING_INTERVAL;
+        let fails = matches!(status.disk, DiskState::Failing { .. });
+        if !slow || fails || self.warned_at.is_some_and(is_recent) {
             return;
         }
         self.warned_at = Some(Instant::now());
@@ -266,50 +267,51 @@ impl Raw {
             seconds = backlog.span.as_secs_f64(),
             queue_percent = backlog.queue_fill,
             unsynced_s = backlog.unsynced.as_secs_f64(),
-            "the disk is too slow: data waits for it, and is lost when the queue is full"
+            "the disk is too slow; data waits for it, and will be lost when the queue is full; \
+             use a faster disk or fewer sources"
         );
     }
 }
 
-/// Waits for arrivals and takes all that are there, then pauses unless there were very many; `false`
-/// at the end of the queue.
-fn take_what_came(
+/// Sleeps for `period` unless many arrivals wait, then receives all arrivals that wait; `false` at
+/// the end of the queue.
+fn receive(
     queue: &mut mpsc::Receiver<Arc<Arrival>>,
-    taken: &mut Vec<Arc<Arrival>>,
-    pause: Duration,
+    received: &mut Vec<Arc<Arrival>>,
+    period: Duration,
 ) -> bool {
     if !queue.is_closed() && queue.len() < ARRIVALS_MANY {
-        thread::sleep(pause);
+        thread::sleep(period);
     }
-    queue.blocking_recv_many(taken, ARRIVALS_MAX) > 0
+    queue.blocking_recv_many(received, ARRIVALS_MAX) > 0
 }
 
-/// The thread that estimates for the files.
-struct Estimates {
+/// Thread that runs the engine of a run and writes its records.
+struct EngineThread {
     engine: Engine,
     recorder: Arc<Recorder>,
     backlog: Vec<Arc<Arrival>>,
     queue: mpsc::Receiver<Arc<Arrival>>,
-    pulse: Arc<Pulse>,
-    voice: Voice,
+    heartbeat: Arc<Heartbeat>,
+    sink: RecordSink,
 }
 
-impl Estimates {
+impl EngineThread {
     fn run(mut self) -> (Engine, Progress) {
         let mut progress = Progress::default();
         let mut records = Vec::new();
         for arrival in std::mem::take(&mut self.backlog) {
-            wait_for_room(&self.recorder, &self.queue);
+            wait_for_writer(&self.recorder, &self.queue);
             self.step(&arrival, &mut records, &mut progress);
         }
-        let mut taken = Vec::new();
-        let pause = if self.engine.estimates() {
-            ESTIMATOR_PAUSE
+        let mut received = Vec::new();
+        let period = if self.engine.estimates() {
+            ESTIMATOR_PERIOD
         } else {
-            DECODER_PAUSE
+            DECODER_PERIOD
         };
-        while take_what_came(&mut self.queue, &mut taken, pause) {
-            for arrival in taken.drain(..) {
+        while receive(&mut self.queue, &mut received, period) {
+            for arrival in received.drain(..) {
                 self.step(&arrival, &mut records, &mut progress);
             }
         }
@@ -319,52 +321,52 @@ impl Estimates {
     fn step(&mut self, arrival: &Arrival, records: &mut Vec<Record>, progress: &mut Progress) {
         self.engine.push(arrival, records);
         for record in records.drain(..) {
-            self.voice.hear(&record, arrival);
+            self.sink.append(&record, arrival);
             self.recorder.record(record);
         }
         *progress = Progress {
             time: arrival.log_time,
             next_sequence: arrival.sequence + 1,
         };
-        self.pulse.beat();
+        self.heartbeat.beat();
     }
 }
 
-/// Waits until the writer has caught up, but not beyond the end of the stream: the disk may hang.
-fn wait_for_room(recorder: &Recorder, queue: &mpsc::Receiver<Arc<Arrival>>) {
+/// Waits until few arrivals wait for the writer, or until the stream ends: the disk may hang.
+fn wait_for_writer(recorder: &Recorder, queue: &mpsc::Receiver<Arc<Arrival>>) {
     while recorder.waiting() > BACKLOG_WAITING_MAX && !queue.is_closed() {
         thread::sleep(BACKLOG_PAUSE);
     }
 }
 
-/// An engine that nobody writes down: it says what is the matter and looks out for events.
-pub struct Live {
-    /// Number of the first arrival that it has not seen.
+/// Engine whose records are not written: it prints messages and finds events that are triggers.
+pub struct LiveEngine {
+    /// Sequence number of the first arrival that the engine has not processed.
     pub next_sequence: u64,
-    /// The machine.
+    /// Engine.
     pub engine: Engine,
-    /// What it gets.
+    /// Arrivals.
     pub queue: mpsc::Receiver<Arc<Arrival>>,
-    /// What it does with what it finds.
-    pub voice: Voice,
+    /// Receives the records.
+    pub sink: RecordSink,
 }
 
-impl Live {
-    /// Lets it run until its queue ends.
-    pub fn start(mut self, pulses: &Pulses) -> anyhow::Result<JoinHandle<Health>> {
-        let pulse = pulses.add("live engine");
+impl LiveEngine {
+    /// Runs the engine in a thread until the queue ends.
+    pub fn start(mut self, heartbeats: &Heartbeats) -> anyhow::Result<JoinHandle<Health>> {
+        let heartbeat = heartbeats.add("live engine");
         let run = move || {
             let mut records = Vec::new();
             let mut last = LogTime::default();
             while let Some(arrival) = self.queue.blocking_recv() {
-                pulse.beat();
+                heartbeat.beat();
                 if arrival.sequence < self.next_sequence {
                     continue;
                 }
                 last = arrival.log_time;
                 self.engine.push(&arrival, &mut records);
                 for record in records.drain(..) {
-                    self.voice.hear(&record, &arrival);
+                    self.sink.append(&record, &arrival);
                 }
             }
             self.engine.health(last)
@@ -373,60 +375,62 @@ impl Live {
     }
 }
 
-/// A trigger that was met.
+/// A trigger condition was met.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fired {
-    /// When.
+pub struct TriggerEvent {
+    /// Time of the arrival or event.
     pub time: LogTime,
-    /// What it was, for people.
+    /// Reason, for people.
     pub reason: String,
 }
 
-/// What is done with an engine's records beside writing them.
+/// Receives the records of an engine, in addition to the log: prints messages and events, sets the
+/// recorder's state, and finds events that are triggers.
 #[derive(Clone)]
-pub struct Voice {
-    /// Where sensors that are left out are written up.
-    pub board: Arc<Board>,
-    /// What the log says to people is said on the terminal too.
-    pub aloud: bool,
-    /// Events that are triggers, and where to tell of them.
-    pub events: Option<(Arc<Trigger>, mpsc::Sender<Fired>)>,
+pub struct RecordSink {
+    /// State of the recorder: receives the faulty sensors.
+    pub status: Arc<RecorderStatus>,
+    /// Whether messages and events are also printed.
+    pub prints: bool,
+    /// Triggers, and the queue of trigger events.
+    pub events: Option<(Arc<Trigger>, mpsc::Sender<TriggerEvent>)>,
 }
 
-impl Voice {
-    fn hear(&self, record: &Record, arrival: &Arrival) {
+impl RecordSink {
+    fn append(&self, record: &Record, arrival: &Arrival) {
         match record {
-            // What happened to a source itself, the source has said on the terminal.
+            // A source prints its own notices.
             Record::Log(message)
-                if self.aloud && !matches!(arrival.payload, Payload::Notice(_)) =>
+                if self.prints && !matches!(arrival.payload, Payload::Notice(_)) =>
             {
-                say(message);
+                log_message(message);
             }
             Record::Event(event) => {
-                if self.aloud {
-                    announce(event);
+                if self.prints {
+                    log_event(event);
                 }
-                let Some((trigger, fired)) = &self.events else {
+                let Some((trigger, trigger_events)) = &self.events else {
                     return;
                 };
                 if trigger.fires_on(event) {
-                    // At the end nobody listens any more.
-                    let _ = fired.blocking_send(Fired {
+                    // Fails only when the recording ends.
+                    let _ = trigger_events.blocking_send(TriggerEvent {
                         time: event.time,
                         reason: event.text.clone(),
                     });
                 }
             }
-            Record::Health(health) if self.aloud => {
-                self.board.set_faulty_sensors(health.faulty_sensors.clone());
+            Record::Health(health) if self.prints => {
+                self.status
+                    .set_faulty_sensors(health.faulty_sensors.clone());
             }
             _ => {}
         }
     }
 }
 
-/// Tells a person what needs a look at the rig; lifts and surfaces are the drive's own.
-fn announce(event: &Event) {
+/// Prints events that concern sensors and the filter; lifts and surfaces belong to a drive.
+fn log_event(event: &Event) {
     let text = &event.text;
     match event.kind {
         EventKind::SensorFault(_) | EventKind::FilterReset => {
@@ -439,7 +443,7 @@ fn announce(event: &Event) {
     }
 }
 
-fn say(message: &LogMessage) {
+fn log_message(message: &LogMessage) {
     let (name, text) = (&message.name, &message.text);
     match message.severity {
         Severity::Info => tracing::info!(source = %name, "{text}"),
@@ -448,16 +452,16 @@ fn say(message: &LogMessage) {
     }
 }
 
-/// Looks for marks and frames that are triggers, until the queue ends.
-pub async fn judge(
+/// Checks all arrivals for marks and frames that are triggers, until the queue ends.
+pub async fn watch_for_triggers(
     trigger: Arc<Trigger>,
     mut queue: mpsc::Receiver<Arc<Arrival>>,
-    fired: mpsc::Sender<Fired>,
+    events: mpsc::Sender<TriggerEvent>,
 ) {
     while let Some(arrival) = queue.recv().await {
         if let Some(reason) = trigger.fires(&arrival) {
             let time = arrival.log_time;
-            if fired.send(Fired { time, reason }).await.is_err() {
+            if events.send(TriggerEvent { time, reason }).await.is_err() {
                 return;
             }
         }
@@ -471,12 +475,12 @@ fn spawn<T: Send + 'static>(
     thread::Builder::new()
         .name(name.to_owned())
         .spawn(run)
-        .with_context(|| format!("cannot start the thread {name}"))
+        .with_context(|| format!("cannot start the thread \"{name}\""))
 }
 
-/// Waits for a thread.
+/// Waits for the end of a thread.
 pub fn join<T>(name: &str, thread: JoinHandle<T>) -> anyhow::Result<T> {
-    thread
-        .join()
-        .map_err(|_| anyhow::anyhow!("the thread {name} ended with a panic; see its message above"))
+    thread.join().map_err(|_| {
+        anyhow::anyhow!("the thread \"{name}\" panicked; its message is printed above")
+    })
 }

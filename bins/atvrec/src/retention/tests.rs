@@ -6,7 +6,7 @@ use store::{Options, Record, Session, Writer};
 
 use super::*;
 
-/// A log whose modification time is `age_s` before a fixed one.
+/// A log with a modification time that is `age_s` before a fixed time.
 fn log(directory: &Path, name: &str, age_s: u64, mark: bool) -> u64 {
     let path = directory.join(name);
     let session = Session {
@@ -42,7 +42,7 @@ fn total(directory: &Path) -> u64 {
         .sum()
 }
 
-/// Names that were removed to bring the directory to `bytes`.
+/// Names of the logs that were removed to reduce the directory to `bytes`.
 fn removed(directory: &Path, bytes: u64, protected: &Protected) -> Vec<String> {
     let outcome = enforce(directory, quota(bytes), protected).expect("enforced");
     let names = outcome.removed.iter().map(|log| log.path.file_name());
@@ -54,7 +54,7 @@ fn removed(directory: &Path, bytes: u64, protected: &Protected) -> Vec<String> {
 /// A computer without a battery: the newest drive has the oldest date, in its name and in its
 /// modification time.
 #[test]
-fn the_order_is_that_of_runs_and_parts_whatever_the_clock_said() {
+fn logs_are_removed_in_the_order_of_runs_and_parts() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path();
     let names = [
@@ -79,7 +79,7 @@ fn the_order_is_that_of_runs_and_parts_whatever_the_clock_said() {
 }
 
 #[test]
-fn marked_logs_and_logs_without_an_end_go_last() {
+fn logs_with_marks_and_logs_without_a_summary_are_removed_last() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path();
     log(path, "drive-r000001-20260101T000000Z_0000.mcap", 3, true);
@@ -92,7 +92,7 @@ fn marked_logs_and_logs_without_an_end_go_last() {
 }
 
 #[test]
-fn a_log_that_a_person_renamed_keeps_its_place() {
+fn a_renamed_log_keeps_its_place_in_the_order() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path();
     log(path, "drive-r000005-20260101T000000Z_0000.mcap", 0, false);
@@ -103,9 +103,9 @@ fn a_log_that_a_person_renamed_keeps_its_place() {
     assert_eq!(names, ["drive-r000004-20260101T000000Z_0000.mcap"]);
 }
 
-/// Nothing is removed for a limit that all removable logs together do not reach.
+/// No log is removed for a limit that cannot be met by removing all removable logs.
 #[test]
-fn removing_stops_where_it_cannot_reach_the_limit() {
+fn no_log_is_removed_for_a_limit_that_cannot_be_met() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path();
     let old = log(path, "drive-r000001-20260101T000000Z_0000.mcap", 9, false);
@@ -126,9 +126,9 @@ fn removing_stops_where_it_cannot_reach_the_limit() {
     for limits in [keep_free, quota(part)] {
         let outcome = enforce(path, limits, &protected).expect("enforced");
         assert_eq!(outcome.removed, []);
-        assert_eq!(outcome.broken.len(), 1, "{:?}", outcome.broken);
+        assert_eq!(outcome.exceeded.len(), 1, "{:?}", outcome.exceeded);
     }
-    // A limit that can be reached is, beside one that cannot.
+    // A limit that can be met is met, although another limit cannot be met.
     let both = Limits {
         quota: Some(total(path) - 1),
         ..keep_free
@@ -137,8 +137,8 @@ fn removing_stops_where_it_cannot_reach_the_limit() {
     assert_eq!(outcome.removed.len(), 1);
     assert_eq!(outcome.removed[0].bytes, old);
     assert_eq!(outcome.removed[0].reason, Reason::Quota);
-    assert_eq!(outcome.broken.len(), 1);
-    // The run is closed: it is the newest one still.
+    assert_eq!(outcome.exceeded.len(), 1);
+    // The run is closed, but it is still the newest one.
     drop(guard);
     assert!(removed(path, total(path) - 1, &protected).is_empty());
     drop(protected.begin(3));
@@ -155,7 +155,7 @@ fn free_space_is_a_limit_too() {
         .append(true)
         .open(path.join(name))
         .expect("a log");
-    // A hole counts as the bytes of the file.
+    // The size of the file counts, although it is a sparse file.
     big.set_len(1 << 40).expect("made longer");
     let free = acq::disk_space(path).expect("a disk").free_bytes;
     let limits = Limits {
@@ -168,7 +168,7 @@ fn free_space_is_a_limit_too() {
 }
 
 #[test]
-fn what_belongs_to_a_log_goes_with_it_and_what_is_in_work_stays() {
+fn other_files_of_a_log_are_removed_with_it_and_logs_in_use_are_kept() {
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path();
     let [first, second, third] =
@@ -182,7 +182,7 @@ fn what_belongs_to_a_log_goes_with_it_and_what_is_in_work_stays() {
     fs::write(path.join(format!("{second}.recovering")), "half").expect("written");
     let lock = File::open(path.join(&third)).expect("opened");
     lock.lock().expect("locked");
-    // Directories and pipes of such a name are no logs.
+    // A directory with the name of a log is not a log.
     fs::create_dir(path.join("drive-r000000-20260101T000000Z_0000.mcap")).expect("made");
     let outcome = enforce(path, quota(total(path) - 500), &Protected::default()).expect("enforced");
     assert_eq!(outcome.removed.len(), 1);
@@ -194,22 +194,25 @@ fn what_belongs_to_a_log_goes_with_it_and_what_is_in_work_stays() {
 }
 
 #[test]
-fn the_room_is_what_the_limits_leave() {
+fn available_bytes_respect_the_limits() {
     let directory = tempfile::tempdir().expect("a directory");
     let bytes = log(directory.path(), "a.mcap", 1, false);
     assert_eq!(
-        room(directory.path(), quota(bytes + 1000)).expect("listed"),
+        available_bytes(directory.path(), quota(bytes + 1000)).expect("listed"),
         1000
     );
     let limits = Limits {
         quota: None,
         keep_free: Some(u64::MAX),
     };
-    assert_eq!(room(directory.path(), limits).expect("listed"), 0);
+    assert_eq!(
+        available_bytes(directory.path(), limits).expect("listed"),
+        0
+    );
 }
 
 #[test]
-fn limits_that_cannot_hold_are_found() {
+fn limits_that_cannot_be_met_are_found() {
     let directory = tempfile::tempdir().expect("a directory");
     let absent = directory.path().join("not/made/yet");
     let options = Options {

@@ -197,22 +197,26 @@ fn tables_that_make_no_sense_are_refused_in_bounded_time_and_memory() {
     for (name, text, part) in [
         ("long.csv", long, "bytes in a line"),
         ("many.csv", many, "bytes in a line"),
-        ("quote.csv", quote, "lacks the column"),
+        ("quote.csv", quote, "does not have the column"),
         ("wide.csv", "a,".repeat(20_000) + "t[s]\n", "columns"),
-        ("empty.csv", String::new(), "lacks the column"),
+        ("empty.csv", String::new(), "does not have the column"),
         (
             "cell.csv",
             format!("t[s]\n{}\n", "9".repeat(100_000) + "x"),
             "not a finite number",
         ),
-        ("text.parquet", "no table".to_owned(), "cannot be read"),
+        ("text.parquet", "no table".to_owned(), "cannot read"),
         ("none.parquet", String::new(), "no Parquet file"),
         (
             "gap.csv",
             truth_table(&[0.0, 0.01, 4000.0]),
-            "rows 2 and 3 are 3999.99 s apart",
+            "the gap between rows 2 and 3 is 3999.99 s",
         ),
-        ("back.csv", truth_table(&[0.0, 0.01, 0.0]), "time must rise"),
+        (
+            "back.csv",
+            truth_table(&[0.0, 0.01, 0.0]),
+            "time must increase",
+        ),
     ] {
         fs::write(here.join(name), text).expect("written");
         refused_truth(here, name, part);
@@ -341,23 +345,27 @@ fn texts_that_make_no_sense_are_refused_by_import() {
     for (text, part, code) in [
         (
             format!("t,v\n0,{}\n", "1".repeat(1 << 20)),
-            "at most 65536 are read",
+            "the limit is 65536",
             1,
         ),
         (
             format!("{}\n", "x,".repeat(1 << 20)),
-            "at most 65536 are read",
+            "the limit is 65536",
             1,
         ),
         (format!("{}\n", "x,".repeat(30_000)), "and 29951 more", 2),
         (
             format!("t,v\n0,{}x\n", "1".repeat(60_000)),
-            "is no number",
+            "is not a number",
             2,
         ),
-        (format!("t,v\n{}x,1\n", "1".repeat(60_000)), "is no time", 2),
+        (
+            format!("t,v\n{}x,1\n", "1".repeat(60_000)),
+            "is not a time",
+            2,
+        ),
         ("t,v\n1e17,1\n".to_owned(), "out of range", 2),
-        ("t,v\n0,1\n0,1e400\n".to_owned(), "is no number", 2),
+        ("t,v\n0,1\n0,1e400\n".to_owned(), "is not a number", 2),
     ] {
         fs::write(here.join("t.csv"), text).expect("written");
         import(part, code);

@@ -149,7 +149,7 @@ fn a_slow_sine_gives_cornering_stiffness_and_its_file_goes_into_the_configuratio
     let said = String::from_utf8_lossy(&refused.stderr).into_owned()
         + &String::from_utf8_lossy(&refused.stdout);
     assert!(
-        !refused.status.success() && said.contains("found for"),
+        !refused.status.success() && said.contains("the overrides are for"),
         "{said}"
     );
 }
@@ -325,7 +325,7 @@ fn truth(directory: &Path, log: &str) -> Drive {
         ..Drive::default()
     };
     for row in lines {
-        let steer = 0.5 * (of(&row, "steer_rad.fl") + of(&row, "steer_rad.fr"));
+        let steer = 0.5 * (of(&row, "fl.steer_rad") + of(&row, "fr.steer_rad"));
         drive.steer_rad.push(steer);
         drive.yaw_rate_rad_s.push(of(&row, "yaw_rate_rad_s"));
     }

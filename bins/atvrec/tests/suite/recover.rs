@@ -49,7 +49,21 @@ fn a_damaged_log_is_read_and_recovered_without_the_damaged_chunk() {
     assert!(text.contains("kept as drive.mcap.damaged"), "{text}");
     assert_eq!(fs::read(original).expect("kept"), bytes);
     let text = stdout(&run(&["recover", "drive.mcap"]).success());
-    assert!(text.contains("whole"), "{text}");
+    assert!(text.contains("the log is complete"), "{text}");
+}
+
+/// The path stands once in the message, and the other paths are still recovered.
+#[test]
+fn an_error_names_its_path_once_and_other_paths_are_recovered() {
+    let directory = tempfile::tempdir().expect("a directory");
+    simulate(directory.path(), "drive.mcap", 1);
+    let assert = atvrec(directory.path())
+        .args(["recover", "absent.mcap", "drive.mcap"])
+        .assert()
+        .code(1);
+    let text = stderr(&assert);
+    assert_eq!(text.matches("absent.mcap").count(), 1, "{text}");
+    assert!(stdout(&assert).contains("drive.mcap: the log is complete"));
 }
 
 /// A name that is no log's, and a chunk above the bound: the exit code is 1, and a larger bound helps.

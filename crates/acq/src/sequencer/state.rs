@@ -255,7 +255,8 @@ impl State {
             let run = self.unrecorded.pop_front();
             tracing::error!(
                 ?run,
-                "estimator skipped arrivals, and the log cannot say so"
+                "the estimator skipped arrivals, and the recorder's queue is too full to record \
+                 which; a replay will not be identical"
             );
         }
     }

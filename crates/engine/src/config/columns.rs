@@ -1,4 +1,4 @@
-//! Column maps: what the columns of a table mean.
+//! Column maps: quantities and units of the columns of a table.
 
 use toml::de::DeValue;
 use wire::column::{Column, Dimension, Quantity};
@@ -6,7 +6,7 @@ use wire::{alog, csv};
 
 use model::file::{Field, FromValue, Gatherer, Problem, Section, closest};
 
-/// Units of a time column, with their length in ns.
+/// Units of a time column and their lengths, ns.
 const TIME_UNITS: [(&str, u64); 5] = [
     ("s", 1_000_000_000),
     ("ms", 1_000_000),
@@ -14,42 +14,42 @@ const TIME_UNITS: [(&str, u64); 5] = [
     ("ns", 1),
     ("min", 60_000_000_000),
 ];
-/// The lines of one instant in an alog are no further apart than this by default, s.
+/// Default of the largest time between the lines of one instant in an alog, s.
 const TOGETHER_S: f64 = 0.001;
 
-/// The map that knows the names that Auburn's GAVLab gives its instruments.
+/// Built-in map of the variable names of Auburn's GAVLab.
 pub const GAVLAB_MAP: &str = include_str!("../../assets/gavlab.toml");
 
-/// When a row was.
+/// Source of the time of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RowTime {
-    /// A column tells; the number is the length of its unit in ns.
+    /// A column, and the length of its unit in ns.
     Column(csv::Place, u64),
-    /// Rows stand at this rate, the first at time zero, Hz.
+    /// Rows at a constant rate, Hz, the first at time zero.
     Rate(f64),
 }
 
-/// How the time of a table becomes time of the log.
+/// Conversion of the time of a table to the log clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Times {
-    /// When a row was.
+    /// Source of the time of a row.
     pub row: RowTime,
     /// UNIX time of time zero, ns; `None` leaves it to the importer.
     pub start_unix_ns: Option<u64>,
-    /// Rows may stand in any order.
+    /// Whether the rows are sorted by time.
     pub sort: bool,
 }
 
 /// A map for delimited text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CsvMap {
-    /// How rows are read.
+    /// Format of the rows.
     pub format: csv::Format,
-    /// When they were.
+    /// Times of the rows.
     pub times: Times,
 }
 
-/// Reads a map for delimited text. `file` is only named in messages.
+/// Reads a map for delimited text. `file` is the name for messages.
 pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
     read(file, text, |top, gather| {
         let times = read_times(top.section("time", gather), gather);
@@ -69,8 +69,8 @@ pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
             gather.add(
                 &table.span(),
                 "table.decimal_comma",
-                "a comma cannot part cells and decimals",
-                "give another delimiter, such as delimiter = \";\"",
+                "the comma cannot be both the delimiter and the decimal separator",
+                "set another delimiter, such as delimiter = \";\"",
             );
         }
         table.finish(gather);
@@ -88,7 +88,7 @@ pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
     })
 }
 
-/// Reads a map for MOOS logs. `file` is only named in messages.
+/// Reads a map for MOOS logs. `file` is the name for messages.
 pub fn alog_map(file: &str, text: &str) -> Result<alog::Format, Vec<Problem>> {
     read(file, text, |top, gather| {
         let together_s = top.number_in("together_s", 0.0..=1.0, TOGETHER_S, gather);
@@ -134,7 +134,7 @@ pub fn alog_map(file: &str, text: &str) -> Result<alog::Format, Vec<Problem>> {
     })
 }
 
-/// Columns of one family are measured by one act.
+/// Default group of a column: columns of one group belong to one measurement.
 fn family(column: &Column) -> String {
     match column.quantity {
         Quantity::Acceleration(_) | Quantity::Rate(_) => "imu".to_owned(),
@@ -177,7 +177,7 @@ fn check(result: Result<(), wire::WireError>, gather: &mut Gatherer<'_>) {
     if let Err(error) = result
         && gather.is_empty()
     {
-        let help = "describe each column in a table [column.<name>] with from, quantity and unit";
+        let help = "write a table [column.<name>] with from, quantity and unit for each column";
         gather.add(&(0..0), "column", error.to_string(), help);
     }
 }
@@ -196,8 +196,8 @@ fn read_times(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Times {
                 gather.add(
                     &field.span,
                     &field.name,
-                    format!("\"{}\" is no unit of time", field.value),
-                    format!("give one of: {names}"),
+                    format!("\"{}\" is not a unit of time", field.value),
+                    format!("use one of: {names}"),
                 );
                 1
             },
@@ -212,16 +212,16 @@ fn read_times(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Times {
                 &rate.span,
                 &rate.name,
                 format!("{} Hz is out of range", rate.value),
-                "give a rate from above 0 to 1000000",
+                "use a rate above 0 and up to 1000000",
             );
             RowTime::Rate(1.0)
         }
         (given, _) => {
             let message = match given {
-                Some(_) => "a column and a rate contradict each other",
+                Some(_) => "both a column and a rate are set",
                 None => "missing",
             };
-            let help = "give column = \"<name>\" or rate_hz = <number>";
+            let help = "set either column = \"<name>\" or rate_hz = <number>";
             gather.add(&section.span(), "time", message, help);
             RowTime::Rate(1.0)
         }
@@ -246,7 +246,7 @@ fn read_delimiter(field: &Field<String>, gather: &mut Gatherer<'_>) -> Option<ch
                     &field.span,
                     &field.name,
                     format!("\"{text}\" is not one character"),
-                    "give one character, \"tab\", or \"blank\" for any run of blanks",
+                    "use one character, \"tab\", or \"blank\" for any number of spaces and tabs",
                 );
             }
             first
@@ -261,7 +261,7 @@ fn read_column(
 ) -> Option<Column> {
     let quantity = section.required::<String>(
         "quantity",
-        "say what the column holds, such as quantity = \"speed.forward\", or \"signal\"",
+        "set the quantity of the column, such as quantity = \"speed.forward\" or \"signal\"",
         gather,
     );
     let unit = section.optional::<String>("unit", gather);
@@ -280,7 +280,7 @@ fn read_column(
         gather.add(
             &quantity.span,
             &quantity.name,
-            format!("\"{}\" is no quantity", quantity.value),
+            format!("\"{}\" is not a known quantity", quantity.value),
             help,
         );
         return None;
@@ -305,17 +305,17 @@ fn read_unit(
 ) -> Option<(String, f64)> {
     let dimension = kind.dimension();
     let names: Vec<&str> = dimension.units().iter().map(|(name, _)| *name).collect();
-    let known = format!("give one of: {}", names.join(", "));
+    let known = format!("use one of: {}", names.join(", "));
     match unit {
         Some(field) => match dimension.factor(&field.value) {
             Some(factor) => Some((field.value, factor)),
             None => {
-                let message = format!("\"{}\" is no unit of {}", field.value, quantity.value);
+                let message = format!("\"{}\" is not a unit of {}", field.value, quantity.value);
                 gather.add(&field.span, &field.name, message, known);
                 None
             }
         },
-        // A wrong guess between radians and degrees would go unseen, so nothing is guessed.
+        // No unit is assumed: a mix-up of radians and degrees would not be noticed.
         None if matches!(dimension, Dimension::Free | Dimension::Counts) => {
             Some((String::new(), 1.0))
         }
@@ -327,11 +327,11 @@ fn read_unit(
     }
 }
 
-/// A column's name or number.
+/// Name or number of a column.
 struct PlaceValue(csv::Place);
 
 impl FromValue for PlaceValue {
-    const EXPECTED: &'static str = "a column's name or number";
+    const EXPECTED: &'static str = "the name or number of a column";
 
     fn from_value(value: &DeValue<'_>) -> Option<Self> {
         match value {
@@ -349,27 +349,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_map_of_the_gavlab_is_sound() {
-        let format = alog_map("gavlab.toml", GAVLAB_MAP).expect("a sound map");
+    fn the_built_in_map_is_valid() {
+        let format = alog_map("gavlab.toml", GAVLAB_MAP).expect("a valid map");
         assert!(format.variables.len() > 10);
     }
 
     #[test]
-    fn every_mistake_of_a_map_is_told_at_once() {
+    fn all_errors_of_a_map_are_reported_together() {
         let text = "[time]\nunit = \"h\"\n[column.vx]\nquantity = \"speed.forwards\"\n\
                     [column.r]\nquantity = \"rate.z\"\n[column.ay]\n\
                     quantity = \"acceleration.y\"\nunit = \"deg\"\nskale = 2\n";
-        let problems = csv_map("map.toml", text).expect_err("mistakes");
-        let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        let problems = csv_map("map.toml", text).expect_err("errors");
+        let texts: Vec<String> = problems.iter().map(ToString::to_string).collect();
         for part in [
-            "no unit of time",
-            "give column = \"<name>\" or rate_hz",
+            "not a unit of time",
+            "set either column = \"<name>\" or rate_hz",
             "did you mean \"speed.forward\"",
             "rate.z needs a unit",
-            "no unit of acceleration.y",
+            "not a unit of acceleration.y",
             "unknown field",
         ] {
-            assert!(told.iter().any(|t| t.contains(part)), "{part}: {told:#?}");
+            assert!(texts.iter().any(|t| t.contains(part)), "{part}: {texts:#?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `[vehicle]` and `[estimator]`: what the estimator is told.
+//! `[vehicle]` and `[estimator]`: configuration of the estimator.
 
 use estimator::tuning::Group;
 use estimator::{Calibration, Input, Method, Settings, Tuning};
@@ -10,9 +10,9 @@ use super::files::{FileKind, Files};
 use super::overrides;
 use model::file::{Field, Gatherer, NumberOrList, Section, closest};
 
-/// Methods, as they are written in the file.
+/// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
-/// Inputs, as they are written in the file.
+/// Names of the inputs in the file.
 const INPUTS: [(&str, Input); 8] = [
     ("strain", Input::Strain),
     ("deflection", Input::Deflection),
@@ -24,21 +24,21 @@ const INPUTS: [(&str, Input); 8] = [
     ("ground_speed", Input::GroundSpeed),
 ];
 
-/// What the estimator is told.
+/// Configuration of the estimator.
 #[derive(Clone, Debug)]
 pub struct Estimator {
-    /// The vehicle.
+    /// Vehicle.
     pub vehicle: Vehicle,
-    /// Its sensors.
+    /// Sensors of the vehicle.
     pub sensors: Sensors,
-    /// What a workshop found of them.
+    /// Calibration of the sensors.
     pub calibration: Calibration,
     /// Method and inputs.
     pub settings: Settings,
 }
 
-/// Reads both tables; `None` if the estimator is switched off, or no vehicle is named, or
-/// something is wrong.
+/// Reads both tables; `None` if the estimator is switched off, if there is no vehicle, or if there is
+/// an error.
 pub fn read(
     mut section: Section<'_>,
     mut vehicle: Section<'_>,
@@ -62,13 +62,13 @@ pub fn read(
 
     let settings = Settings {
         method: method.map_or(Method::default(), |field| {
-            pick(&field, &field.value, &METHODS, gather).unwrap_or_default()
+            by_name(&field, &field.value, &METHODS, gather).unwrap_or_default()
         }),
         ignore: ignore.map_or_else(Vec::new, |field| {
             field
                 .value
                 .iter()
-                .filter_map(|name| pick(&field, name, &INPUTS, gather))
+                .filter_map(|name| by_name(&field, name, &INPUTS, gather))
                 .collect()
         }),
         tuning,
@@ -81,15 +81,15 @@ pub fn read(
             gather.add(
                 &vehicle_span,
                 "vehicle.file",
-                format!("missing, but {} = true", field.name),
-                "name the vehicle file, or one of the program's own: file = \"prowler\"",
+                format!("missing, although {} = true", field.name),
+                "set a vehicle file or the name of a built-in vehicle, such as file = \"prowler\"",
             );
         }
         return None;
     };
     let vehicle = text_of(&file, FileKind::Vehicle, files, gather)
         .and_then(|text| overridden(text, overrides.as_ref(), files, gather))
-        .and_then(|text| told(Vehicle::from_toml(&text, &file.value), gather));
+        .and_then(|text| value_of(Vehicle::from_toml(&text, &file.value), gather));
     let sensors = sensors.unwrap_or_else(|| Field {
         value: Sensors::builtin_names()
             .next()
@@ -99,7 +99,7 @@ pub fn read(
         name: "vehicle.sensors".to_owned(),
     });
     let sensors = text_of(&sensors, FileKind::Sensors, files, gather)
-        .and_then(|text| told(Sensors::from_toml(&text, &sensors.value), gather));
+        .and_then(|text| value_of(Sensors::from_toml(&text, &sensors.value), gather));
     let vehicle = vehicle?;
     let calibration = match calibration {
         Some(field) => read_calibration(&field, &vehicle, files, gather)?,
@@ -113,7 +113,7 @@ pub fn read(
     })
 }
 
-/// Reads the numbers of a tuning group and of its sub-groups; what is absent keeps its default.
+/// Reads the numbers of a tuning group and of its sub-groups; absent numbers keep their defaults.
 fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gatherer<'_>) {
     for parameter in group.parameters() {
         let Some(field) = section.optional::<NumberOrList>(parameter.name, gather) else {
@@ -123,7 +123,7 @@ fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gat
         if let Err(expected) = parameter.value.replace(&numbers) {
             let unit = parameter.unit;
             let default = parameter.value.numbers();
-            let message = format!("{numbers:?} found where {expected} is expected");
+            let message = format!("found {numbers:?}, but {expected} is expected");
             let help = format!("the default is {default:?} (unit: {unit})");
             gather.add(&field.span, &field.name, message, help);
         }
@@ -136,7 +136,7 @@ fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gat
     section.finish(gather);
 }
 
-fn pick<T: Copy>(
+fn by_name<T: Copy>(
     field: &Field<impl Sized>,
     name: &str,
     known: &[(&str, T)],
@@ -147,7 +147,7 @@ fn pick<T: Copy>(
         let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
         let help = match closest(name, &names) {
             Some(near) => format!("did you mean \"{near}\"?"),
-            None => format!("there are: {}", names.join(", ")),
+            None => format!("use one of: {}", names.join(", ")),
         };
         gather.add(
             &field.span,
@@ -174,7 +174,7 @@ fn text_of(
     }
 }
 
-/// The vehicle file's text with the fields that identification found in their places.
+/// Text of the vehicle file after the overrides are applied.
 fn overridden(
     text: String,
     overrides: Option<&Field<Vec<String>>>,
@@ -184,7 +184,7 @@ fn overridden(
     let Some(field) = overrides else {
         return Some(text);
     };
-    // A vehicle file that does not parse is told of by its own reader.
+    // The reader of vehicle files reports a file that is not TOML.
     let Ok(mut vehicle) = text.parse::<toml::Table>() else {
         return Some(text);
     };
@@ -194,7 +194,7 @@ fn overridden(
             .map_err(|problem| (problem.message, problem.help))
             .and_then(|found| {
                 overrides::apply(&mut vehicle, &found).map_err(|message| {
-                    let help = "make it with `atvrec identify ... -o`".to_owned();
+                    let help = "create the file with `atvrec identify ... -o`".to_owned();
                     (format!("{name}: {message}"), help)
                 })
             });
@@ -206,8 +206,8 @@ fn overridden(
     toml::to_string(&vehicle).ok()
 }
 
-/// The value of a file that was read, or its problems among the others.
-fn told<T>(read: Result<T, FileErrors>, gather: &mut Gatherer<'_>) -> Option<T> {
+/// The value of a file; its problems are added to the others.
+fn value_of<T>(read: Result<T, FileErrors>, gather: &mut Gatherer<'_>) -> Option<T> {
     match read {
         Ok(value) => Some(value),
         Err(errors) => {
@@ -237,10 +237,10 @@ fn read_calibration(
             &field.span,
             &field.name,
             format!(
-                "{} is a calibration of \"{}\", the vehicle is \"{}\"",
+                "{} is the calibration of vehicle \"{}\", but the vehicle is \"{}\"",
                 field.value, calibration.vehicle, vehicle.name
             ),
-            "calibrate this vehicle, or name the right files",
+            "use the calibration of this vehicle, or calibrate it",
         );
         return None;
     }
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tuned_number_is_read_and_a_wrong_one_is_named() {
+    fn a_tuned_number_is_read_and_a_wrong_one_is_reported() {
         assert_eq!(problems("gate_sigma = 6"), "Some(6.0)");
         let unknown = problems("gate_sgma = 6");
         assert!(
@@ -274,7 +274,7 @@ mod tests {
         );
         let negative = problems("gate_sigma = -1");
         assert!(
-            negative.contains("[-1.0] found where a number above 0 is expected")
+            negative.contains("found [-1.0], but a number above 0 is expected")
                 && negative.contains("the default is [5.0] (unit: σ)"),
             "{negative}"
         );

@@ -1,4 +1,4 @@
-//! The files that a configuration names: on disk, attached to a log, or part of the program.
+//! Files that a configuration names: on disk, attached to a log, or built in.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -12,16 +12,16 @@ use store::Attachment;
 use super::columns::GAVLAB_MAP;
 use model::file::TOML_MAX;
 
-/// Name of the program's own column map for MOOS logs.
+/// Name of the built-in column map for MOOS logs.
 pub const GAVLAB: &str = "gavlab.toml";
 
-/// Name of the project's own DBC file.
+/// Name of the built-in DBC file.
 pub const PROJECT_DBC: &str = "prowler.dbc";
 
-/// The project's own DBC file.
+/// Text of the built-in DBC file.
 const PROJECT_DBC_TEXT: &str = include_str!("../../assets/prowler.dbc");
 
-/// What kind of file is meant.
+/// Kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
     /// A DBC file.
@@ -32,7 +32,7 @@ pub enum FileKind {
     Sensors,
     /// A calibration file.
     Calibration,
-    /// What identification found, in the place of fields of the vehicle file.
+    /// Values from identification that replace fields of the vehicle file.
     Overrides,
     /// A column map.
     Columns,
@@ -48,7 +48,7 @@ impl FileKind {
         }
     }
 
-    /// Longest file that is read, bytes.
+    /// Largest file that is read, bytes.
     const fn bytes_max(self) -> usize {
         match self {
             Self::Dbc => wire::dbc::BYTES_MAX,
@@ -56,7 +56,7 @@ impl FileKind {
         }
     }
 
-    /// The text of the program's own file with this name.
+    /// Text of the built-in file with this name.
     fn builtin(self, name: &str) -> Option<&'static str> {
         match self {
             Self::Dbc => (name == PROJECT_DBC).then_some(PROJECT_DBC_TEXT),
@@ -67,10 +67,10 @@ impl FileKind {
         }
     }
 
-    /// The name of the file `name` in a log: what the program's own files and others without the
-    /// right ending are is not told by their names.
+    /// Name of the attachment of the file `name` in a log. The name of a built-in file, or of another
+    /// file without the extension, does not show the kind of the file, so that the kind is added.
     fn attached_name(self, name: &str) -> String {
-        let sort = match self {
+        let kind = match self {
             Self::Dbc => return name.to_owned(),
             Self::Vehicle => "vehicle",
             Self::Sensors => "sensors",
@@ -81,11 +81,11 @@ impl FileKind {
         if name.ends_with(".toml") {
             name.to_owned()
         } else {
-            format!("{name}.{sort}.toml")
+            format!("{name}.{kind}.toml")
         }
     }
 
-    /// The file `name` of a log. Older logs have it under that very name.
+    /// Attachment of the file `name` in a log. In older logs the attachment has the name itself.
     fn find(self, name: &str, files: &BTreeMap<String, Vec<u8>>) -> Option<Vec<u8>> {
         let found = files.get(&self.attached_name(name));
         found.or_else(|| files.get(name)).cloned()
@@ -102,23 +102,23 @@ impl FileKind {
     }
 }
 
-/// Where the named files are.
+/// Place of the files.
 #[derive(Debug)]
 enum Place {
-    /// In and below this directory.
+    /// This directory.
     Disk(PathBuf),
-    /// In a log.
+    /// The attachments of a log.
     Attached(BTreeMap<String, Vec<u8>>),
 }
 
-/// Reads named files once and keeps what was read, so that it can be attached to a log.
+/// Reads files once and keeps their texts, so that they can be attached to a log.
 #[derive(Debug)]
 pub struct Files {
     place: Place,
     used: Vec<Used>,
 }
 
-/// A file that was read, by the name that the configuration gives it.
+/// A file that was read, with its name in the configuration.
 #[derive(Debug)]
 struct Used {
     name: String,
@@ -130,7 +130,7 @@ struct Used {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{message}; {help}")]
 pub struct FileProblem {
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
     /// What to do about it.
     pub help: String,
@@ -157,8 +157,8 @@ impl Files {
         }
     }
 
-    /// The text of the file `name`. A file of the user goes before one of the program's own with
-    /// the same name.
+    /// Text of the file `name`. A file of the user has priority over a built-in file with the same
+    /// name.
     pub fn read_text(&mut self, name: &str, kind: FileKind) -> Result<String, FileProblem> {
         let known = self
             .used
@@ -197,7 +197,7 @@ impl Files {
             }
         };
         String::from_utf8(bytes).or_else(|error| match kind {
-            // DBC files are often in Latin-1, whose bytes are the code points.
+            // DBC files are often in Latin-1, in which each byte is a code point.
             FileKind::Dbc => Ok(error
                 .as_bytes()
                 .iter()
@@ -210,7 +210,7 @@ impl Files {
         })
     }
 
-    /// All files that were read, for the log.
+    /// All files that were read, as attachments of a log.
     pub fn into_used(self) -> Vec<Attachment> {
         let attach = |file: Used| Attachment {
             name: file.kind.attached_name(&file.name),
@@ -221,18 +221,18 @@ impl Files {
     }
 }
 
-/// Reads a regular file of at most `limit` bytes. Anything else, such as a FIFO, could block.
+/// Reads a regular file of at most `limit` bytes. Another kind of file, such as a FIFO, could block.
 fn read_bytes(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
-    let refuse = |text: String| Err(io::Error::new(ErrorKind::InvalidInput, text));
+    let reject = |text: String| Err(io::Error::new(ErrorKind::InvalidInput, text));
     if !std::fs::metadata(path)?.is_file() {
-        return refuse("it is not a regular file".to_owned());
+        return reject("it is not a regular file".to_owned());
     }
     let mut bytes = Vec::new();
     let read = File::open(path)?
         .take(limit as u64 + 1)
         .read_to_end(&mut bytes)?;
     if read > limit {
-        return refuse(format!("it is longer than {limit} bytes"));
+        return reject(format!("it is longer than {limit} bytes"));
     }
     Ok(bytes)
 }
@@ -259,7 +259,7 @@ fn unreadable_help(kind: FileKind) -> String {
         "paths are relative to the configuration file".to_owned()
     } else {
         format!(
-            "paths are relative to the configuration file; the program's own are: {}",
+            "paths are relative to the configuration file; built-in files are: {}",
             names.join(", ")
         )
     }
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn attachments_have_file_names_and_those_of_older_logs_are_found() {
+    fn attachments_of_new_and_of_older_logs_are_found() {
         let mut files = Files::on_disk(PathBuf::from("/nonexistent"));
         let own = files.read_text("prowler", FileKind::Vehicle);
         assert!(own.is_ok());
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_calibration_named_like_the_vehicle_is_not_taken_for_it() {
+    fn a_calibration_with_the_name_of_the_vehicle_is_a_different_file() {
         let directory = tempfile::tempdir().expect("a directory");
         std::fs::write(directory.path().join("prowler.toml"), "calibration").expect("written");
         let mut files = Files::on_disk(directory.path().to_owned());

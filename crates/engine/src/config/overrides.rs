@@ -1,9 +1,9 @@
-//! Fields of a vehicle file that another file replaces.
+//! Overrides: fields of a vehicle file that another file replaces.
 
 use toml::{Table, Value};
 
-/// Puts the `[overrides]` of the text, which `atvrec identify` wrote, into a vehicle file's table.
-/// A field's name is dotted, such as `front.tyre.friction`.
+/// Applies the `[overrides]` of a text, which `atvrec identify` has written, to the table of a vehicle
+/// file. The name of a field is dotted, such as `front.tyre.friction`.
 pub fn apply(vehicle: &mut Table, text: &str) -> Result<(), String> {
     let found: Table = text.parse().map_err(|error| format!("{error}"))?;
     let name = |table: &Table, key: &str| {
@@ -12,12 +12,14 @@ pub fn apply(vehicle: &mut Table, text: &str) -> Result<(), String> {
     };
     let (own, theirs) = (name(vehicle, "name"), name(&found, "vehicle"));
     if own != theirs {
-        return Err(format!("found for \"{theirs}\", the vehicle is \"{own}\""));
+        return Err(format!(
+            "the overrides are for vehicle \"{theirs}\", but the vehicle is \"{own}\""
+        ));
     }
     let overrides = found
         .get("overrides")
         .and_then(Value::as_table)
-        .ok_or("has no [overrides]")?;
+        .ok_or("the file has no table [overrides]")?;
     for (field, value) in overrides {
         let mut path: Vec<&str> = field.split('.').collect();
         let Some(last) = path.pop() else { continue };
@@ -28,7 +30,7 @@ pub fn apply(vehicle: &mut Table, text: &str) -> Result<(), String> {
                 .or_insert_with(|| Value::Table(Table::new()));
             table = inner
                 .as_table_mut()
-                .ok_or_else(|| format!("{field}: {part} is no table of the vehicle file"))?;
+                .ok_or_else(|| format!("{field}: {part} is not a table of the vehicle file"))?;
         }
         table.insert(last.to_owned(), value.clone());
     }
@@ -42,7 +44,7 @@ mod tests {
     const VEHICLE: &str = "name = \"buggy\"\n[front.tyre]\nfriction = 0.9\n[body]\nmass_kg = 600.0";
 
     #[test]
-    fn fields_are_replaced_and_the_rest_is_kept() {
+    fn fields_are_replaced_and_others_are_kept() {
         let mut vehicle: Table = VEHICLE.parse().unwrap();
         let text = "vehicle = \"buggy\"\n[overrides]\n\"front.tyre.friction\" = 0.6\n\
                     \"body.pitch.stiffness_n_m_rad\" = 2e4";
@@ -56,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn another_vehicles_overrides_are_refused() {
+    fn overrides_of_another_vehicle_are_rejected() {
         let mut vehicle: Table = VEHICLE.parse().unwrap();
         let error = apply(&mut vehicle, "vehicle = \"truck\"\n[overrides]").unwrap_err();
         assert!(

@@ -1,16 +1,16 @@
-//! Which DBC signals are measurements: `[source.<name>.roles]`.
+//! Roles of DBC signals as measurements: `[source.<name>.roles]`.
 
 use sample::{StrainChannel, Wheel};
 use wire::dbc::{Database, SignalDef};
 
 use model::file::{Field, Gatherer, Section, closest};
 
-/// What a signal means to the estimator.
+/// Role of a signal for the estimator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
-    /// Hand-wheel angle; the factor takes the signal's unit to rad.
+    /// Steering-wheel angle; the factor converts the signal's unit to rad.
     Steer(f64),
-    /// A wheel's angular speed; the factor takes the signal's unit to rad/s.
+    /// Angular speed of a wheel; the factor converts the signal's unit to rad/s.
     WheelSpeed(Wheel, f64),
     /// Counts of a spring potentiometer.
     Deflection(Wheel),
@@ -18,21 +18,21 @@ pub enum Role {
     Strain(Wheel, StrainChannel),
 }
 
-/// A signal and its meaning.
+/// A signal and its role.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoleOf {
-    /// Position of the message's DBC file.
+    /// Index of the DBC file.
     pub database: usize,
-    /// Position of the message in it.
+    /// Index of the message in the file.
     pub message: usize,
-    /// Position of the signal in the message.
+    /// Index of the signal in the message.
     pub signal: usize,
-    /// What it means.
+    /// Role of the signal.
     pub role: Role,
 }
 
-/// Reads the table. What it does not name has the name of the project's DBC, if the files given
-/// know it.
+/// Reads the table. A role without an entry has the signal of the built-in DBC file, if the DBC files
+/// contain it.
 pub fn read(
     mut section: Section<'_>,
     databases: &[Database],
@@ -120,7 +120,10 @@ impl Finder<'_> {
                         });
                         return;
                     }
-                    Err(message) => (message, "correct the signal's unit in the DBC".to_owned()),
+                    Err(message) => (
+                        message,
+                        "correct the unit of the signal in the DBC file".to_owned(),
+                    ),
                 }
             }
             (None, true) => self.not_found(name),
@@ -148,14 +151,14 @@ impl Finder<'_> {
     fn not_found(&self, name: &str) -> (String, String) {
         let Some((message_name, signal_name)) = name.split_once('.') else {
             return (
-                format!("\"{name}\" does not name a signal"),
-                "write \"Message.Signal\", both as in the DBC".to_owned(),
+                format!("\"{name}\" is not the name of a signal"),
+                "use \"Message.Signal\" with both names of the DBC file".to_owned(),
             );
         };
         let message = self.databases.iter().find_map(|d| d.by_name(message_name));
         let (missing, known): (String, Vec<&str>) = match message {
             Some(message) => (
-                format!("message {message_name} has no signal \"{signal_name}\""),
+                format!("the message {message_name} has no signal \"{signal_name}\""),
                 message.signals.iter().map(|s| s.name.as_str()).collect(),
             ),
             None => (
@@ -174,22 +177,25 @@ impl Finder<'_> {
         };
         let help = match closest(wanted, &known) {
             Some(near) => format!("did you mean \"{near}\"?"),
-            None => format!("there are: {}", known.join(", ")),
+            None => format!("use one of: {}", known.join(", ")),
         };
         (missing, help)
     }
 }
 
-/// Takes a signal's unit to rad.
+/// Factor that converts the unit of a signal to rad.
 fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
     match signal.unit.trim() {
         "rad" => Ok(1.0),
         "deg" | "degree" | "degrees" | "°" => Ok(1.0_f64.to_radians()),
-        unit => Err(format!("{} has the unit \"{unit}\", no angle", signal.name)),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of an angle",
+            signal.name
+        )),
     }
 }
 
-/// Takes a signal's unit to rad/s.
+/// Factor that converts the unit of a signal to rad/s.
 fn rate_factor(signal: &SignalDef) -> Result<f64, String> {
     match signal.unit.trim() {
         "rad/s" => Ok(1.0),
@@ -197,7 +203,7 @@ fn rate_factor(signal: &SignalDef) -> Result<f64, String> {
         "rpm" | "1/min" => Ok(std::f64::consts::TAU / 60.0),
         "Hz" | "1/s" | "rev/s" => Ok(std::f64::consts::TAU),
         unit => Err(format!(
-            "{} has the unit \"{unit}\", no angular speed",
+            "{} has the unit \"{unit}\", which is not a unit of an angular speed",
             signal.name
         )),
     }

@@ -1,4 +1,4 @@
-//! `[source.<name>]`: one device or bus.
+//! `[source.<name>]`: a device or a bus.
 
 mod can;
 
@@ -16,23 +16,23 @@ use super::files::{FileKind, Files};
 use super::roles::RoleOf;
 use model::file::{Field, Gatherer, Problem, Section, closest};
 
-/// Kinds of source, as they are written in the file.
+/// Names of the kinds of source in the file.
 const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];
 
-/// One source: how to open it and what its bytes mean.
+/// A source: how it is opened and how its bytes are decoded.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// How `acq` opens it.
+    /// How the source is opened.
     pub spec: SourceSpec,
-    /// What its bytes mean.
+    /// How its bytes are decoded.
     pub meaning: Meaning,
-    /// Silence for longer than this is reported.
+    /// Time without data after which the source is reported as silent.
     pub silent_after: Option<Duration>,
-    /// From the instant that a message is about to its arrival, of the fastest message, s.
+    /// Delay of the fastest message from its time of validity to its arrival, s.
     pub transport_delay_s: f64,
 }
 
-/// What a source's bytes mean.
+/// How the bytes of a source are decoded.
 #[derive(Clone, Debug)]
 pub enum Meaning {
     /// Frames, decoded through DBC files.
@@ -52,24 +52,24 @@ pub enum Meaning {
 /// How frames are decoded.
 #[derive(Clone, Debug)]
 pub struct CanMeaning {
-    /// DBC files; the first that knows a frame decodes it.
+    /// DBC files; the first file that contains a frame's message decodes the frame.
     pub databases: Vec<Database>,
-    /// Which signals are measurements.
+    /// Signals that are measurements.
     pub roles: Vec<RoleOf>,
 }
 
-/// How a GNSS receiver's bytes are decoded.
+/// How the bytes of a GNSS receiver are decoded.
 #[derive(Clone, Debug)]
 pub struct GnssMeaning {
-    /// Latency of velocities whose record has no field for it, s; `None` takes half the interval
+    /// Latency of velocities without a latency field in their record, s; `None` means half the interval
     /// between two records.
     pub velocity_latency_s: Option<f64>,
-    /// Latency of attitudes, s; `None` takes the sensors file's.
+    /// Latency of attitudes, s; `None` means the latency in the sensors file.
     pub attitude_latency_s: Option<f64>,
 }
 
 impl Source {
-    /// Makes the path of its port relative to `directory`.
+    /// Resolves the path of the port relative to `directory`.
     pub fn look_from(&mut self, directory: &Path) {
         match &mut self.spec.kind {
             SourceKind::Slcan(slcan) => slcan.port.path = directory.join(&slcan.port.path),
@@ -79,7 +79,7 @@ impl Source {
     }
 }
 
-/// Reads all `[source.*]` tables; the order of names gives the sources' numbers.
+/// Reads all `[source.*]` tables. The sources are numbered in the order of their names.
 pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Vec<Source> {
     let mut named = section.into_sections(gather);
     named.sort_by(|(a, _), (b, _)| a.value.cmp(&b.value));
@@ -90,7 +90,7 @@ pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'
                 &name.span,
                 &name.name,
                 format!("\"{}\" cannot be part of a topic", name.value),
-                "use letters, digits, _ and - only",
+                "use only letters, digits, _ and -",
             );
         }
         let id = SourceId(u16::try_from(number).unwrap_or(u16::MAX - 1));
@@ -116,11 +116,8 @@ fn read(
     files: &mut Files,
     gather: &mut Gatherer<'_>,
 ) -> Option<Source> {
-    let kind = section.required::<String>(
-        "kind",
-        &format!("give one of: {}", KINDS.join(", ")),
-        gather,
-    )?;
+    let kind =
+        section.required::<String>("kind", &format!("use one of: {}", KINDS.join(", ")), gather)?;
     let (acq_kind, meaning, silent_default_s) = match kind.value.as_str() {
         "can" => can::read_can(&mut section, files, gather),
         "slcan" => can::read_slcan(&mut section, files, gather),
@@ -136,12 +133,12 @@ fn read(
         other => {
             let help = match closest(other, &KINDS) {
                 Some(near) => format!("did you mean \"{near}\"?"),
-                None => format!("give one of: {}", KINDS.join(", ")),
+                None => format!("use one of: {}", KINDS.join(", ")),
             };
             gather.add(
                 &kind.span,
                 &kind.name,
-                format!("\"{other}\" is no kind of source"),
+                format!("\"{other}\" is not a kind of source"),
                 help,
             );
             return None;
@@ -181,8 +178,8 @@ fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
         gather.add(
             &field.span,
             &field.name,
-            format!("the device cannot send {} packets a second", field.value),
-            "give 100, 50, 25, 20 or 10",
+            format!("the device cannot send {} packets per second", field.value),
+            "use 100, 50, 25, 20 or 10",
         );
     }
     let packet = section.optional::<String>("packet", gather);
@@ -192,8 +189,8 @@ fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
         gather.add(
             &field.span,
             &field.name,
-            format!("\"{}\" is no packet type that is read", field.value),
-            "give \"S1\" (scaled samples), \"S2\" (increments) or \"S0\"",
+            format!("\"{}\" is not a supported packet type", field.value),
+            "use \"S1\" (scaled samples), \"S2\" (increments) or \"S0\"",
         );
     }
     let configure = section.or("configure", true, gather);
@@ -232,7 +229,7 @@ fn read_latency(
             &field.span,
             &field.name,
             format!("{} s is out of range", field.value),
-            "give a number from 0 to 5, or leave it out for the default",
+            "use a number from 0 to 5, or remove the field for the default",
         );
     }
     Some(field.value)
@@ -248,7 +245,7 @@ fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
             &field.span,
             &field.name,
             format!("\"{}\" is not one ASCII character", field.value),
-            "give one character, such as \",\", or leave it out for blanks",
+            "use one character, such as \",\", or remove the field for blanks",
         );
     }
     let steer = section.optional::<String>("steer", gather);
@@ -266,8 +263,8 @@ fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
         query: section.or("query", String::new(), gather).into_bytes(),
     };
     if let Err(error) = format.check() {
-        let help = "describe each number in a table [source.<name>.fields.<quantity>] \
-                    with index, scale and unit";
+        let help = "write a table [source.<name>.fields.<quantity>] with index, scale and unit for \
+                    each number";
         gather.add(&span, &name, error.to_string(), help);
     }
     let setup = read_commands(section, gather);
@@ -275,7 +272,7 @@ fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     (kind, Some(Meaning::Line(format)), 0.0)
 }
 
-/// A table that a device writes, or a file that was imported: its column map says what it means.
+/// A table that a device sends, or an imported file, which a column map describes.
 fn read_table(
     section: &mut Section<'_>,
     files: &mut Files,
@@ -285,7 +282,7 @@ fn read_table(
     let port = read_port(section, 115_200, gather);
     let columns = section.required::<String>(
         "columns",
-        "name the column map, such as columns = \"columns.toml\"",
+        "set the column map, such as columns = \"columns.toml\"",
         gather,
     );
     let setup = read_commands(section, gather);
@@ -344,7 +341,7 @@ fn read_port(
 ) -> Option<PortSpec> {
     let device = section.required::<String>(
         "device",
-        "name the port, best a link that survives replugging: device = \"/dev/serial/by-id/...\"",
+        "set the port; a link by device identity is safest: device = \"/dev/serial/by-id/...\"",
         gather,
     );
     let baud = section.optional::<u32>("baud", gather);
@@ -355,7 +352,7 @@ fn read_port(
             &field.span,
             &field.name,
             format!("{} bit/s is out of range", field.value),
-            "give the device's speed, from 50 to 4000000",
+            "use the baud rate of the device, from 50 to 4000000",
         );
     }
     let parity = section.optional::<String>("parity", gather);
@@ -380,15 +377,15 @@ fn read_parity(field: &Field<String>, gather: &mut Gatherer<'_>) -> Parity {
             gather.add(
                 &field.span,
                 &field.name,
-                format!("\"{other}\" is no parity"),
-                "give \"none\", \"odd\" or \"even\"",
+                format!("\"{other}\" is not a parity"),
+                "use \"none\", \"odd\" or \"even\"",
             );
             Parity::None
         }
     }
 }
 
-/// What a source opens, for messages.
+/// Name of the device of a source, for messages.
 pub fn device_name(kind: &SourceKind) -> String {
     match kind {
         SourceKind::Can(can) => can.interface.clone(),
@@ -411,8 +408,8 @@ fn report_shared_device(
         gather.add(
             &name.span,
             &name.name,
-            format!("{device} is already read by source.{}", first.spec.name),
-            "give each source a device of its own",
+            format!("source.{} reads {device} already", first.spec.name),
+            "use a different device for each source",
         );
     }
 }

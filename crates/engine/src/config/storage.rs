@@ -1,4 +1,4 @@
-//! `[storage]`: where and how logs are written.
+//! `[storage]`: directory, limits and options of the logs.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -10,24 +10,24 @@ use model::file::{Gatherer, Section};
 /// Limits of the log directory, in bytes; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Limits {
-    /// Most that all logs together may take.
+    /// Largest size of all logs together.
     pub quota: Option<u64>,
-    /// Least that is to stay free on the disk.
+    /// Smallest free space of the disk.
     pub keep_free: Option<u64>,
 }
 
-/// Where and how logs are written.
+/// Directory, limits and options of the logs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
     /// Directory of the logs.
     pub directory: PathBuf,
-    /// First part of their names; start time and part number follow.
+    /// First part of the names of the logs; run number, start time and part number follow.
     pub name: String,
-    /// What the directory may take.
+    /// Limits of the directory.
     pub limits: Limits,
-    /// When to write; `None` writes always.
+    /// Triggers; `None` means that logs are always written.
     pub trigger: Option<Trigger>,
-    /// How `store` writes.
+    /// Options of the writer.
     pub options: store::Options,
 }
 
@@ -43,8 +43,8 @@ impl Storage {
             gather.add(
                 &field.span,
                 &field.name,
-                format!("\"{}\" cannot begin a file's name", field.value),
-                "give a plain name without /",
+                format!("\"{}\" cannot be the beginning of a file name", field.value),
+                "use a name without /",
             );
         }
         let rotate_s = section.number_in("rotate_after_s", 0.0..=86_400.0, 600.0, gather);

@@ -1,4 +1,4 @@
-//! `[storage.trigger]`: what begins a recording, and how much of before and after belongs to it.
+//! `[storage.trigger]`: triggers of a recording, and the recorded times before and after a trigger.
 
 use std::time::Duration;
 
@@ -8,22 +8,22 @@ use sample::{Arrival, CanFrame, Event, EventKind, Notice, Payload, SourceId};
 use super::source::{Meaning, Source};
 use model::file::{Field, Gatherer, Section, closest};
 
-/// When to write.
+/// Triggers of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trigger {
-    /// What is kept in memory; its duration is the time before a trigger.
+    /// Limits of the memory; its duration is the recorded time before a trigger.
     pub memory: RingLimits,
-    /// Time after the last trigger.
+    /// Recorded time after the last trigger.
     pub post: Duration,
     /// Whether a mark is a trigger.
     pub marks: bool,
     /// Frames that are triggers.
     pub can: Vec<CanRule>,
-    /// Events of the estimator that are triggers, by the names of their kinds.
+    /// Names of the kinds of estimator events that are triggers.
     pub events: Vec<&'static str>,
 }
 
-/// Frames that are a trigger.
+/// Rule for frames that are a trigger.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CanRule {
     /// Name of the rule, for messages.
@@ -34,13 +34,13 @@ pub struct CanRule {
     pub id: u32,
     /// 29-bit identifier.
     pub extended: bool,
-    /// Bits of the first bytes that count, and what they must be.
+    /// Mask and value of the first bytes.
     pub data: Vec<(u8, u8)>,
 }
 
 impl CanRule {
-    /// Whether a frame is meant.
-    pub fn fits(&self, frame: &CanFrame) -> bool {
+    /// Whether the frame matches the rule.
+    pub fn matches(&self, frame: &CanFrame) -> bool {
         let bytes = frame.bytes();
         frame.id == self.id
             && frame.flags.extended == self.extended
@@ -54,14 +54,14 @@ impl CanRule {
 }
 
 impl Trigger {
-    /// What an arrival triggers by itself, in words.
+    /// Reason of the trigger, if the arrival is a trigger.
     pub fn fires(&self, arrival: &Arrival) -> Option<String> {
         match &arrival.payload {
             Payload::Notice(Notice::Mark(text)) if self.marks => Some(format!("mark \"{text}\"")),
             Payload::Can(frames) => {
                 let mut rules = self.can.iter();
                 let met = rules.find(|rule| {
-                    rule.source == arrival.source && frames.iter().any(|frame| rule.fits(frame))
+                    rule.source == arrival.source && frames.iter().any(|frame| rule.matches(frame))
                 });
                 met.map(|rule| format!("frame of trigger.can.{}", rule.name))
             }
@@ -109,9 +109,9 @@ fn read_events(field: &Field<Vec<String>>, gather: &mut Gatherer<'_>) -> Vec<&'s
             None => {
                 let help = match closest(name, &EventKind::NAMES) {
                     Some(near) => format!("did you mean \"{near}\"?"),
-                    None => format!("give some of: {}", EventKind::NAMES.join(", ")),
+                    None => format!("use some of: {}", EventKind::NAMES.join(", ")),
                 };
-                let message = format!("\"{name}\" is no event of the estimator");
+                let message = format!("\"{name}\" is not an event of the estimator");
                 gather.add(&field.span, &field.name, message, help);
             }
         }
@@ -125,7 +125,7 @@ fn read_rule(
     sources: &[Source],
     gather: &mut Gatherer<'_>,
 ) -> Option<CanRule> {
-    let source = section.required::<String>("source", "name a source of kind can", gather);
+    let source = section.required::<String>("source", "set a source of kind can or slcan", gather);
     let source = source.and_then(|field| {
         let is_bus = |source: &&Source| {
             source.spec.name == field.value && matches!(source.meaning, Meaning::Can(_))
@@ -135,13 +135,13 @@ fn read_rule(
             gather.add(
                 &field.span,
                 &field.name,
-                format!("there is no CAN bus source.{}", field.value),
-                "name a source of kind can or slcan",
+                format!("source.{} does not exist or is not a CAN bus", field.value),
+                "use a source of kind can or slcan",
             );
         }
         found
     });
-    let id = section.required::<u32>("id", "give the identifier, such as id = 0x123", gather);
+    let id = section.required::<u32>("id", "set the identifier, such as id = 0x123", gather);
     let extended = section.optional::<bool>("extended", gather);
     let extended = match (&extended, &id) {
         (Some(field), _) => field.value,
@@ -154,8 +154,11 @@ fn read_rule(
             gather.add(
                 &field.span,
                 &field.name,
-                format!("{:#x} is no identifier of this length", field.value),
-                format!("give at most {largest:#x}"),
+                format!(
+                    "{:#x} is out of range for this kind of identifier",
+                    field.value
+                ),
+                format!("use at most {largest:#x}"),
             );
         }
     }
@@ -166,8 +169,12 @@ fn read_rule(
         gather.add(
             &section.span(),
             &section.field_name("data_mask"),
-            format!("{} bytes beside {} of data", mask.len(), data.len()),
-            "give data and data_mask the same number of bytes",
+            format!(
+                "data_mask has {} bytes, but data has {}",
+                mask.len(),
+                data.len()
+            ),
+            "use the same number of bytes in data and data_mask",
         );
     }
     section.finish(gather);
@@ -195,8 +202,8 @@ fn read_bytes(
         gather.add(
             &field.span,
             &field.name,
-            format!("\"{}\" are no bytes", field.value),
-            "write them as hexadecimal pairs with blanks between: \"01 FF\"",
+            format!("\"{}\" is not a list of bytes", field.value),
+            "use pairs of hexadecimal digits separated by spaces: \"01 FF\"",
         );
     }
     bytes
@@ -232,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_fits_by_bus_identifier_and_masked_data() {
+    fn a_frame_matches_by_bus_identifier_and_masked_data() {
         let trigger = read(
             "[storage.trigger]\npre_s = 5\nevents = [\"lift\"]\n[storage.trigger.can.brake]\n\
              source = \"can0\"\nid = 0x123\ndata = \"00 10\"\ndata_mask = \"00 F0\"\n",
@@ -241,15 +248,15 @@ mod tests {
         assert_eq!(trigger.memory.duration, Duration::from_secs(5));
         assert_eq!(trigger.events, ["lift"]);
         let rule = &trigger.can[0];
-        assert!(rule.fits(&frame(0x123, false, &[9, 0x1F])));
-        assert!(!rule.fits(&frame(0x123, false, &[9, 0x2F])));
-        assert!(!rule.fits(&frame(0x123, false, &[9])));
-        assert!(!rule.fits(&frame(0x124, false, &[9, 0x1F])));
-        assert!(!rule.fits(&frame(0x123, true, &[9, 0x1F])));
+        assert!(rule.matches(&frame(0x123, false, &[9, 0x1F])));
+        assert!(!rule.matches(&frame(0x123, false, &[9, 0x2F])));
+        assert!(!rule.matches(&frame(0x123, false, &[9])));
+        assert!(!rule.matches(&frame(0x124, false, &[9, 0x1F])));
+        assert!(!rule.matches(&frame(0x123, true, &[9, 0x1F])));
     }
 
     #[test]
-    fn what_is_wrong_is_told_at_once() {
+    fn all_problems_are_reported_together() {
         let problems = read(
             "[storage.trigger]\nevents = [\"lfit\"]\n[storage.trigger.can.brake]\n\
              source = \"can9\"\nid = 0x20000000\ndata = \"zz\"\n",

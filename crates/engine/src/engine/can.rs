@@ -1,4 +1,4 @@
-//! Frames to signals and measurements.
+//! Decodes CAN frames to signals and measurements.
 
 use sample::{
     CanFrame, CornerSample, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
@@ -8,9 +8,9 @@ use wire::dbc::{Database, MessageDef};
 
 use crate::config::{CanMeaning, Role};
 
-/// Value of a 16-bit count that carries nothing.
+/// Value of a 16-bit count without a reading.
 const ABSENT: u64 = 0xFFFF;
-/// A kernel stamp further back than this is not believed.
+/// Largest plausible age of a kernel stamp, ns; an older stamp is ignored.
 const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
 
 /// Decodes the frames of one bus.
@@ -24,21 +24,21 @@ struct Decodable {
     roles: Vec<Vec<Option<Role>>>,
 }
 
-/// When frames arrived.
+/// Arrival of frames.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrived {
-    /// Who delivered them.
+    /// Source.
     pub source: SourceId,
-    /// Log clock.
+    /// Time on the log clock.
     pub log_time: LogTime,
-    /// Wall clock, ns.
+    /// Time on the wall clock, ns.
     pub realtime_ns: i64,
-    /// From the end of a frame on the bus to its kernel stamp, s.
+    /// Delay from the end of a frame on the bus to its kernel stamp, s.
     pub transport_delay_s: f64,
 }
 
 impl Arrived {
-    /// The instant of a frame: the kernel's stamp, moved from the wall clock to the log clock.
+    /// Time of a frame: the kernel's stamp, converted from the wall clock to the log clock.
     fn instant_of(&self, frame: &CanFrame) -> LogTime {
         let delay_ns = frame
             .kernel_ns
@@ -51,7 +51,7 @@ impl Arrived {
     }
 }
 
-/// What the signals of one frame measure.
+/// Measurements in the signals of a frame.
 #[derive(Default)]
 struct Measured {
     steer_rad: Option<f64>,
@@ -60,7 +60,7 @@ struct Measured {
 }
 
 impl CanDecoder {
-    /// A decoder with the DBC files and roles of a bus.
+    /// Decoder with the DBC files and roles of a bus.
     pub fn new(meaning: &CanMeaning) -> Self {
         let mut databases: Vec<Decodable> = meaning
             .databases
@@ -86,7 +86,7 @@ impl CanDecoder {
         Self { databases }
     }
 
-    /// Takes a frame and hands on its samples.
+    /// Decodes a frame and appends its samples.
     pub fn push(&self, arrived: &Arrived, frame: &CanFrame, sink: &mut Vec<Sample>) {
         if frame.flags.error || frame.flags.remote {
             return;

@@ -1,47 +1,48 @@
-//! A device's clock against the log clock.
+//! Fit of a device clock to the log clock.
 //!
-//! A message cannot arrive before it is sent, so the least delayed messages show where the
-//! device's clock stands; the others are late by the port, the driver and the scheduler. With
-//! device time d and log time t, both from a first pair (d_0, t_0), each message gives
+//! A message cannot arrive before it is sent. The messages with the smallest delay therefore show the
+//! offset of the device clock; port, driver and scheduler delay the others. With device time d and log
+//! time t, both relative to the first pair (d_0, t_0), each message gives
 //!
 //! r = (t - t_0) - (d - d_0) = o + k (d - d_0) + delay, delay >= 0
 //!
 //! | symbol | name | unit |
 //! |---|---|---|
 //! | o | offset | s |
-//! | k | drift: how much faster the log clock runs than the device's | s/s |
+//! | k | drift: rate of the log clock relative to the device clock, minus 1 | s/s |
 //!
-//! The smallest r of each second is kept; k is the slope of a least-squares line through these
-//! minima, o puts the line below all of them. Whatever delay the fastest message has stays in o:
-//! the source's `transport_delay_s` removes it where it is known.
+//! The smallest r of each second is kept. k is the slope of a least-squares line through these minima,
+//! and o is the largest value for which the line is below all of them. The delay of the fastest message
+//! remains in o; the source's `transport_delay_s` removes it if it is known.
 
 use std::collections::VecDeque;
 
 use sample::{DeviceTime, LogTime};
 use wire::gps_time::{gps_from_unix_ns, meant_week};
 
-/// Device time that one minimum is taken over, s.
+/// Device time over which a minimum is taken, s.
 const WINDOW_S: f64 = 1.0;
-/// Minima that are kept: the fit forgets after this many windows.
+/// Number of minima that are kept.
 const WINDOWS_MAX: usize = 128;
-/// Span of the minima below which no drift is fitted, s.
+/// Smallest span of the minima for which a drift is fitted, s.
 const DRIFT_SPAN_MIN_S: f64 = 20.0;
-/// Largest believable drift of two crystal clocks, s/s.
+/// Largest plausible drift of two crystal clocks, s/s.
 const DRIFT_MAX: f64 = 500e-6;
-/// A message earlier than the line by more than this contradicts the fit, s.
+/// Largest time before the line of a message that agrees with the fit, s.
 const EARLY_MAX_S: f64 = 0.5;
-/// A message later than the line by more than this contradicts the fit, s.
+/// Largest time after the line of a message that agrees with the fit, s.
 const LATE_MAX_S: f64 = 2.0;
-/// Contradictions in a row after which the device's clock is taken to have been set.
+/// Number of consecutive messages outside these limits after which the fit is restarted, because the
+/// device clock was set.
 const CONTRADICTIONS_MAX: u32 = 8;
-/// GPS weeks and days, s.
+/// Length of a week and of a day, s.
 const WEEK_S: f64 = 604_800.0;
 const DAY_S: f64 = 86_400.0;
 
-/// Weeks below this may have lost their high bits.
+/// Week numbers below this may have ten bits only.
 const WEEK_OF_TEN_BITS_END: u16 = 1024;
 
-/// The time scale of a device time; each has a fit of its own.
+/// Time scale of a device time; each scale has its own fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scale {
     /// GPS week and time of week.
@@ -51,7 +52,7 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// The scale of a device time; `None` for counters and adapters' clocks.
+    /// Scale of a device time; `None` for counters and clocks of adapters.
     pub const fn of(device: DeviceTime) -> Option<Self> {
         match device {
             DeviceTime::Gps { .. } => Some(Self::Gps),
@@ -61,10 +62,10 @@ impl Scale {
     }
 }
 
-/// State of a fit, as it goes into the log.
+/// State of a fit for the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockState {
-    /// Which scale.
+    /// Time scale.
     pub scale: Scale,
     /// Device time of the last message, s on its scale.
     pub device_s: f64,
@@ -74,12 +75,12 @@ pub struct ClockState {
     pub drift: f64,
     /// Standard deviation of the delays in the last window, s.
     pub jitter_s: f64,
-    /// Messages used since the last start of the fit.
+    /// Number of messages since the last start of the fit.
     pub messages: u64,
-    /// Times the fit was started anew because the device's clock was set.
+    /// Number of restarts because the device clock was set.
     pub restarts: u32,
-    /// The device time is a date by itself: GPS time with a week of more than ten bits. Fewer bits
-    /// take theirs from the log clock.
+    /// Whether the device time alone gives the date: GPS time with a week of more than ten bits. The
+    /// high bits of a week of ten bits are taken from the log clock.
     pub is_dated: bool,
 }
 
@@ -120,7 +121,7 @@ impl Window {
 }
 
 impl ClockFit {
-    /// A fit that has seen nothing.
+    /// Fit before the first message.
     pub fn new(scale: Scale) -> Self {
         Self {
             scale,
@@ -138,8 +139,8 @@ impl ClockFit {
         }
     }
 
-    /// Takes a device time that arrived at `log_time` and gives its instant on the log clock,
-    /// never later than `log_time`. `None` for a device time of another scale or one that is not
+    /// Processes a device time that arrived at `log_time` and returns its instant on the log clock,
+    /// which is never later than `log_time`. `None` if the device time has another scale or is not
     /// finite.
     pub fn push(&mut self, device: DeviceTime, log_time: LogTime) -> Option<LogTime> {
         let device_s = self.unroll(device, log_time)?;
@@ -158,7 +159,7 @@ impl ClockFit {
                 self.restart(device_s, log_time);
                 return Some(log_time);
             }
-            // Before a new start is declared, a late message is taken for a backlog.
+            // Until the restart, a late message is treated as a message of a backlog.
             return Some(self.map(device_s).min(log_time));
         }
         self.contradictions = 0;
@@ -171,7 +172,7 @@ impl ClockFit {
         Some(self.map(device_s).min(log_time))
     }
 
-    /// State for the log, once a message has come.
+    /// State for the log; `None` before the first message.
     pub fn state(&self) -> Option<ClockState> {
         self.origin?;
         Some(ClockState {
@@ -251,8 +252,8 @@ impl ClockFit {
             .fold(f64::INFINITY, f64::min);
     }
 
-    /// The device time as seconds that do not roll over. Which weeks a receiver means that has lost
-    /// the high bits of its week follows from the log clock, which starts as UTC.
+    /// Device time as seconds that do not roll over. The high bits of a week of ten bits follow from the
+    /// log clock, which starts as UTC.
     fn unroll(&self, device: DeviceTime, log_time: LogTime) -> Option<f64> {
         let (value, period_s) = match (self.scale, device) {
             (
@@ -318,7 +319,7 @@ mod tests {
         }
     }
 
-    /// Delays between 0 and 15 ms that repeat no pattern of the windows.
+    /// Pseudo-random delays between 0 and 15 ms.
     fn delay_s(k: u32) -> f64 {
         f64::from(k.wrapping_mul(2_654_435_761) >> 16) / 65_536.0 * 0.015
     }
@@ -368,7 +369,7 @@ mod tests {
 
     /// A receiver that sends ten bits of the week crosses a rollover (2019-04-07, week 2048).
     #[test]
-    fn weeks_of_ten_bits_are_those_of_the_log_clock() {
+    fn weeks_of_ten_bits_are_completed_by_the_log_clock() {
         let mut fit = ClockFit::new(Scale::Gps);
         // 18 leap seconds: week 2048 begins at 23:59:42 UTC.
         let rollover = LogTime(1_554_595_182_000_000_000);
@@ -387,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_clock_starts_the_fit_anew_and_time_never_passes_arrival() {
+    fn a_set_clock_restarts_the_fit_and_no_time_is_after_its_arrival() {
         let mut fit = ClockFit::new(Scale::Gps);
         let mut device_s = 5_000.0;
         for k in 0..200 {
@@ -405,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn other_scales_and_nan_are_refused() {
+    fn other_scales_and_nan_are_rejected() {
         let mut fit = ClockFit::new(Scale::Gps);
         assert_eq!(fit.push(DeviceTime::UtcTimeOfDay(1.0), START), None);
         assert_eq!(fit.push(gps(f64::NAN), START), None);

@@ -1,4 +1,4 @@
-//! One source inside the engine: its decoder, its device's clock and its counters.
+//! A source in the engine: decoder, device clock and counters.
 
 use sample::{
     Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
@@ -17,13 +17,13 @@ use crate::config::{GnssMeaning, Meaning, Source};
 const GPS_EPOCH_UNIX_S: f64 = 315_964_800.0;
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
-/// Two velocity records further apart than this say nothing about the interval, s.
+/// Largest time between two velocity records that is used as their interval, s.
 const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
 
-/// A device that was just opened may be silent for this much longer: it is set up.
+/// Additional time without data that is allowed after a device was opened, because it is set up.
 const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
 
-/// One source inside the engine.
+/// A source in the engine.
 pub struct SourceState {
     id: SourceId,
     name: String,
@@ -47,7 +47,7 @@ enum Decoder {
     Alog(Box<wire::alog::Decoder>),
 }
 
-/// From device time and arrival to the instant of validity.
+/// Computes the time of validity from device time and arrival.
 struct Timing {
     fits: [ClockFit; 2],
     transport_delay_s: f64,
@@ -58,19 +58,19 @@ struct Timing {
     utc: UtcClock,
 }
 
-/// What became of a source's silence.
+/// Change of the silence of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Silence {
-    /// It has fallen silent.
+pub enum SilenceChange {
+    /// The source has become silent.
     Began,
-    /// It speaks again.
+    /// The source sends data again.
     Ended,
 }
 
 impl SourceState {
-    /// The state at the start.
+    /// State before the first arrival.
     ///
-    /// `attitude_latency_s` is for receivers whose configuration does not say.
+    /// `attitude_latency_s` is the latency of receivers without one in their configuration.
     pub fn new(source: &Source, attitude_latency_s: f64) -> Result<Self> {
         let (decoder, gnss) = match &source.meaning {
             Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can)), None),
@@ -114,13 +114,13 @@ impl SourceState {
         &self.name
     }
 
-    /// Takes what the source delivered and hands on the samples.
+    /// Processes an arrival of the source and appends the samples.
     pub fn push(&mut self, arrival: &Arrival, sink: &mut Vec<Sample>) {
         let log_time = arrival.log_time;
         match &arrival.payload {
             Payload::Bytes(bytes) => self.push_bytes(log_time, bytes, sink),
             Payload::Can(frames) => self.push_frames(arrival, frames, sink),
-            Payload::Notice(notice) => self.note(log_time, notice),
+            Payload::Notice(notice) => self.push_notice(log_time, notice),
             Payload::Tick => {}
         }
     }
@@ -173,7 +173,7 @@ impl SourceState {
         }
     }
 
-    fn note(&mut self, log_time: LogTime, notice: &Notice) {
+    fn push_notice(&mut self, log_time: LogTime, notice: &Notice) {
         match notice {
             Notice::Opened(_) => {
                 self.open = true;
@@ -185,8 +185,8 @@ impl SourceState {
         }
     }
 
-    /// Looks whether the source has fallen silent or speaks again.
-    pub fn watch(&mut self, now: LogTime) -> Option<Silence> {
+    /// Checks whether the source has become silent or sends data again.
+    pub fn watch(&mut self, now: LogTime) -> Option<SilenceChange> {
         let limit_ns = self.silent_after_ns?;
         let silent = self.last_data.is_some_and(|last| now - last > limit_ns);
         if silent == self.silent {
@@ -194,13 +194,13 @@ impl SourceState {
         }
         self.silent = silent;
         Some(if silent {
-            Silence::Began
+            SilenceChange::Began
         } else {
-            Silence::Ended
+            SilenceChange::Ended
         })
     }
 
-    /// Counters since the start; `losses` are those of all sources.
+    /// Counters since the start; `losses` are the losses of all sources.
     pub fn health(&self, losses: &Losses) -> SourceHealth {
         let statistics = self.statistics();
         SourceHealth {
@@ -230,7 +230,7 @@ impl SourceState {
         }
     }
 
-    /// How the device's clocks stand to the log clock.
+    /// Fits of the device clocks to the log clock.
     pub fn clocks(&self, now: LogTime) -> impl Iterator<Item = ClockRecord> {
         self.timing
             .fits
@@ -288,12 +288,12 @@ impl Timing {
         }
     }
 
-    /// The instant of a message without a clock of its own.
+    /// Time of a message without a device time.
     fn of_arrival(&self, log_time: LogTime) -> LogTime {
         log_time.offset_seconds(-self.transport_delay_s)
     }
 
-    /// The instant of a message's time tag on the log clock.
+    /// Time of a message's time tag on the log clock.
     fn tag(&mut self, device: Option<DeviceTime>, log_time: LogTime) -> LogTime {
         let mapped = device.and_then(|device| {
             let scale = Scale::of(device)?;
@@ -302,7 +302,7 @@ impl Timing {
         self.of_arrival(mapped.unwrap_or(log_time))
     }
 
-    /// How long before its time tag a measurement was true, s.
+    /// Latency of a measurement: time from its validity to its time tag, s.
     fn latency_s(
         &mut self,
         device: Option<DeviceTime>,
@@ -323,8 +323,8 @@ impl Timing {
         }
     }
 
-    /// Half the time between the last two velocity records, which a difference of positions or
-    /// an averaged Doppler shift is late by.
+    /// Half the time between the last two velocity records, which is the latency of a position
+    /// difference or of an averaged Doppler shift, s.
     fn half_velocity_interval_s(&mut self, device: Option<DeviceTime>) -> f64 {
         let tag_s = match device {
             Some(DeviceTime::Gps { time_of_week_s, .. }) => time_of_week_s,

@@ -1,4 +1,4 @@
-//! UTC against the log clock, from a receiver that sends date and time.
+//! Offset of UTC from the log clock, from a receiver that sends date and time.
 //!
 //! The fit of the receiver's clock maps a device time d to the log clock t(d). With the date, d is
 //! UTC u(d), and the offset is
@@ -16,26 +16,26 @@ use super::clock::{ClockFit, ClockState, Scale};
 /// Unknown constant delay of receiver and port, s: receivers send a solution up to some 0.2 s after
 /// its time tag, which as a uniform distribution from 0 has this root mean square (0.2 / sqrt 3).
 const DELAY_UNKNOWN_SIGMA_S: f64 = 0.115;
-/// What is left of it where the configuration states `transport_delay_s`, s.
+/// Unknown constant delay if the configuration sets `transport_delay_s`, s.
 const DELAY_KNOWN_SIGMA_S: f64 = 0.02;
-/// Messages before which a fit is not used.
+/// Smallest number of messages of a fit that is used.
 const MESSAGES_MIN: u64 = 5;
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
-/// "Not known" of Septentrio's leap seconds.
+/// Value of Septentrio's leap seconds for "unknown".
 const SBF_UNKNOWN: i8 = -128;
-/// Leap seconds that a message may state, s: more is damage.
+/// Largest plausible leap seconds in a message, s.
 const LEAP_SECONDS_MAX: i32 = 60;
 
-/// What a receiver has sent about UTC.
+/// UTC information that a receiver has sent.
 #[derive(Clone, Debug, Default)]
 pub struct UtcClock {
-    /// GPS time minus UTC, s, as sent.
+    /// GPS time minus UTC that the receiver sent, s.
     leap_seconds: Option<i32>,
-    /// UNIX time at zero of the device time of day, s, and the fit's restarts when it was set.
+    /// UNIX time at zero of the device time of day, s, and the number of restarts of the fit then.
     day: Option<(f64, u32)>,
-    /// Messages of both fits when the last offset was given.
-    given_at: [u64; 2],
+    /// Messages of both fits at the last offset.
+    messages_used: [u64; 2],
 }
 
 /// An offset to UTC.
@@ -45,12 +45,12 @@ pub struct Offset {
     pub offset_ns: i64,
     /// Standard deviation, s.
     pub sigma_s: f64,
-    /// GPS time minus UTC, s, as sent.
+    /// GPS time minus UTC that the receiver sent, s.
     pub leap_seconds: Option<i32>,
 }
 
 impl UtcClock {
-    /// Takes a message's date or leap seconds; `fits` have its time already.
+    /// Processes the date or leap seconds of a message; `fits` have processed its time already.
     pub fn push(&mut self, message: &Message, fits: &[ClockFit; 2]) {
         let leap_seconds = match message {
             Message::Sbf(block) => match block.body {
@@ -72,8 +72,8 @@ impl UtcClock {
             }
             _ => None,
         };
-        let sound = leap_seconds.filter(|seconds| (0..=LEAP_SECONDS_MAX).contains(seconds));
-        self.leap_seconds = sound.or(self.leap_seconds);
+        let plausible = leap_seconds.filter(|seconds| (0..=LEAP_SECONDS_MAX).contains(seconds));
+        self.leap_seconds = plausible.or(self.leap_seconds);
     }
 
     fn push_date(&mut self, sentence: &nmea::Sentence, fit: &ClockFit) {
@@ -91,20 +91,20 @@ impl UtcClock {
         let (Some(utc_s), Some(midnight_s), Some(state)) = (utc_s, midnight, fit.state()) else {
             return;
         };
-        // The fit counts on over midnight: its zero is a midnight, too.
+        // The fit does not roll over at midnight, so that its zero is a midnight too.
         let days = ((midnight_s as f64 + utc_s - state.device_s) / DAY_S).round();
         self.day = Some((days * DAY_S, state.restarts));
     }
 
-    /// The offset by the better of the two fits that have a date; `None` if no message came since
-    /// the last call.
+    /// Offset from the better of the fits that have a date; `None` if there was no message since the
+    /// last call.
     pub fn offset(&mut self, fits: &[ClockFit; 2], transport_delay_s: f64) -> Option<Offset> {
         let mut best: Option<Offset> = None;
-        for (fit, given_at) in fits.iter().zip(&mut self.given_at) {
+        for (fit, messages_used) in fits.iter().zip(&mut self.messages_used) {
             let Some(state) = fit.state().filter(|state| state.messages >= MESSAGES_MIN) else {
                 continue;
             };
-            if std::mem::replace(given_at, state.messages) == state.messages {
+            if std::mem::replace(messages_used, state.messages) == state.messages {
                 continue;
             }
             let zero_s = match state.scale {
@@ -124,8 +124,8 @@ impl UtcClock {
     }
 }
 
-/// UNIX time at zero of GPS time, less the leap seconds as sent or by the table; `None` for weeks
-/// whose high bits are those of the log clock.
+/// UNIX time at zero of GPS time, minus the leap seconds that were sent or are in the table; `None` for
+/// weeks whose high bits are taken from the log clock.
 fn gps_zero_unix_s(state: &ClockState, leap_seconds: Option<i32>) -> Option<f64> {
     if !state.is_dated {
         return None;
@@ -164,7 +164,7 @@ mod tests {
 
     use super::*;
 
-    /// 2002-01-01 00:00:05: a computer without a battery.
+    /// 2002-01-01 00:00:05: a computer whose clock has no battery.
     const WRONG: LogTime = LogTime(1_009_843_205_000_000_000);
     /// 2026-11-21 23:59:50.
     const TRUE_S: f64 = 1_795_305_590.0;
@@ -184,7 +184,7 @@ mod tests {
         })
     }
 
-    /// A sentence a second over midnight, 30 to 60 ms late.
+    /// A sentence per second across midnight, 30 to 60 ms late.
     fn drive_nmea(valid: bool) -> Option<Offset> {
         let (mut fits, mut utc) = (fits(), UtcClock::default());
         let mut last = None;
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_date_without_a_fix_is_not_taken() {
+    fn a_date_without_a_fix_is_ignored() {
         assert_eq!(drive_nmea(false), None);
     }
 
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn gps_time_is_utc_by_leap_seconds_of_the_receiver_or_the_table() {
+    fn leap_seconds_come_from_the_receiver_or_the_table() {
         let by_table = drive_gps(2367, None).expect("a date");
         let utc_ns = wire::gps_time::unix_ns_from_gps(2367, 1000.0);
         assert!((by_table.offset_ns - (utc_ns - WRONG.0 as i64)).abs() < 1_000);
@@ -258,12 +258,12 @@ mod tests {
     }
 
     #[test]
-    fn a_week_of_ten_bits_is_no_date() {
+    fn a_week_of_ten_bits_gives_no_date() {
         assert_eq!(drive_gps(2367 % 1024, None), None);
     }
 
     #[test]
-    fn nothing_new_gives_no_further_offset() {
+    fn without_a_new_message_there_is_no_new_offset() {
         let (mut fits, mut utc) = (fits(), UtcClock::default());
         for k in 0..10_u32 {
             let device = DeviceTime::Gps {

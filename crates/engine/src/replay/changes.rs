@@ -1,4 +1,4 @@
-//! What a replay gives the estimator instead of what the log's own configuration names.
+//! Changes that a replay makes to the configuration in the log.
 
 use std::path::{Path, PathBuf};
 
@@ -8,31 +8,31 @@ use toml::{Table, Value};
 use crate::config::{ATTACHED_NAME, TOML_MAX, read_text};
 use crate::{Config, Error, Result};
 
-/// What a replay gives the estimator instead of what the log's own configuration names.
+/// Changes that a replay makes to the configuration in the log.
 #[derive(Clone, Debug, Default)]
 pub struct Changes {
-    /// The vehicle file.
+    /// Vehicle file.
     pub vehicle: Option<FileSource>,
-    /// Files of identified parameters, behind those that the configuration names.
+    /// Files of overrides, applied after those of the configuration.
     pub overrides: Vec<FileSource>,
-    /// The sensors file.
+    /// Sensors file.
     pub sensors: Option<FileSource>,
-    /// The calibration file.
+    /// Calibration file.
     pub calibration: Option<FileSource>,
-    /// Inputs that are ignored too, by the names of `estimator.ignore`.
+    /// Inputs that are ignored in addition; names of `estimator.ignore`.
     pub without: Vec<String>,
-    /// Inputs that are ignored no longer.
+    /// Inputs that are no longer ignored.
     pub with: Vec<String>,
-    /// Method, as `estimator.method` has it.
+    /// Method; value of `estimator.method`.
     pub method: Option<String>,
 }
 
-/// Where the text of a file is.
+/// Source of the text of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FileSource {
-    /// In a file, or in the program under this name.
+    /// Path of a file, or name of a built-in file.
     Path(PathBuf),
-    /// Here.
+    /// The text.
     Text(String),
 }
 
@@ -43,10 +43,10 @@ impl From<PathBuf> for FileSource {
 }
 
 impl Changes {
-    /// The configuration that a log carries, with the changes.
+    /// The configuration in the attachments of a log, with the changes.
     ///
     /// # Errors
-    /// If a file cannot be read, an input of [`Changes::with`] is not ignored by the log, or the
+    /// If a file cannot be read, if the log does not ignore an input of [`Changes::with`], or if the
     /// changed configuration has errors.
     pub fn configuration(&self, attachments: Vec<Attachment>) -> Result<Config> {
         Config::from_attachments(&self.apply(attachments)?)
@@ -61,8 +61,7 @@ impl Changes {
             && self.method.is_none()
     }
 
-    /// The attachments with the changes: files beside the others, and a configuration that names
-    /// them.
+    /// The attachments with the changes: additional files, and a configuration that names them.
     fn apply(&self, mut attachments: Vec<Attachment>) -> Result<Vec<Attachment>> {
         let own = attachments.iter().position(|a| a.name == ATTACHED_NAME);
         let Some(own) = own.filter(|_| !self.is_empty()) else {
@@ -98,22 +97,22 @@ impl Changes {
 
     fn change_ignored(&self, ignored: &mut Vec<Value>) -> Result<()> {
         for input in &self.with {
-            let is_it = |ignored: &Value| ignored.as_str() == Some(input);
-            if !ignored.iter().any(is_it) {
+            let is_same = |ignored: &Value| ignored.as_str() == Some(input);
+            if !ignored.iter().any(is_same) {
                 let names = ignored.iter().filter_map(Value::as_str);
                 return Err(Error::NotIgnored {
                     input: input.clone(),
                     ignored: names.map(str::to_owned).collect(),
                 });
             }
-            ignored.retain(|ignored| !is_it(ignored));
+            ignored.retain(|ignored| !is_same(ignored));
         }
         ignored.extend(self.without.iter().cloned().map(Value::String));
         Ok(())
     }
 }
 
-/// Attaches a file in the place of one of the same name; the program's own need no file.
+/// Attaches a file, and replaces an attachment with the same name. A built-in file is not attached.
 fn attach(attachments: &mut Vec<Attachment>, file: &FileSource, kind: &str) -> Result<String> {
     let (name, text) = match file {
         FileSource::Path(path) if !path.exists() && path.extension().is_none() => {

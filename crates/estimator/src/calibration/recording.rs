@@ -11,7 +11,7 @@ use super::imu::{ImuSignal, Lean, Leaning};
 use super::rest::{self, Signal, Stretch};
 use super::{RecordingError, Resolved};
 
-/// Values and when they were true, s since the log's start.
+/// Values and their times of validity, s from the start of the log.
 #[derive(Debug, Default)]
 pub struct Column {
     time_s: Vec<f64>,
@@ -20,14 +20,14 @@ pub struct Column {
 
 impl Column {
     fn push(&mut self, time_s: f64, value: f64) {
-        // A stamp that was corrected backwards would break the order.
+        // A time that decreases, after a correction of a clock, is ignored to keep the order.
         if self.time_s.last().is_none_or(|last| time_s > *last) {
             self.time_s.push(time_s);
             self.value.push(value);
         }
     }
 
-    /// As the estimator's functions take it.
+    /// View for the functions of the estimator.
     pub fn signal(&self) -> Signal<'_> {
         Signal {
             time_s: &self.time_s,
@@ -35,7 +35,7 @@ impl Column {
         }
     }
 
-    /// The value next to an instant.
+    /// Value at or after a time.
     fn near(&self, time_s: f64) -> Option<f64> {
         let next = self.time_s.partition_point(|&known_s| known_s < time_s);
         let last = self.value.len().checked_sub(1)?;
@@ -48,12 +48,12 @@ impl Column {
     }
 }
 
-/// Vectors and when they were true.
+/// Vectors and their times of validity.
 #[derive(Debug, Default)]
 pub struct Vectors {
-    /// Instants, s since the log's start.
+    /// Times, s from the start of the log.
     pub time_s: Vec<f64>,
-    /// Values; `NaN` where the device told none.
+    /// Values; `NaN` if the device sent none.
     pub value: Vec<[f64; 3]>,
 }
 
@@ -83,7 +83,7 @@ impl ImuColumns {
         }
     }
 
-    /// As the estimator's functions take it.
+    /// View for the functions of the estimator.
     pub fn signal(&self) -> ImuSignal<'_> {
         ImuSignal {
             time_s: &self.time_s,
@@ -98,9 +98,9 @@ impl ImuColumns {
 pub struct Recording {
     /// Name of the log, for messages.
     pub name: String,
-    /// The vehicle that it was recorded on.
+    /// Vehicle.
     pub vehicle: Vehicle,
-    /// Its sensors.
+    /// Sensors of the vehicle.
     pub sensors: Sensors,
     start: LogTime,
     /// Strain counts.
@@ -109,7 +109,7 @@ pub struct Recording {
     pub deflection: PerWheel<Column>,
     /// Wheel speeds, rad/s.
     pub wheel_speed: PerWheel<Column>,
-    /// Steering wheel as read, rad.
+    /// Measured steering-wheel angle, rad.
     pub steer: Column,
     /// First inertial unit.
     pub imu: ImuColumns,
@@ -118,7 +118,7 @@ pub struct Recording {
     pub velocity: BTreeMap<String, Vectors>,
     /// GNSS attitude of each receiver: yaw, pitch, roll, rad.
     pub attitude: BTreeMap<String, Vectors>,
-    /// Marks, s since the log's start.
+    /// Marks with their times, s from the start of the log.
     pub marks: Vec<(f64, String)>,
 }
 
@@ -199,7 +199,7 @@ impl Recording {
         }
     }
 
-    /// Refuses a log without what a step cannot do without.
+    /// Returns an error if the log has no data of a channel that the step needs.
     pub(super) fn require(
         &self,
         channel: &'static str,
@@ -214,17 +214,17 @@ impl Recording {
         })
     }
 
-    /// Refuses a log without an inertial unit.
+    /// Returns an error if the log has no data of an inertial unit.
     pub(super) fn require_imu(&self) -> Result<(), RecordingError> {
         self.require("inertial unit", !self.imu.time_s.is_empty())
     }
 
-    /// The inertial unit's readings in its own axes.
+    /// Readings of the inertial unit in its own axes.
     pub fn imu_signal(&self) -> ImuSignal<'_> {
         self.imu.signal()
     }
 
-    /// The inertial unit's readings in body axes, as `calibration` says.
+    /// Readings of the inertial unit in body axes, corrected with `calibration`.
     pub fn body_imu(&self, calibration: &Resolved) -> ImuColumns {
         let turned = |values: &[[f64; 3]], bias: Vector3<f64>| {
             let turn =
@@ -255,7 +255,7 @@ impl Recording {
         (count > 0.0).then(|| (sum / count).into())
     }
 
-    /// The stretches over which nothing moves.
+    /// Times at rest.
     pub fn rest(&self) -> Vec<Stretch> {
         let rate = |axis: usize| Column {
             time_s: self.imu.time_s.clone(),
@@ -268,7 +268,7 @@ impl Recording {
         rest::stretches(&steady, &wheels)
     }
 
-    /// Roll and pitch by the springs, rad; empty unless all four are measured.
+    /// Roll and pitch from the spring deflections, rad; empty unless all four are measured.
     pub fn lean(&self, calibration: &Resolved) -> [Column; 2] {
         let mut column = [Column::default(), Column::default()];
         let Some(lean) = Lean::of(&self.vehicle) else {
@@ -299,7 +299,7 @@ impl Recording {
         column
     }
 
-    /// Forward speed by the mean of the wheels, m/s: good enough to tell how fast, not to measure.
+    /// Approximate forward speed from the mean of the wheel speeds, m/s.
     pub fn rolling_speed(&self) -> Column {
         let radius_m = self.vehicle.front.tyre.unloaded_radius_m;
         let known: Vec<&Column> = self.wheel_speed.0.iter().filter(|c| c.is_known()).collect();

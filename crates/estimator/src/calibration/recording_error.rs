@@ -9,7 +9,7 @@ pub enum RecordingError {
     #[error("no log is given")]
     None,
     /// A step takes one recording.
-    #[error("{step} takes one log, not {}: {logs:?}", .logs.len())]
+    #[error("the step {step} needs one log, but {} were given: {logs:?}", .logs.len())]
     NotOne {
         /// The step.
         step: &'static str,
@@ -18,8 +18,9 @@ pub enum RecordingError {
     },
     /// Recordings of different vehicles or sensors.
     #[error(
-        "{log} is of vehicle \"{}\" with sensors \"{}\", {first} of \"{}\" with \"{}\"; \
-         calibrate one vehicle at a time", .found[0], .found[1], .expected[0], .expected[1]
+        "{log} is a log of vehicle \"{}\" with sensors \"{}\", but {first} is a log of vehicle \
+         \"{}\" with sensors \"{}\"; give logs of one vehicle",
+        .found[0], .found[1], .expected[0], .expected[1]
     )]
     OtherVehicle {
         /// The recording that differs.
@@ -41,7 +42,7 @@ pub enum RecordingError {
     },
     /// No receiver measures attitude.
     #[error(
-        "{log}: no receiver measures attitude, so that no heading is known; record the attitude \
+        "{log}: the log has no GNSS attitude, so that the heading is unknown; record the attitude \
          receiver in the same drive"
     )]
     NoAttitude {
@@ -49,28 +50,30 @@ pub enum RecordingError {
         log: String,
     },
     /// No receiver measures velocity.
-    #[error("{log}: no receiver measures velocity; record one")]
+    #[error("{log}: the log has no GNSS velocity; record a receiver with velocity")]
     NoVelocity {
         /// The recording.
         log: String,
     },
     /// The vehicle is never at rest.
-    #[error("{log}: the vehicle never rests for 2 s")]
+    #[error(
+        "{log}: the vehicle is never at rest for 2 s; do not touch it while it is on the scales"
+    )]
     NeverAtRest {
         /// The recording.
         log: String,
     },
     /// The vehicle is never at rest on its stands.
     #[error(
-        "{log}: at no time do all potentiometers and wheels rest for 2 s; put the vehicle on \
-         stands and leave it alone for 10 s"
+        "{log}: there is no time of 2 s in which all potentiometers and wheels are at rest; put \
+         the vehicle on stands and do not touch it for 10 s"
     )]
     NeverHanging {
         /// The recording.
         log: String,
     },
     /// No deflection after a mark.
-    #[error("{log}: no deflection of {wheel} at {time_s:.1} s; mend the potentiometer")]
+    #[error("{log}: no deflection of {wheel} at {time_s:.1} s; check the potentiometer")]
     NoDeflection {
         /// The recording.
         log: String,
@@ -80,7 +83,7 @@ pub enum RecordingError {
         time_s: f64,
     },
     /// No angle of the steering wheel after a mark.
-    #[error("{log}: no angle of the steering wheel at {time_s:.1} s")]
+    #[error("{log}: no steering-wheel angle at {time_s:.1} s; check its sensor")]
     NoSteer {
         /// The recording.
         log: String,
@@ -104,8 +107,8 @@ pub enum RecordingError {
     Scales(#[from] ReadingProblem),
     /// The readings of the scales are not one for each recording.
     #[error(
-        "{logs} logs, but --scales is given {scales} times; give the scales of each log, in the \
-         logs' order"
+        "there are {logs} logs, but --scales is given {scales} times; give it once for each log, in \
+         the order of the logs"
     )]
     ScalesOfEach {
         /// Recordings.
@@ -130,10 +133,10 @@ impl RecordingError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReadingProblem {
     /// Part of it is no number.
-    #[error("\"{0}\" is no number")]
+    #[error("\"{0}\" is not a number")]
     NotANumber(String),
     /// It has too many or too few numbers.
-    #[error("{found} numbers, {needed} are needed")]
+    #[error("there are {found} numbers, but {needed} are needed")]
     Count {
         /// Numbers that it has.
         found: usize,
@@ -141,6 +144,6 @@ pub enum ReadingProblem {
         needed: usize,
     },
     /// It does not begin with a wheel.
-    #[error("\"{0}\" is no wheel; FL, FR, RL or RR")]
+    #[error("\"{0}\" is not a wheel; use FL, FR, RL or RR")]
     NotAWheel(String),
 }

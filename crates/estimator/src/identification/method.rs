@@ -13,16 +13,16 @@ use crate::finding::{Findings, Refusal};
 /// Names of the axles, front first.
 const AXLES: [&str; 2] = ["front", "rear"];
 
-/// What of the sensors a drive's estimates rest on.
+/// Sensors on which the estimates of a drive depend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sense {
     /// Rates and accelerations.
     Inertia,
-    /// Speed over ground, and with it sideslip.
+    /// Speed over ground and sideslip.
     Velocity,
     /// The steering wheel.
     Steer,
-    /// The tyres' forces.
+    /// Tyre forces.
     Strain,
 }
 
@@ -280,8 +280,8 @@ fn yaw_inertia(recorded: &Recorded, seed: u64) -> Result<Identified, EstimatorEr
     )?;
     if recorded.fused {
         result.notes.push(
-            "the log's forces are the fusion filter's, which knows the vehicle file's inertia; for \
-             an independent value replay the log with estimator.method = \"thesis\""
+            "the forces in the log are from the fusion filter, which uses the inertia in the vehicle \
+             file; for an independent value, replay the log with --method thesis"
                 .to_owned(),
         );
     }
@@ -311,7 +311,9 @@ fn response(
             vec![one]
         }
         (Err(refusal), Err(frequency)) => {
-            let part = format!("neither steps nor frequencies; {frequency}");
+            let part = format!(
+                "the drive gives neither a step response nor a frequency response: {frequency}"
+            );
             return Err(part_refused(part, refusal));
         }
     };

@@ -4,17 +4,17 @@ use toml::{Table, Value};
 
 use crate::finding::Findings;
 
-/// Fields of the vehicle file by their dotted names, with the values that replace the file's.
+/// Overrides: dotted names of fields of the vehicle file, with new values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overrides(Table);
 
 impl Overrides {
-    /// Replaces a number.
+    /// Overrides a number.
     pub(super) fn set(&mut self, field: &str, value: f64) {
         self.0.insert(field.to_owned(), Value::Float(value));
     }
 
-    /// Replaces a list of numbers.
+    /// Overrides a list of numbers.
     pub(super) fn set_list(&mut self, field: &str, values: &[f64]) {
         let list = values.iter().map(|value| Value::Float(*value)).collect();
         self.0.insert(field.to_owned(), Value::Array(list));
@@ -46,9 +46,8 @@ impl Overrides {
         table.insert("result".to_owned(), Value::try_from(results)?);
         let text = toml::to_string_pretty(&table)?;
         Ok(format!(
-            "# Found by `atvrec identify {command}`. Name this file under [vehicle] as one of \
-             `overrides`\n# in atvrec.toml, and its [overrides] replace fields of the vehicle \
-             file.\n{text}"
+            "# Result of `atvrec identify {command}`. Add this file to `overrides` under [vehicle] \
+             in\n# atvrec.toml; then its [overrides] replace fields of the vehicle file.\n{text}"
         ))
     }
 }

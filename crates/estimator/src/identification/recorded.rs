@@ -6,9 +6,9 @@ use sample::{PerWheel, Wheel};
 
 use super::{Drive, tyre};
 
-/// Rows of tyre data that are left out between two that are used.
+/// Interval of the rows of tyre data that are used.
 const TYRE_STRIDE: usize = 10;
-/// Below this speed slip angles say nothing, m/s.
+/// Smallest speed at which slip angles are used, m/s.
 const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 
 /// Estimates of the motion on an even time grid, `NaN` where unknown; all columns have the same
@@ -54,7 +54,7 @@ pub struct Recorded {
     pub vehicle: Vehicle,
     /// Its motion and the wheels' loads.
     pub drive: Drive,
-    /// Whether the forces are the fusion filter's.
+    /// Whether the forces are from the fusion filter.
     pub fused: bool,
     /// Forces along the wheel and across it, N.
     forces_n: PerWheel<[Vec<f64>; 2]>,
@@ -68,7 +68,7 @@ impl Recorded {
     pub fn new(vehicle: Vehicle, motion: Motion, forces: TyreForces) -> Self {
         let [forward, left] = &motion.velocity_m_s;
         let [along, across, up] = &motion.acceleration_m_s2;
-        // The body's axes lean with it; what turns and brakes the vehicle is horizontal.
+        // The axes lean with the body, but the accelerations of interest are horizontal.
         let horizontal = |along: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
             let rows = along.iter().zip(up).zip(lean);
             rows.map(|((a, z), angle)| a * math::cos(*angle) + sign * z * math::sin(*angle))
@@ -123,8 +123,8 @@ impl Recorded {
         data
     }
 
-    /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; unknown
-    /// without forces.
+    /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; NaN without
+    /// forces.
     #[must_use]
     pub fn yaw_moment_n_m(&self) -> Vec<f64> {
         let body = &self.vehicle.body;

@@ -191,8 +191,8 @@ fn add_unparsed(gather: &mut Gatherer<'_>, text: &str, unparsed: Unparsed) {
             return;
         }
         Unparsed::TooLong(bytes) => (
-            format!("has {bytes} bytes; it may have {TOML_MAX}"),
-            "name the right file",
+            format!("the file has {bytes} bytes, but the limit is {TOML_MAX}"),
+            "check the name of the file",
         ),
         Unparsed::Panic(panic) => (
             format!("the TOML parser failed: {panic}"),

@@ -7,9 +7,9 @@ use toml::de::{DeTable, DeValue};
 
 use super::{Gatherer, closest};
 
-/// A value that a field can hold.
+/// Type of a field's value.
 pub trait FromValue: Sized {
-    /// What is expected, for messages: `a string`.
+    /// Name of the type in messages, such as `a string`.
     const EXPECTED: &'static str;
 
     /// The value, if it is of this type.
@@ -44,7 +44,7 @@ impl FromValue for f64 {
 }
 
 impl FromValue for u64 {
-    const EXPECTED: &'static str = "a whole number, not negative";
+    const EXPECTED: &'static str = "an integer from 0 on";
 
     fn from_value(value: &DeValue<'_>) -> Option<Self> {
         match value {
@@ -55,7 +55,7 @@ impl FromValue for u64 {
 }
 
 impl FromValue for u32 {
-    const EXPECTED: &'static str = "a whole number, not negative";
+    const EXPECTED: &'static str = "an integer from 0 on";
 
     fn from_value(value: &DeValue<'_>) -> Option<Self> {
         u64::from_value(value).and_then(|value| Self::try_from(value).ok())
@@ -88,18 +88,18 @@ impl FromValue for NumberOrList {
     }
 }
 
-/// A field's value with its place.
+/// Value of a field with its place in the text.
 #[derive(Clone, Debug)]
 pub struct Field<T> {
     /// The value.
     pub value: T,
-    /// Where it stands in the text.
+    /// Position in the text.
     pub span: Range<usize>,
     /// Dotted name.
     pub name: String,
 }
 
-/// A table whose fields are taken one after another; what is left over is unknown.
+/// A table whose fields are read one after another; fields that are never read are unknown.
 pub struct Section<'t> {
     name: String,
     span: Range<usize>,
@@ -108,7 +108,7 @@ pub struct Section<'t> {
 }
 
 impl<'t> Section<'t> {
-    /// The section `name` (empty at the top) made of `table`.
+    /// Section with this name (empty at the top) and the fields of `table`.
     pub fn new(name: &str, table: Spanned<DeTable<'t>>) -> Self {
         let span = table.span();
         let mut entries: Vec<_> = table
@@ -137,7 +137,7 @@ impl<'t> Section<'t> {
         }
     }
 
-    /// Where the section stands.
+    /// Position of the section in the text.
     pub fn span(&self) -> Range<usize> {
         self.span.clone()
     }
@@ -148,7 +148,7 @@ impl<'t> Section<'t> {
         Some(self.entries.remove(at).2)
     }
 
-    /// The field `key`, if it is there and of the right type.
+    /// The field `key`, if it exists and has the right type.
     pub fn optional<T: FromValue>(
         &mut self,
         key: &'static str,
@@ -164,7 +164,7 @@ impl<'t> Section<'t> {
                     &span,
                     &name,
                     format!(
-                        "{} found where {} is expected",
+                        "found {}, but {} is expected",
                         describe(value.get_ref()),
                         T::EXPECTED
                     ),
@@ -204,12 +204,12 @@ impl<'t> Section<'t> {
             &field.span,
             &field.name,
             format!("{} is out of range", field.value),
-            format!("give a number from {} to {}", range.start(), range.end()),
+            format!("use a number from {} to {}", range.start(), range.end()),
         );
         default
     }
 
-    /// The field `key`, whose absence is an error; `help` says what belongs there.
+    /// The field `key`, whose absence is an error; `help` describes the value.
     pub fn required<T: FromValue>(
         &mut self,
         key: &'static str,
@@ -236,7 +236,7 @@ impl<'t> Section<'t> {
             })
     }
 
-    /// The sub-table `key`, if it is there.
+    /// The sub-table `key`, if it exists.
     pub fn optional_section(
         &mut self,
         key: &'static str,
@@ -247,14 +247,14 @@ impl<'t> Section<'t> {
         Some(self.as_section(&name, value, gather))
     }
 
-    /// The sub-table `key`, if it is there.
+    /// The sub-table `key`, if it exists.
     pub fn present(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Option<Section<'t>> {
         let name = self.field_name(key);
         let value = self.take(key)?;
         Some(self.as_section(&name, value, gather))
     }
 
-    /// All sub-tables that are left, with their names; consumes the section.
+    /// All sub-tables that were not read yet, with their names.
     pub fn into_sections(mut self, gather: &mut Gatherer<'_>) -> Vec<(Field<String>, Self)> {
         let entries = std::mem::take(&mut self.entries);
         entries
@@ -285,7 +285,7 @@ impl<'t> Section<'t> {
                 gather.add(
                     &span,
                     name,
-                    format!("{} found where a table is expected", describe(&other)),
+                    format!("found {}, but a table is expected", describe(&other)),
                     format!("write a table [{name}]"),
                 );
                 Section {
@@ -298,7 +298,7 @@ impl<'t> Section<'t> {
         }
     }
 
-    /// Reports what was not asked for as unknown.
+    /// Reports the fields that were not read as unknown.
     pub fn finish(self, gather: &mut Gatherer<'_>) {
         for (key, span, _) in &self.entries {
             if gather.count_if_full() {
@@ -306,7 +306,7 @@ impl<'t> Section<'t> {
             }
             let help = match closest(key, &self.known) {
                 Some(near) => format!("did you mean `{near}`?"),
-                None => format!("known here: {}", self.known.join(", ")),
+                None => format!("known fields: {}", self.known.join(", ")),
             };
             gather.add(span, &self.field_name(key), "unknown field", help);
         }
@@ -324,7 +324,7 @@ pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
-/// A value as words for messages.
+/// Description of a value for messages.
 fn describe(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("the string \"{text}\""),

@@ -129,7 +129,7 @@ def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Driv
         yaw_rate_rad_s=grid("yaw_rate_rad_s"),
         lateral_m_s2=across * np.cos(roll) - up * np.sin(roll),
         longitudinal_m_s2=along * np.cos(pitch) + up * np.sin(pitch),
-        steer_rad=0.5 * (grid("steer_rad.fl") + grid("steer_rad.fr")) - learnt,
+        steer_rad=0.5 * (grid("fl.steer_rad") + grid("fr.steer_rad")) - learnt,
         roll_rad=roll,
         pitch_rad=pitch,
         load_n=load,

@@ -1,7 +1,7 @@
 //! The controllers' lines, read back by the project's decoder.
 
+use atvrec_sim::{Emission, Manoeuvre, Options, Port, VirtualVehicle};
 use sample::Measurement;
-use sim::{Emission, Manoeuvre, Options, Port, VirtualVehicle};
 
 use crate::support::{bytes_of, sensors, vehicle};
 

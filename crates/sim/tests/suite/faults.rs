@@ -1,10 +1,10 @@
 //! Faults do what they say, where and when they say it, and nothing else.
 
-use sample::{StrainChannel, Wheel};
-use sim::{
+use atvrec_sim::{
     Chance, ChannelFault, ChannelFaultKind, Faults, ImuFault, ImuFaultKind, Interruption, Options,
     Output, Port,
 };
+use sample::{StrainChannel, Wheel};
 
 use crate::support::{self, bytes_of, circle, emissions, frames_of, imu_samples};
 
@@ -155,7 +155,8 @@ fn lines_lose_and_change_bytes() {
     let run = |options: &Options| emissions(circle(5.0, 15.24, 4.0), options, 9);
     let (sound, faulty) = (run(&Options::default()), run(&options));
 
-    let inside = |e: &&sim::Emission| e.port == Port::Imu && (1.002..2.002).contains(&e.time_s);
+    let inside =
+        |e: &&atvrec_sim::Emission| e.port == Port::Imu && (1.002..2.002).contains(&e.time_s);
     assert_eq!(faulty.iter().filter(inside).count(), 0);
     let torn = faulty.iter().any(|e| match &e.output {
         Output::Bytes(bytes) => e.port == Port::Imu && bytes.len() < 31,
@@ -163,7 +164,8 @@ fn lines_lose_and_change_bytes() {
     });
     assert!(torn, "the plug is pulled in the middle of a packet");
 
-    let frames = |all: &[sim::Emission]| all.iter().filter(|e| e.port.is_can()).count() as f64;
+    let frames =
+        |all: &[atvrec_sim::Emission]| all.iter().filter(|e| e.port.is_can()).count() as f64;
     let kept = frames(&faulty) / frames(&sound);
     assert!((kept - 0.75).abs() < 0.03, "{kept}");
 
@@ -207,7 +209,8 @@ fn faults_that_make_no_sense_are_refused() {
         ..Faults::default()
     });
     let (vehicle, sensors) = (support::vehicle(), support::sensors());
-    let made = sim::VirtualVehicle::new(circle(5.0, 15.24, 1.0), &vehicle, &sensors, &options, 1);
+    let made =
+        atvrec_sim::VirtualVehicle::new(circle(5.0, 15.24, 1.0), &vehicle, &sensors, &options, 1);
     let error = made.err().expect("there is no seventh axis");
     assert_eq!(error.to_string(), "imu.axis is 6; it must be 0 to 5");
 }

@@ -1,8 +1,8 @@
 //! What the model drives is what the manoeuvre's name says, and it obeys Newton.
 
+use atvrec_sim::{Manoeuvre, Motion, TruthState};
 use nalgebra::Vector3;
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
-use sim::{Manoeuvre, Motion, TruthState};
 
 use crate::support::vehicle;
 

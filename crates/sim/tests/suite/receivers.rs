@@ -1,8 +1,8 @@
 //! Both receivers, read back by the project's decoder of a receiver port.
 
+use atvrec_sim::{Emission, Faults, Interruption, Options, Port, SeptentrioBlocks, TruthState};
 use nalgebra::Vector3;
 use sample::{DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity, Measurement};
-use sim::{Emission, Faults, Interruption, Options, Port, SeptentrioBlocks, TruthState};
 use wire::geodesy::Geodetic;
 
 use crate::support::{bytes_of, circle, emissions, sensors};

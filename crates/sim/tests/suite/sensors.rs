@@ -2,7 +2,7 @@
 //! noise.
 
 use crate::support::{bytes_of, circle, emissions, frames_of, imu_samples, sensors, vehicle};
-use sim::{Options, Output, Port, VirtualVehicle};
+use atvrec_sim::{Options, Output, Port, VirtualVehicle};
 
 /// Mean and standard deviation.
 fn moments(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {

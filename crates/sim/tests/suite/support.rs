@@ -1,9 +1,9 @@
 //! Motions for the tests, and the built-in vehicle and sensors.
 
+use atvrec_sim::{Emission, Motion, Options, Output, Port, TruthState, VirtualVehicle, WheelTruth};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{ImuSample, Measurement, PerWheel, STANDARD_GRAVITY_M_S2};
-use sim::{Emission, Motion, Options, Output, Port, TruthState, VirtualVehicle, WheelTruth};
 
 pub fn vehicle() -> Vehicle {
     Vehicle::builtin("prowler").expect("a built-in vehicle")

@@ -1,25 +1,16 @@
-//! What the estimator and the recorder say.
+//! Results of the estimator and states of the recorder.
 
 use sample::{
-    Axle, AxleGrip, Event, EventKind, ForceSource, Health, InnovationKind, Innovations, LogTime,
-    LossPlace, Motion, Parameters, PerWheel, Rollover, Severity, Side, SourceHealth, SourceId,
+    Axle, AxleGrip, Event, EventKind, ForceFrame, ForceSource, Health, InnovationKind, Innovations,
+    LogTime, LossPlace, Motion, Parameters, PerWheel, Rollover, Severity, SourceHealth, SourceId,
     TyreForce, Wheel,
 };
 
 use super::{array, narrow, timestamp, vector};
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
+use crate::wheels::{axle, axle_number, entries, per_wheel, position, side, wheel};
 use crate::{ClockFit, LogMessage, Transform};
-
-pub(super) fn wheels(values: PerWheel<f64>) -> pb::Wheels {
-    let [fl, fr, rl, rr] = values.0;
-    pb::Wheels { fl, fr, rl, rr }
-}
-
-pub(super) fn per_wheel(wheels: Option<pb::Wheels>) -> PerWheel<f64> {
-    let w = wheels.unwrap_or_default();
-    PerWheel([w.fl, w.fr, w.rl, w.rr])
-}
 
 pub(super) fn motion_to_proto(motion: &Motion) -> pb::Motion {
     let [roll_rate_rad_s, pitch_rate_rad_s, yaw_rate_rad_s] = motion.rate_rad_s;
@@ -34,8 +25,12 @@ pub(super) fn motion_to_proto(motion: &Motion) -> pb::Motion {
         pitch_rate_rad_s,
         yaw_rate_rad_s,
         acceleration_m_s2: Some(vector(motion.acceleration_m_s2)),
-        steer_rad: Some(wheels(motion.steer_rad)),
-        slip_angle_rad: Some(wheels(motion.slip_angle_rad)),
+        wheels: entries(|wheel, axle, side| pb::WheelMotion {
+            axle,
+            side,
+            steer_rad: motion.steer_rad[wheel],
+            slip_angle_rad: motion.slip_angle_rad[wheel],
+        }),
         bank_rad: motion.bank_rad,
         grade_rad: motion.grade_rad,
     }
@@ -51,19 +46,25 @@ pub(super) fn motion_from_proto(m: &pb::Motion) -> Motion {
         pitch_rad: m.pitch_rad,
         rate_rad_s: [m.roll_rate_rad_s, m.pitch_rate_rad_s, m.yaw_rate_rad_s],
         acceleration_m_s2: array(m.acceleration_m_s2),
-        steer_rad: per_wheel(m.steer_rad),
-        slip_angle_rad: per_wheel(m.slip_angle_rad),
+        steer_rad: per_wheel(&m.wheels, f64::NAN, |entry| entry.steer_rad),
+        slip_angle_rad: per_wheel(&m.wheels, f64::NAN, |entry| entry.slip_angle_rad),
         bank_rad: m.bank_rad,
         grade_rad: m.grade_rad,
     }
 }
 
-pub(super) fn forces_to_proto(forces: &PerWheel<TyreForce>) -> pb::TyreForces {
-    let [fl, fr, rl, rr] = forces.0.map(|force| Some(force_to_proto(&force)));
-    pb::TyreForces { fl, fr, rl, rr }
+pub(super) fn forces_to_proto(frame: ForceFrame, forces: &PerWheel<TyreForce>) -> pb::TyreForces {
+    let frame = match frame {
+        ForceFrame::Contact => pb::ForceFrame::Contact,
+        ForceFrame::WheelCarrier => pb::ForceFrame::WheelCarrier,
+    };
+    pb::TyreForces {
+        frame: frame.into(),
+        wheels: entries(|wheel, axle, side| force_to_proto(axle, side, &forces[wheel])),
+    }
 }
 
-pub(super) fn force_to_proto(force: &TyreForce) -> pb::TyreForce {
+fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
     let source = match force.source {
         ForceSource::None => pb::ForceSource::None,
         ForceSource::Deflection => pb::ForceSource::Deflection,
@@ -74,6 +75,8 @@ pub(super) fn force_to_proto(force: &TyreForce) -> pb::TyreForce {
     let [x_n, y_n, z_n] = force.force_n;
     let [x_sigma_n, y_sigma_n, z_sigma_n] = force.sigma_n;
     pb::TyreForce {
+        axle,
+        side,
         x_n,
         y_n,
         z_n,
@@ -84,11 +87,12 @@ pub(super) fn force_to_proto(force: &TyreForce) -> pb::TyreForce {
     }
 }
 
-pub(super) fn force_from_proto(f: Option<pb::TyreForce>) -> TyreForce {
-    let Some(f) = f else {
-        return TyreForce::default();
+pub(super) fn forces_from_proto(message: &pb::TyreForces) -> (ForceFrame, PerWheel<TyreForce>) {
+    let frame = match pb::ForceFrame::try_from(message.frame).unwrap_or_default() {
+        pb::ForceFrame::Unspecified | pb::ForceFrame::Contact => ForceFrame::Contact,
+        pb::ForceFrame::WheelCarrier => ForceFrame::WheelCarrier,
     };
-    TyreForce {
+    let forces = per_wheel(&message.wheels, TyreForce::default(), |f| TyreForce {
         force_n: [f.x_n, f.y_n, f.z_n],
         sigma_n: [f.x_sigma_n, f.y_sigma_n, f.z_sigma_n],
         source: match pb::ForceSource::try_from(f.source).unwrap_or_default() {
@@ -98,18 +102,27 @@ pub(super) fn force_from_proto(f: Option<pb::TyreForce>) -> TyreForce {
             pb::ForceSource::Fusion => ForceSource::Fusion,
             pb::ForceSource::Model => ForceSource::Model,
         },
-    }
+    });
+    (frame, forces)
 }
 
 pub(super) fn rollover_to_proto(rollover: &Rollover) -> pb::Rollover {
-    let [front, rear] = rollover.axle_load_transfer_ratio;
+    let axles = Axle::ALL.into_iter().zip(rollover.axle_load_transfer_ratio);
     let [left_s, right_s] = rollover.time_to_two_wheel_lift_s;
     pb::Rollover {
         load_transfer_ratio: rollover.load_transfer_ratio,
         load_transfer_ratio_sigma: rollover.load_transfer_ratio_sigma,
-        front_load_transfer_ratio: front,
-        rear_load_transfer_ratio: rear,
-        time_to_lift_s: Some(wheels(rollover.time_to_lift_s)),
+        axles: axles
+            .map(|(axle, load_transfer_ratio)| pb::AxleLoadTransfer {
+                axle: axle_number(axle),
+                load_transfer_ratio,
+            })
+            .collect(),
+        wheels: entries(|wheel, axle, side| pb::WheelLiftTime {
+            axle,
+            side,
+            time_to_lift_s: rollover.time_to_lift_s[wheel],
+        }),
         time_to_left_lift_s: left_s,
         time_to_right_lift_s: right_s,
     }
@@ -119,8 +132,12 @@ pub(super) fn rollover_from_proto(r: &pb::Rollover) -> Rollover {
     Rollover {
         load_transfer_ratio: r.load_transfer_ratio,
         load_transfer_ratio_sigma: r.load_transfer_ratio_sigma,
-        axle_load_transfer_ratio: [r.front_load_transfer_ratio, r.rear_load_transfer_ratio],
-        time_to_lift_s: per_wheel(r.time_to_lift_s),
+        axle_load_transfer_ratio: Axle::ALL.map(|axle| {
+            let mut entries = r.axles.iter();
+            let entry = entries.find(|entry| entry.axle == axle_number(axle));
+            entry.map_or(f64::NAN, |entry| entry.load_transfer_ratio)
+        }),
+        time_to_lift_s: per_wheel(&r.wheels, f64::NAN, |entry| entry.time_to_lift_s),
         time_to_two_wheel_lift_s: [r.time_to_left_lift_s, r.time_to_right_lift_s],
     }
 }
@@ -133,8 +150,10 @@ pub(super) fn parameters_to_proto(parameters: &Parameters) -> pb::Parameters {
         gyro_bias_sigma_rad_s: Some(vector(parameters.gyro_bias_sigma_rad_s)),
         steer_offset_rad: parameters.steer_offset_rad,
         steer_offset_sigma_rad: parameters.steer_offset_sigma_rad,
-        front: Some(grip_to_proto(&parameters.front)),
-        rear: Some(grip_to_proto(&parameters.rear)),
+        axles: vec![
+            grip_to_proto(Axle::Front, &parameters.front),
+            grip_to_proto(Axle::Rear, &parameters.rear),
+        ],
         innovations: Some(innovations_to_proto(&parameters.innovations)),
     }
 }
@@ -148,8 +167,8 @@ pub(super) fn parameters_from_proto(time: LogTime, p: pb::Parameters) -> Paramet
         gyro_bias_sigma_rad_s: array(p.gyro_bias_sigma_rad_s),
         steer_offset_rad: p.steer_offset_rad,
         steer_offset_sigma_rad: p.steer_offset_sigma_rad,
-        front: grip_from_proto(p.front),
-        rear: grip_from_proto(p.rear),
+        front: grip_from_proto(Axle::Front, &p.axles),
+        rear: grip_from_proto(Axle::Rear, &p.axles),
         innovations: innovations_from_proto(p.innovations),
     }
 }
@@ -196,8 +215,9 @@ fn innovations_from_proto(all: Option<pb::Innovations>) -> [Innovations; Innovat
     })
 }
 
-fn grip_to_proto(grip: &AxleGrip) -> pb::AxleGrip {
+fn grip_to_proto(axle: Axle, grip: &AxleGrip) -> pb::AxleGrip {
     pb::AxleGrip {
+        axle: axle_number(axle),
         stiffness_factor: grip.stiffness_factor,
         stiffness_factor_sigma: grip.stiffness_factor_sigma,
         friction: grip.friction,
@@ -208,8 +228,9 @@ fn grip_to_proto(grip: &AxleGrip) -> pb::AxleGrip {
     }
 }
 
-fn grip_from_proto(grip: Option<pb::AxleGrip>) -> AxleGrip {
-    let grip = grip.unwrap_or_default();
+fn grip_from_proto(axle: Axle, all: &[pb::AxleGrip]) -> AxleGrip {
+    let found = all.iter().find(|grip| grip.axle == axle_number(axle));
+    let grip = found.copied().unwrap_or_default();
     AxleGrip {
         stiffness_factor: grip.stiffness_factor,
         stiffness_factor_sigma: grip.stiffness_factor_sigma,
@@ -221,47 +242,30 @@ fn grip_from_proto(grip: Option<pb::AxleGrip>) -> AxleGrip {
     }
 }
 
-pub(super) fn wheel_to_proto(wheel: Wheel) -> i32 {
-    let wheel = match wheel {
-        Wheel::FrontLeft => pb::Wheel::Fl,
-        Wheel::FrontRight => pb::Wheel::Fr,
-        Wheel::RearLeft => pb::Wheel::Rl,
-        Wheel::RearRight => pb::Wheel::Rr,
-    };
-    wheel.into()
-}
-
-pub(super) fn wheel_from_proto(wheel: i32) -> Result<Wheel, MessageError> {
-    match pb::Wheel::try_from(wheel) {
-        Ok(pb::Wheel::Fl) => Ok(Wheel::FrontLeft),
-        Ok(pb::Wheel::Fr) => Ok(Wheel::FrontRight),
-        Ok(pb::Wheel::Rl) => Ok(Wheel::RearLeft),
-        Ok(pb::Wheel::Rr) => Ok(Wheel::RearRight),
-        Ok(pb::Wheel::Unspecified) | Err(_) => Err(MessageError::Range {
-            field: "wheel",
-            value: wheel.into(),
-        }),
-    }
-}
-
 pub(super) fn event_to_proto(event: &Event) -> pb::Event {
     use pb::event::Kind;
     let kind = match &event.kind {
-        EventKind::LiftWarning(wheel, lead_time_s) => Kind::LiftWarning(pb::LiftWarning {
-            wheel: wheel_to_proto(*wheel),
-            lead_time_s: *lead_time_s,
-        }),
-        EventKind::Lift(wheel) => Kind::Lift(wheel_to_proto(*wheel)),
-        EventKind::Touchdown(wheel) => Kind::Touchdown(wheel_to_proto(*wheel)),
-        EventKind::TwoWheelLiftWarning(side, lead_time_s) => {
-            Kind::TwoWheelLiftWarning(pb::TwoWheelLiftWarning {
-                left: *side == Side::Left,
+        EventKind::LiftWarning(wheel, lead_time_s) => {
+            let (axle, side) = position(*wheel);
+            Kind::LiftWarning(pb::LiftWarning {
+                axle,
+                side,
                 lead_time_s: *lead_time_s,
             })
         }
-        EventKind::TwoWheelLift(side) => Kind::TwoWheelLiftLeft(*side == Side::Left),
+        EventKind::Lift(wheel) => Kind::Lift(wheel_position(*wheel)),
+        EventKind::Touchdown(wheel) => Kind::Touchdown(wheel_position(*wheel)),
+        EventKind::TwoWheelLiftWarning(side, lead_time_s) => {
+            Kind::TwoWheelLiftWarning(pb::TwoWheelLiftWarning {
+                side: side.name().to_owned(),
+                lead_time_s: *lead_time_s,
+            })
+        }
+        EventKind::TwoWheelLift(side) => Kind::TwoWheelLift(pb::TwoWheelLift {
+            side: side.name().to_owned(),
+        }),
         EventKind::SurfaceChange(axle, ratio) => Kind::SurfaceChange(pb::SurfaceChange {
-            rear: *axle == Axle::Rear,
+            axle: axle_number(*axle),
             lateral_force_ratio: *ratio,
         }),
         EventKind::SensorFault(name) => Kind::SensorFault(name.clone()),
@@ -278,20 +282,28 @@ pub(super) fn event_to_proto(event: &Event) -> pb::Event {
     }
 }
 
+fn wheel_position(wheel: Wheel) -> pb::WheelPosition {
+    let (axle, side) = position(wheel);
+    pb::WheelPosition { axle, side }
+}
+
 pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event, MessageError> {
     use pb::event::Kind;
     let kind = match event.kind.ok_or(MessageError::Absent("kind"))? {
         Kind::LiftWarning(warning) => {
-            EventKind::LiftWarning(wheel_from_proto(warning.wheel)?, warning.lead_time_s)
+            EventKind::LiftWarning(wheel(warning.axle, &warning.side)?, warning.lead_time_s)
         }
-        Kind::Lift(wheel) => EventKind::Lift(wheel_from_proto(wheel)?),
-        Kind::Touchdown(wheel) => EventKind::Touchdown(wheel_from_proto(wheel)?),
+        Kind::Lift(of) => EventKind::Lift(wheel(of.axle, &of.side)?),
+        Kind::Touchdown(of) => EventKind::Touchdown(wheel(of.axle, &of.side)?),
         Kind::TwoWheelLiftWarning(warning) => {
-            EventKind::TwoWheelLiftWarning(side(warning.left), warning.lead_time_s)
+            EventKind::TwoWheelLiftWarning(side(&warning.side)?, warning.lead_time_s)
         }
-        Kind::TwoWheelLiftLeft(left) => EventKind::TwoWheelLift(side(left)),
+        Kind::TwoWheelLift(lift) => EventKind::TwoWheelLift(side(&lift.side)?),
         Kind::SurfaceChange(change) => {
-            let axle = if change.rear { Axle::Rear } else { Axle::Front };
+            let axle = axle(change.axle).ok_or(MessageError::Range {
+                field: "axle",
+                value: change.axle.into(),
+            })?;
             EventKind::SurfaceChange(axle, change.lateral_force_ratio)
         }
         Kind::SensorFault(name) => EventKind::SensorFault(name),
@@ -307,10 +319,6 @@ pub(super) fn event_from_proto(time: LogTime, event: pb::Event) -> Result<Event,
         load_transfer_ratio: event.load_transfer_ratio,
         text: event.text,
     })
-}
-
-fn side(left: bool) -> Side {
-    if left { Side::Left } else { Side::Right }
 }
 
 pub(super) fn health_to_proto(health: &Health) -> pb::Health {

@@ -3,13 +3,14 @@
 use prost::Message as _;
 use sample::{
     Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, ImuSample, LogTime, Measurement, PerWheel, Sample, SteerSample,
-    StrainChannel, Wheel, WheelSpeedSample,
+    GroundSpeedSample, ImuSample, LogTime, Measurement, Sample, SteerSample, StrainChannel, Wheel,
+    WheelSpeedSample,
 };
 
 use super::{Encoded, array, enu_array, narrow, timestamp, vector};
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
+use crate::wheels::{WheelEntry, entries, per_wheel, position};
 
 pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
     let device_time = sample.device_time.map(device_time_to_proto);
@@ -67,23 +68,17 @@ pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
         Measurement::Steer(steer) => vec![message!(
             "/steer".to_owned(),
             &pb::Steer {
-                hand_wheel_rad: steer.hand_wheel_rad,
+                steering_wheel_rad: steer.hand_wheel_rad,
                 device_time,
             }
         )],
-        Measurement::WheelSpeed(speed) => {
-            let [fl_rad_s, fr_rad_s, rl_rad_s, rr_rad_s] = speed.angular_speed_rad_s.0;
-            vec![message!(
-                "/wheel_speed".to_owned(),
-                &pb::WheelSpeed {
-                    fl_rad_s,
-                    fr_rad_s,
-                    rl_rad_s,
-                    rr_rad_s,
-                    device_time,
-                }
-            )]
-        }
+        Measurement::WheelSpeed(speed) => vec![message!(
+            "/wheel_speed".to_owned(),
+            &pb::WheelSpeed {
+                wheels: speeds_to_proto(speed),
+                device_time,
+            }
+        )],
         Measurement::GroundSpeed(speed) => vec![message!(
             format!("/ground_speed/{name}"),
             &pb::GroundSpeed {
@@ -245,54 +240,53 @@ pub(super) fn gnss_attitude_to_proto(
 }
 
 pub(super) fn strain_of(corner: &CornerSample, device_time: Option<pb::DeviceTime>) -> pb::Strain {
-    let count = |channel: StrainChannel| corner.strain_counts[channel.index()].map(u32::from);
-    let counts = Some(pb::StrainCorner {
-        upper_front_counts: count(StrainChannel::UpperFront),
-        upper_rear_counts: count(StrainChannel::UpperRear),
-        lower_front_counts: count(StrainChannel::LowerFront),
-        lower_rear_counts: count(StrainChannel::LowerRear),
-        tie_rod_counts: count(StrainChannel::TieRod),
-        lower_front_bending_counts: count(StrainChannel::LowerFrontBending),
-        lower_rear_bending_counts: count(StrainChannel::LowerRearBending),
+    let (axle, side) = position(corner.wheel);
+    let members = StrainChannel::ALL.into_iter().zip(corner.strain_counts);
+    let members = members.filter_map(|(channel, counts)| {
+        Some(pb::StrainMember {
+            name: channel.name().to_owned(),
+            strain: None,
+            raw_counts: Some(counts?.into()),
+            valid: true,
+        })
     });
-    let mut strain = pb::Strain {
+    pb::Strain {
+        wheels: vec![pb::WheelStrain {
+            axle,
+            side,
+            members: members.collect(),
+        }],
         device_time,
-        ..pb::Strain::default()
-    };
-    match corner.wheel {
-        Wheel::FrontLeft => strain.fl = counts,
-        Wheel::FrontRight => strain.fr = counts,
-        Wheel::RearLeft => strain.rl = counts,
-        Wheel::RearRight => strain.rr = counts,
     }
-    strain
 }
 
-pub(super) fn strain_from_proto(message: &pb::Strain) -> Result<CornerSample, MessageError> {
-    let corners = [message.fl, message.fr, message.rl, message.rr];
-    let (wheel, counts) = Wheel::ALL
-        .into_iter()
-        .zip(corners)
-        .find_map(|(wheel, counts)| Some((wheel, counts?)))
-        .ok_or(MessageError::Absent("a corner"))?;
-    let columns = [
-        counts.upper_front_counts,
-        counts.upper_rear_counts,
-        counts.lower_front_counts,
-        counts.lower_rear_counts,
-        counts.tie_rod_counts,
-        counts.lower_front_bending_counts,
-        counts.lower_rear_bending_counts,
-    ];
+/// The counts of the first corner of the message; `None` if all of its wheels are of further axles.
+fn strain_from_proto(message: &pb::Strain) -> Result<Option<CornerSample>, MessageError> {
+    let Some((wheel, entry)) = first(&message.wheels)? else {
+        return Ok(None);
+    };
     let mut strain_counts = [None; StrainChannel::COUNT];
-    for (to, from) in strain_counts.iter_mut().zip(columns) {
-        *to = from.map(|counts| narrow("counts", counts)).transpose()?;
+    for member in entry.members.iter().filter(|member| member.valid) {
+        if let Some(channel) = StrainChannel::from_name(&member.name) {
+            strain_counts[channel.index()] = counts(member.raw_counts)?;
+        }
     }
-    Ok(CornerSample {
+    Ok(Some(CornerSample {
         wheel,
         strain_counts,
         deflection_counts: None,
-    })
+    }))
+}
+
+fn first<E: WheelEntry>(entries: &[E]) -> Result<Option<(Wheel, &E)>, MessageError> {
+    if entries.is_empty() {
+        return Err(MessageError::Absent("a wheel"));
+    }
+    Ok(entries.iter().find_map(|e| Some((e.wheel()?, e))))
+}
+
+fn counts(raw: Option<i32>) -> Result<Option<u16>, MessageError> {
+    raw.map(|raw| narrow("raw_counts", raw)).transpose()
 }
 
 pub(super) fn deflection_of(
@@ -300,37 +294,49 @@ pub(super) fn deflection_of(
     counts: u16,
     device_time: Option<pb::DeviceTime>,
 ) -> pb::Deflection {
-    let mut each = [None; 4];
-    each[wheel.index()] = Some(u32::from(counts));
-    let [fl_counts, fr_counts, rl_counts, rr_counts] = each;
+    let (axle, side) = position(wheel);
     pb::Deflection {
-        fl_counts,
-        fr_counts,
-        rl_counts,
-        rr_counts,
+        wheels: vec![pb::WheelDeflection {
+            axle,
+            side,
+            deflection_m: None,
+            raw_counts: Some(counts.into()),
+            valid: true,
+        }],
         device_time,
     }
 }
 
-pub(super) fn deflection_from_proto(
-    message: &pb::Deflection,
-) -> Result<CornerSample, MessageError> {
-    let each = [
-        message.fl_counts,
-        message.fr_counts,
-        message.rl_counts,
-        message.rr_counts,
-    ];
-    let (wheel, counts) = Wheel::ALL
-        .into_iter()
-        .zip(each)
-        .find_map(|(wheel, counts)| Some((wheel, counts?)))
-        .ok_or(MessageError::Absent("a wheel"))?;
-    Ok(CornerSample {
-        wheel,
-        strain_counts: [None; StrainChannel::COUNT],
-        deflection_counts: Some(narrow("counts", counts)?),
-    })
+/// The counts of the first corner of the message; `None` if all of its wheels are of further axles.
+fn deflection_from_proto(message: &pb::Deflection) -> Result<Option<CornerSample>, MessageError> {
+    let found = first(&message.wheels)?;
+    let corner = found.map(|(wheel, entry)| {
+        Ok(CornerSample {
+            wheel,
+            strain_counts: [None; StrainChannel::COUNT],
+            deflection_counts: counts(entry.raw_counts.filter(|_| entry.valid))?,
+        })
+    });
+    corner.transpose()
+}
+
+fn speeds_to_proto(speed: &WheelSpeedSample) -> Vec<pb::WheelAngularSpeed> {
+    let speeds = entries(|wheel, axle, side| {
+        Some(pb::WheelAngularSpeed {
+            axle,
+            side,
+            angular_speed_rad_s: speed.angular_speed_rad_s[wheel]?,
+            valid: true,
+        })
+    });
+    speeds.into_iter().flatten().collect()
+}
+
+fn speeds_from_proto(message: &pb::WheelSpeed) -> WheelSpeedSample {
+    let speed = |entry: &pb::WheelAngularSpeed| entry.valid.then_some(entry.angular_speed_rad_s);
+    WheelSpeedSample {
+        angular_speed_rad_s: per_wheel(&message.wheels, None, speed),
+    }
 }
 
 pub(super) type Measured = Option<(Measurement, Option<DeviceTime>)>;
@@ -394,28 +400,31 @@ pub(super) fn decode_measurement(schema: &str, data: &[u8]) -> Result<Measured, 
         }
         "atvrec.Strain" => {
             let m = pb::Strain::decode(data)?;
-            (Measurement::Corner(strain_from_proto(&m)?), m.device_time)
+            let Some(corner) = strain_from_proto(&m)? else {
+                return Ok(None);
+            };
+            (Measurement::Corner(corner), m.device_time)
         }
         "atvrec.Deflection" => {
             let m = pb::Deflection::decode(data)?;
-            let corner = deflection_from_proto(&m)?;
+            let Some(corner) = deflection_from_proto(&m)? else {
+                return Ok(None);
+            };
             (Measurement::Corner(corner), m.device_time)
         }
         "atvrec.Steer" => {
             let m = pb::Steer::decode(data)?;
-            let hand_wheel_rad = m.hand_wheel_rad;
-            (
-                Measurement::Steer(SteerSample { hand_wheel_rad }),
-                m.device_time,
-            )
+            let steer = SteerSample {
+                hand_wheel_rad: m.steering_wheel_rad,
+            };
+            (Measurement::Steer(steer), m.device_time)
         }
         "atvrec.WheelSpeed" => {
             let m = pb::WheelSpeed::decode(data)?;
-            let each = PerWheel([m.fl_rad_s, m.fr_rad_s, m.rl_rad_s, m.rr_rad_s]);
-            let speed = WheelSpeedSample {
-                angular_speed_rad_s: each,
-            };
-            (Measurement::WheelSpeed(speed), m.device_time)
+            (
+                Measurement::WheelSpeed(speeds_from_proto(&m)),
+                m.device_time,
+            )
         }
         "atvrec.GroundSpeed" => {
             let m = pb::GroundSpeed::decode(data)?;

@@ -7,7 +7,7 @@ use mcap::records::{Channel, Record};
 use sample::SourceId;
 
 use super::ChannelInfo;
-use crate::journal;
+use crate::{earlier, journal};
 
 /// Schemas and channels by their numbers; of several definitions the first one stands.
 #[derive(Clone, Debug, Default)]
@@ -101,13 +101,16 @@ impl Definitions {
     fn info(&self, channel: &Channel) -> ChannelInfo {
         let schema = self.schemas.get(&channel.schema_id);
         let source = channel.metadata.get("source");
-        ChannelInfo {
+        let mut info = ChannelInfo {
             topic: channel.topic.clone(),
             schema: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
             schema_data: schema.map_or_else(|| Arc::from([]), |schema| Arc::clone(&schema.data)),
             source: source.and_then(|id| id.parse().ok()).map(SourceId),
             metadata: channel.metadata.clone(),
-        }
+            is_earlier: false,
+        };
+        earlier::present(&mut info);
+        info
     }
 }
 

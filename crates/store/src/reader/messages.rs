@@ -10,7 +10,7 @@ use sample::{Estimate, LogTime, Measurement, Sample, Signal, SignalFrame, Source
 use super::{ChannelInfo, LogFile, Missing, unknown_estimate};
 use crate::convert::{self, Envelope};
 use crate::scan::{self, Decompressor, Refusal, Scanner};
-use crate::{Error, Record, Result, Stage, dynamic};
+use crate::{Error, Record, Result, Stage, dynamic, earlier};
 
 /// Which messages to read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,7 +59,7 @@ impl Selection {
     }
 }
 
-/// A message as it stands in the log.
+/// A message of the log, in the present layout.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
     /// Its channel.
@@ -171,13 +171,27 @@ impl MessageIter {
                 && (self.selection.start.0..=self.selection.end.0).contains(&header.log_time)
                 && let Some(channel) = open.file.index.channels.get(&header.channel_id)
             {
-                return Some(Message {
-                    channel: Arc::clone(channel),
-                    sequence: header.sequence,
-                    log_time: LogTime(header.log_time),
-                    publish_time: LogTime(header.publish_time),
-                    data: data.to_vec(),
-                });
+                let log_time = LogTime(header.log_time);
+                let data = match channel.is_earlier {
+                    true => earlier::message(&channel.schema, data),
+                    false => Ok(data.to_vec()),
+                };
+                match data {
+                    Ok(data) => {
+                        return Some(Message {
+                            channel: Arc::clone(channel),
+                            sequence: header.sequence,
+                            log_time,
+                            publish_time: LogTime(header.publish_time),
+                            data,
+                        });
+                    }
+                    Err(cause) => self.missing.push(Missing::BadMessage {
+                        topic: channel.topic.clone(),
+                        log_time,
+                        text: cause.to_string(),
+                    }),
+                }
             }
         }
         open.records = Vec::new();
@@ -324,8 +338,12 @@ pub(super) fn joined(
                 Some(Record::Motion { motion, .. }) => estimate.motion = motion,
                 Some(Record::Rollover { rollover, .. }) => estimate.rollover = rollover,
                 Some(Record::TyreForces {
-                    forces, stage: of, ..
+                    forces,
+                    frame,
+                    stage: of,
+                    ..
                 }) => {
+                    estimate.frame = frame;
                     if of == stage {
                         estimate.measured = forces;
                     } else {

@@ -9,12 +9,17 @@ use prost_types::{
     FileDescriptorSet,
 };
 
+use super::keyed::{Key, Keyed};
 use super::{Column, Values};
 use crate::reader::ChannelInfo;
 
 /// What to do with the messages of one channel. Node 0 is the message itself.
 pub(super) struct Plan {
     pub nodes: Vec<Node>,
+    /// Lists whose entries are named by what they hold.
+    pub keyed: Vec<Keyed>,
+    schema: FileDescriptorSet,
+    units: BTreeMap<String, String>,
     /// Counts rows and elements of repeated messages.
     pub stamp: u64,
 }
@@ -45,15 +50,19 @@ pub(super) enum Field {
         node: usize,
         repeated: bool,
     },
+    /// Position in [`Plan::keyed`].
+    Keyed(usize),
 }
 
 /// Where in the tree the plan is being made.
-#[derive(Clone, Default)]
-struct Place {
-    prefix: String,
+#[derive(Clone, Debug, Default)]
+pub(super) struct Place {
+    pub prefix: String,
     types: Vec<String>,
     in_list: bool,
     in_choice: bool,
+    /// The message is an entry of a list whose entries are named.
+    pub is_entry: bool,
 }
 
 struct Maker<'a> {
@@ -63,6 +72,7 @@ struct Maker<'a> {
     rows: usize,
     columns: &'a mut Vec<Column>,
     nodes: Vec<Node>,
+    keyed: Vec<Keyed>,
 }
 
 impl Plan {
@@ -72,25 +82,66 @@ impl Plan {
         rows: usize,
         columns: &mut Vec<Column>,
     ) -> Result<Self, &'static str> {
-        let set = FileDescriptorSet::decode(channel.schema_data.as_ref())
+        let schema = FileDescriptorSet::decode(channel.schema_data.as_ref())
             .map_err(|_| "it is no serialized FileDescriptorSet")?;
+        let mut plan = Self {
+            nodes: Vec::new(),
+            keyed: Vec::new(),
+            schema,
+            units: channel.metadata.clone(),
+            stamp: 0,
+        };
+        let name = format!(".{}", channel.schema);
+        plan.make(rows, columns, |maker| {
+            maker.node(&name, &Place::default(), None)
+        })?;
+        Ok(plan)
+    }
+
+    /// Adds nodes; columns that are not there yet are absent in `rows` rows.
+    fn make<T>(
+        &mut self,
+        rows: usize,
+        columns: &mut Vec<Column>,
+        add: impl FnOnce(&mut Maker<'_>) -> T,
+    ) -> T {
         let mut maker = Maker {
             messages: BTreeMap::new(),
             enums: BTreeMap::new(),
-            units: &channel.metadata,
+            units: &self.units,
             rows,
             columns,
-            nodes: Vec::new(),
+            nodes: std::mem::take(&mut self.nodes),
+            keyed: std::mem::take(&mut self.keyed),
         };
-        for file in &set.file {
+        for file in &self.schema.file {
             maker.register_file(file);
         }
-        let name = format!(".{}", channel.schema);
-        maker.node(&name, &Place::default())?;
-        Ok(Self {
-            nodes: maker.nodes,
-            stamp: 0,
-        })
+        let added = add(&mut maker);
+        (self.nodes, self.keyed) = (maker.nodes, maker.keyed);
+        added
+    }
+
+    /// The node of the entry `name` of a keyed list; `None` for one name too many. An entry that comes
+    /// for the first time, in the row that is being filled, gets columns.
+    pub(super) fn entry(
+        &mut self,
+        list: usize,
+        name: &str,
+        columns: &mut Vec<Column>,
+        rows: usize,
+    ) -> Option<usize> {
+        let keyed = &self.keyed[list];
+        if let Some(node) = keyed.nodes.get(name) {
+            return Some(*node);
+        }
+        if !keyed.allows(name) {
+            return None;
+        }
+        let known = columns.len();
+        let node = self.make(rows, columns, |maker| maker.entry(list, name));
+        columns[known..].iter_mut().for_each(Column::begin_row);
+        node.ok()
     }
 }
 
@@ -121,7 +172,8 @@ impl<'a> Maker<'a> {
         self.messages.insert(name, (message, explicit));
     }
 
-    fn node(&mut self, name: &str, place: &Place) -> Result<usize, &'static str> {
+    /// A node for the message `name`, without the fields of its key.
+    fn node(&mut self, name: &str, place: &Place, key: Option<Key>) -> Result<usize, &'static str> {
         let (message, explicit) = *self
             .messages
             .get(name)
@@ -131,11 +183,37 @@ impl<'a> Maker<'a> {
         let mut node = Node::default();
         for field in &message.field {
             let number = u32::try_from(field.number()).map_err(|_| "a field number is negative")?;
+            if key.is_some_and(|key| key.has(number)) {
+                continue;
+            }
             let planned = self.field(field, name, explicit, place, &mut node)?;
             node.fields.insert(number, planned);
         }
         self.nodes[index] = node;
         Ok(index)
+    }
+
+    /// The node of an entry of a keyed list.
+    fn entry(&mut self, list: usize, name: &str) -> Result<usize, &'static str> {
+        let keyed = &self.keyed[list];
+        let (key, type_name) = (keyed.key, keyed.type_name.clone());
+        let mut place = keyed.place.clone();
+        place.prefix = format!("{}{name}.", place.prefix);
+        let node = self.node(&type_name, &place, Some(key))?;
+        self.keyed[list].nodes.insert(name.to_owned(), node);
+        Ok(node)
+    }
+
+    /// How the entries of a field are named: of a list of the log's own messages that is in no list
+    /// without names.
+    fn key(&self, field: &FieldDescriptorProto, place: &Place) -> Option<Key> {
+        let is_list = field.label() == Label::Repeated && !place.in_list;
+        let name = field.type_name();
+        let (entry, _) = self
+            .messages
+            .get(name)
+            .filter(|_| is_list && name.starts_with(".atvrec."))?;
+        Key::of(entry, place.is_entry)
     }
 
     fn field(
@@ -154,13 +232,24 @@ impl<'a> Maker<'a> {
             let mut types = place.types.clone();
             types.push(owner.to_owned());
             if !types.iter().any(|above| above == field.type_name()) {
+                if let Some(key) = self.key(field, place) {
+                    let place = Place {
+                        prefix: place.prefix.clone(),
+                        types,
+                        in_list: false,
+                        in_choice,
+                        is_entry: true,
+                    };
+                    return self.keyed(field.type_name(), key, place);
+                }
                 let below = Place {
                     prefix: format!("{name}."),
                     types,
                     in_list: place.in_list || repeated,
                     in_choice,
+                    is_entry: place.is_entry,
                 };
-                let inner = self.node(field.type_name(), &below)?;
+                let inner = self.node(field.type_name(), &below, None)?;
                 if self.nodes[inner].fields.is_empty() {
                     let there = listed(Values::Bool(Vec::new()), below.in_list);
                     let there = self.column(field, name, there, None)?;
@@ -195,6 +284,21 @@ impl<'a> Maker<'a> {
             kind,
             repeated,
         })
+    }
+
+    /// A list whose entries are named.
+    fn keyed(&mut self, type_name: &str, key: Key, place: Place) -> Result<Field, &'static str> {
+        let list = self.keyed.len();
+        self.keyed.push(Keyed {
+            key,
+            type_name: type_name.to_owned(),
+            place,
+            nodes: BTreeMap::new(),
+        });
+        for name in key.presets() {
+            self.entry(list, &name)?;
+        }
+        Ok(Field::Keyed(list))
     }
 
     /// The column of this name: as it is, or new with all rows so far absent.

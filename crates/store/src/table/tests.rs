@@ -14,6 +14,7 @@ fn table(schema: &str, data: &[Vec<u8>]) -> Table {
         schema_data: schema::descriptor_set(schema).into(),
         source: None,
         metadata: BTreeMap::new(),
+        is_earlier: false,
     };
     let mut table = Table::default();
     let mut plan = Plan::new(&channel, 0, &mut table.columns).expect("a schema of ours");
@@ -113,24 +114,107 @@ fn repeated_messages_become_lists() {
 }
 
 #[test]
-fn events_tell_which_kind_they_are() {
+fn events_have_a_column_for_each_kind() {
     let event = |kind| proto::Event {
         kind: Some(kind),
         ..proto::Event::default()
     };
     let data = [
         event(proto::event::Kind::FilterReset(proto::FilterReset {})).encode_to_vec(),
-        event(proto::event::Kind::Lift(proto::Wheel::Rl.into())).encode_to_vec(),
+        event(proto::event::Kind::Lift(proto::WheelPosition {
+            axle: 2,
+            side: "left".to_owned(),
+        }))
+        .encode_to_vec(),
     ];
     let table = table("atvrec.Event", &data);
     assert_eq!(
         column(&table, "filter_reset").values,
         Values::Bool(vec![true, false])
     );
-    let lift = column(&table, "lift");
-    assert_eq!(lift.present, Some(vec![false, true]));
-    assert_eq!(lift.values, Values::I32(vec![0, 3]));
-    assert_eq!(lift.names[3], (3, "WHEEL_RL".to_owned()));
+    let axle = column(&table, "lift.axle");
+    assert_eq!(axle.present, Some(vec![false, true]));
+    assert_eq!(axle.values, Values::U32(vec![0, 2]));
+}
+
+#[test]
+fn wheels_and_their_members_have_columns_of_their_own() {
+    let force = |axle, side: &str, z_n| proto::TyreForce {
+        axle,
+        side: side.to_owned(),
+        z_n,
+        ..proto::TyreForce::default()
+    };
+    let forces = |wheels| proto::TyreForces {
+        frame: proto::ForceFrame::WheelCarrier.into(),
+        wheels,
+    };
+    let all: Vec<_> = (1..=8)
+        .flat_map(|axle| {
+            [
+                force(axle, "left", 0.0),
+                force(axle, "right", f64::from(axle)),
+            ]
+        })
+        .collect();
+    let data = [
+        forces(vec![force(2, "right", 4.0)]).encode_to_vec(),
+        forces(vec![force(9, "left", 1.0)]).encode_to_vec(),
+        forces(vec![force(1, "middle", 1.0)]).encode_to_vec(),
+        forces(all).encode_to_vec(),
+    ];
+    let forces = table("atvrec.TyreForces", &data);
+    assert_eq!(
+        forces.log_time_ns,
+        [0, 3],
+        "an axle 9 and a side middle are malformed"
+    );
+    let first = |list: Vec<f64>| list[0].is_nan().then_some(list[1]);
+    assert_eq!(first(floats(&forces, "fl.z_n")), Some(0.0));
+    assert_eq!(first(floats(&forces, "axle3_left.z_n")), Some(0.0));
+    assert_eq!(first(floats(&forces, "axle8_right.z_n")), Some(8.0));
+    assert_eq!(floats(&forces, "rr.z_n"), [4.0, 2.0]);
+    assert_eq!(column(&forces, "rr.source").names.len(), 5);
+    assert_eq!(column(&forces, "frame").values, Values::I32(vec![2, 2]));
+
+    let member = |name: &str, raw_counts| proto::StrainMember {
+        name: name.to_owned(),
+        raw_counts: Some(raw_counts),
+        valid: true,
+        ..proto::StrainMember::default()
+    };
+    let strain = |axle, members| proto::Strain {
+        wheels: vec![proto::WheelStrain {
+            axle,
+            side: "left".to_owned(),
+            members,
+        }],
+        device_time: None,
+    };
+    let data = [
+        strain(1, vec![member("tie_rod", -8_388_608)]).encode_to_vec(),
+        strain(4, vec![member("panhard_rod", 7)]).encode_to_vec(),
+        strain(1, (0..80).map(|n| member(&n.to_string(), n)).collect()).encode_to_vec(),
+    ];
+    let strain = table("atvrec.Strain", &data);
+    assert_eq!(strain.log_time_ns, [0, 1], "80 names are malformed");
+    let counts = |name: &str| {
+        let column = column(&strain, name);
+        (column.values.clone(), column.present.clone())
+    };
+    let one = |list: Vec<i32>, there: Vec<bool>| (Values::I32(list), Some(there));
+    assert_eq!(
+        counts("fl.tie_rod.raw_counts"),
+        one(vec![-8_388_608, 0], vec![true, false])
+    );
+    assert_eq!(
+        counts("axle4_left.panhard_rod.raw_counts"),
+        one(vec![0, 7], vec![false, true])
+    );
+    assert_eq!(
+        counts("rr.lower_rear_bending.raw_counts"),
+        one(vec![0, 0], vec![false, false])
+    );
 }
 
 #[test]
@@ -158,7 +242,7 @@ proptest! {
     fn any_bytes_leave_columns_of_equal_length(
         messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..60), 0..8)
     ) {
-        for schema in ["atvrec.Event", "atvrec.Health", "atvrec.RawCan", "foxglove.FrameTransforms"] {
+        for schema in ["atvrec.Event", "atvrec.Health", "atvrec.RawCan", "atvrec.Strain", "foxglove.FrameTransforms"] {
             let table = table(schema, &messages);
             for column in &table.columns {
                 prop_assert_eq!(column.values.len(), table.log_time_ns.len());

@@ -9,20 +9,22 @@ use super::plan::{Field, Plan};
 use super::values::Datum;
 use super::{Column, Values};
 
-/// Fills the row that was begun in `columns`.
+/// Fills the row that was begun in `columns`, behind `rows` others.
 pub(super) fn message(
     plan: &mut Plan,
-    columns: &mut [Column],
+    columns: &mut Vec<Column>,
+    rows: usize,
     data: &[u8],
 ) -> Result<(), DecodeError> {
     plan.stamp += 1;
     let stamp = plan.stamp;
-    node(plan, columns, 0, data, stamp)
+    node(plan, columns, rows, 0, data, stamp)
 }
 
 fn node(
     plan: &mut Plan,
-    columns: &mut [Column],
+    columns: &mut Vec<Column>,
+    rows: usize,
     index: usize,
     data: &[u8],
     stamp: u64,
@@ -63,7 +65,16 @@ fn node(
                         columns[*column].values.push_element();
                     }
                 }
-                node(plan, columns, inner, body, inner_stamp)?;
+                node(plan, columns, rows, inner, body, inner_stamp)?;
+            }
+            Some(Field::Keyed(list)) => {
+                check_wire_type(WireType::LengthDelimited, wire_type)?;
+                let body = delimited(&mut rest)?;
+                let name = plan.keyed[list].key.name(body)?;
+                let inner = plan
+                    .entry(list, &name, columns, rows)
+                    .ok_or_else(|| malformed("a list has too many names, or one of no length"))?;
+                node(plan, columns, rows, inner, body, stamp)?;
             }
             Some(Field::Value {
                 column,
@@ -97,7 +108,7 @@ fn add(column: &mut Column, datum: Datum<'_>, repeated: bool) {
     }
 }
 
-fn delimited<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8], DecodeError> {
+pub(super) fn delimited<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8], DecodeError> {
     let length = decode_varint(rest)?;
     let length = usize::try_from(length).unwrap_or(usize::MAX);
     let (body, after) = rest.split_at_checked(length).ok_or_else(underflow)?;
@@ -105,13 +116,16 @@ fn delimited<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8], DecodeError> {
     Ok(body)
 }
 
-/// What prost says of a message that ends early.
+/// The error of prost for a message that ends early.
 fn underflow() -> DecodeError {
     let mut nothing: &[u8] = &[];
-    decode_varint(&mut nothing).err().unwrap_or_else(|| {
-        #[allow(deprecated)]
-        DecodeError::new("the message ends early")
-    })
+    let error = decode_varint(&mut nothing).err();
+    error.unwrap_or_else(|| malformed("the message ends early"))
+}
+
+pub(super) fn malformed(what: &'static str) -> DecodeError {
+    #[allow(deprecated)]
+    DecodeError::new(what)
 }
 
 fn is_packable(kind: Type) -> bool {

@@ -95,7 +95,7 @@ pub enum EncodeError {
         signal: String,
     },
     /// The value does not fit the signal's bits.
-    #[error("{message}.{signal} cannot be {value}: it holds {low} to {high}")]
+    #[error("{message}.{signal} cannot be {value}: its range is {low} to {high}")]
     OutOfRange {
         /// The message.
         message: String,
@@ -119,7 +119,7 @@ pub enum EncodeError {
         multiplexor: String,
     },
     /// The message is longer than one frame.
-    #[error("message {message} has {size} bytes, more than one frame carries")]
+    #[error("message {message} has {size} bytes, more than the largest frame")]
     TooLong {
         /// The message.
         message: String,

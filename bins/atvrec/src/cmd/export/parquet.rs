@@ -13,15 +13,15 @@ use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{Type, TypePtr};
 use store::{Column, Table, Values};
 
-use super::{heading, word};
+use super::{heading, value_name};
 
-/// The schema has a field for each column.
-const FEWER: &str = "the schema has fewer columns than the table";
+/// Internal error: the schema has a field for each column.
+const FEWER: &str = "internal error: the Parquet schema has fewer columns than the table";
 
-/// Rows that a row group holds at most.
+/// Most rows of a row group.
 const GROUP_ROWS: usize = 1 << 20;
 
-/// Writes a table: a column each, compressed. Fields that tell absence are optional, lists are
+/// Writes a table as compressed columns. Columns with absent values are optional fields, lists are
 /// repeated fields.
 pub fn write(table: &Table, file: File) -> anyhow::Result<()> {
     let properties = WriterProperties::builder()
@@ -85,7 +85,7 @@ fn types(column: &Column, values: &Values) -> (Physical, Option<LogicalType>) {
     }
 }
 
-/// Which rows have a value and where lists begin, as Parquet tells it.
+/// Definition and repetition levels of Parquet: which rows have a value, and where lists begin.
 #[derive(Default)]
 struct Levels {
     definition: Option<Vec<i16>>,
@@ -132,7 +132,7 @@ fn write_column(
     }
 }
 
-/// Writes the values at the places `chosen`.
+/// Writes the values at the indices `chosen`.
 fn write_values(
     sink: &mut SerializedColumnWriter<'_>,
     column: &Column,
@@ -149,8 +149,8 @@ fn write_values(
             put::<Int32Type>(sink, &pick(list, chosen), levels)
         }
         Values::I32(list) => {
-            let words = bytes(&|at| word(column, list[at]).into_bytes());
-            put::<ByteArrayType>(sink, &words, levels)
+            let names = bytes(&|at| value_name(column, list[at]).into_bytes());
+            put::<ByteArrayType>(sink, &names, levels)
         }
         Values::I64(list) => put::<Int64Type>(sink, &pick(list, chosen), levels),
         Values::U32(list) => {
@@ -167,7 +167,10 @@ fn write_values(
             put::<ByteArrayType>(sink, &texts, levels)
         }
         Values::Bytes(list) => put::<ByteArrayType>(sink, &bytes(&|at| list[at].clone()), levels),
-        Values::List { .. } => anyhow::bail!("{} is a list of lists", column.name),
+        Values::List { .. } => anyhow::bail!(
+            "the column {} contains lists of lists, which cannot be exported",
+            column.name
+        ),
     }
 }
 

@@ -6,11 +6,11 @@ use std::io::{self, Write};
 use sample::text::csv_cell;
 use store::{Column, Table, Values};
 
-use super::{heading, word};
+use super::{heading, value_name};
 
-/// Writes a table: a line of names, then a line a row. Absent cells are empty, but numbers with a
-/// fraction `NaN`; the values of a list are separated by `;`. Text has no control characters, and an
-/// apostrophe stands in front of what a spreadsheet would take for a formula.
+/// Writes a table: a line of headings, then a line per row. An absent cell is empty, or `NaN` in a
+/// column of floating-point numbers. The values of a list are separated by `;`. Text has no control
+/// characters, and an apostrophe precedes text that a spreadsheet could evaluate as a formula.
 pub fn write(table: &Table, sink: impl Write) -> io::Result<()> {
     write_rows(table, sink).map_err(|error| match error.into_kind() {
         csv::ErrorKind::Io(cause) => cause,
@@ -50,7 +50,7 @@ fn write_rows(table: &Table, sink: impl Write) -> csv::Result<()> {
     Ok(())
 }
 
-/// Whether the cells of a column are text from outside, which a spreadsheet could run as a formula.
+/// Whether the cells of a column are text, which a spreadsheet could evaluate as a formula.
 fn is_text(column: &Column) -> bool {
     let values = match &column.values {
         Values::List { values, .. } => values,
@@ -82,7 +82,7 @@ fn write_value(column: &Column, values: &Values, at: usize, cell: &mut String) {
     let _ = match values {
         Values::F64(list) => write!(cell, "{}", list[at]),
         Values::I32(list) if column.names.is_empty() => write!(cell, "{}", list[at]),
-        Values::I32(list) => write!(cell, "{}", word(column, list[at])),
+        Values::I32(list) => write!(cell, "{}", value_name(column, list[at])),
         Values::I64(list) => write!(cell, "{}", list[at]),
         Values::U32(list) => write!(cell, "{}", list[at]),
         Values::U64(list) => write!(cell, "{}", list[at]),
@@ -91,7 +91,7 @@ fn write_value(column: &Column, values: &Values, at: usize, cell: &mut String) {
         Values::Bytes(list) => list[at]
             .iter()
             .try_for_each(|byte| write!(cell, "{byte:02x}")),
-        // The reader makes no list of lists.
+        // The reader creates no lists of lists.
         Values::List { .. } => Ok(()),
     };
 }

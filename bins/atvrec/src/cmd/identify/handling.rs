@@ -1,5 +1,5 @@
-//! `atvrec identify handling`: tyres, yaw inertia, gains and offsets from a drive without a
-//! reference of sideslip.
+//! `atvrec identify handling`: identify tyres, yaw inertia, gains and offsets from a drive without a
+//! sideslip reference.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -18,10 +18,10 @@ use crate::cli::IdentifyHandlingArgs;
 use crate::exit::Outcome;
 use crate::output::target::{Kind, Target};
 
-/// The calibration among the files that are written.
+/// File name of the calibration.
 const CALIBRATION_NAME: &str = "calibration.toml";
 
-/// Identifies.
+/// Runs the command.
 pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let config = match &args.config {
@@ -41,16 +41,16 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
     if args.json {
         println!("{:#}", as_json(&found));
     } else {
-        tell(&found);
+        print(&found);
         if let Some(directory) = &args.output {
-            println!("{}", directory.join(config::ATTACHED_NAME).display());
+            println!("wrote {}", directory.join(config::ATTACHED_NAME).display());
         }
     }
     Ok(Outcome::Good)
 }
 
-/// Writes the calibration with the log's configuration and all files that it names, side by side,
-/// so that `replay --config` needs nothing else.
+/// Writes the calibration, the configuration of the log and all files that it names to one directory, so
+/// that `replay --config` needs no other file.
 fn write(
     directory: &Path,
     config: &Config,
@@ -58,7 +58,7 @@ fn write(
     args: &IdentifyHandlingArgs,
 ) -> anyhow::Result<()> {
     std::fs::create_dir_all(directory)
-        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+        .with_context(|| format!("cannot create the directory {}", directory.display()))?;
     let targets = targets(directory, config, args)?;
     let names = flat_names(&config.attachments);
     for attachment in &config.attachments {
@@ -84,11 +84,11 @@ fn write(
         vehicle.insert("calibration".to_owned(), CALIBRATION_NAME.into());
     }
     targets[CALIBRATION_NAME].write(&calibration.to_toml()?)?;
-    // The configuration comes last: where it is, all that it names is there.
+    // The configuration is written last, after all files that it names.
     targets[config::ATTACHED_NAME].write(&toml::to_string_pretty(&document)?)
 }
 
-/// All files that go into the directory, by name.
+/// All files of the directory, by name.
 fn targets(
     directory: &Path,
     config: &Config,
@@ -107,7 +107,7 @@ fn targets(
         .collect()
 }
 
-/// Names of the attached files without directories, each once.
+/// Unique names of the attached files without directories.
 fn flat_names(attachments: &[Attachment]) -> BTreeMap<String, String> {
     let mut names: BTreeMap<String, String> = BTreeMap::new();
     for attachment in attachments {
@@ -129,9 +129,9 @@ fn flat_names(attachments: &[Attachment]) -> BTreeMap<String, String> {
 fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
     match value {
         Value::String(text) => {
-            // What does not end in .toml is attached under a longer name.
+            // A file without the extension .toml is attached with a longer name.
             let longer = ["vehicle", "sensors", "calibration", "columns"]
-                .map(|sort| format!("{text}.{sort}.toml"));
+                .map(|kind| format!("{text}.{kind}.toml"));
             let attached = std::iter::once(&*text).chain(&longer);
             if let Some(name) = attached.filter_map(|name| names.get(name)).next() {
                 text.clone_from(name);
@@ -143,21 +143,21 @@ fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
     }
 }
 
-fn tell(found: &Identified) {
+fn print(found: &Identified) {
     println!(
-        "{:.0} s above 3 m/s, lateral acceleration up to {:.1} m/s^2",
+        "used {:.0} s above 3 m/s, with lateral accelerations up to {:.1} m/s^2",
         found.rows as f64 * 0.01,
         found.peak_m_s2
     );
     if found.spun_rows > 0 {
         println!(
-            "{:.1} s left out, in which the vehicle spun",
+            "ignored {:.1} s in which the vehicle spun",
             found.spun_rows as f64 * 0.01
         );
     }
     println!(
         "{:<24}{:>14}{:>12}{:>8}",
-        "parameter", "value", "sigma", "told"
+        "parameter", "value", "sigma", "info"
     );
     for (i, value) in values(&found.handling).into_iter().enumerate() {
         println!(

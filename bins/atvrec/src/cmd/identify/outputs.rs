@@ -1,24 +1,24 @@
-//! The files that an identification writes.
+//! Output files of an identification.
 
 use std::path::{Path, PathBuf};
 
 use estimator::identification::Identified;
 
 use super::Found;
-use crate::cli::{IdentifyArgs, IdentifyCommand, TellArgs};
+use crate::cli::{IdentifyArgs, IdentifyCommand, OutputArgs};
 use crate::cmd::findings;
 use crate::output::target::{Kind, Target};
 
-/// The files that a command writes.
+/// Output files of a command.
 pub struct Outputs {
     values: Option<Target>,
     page: Option<Target>,
 }
 
 impl Outputs {
-    /// Checks them before anything is computed.
+    /// Checks the files before the computation.
     pub fn check(command: &IdentifyCommand) -> anyhow::Result<Self> {
-        let (logs, vehicle, tell) = match command {
+        let (logs, vehicle, output) = match command {
             IdentifyCommand::Cornering(args)
             | IdentifyCommand::RollPitch(args)
             | IdentifyCommand::Understeer(args)
@@ -26,7 +26,7 @@ impl Outputs {
             IdentifyCommand::Tyre(args) => inputs(&args.shared),
             IdentifyCommand::Inertia(args) => inputs(&args.shared),
             IdentifyCommand::Response(args) => inputs(&args.shared),
-            IdentifyCommand::RollCentre(args) => (&[][..], Some(&args.vehicle), &args.tell),
+            IdentifyCommand::RollCentre(args) => (&[][..], Some(&args.vehicle), &args.output),
             IdentifyCommand::Handling(_) => {
                 return Ok(Self {
                     values: None,
@@ -38,16 +38,16 @@ impl Outputs {
             let logs = logs.iter().map(|log| &**log);
             let inputs = logs.chain(vehicle.map(Path::new));
             let path = path.as_ref();
-            path.map(|path| Target::new(path, kind, tell.replace.force, inputs))
+            path.map(|path| Target::new(path, kind, output.replace.force, inputs))
                 .transpose()
         };
         Ok(Self {
-            values: target(&tell.output, Kind::Toml)?,
-            page: target(&tell.report, Kind::Page)?,
+            values: target(&output.output, Kind::Toml)?,
+            page: target(&output.report, Kind::Page)?,
         })
     }
 
-    /// Writes what was found.
+    /// Writes the results.
     pub fn write(&self, found: &Found) -> anyhow::Result<()> {
         if let Some(target) = &self.values {
             let Identified { results, overrides } = &found.identified;
@@ -66,8 +66,8 @@ impl Outputs {
     }
 }
 
-type Inputs<'a> = (&'a [PathBuf], Option<&'a String>, &'a TellArgs);
+type Inputs<'a> = (&'a [PathBuf], Option<&'a String>, &'a OutputArgs);
 
 fn inputs(args: &IdentifyArgs) -> Inputs<'_> {
-    (&args.logs, args.vehicle.as_ref(), &args.tell)
+    (&args.logs, args.vehicle.as_ref(), &args.output)
 }

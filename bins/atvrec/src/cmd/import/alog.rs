@@ -1,4 +1,4 @@
-//! `atvrec import alog`.
+//! `atvrec import alog`: convert a MOOS log.
 
 use engine::config::{GAVLAB, Problems, alog_map};
 use sample::LogTime;
@@ -9,13 +9,13 @@ use wire::csv::MAX_LINE;
 use super::log::{self, Piece, Source};
 use super::truth::Reference;
 use super::{
-    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, listed, log_time, nanos,
+    RowErrors, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, listed, log_time, nanos,
     output, read_text, shortened, source_names,
 };
 use crate::cli::ImportAlogArgs;
 use crate::exit::{Outcome, UsageError};
 
-/// Imports a MOOS log.
+/// Runs the command.
 pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
     let output = output(&args.into, args.columns.iter().chain([&args.input]))?;
     let map_name = args
@@ -28,25 +28,25 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
     };
     let format = alog_map(&map_name, &map_text).map_err(Problems)?;
     let text = read_text(&args.input)?;
-    let mut complaints = Complaints::default();
+    let mut errors = RowErrors::default();
     let lines = lines(
         &args.input.display().to_string(),
         &text,
         &format,
-        &mut complaints,
+        &mut errors,
     );
-    complaints.finish()?;
+    errors.finish()?;
     if !lines.iter().any(|line| line.wanted) {
         return Err(UsageError(format!(
-            "{} has none of the variables of {map_name}; it has: {}",
+            "{} contains none of the variables of the map {map_name}; it contains: {}",
             args.input.display(),
             listed(&variables(&text))
         ))
         .into());
     }
-    let moved = lines.windows(2).filter(|p| p[1].time < p[0].time).count();
-    if moved > 0 {
-        println!("{moved} lines stand out of order; they are put in the order of time");
+    let unordered = lines.windows(2).filter(|p| p[1].time < p[0].time).count();
+    if unordered > 0 {
+        println!("{unordered} lines are not in the order of time; the log has them in this order");
     }
     let mut reference = Reference::default();
     for line in &lines {
@@ -74,18 +74,13 @@ struct Timed<'t> {
     time: LogTime,
     /// Number of the line, from one.
     number: usize,
-    /// Its text, with remarks that stand before it.
+    /// Text of the line, with the comments before it.
     text: &'t str,
     line: Line<'t>,
     wanted: bool,
 }
 
-fn lines<'t>(
-    path: &str,
-    text: &'t str,
-    format: &Format,
-    complaints: &mut Complaints,
-) -> Vec<Timed<'t>> {
+fn lines<'t>(path: &str, text: &'t str, format: &Format, errors: &mut RowErrors) -> Vec<Timed<'t>> {
     let mut start_ns: Option<i128> = None;
     let (mut at, mut begin) = (0, 0);
     let mut lines = Vec::new();
@@ -99,13 +94,14 @@ fn lines<'t>(
         }
         let place = || format!("{path}:{}", number + 1);
         let Some(line) = Line::parse(raw) else {
-            // The line that a kill cut short.
+            // The last line may be incomplete because the writing program was killed.
             if !raw.ends_with('\n') {
                 continue;
             }
-            complaints.add(|| {
+            errors.add(|| {
                 format!(
-                    "{}: \"{}\" is not `time variable source value`",
+                    "{}: \"{}\" does not have the form `time variable source value`; correct the \
+                     line",
                     place(),
                     shortened(raw.trim_end())
                 )
@@ -113,10 +109,10 @@ fn lines<'t>(
             continue;
         };
         if raw.len() > MAX_LINE {
-            complaints.add(|| {
+            errors.add(|| {
                 let bytes = raw.len();
                 format!(
-                    "{}: the line has {bytes} bytes; at most {MAX_LINE} are read",
+                    "{}: the line has {bytes} bytes, but the limit is {MAX_LINE}; split it",
                     place()
                 )
             });
@@ -126,9 +122,10 @@ fn lines<'t>(
         for (_, variable, value) in format.values(&line) {
             wanted = true;
             if value.is_none() {
-                complaints.add(|| {
+                errors.add(|| {
                     format!(
-                        "{}: variable {}: \"{}\" holds no number that the column map asks for",
+                        "{}: variable {}: \"{}\" does not contain the number of the column map; \
+                         correct the line or the map",
                         place(),
                         variable.name,
                         shortened(line.value)
@@ -144,9 +141,9 @@ fn lines<'t>(
             start_ns.unwrap_or(i128::from(START_DEFAULT_NS))
         };
         let Some(time) = log_time(zero_ns + since_ns) else {
-            complaints.add(|| {
+            errors.add(|| {
                 format!(
-                    "{}: the time {} s is out of range",
+                    "{}: the time {} s is out of range; correct the line",
                     place(),
                     shortened(word)
                 )
@@ -174,7 +171,7 @@ fn take_reference(line: &Timed<'_>, format: &Format, reference: &mut Reference) 
     }
 }
 
-/// One piece an instant, in the order of time; lines of one instant keep their order.
+/// One piece per instant, in the order of time; lines of one instant keep their order.
 fn pieces(mut lines: Vec<Timed<'_>>) -> Vec<Piece> {
     lines.sort_by_key(|line| line.time);
     let mut pieces: Vec<Piece> = Vec::new();

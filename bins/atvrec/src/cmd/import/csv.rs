@@ -1,4 +1,4 @@
-//! `atvrec import csv`.
+//! `atvrec import csv`: convert delimited text.
 
 use std::path::{Path, PathBuf};
 
@@ -10,18 +10,19 @@ use wire::csv::{Format, MAX_LINE, Place};
 use super::log::{self, Piece, Source};
 use super::truth::Reference;
 use super::{
-    Complaints, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, nanos, output,
-    read_text, shortened, source_names,
+    RowErrors, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, nanos, output, read_text,
+    shortened, source_names,
 };
 use crate::cli::ImportCsvArgs;
 use crate::exit::{Outcome, UsageError};
 
-/// Imports delimited text.
+/// Runs the command.
 pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
     let columns = &args.columns;
     if columns.len() != 1 && columns.len() != args.input.len() {
         return Err(UsageError(format!(
-            "{} files and {} column maps; give one --columns for all, or one for each file",
+            "there are {} files and {} column maps; give one --columns for all files, or one for \
+             each file",
             args.input.len(),
             columns.len()
         ))
@@ -30,7 +31,7 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
     let output = output(&args.into, args.input.iter().chain(columns))?;
     let map_of = |file: usize| &columns[file.min(columns.len() - 1)];
     let names = source_names(&args.input);
-    let (mut tables, mut complaints) = (Vec::new(), Complaints::default());
+    let (mut tables, mut errors) = (Vec::new(), RowErrors::default());
     let (mut pieces, mut reference) = (Vec::new(), Reference::default());
     let mut sources = Vec::new();
     for (source, path) in args.input.iter().enumerate() {
@@ -38,7 +39,7 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
         let map_name = map_path.display().to_string();
         let map = csv_map(&map_name, &read_text(map_path)?).map_err(Problems)?;
         let text = read_text(path)?;
-        let rows = Rows::read(path, &text, &map, &mut complaints)?;
+        let rows = Rows::read(path, &text, &map, &mut errors)?;
         rows.reference(&map.format, &mut reference);
         sources.push(Source {
             name: &names[source],
@@ -48,7 +49,7 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
         pieces.extend(rows.pieces(source));
         tables.push((path, map_name));
     }
-    complaints.finish()?;
+    errors.finish()?;
     pieces.sort_by_key(|piece| piece.time);
     let tables: Vec<Table<'_>> = tables
         .iter()
@@ -65,7 +66,7 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
 
 /// The rows of a file.
 struct Rows<'t> {
-    /// What stands before the first row: remarks, the header.
+    /// Lines before the first row: comments and header.
     preamble: &'t str,
     rows: Vec<Row<'t>>,
 }
@@ -74,7 +75,7 @@ struct Row<'t> {
     time: LogTime,
     /// Number of its line, from one.
     line: usize,
-    /// Its line, with remarks that stand before it.
+    /// Text of the line, with the comments before it.
     text: &'t str,
     values: Vec<Option<f64>>,
 }
@@ -84,7 +85,7 @@ impl<'t> Rows<'t> {
         path: &Path,
         text: &'t str,
         map: &CsvMap,
-        complaints: &mut Complaints,
+        errors: &mut RowErrors,
     ) -> anyhow::Result<Self> {
         let mut reader = RowReader::new(path, map);
         let (mut at, mut begin) = (0, 0);
@@ -93,7 +94,7 @@ impl<'t> Rows<'t> {
         for (number, line) in text.split_inclusive('\n').enumerate() {
             let line_begin = at;
             at += line.len();
-            if let Some((time, values)) = reader.take(number, line, complaints)? {
+            if let Some((time, values)) = reader.take(number, line, errors)? {
                 if rows.is_empty() {
                     preamble = &text[..line_begin];
                     begin = line_begin;
@@ -108,24 +109,28 @@ impl<'t> Rows<'t> {
             }
         }
         if let Some(last) = rows.last_mut() {
-            // Remarks behind the last row stay with it.
+            // Comments after the last row belong to it.
             let length = last.text.len() + (at - begin);
             last.text = &text[begin - last.text.len()..][..length];
         }
         if reader.positions.is_none() {
-            anyhow::bail!("{} has no line that names its columns", path.display());
+            anyhow::bail!(
+                "{} has no header line; set header = false under [table] of the column map if the \
+                 file has none",
+                path.display()
+            );
         }
         if map.times.sort {
-            // Remarks stay before the row that they stood before.
+            // Comments stay with the row after them.
             rows.sort_by_key(|row| row.time);
         } else {
             for (index, pair) in rows.windows(2).enumerate() {
                 if pair[1].time < pair[0].time {
                     let back_s = pair[0].time.seconds_since(pair[1].time);
-                    complaints.add(|| {
+                    errors.add(|| {
                         format!(
-                            "{}: data row {}: time goes back by {back_s:.6} s; correct the file, \
-                             or write sort = true under [time] of the column map",
+                            "{}: data row {}: the time decreases by {back_s:.6} s; correct the \
+                             file, or set sort = true under [time] of the column map",
                             path.display(),
                             index + 2
                         )
@@ -151,7 +156,7 @@ impl<'t> Rows<'t> {
         self.rows.into_iter().map(move |row| {
             let mut bytes = row.text.as_bytes().to_vec();
             if !bytes.ends_with(b"\n") {
-                // The decoder takes a line when it ends.
+                // The decoder needs the end of the line.
                 bytes.push(b'\n');
             }
             Piece {
@@ -164,7 +169,7 @@ impl<'t> Rows<'t> {
     }
 }
 
-/// Goes through a file line by line.
+/// Reads a file line by line.
 struct RowReader<'m> {
     path: PathBuf,
     map: &'m CsvMap,
@@ -192,17 +197,18 @@ impl<'m> RowReader<'m> {
         reader
     }
 
-    /// The time and the values of a line; nothing of remarks, the header and rows without a time.
+    /// Time and values of a line; `None` for comments, the header and rows without a time.
     fn take(
         &mut self,
         number: usize,
         line: &str,
-        complaints: &mut Complaints,
+        errors: &mut RowErrors,
     ) -> anyhow::Result<Option<(LogTime, Vec<Option<f64>>)>> {
         let format = &self.map.format;
         if line.len() > MAX_LINE {
             anyhow::bail!(
-                "{}:{}: the line has {} bytes; at most {MAX_LINE} are read",
+                "{}:{}: the line has {} bytes, but the limit is {MAX_LINE}; check the delimiter \
+                 and the line ends of the file",
                 self.path.display(),
                 number + 1,
                 line.len()
@@ -222,12 +228,10 @@ impl<'m> RowReader<'m> {
         };
         let place = format!("{}:{}", self.path.display(), number + 1);
         match format.row(positions, &cells) {
-            Ok(values) => Ok(self
-                .time(&place, &cells, complaints)
-                .map(|time| (time, values))),
+            Ok(values) => Ok(self.time(&place, &cells, errors).map(|time| (time, values))),
             Err(bad) => {
                 let (name, column) = &format.columns[bad.column];
-                complaints.add(|| complaint(&place, name, column, bad.text.as_deref()));
+                errors.add(|| cell_error(&place, name, column, bad.text.as_deref()));
                 Ok(None)
             }
         }
@@ -237,7 +241,7 @@ impl<'m> RowReader<'m> {
         let format = &self.map.format;
         let absent = |place: &Place| {
             UsageError(format!(
-                "{} has no column {place}; it has: {}",
+                "{} has no column {place}; its columns are: {}",
                 self.path.display(),
                 super::listed(header)
             ))
@@ -257,12 +261,7 @@ impl<'m> RowReader<'m> {
         Ok(positions)
     }
 
-    fn time(
-        &mut self,
-        place: &str,
-        cells: &[&str],
-        complaints: &mut Complaints,
-    ) -> Option<LogTime> {
+    fn time(&mut self, place: &str, cells: &[&str], errors: &mut RowErrors) -> Option<LogTime> {
         let since_ns = match &self.map.times.row {
             RowTime::Rate(rate_hz) => {
                 let nanos = (self.rows as f64 / rate_hz * 1e9).round() as i128;
@@ -277,13 +276,13 @@ impl<'m> RowReader<'m> {
                     cell.to_owned()
                 };
                 if matches!(self.map.format.number(cell), Ok(None)) {
-                    // A row of another table beside this one.
+                    // A row of another table in the same file.
                     return None;
                 }
                 let Some(nanos) = nanos(&text, *unit_ns) else {
-                    complaints.add(|| {
+                    errors.add(|| {
                         format!(
-                            "{place}: column {name}: \"{}\" is no time; correct the cell",
+                            "{place}: column {name}: \"{}\" is not a time; correct the cell",
                             shortened(cell)
                         )
                     });
@@ -302,23 +301,23 @@ impl<'m> RowReader<'m> {
         let nanos = i128::from(start_ns) + since_ns;
         let time = super::log_time(nanos);
         if time.is_none() {
-            complaints.add(|| format!("{place}: the time {nanos} ns is out of range"));
+            errors.add(|| format!("{place}: the time {nanos} ns is out of range; correct it"));
         }
         time
     }
 }
 
-fn complaint(place: &str, name: &Place, column: &Column, text: Option<&str>) -> String {
+fn cell_error(place: &str, name: &Place, column: &Column, text: Option<&str>) -> String {
     match text {
         Some(text) => format!(
-            "{place}: column {name} ({}): \"{}\" is no number; correct the cell, or name what \
-             stands for no value in missing under [table] of the column map",
+            "{place}: column {name} ({}): \"{}\" is not a number; correct the cell, or add the \
+             text to missing under [table] of the column map",
             column.quantity.name(),
             shortened(text)
         ),
         None => format!(
-            "{place}: the row ends before column {name} ({}); correct it, or name the delimiter \
-             under [table] of the column map",
+            "{place}: the row ends before column {name} ({}); correct the row, or set the \
+             delimiter under [table] of the column map",
             column.quantity.name()
         ),
     }

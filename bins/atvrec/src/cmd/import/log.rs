@@ -1,4 +1,4 @@
-//! Writes timed lines as a log.
+//! Writes imported lines as a log.
 
 use std::path::Path;
 
@@ -11,40 +11,40 @@ use crate::exit::{Outcome, UsageError};
 use crate::output::target::{Kind, LogFile, Target};
 use crate::session::PROGRAM;
 
-/// Interval of ticks, as the recorder has it, ns.
+/// Interval of ticks, equal to that of the recorder, ns.
 const TICK_NS: i64 = NANOS_PER_SECOND / 10;
-/// Time runs on for this long behind the last line, so that its estimate comes out, ns.
+/// Time that the log continues after the last line, so that the last estimate is computed, ns.
 const TAIL_NS: i64 = NANOS_PER_SECOND / 20;
-/// A longer time without rows is a mistake, or parts two runs, ns.
+/// Longest time without rows within a run, ns.
 const GAP_MAX_NS: i64 = 3600 * NANOS_PER_SECOND;
-/// Runs of one import at most.
+/// Most runs of an import.
 const RUNS_MAX: usize = 1000;
-/// An interval this many times the usual one is a gap.
+/// Ratio of an interval to the median interval from which it counts as a gap.
 const GAP_FACTOR: u64 = 5;
 
 /// A file that is imported.
 pub struct Source<'s> {
-    /// Its name in the log.
+    /// Name in the log.
     pub name: &'s str,
-    /// The file.
+    /// Path of the file.
     pub path: &'s Path,
-    /// What stands before its first row, which every log begins with.
+    /// Lines before the first row; every log begins with them.
     pub preamble: Vec<u8>,
 }
 
-/// Bytes of one source and when they came.
+/// Bytes of a source and their time.
 pub struct Piece {
     /// Position of the source among the imported ones.
     pub source: usize,
-    /// When.
+    /// Time of arrival.
     pub time: LogTime,
     /// Number of the line, from one.
     pub line: usize,
-    /// The bytes, as they stand in the file.
+    /// Bytes of the file.
     pub bytes: Vec<u8>,
 }
 
-/// Writes the log, or a log for each run, and tells what is in it. `pieces` stand by rising time.
+/// Writes the log, or a log for each run, and prints a summary. `pieces` must be in the order of time.
 pub fn write(
     config: &Config,
     sources: &[Source<'_>],
@@ -53,13 +53,13 @@ pub fn write(
     output: &Output<'_>,
 ) -> anyhow::Result<Outcome> {
     if pieces.is_empty() {
-        anyhow::bail!("no row has data; look at the column map's time and at the files");
+        anyhow::bail!("no row has data; check the table [time] of the column map and the files");
     }
     let gaps = gaps(&pieces);
     if let (Some(first), false) = (gaps.first(), output.into.split_gaps) {
         return Err(UsageError(gap_text(sources, &pieces, *first, gaps.len())).into());
     }
-    tell(sources, &pieces, truth);
+    print_summary(sources, &pieces, truth);
     let targets = targets(output, gaps.len() + 1)?;
     let mut pieces = pieces.into_iter().peekable();
     let mut truth = truth.iter().peekable();
@@ -76,8 +76,8 @@ pub fn write(
 /// A time without rows that is too long for one run.
 #[derive(Clone, Copy)]
 struct Gap {
-    /// Position of the first row behind it.
-    behind: usize,
+    /// Index of the first row after the gap.
+    after: usize,
     middle: LogTime,
 }
 
@@ -87,7 +87,7 @@ fn gaps(pieces: &[Piece]) -> Vec<Gap> {
         .filter_map(|(at, pair)| {
             let length_ns = pair[1].time - pair[0].time;
             (length_ns > GAP_MAX_NS).then(|| Gap {
-                behind: at + 1,
+                after: at + 1,
                 middle: pair[0].time + length_ns / 2,
             })
         })
@@ -95,7 +95,7 @@ fn gaps(pieces: &[Piece]) -> Vec<Gap> {
 }
 
 fn gap_text(sources: &[Source<'_>], pieces: &[Piece], gap: Gap, count: usize) -> String {
-    let [before, behind] = [&pieces[gap.behind - 1], &pieces[gap.behind]];
+    let [before, after] = [&pieces[gap.after - 1], &pieces[gap.after]];
     let row = |piece: &Piece| {
         let path = sources[piece.source].path.display();
         format!("{path}:{} (at {} s)", piece.line, piece.time)
@@ -105,11 +105,11 @@ fn gap_text(sources: &[Source<'_>], pieces: &[Piece], gap: Gap, count: usize) ->
         _ => format!(" (the first of {count} such gaps)"),
     };
     format!(
-        "{} and {} are {:.1} h apart, more than 1 h{more}; correct the times, or make a run of the \
-         rows on each side of a gap with --split-gaps",
+        "the gap between {} and {} is {:.1} h, but the limit is 1 h{more}; correct the times, or \
+         write one run for the rows on each side of a gap with --split-gaps",
         row(before),
-        row(behind),
-        behind.time.seconds_since(before.time) / 3600.0,
+        row(after),
+        after.time.seconds_since(before.time) / 3600.0,
     )
 }
 
@@ -120,17 +120,17 @@ fn targets(output: &Output<'_>, runs: usize) -> anyhow::Result<Vec<Target>> {
     }
     if runs > RUNS_MAX {
         return Err(UsageError(format!(
-            "{runs} runs are parted by gaps over 1 h, more than {RUNS_MAX}; correct the times"
+            "gaps of more than 1 h give {runs} runs, but the limit is {RUNS_MAX}; correct the times"
         ))
         .into());
     }
     let path = output.log.path();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    let dot = if ending.is_empty() { "" } else { "." };
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    let dot = if extension.is_empty() { "" } else { "." };
     (1..=runs)
         .map(|number| {
-            let path = path.with_file_name(format!("{stem}-{number}{dot}{ending}"));
+            let path = path.with_file_name(format!("{stem}-{number}{dot}{extension}"));
             let inputs = output.inputs.iter().copied();
             Target::new(&path, Kind::Log, output.into.replace.force, inputs)
         })
@@ -183,7 +183,7 @@ fn write_run(
     Ok(())
 }
 
-/// The log being written and what fills it.
+/// Log that is being written, and the feed of its engine.
 struct Log<'t> {
     feed: Feed,
     file: LogFile,
@@ -194,8 +194,8 @@ struct Log<'t> {
 }
 
 impl Log<'_> {
-    /// Lets time pass. In silence, when nothing is estimated, there are no ticks, so that the log's
-    /// size follows the input's.
+    /// Writes ticks until `time`. During silence, in which there are no estimates, there are no ticks,
+    /// so that the size of the log depends on the size of the input only.
     fn tick_until(&mut self, time: LogTime) -> anyhow::Result<()> {
         let silent = self.last_data + (SILENCE_NS + TICK_NS);
         while self.next_tick <= time {
@@ -228,7 +228,7 @@ impl Log<'_> {
     }
 }
 
-fn tell(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint]) {
+fn print_summary(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint]) {
     for (source, name) in sources.iter().map(|source| source.name).enumerate() {
         let times: Vec<u64> = pieces
             .iter()
@@ -247,7 +247,7 @@ fn tell(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint]) {
             .filter(|step| **step > GAP_FACTOR * usual.max(1));
         let rate_hz = if usual > 0 { 1e9 / usual as f64 } else { 0.0 };
         println!(
-            "{name}: {} rows in {:.2} s, {rate_hz:.4} Hz, {} gaps, the longest {:.3} s",
+            "{name}: {} rows in {:.2} s, {rate_hz:.4} Hz, {} gaps, longest interval {:.3} s",
             times.len(),
             (last - first) as f64 * 1e-9,
             gaps.count(),
@@ -255,6 +255,6 @@ fn tell(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint]) {
         );
     }
     if !truth.is_empty() {
-        println!("truth: {} instants of a reference", truth.len());
+        println!("truth: {} rows of the reference", truth.len());
     }
 }

@@ -1,26 +1,26 @@
-//! What a reference instrument measured, at the instants of the estimates.
+//! Measurements of a reference instrument, interpolated at the times of the estimates.
 
 use std::collections::BTreeMap;
 
 use estimator::GRID_NANOS;
-use sample::{LogTime, Motion, PerWheel, TyreForce, Wheel};
+use sample::{ForceFrame, LogTime, Motion, PerWheel, TyreForce, Wheel};
 use store::Record;
 use wire::column::Truth;
 
-/// A gap of a reference channel that is not bridged, as a multiple of its usual interval, and in
-/// any case, ns.
-const BRIDGED_FACTOR: u64 = 3;
-const BRIDGED_MAX_NS: u64 = 500_000_000;
+/// Longest interval of a reference channel over which values are interpolated: as a multiple of the
+/// median interval, and in ns.
+const INTERPOLATED_FACTOR: u64 = 3;
+const INTERPOLATED_MAX_NS: u64 = 500_000_000;
 
-/// The channels of a reference, each by rising time.
+/// Channels of a reference, each in the order of time.
 #[derive(Default)]
 pub struct Reference {
     channels: BTreeMap<Truth, Vec<(LogTime, f64)>>,
 }
 
-/// The reference at one instant.
+/// Values of the reference at one time.
 pub struct TruthPoint {
-    /// The instant.
+    /// Time.
     pub time: LogTime,
     values: BTreeMap<Truth, f64>,
 }
@@ -31,13 +31,13 @@ impl Reference {
         self.channels.entry(truth).or_default().push((time, value));
     }
 
-    /// All channels at the instants of the estimator's grid, linear between two values that are
-    /// near each other.
+    /// All channels at the times of the estimator's grid, by linear interpolation between adjacent
+    /// values.
     pub fn on_grid(mut self) -> Vec<TruthPoint> {
         let mut points: BTreeMap<u64, BTreeMap<Truth, f64>> = BTreeMap::new();
         for (truth, channel) in &mut self.channels {
             channel.sort_by_key(|(time, _)| *time);
-            let limit = bridged_ns(channel);
+            let limit = interpolated_max_ns(channel);
             for pair in channel.windows(2) {
                 let [(t0, v0), (t1, v1)] = [pair[0], pair[1]];
                 let step = t1.0 - t0.0;
@@ -63,15 +63,15 @@ impl Reference {
     }
 }
 
-fn bridged_ns(channel: &[(LogTime, f64)]) -> u64 {
+fn interpolated_max_ns(channel: &[(LogTime, f64)]) -> u64 {
     let mut steps: Vec<u64> = channel.windows(2).map(|p| p[1].0.0 - p[0].0.0).collect();
     steps.sort_unstable();
     let usual = steps.get(steps.len() / 2).copied().unwrap_or(0);
-    (BRIDGED_FACTOR * usual).min(BRIDGED_MAX_NS)
+    (INTERPOLATED_FACTOR * usual).min(INTERPOLATED_MAX_NS)
 }
 
 impl TruthPoint {
-    /// The record of `/truth/…`; what the reference does not measure is NaN.
+    /// Record of `/truth/…`; quantities that the reference does not measure are NaN.
     pub fn record(&self) -> Record {
         let get = |truth| self.values.get(&truth).copied().unwrap_or(f64::NAN);
         let forward = get(Truth::ForwardSpeed);
@@ -97,6 +97,7 @@ impl TruthPoint {
         Record::Truth {
             time: self.time,
             motion,
+            frame: ForceFrame::Contact,
             forces,
             pose: None,
             friction: None,
@@ -109,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_stand_on_the_grid_and_gaps_stay_gaps() {
+    fn values_are_interpolated_on_the_grid_but_not_over_gaps() {
         let mut reference = Reference::default();
         let ms = |ms: u64| LogTime(ms * 1_000_000);
         for (time, value) in [(5, 0.5), (25, 2.5), (45, 4.5), (600, 60.0), (620, 62.0)] {

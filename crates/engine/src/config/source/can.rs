@@ -12,13 +12,13 @@ use crate::config::files::{FileKind, Files, PROJECT_DBC};
 use crate::config::roles;
 use model::file::{Field, Gatherer, Problem, Section};
 
-/// How long a frame may wait to be read that nothing decodes: only the disk waits for it.
+/// Longest time that a frame waits to be read if no DBC file decodes the bus: only the disk needs it.
 const RECORDED_WITHIN: Duration = Duration::from_millis(6);
 
 pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
     let interface = section.required::<String>(
         "interface",
-        "name the network interface, such as interface = \"can0\"",
+        "set the network interface, such as interface = \"can0\"",
         gather,
     );
     if let Some(field) = &interface
@@ -27,8 +27,8 @@ pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gathe
         gather.add(
             &field.span,
             &field.name,
-            format!("\"{}\" cannot be a network interface", field.value),
-            "give 1 to 15 characters, as `ip link` lists them",
+            format!("\"{}\" is not a name of a network interface", field.value),
+            "use a name of 1 to 15 characters; `ip link` lists the interfaces",
         );
     }
     let fd = section.or("fd", true, gather);
@@ -56,7 +56,8 @@ pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gathe
     (kind, Some(meaning), 1.0)
 }
 
-/// `[source.<name>.link]`: how the recorder brings the interface up; without it the system does.
+/// `[source.<name>.link]`: settings with which the recorder brings the interface up. Without the table
+/// the system brings it up.
 fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> Option<LinkSpec> {
     let mut link = section.optional_section("link", gather)?;
     let mut rate = |key, range: RangeInclusive<u32>| {
@@ -66,7 +67,7 @@ fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> 
                 &field.span,
                 &field.name,
                 format!("{} bit/s is out of range", field.value),
-                format!("give a bit rate from {} to {}", range.start(), range.end()),
+                format!("use a bit rate from {} to {}", range.start(), range.end()),
             );
         }
         Some(field)
@@ -82,14 +83,14 @@ fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> 
                 &data.span,
                 &data.name,
                 "a data bit rate without CAN FD",
-                "leave it out, or take `fd = false` away",
+                "remove it, or remove `fd = false`",
             );
         } else if let Some(bits) = slower {
             gather.add(
                 &data.span,
                 &data.name,
                 format!("{} bit/s is below bitrate = {}", data.value, bits.value),
-                "the data phase of CAN FD is as fast as the rest of the frame, or faster",
+                "set a data bit rate that is at least the bit rate",
             );
         }
     }
@@ -104,7 +105,7 @@ fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> 
             flag,
         ];
         for (span, name) in idle.into_iter().flatten() {
-            let help = "give bitrate beside it; interfaces without one (vcan) have no such setting";
+            let help = "set bitrate too, or remove the field (vcan interfaces have no bit rate)";
             gather.add(&span, &name, "has no effect without bitrate", help);
         }
     }
@@ -128,8 +129,8 @@ pub fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gat
         gather.add(
             &field.span,
             &field.name,
-            format!("SLCAN adapters do not know {} bit/s", field.value),
-            format!("give one of: {known}"),
+            format!("SLCAN adapters do not support {} bit/s", field.value),
+            format!("use one of: {known}"),
         );
     }
     let listen_only = section.or("listen_only", false, gather);
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_something_decodes_are_read_sooner() {
+    fn frames_that_are_decoded_are_read_sooner() {
         let decoded = CanSpec::new(String::new()).read_within;
         assert_eq!(read_within(""), decoded);
         assert_eq!(read_within("dbc = []\n"), RECORDED_WITHIN);

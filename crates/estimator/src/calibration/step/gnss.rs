@@ -97,7 +97,7 @@ pub(super) fn wheel_radius(
     })
 }
 
-/// The receiver with the most velocities.
+/// Receiver with the most velocities.
 fn fastest(recording: &Recording) -> Option<&recording::Vectors> {
     let receivers = recording.velocity.values();
     receivers.max_by_key(|velocity| velocity.time_s.len())

@@ -1,5 +1,5 @@
-//! Steps whose loads and readings a person marks: `weight`, `load-rig`, `steer`. After a mark
-//! everything rests for two seconds.
+//! Steps with loads and readings in marks: `weight`, `load-rig`, `steer`. After a mark the vehicle must
+//! be at rest for two seconds.
 
 use sample::{PerWheel, StrainChannel, Wheel};
 
@@ -11,7 +11,7 @@ use crate::calibration::steer::{self, PlateReading};
 use crate::calibration::weight::{self, ScaleReading};
 use crate::calibration::{ReadingProblem, Recording, RecordingError, Resolved};
 
-/// How long everything rests after a mark, s.
+/// Time at rest after a mark, s.
 const REST_S: f64 = 2.0;
 /// Standard gravity, for loads in kg, m/s^2.
 const NEWTONS_PER_KG: f64 = sample::STANDARD_GRAVITY_M_S2;
@@ -160,7 +160,7 @@ pub(super) fn steer(
     })
 }
 
-/// Marks `<word> <number>...` with their instants.
+/// Marks `<word> <number>...` with their times.
 fn marked<const N: usize>(
     recording: &Recording,
     word: &str,
@@ -175,7 +175,7 @@ fn marked<const N: usize>(
         .collect()
 }
 
-/// Marks `rig <wheel> <F_x> <F_y> <F_z>` with their instants.
+/// Marks `rig <wheel> <F_x> <F_y> <F_z>` with their times.
 fn rig_marks(recording: &Recording) -> Result<Vec<(f64, Wheel, [f64; 3])>, RecordingError> {
     let marks = recording.marks.iter();
     let marks = marks.filter_map(|mark| Some((mark, mark.1.strip_prefix("rig ")?)));
@@ -203,7 +203,7 @@ fn refused(
     }
 }
 
-/// Numbers apart by blanks or commas; `kg` at the end turns masses into loads.
+/// Numbers that are separated by blanks or commas; with `kg` at the end, masses are converted to loads.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], ReadingProblem> {
     let (text, factor) = match text.trim().strip_suffix("kg") {
         Some(masses) => (masses, NEWTONS_PER_KG),
@@ -231,7 +231,7 @@ mod tests {
         let [_, second] = numbers(" 10 20 kg").unwrap();
         assert!((second - 196.133).abs() < 1e-9);
         let short = numbers::<4>("1 2").unwrap_err().to_string();
-        assert!(short.contains("4 are needed"), "{short}");
+        assert!(short.contains("but 4 are needed"), "{short}");
         let word = numbers::<2>("1 x").unwrap_err().to_string();
         assert!(word.contains("\"x\""), "{word}");
     }

@@ -1,4 +1,4 @@
-//! Zeros of strain and deflection.
+//! Zero offsets of strain bridges and potentiometers.
 
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, StrainChannel};
 
@@ -9,7 +9,7 @@ use crate::calibration::rest::{Rest, Stretch};
 use crate::calibration::zero::{self, CornerRest, ZeroInput};
 use crate::calibration::{Recording, RecordingError, Resolved};
 
-/// Travel of a wheel that frees its tyre of scrub, in turns of the wheel (rad).
+/// Rotation of a wheel after which its tyre has no lateral scrub force, rad.
 const ROLLED_RAD: f64 = 3.0;
 
 pub(super) fn zero(
@@ -29,8 +29,8 @@ pub(super) fn zero(
         let mean = stretch.and_then(|s| recording.steer.signal().mean(s.from_s, s.to_s));
         mean.map_or(0.0, |angle| angle - offset)
     };
-    let hanging_rest = corners(recording, hanging);
-    let standing_rest = standing.map(|stretch| corners(recording, stretch));
+    let hanging_rest = rest_values(recording, hanging);
+    let standing_rest = standing.map(|stretch| rest_values(recording, stretch));
     let resolved = Resolved::new(&recording.sensors, known)?;
     let level = [0.0, 0.0, STANDARD_GRAVITY_M_S2];
     let measured = recording.specific_force(&resolved, hanging);
@@ -45,7 +45,7 @@ pub(super) fn zero(
         weight_sigma,
     })?;
     if measured.is_none() {
-        let note = "without an inertial unit the stands are taken to be level";
+        let note = "the log has no inertial unit, so the stands are assumed to be level";
         found.findings.notes.push(note.to_owned());
     }
     Ok(Calibrated {
@@ -54,8 +54,8 @@ pub(super) fn zero(
     })
 }
 
-/// The longest stretch among those with the struts longest: the first one, unless the log begins
-/// on the ground.
+/// Longest time at rest with the struts at full length, which is the first one unless the log begins
+/// with the vehicle on the ground.
 fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
     let level = |stretch: &Stretch| {
         let mut levels: Vec<f64> = recording
@@ -71,7 +71,7 @@ fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
         .iter()
         .filter_map(level)
         .fold(f64::INFINITY, f64::min);
-    // Counts rise with compression: a tenth of the range is well above noise and below travel.
+    // Counts increase with compression. A tenth of the range is above the noise and below the travel.
     let span = 0.1 * math::exp2(f64::from(recording.sensors.deflection.adc_bits));
     stretches
         .iter()
@@ -80,7 +80,7 @@ fn hanging(recording: &Recording, stretches: &[Stretch]) -> Option<Stretch> {
         .copied()
 }
 
-/// The last stretch after the wheels have rolled, if they have.
+/// Last time at rest after the wheels have rolled, if there is one.
 fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> Option<Stretch> {
     stretches
         .iter()
@@ -98,7 +98,7 @@ fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> O
 }
 
 /// Means of all channels over a stretch.
-fn corners(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
+fn rest_values(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
     let Stretch { from_s, to_s } = stretch;
     let range = |bits: u8| [0.0, math::exp2(f64::from(bits)) - 1.0];
     let strain_range = range(recording.sensors.strain.adc_bits);
