@@ -76,7 +76,7 @@ pub fn samples(run: &Run, vehicle: &Vehicle, sensors: &Sensors, seed: u64) -> Ve
 
 fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
     let resolved = Resolved::new(sensors, &Calibration::nominal(&vehicle.name))
-        .expect("nominal sensors resolve");
+        .expect("the nominal calibration fits the sensors");
     let run = source.run;
     let settled = |force| Lag::settled(sensors.strain.lag_hz, force);
     for wheel in Wheel::ALL {
@@ -101,7 +101,10 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
         } else {
             &vehicle.rear.strut
         };
-        let design_m = strut.as_ref().expect("a strut").design_length_m;
+        let design_m = strut
+            .as_ref()
+            .expect("the vehicle has struts")
+            .design_length_m;
         let forces: Vec<&[f64]> = names
             .iter()
             .map(|name| run.column(&format!("{w}_{name}")))
@@ -176,7 +179,9 @@ fn ball_normal(run: &Run, vehicle: &Vehicle, wheel: Wheel) -> Vec<f64> {
     if let Some(told) = run.columns.get(&format!("{w}_ball_normal")) {
         return told.clone();
     }
-    let points = Corner::of(vehicle, wheel).expect("hard-points").points;
+    let points = Corner::of(vehicle, wheel)
+        .expect("the vehicle has hard points")
+        .points;
     let vector = |name: &str, axis: &str| run.column(&format!("{w}_{name}{axis}"));
     let ball = ["_x", "_y", "_z"].map(|axis| vector("lbj", axis));
     let force = ["x", "y", "z"].map(|axis| vector("LCA_ball_F", axis));
