@@ -9,10 +9,9 @@ use socketcan::{CanSocket, ShouldRetry as _, Socket, SocketOptions};
 use tokio::sync::watch;
 use tokio::time::MissedTickBehavior;
 
+use crate::context::{SourceContext, pause, stopped};
 use crate::datagram::{DropCounter, controller_event, is_controller_overflow, take_apart};
 use crate::pace::{Pace, Pacer, Wake};
-use crate::port::Owner;
-use crate::supervisor::{pause, stopped};
 use crate::sys::{self, Datagrams};
 use crate::{CanSpec, link};
 
@@ -29,10 +28,14 @@ const LINK_FAILURES_TOLD: u32 = 8;
 const EXTENDED_FLAG: u32 = 0x8000_0000;
 
 /// Runs a CAN source until the shutdown.
-pub(crate) async fn run(owner: &Owner, spec: &CanSpec, mut shutdown: watch::Receiver<bool>) {
+pub(crate) async fn run(
+    context: &SourceContext,
+    spec: &CanSpec,
+    mut shutdown: watch::Receiver<bool>,
+) {
     let mut last_failure = String::new();
     while !*shutdown.borrow() {
-        let ended = match Session::open(owner, spec) {
+        let ended = match Session::open(context, spec) {
             Ok(mut session) => {
                 last_failure.clear();
                 session.run(&mut shutdown).await
@@ -45,11 +48,11 @@ pub(crate) async fn run(owner: &Owner, spec: &CanSpec, mut shutdown: watch::Rece
                 let text = format!("{}: {}", spec.interface, explain(&error, &spec.interface));
                 if text != last_failure {
                     tracing::warn!(
-                        source = %owner.name,
+                        source = %context.name,
                         %text,
                         "cannot open the CAN interface; the next attempts follow"
                     );
-                    owner.notice(Notice::Closed(text.clone()));
+                    context.notice(Notice::Closed(text.clone()));
                     last_failure = text;
                 }
             }
@@ -86,7 +89,7 @@ struct Batch {
 
 /// One opening of an interface.
 struct Session<'a> {
-    owner: &'a Owner,
+    context: &'a SourceContext,
     spec: &'a CanSpec,
     socket: Arc<CanSocket>,
     wake: Wake,
@@ -101,13 +104,13 @@ struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
-    fn open(owner: &'a Owner, spec: &'a CanSpec) -> io::Result<Self> {
+    fn open(context: &'a SourceContext, spec: &'a CanSpec) -> io::Result<Self> {
         let socket = CanSocket::open(&spec.interface)?;
         let settings = configure(&socket, spec)?;
         let drops = DropCounter::new(kernel_drops(&socket).unwrap_or(0));
         let socket = Arc::new(socket);
         Ok(Self {
-            owner,
+            context,
             spec,
             wake: Wake::new(&socket, Pace::Awaited)?,
             pacer: Pacer::new(Instant::now(), spec.read_within),
@@ -135,15 +138,15 @@ impl<'a> Session<'a> {
                     // Also finds an error that came between two datagrams and woke nobody.
                     self.receive_all()?;
                 }
-                woken = self.wake.wait() => {
-                    woken?;
+                on_timer = self.wake.wait() => {
+                    on_timer?;
                     self.receive_all()?;
                 }
             }
         }
         while self.receive().unwrap_or_default().more {}
         self.look_at_drops();
-        self.owner.notice(Notice::Closed("stopped".to_owned()));
+        self.context.notice(Notice::Closed("stopped".to_owned()));
         Ok(())
     }
 
@@ -182,12 +185,12 @@ impl<'a> Session<'a> {
             // An overflow is at least one frame; the controller does not say how many.
             device += u64::from(frame.as_ref().is_some_and(is_controller_overflow));
             if let Some(event) = frame.as_ref().and_then(controller_event) {
-                tracing::warn!(source = %self.owner.name, "{event}");
+                tracing::warn!(source = %self.context.name, "{event}");
             }
             frames.extend(frame);
         }
-        self.owner.lost(LossPlace::Kernel, kernel);
-        self.owner.lost(LossPlace::Device, device);
+        self.context.lost(LossPlace::Kernel, kernel);
+        self.context.lost(LossPlace::Device, device);
         let batch = Batch {
             frames: frames.len(),
             more,
@@ -195,7 +198,7 @@ impl<'a> Session<'a> {
         if !frames.is_empty() {
             self.tell_state(true);
             let payload = Payload::Can(frames);
-            self.owner.sequencer.push(self.owner.id, payload);
+            self.context.sequencer.push(self.context.id, payload);
         }
         Ok(batch)
     }
@@ -229,14 +232,14 @@ impl<'a> Session<'a> {
         };
         self.link_failures = self.link_failures.saturating_add(1);
         if self.link_failures == LINK_FAILURES_TOLD {
-            tracing::warn!(source = %self.owner.name, "{failure}");
+            tracing::warn!(source = %self.context.name, "{failure}");
         }
     }
 
     /// Reports drops that no later frame has told of.
     fn look_at_drops(&mut self) {
         if let Some(now) = kernel_drops(&self.socket) {
-            self.owner.lost(LossPlace::Kernel, self.drops.since(now));
+            self.context.lost(LossPlace::Kernel, self.drops.since(now));
         }
     }
 
@@ -249,13 +252,13 @@ impl<'a> Session<'a> {
         let interface = &self.spec.interface;
         if up {
             let text = format!("{interface}, {}", self.settings);
-            tracing::info!(source = %self.owner.name, interface = %text, "opened");
-            self.owner.notice(Notice::Opened(text));
+            tracing::info!(source = %self.context.name, interface = %text, "opened");
+            self.context.notice(Notice::Opened(text));
         } else {
             let down = io::Error::from_raw_os_error(libc::ENETDOWN);
             let text = format!("{interface}: {}", explain(&down, interface));
-            tracing::warn!(source = %self.owner.name, "{text}");
-            self.owner.notice(Notice::Closed(text));
+            tracing::warn!(source = %self.context.name, "{text}");
+            self.context.notice(Notice::Closed(text));
         }
     }
 }

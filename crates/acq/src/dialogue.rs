@@ -1,15 +1,15 @@
-//! What is said to a serial device after its port was opened.
+//! Commands to a serial device after its port was opened.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
-use wire::crossbow440::{self, Action};
+use wire::crossbow440;
 
 use crate::Setup;
-use crate::port::Act;
+use crate::protocol::Action;
 
 /// A unit that was set up and sends no packet for this long is set up again: its power was cut, and
-/// what it was told is gone.
+/// its settings are lost.
 const SILENCE: Duration = Duration::from_secs(2);
 
 /// The dialogue with one device.
@@ -35,9 +35,9 @@ impl Dialogue {
     }
 
     /// The port was opened.
-    pub fn opened(&mut self) -> Act {
+    pub fn on_open(&mut self) -> Action {
         match self {
-            Self::None => Act::default(),
+            Self::None => Action::default(),
             Self::Commands(commands) => {
                 commands.next = 0;
                 commands.send()
@@ -47,19 +47,19 @@ impl Dialogue {
     }
 
     /// Bytes came.
-    pub fn received(&mut self, bytes: &[u8]) -> Act {
+    pub fn on_bytes(&mut self, bytes: &[u8]) -> Action {
         match self {
-            Self::None | Self::Commands(_) => Act::default(),
-            Self::Crossbow440(unit) => unit.received(bytes),
+            Self::None | Self::Commands(_) => Action::default(),
+            Self::Crossbow440(unit) => unit.on_bytes(bytes),
         }
     }
 
     /// The time asked for has passed.
-    pub fn woken(&mut self) -> Act {
+    pub fn on_timer(&mut self) -> Action {
         match self {
-            Self::None => Act::default(),
+            Self::None => Action::default(),
             Self::Commands(commands) => commands.send(),
-            Self::Crossbow440(unit) => unit.woken(),
+            Self::Crossbow440(unit) => unit.on_timer(),
         }
     }
 }
@@ -72,10 +72,10 @@ pub(crate) struct Commands {
 }
 
 impl Commands {
-    fn send(&mut self) -> Act {
+    fn send(&mut self) -> Action {
         let write = self.commands.get(self.next).cloned().unwrap_or_default();
         self.next += 1;
-        Act {
+        Action {
             write,
             wake: (self.next < self.commands.len()).then_some(self.pause),
             baud: None,
@@ -107,23 +107,23 @@ impl Crossbow440 {
         }
     }
 
-    fn begin(&mut self) -> Act {
+    fn begin(&mut self) -> Action {
         self.started = Instant::now();
         self.setup = Some(crossbow440::Setup::new(self.options));
         self.advance()
     }
 
-    fn received(&mut self, bytes: &[u8]) -> Act {
+    fn on_bytes(&mut self, bytes: &[u8]) -> Action {
         if let Some(setup) = &mut self.setup {
             setup.receive(bytes);
             return self.advance();
         }
         let packets = &mut self.packets;
         self.decoder.push(bytes, |_| *packets += 1);
-        Act::default()
+        Action::default()
     }
 
-    fn woken(&mut self) -> Act {
+    fn on_timer(&mut self) -> Action {
         if self.setup.is_some() {
             return self.advance();
         }
@@ -137,45 +137,45 @@ impl Crossbow440 {
         self.watch()
     }
 
-    fn watch(&mut self) -> Act {
+    fn watch(&mut self) -> Action {
         self.setup = None;
         self.packets = 0;
-        Act {
+        Action {
             wake: Some(SILENCE),
-            ..Act::default()
+            ..Action::default()
         }
     }
 
-    /// Does what the dialogue wants, until it waits.
-    fn advance(&mut self) -> Act {
-        let mut act = Act::default();
+    /// Collects the actions of the setup until it waits.
+    fn advance(&mut self) -> Action {
+        let mut action = Action::default();
         while let Some(setup) = &mut self.setup {
             match setup.poll(self.started.elapsed()) {
-                Some(Action::SetBaud(baud)) => act.baud = Some(baud),
-                Some(Action::Send(bytes)) => act.write.extend(bytes),
-                Some(Action::Done { baud }) => {
+                Some(crossbow440::Action::SetBaud(baud)) => action.baud = Some(baud),
+                Some(crossbow440::Action::Send(bytes)) => action.write.extend(bytes),
+                Some(crossbow440::Action::Done { baud }) => {
                     tracing::info!(baud, "the Crossbow 440 is set up");
-                    act.wake = self.watch().wake;
+                    action.wake = self.watch().wake;
                 }
-                Some(Action::Failed(error)) => {
+                Some(crossbow440::Action::Failed(error)) => {
                     tracing::warn!(
                         %error,
                         baud = self.baud,
                         "cannot set up the Crossbow 440; its data is recorded at the port's own \
                          baud rate"
                     );
-                    act.baud = Some(self.baud);
-                    act.wake = self.watch().wake;
+                    action.baud = Some(self.baud);
+                    action.wake = self.watch().wake;
                 }
                 None => {
                     let due = setup.deadline();
                     let wait = due.map(|due| due.saturating_sub(self.started.elapsed()));
-                    act.wake = wait.or(act.wake);
+                    action.wake = wait.or(action.wake);
                     break;
                 }
             }
         }
-        act
+        action
     }
 }
 
@@ -191,12 +191,12 @@ mod tests {
         };
         let mut dialogue = Dialogue::new(&setup, 9600);
         for _ in 0..2 {
-            let first = dialogue.opened();
+            let first = dialogue.on_open();
             assert_eq!(
                 (first.write, first.wake),
                 (b"a\r".to_vec(), Some(Duration::from_millis(5)))
             );
-            let second = dialogue.woken();
+            let second = dialogue.on_timer();
             assert_eq!((second.write, second.wake), (b"b\r".to_vec(), None));
         }
     }
@@ -205,24 +205,24 @@ mod tests {
     async fn a_crossbow_that_takes_no_commands_is_listened_to_at_the_ports_own_speed() {
         let setup = Setup::Crossbow440(crossbow440::SetupOptions::default());
         let mut dialogue = Dialogue::new(&setup, 38_400);
-        let mut act = dialogue.opened();
+        let mut action = dialogue.on_open();
         let mut bauds = Vec::new();
         for _ in 0..100 {
-            bauds.extend(act.baud);
-            let wake = act.wake.expect("it always wakes again");
+            bauds.extend(action.baud);
+            let wake = action.wake.expect("it always wakes again");
             if wake == SILENCE {
                 break;
             }
             tokio::time::advance(wake).await;
-            act = dialogue.woken();
+            action = dialogue.on_timer();
         }
         assert_eq!(bauds, [57_600, 38_400, 19_200, 9_600, 38_400]);
         // `PK` is a packet too: while one comes, nothing is set up.
-        dialogue.received(b"\x55\x55PK\x00\x9E\xF4");
+        dialogue.on_bytes(b"\x55\x55PK\x00\x9E\xF4");
         tokio::time::advance(SILENCE).await;
-        let act = dialogue.woken();
-        assert_eq!((act.baud, act.wake), (None, Some(SILENCE)));
+        let action = dialogue.on_timer();
+        assert_eq!((action.baud, action.wake), (None, Some(SILENCE)));
         tokio::time::advance(SILENCE).await;
-        assert_eq!(dialogue.woken().baud, Some(57_600));
+        assert_eq!(dialogue.on_timer().baud, Some(57_600));
     }
 }

@@ -16,11 +16,13 @@
 mod can;
 mod can_sender;
 mod clock;
+mod context;
 mod datagram;
 mod dialogue;
 pub mod link;
 mod pace;
 mod port;
+mod protocol;
 mod ring;
 mod sequencer;
 mod serial;

@@ -1,18 +1,19 @@
-//! The life of a serial port: open, talk, notice that it went, open again.
+//! The life of a serial port: open, protocol, notice that it went, open again.
 
 use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use sample::{LossPlace, Notice, SourceId};
+use sample::{LossPlace, Notice};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior};
 use tokio_serial::{DataBits, SerialPort, SerialPortBuilderExt, SerialStream, StopBits};
 
-use crate::supervisor::{pause, stopped};
+use crate::context::{SourceContext, pause, stopped};
+use crate::protocol::{Action, SerialProtocol};
 use crate::sys::{self, UartCounters};
-use crate::{Parity, PortSpec, Sequencer};
+use crate::{Parity, PortSpec};
 
 /// Size of one read, bytes.
 const READ_BYTES: usize = 4096;
@@ -25,54 +26,11 @@ const REOPEN_LONGEST: Duration = Duration::from_millis(500);
 /// Longest time for a write: a device that takes no commands must not hold up its data.
 const WRITE_DEADLINE: Duration = Duration::from_millis(500);
 
-/// Who talks on a port: takes the bytes into the stream and says what to answer.
-pub(crate) trait Talk: Send {
-    /// The port was opened, for the first time or again.
-    fn opened(&mut self) -> Act;
-    /// Bytes came.
-    fn received(&mut self, bytes: &[u8]) -> Act;
-    /// The time asked for with [`Act::wake`] has passed.
-    fn woken(&mut self) -> Act;
-    /// What to send before the port is closed in good order.
-    fn farewell(&mut self) -> Vec<u8>;
-}
-
-/// What a [`Talk`] wants done.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Act {
-    /// Change to this baud rate, before writing.
-    pub baud: Option<u32>,
-    /// Bytes to write.
-    pub write: Vec<u8>,
-    /// Call [`Talk::woken`] after this time; `None` leaves what was asked for before.
-    pub wake: Option<Duration>,
-}
-
-/// Who a port's notices are from and where they go.
-#[derive(Clone, Debug)]
-pub(crate) struct Owner {
-    pub id: SourceId,
-    pub name: String,
-    pub sequencer: Sequencer,
-}
-
-impl Owner {
-    pub fn notice(&self, notice: Notice) {
-        self.sequencer.notice(self.id, notice);
-    }
-
-    pub fn lost(&self, place: LossPlace, count: u64) {
-        if count > 0 {
-            self.notice(Notice::Lost { place, count });
-        }
-    }
-}
-
 /// Runs a port until the shutdown.
 pub(crate) async fn run(
-    owner: &Owner,
+    context: &SourceContext,
     spec: &PortSpec,
-    talk: &mut dyn Talk,
+    protocol: &mut dyn SerialProtocol,
     mut shutdown: watch::Receiver<bool>,
 ) {
     let mut wait = REOPEN_FIRST;
@@ -83,14 +41,17 @@ pub(crate) async fn run(
                 last_failure.clear();
                 wait = REOPEN_FIRST;
                 let text = format!("{} at {} baud", spec.path.display(), spec.baud);
-                tracing::info!(source = %owner.name, port = %text, "opened");
-                owner.notice(Notice::Opened(text));
-                match Session::new(owner, port).run(talk, &mut shutdown).await {
+                tracing::info!(source = %context.name, port = %text, "opened");
+                context.notice(Notice::Opened(text));
+                match Session::new(context, port)
+                    .run(protocol, &mut shutdown)
+                    .await
+                {
                     Ok(()) => return,
                     Err(error) => {
                         let text = format!("{}: {error}", spec.path.display());
-                        tracing::warn!(source = %owner.name, %text, "the port failed; it is opened again");
-                        owner.notice(Notice::Closed(text));
+                        tracing::warn!(source = %context.name, %text, "the port failed; it is opened again");
+                        context.notice(Notice::Closed(text));
                     }
                 }
             }
@@ -98,11 +59,11 @@ pub(crate) async fn run(
                 let text = explain(&error, &spec.path);
                 if text != last_failure {
                     tracing::warn!(
-                        source = %owner.name,
+                        source = %context.name,
                         %text,
                         "cannot open the port; the next attempts follow"
                     );
-                    owner.notice(Notice::Closed(text.clone()));
+                    context.notice(Notice::Closed(text.clone()));
                     last_failure = text;
                 }
             }
@@ -166,17 +127,17 @@ fn open(spec: &PortSpec) -> io::Result<SerialStream> {
 
 /// One opening of a port.
 struct Session<'a> {
-    owner: &'a Owner,
+    context: &'a SourceContext,
     port: SerialStream,
     counters: Option<UartCounters>,
     wake: Option<Instant>,
 }
 
 impl<'a> Session<'a> {
-    fn new(owner: &'a Owner, port: SerialStream) -> Self {
+    fn new(context: &'a SourceContext, port: SerialStream) -> Self {
         let counters = sys::uart_counters(&port).ok();
         Self {
-            owner,
+            context,
             port,
             counters,
             wake: None,
@@ -186,51 +147,51 @@ impl<'a> Session<'a> {
     /// Reads until the shutdown (`Ok`) or until the port fails.
     async fn run(
         mut self,
-        talk: &mut dyn Talk,
+        protocol: &mut dyn SerialProtocol,
         shutdown: &mut watch::Receiver<bool>,
     ) -> io::Result<()> {
         let mut buffer = vec![0; READ_BYTES];
         let mut counter_timer = tokio::time::interval(COUNTER_PERIOD);
         counter_timer.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let act = talk.opened();
-        self.act(act).await?;
+        let action = protocol.on_open();
+        self.run_action(action).await?;
         loop {
             let wake = self.wake.unwrap_or_else(|| Instant::now() + COUNTER_PERIOD);
-            let act = tokio::select! {
+            let action = tokio::select! {
                 biased;
                 () = stopped(shutdown) => break,
                 read = self.port.read(&mut buffer) => match read? {
                     0 => return Err(io::Error::other("the device was disconnected")),
-                    count => talk.received(&buffer[..count]),
+                    count => protocol.on_bytes(&buffer[..count]),
                 },
                 () = tokio::time::sleep_until(wake), if self.wake.is_some() => {
                     self.wake = None;
-                    talk.woken()
+                    protocol.on_timer()
                 }
                 _ = counter_timer.tick(), if self.counters.is_some() => {
                     self.look_at_counters()?;
-                    Act::default()
+                    Action::default()
                 }
             };
-            self.act(act).await?;
+            self.run_action(action).await?;
         }
-        let farewell = talk.farewell();
-        if let Err(error) = self.write(&farewell).await {
-            tracing::debug!(source = %self.owner.name, %error, "no farewell");
+        let last = protocol.on_close();
+        if let Err(error) = self.write(&last).await {
+            tracing::debug!(source = %self.context.name, %error, "the last command was not sent");
         }
         self.look_at_counters().ok();
-        self.owner.notice(Notice::Closed("stopped".to_owned()));
+        self.context.notice(Notice::Closed("stopped".to_owned()));
         Ok(())
     }
 
-    async fn act(&mut self, act: Act) -> io::Result<()> {
-        if let Some(baud) = act.baud {
+    async fn run_action(&mut self, action: Action) -> io::Result<()> {
+        if let Some(baud) = action.baud {
             self.port.set_baud_rate(baud)?;
         }
-        if let Some(after) = act.wake {
+        if let Some(after) = action.wake {
             self.wake = Some(Instant::now() + after);
         }
-        self.write(&act.write).await
+        self.write(&action.write).await
     }
 
     async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
@@ -241,7 +202,7 @@ impl<'a> Session<'a> {
             Ok(result) => result,
             Err(_) => {
                 tracing::warn!(
-                    source = %self.owner.name,
+                    source = %self.context.name,
                     timeout_s = WRITE_DEADLINE.as_secs_f64(),
                     "cannot send commands to the device; check its cable and flow control"
                 );
@@ -256,12 +217,12 @@ impl<'a> Session<'a> {
             return Ok(());
         };
         let now = sys::uart_counters(&self.port)?;
-        self.owner
+        self.context
             .lost(LossPlace::Device, now.overruns_since(&earlier));
         let line_errors = now.line_errors_since(&earlier);
         if line_errors > 0 {
             tracing::warn!(
-                source = %self.owner.name,
+                source = %self.context.name,
                 line_errors,
                 "the UART reports framing, parity or break errors; check the baud rate and the cable"
             );
@@ -289,6 +250,6 @@ mod tests {
             assert!(text.starts_with("/dev/"), "{text}");
         }
         let missing = open(&PortSpec::new(gone, 9600)).expect_err("no such port");
-        assert!(explain(&missing, gone).contains("plug it in"));
+        assert!(explain(&missing, gone).contains("connect it"));
     }
 }

@@ -4,40 +4,46 @@ use sample::Payload;
 use tokio::sync::watch;
 
 use crate::SerialSpec;
+use crate::context::SourceContext;
 use crate::dialogue::Dialogue;
-use crate::port::{self, Act, Owner, Talk};
+use crate::port;
+use crate::protocol::{Action, SerialProtocol};
 
 /// Runs a serial source until the shutdown.
-pub(crate) async fn run(owner: &Owner, spec: &SerialSpec, shutdown: watch::Receiver<bool>) {
-    let mut talk = RawTalk {
-        owner: owner.clone(),
+pub(crate) async fn run(
+    context: &SourceContext,
+    spec: &SerialSpec,
+    shutdown: watch::Receiver<bool>,
+) {
+    let mut protocol = RawProtocol {
+        context: context.clone(),
         dialogue: Dialogue::new(&spec.setup, spec.port.baud),
     };
-    port::run(owner, &spec.port, &mut talk, shutdown).await;
+    port::run(context, &spec.port, &mut protocol, shutdown).await;
 }
 
 /// Takes every read into the stream as it came, whatever the dialogue makes of it.
-struct RawTalk {
-    owner: Owner,
+struct RawProtocol {
+    context: SourceContext,
     dialogue: Dialogue,
 }
 
-impl Talk for RawTalk {
-    fn opened(&mut self) -> Act {
-        self.dialogue.opened()
+impl SerialProtocol for RawProtocol {
+    fn on_open(&mut self) -> Action {
+        self.dialogue.on_open()
     }
 
-    fn received(&mut self, bytes: &[u8]) -> Act {
+    fn on_bytes(&mut self, bytes: &[u8]) -> Action {
         let payload = Payload::Bytes(bytes.to_vec());
-        self.owner.sequencer.push(self.owner.id, payload);
-        self.dialogue.received(bytes)
+        self.context.sequencer.push(self.context.id, payload);
+        self.dialogue.on_bytes(bytes)
     }
 
-    fn woken(&mut self) -> Act {
-        self.dialogue.woken()
+    fn on_timer(&mut self) -> Action {
+        self.dialogue.on_timer()
     }
 
-    fn farewell(&mut self) -> Vec<u8> {
+    fn on_close(&mut self) -> Vec<u8> {
         Vec::new()
     }
 }

@@ -7,7 +7,9 @@ use tokio::sync::watch;
 use wire::slcan::{Command, Decoder, Event};
 
 use crate::SlcanSpec;
-use crate::port::{self, Act, Owner, Talk};
+use crate::context::SourceContext;
+use crate::port;
+use crate::protocol::{Action, SerialProtocol};
 
 /// Time for an adapter to take a command.
 const COMMAND_PAUSE: Duration = Duration::from_millis(20);
@@ -15,13 +17,17 @@ const COMMAND_PAUSE: Duration = Duration::from_millis(20);
 const STATUS_PERIOD: Duration = Duration::from_secs(1);
 
 /// Runs a SLCAN source until the shutdown.
-pub(crate) async fn run(owner: &Owner, spec: &SlcanSpec, shutdown: watch::Receiver<bool>) {
-    let mut talk = SlcanTalk::new(owner.clone(), spec);
-    port::run(owner, &spec.port, &mut talk, shutdown).await;
+pub(crate) async fn run(
+    context: &SourceContext,
+    spec: &SlcanSpec,
+    shutdown: watch::Receiver<bool>,
+) {
+    let mut protocol = SlcanProtocol::new(context.clone(), spec);
+    port::run(context, &spec.port, &mut protocol, shutdown).await;
 }
 
-struct SlcanTalk {
-    owner: Owner,
+struct SlcanProtocol {
+    context: SourceContext,
     /// What is sent at each opening, in order.
     opening: Vec<Vec<u8>>,
     /// Next of `opening`; past its end the adapter is on the bus.
@@ -37,8 +43,8 @@ struct SlcanTalk {
     mid_line: bool,
 }
 
-impl SlcanTalk {
-    fn new(owner: Owner, spec: &SlcanSpec) -> Self {
+impl SlcanProtocol {
+    fn new(context: SourceContext, spec: &SlcanSpec) -> Self {
         let mut opening = vec![b"\r\r\r".to_vec()];
         let on_bus = if spec.listen_only {
             Command::ListenOnly
@@ -55,14 +61,14 @@ impl SlcanTalk {
             match command.encode() {
                 Some(line) => opening.push(line),
                 None => tracing::error!(
-                    source = %owner.name,
+                    source = %context.name,
                     ?command,
                     "SLCAN does not support this bit rate; the adapter keeps its own"
                 ),
             }
         }
         Self {
-            owner,
+            context,
             opening,
             next: 0,
             has_status: true,
@@ -79,7 +85,7 @@ impl SlcanTalk {
             // Leaving a bus that one is not on is refused by some adapters.
             if line != "C\r" {
                 tracing::warn!(
-                    source = %self.owner.name,
+                    source = %self.context.name,
                     command = line.trim(),
                     "the SLCAN adapter rejected a command"
                 );
@@ -90,17 +96,17 @@ impl SlcanTalk {
     }
 }
 
-impl Talk for SlcanTalk {
-    fn opened(&mut self) -> Act {
+impl SerialProtocol for SlcanProtocol {
+    fn on_open(&mut self) -> Action {
         self.next = 0;
         self.asked_status = false;
         self.decoder = Decoder::new();
         self.malformed = 0;
         self.mid_line = true;
-        self.woken()
+        self.on_timer()
     }
 
-    fn received(&mut self, bytes: &[u8]) -> Act {
+    fn on_bytes(&mut self, bytes: &[u8]) -> Action {
         let mut frames = Vec::new();
         let mut overrun = false;
         let mut refused = false;
@@ -110,7 +116,7 @@ impl Talk for SlcanTalk {
                 overrun |= status.lost_frames();
                 if status.0 != 0 {
                     tracing::warn!(
-                        source = %self.owner.name,
+                        source = %self.context.name,
                         status = status.describe(),
                         "the SLCAN adapter reports an error"
                     );
@@ -129,19 +135,19 @@ impl Talk for SlcanTalk {
             broken = broken.saturating_sub(1);
         }
         // An overrun is at least one frame; the adapter does not say how many.
-        self.owner
+        self.context
             .lost(LossPlace::Device, broken + u64::from(overrun));
         if !frames.is_empty() {
             let payload = Payload::Can(frames);
-            self.owner.sequencer.push(self.owner.id, payload);
+            self.context.sequencer.push(self.context.id, payload);
         }
-        Act::default()
+        Action::default()
     }
 
-    fn woken(&mut self) -> Act {
+    fn on_timer(&mut self) -> Action {
         if let Some(line) = self.opening.get(self.next) {
             self.next += 1;
-            return Act {
+            return Action {
                 write: line.clone(),
                 wake: Some(COMMAND_PAUSE),
                 baud: None,
@@ -150,14 +156,14 @@ impl Talk for SlcanTalk {
         self.next = self.opening.len() + 1;
         let status = Command::ReadStatus.encode().filter(|_| self.has_status);
         self.asked_status = status.is_some();
-        Act {
+        Action {
             wake: status.is_some().then_some(STATUS_PERIOD),
             write: status.unwrap_or_default(),
             baud: None,
         }
     }
 
-    fn farewell(&mut self) -> Vec<u8> {
+    fn on_close(&mut self) -> Vec<u8> {
         Command::Close.encode().unwrap_or_default()
     }
 }
@@ -169,9 +175,9 @@ mod tests {
     use super::*;
     use crate::{LogClock, PortSpec, QueueSizes, Sequencer};
 
-    fn talk() -> (SlcanTalk, crate::Streams) {
+    fn protocol() -> (SlcanProtocol, crate::Streams) {
         let (sequencer, streams) = Sequencer::new(LogClock::start(), QueueSizes::default());
-        let owner = Owner {
+        let context = SourceContext {
             id: SourceId(1),
             name: "can".to_owned(),
             sequencer,
@@ -182,29 +188,29 @@ mod tests {
             listen_only: false,
             timestamps: true,
         };
-        (SlcanTalk::new(owner, &spec), streams)
+        (SlcanProtocol::new(context, &spec), streams)
     }
 
     #[test]
     fn the_adapter_is_set_up_then_asked_for_losses() {
-        let (mut talk, _streams) = talk();
-        let mut sent = talk.opened().write;
+        let (mut protocol, _streams) = protocol();
+        let mut sent = protocol.on_open().write;
         for _ in 0..5 {
-            sent.extend(talk.woken().write);
+            sent.extend(protocol.on_timer().write);
         }
         assert_eq!(sent, b"\r\r\rC\rS6\rZ1\rO\rF\r");
-        talk.received(b"\x07");
-        assert_eq!(talk.woken(), Act::default());
-        assert_eq!(talk.farewell(), b"C\r");
+        protocol.on_bytes(b"\x07");
+        assert_eq!(protocol.on_timer(), Action::default());
+        assert_eq!(protocol.on_close(), b"C\r");
     }
 
     #[test]
     fn frames_and_losses_become_arrivals() {
-        let (mut talk, mut streams) = talk();
-        talk.opened();
-        talk.received(b"33\rt1002");
-        talk.received(b"AABB0005\rt1001CC0006\r");
-        talk.received(b"t10garbage\rF08\r");
+        let (mut protocol, mut streams) = protocol();
+        protocol.on_open();
+        protocol.on_bytes(b"33\rt1002");
+        protocol.on_bytes(b"AABB0005\rt1001CC0006\r");
+        protocol.on_bytes(b"t10garbage\rF08\r");
         let frames = streams.recorder.try_recv().expect("frames");
         let Payload::Can(frames) = &frames.payload else {
             panic!("{frames:?}");

@@ -9,7 +9,7 @@ use tokio::sync::watch;
 use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior};
 
-use crate::port::Owner;
+use crate::context::{SourceContext, pause, stopped};
 use crate::{Sequencer, SourceKind, SourceSpec, can, serial, slcan};
 
 /// How long a source whose task panicked stays down.
@@ -204,15 +204,15 @@ async fn supervise(spec: SourceSpec, sequencer: Sequencer, mut shutdown: watch::
 }
 
 async fn run(spec: SourceSpec, sequencer: Sequencer, shutdown: watch::Receiver<bool>) {
-    let owner = Owner {
+    let context = SourceContext {
         id: spec.id,
         name: spec.name,
         sequencer,
     };
     match spec.kind {
-        SourceKind::Serial(serial) => serial::run(&owner, &serial, shutdown).await,
-        SourceKind::Slcan(slcan) => slcan::run(&owner, &slcan, shutdown).await,
-        SourceKind::Can(can) => can::run(&owner, &can, shutdown).await,
+        SourceKind::Serial(serial) => serial::run(&context, &serial, shutdown).await,
+        SourceKind::Slcan(slcan) => slcan::run(&context, &slcan, shutdown).await,
+        SourceKind::Can(can) => can::run(&context, &can, shutdown).await,
     }
 }
 
@@ -226,19 +226,6 @@ async fn ticks(period: Duration, sequencer: Sequencer, mut shutdown: watch::Rece
                 sequencer.push(SourceId::HOST, Payload::Tick);
             }
         }
-    }
-}
-
-/// Waits for the shutdown, or for the end of the supervisor.
-pub(crate) async fn stopped(shutdown: &mut watch::Receiver<bool>) {
-    shutdown.wait_for(|stop| *stop).await.ok();
-}
-
-/// Waits; returns early, and `true`, at the shutdown.
-pub(crate) async fn pause(duration: Duration, shutdown: &mut watch::Receiver<bool>) -> bool {
-    tokio::select! {
-        () = stopped(shutdown) => true,
-        () = tokio::time::sleep(duration) => false,
     }
 }
 
