@@ -3,8 +3,8 @@
 //! `sim` makes the same sensors' bytes. This module is independent of it, so that an error of the
 //! virtual sensors does not cancel in a test of the estimator, and it needs no decoder.
 
-use atvrec_estimator::Calibration;
-use atvrec_estimator::calibration::{Channel, Resolved};
+use estimator::Calibration;
+use estimator::calibration::{Channel, Resolved};
 use model::sensors::Sensors;
 use model::strain::Lag;
 use model::suspension::Corner;
