@@ -64,7 +64,7 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
     line(
         "contract",
         reader.contract().map_or_else(
-            || "none: an earlier layout, shown in the present one".to_owned(),
+            || "none (an older layout, converted to the present one)".to_owned(),
             |version| format!("version {version}"),
         ),
     );
@@ -78,6 +78,12 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
     for missing in missing::summary(&info.missing) {
         line("missing", missing);
     }
+    write_tables(&mut text, info);
+    text
+}
+
+/// Tables of topics, attachments and counters.
+fn write_tables(text: &mut String, info: &Info) {
     let _ = writeln!(
         text,
         "\n{:<36}{:>10}{:>10}  schema",
@@ -109,7 +115,6 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
             let _ = writeln!(text, "{:<36}{value:>10}", printable(name));
         }
     }
-    text
 }
 
 fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::Value {
