@@ -63,7 +63,7 @@ pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, 
 pub use summary::Summary;
 pub use table::{Column, Table, Values};
 
-/// Types generated from the schemas in `proto/`, as they stand in the log.
+/// Types generated from the schemas in `proto/`.
 pub mod proto {
     /// The project's own messages.
     #[allow(
@@ -81,7 +81,7 @@ pub mod proto {
         }
     }
 
-    /// The well-known messages that viewers draw without being told how.
+    /// The well-known messages that viewers display without configuration.
     #[allow(
         missing_docs,
         unused_qualifications,

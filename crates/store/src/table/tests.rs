@@ -175,6 +175,10 @@ fn wheels_and_their_members_have_columns_of_their_own() {
     assert_eq!(first(floats(&forces, "axle8_right.z_n")), Some(8.0));
     assert_eq!(floats(&forces, "rr.z_n"), [4.0, 2.0]);
     assert_eq!(column(&forces, "rr.source").names.len(), 5);
+    assert_eq!(
+        column(&forces, "fl.source").present,
+        Some(vec![false, true])
+    );
     assert_eq!(column(&forces, "frame").values, Values::I32(vec![2, 2]));
 
     let member = |name: &str, raw_counts| proto::StrainMember {

@@ -1,4 +1,4 @@
-//! Through the bytes of one message, field by field.
+//! Decodes the bytes of one message, field by field.
 
 use prost::DecodeError;
 use prost::bytes::Buf as _;
@@ -29,8 +29,8 @@ fn node(
     data: &[u8],
     stamp: u64,
 ) -> Result<(), DecodeError> {
-    if plan.nodes[index].met != stamp {
-        plan.nodes[index].met = stamp;
+    if plan.nodes[index].last_stamp != stamp {
+        plan.nodes[index].last_stamp = stamp;
         for column in &plan.nodes[index].implicit {
             let column = &mut columns[*column];
             if matches!(column.values.innermost(), Values::F64(_)) {
@@ -40,8 +40,8 @@ fn node(
                 *last = true;
             }
         }
-        if let Some(there) = plan.nodes[index].there {
-            columns[there].values.set_last(Datum::Bool(true));
+        if let Some(presence) = plan.nodes[index].presence {
+            columns[presence].values.set_last(Datum::Bool(true));
         }
     }
     let mut rest = data;
@@ -155,7 +155,7 @@ fn datum<'a>(
     if rest.len() < fixed {
         return Err(underflow());
     }
-    // Casts cut, as protobuf defines: a 32-bit field takes the low bits of a longer varint.
+    // Casts truncate, as protobuf defines: a 32-bit field has the low bits of a longer varint.
     Ok(match kind {
         Type::Double => Datum::F64(rest.get_f64_le()),
         Type::Float => Datum::F64(rest.get_f32_le().into()),
@@ -178,7 +178,7 @@ fn datum<'a>(
         Type::Bool => Datum::Bool(decode_varint(rest)? != 0),
         Type::String => {
             let bytes = delimited(rest)?;
-            // A text that is not UTF-8 is shown as empty rather than costing the whole message.
+            // A text that is not UTF-8 is shown as empty, so that the message is not lost.
             Datum::Text(std::str::from_utf8(bytes).unwrap_or_default())
         }
         Type::Bytes | Type::Message | Type::Group => Datum::Bytes(delimited(rest)?),
