@@ -250,6 +250,6 @@ mod tests {
             assert!(text.starts_with("/dev/"), "{text}");
         }
         let missing = open(&PortSpec::new(gone, 9600)).expect_err("no such port");
-        assert!(explain(&missing, gone).contains("plug it in"));
+        assert!(explain(&missing, gone).contains("connect it"));
     }
 }
