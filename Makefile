@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test check fmt clippy unit doc deny python rig rig-full bench kills campaigns bless ratchet links docs fuzz deb clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python rig rig-full bench kills campaigns golden bless excerpts ratchet links docs licences fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -18,9 +18,14 @@ demo: setup ## Record a virtual drive, replay it bit for bit, draw the report
 	$(CARGO) build --profile demo --locked --bin atvrec
 	target/demo/atvrec demo
 
-test: setup check python rig ## Everything that CI runs
+TESTS := setup check python rig
 
-check: fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
+test: export ATVREC_REQUIRE_DATA ?= 0
+test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on two quiet cores
+
+test-all: $(TESTS) ## The same with the recordings in ../shared, as CI runs it: 70 minutes
+
+check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
 fmt:
 	$(CARGO) fmt --all --check
@@ -35,7 +40,7 @@ unit: ## Rust tests of all crates
 doc:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
 
-ratchet: venv ## Listed words, long functions and constants outside Tuning may fall and not rise
+ratchet: venv ## Listed words, long functions and constants outside Tuning do not rise; packages stay within their budget
 	@scripts/ratchet
 
 links: venv
@@ -46,8 +51,13 @@ docs: setup venv ## The pages of docs/ as a web site, target/book/index.html, wi
 	target/tools/bin/mdbook build docs
 	@$(PYTHON) scripts/check-links target/book
 
+deny: export PATH := $(CURDIR)/target/tools/bin:$(PATH)
 deny:
-	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed; licences and bans not checked (cargo install cargo-deny)"; fi
+	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; else echo "deny: cargo-deny is not installed, so that licences and bans are not checked (make licences installs it)"; fi
+
+licences: setup ## Licences, sources and bans of all dependencies; installs cargo-deny into target/tools
+	@scripts/setup tool cargo-deny
+	@$(MAKE) --no-print-directory deny
 
 python: venv ## Reference readers on our logs, and the Python package's tests
 	@scripts/test-python
@@ -58,7 +68,7 @@ rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 rig-full: deb ## The whole rig: the service from the Debian package, twenty power cuts
 	@scripts/test-rig full
 
-deb: setup ## The Debian package, target/debian/atvrec_*.deb
+deb: setup ## The Debian packages: target/debian/atvrec_*.deb, and its debug information
 	@scripts/deb
 
 kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each costs, whether all logs open
@@ -68,12 +78,19 @@ fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole 
 	@scripts/fuzz
 
 campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved?
-	$(CARGO) test --locked -p atvrec-estimator --test calibration --test identification --test campaign --test motion_faults --test car --test sensitivity -- --ignored --nocapture
-	$(CARGO) test --locked -p atvrec --test cli campaign_of -- --ignored --nocapture
-	$(CARGO) test --locked -p atvrec-store --test damage campaign_of -- --ignored --nocapture
+	$(CARGO) test --locked -p atvrec-estimator --test suite -- --ignored --nocapture
+	$(CARGO) test --locked -p atvrec --test suite campaign_of -- --ignored --nocapture
+	$(CARGO) test --locked -p atvrec-store --test suite campaign_of -- --ignored --nocapture
 
-bless: ## Write the generated documents again: docs/filter-spec.md
-	$(CARGO) run --locked --quiet -p atvrec-estimator --example filter_spec
+golden: ## Write the golden estimates again (testdata/golden); review the difference
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite golden::
+
+bless: golden ## Write the generated files again: golden estimates, docs/filter-spec.md, crates/store/src/generated
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite filter_spec::
+	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-store --test suite generated::
+
+excerpts: ## Cut the excerpts of truth runs (testdata/truth) again out of ../shared
+	$(CARGO) run --locked -p atvrec-testkit --features truth --example make_excerpts
 
 bench: setup ## Every figure that the README states, beside its peers
 	@scripts/bench

@@ -24,9 +24,8 @@ use std::time::{Duration, Instant};
 
 use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
-use engine::Config;
-use engine::Engine;
 use engine::config::Trigger;
+use engine::{Config, Engine};
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
 use store::{ClockState, Losses, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};

@@ -15,7 +15,7 @@
 
 mod can;
 mod can_sender;
-pub mod clock;
+mod clock;
 mod context;
 mod datagram;
 mod dialogue;
@@ -24,11 +24,11 @@ mod pace;
 mod port;
 mod protocol;
 mod ring;
-pub mod sequencer;
+mod sequencer;
 mod serial;
 mod slcan;
-pub mod spec;
-pub mod supervisor;
+mod spec;
+mod supervisor;
 mod sys;
 mod virtual_port;
 

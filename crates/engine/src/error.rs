@@ -27,7 +27,7 @@ pub enum Error {
         source: io::Error,
     },
     /// The configuration has no field.
-    #[error("the configuration {path} has no field; nothing was changed")]
+    #[error("the configuration {path} is empty (it has no field); nothing was changed")]
     ConfigurationEmpty {
         /// Path of the file.
         path: PathBuf,
@@ -38,9 +38,56 @@ pub enum Error {
     /// The log's configuration is not text.
     #[error("the configuration in the log is not UTF-8 text; give one with --config")]
     ConfigurationNotText(#[from] std::str::Utf8Error),
-    /// A file that is named cannot be read.
+    /// The configuration in the log is not TOML.
+    #[error(transparent)]
+    AttachedConfiguration(toml::de::Error),
+    /// A field of the configuration in the log has the wrong type.
+    #[error(
+        "{name} in the configuration of the log is not a {what}; give another one with --config"
+    )]
+    NotA {
+        /// Name of the field.
+        name: &'static str,
+        /// Expected type.
+        what: &'static str,
+    },
+    /// The changed configuration cannot be written.
+    #[error(transparent)]
+    Toml(#[from] toml::ser::Error),
+    /// An input of `--with` is not ignored by the configuration in the log.
+    #[error(
+        "--with {input}: the configuration in the log does not ignore this input; {}",
+        ignores(.ignored)
+    )]
+    NotIgnored {
+        /// Name of the input.
+        input: String,
+        /// Inputs that the configuration in the log ignores.
+        ignored: Vec<String>,
+    },
+    /// A file cannot be read.
+    #[error("cannot read {path}")]
+    Unreadable {
+        /// Path of the file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: io::Error,
+    },
+    /// A file that the configuration names cannot be read.
     #[error(transparent)]
     File(#[from] FileProblem),
+    /// The configuration has other sources than the log.
+    #[error(
+        "the configuration does not contain the sources {} of the log with the same numbers; it must \
+         contain all sources of the log", .0.join(", ")
+    )]
+    OtherSources(Vec<String>),
+    /// A part of the run is missing, so that the log cannot be verified.
+    #[error(
+        "{0}, so that the state of the estimator at the start of the next part is unknown and the log \
+         cannot be verified; give all parts of the run to `replay --verify`, from part 0 on"
+    )]
+    PartsMissing(store::Missing),
     /// The options of the virtual vehicle cannot be read.
     #[error("cannot read the options {path}")]
     OptionsUnreadable {
@@ -90,8 +137,19 @@ impl Error {
             self,
             Self::Configuration(_)
                 | Self::ConfigurationUnreadable { .. }
+                | Self::NotIgnored { .. }
+                | Self::Unreadable { .. }
                 | Self::File(_)
+                | Self::OtherSources(_)
                 | Self::Options { .. }
         )
+    }
+}
+
+fn ignores(names: &[String]) -> String {
+    if names.is_empty() {
+        "it ignores no input; remove the option".to_owned()
+    } else {
+        format!("it ignores {}", names.join(", "))
     }
 }

@@ -10,15 +10,20 @@
 pub mod config;
 mod engine;
 mod error;
+mod feed;
 pub mod missing;
 mod read_ahead;
+mod replay;
 mod rig;
 pub mod session;
+mod simulate;
 mod verify;
 
 pub use config::Config;
 pub use engine::{Engine, SILENCE_NS, Skipped};
 pub use error::{Error, Result};
-pub use read_ahead::ReadAhead;
+pub use feed::{Entry, Feed};
+pub use replay::{Changes, FileSource, Replay, ReplayOptions, Replayed};
 pub use rig::{Course, Drive, Ports, Rig, read_options};
-pub use verify::{Report, Verifier};
+pub use simulate::simulate;
+pub use verify::Verification;

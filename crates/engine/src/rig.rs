@@ -9,11 +9,12 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{ForceFrame, LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
-use store::{Pose, Record};
+use store::{Pose, Record, Session};
 use wire::line;
 
 use crate::config::{FileKind, Files, TOML_MAX, read_text};
-use crate::{Error, Result};
+use crate::session::{self, Program};
+use crate::{Config, Error, Result};
 
 /// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
 const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
@@ -61,6 +62,7 @@ pub struct Rig {
     /// True calibration.
     pub true_calibration: Calibration,
     options: Options,
+    seed: u64,
     duration_s: f64,
 }
 
@@ -94,6 +96,7 @@ impl Rig {
             vehicle_file: drive.vehicle.clone(),
             sensors_file: drive.sensors.clone(),
             options,
+            seed: drive.seed,
             duration_s,
         })
     }
@@ -108,6 +111,12 @@ impl Rig {
         let gps = self.options.gps_start;
         let seconds = GPS_EPOCH_UNIX_S + u64::from(gps.week) * WEEK_S - LEAP_SECONDS;
         LogTime(seconds * NANOS_PER_SECOND as u64 + u64::from(gps.time_of_week_ms) * 1_000_000)
+    }
+
+    /// Session of a log of the drive.
+    pub fn session(&self, config: &Config, program: Program) -> Session {
+        let run_id = format!("simulate-{}-{}", self.drive, self.seed);
+        session::simulated(config, program, &run_id, self.start())
     }
 
     /// Record of the truth at `time_s` of the drive.

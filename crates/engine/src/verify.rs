@@ -44,7 +44,7 @@ pub struct Verifier {
     smoothed: bool,
     /// Whether the log contains offsets of UTC.
     utc_offset: bool,
-    report: Report,
+    report: Verification,
 }
 
 /// Messages of a topic and a time without a counterpart so far.
@@ -58,7 +58,7 @@ struct Waiting {
 
 /// Result of the comparison.
 #[derive(Debug, Default)]
-pub struct Report {
+pub struct Verification {
     compared: BTreeMap<String, u64>,
     different: u64,
     only_recorded: BTreeMap<String, u64>,
@@ -86,10 +86,10 @@ impl Verifier {
             .map(|(topic, _)| topic.clone());
         let cut = |missing: &store::Missing| !matches!(missing, store::Missing::NoSchema { .. });
         let lost_records = info.counters.get("lost_records").copied();
-        let report = Report {
+        let report = Verification {
             unfinished: info.missing.iter().any(cut) || reader.was_recovered(),
             lost_records: lost_records.unwrap_or_default(),
-            ..Report::default()
+            ..Verification::default()
         };
         Self {
             encoder,
@@ -228,7 +228,7 @@ impl Verifier {
     }
 
     /// Result after the last arrival.
-    pub fn finish(mut self) -> Result<Report> {
+    pub fn finish(mut self) -> Result<Verification> {
         const END: LogTime = LogTime(u64::MAX);
         while let Some(message) = self.recorded.next() {
             self.recorded(message?, LogTime(0));
@@ -254,7 +254,7 @@ fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
     hasher.finish()
 }
 
-impl Report {
+impl Verification {
     /// Whether all messages that both sides can contain are bit-identical. Decoded records that the log
     /// states as lost are no differences. In a log that was cut short, messages on one side only are no
     /// differences either, because decoded messages are written later or earlier than the raw data.
@@ -330,7 +330,7 @@ impl Report {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for Verification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let compared = Self::sum(&self.compared);
         let (recorded, computed) = (

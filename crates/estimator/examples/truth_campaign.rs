@@ -3,32 +3,19 @@
 //! mixed driving.
 //!
 //! `cargo run --example truth_campaign -- [SEEDS] [SENSORS...]`
+//!
+//! SEEDS is a range: `1-4` for scoring, `11-14` for tuning.
 
 #![allow(clippy::disallowed_methods, reason = "it takes arguments")]
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test's helpers stand outside its functions"
-)]
-
-#[path = "../tests/truth/deviations.rs"]
-mod deviations;
-#[path = "../tests/truth/drive.rs"]
-mod drive;
-#[path = "../tests/truth/judge.rs"]
-mod judge;
-#[path = "../tests/truth/run.rs"]
-mod run;
-#[path = "../tests/truth/sensing.rs"]
-mod sensing;
 
 use atvrec_estimator::{Calibration, Settings};
-use deviations::deviations;
-use judge::{estimate, force_errors, motion_errors};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use run::Run;
 use sim::Manoeuvre;
+use testkit::drive::virtual_drive;
+use testkit::scoring::{deviations, estimate, force_errors, motion_errors};
+use testkit::sensing;
+use testkit::truth::{self, Run};
 
 const RUNS: [&str; 5] = [
     "b_circle",
@@ -56,26 +43,26 @@ const FILES: [&str; 3] = [
 ];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    if run::directory().is_none() {
-        return Ok(());
-    }
     let mut arguments = std::env::args().skip(1);
-    let seeds: u64 = arguments.next().map_or(Ok(1), |text| text.parse())?;
+    let seeds = seeds(&arguments.next().unwrap_or_else(|| "1-1".to_owned()))
+        .ok_or("the first argument is a range of seeds, such as 11-14")?;
     let mut files: Vec<String> = arguments.collect();
     if files.is_empty() {
         files = FILES.map(str::to_owned).into();
     }
     let minutes = std::env::var("MINUTES").map_or(Ok(10.0), |text| text.parse())?;
-    let mut runs: Vec<(&str, Vehicle, Run)> = RUNS
-        .map(|name| (name, run::vehicle(), Run::load(name)))
-        .into();
+    let mut runs: Vec<(&str, Vehicle, Run)> = Vec::new();
+    for name in RUNS {
+        let run = truth::run(name).ok_or("the truth runs are needed")?;
+        runs.push((name, truth::vehicle().clone(), run.clone()));
+    }
     for manoeuvre in MANOEUVRES.into_iter().filter(|_| minutes > 0.0) {
         let prowler = Vehicle::builtin("prowler")?;
         let span_s = match manoeuvre {
             Manoeuvre::MixedDriving => 60.0 * minutes,
             _ => 0.0,
         };
-        let drive = drive::virtual_drive(&prowler, manoeuvre, span_s);
+        let drive = virtual_drive(&prowler, manoeuvre, span_s);
         runs.push((manoeuvre.name(), prowler, drive));
     }
     let mut surprise = 0.0;
@@ -83,7 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let sensors = Sensors::builtin(file)?;
         for (name, vehicle, run) in &runs {
             let calibration = Calibration::nominal(&vehicle.name);
-            for seed in 1..=seeds {
+            for seed in seeds.clone() {
                 let samples = sensing::samples(run, vehicle, &sensors, seed);
                 let settings = Settings::default();
                 let result = estimate(vehicle, &sensors, &calibration, settings, &samples);
@@ -117,4 +104,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     println!("surprise in all {surprise:.3}");
     Ok(())
+}
+
+/// First and last seed.
+fn seeds(text: &str) -> Option<std::ops::RangeInclusive<u64>> {
+    let (first, last) = text.split_once('-')?;
+    Some(first.parse().ok()?..=last.parse().ok()?)
 }

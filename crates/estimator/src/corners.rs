@@ -94,7 +94,6 @@ pub struct Corners {
     steering_wheel: SteeringWheel,
     /// Filter with a longer memory for its rate and acceleration.
     turning: SteeringWheel,
-    sixth: ChannelKind,
 }
 
 impl Corners {
@@ -155,7 +154,6 @@ impl Corners {
             rack_m_rad,
             steering_wheel: SteeringWheel::default(),
             turning: SteeringWheel::default(),
-            sixth: ChannelKind::Strut,
         }))
     }
 
@@ -353,18 +351,6 @@ impl Corners {
                 ..force
             }
         })
-    }
-
-    /// Length and rate of the strut of wheel `i`, m and m/s.
-    #[must_use]
-    pub fn strut_length(&self, i: usize) -> [f64; 2] {
-        self.linkages[i].length.value()
-    }
-
-    /// Kind of the sixth channel of the maps.
-    #[must_use]
-    pub fn sixth(&self) -> ChannelKind {
-        self.sixth
     }
 }
 

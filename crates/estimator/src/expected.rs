@@ -40,18 +40,6 @@ impl ExpectedForces {
         }
     }
 
-    /// Sideslip angle of the model, rad.
-    #[must_use]
-    pub fn sideslip_rad(&self) -> f64 {
-        self.state.sideslip_rad()
-    }
-
-    /// Lateral velocity of the model's centre of gravity, m/s.
-    #[must_use]
-    pub fn lateral_m_s(&self) -> f64 {
-        self.state.lateral_m_s
-    }
-
     /// Propagates the model by `dt` with measured speed and steer angles, and with longitudinal
     /// acceleration, bank and grade of the motion. These three give the sum of drive and brake
     /// forces.

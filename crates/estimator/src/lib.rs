@@ -13,22 +13,22 @@
 
 pub mod calibration;
 pub mod consistency;
-pub mod corners;
+mod corners;
 mod error;
 mod estimator;
-pub mod expected;
-pub mod feedback;
+mod expected;
+mod feedback;
 pub mod finding;
 pub mod fusion;
-pub mod gaussian;
+mod gaussian;
 mod grid;
-pub mod grip;
+mod grip;
 mod handling;
 pub mod identification;
 mod innovation;
-pub mod inputs;
+mod inputs;
 mod kinematics;
-pub mod lift;
+mod lift;
 pub mod motion;
 pub mod planar;
 mod process_noise;
@@ -37,13 +37,13 @@ pub mod score;
 mod settings;
 pub mod smoother;
 pub mod specification;
-pub mod statics;
+mod statics;
 mod steering_column;
 pub mod trace;
 pub mod triads;
 pub mod tuning;
 mod waiting;
-pub mod watch;
+mod watch;
 
 pub use {model, sample};
 

@@ -68,7 +68,7 @@ pub fn markdown(sensitivities: &[Sensitivity]) -> Result<String, String> {
          20 % higher, largest first (a fading memory `keep` above 1 is unstable: \
          `corners.steering_wheel.rate_keep` 20 % higher is 1.02); the whole table is `filter-sensitivity.csv`. The error is the \
          mean of the RMS errors of forces, in units of 10 N, and of sideslip, in units of 0.002 rad, over \
-         four excerpts of truth runs (`crates/estimator/tests/sensitivity.rs`; `make campaigns` measures the table again).\n\n\
+         four excerpts of truth runs (`crates/estimator/tests/suite/sensitivity.rs`; `make campaigns` measures the table again).\n\n\
          | number | 20 % lower, % | 20 % higher, % |\n|---|---|---|\n",
     );
     for row in sensitivities.iter().take(20) {

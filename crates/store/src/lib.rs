@@ -63,7 +63,7 @@ pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, 
 pub use summary::Summary;
 pub use table::{Column, Table, Values};
 
-/// Types generated from the schemas in `proto/`.
+/// Types generated from the schemas in `proto/` (`make bless` writes them).
 pub mod proto {
     /// The project's own messages.
     #[allow(
@@ -74,10 +74,10 @@ pub mod proto {
         rustdoc::all
     )]
     pub mod atvrec {
-        include!(concat!(env!("OUT_DIR"), "/atvrec.rs"));
+        include!("generated/atvrec.rs");
 
         pub(crate) mod earlier {
-            include!(concat!(env!("OUT_DIR"), "/atvrec.earlier.rs"));
+            include!("generated/atvrec.earlier.rs");
         }
     }
 
@@ -90,6 +90,6 @@ pub mod proto {
         rustdoc::all
     )]
     pub mod foxglove {
-        include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+        include!("generated/foxglove.rs");
     }
 }

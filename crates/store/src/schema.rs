@@ -4,14 +4,14 @@ use std::sync::OnceLock;
 use prost::Message as _;
 use prost_types::{FileDescriptorProto, FileDescriptorSet};
 
-static DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.binpb"));
+static DESCRIPTORS: &[u8] = include_bytes!("generated/descriptors.binpb");
 
 fn all_files() -> &'static [FileDescriptorProto] {
     static FILES: OnceLock<Vec<FileDescriptorProto>> = OnceLock::new();
     FILES.get_or_init(|| {
         FileDescriptorSet::decode(DESCRIPTORS)
             .map(|set| set.file)
-            .expect("the build script encodes the descriptors")
+            .expect("the test of the generated files holds")
     })
 }
 

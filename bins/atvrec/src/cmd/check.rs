@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
-use engine::Config;
-use engine::Engine;
 use engine::config::device_name;
+use engine::{Config, Engine};
 use sample::text::printable;
 use sample::{LossPlace, SourceId};
 use serde_json::json;

@@ -6,8 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use engine::Config;
-use engine::{Ports, Rig};
+use engine::{Config, Ports, Rig};
 
 use super::{record, replay};
 use crate::cli::{DemoArgs, DriveArgs, Replace, ReplayArgs, ReplayChanges};

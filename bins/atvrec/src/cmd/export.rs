@@ -1,5 +1,6 @@
 //! `atvrec export`: write a topic as a table.
 
+#[cfg(feature = "formats")]
 mod parquet;
 mod text;
 
@@ -54,8 +55,9 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         Some(target) => {
             let is_parquet = target.has_extension("parquet");
             target.write_by(|file| match is_parquet {
+                #[cfg(feature = "formats")]
                 true => parquet::write(&table, file),
-                false => Ok(text::write(&table, BufWriter::new(file))?),
+                _ => Ok(text::write(&table, BufWriter::new(file))?),
             })?;
             println!(
                 "{}: {} rows, {} columns",

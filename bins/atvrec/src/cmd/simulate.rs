@@ -1,15 +1,12 @@
-//! `atvrec simulate`: the virtual vehicle's bytes straight into a log, as fast as they can be made.
+//! `atvrec simulate`: run a virtual vehicle at full speed and write a log.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use engine::Config;
-use engine::Engine;
-use engine::{Ports, Rig};
-use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
-use sim::{Output, Port};
-use store::{ClockState, Options, Record, Recorder, Session};
+use engine::{Config, Entry, Ports, Rig, simulate};
+use sample::{Arrival, LogTime, NANOS_PER_SECOND};
+use store::{ClockState, Options, Recorder, Session};
 
 use crate::cli::SimulateArgs;
 use crate::exit::Outcome;
@@ -19,12 +16,7 @@ use crate::progress::Progress;
 use crate::retention::{self, Limits};
 use crate::session::PROGRAM;
 
-/// Interval of ticks, as the recorder has it, s.
-const TICK_S: f64 = 0.1;
-/// Interval of the truth, s.
-const TRUTH_S: f64 = 0.01;
-
-/// Drives and writes.
+/// Runs the command.
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (output, calibration) = outputs(args)?;
     let mut rig = Rig::new(&args.drive.as_drive()?)?;
@@ -37,32 +29,31 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Some(path) => Config::load(path)?,
         None => Config::from_text(&text, Path::new("."))?,
     };
-    let run_id = format!("simulate-{}-{}", rig.drive, args.drive.seed);
-    let session = engine::session::simulated(&config, PROGRAM, &run_id, rig.start());
-    let mut log = Log {
-        engine: Engine::new(&config)?,
-        sink: Sink::open(output.as_ref(), &args.output, &config, session)?,
-        sequence: 0,
-        records: Vec::new(),
-    };
+    let session = rig.session(&config, PROGRAM);
+    let mut sink = Sink::open(output.as_ref(), &args.output, &config, session)?;
     if let Some(target) = calibration {
         target.write(&rig.true_calibration.to_toml()?)?;
     }
     let progress = Progress::seconds("simulate", rig.duration_s(), quiet);
-    drive(&mut rig, &config, &mut log, &progress)?;
-    let messages = log.sink.finish()?;
+    let start = rig.start();
+    let arrivals = simulate(&mut rig, &config, |entry| {
+        if let Entry::Arrival(arrival) = &entry {
+            progress.set(arrival.log_time.seconds_since(start));
+        }
+        sink.push(entry)
+    })?;
+    let messages = sink.finish()?;
     progress.finish();
     println!(
-        "{}: {:.1} s of {}, {} arrivals, {messages} decoded messages",
+        "{}: {:.1} s of {}, {arrivals} arrivals, {messages} decoded messages",
         args.output.display(),
         rig.duration_s(),
         rig.drive,
-        log.sequence,
     );
     Ok(Outcome::Good)
 }
 
-/// The log, unless the output is a directory, and the file of the true calibration.
+/// Log, unless the output is a directory, and file of the true calibration.
 fn outputs(args: &SimulateArgs) -> anyhow::Result<(Option<Target>, Option<Target>)> {
     let drive = &args.drive;
     let named = [&drive.vehicle, &drive.sensors].map(Path::new);
@@ -79,30 +70,30 @@ fn outputs(args: &SimulateArgs) -> anyhow::Result<(Option<Target>, Option<Target
     Ok((log.transpose()?, calibration.transpose()?))
 }
 
-/// Where a simulation goes.
+/// Output of a simulation.
 enum Sink {
     /// One log.
     File(Box<LogFile>),
-    /// A directory, as a recording writes it: rotated, and kept within its limits.
+    /// A directory, with rotation and retention as in a recording.
     Run(Box<Run>),
 }
 
-/// A run of files.
+/// A run in a directory.
 struct Run {
     recorder: Recorder,
     directory: PathBuf,
     limits: Limits,
-    /// When the limits are looked at next, on the log clock.
-    look_at: LogTime,
+    /// Time of the next retention check on the log clock.
+    next_check: LogTime,
 }
 
-/// More arrivals and records than this may not wait for the writer: nothing is to be lost because time
-/// is fast, and as much memory is to be used as in a recording.
+/// Most arrivals and records that wait for the writer. The limit prevents losses at full speed, and
+/// limits the memory to that of a recording.
 const WAITING_MAX: usize = 2_048;
 
-/// Between two looks at the directory's limits, on the log clock.
-const LOOK_NANOS: i64 = 10 * NANOS_PER_SECOND;
-/// Wait for a writer that has fallen behind.
+/// Time between two retention checks on the log clock.
+const CHECK_NANOS: i64 = 10 * NANOS_PER_SECOND;
+/// Pause while more wait.
 const WRITER_PAUSE: Duration = Duration::from_millis(1);
 
 impl Sink {
@@ -116,12 +107,12 @@ impl Sink {
         if let Some(log) = log {
             return Ok(Self::File(Box::new(log.log(session, options)?)));
         }
-        let look_at = session.started;
+        let next_check = session.started;
         let name = RunName {
             directory: directory.to_owned(),
             name: config.storage.name.clone(),
             number: folder::next_run(directory)
-                .with_context(|| format!("cannot read {}", directory.display()))?,
+                .with_context(|| format!("cannot read the directory {}", directory.display()))?,
             started: session.started,
             clock: ClockState::Unknown,
         };
@@ -130,27 +121,22 @@ impl Sink {
             recorder,
             directory: directory.to_owned(),
             limits: config.storage.limits,
-            look_at,
+            next_check,
         })))
     }
 
-    fn push(&mut self, arrival: Arrival) -> anyhow::Result<()> {
-        match self {
-            Self::File(log) => Ok(log.writer().push(arrival)?),
-            Self::Run(run) => run.push(arrival),
-        }
-    }
-
-    fn record(&mut self, record: Record) {
-        match self {
-            Self::File(log) => log.writer().record(&record),
-            Self::Run(run) => {
+    fn push(&mut self, entry: Entry) -> anyhow::Result<()> {
+        match (self, entry) {
+            (Self::File(log), entry) => log.push(entry)?,
+            (Self::Run(run), Entry::Arrival(arrival)) => run.push(arrival)?,
+            (Self::Run(run), Entry::Record(record)) => {
                 run.recorder.record(record);
             }
         }
+        Ok(())
     }
 
-    /// Closes the files; says how many decoded messages are in them.
+    /// Closes the files and returns the number of decoded messages in them.
     fn finish(self) -> anyhow::Result<u64> {
         match self {
             Self::File(log) => Ok(log.finish()?.counters.messages),
@@ -159,7 +145,7 @@ impl Sink {
                 let lost = summary.losses.arrivals + summary.losses.records;
                 anyhow::ensure!(
                     lost == 0,
-                    "{lost} arrivals and records did not reach the disk: {}",
+                    "{lost} arrivals and records were not written: {}",
                     summary.last_failure.unwrap_or_default()
                 );
                 Ok(summary.files.iter().map(|f| f.counters.messages).sum())
@@ -173,88 +159,13 @@ impl Run {
         while self.recorder.waiting() > WAITING_MAX {
             std::thread::sleep(WRITER_PAUSE);
         }
-        if arrival.log_time >= self.look_at {
-            self.look_at = arrival.log_time + LOOK_NANOS;
-            retention::enforce(&self.directory, self.limits, &Protected::default())
-                .with_context(|| format!("cannot look after {}", self.directory.display()))?;
+        if arrival.log_time >= self.next_check {
+            self.next_check = arrival.log_time + CHECK_NANOS;
+            retention::enforce(&self.directory, self.limits, &Protected::default()).with_context(
+                || format!("cannot read the directory {}", self.directory.display()),
+            )?;
         }
         self.recorder.push(arrival);
         Ok(())
     }
-}
-
-/// The log being written and the engine that fills it.
-struct Log {
-    engine: Engine,
-    sink: Sink,
-    sequence: u64,
-    records: Vec<Record>,
-}
-
-impl Log {
-    fn push(&mut self, source: SourceId, time: LogTime, payload: Payload) -> anyhow::Result<()> {
-        let arrival = Arrival {
-            sequence: self.sequence,
-            source,
-            log_time: time,
-            realtime_ns: i64::try_from(time.0).unwrap_or(i64::MAX),
-            payload,
-        };
-        self.sequence += 1;
-        self.records.clear();
-        self.engine.push(&arrival, &mut self.records);
-        self.sink.push(arrival)?;
-        for record in self.records.drain(..) {
-            self.sink.record(record);
-        }
-        Ok(())
-    }
-}
-
-fn drive(rig: &mut Rig, config: &Config, log: &mut Log, progress: &Progress) -> anyhow::Result<()> {
-    let start = rig.start();
-    let source_of = |port: Port| {
-        config
-            .sources
-            .iter()
-            .find(|source| source.spec.name == port.name())
-            .map(|source| source.spec.id)
-    };
-    for source in &config.sources {
-        let opened = Notice::Opened("virtual vehicle".to_owned());
-        log.push(source.spec.id, start, Payload::Notice(opened))?;
-    }
-    let (mut ticks, mut truths, mut noted) = (0_u64, 0_u64, 0);
-    let duration_s = rig.duration_s();
-    while let Some(emission) = rig.vehicle.next() {
-        if emission.time_s > duration_s {
-            break;
-        }
-        while truths as f64 * TRUTH_S <= emission.time_s {
-            let truth = rig.truth(truths as f64 * TRUTH_S);
-            log.sink.record(truth);
-            truths += 1;
-        }
-        while ticks as f64 * TICK_S <= emission.time_s {
-            let time = start.offset_seconds(ticks as f64 * TICK_S);
-            log.push(SourceId::HOST, time, Payload::Tick)?;
-            ticks += 1;
-            progress.set(ticks as f64 * TICK_S);
-        }
-        let marks = rig.vehicle.motion().marks();
-        while let Some((time_s, text)) = marks.get(noted).filter(|m| m.0 <= emission.time_s) {
-            let mark = Payload::Notice(Notice::Mark(text.clone()));
-            log.push(SourceId::HOST, start.offset_seconds(*time_s), mark)?;
-            noted += 1;
-        }
-        let Some(source) = source_of(emission.port) else {
-            continue;
-        };
-        let payload = match emission.output {
-            Output::Bytes(bytes) => Payload::Bytes(bytes),
-            Output::Can(frame) => Payload::Can(vec![frame]),
-        };
-        log.push(source, start.offset_seconds(emission.time_s), payload)?;
-    }
-    Ok(())
 }

@@ -11,6 +11,7 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use engine::Entry;
 use store::{ACTIVE_SUFFIX, Options, Session, Writer};
 
 use crate::exit::UsageError;
@@ -38,7 +39,10 @@ impl Kind {
             Self::Log => "a log (MCAP)",
             Self::Page => "an HTML page",
             Self::Toml => "a TOML file",
+            #[cfg(feature = "formats")]
             Self::Table => "a table",
+            #[cfg(not(feature = "formats"))]
+            Self::Table => "a table (this build has no Parquet: feature formats)",
             Self::Manual => "a manual page",
             Self::Any => "a file",
         }
@@ -50,7 +54,10 @@ impl Kind {
             Self::Log => &["mcap"],
             Self::Page => &["html", "htm"],
             Self::Toml => &["toml"],
+            #[cfg(feature = "formats")]
             Self::Table => &["csv", "parquet"],
+            #[cfg(not(feature = "formats"))]
+            Self::Table => &["csv"],
             Self::Manual => &["1"],
             Self::Any => &[],
         }
@@ -372,11 +379,17 @@ pub struct LogFile {
 }
 
 impl LogFile {
-    /// Writer of the log.
-    pub fn writer(&mut self) -> &mut Writer {
-        self.writer
+    /// Appends an entry to the log.
+    pub fn push(&mut self, entry: Entry) -> anyhow::Result<()> {
+        let writer = self
+            .writer
             .as_mut()
-            .expect("only `finish` takes the writer, and it consumes the log")
+            .expect("only `finish` takes the writer, and it consumes the log");
+        match entry {
+            Entry::Arrival(arrival) => writer.push(arrival)?,
+            Entry::Record(record) => writer.record(&record),
+        }
+        Ok(())
     }
 
     /// Closes the log and renames it to the target.

@@ -6,9 +6,8 @@ use std::time::{Duration, Instant};
 
 use acq::{Sequencer, Streams};
 use anyhow::Context;
-use engine::Config;
-use engine::Engine;
 use engine::config::Trigger;
+use engine::{Config, Engine};
 use sample::{Arrival, Event, EventKind, Health, LogTime, LossPlace, Notice, Payload, Severity};
 use store::{
     ClockState, DiskState, LogMessage, LossLedger, Losses, Record, Recorder, RecorderSummary,

@@ -180,9 +180,7 @@ fn every_command_has_a_manual_page() {
 
 #[test]
 fn a_vehicle_file_is_made_from_a_simulators_parameters() {
-    let Some(parameters) = testkit::shared("data/truth/params.json") else {
-        return;
-    };
+    let parameters = testkit::project().join("testdata/truth/params.json");
     let parameters = parameters.to_str().expect("UTF-8");
     let directory = tempfile::tempdir().expect("a directory");
     atvrec(directory.path())

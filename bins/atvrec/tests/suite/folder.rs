@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -34,7 +34,7 @@ fn wait_for(what: &str, mut is_so: impl FnMut() -> bool) {
 }
 
 /// Reads messages until `is_it` is true for one.
-fn wait_for_message(messages: &Receiver<String>, mut is_it: impl FnMut(&str) -> bool) {
+fn wait_for_message(messages: &mpsc::Receiver<String>, mut is_it: impl FnMut(&str) -> bool) {
     let deadline = Instant::now() + PATIENCE;
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
@@ -63,7 +63,7 @@ impl Background {
     }
 
     /// Queue of the recorder's messages, which a thread reads.
-    fn messages(&mut self) -> Receiver<String> {
+    fn messages(&mut self) -> mpsc::Receiver<String> {
         let stderr = self.0.stderr.take().expect("a pipe");
         let (send, messages) = mpsc::channel();
         std::thread::spawn(move || {

@@ -356,12 +356,16 @@ fn texts_that_make_no_sense_are_refused_by_import() {
         (format!("{}\n", "x,".repeat(30_000)), "and 29951 more", 2),
         (
             format!("t,v\n0,{}x\n", "1".repeat(60_000)),
-            "is no number",
+            "is not a number",
             2,
         ),
-        (format!("t,v\n{}x,1\n", "1".repeat(60_000)), "is no time", 2),
+        (
+            format!("t,v\n{}x,1\n", "1".repeat(60_000)),
+            "is not a time",
+            2,
+        ),
         ("t,v\n1e17,1\n".to_owned(), "out of range", 2),
-        ("t,v\n0,1\n0,1e400\n".to_owned(), "is no number", 2),
+        ("t,v\n0,1\n0,1e400\n".to_owned(), "is not a number", 2),
     ] {
         fs::write(here.join("t.csv"), text).expect("written");
         import(part, code);

@@ -149,7 +149,7 @@ fn a_slow_sine_gives_cornering_stiffness_and_its_file_goes_into_the_configuratio
     let said = String::from_utf8_lossy(&refused.stderr).into_owned()
         + &String::from_utf8_lossy(&refused.stdout);
     assert!(
-        !refused.status.success() && said.contains("found for"),
+        !refused.status.success() && said.contains("the overrides are for"),
         "{said}"
     );
 }

@@ -95,17 +95,17 @@ fn mistakes_in_a_table_are_told_with_row_column_and_value() {
     };
     let told = import(&[]);
     for part in [
-        "t.csv:3: column \"v\" (speed.forward): \"fast\" is no number",
-        "column \"time [ms]\": \"x\" is no time",
+        "t.csv:3: column \"v\" (speed.forward): \"fast\" is not a number",
+        "column \"time [ms]\": \"x\" is not a time",
         "t.csv:7: the row ends before column 3",
-        "time goes back",
+        "the time decreases",
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
     write(here, &[("t.csv", "time;v;oil\n0;1;1\n")]);
     let told = import(&[]);
     assert!(
-        told.contains("no column \"time [ms]\"; it has: time, v, oil"),
+        told.contains("no column \"time [ms]\"; its columns are: time, v, oil"),
         "{told}"
     );
 }
@@ -138,7 +138,7 @@ fn a_moos_log_becomes_a_log_in_the_order_of_time() {
         .assert()
         .success();
     assert!(
-        stdout(&assert).contains("1 lines stand out of order"),
+        stdout(&assert).contains("1 lines are not in the order of time"),
         "{}",
         stdout(&assert)
     );

@@ -100,8 +100,8 @@ fn the_control_socket_replaces_no_file_and_recording_goes_on_without_it() {
         ("atvrec.toml", "not a socket"),
         ("notes", "not a socket"),
         (long.as_str(), "too long"),
-        ("absent/control", "cannot make"),
-        ("/proc/control", "cannot make"),
+        ("absent/control", "cannot create"),
+        ("/proc/control", "cannot create"),
     ] {
         let directory = tempfile::tempdir().expect("a directory");
         let config = with_socket(socket);

@@ -376,7 +376,7 @@ fn a_reload_loses_nothing_of_what_runs_on() {
         .args(["--socket", "control"])
         .assert()
         .code(1);
-    assert!(crate::support::stderr(&refused).contains("no kind of source"));
+    assert!(crate::support::stderr(&refused).contains("is not a kind of source"));
     let both = first.configuration("middle") + &second.configuration("added") + control;
     fs::write(&config, both).expect("written");
     atvrec(directory.path()).arg("reload").assert().success();

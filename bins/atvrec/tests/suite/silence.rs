@@ -113,7 +113,7 @@ fn a_gap_over_an_hour_is_an_error_or_parts_two_runs() {
         "t.csv:3 (at ",
         "t.csv:4 (at ",
         "--split-gaps",
-        "more than 1 h",
+        "the limit is 1 h",
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }

@@ -172,9 +172,7 @@ const LINK_FORCE_RMS_N: f64 = 10.0;
 
 #[test]
 fn link_forces_follow_from_tyre_forces() {
-    let Some(path) = testkit::shared("data/truth/c_sine03.parquet") else {
-        return;
-    };
+    let path = testkit::truth::excerpt_path("c_sine03");
     let told = Motion::open(&path).expect("a truth run");
     let mut states = told.states()[2000..2400].to_vec();
     for wheel in states.iter_mut().flat_map(|state| &mut state.wheels.0) {
@@ -207,9 +205,7 @@ const PERFECT_CHAIN_RMS_N: f64 = 1.0;
 
 #[test]
 fn strain_of_a_truth_run_is_its_tube_force_through_the_lag() {
-    let Some(path) = testkit::shared("data/truth/d_sine_mu.parquet") else {
-        return;
-    };
+    let path = testkit::truth::excerpt_path("d_sine_mu");
     let motion = Motion::open(&path).expect("a truth run");
     let mut sensors = Sensors::builtin("full-bridge-16bit-bending").expect("built-in sensors");
     sensors.strain.noise_counts = 0.0;

@@ -5,18 +5,18 @@ use model::suspension::Corner;
 use model::vehicle::Vehicle;
 use sample::Wheel;
 
-fn vehicle() -> Option<Vehicle> {
-    params_text().map(|text| vehicle_from_truth_params(&text).expect("params.json converts"))
+fn vehicle() -> Vehicle {
+    vehicle_from_truth_params(&params_text()).expect("params.json converts")
 }
 
-fn params_text() -> Option<String> {
-    let path = testkit::shared("data/truth/params.json")?;
-    Some(std::fs::read_to_string(path).expect("readable"))
+fn params_text() -> String {
+    let path = testkit::project().join("testdata/truth/params.json");
+    std::fs::read_to_string(path).expect("readable")
 }
 
 #[test]
 fn vehicle_file_survives_the_round_trip() {
-    let Some(vehicle) = vehicle() else { return };
+    let vehicle = vehicle();
     let text = vehicle.to_toml().expect("finite values");
     let back = Vehicle::from_toml(&text, "vehicle.toml").expect("the converter's file is valid");
     assert_eq!(back, vehicle);
@@ -25,7 +25,7 @@ fn vehicle_file_survives_the_round_trip() {
 
 #[test]
 fn parts_add_up_to_the_whole() {
-    let Some(vehicle) = vehicle() else { return };
+    let vehicle = vehicle();
     let body = &vehicle.body;
     let sprung = body.sprung.as_ref().expect("given");
     let corners = [
@@ -47,9 +47,7 @@ fn parts_add_up_to_the_whole() {
 /// The run's tyre curves and friction must not reach the estimator through the vehicle file.
 #[test]
 fn tyre_curves_are_not_taken() {
-    let (Some(vehicle), Some(text)) = (vehicle(), params_text()) else {
-        return;
-    };
+    let (vehicle, text) = (vehicle(), params_text());
     let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     for tyre in ["tyre_front", "tyre_rear"] {
         for curve in ["dfy0", "dfx0", "fym", "sym", "mu_0"] {
@@ -63,9 +61,7 @@ fn tyre_curves_are_not_taken() {
 
 #[test]
 fn heavier_vehicle_with_another_split() {
-    let (Some(first), Some(text)) = (vehicle(), params_text()) else {
-        return;
-    };
+    let (first, text) = (vehicle(), params_text());
     let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     other["mass_total_kg"] = 844.0.into();
     other["sprung_body"]["mass_kg"] = 737.0.into();
@@ -88,9 +84,7 @@ fn heavier_vehicle_with_another_split() {
 /// format admits.
 #[test]
 fn other_parameter_files_give_other_vehicles_with_no_hand_work() {
-    let (Some(first), Some(text)) = (vehicle(), params_text()) else {
-        return;
-    };
+    let (first, text) = (vehicle(), params_text());
     let convert = |change: &dyn Fn(&mut serde_json::Value)| {
         let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         change(&mut other);
@@ -151,7 +145,7 @@ fn other_parameter_files_give_other_vehicles_with_no_hand_work() {
 #[test]
 fn broken_files_are_errors() {
     assert!(vehicle_from_truth_params("{}").is_err());
-    let Some(text) = params_text() else { return };
+    let text = params_text();
     let mut flat: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let points = &mut flat["suspension_front"]["hardpoints_left_in_axle_frame_m"];
     points["LCA_U"] = points["LCA_F"].clone();

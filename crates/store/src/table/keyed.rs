@@ -78,7 +78,7 @@ impl Key {
             Ok(std::str::from_utf8(bytes.unwrap_or_default()).unwrap_or_default())
         };
         let axle = |number| -> Result<u64, DecodeError> {
-            let found = find(entry, number, WireType::Varint, |rest| decode_varint(rest))?;
+            let found = find(entry, number, WireType::Varint, decode_varint)?;
             found
                 .filter(|axle| (1..=AXLES_MAX).contains(axle))
                 .ok_or_else(|| malformed("an axle is not from 1 to 8"))

@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use engine::Config;
-use engine::{Engine, SILENCE_NS};
-use sample::{Arrival, LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
-use store::Record;
+use engine::{Config, Entry, Feed, SILENCE_NS};
+use sample::{LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
 
 use super::Output;
 use super::truth::TruthPoint;
@@ -159,14 +157,12 @@ fn write_run(
     let run_id = format!("import-{}-{}", names.join("-"), start.0);
     let session = engine::session::simulated(config, PROGRAM, &run_id, start);
     let mut log = Log {
-        engine: Engine::new(config)?,
+        feed: Feed::new(config)?,
         file: target.log(session, config.storage.options.clone())?,
         truth: truth.into_iter().peekable(),
-        sequence: 0,
         start,
         next_tick: start,
         last_data: start,
-        records: Vec::new(),
     };
     for id in &ids {
         let opened = Payload::Notice(Notice::Opened("imported".to_owned()));
@@ -187,16 +183,14 @@ fn write_run(
     Ok(())
 }
 
-/// Log that is being written, and its engine.
+/// Log that is being written, and the feed of its engine.
 struct Log<'t> {
-    engine: Engine,
+    feed: Feed,
     file: LogFile,
     truth: std::iter::Peekable<std::vec::IntoIter<&'t TruthPoint>>,
-    sequence: u64,
     start: LogTime,
     next_tick: LogTime,
     last_data: LogTime,
-    records: Vec<Record>,
 }
 
 impl Log<'_> {
@@ -222,23 +216,11 @@ impl Log<'_> {
 
     fn push(&mut self, source: SourceId, time: LogTime, payload: Payload) -> anyhow::Result<()> {
         while let Some(point) = self.truth.next_if(|point| point.time <= time) {
-            self.file.writer().record(&point.record());
+            self.file.push(Entry::Record(point.record()))?;
         }
-        let arrival = Arrival {
-            sequence: self.sequence,
-            source,
-            log_time: time,
-            realtime_ns: i64::try_from(time.0).unwrap_or(i64::MAX),
-            payload,
-        };
-        self.sequence += 1;
-        self.records.clear();
-        self.engine.push(&arrival, &mut self.records);
-        self.file.writer().push(arrival)?;
-        for record in &self.records {
-            self.file.writer().record(record);
-        }
-        Ok(())
+        let file = &mut self.file;
+        let mut sink = |entry: Entry| file.push(entry);
+        self.feed.push(source, time, payload, &mut sink)
     }
 
     fn finish(self) -> anyhow::Result<u64> {

@@ -1,0 +1,29 @@
+//! The program from outside: exit codes, messages, files.
+
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "the tests measure time and read the environment"
+)]
+
+mod calibrate;
+mod compat;
+mod configuration;
+mod estimate;
+mod export;
+mod folder;
+mod hostile;
+mod identify;
+mod import;
+#[cfg(target_os = "linux")]
+mod losses;
+mod outputs;
+mod outside;
+mod passenger_car;
+mod record;
+mod recover;
+mod replay;
+mod report;
+mod score;
+mod silence;
+mod support;

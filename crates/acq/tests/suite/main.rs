@@ -1,0 +1,4 @@
+//! Sources through the public interface.
+
+mod ports;
+mod vcan;

@@ -1,0 +1,298 @@
+//! Replay: repeats the estimate from the raw data of a log.
+
+mod changes;
+
+use std::iter::Peekable;
+
+use sample::{Arrival, LogTime, Payload};
+use store::{LogWriter, MessageIter, Missing, Reader, Record, Selection, Session, Stage};
+
+use crate::feed::Entry;
+use crate::read_ahead::ReadAhead;
+use crate::session::{self, Program};
+use crate::verify::{Verification, Verifier};
+use crate::{Config, Engine, Error, Result, Skipped};
+
+pub use changes::{Changes, FileSource};
+
+/// Options of a replay.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ReplayOptions {
+    /// Compute smoothed estimates too, which also use the data after their time.
+    pub smooth: bool,
+    /// Compare every message with the message in the log.
+    pub verify: bool,
+    /// Pass the truth of a simulation to the sink too.
+    pub truth: bool,
+}
+
+/// Result of a replay.
+#[derive(Debug, Default)]
+pub struct Replayed {
+    /// Arrivals of the log.
+    pub arrivals: u64,
+    /// Records that the engine computed from them.
+    pub records: u64,
+    /// Arrivals that the estimator skipped while recording, and in the replay.
+    pub skipped: u64,
+    /// Estimates during silence in the verified log, which this version does not compute any more.
+    pub during_silence: u64,
+    /// Times of the first and the last arrival.
+    pub span: Option<(LogTime, LogTime)>,
+    /// Losses and faults of the log.
+    pub missing: Vec<Missing>,
+    /// Whether closed files were changed later; only a verification checks this.
+    pub changed: bool,
+    /// Result of the verification, if it was requested.
+    pub verification: Option<Verification>,
+}
+
+/// A replay that can start.
+pub struct Replay<'r> {
+    reader: &'r Reader,
+    session: Session,
+    options: ReplayOptions,
+    engine: Engine,
+    verifier: Option<Verifier>,
+    /// Engine of the verifier, if the log is of a version that estimated during silence.
+    earlier: Option<(Engine, Vec<Record>)>,
+    records: Vec<Record>,
+    /// Sequence number of the next arrival, and log time of the last one.
+    next: (Option<u64>, LogTime),
+}
+
+impl<'r> Replay<'r> {
+    /// Creates the engines for a replay of `reader` with `config`.
+    ///
+    /// # Errors
+    /// If the configuration does not have the sources of the log, if the engine cannot be created, or
+    /// if parts of a log to be verified are missing.
+    pub fn new(
+        reader: &'r Reader,
+        config: &Config,
+        program: Program,
+        options: ReplayOptions,
+    ) -> Result<Self> {
+        if let (true, Some(missing)) = (options.verify, reader.missing_parts().first()) {
+            return Err(Error::PartsMissing(missing.clone()));
+        }
+        let original = reader.session();
+        check_sources(config, original)?;
+        let session = session::replayed(config, program, original);
+        let verifier = match options.verify {
+            true => {
+                let options = config.storage.options.clone();
+                let encoder = LogWriter::new(std::io::sink(), session.clone(), options, 0)?;
+                Some(Verifier::new(reader, encoder))
+            }
+            false => None,
+        };
+        let engine = || match options.smooth || options.verify && has_smoothed(reader) {
+            true => Engine::smoothing(config),
+            false => Engine::new(config),
+        };
+        let through_silence = options.verify && original.silence_ns == 0;
+        Ok(Self {
+            reader,
+            session,
+            options,
+            engine: engine()?,
+            verifier,
+            earlier: match through_silence {
+                true => Some((engine()?.through_silence(), Vec::new())),
+                false => None,
+            },
+            records: Vec::new(),
+            next: (None, LogTime(0)),
+        })
+    }
+
+    /// Session of a log of the replay.
+    pub const fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Replays to the end, and passes the entries of a log of the replay to `sink`.
+    ///
+    /// # Errors
+    /// If the log cannot be read, and the errors of `sink`.
+    pub fn run<E: From<Error>>(
+        mut self,
+        mut sink: impl FnMut(Entry) -> std::result::Result<(), E>,
+    ) -> std::result::Result<Replayed, E> {
+        let mut done = Replayed::default();
+        let skipped = skipped(self.reader)?;
+        let mut truth = self.options.truth.then(|| Truth::of(self.reader));
+        let ahead = ReadAhead::start(self.reader.arrivals());
+        while let Some(batch) = ahead.next() {
+            for arrival in batch.map_err(Error::from)? {
+                let time = arrival.log_time;
+                let (first, _) = *done.span.get_or_insert((time, time));
+                done.span = Some((first, time));
+                done.arrivals += 1;
+                self.watch_sequence(&arrival, &skipped);
+                self.records.clear();
+                if skipped.contains(arrival.sequence) {
+                    done.skipped += 1;
+                } else {
+                    self.step(&arrival)?;
+                    done.records += self.records.len() as u64;
+                }
+                if let Some(truth) = &mut truth {
+                    truth.until(time, &mut sink)?;
+                }
+                sink(Entry::Arrival(arrival))?;
+                self.pass_records(&mut sink)?;
+            }
+        }
+        done.missing = self.missing(ahead);
+        if self.options.verify {
+            let changed = self.reader.changed().map_err(Error::from)?;
+            done.changed = !changed.is_empty();
+            done.missing.extend(changed);
+        }
+        done.during_silence = self.during_silence();
+        self.finish_engines()?;
+        if let Some(truth) = &mut truth {
+            truth.until(END, &mut sink)?;
+        }
+        self.pass_records(&mut sink)?;
+        done.verification = self.verifier.map(Verifier::finish).transpose()?;
+        Ok(done)
+    }
+
+    /// Reports missing arrivals to the verifier, except those that the estimator skipped.
+    fn watch_sequence(&mut self, arrival: &Arrival, skipped: &Skipped) {
+        let (next, time) = self.next;
+        self.next = (Some(arrival.sequence.saturating_add(1)), arrival.log_time);
+        if let (Some(first), Some(verifier)) = (next, &mut self.verifier) {
+            let seen = |number: &u64| !skipped.contains(*number);
+            if let Some(missing) = (first..arrival.sequence).find(seen) {
+                verifier.arrivals_missing(missing, time);
+            }
+        }
+    }
+
+    /// Processes an arrival with the engines.
+    fn step(&mut self, arrival: &Arrival) -> Result<()> {
+        self.engine.push(arrival, &mut self.records);
+        self.expect(arrival.log_time, |engine, records| {
+            engine.push(arrival, records);
+        })
+    }
+
+    fn finish_engines(&mut self) -> Result<()> {
+        self.records.clear();
+        self.engine.finish(&mut self.records);
+        self.expect(END, Engine::finish)
+    }
+
+    /// Compares the records of the engine with the log. `work` computes them with the engine of an
+    /// earlier version.
+    fn expect(
+        &mut self,
+        now: LogTime,
+        work: impl FnOnce(&mut Engine, &mut Vec<Record>),
+    ) -> Result<()> {
+        let Some(verifier) = &mut self.verifier else {
+            return Ok(());
+        };
+        match &mut self.earlier {
+            Some((engine, records)) => {
+                records.clear();
+                work(engine, records);
+                verifier.expect(records, now)
+            }
+            None => verifier.expect(&self.records, now),
+        }
+    }
+
+    fn pass_records<E>(
+        &mut self,
+        sink: &mut impl FnMut(Entry) -> std::result::Result<(), E>,
+    ) -> std::result::Result<(), E> {
+        let mut records = self.records.drain(..);
+        records.try_for_each(|record| sink(Entry::Record(record)))
+    }
+
+    fn missing(&self, ahead: ReadAhead) -> Vec<Missing> {
+        let known = self.reader.info().missing;
+        let found = ahead.missing().into_iter();
+        let new: Vec<Missing> = found.filter(|found| !known.contains(found)).collect();
+        [known, new].concat()
+    }
+
+    fn during_silence(&self) -> u64 {
+        let earlier = self.earlier.as_ref().map(|(engine, _)| engine);
+        earlier.unwrap_or(&self.engine).estimates_during_silence()
+    }
+}
+
+/// Time after every time of a log.
+const END: LogTime = LogTime(u64::MAX);
+
+/// Whether the log contains smoothed estimates.
+fn has_smoothed(reader: &Reader) -> bool {
+    let mut channels = reader.channels();
+    channels.any(|channel| Stage::from_topic(&channel.topic) == Some(Stage::Smoothed))
+}
+
+/// Truth messages of the log, which no engine computes.
+struct Truth(Peekable<MessageIter>);
+
+impl Truth {
+    fn of(reader: &Reader) -> Self {
+        Self(reader.messages(Selection::topics(["/truth/*"])).peekable())
+    }
+
+    fn until<E: From<Error>>(
+        &mut self,
+        until: LogTime,
+        sink: &mut impl FnMut(Entry) -> std::result::Result<(), E>,
+    ) -> std::result::Result<(), E> {
+        while let Some(message) = self.0.next_if(|message| match message {
+            Ok(message) => message.log_time <= until,
+            Err(_) => true,
+        }) {
+            let record = message.and_then(|message| message.record());
+            if let Some(record) = record.map_err(Error::from)? {
+                sink(Entry::Record(record))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Arrivals that the estimator skipped. The log reports them afterwards, so that they are read before
+/// the replay.
+fn skipped(reader: &Reader) -> Result<Skipped> {
+    let mut skipped = Skipped::default();
+    for arrival in reader.notices() {
+        if let Payload::Notice(notice) = arrival?.payload {
+            skipped.add(&notice);
+        }
+    }
+    Ok(skipped)
+}
+
+/// Checks that the sources of the log have the same numbers in the configuration.
+fn check_sources(config: &Config, original: &Session) -> Result<()> {
+    let known = |id, name: &str| {
+        let mut sources = config.sources.iter();
+        sources.any(|source| source.spec.id == id && source.spec.name == name)
+    };
+    let other: Vec<String> = original
+        .sources
+        .iter()
+        .filter(|source| source.kind != store::SourceKind::Recorder)
+        .filter(|source| !known(source.id, &source.name))
+        .map(|source| source.name.clone())
+        .collect();
+    if other.is_empty() {
+        return Ok(());
+    }
+    Err(Error::OtherSources(other))
+}
+
+#[cfg(test)]
+mod tests;

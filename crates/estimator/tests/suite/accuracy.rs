@@ -1,0 +1,135 @@
+//! The accuracy that the documents state, on the excerpts of truth runs that every clone of the
+//! project has. Each test prints file, sensors file, error and limit. `truth.rs` tests the whole runs.
+
+use atvrec_estimator::{Calibration, Settings};
+use model::sensors::Sensors;
+use sample::{EventKind, Wheel};
+use testkit::report;
+use testkit::scoring::{Estimated, estimate, force_errors, motion_errors};
+use testkit::sensing;
+use testkit::truth::{self, Run};
+
+use crate::RUNS;
+
+/// Seed of the sensors' noise, one of those for scoring.
+const SEED: u64 = 1;
+
+/// Largest RMSE of sideslip above 3 m/s, of roll and of pitch, degrees.
+const MOTION_MAX_DEG: [f64; 3] = [0.2, 0.2, 0.2];
+/// When the front right wheel's load falls below 2 % of its static load in `b_circle`, s.
+const LIFT_S: f64 = 51.935;
+/// How long before the lift a warning must come, s.
+const WARNING_S: f64 = 1.0;
+/// When the front axle comes onto the slippery ground in `d_sine_mu`, and the latest report of it, s.
+const SURFACE_S: f64 = 24.0;
+const SURFACE_WITHIN_S: f64 = 1.0;
+
+fn estimated(run: &'static Run, sensors: &str) -> Estimated {
+    let vehicle = truth::vehicle();
+    let samples = run.samples(sensors, SEED);
+    let calibration = Calibration::nominal(&vehicle.name);
+    let sensors = Sensors::builtin(sensors).unwrap();
+    estimate(
+        vehicle,
+        &sensors,
+        &calibration,
+        Settings::default(),
+        samples,
+    )
+}
+
+/// Compares three errors with their limits, and prints them.
+fn compare(what: &str, names: [&str; 3], unit: &str, found: [f64; 3], most: [f64; 3]) {
+    let texts: [String; 3] =
+        std::array::from_fn(|i| format!("{} {:.3} (at most {})", names[i], found[i], most[i]));
+    report(&format!("{what}: {} {unit}", texts.join(", ")));
+    for (error, most) in found.into_iter().zip(most) {
+        assert!(error <= most, "{what}: {found:?} {unit}, at most {most:?}");
+    }
+}
+
+/// Holds the errors of the forces (F_x, F_y, F_z, per cent, worst tyre) below `force_max` on each run.
+fn judge(sensors: &str, force_max: [f64; 3], lift_within_s: f64) {
+    for name in RUNS {
+        let run = truth::excerpt(name);
+        let result = estimated(run, sensors);
+        let what = format!("testdata/truth/{name}.parquet, {sensors}");
+        let force = force_errors(run, truth::vehicle(), &result);
+        compare(&what, ["F_x", "F_y", "F_z"], "%", force, force_max);
+        let motion = motion_errors(run, &result);
+        let names = ["sideslip", "roll", "pitch"];
+        compare(&what, names, "deg", motion, MOTION_MAX_DEG);
+        judge_events(&what, run, &result, lift_within_s);
+    }
+}
+
+/// The lift is declared and warned of in time, the change of surface is reported, and nothing else.
+fn judge_events(what: &str, run: &Run, result: &Estimated, lift_within_s: f64) {
+    let (mut lift, mut warning, mut surface) = (None, None, None);
+    for event in &result.events {
+        let time_s = run.start_s() + event.time.seconds_since(sensing::START);
+        let first = match event.kind {
+            EventKind::Lift(Wheel::FrontRight) => &mut lift,
+            EventKind::LiftWarning(Wheel::FrontRight, _) => &mut warning,
+            EventKind::SurfaceChange(_, ratio) if ratio < 1.0 => &mut surface,
+            _ => panic!("{what}: false alarm {event:?}"),
+        };
+        first.get_or_insert(time_s);
+    }
+    match (run.name.as_str(), lift, warning, surface) {
+        ("b_circle", Some(lift_s), Some(warning_s), None) => {
+            let (late_s, lead_s) = (lift_s - LIFT_S, LIFT_S - warning_s);
+            report(&format!(
+                "{what}: lift of FR declared {late_s:+.2} s after it (within {lift_within_s}), warning \
+                 {lead_s:.2} s before (at least {WARNING_S})"
+            ));
+            assert!(
+                late_s.abs() <= lift_within_s && lead_s >= WARNING_S,
+                "{what}"
+            );
+        }
+        ("d_sine_mu", None, None, Some(surface_s)) => {
+            let late_s = surface_s - SURFACE_S;
+            report(&format!(
+                "{what}: change of surface reported after {late_s:.2} s (at most {SURFACE_WITHIN_S})"
+            ));
+            assert!((0.0..=SURFACE_WITHIN_S).contains(&late_s), "{what}");
+        }
+        ("c_sine03" | "f_launch_brake", None, None, None) => {}
+        events => panic!("{what}: lift, warning and change of surface {events:?}"),
+    }
+}
+
+#[test]
+fn ten_bit_sensors() {
+    judge("thesis-10bit", [0.6, 0.8, 0.45], 0.3);
+}
+
+#[test]
+fn sixteen_bit_full_bridges() {
+    judge("full-bridge-16bit", [0.22, 0.16, 0.35], 0.3);
+}
+
+#[test]
+fn bending_bridges() {
+    judge("full-bridge-16bit-bending", [0.2, 0.16, 0.1], 0.1);
+}
+
+/// Largest errors F_x, F_y, F_z on rough ground at 10 bit, per cent: the estimator takes the ground
+/// for smooth.
+const ROUGH_MAX: [(&str, [f64; 3]); 3] = [
+    ("r2_iso_e_a", [9.0, 13.5, 25.5]),
+    ("r6_jump", [13.0, 22.5, 15.0]),
+    ("r8_trail_a", [9.5, 13.0, 16.0]),
+];
+
+#[test]
+fn rough_ground_is_no_worse_than_stated() {
+    for (name, force_max) in ROUGH_MAX {
+        let run = truth::excerpt(name);
+        let result = estimated(run, "thesis-10bit");
+        let what = format!("testdata/truth/{name}.parquet, thesis-10bit");
+        let force = force_errors(run, truth::vehicle(), &result);
+        compare(&what, ["F_x", "F_y", "F_z"], "%", force, force_max);
+    }
+}

@@ -1,0 +1,488 @@
+//! Missing, faulty and imperfect: what the filter makes of less than everything, on truth runs.
+
+use atvrec_estimator::{Calibration, Input, Settings};
+use model::sensors::Sensors;
+use model::vehicle::{Vehicle, Wishbone};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sample::{Event, EventKind, Measurement, Sample, StrainChannel, Wheel};
+use testkit::scoring::{self, Estimated, deviations, estimate, force_errors, motion_errors};
+use testkit::sensing;
+use testkit::truth::{self, RATE_HZ, Run};
+
+const RUNS: [&str; 3] = ["b_circle", "c_sine03", "f_launch_brake"];
+
+fn setting(ignore: &[Input]) -> Settings {
+    Settings {
+        ignore: ignore.to_vec(),
+        ..Settings::default()
+    }
+}
+
+/// A vehicle file as good as a careful workshop's: hard-points within 1 mm, springs and mass
+/// within 1 %, centre of gravity within 10 mm.
+fn workshop(vehicle: &Vehicle, seed: u64) -> Vehicle {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut vehicle = vehicle.clone();
+    for axle in [&mut vehicle.front, &mut vehicle.rear] {
+        let w: &mut Wishbone = axle.wishbone.as_mut().unwrap();
+        for point in [
+            &mut w.wheel_centre_m,
+            &mut w.upper_front_m,
+            &mut w.upper_rear_m,
+            &mut w.upper_ball_m,
+            &mut w.lower_front_m,
+            &mut w.lower_rear_m,
+            &mut w.lower_ball_m,
+            &mut w.strut_chassis_m,
+            &mut w.strut_arm_m,
+            &mut w.tie_rod_inner_m,
+            &mut w.tie_rod_outer_m,
+        ] {
+            for x in point {
+                *x += rng.random_range(-0.001..0.001);
+            }
+        }
+        let strut = axle.strut.as_mut().unwrap();
+        strut.stiffness_n_m *= 1.0 + rng.random_range(-0.01..0.01);
+    }
+    let body = &mut vehicle.body;
+    body.mass_kg *= 1.0 + rng.random_range(-0.01..0.01);
+    let shift = rng.random_range(-0.01..0.01);
+    body.front_axle_to_cg_m += shift;
+    body.cg_to_rear_axle_m -= shift;
+    body.cg_height_m += rng.random_range(-0.01..0.01);
+    vehicle
+}
+
+/// Gains within 1 %.
+fn gains(calibration: &mut Calibration, sensors: &Sensors, seed: u64) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let nominal = 1.0 / sensors.strain.axial_scale().unwrap().counts_per_unit;
+    for wheel in Wheel::ALL {
+        let corner = calibration.corner.entry(wheel).or_default();
+        for channel in &StrainChannel::ALL[..5] {
+            let gain = nominal * (1.0 + rng.random_range(-0.01..0.01));
+            corner.strain.entry(*channel).or_default().gain_per_count = Some(gain);
+        }
+    }
+}
+
+/// One case: what is ignored, what is done to each sample, and the largest errors F_x, F_y, F_z in
+/// per cent and of sideslip in degrees.
+struct Case {
+    name: &'static str,
+    ignore: &'static [Input],
+    spoil: fn(f64, &mut Measurement),
+    force_max: [f64; 3],
+    sideslip_max: f64,
+}
+
+const CASES: [Case; 13] = [
+    Case {
+        name: "no heading",
+        ignore: &[Input::GnssAttitude],
+        spoil: |_, _| {},
+        force_max: [1.4, 1.2, 1.1],
+        sideslip_max: 0.6,
+    },
+    Case {
+        name: "no GNSS velocity",
+        ignore: &[Input::GnssVelocity],
+        spoil: |_, _| {},
+        force_max: [1.4, 1.2, 1.1],
+        sideslip_max: 0.6,
+    },
+    Case {
+        name: "no inertial unit",
+        ignore: &[Input::Imu],
+        spoil: |_, _| {},
+        force_max: [2.0, 1.6, 1.8],
+        sideslip_max: 3.0,
+    },
+    Case {
+        name: "no strain",
+        ignore: &[Input::Strain],
+        spoil: |_, _| {},
+        force_max: [25.0, 12.0, 4.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "no deflection",
+        ignore: &[Input::Deflection],
+        spoil: |_, _| {},
+        force_max: [8.0, 7.5, 10.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "motion alone",
+        ignore: &[Input::Strain, Input::Deflection],
+        spoil: |_, _| {},
+        force_max: [25.0, 14.0, 12.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "front strain only",
+        ignore: &[],
+        spoil: |_, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && !corner.wheel.is_front()
+            {
+                corner.strain_counts = [None; StrainChannel::COUNT];
+            }
+        },
+        force_max: [9.0, 8.0, 1.5],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "no GNSS at all",
+        ignore: &[Input::GnssVelocity, Input::GnssAttitude],
+        spoil: |_, _| {},
+        force_max: [1.0, 1.5, 0.6],
+        sideslip_max: 0.6,
+    },
+    Case {
+        name: "wild heading when slow",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::GnssAttitude(gnss) = measurement
+                && time_s < WILD_S
+            {
+                gnss.yaw_rad = gnss.yaw_rad.map(|yaw| yaw + math::sin(700.0 * time_s));
+            }
+        },
+        force_max: [0.8, 1.0, 0.6],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "two dead gauges",
+        ignore: &[],
+        spoil: |_, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+            {
+                (corner.strain_counts[0], corner.strain_counts[3]) = (None, None);
+            }
+        },
+        force_max: [1.2, 1.8, 1.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "shifted channel",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+                && time_s > FAULT_S
+            {
+                corner.strain_counts[2] = corner.strain_counts[2].map(|n| (n + 60).min(1022));
+            }
+        },
+        force_max: [1.5, 1.2, 1.1],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "frozen potentiometer",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+                && time_s > FAULT_S
+            {
+                corner.deflection_counts = Some(520);
+            }
+        },
+        force_max: [6.0, 7.0, 10.0],
+        sideslip_max: 0.2,
+    },
+    Case {
+        name: "shifted potentiometer",
+        ignore: &[],
+        spoil: |time_s, measurement| {
+            if let Measurement::Corner(corner) = measurement
+                && corner.wheel == Wheel::FrontLeft
+                && time_s > FAULT_S
+            {
+                corner.deflection_counts = corner.deflection_counts.map(|n| (n + 60).min(1022));
+            }
+        },
+        force_max: [6.0, 7.0, 10.0],
+        sideslip_max: 0.2,
+    },
+];
+
+/// Largest mean square of the normalised errors of F_x, F_y or F_z, unless a potentiometer misleads
+/// until it is named.
+const SQUARE_MAX: f64 = 7.0;
+/// How long headings are wild, s.
+const WILD_S: f64 = 3.0;
+/// When faults begin, s.
+const FAULT_S: f64 = 8.0;
+/// How soon they must be named, s.
+const NAMED_WITHIN_S: f64 = 1.2;
+
+#[test]
+fn every_subset_gives_forces_and_faults_are_named() {
+    let vehicle = truth::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    for name in RUNS {
+        let Some(run) = truth::run(name) else { return };
+        let samples = run.samples("thesis-10bit", 1);
+        for case in &CASES {
+            let mut samples: Vec<Sample> = samples.to_vec();
+            for sample in &mut samples {
+                let time_s = sample.log_time.seconds_since(sensing::START);
+                (case.spoil)(time_s, &mut sample.measurement);
+            }
+            let settings = setting(case.ignore);
+            let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
+            let force = force_errors(run, vehicle, &result);
+            let motion = motion_errors(run, &result);
+            let sigma = result.estimates[1200].measured[Wheel::FrontLeft].sigma_n;
+            let held = deviations(run, &result);
+            let (square, inside, surprise) = (held.axes, held.all.inside, held.surprise);
+            eprintln!(
+                "{name:15} {:20} {force:.2?} % {motion:.3?} deg, sigma {sigma:.0?} N, NEES \
+                 {square:.1?}, {inside:.2} inside, surprise {surprise:.1?}",
+                case.name
+            );
+            for (error, most) in force.iter().zip(case.force_max) {
+                assert!(*error <= most, "{name} {}", case.name);
+            }
+            assert!(motion[0] <= case.sideslip_max, "{name} {}", case.name);
+            if !case.name.ends_with("potentiometer") {
+                assert!(square.iter().all(|s| *s < SQUARE_MAX), "{square:?}");
+            }
+            let lift = |event: &Event| matches!(event.kind, EventKind::Lift(_));
+            assert!(
+                name == "b_circle" || !result.events.iter().any(lift),
+                "{name} {}",
+                case.name
+            );
+            let named = result.events.iter().find_map(|event| match &event.kind {
+                EventKind::SensorFault(name) => {
+                    Some((event.time.seconds_since(sensing::START), name.as_str()))
+                }
+                _ => None,
+            });
+            let expected = match case.name {
+                "shifted channel" => Some("FL lower_front"),
+                "frozen potentiometer" | "shifted potentiometer" => Some("FL deflection"),
+                _ => None,
+            };
+            assert_eq!(
+                named.map(|(_, name)| name),
+                expected,
+                "{name} {}",
+                case.name
+            );
+            if let Some((time_s, _)) = named {
+                assert!(time_s - FAULT_S <= NAMED_WITHIN_S, "{time_s}");
+            }
+        }
+    }
+}
+
+/// When a fault that heals ends, s, and how soon its channel must be used again, s.
+const HEALED_S: f64 = 14.0;
+const RECOVERED_WITHIN_S: f64 = 5.0;
+/// How much the worst error of a force may stand above that without the fault once the channel is
+/// back, N.
+const RECOVERED_N: f64 = 2.0;
+
+/// RMS errors of all twelve forces after a fault that has healed, N.
+fn late_errors(run: &Run, result: &Estimated) -> [f64; 12] {
+    std::array::from_fn(|i| {
+        let (wheel, axis) = (Wheel::ALL[i / 3], i % 3);
+        let name = format!("{}_{}", wheel.abbreviation(), ["Fx", "Fy", "Fz"][axis]);
+        let truth = run.column(&name);
+        let first = ((HEALED_S + RECOVERED_WITHIN_S) * RATE_HZ) as usize;
+        scoring::rms(result.estimates.iter().filter_map(|estimate| {
+            let row = scoring::row(estimate);
+            (row > first && row < truth.len())
+                .then(|| estimate.measured[wheel].force_n[axis] - truth[row])
+        }))
+    })
+}
+
+/// A shift by 60 counts of one strain channel or of one potentiometer that goes as it came.
+#[test]
+fn a_channel_that_comes_back_good_is_used_again_and_said_so() {
+    let vehicle = truth::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    let Some(run) = truth::run("c_sine03") else {
+        return;
+    };
+    let good = run.samples("thesis-10bit", 1);
+    let settings = Settings::default();
+    let clean = estimate(&vehicle, &sensors, &calibration, settings.clone(), &good);
+    let clean = late_errors(run, &clean);
+    for channel in [Some(StrainChannel::LowerFront), None] {
+        let mut samples = good.to_vec();
+        for sample in &mut samples {
+            let time_s = sample.log_time.seconds_since(sensing::START);
+            if let Measurement::Corner(corner) = &mut sample.measurement
+                && corner.wheel == Wheel::FrontLeft
+                && (FAULT_S..HEALED_S).contains(&time_s)
+            {
+                let counts = match channel {
+                    Some(channel) => &mut corner.strain_counts[channel.index()],
+                    None => &mut corner.deflection_counts,
+                };
+                *counts = counts.map(|n| (n + 60).min(1022));
+            }
+        }
+        let result = estimate(&vehicle, &sensors, &calibration, settings.clone(), &samples);
+        let spoilt = late_errors(run, &result);
+        let told: Vec<(f64, &EventKind)> = result
+            .events
+            .iter()
+            .map(|event| (event.time.seconds_since(sensing::START), &event.kind))
+            .collect();
+        let wheel = Wheel::FrontLeft;
+        let name = format!(
+            "{wheel} {}",
+            channel.map_or("deflection", StrainChannel::name)
+        );
+        eprintln!("{name}: {told:.2?}; {clean:.1?} {spoilt:.1?} N");
+        let [(_, fault), (recovered_s, recovery)] = told[..] else {
+            panic!("{told:?}");
+        };
+        assert_eq!(*fault, EventKind::SensorFault(name.clone()));
+        assert_eq!(*recovery, EventKind::SensorRecovered(name));
+        let after_s = recovered_s - HEALED_S;
+        assert!((0.0..RECOVERED_WITHIN_S).contains(&after_s), "{after_s}");
+        for (clean, spoilt) in clean.iter().zip(spoilt) {
+            assert!(spoilt < clean + RECOVERED_N, "{clean} {spoilt}");
+        }
+    }
+}
+
+/// Largest errors F_x, F_y, F_z with a careful workshop's parameters, per cent.
+const WORKSHOP_MAX: [f64; 3] = [2.7, 3.3, 2.5];
+
+#[test]
+fn a_workshops_parameters_are_good_enough() {
+    let vehicle = truth::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    for name in RUNS {
+        let Some(run) = truth::run(name) else { return };
+        let samples = run.samples("thesis-10bit", 1);
+        for seed in 1..4 {
+            let mut calibration = Calibration::nominal(&vehicle.name);
+            gains(&mut calibration, &sensors, seed);
+            let measured = workshop(&vehicle, seed);
+            let settings = Settings::default();
+            let result = estimate(&measured, &sensors, &calibration, settings, &samples);
+            let force = force_errors(run, vehicle, &result);
+            eprintln!("{name:15} workshop {seed}: {force:.2?} %");
+            for (error, most) in force.iter().zip(WORKSHOP_MAX) {
+                assert!(*error <= most, "{name} {force:?}");
+            }
+        }
+    }
+}
+
+/// The prior of the tyres' stiffness may be wrong by a third, and the steering wheel's zero by two
+/// degrees at the road wheels: forces, slip angles and the change of surface stay right.
+#[test]
+fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let truth = truth::vehicle();
+    let Some(run) = truth::run("d_sine_mu") else {
+        return;
+    };
+    let samples = run.samples("thesis-10bit", 1);
+    let offset_rad = 2.0_f64.to_radians() * truth.steering.ratio;
+    for (factor, offset_rad) in [(0.7, 0.0), (1.3, 0.0), (1.0, offset_rad)] {
+        let mut vehicle = truth.clone();
+        for axle in [&mut vehicle.front, &mut vehicle.rear] {
+            axle.tyre.cornering_stiffness_n_rad *= factor;
+        }
+        let mut samples: Vec<Sample> = samples.to_vec();
+        for sample in &mut samples {
+            if let Measurement::Steer(steer) = &mut sample.measurement {
+                steer.hand_wheel_rad -= offset_rad;
+            }
+        }
+        let calibration = Calibration::nominal(&vehicle.name);
+        let settings = Settings::default();
+        let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
+        let force = force_errors(run, truth, &result);
+        let last = result.estimates.len() - 1;
+        let first = &result.estimates[150];
+        let first_deg = (first.motion.steer_rad[Wheel::FrontLeft]
+            - run.column("FL_steer")[scoring::row(first)])
+        .to_degrees();
+        let steer_deg: f64 = result.estimates[last / 2..]
+            .iter()
+            .map(|estimate| {
+                let row = scoring::row(estimate).min(run.rows - 1);
+                (estimate.motion.steer_rad[Wheel::FrontLeft] - run.column("FL_steer")[row])
+                    .to_degrees()
+            })
+            .sum::<f64>()
+            / (last - last / 2 + 1) as f64;
+        eprintln!(
+            "stiffness x {factor}, hand wheel {offset_rad:.2} rad: {force:.2?} %, steer off by {first_deg:.2} deg, later {steer_deg:.3}"
+        );
+        for event in &result.events {
+            eprintln!(
+                "    {:.2} s {}",
+                event.time.seconds_since(sensing::START),
+                event.text
+            );
+        }
+        assert!(
+            force[0] <= 1.6 && force[1] <= 1.6 && force[2] <= 1.5,
+            "{force:?}"
+        );
+        assert!(steer_deg.abs() <= 0.5, "{steer_deg}");
+        let change = result.events.iter().find_map(|event| {
+            matches!(event.kind, EventKind::SurfaceChange(..))
+                .then(|| event.time.seconds_since(sensing::START))
+        });
+        assert!((24.0..25.0).contains(&change.unwrap()), "{change:?}");
+    }
+}
+
+/// How late corners' samples may come at most to be of use, s, and the errors (F_x, F_y, F_z, per
+/// cent) of those that do and without the others.
+const LATE_MAX_S: f64 = 0.1;
+const LATE_MAX: [f64; 3] = [0.5, 1.8, 0.7];
+const TOO_LATE_MAX: [f64; 3] = [4.0, 2.0, 2.2];
+
+/// Strain and deflection that arrive late tell the force of their own time; too late, nothing.
+#[test]
+fn late_corners_tell_their_own_time() {
+    let vehicle = truth::vehicle();
+    let sensors = Sensors::builtin("thesis-10bit").unwrap();
+    let calibration = Calibration::nominal(&vehicle.name);
+    let Some(run) = truth::run("c_sine03") else {
+        return;
+    };
+    let on_time = run.samples("thesis-10bit", 1);
+    for late_s in [0.02, 0.05, 0.08, 0.12, 0.9] {
+        let mut samples = on_time.to_vec();
+        for sample in &mut samples {
+            if matches!(sample.measurement, Measurement::Corner(_)) {
+                sample.log_time = sample.log_time.offset_seconds(late_s);
+            }
+        }
+        samples.sort_by_key(|sample| sample.log_time);
+        let result = estimate(&vehicle, &sensors, &calibration, setting(&[]), &samples);
+        let force = force_errors(run, vehicle, &result);
+        eprintln!("{late_s:.2} s late: {force:.2?} %");
+        let most = if late_s < LATE_MAX_S {
+            LATE_MAX
+        } else {
+            TOO_LATE_MAX
+        };
+        for (error, most) in force.iter().zip(most) {
+            assert!(*error <= most, "{late_s} s late: {force:?}");
+        }
+        assert!(result.events.is_empty(), "{:?}", result.events);
+    }
+}

@@ -1,0 +1,8 @@
+//! The models of the vehicle from outside.
+
+mod no_alloc;
+mod three_bodies;
+mod truth;
+
+#[global_allocator]
+static COUNTING: testkit::Counting = testkit::Counting;

@@ -1,0 +1,11 @@
+//! The virtual vehicle from outside.
+
+mod controllers;
+mod excerpts;
+mod faults;
+mod manoeuvres;
+mod receivers;
+mod sensors;
+mod support;
+mod truth_files;
+mod truth_params;

@@ -1,0 +1,6 @@
+//! The decoders against reference decodes, mixtures and noise.
+
+mod common;
+mod crossbow440;
+mod dbc_vectors;
+mod gnss;
