@@ -3,8 +3,8 @@
 //! `sim` makes the same sensors' bytes. This module is independent of it, so that an error of the
 //! virtual sensors does not cancel in a test of the estimator, and it needs no decoder.
 
-use atvrec_estimator::Calibration;
-use atvrec_estimator::calibration::{Channel, Resolved};
+use estimator::Calibration;
+use estimator::calibration::{Channel, Resolved};
 use model::sensors::Sensors;
 use model::strain::Lag;
 use model::suspension::Corner;
@@ -38,9 +38,9 @@ impl Source<'_> {
         if self.rng.random_bool(0.5) { 1.0 } else { -1.0 }
     }
 
-    fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> u16 {
+    fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> i32 {
         let ideal = channel.offset_counts + zero + value / channel.gain + noise * self.normal();
-        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as u16
+        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as i32
     }
 
     fn push(&mut self, arrived_s: f64, valid_s: f64, measurement: Measurement) {
