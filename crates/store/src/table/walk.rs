@@ -5,7 +5,7 @@ use prost::bytes::Buf as _;
 use prost::encoding::{DecodeContext, WireType, check_wire_type, decode_key, decode_varint};
 use prost_types::field_descriptor_proto::Type;
 
-use super::plan::{Field, Plan};
+use super::plan::{Field, Node, Plan};
 use super::values::Datum;
 use super::{Column, Values};
 
@@ -29,21 +29,7 @@ fn node(
     data: &[u8],
     stamp: u64,
 ) -> Result<(), DecodeError> {
-    if plan.nodes[index].last_stamp != stamp {
-        plan.nodes[index].last_stamp = stamp;
-        for column in &plan.nodes[index].implicit {
-            let column = &mut columns[*column];
-            if matches!(column.values.innermost(), Values::F64(_)) {
-                column.values.set_last(Datum::F64(0.0));
-            }
-            if let Some(last) = column.present.as_mut().and_then(|list| list.last_mut()) {
-                *last = true;
-            }
-        }
-        if let Some(presence) = plan.nodes[index].presence {
-            columns[presence].values.set_last(Datum::Bool(true));
-        }
-    }
+    begin(&mut plan.nodes[index], columns, stamp);
     let mut rest = data;
     while !rest.is_empty() {
         let (number, wire_type) = decode_key(&mut rest)?;
@@ -96,6 +82,26 @@ fn node(
         }
     }
     Ok(())
+}
+
+/// Sets the fields of a message to what they are if it does not mention them.
+fn begin(node: &mut Node, columns: &mut [Column], stamp: u64) {
+    if node.last_stamp == stamp {
+        return;
+    }
+    node.last_stamp = stamp;
+    for column in &node.implicit {
+        let column = &mut columns[*column];
+        if matches!(column.values.innermost(), Values::F64(_)) {
+            column.values.set_last(Datum::F64(0.0));
+        }
+        if let Some(last) = column.present.as_mut().and_then(|list| list.last_mut()) {
+            *last = true;
+        }
+    }
+    if let Some(presence) = node.presence {
+        columns[presence].values.set_last(Datum::Bool(true));
+    }
 }
 
 fn add(column: &mut Column, datum: Datum<'_>, repeated: bool) {
