@@ -38,9 +38,9 @@ impl Source<'_> {
         if self.rng.random_bool(0.5) { 1.0 } else { -1.0 }
     }
 
-    fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> u16 {
+    fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> i32 {
         let ideal = channel.offset_counts + zero + value / channel.gain + noise * self.normal();
-        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as u16
+        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as i32
     }
 
     fn push(&mut self, arrived_s: f64, valid_s: f64, measurement: Measurement) {

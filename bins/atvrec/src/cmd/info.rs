@@ -61,13 +61,7 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
         "program",
         format!("atvrec {} ({})", session.version, session.git_hash),
     );
-    line(
-        "contract",
-        reader.contract().map_or_else(
-            || "none (an older layout, converted to the present one)".to_owned(),
-            |version| format!("version {version}"),
-        ),
-    );
+    line("contract", contract(reader));
     if let Some((first, _)) = info.span {
         let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
         line("time", format!("{begin}, {:.1} s", seconds(info)));
@@ -115,6 +109,14 @@ fn write_tables(text: &mut String, info: &Info) {
             let _ = writeln!(text, "{:<36}{value:>10}", printable(name));
         }
     }
+}
+
+/// Version of the log's contract.
+fn contract(reader: &Reader) -> String {
+    reader.contract().map_or_else(
+        || "none: an earlier layout, shown in the present one".to_owned(),
+        |version| format!("version {version}"),
+    )
 }
 
 fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::Value {
