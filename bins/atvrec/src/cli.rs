@@ -12,7 +12,7 @@ use sim::Manoeuvre;
 
 pub use identify::{
     IdentifyArgs, IdentifyCommand, IdentifyHandlingArgs, InertiaArgs, OutputArgs, PendulumKind,
-    ResponseArgs, RollCentreArgs, TyreArgs,
+    RollCentreArgs,
 };
 pub use import::{ImportAlogArgs, ImportCommand, ImportCsvArgs, ImportInto, ImportVehicleArgs};
 

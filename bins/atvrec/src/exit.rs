@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use engine::config::Problems;
+use estimator::EstimatorError;
 
 /// Result of a command that ended without an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +30,8 @@ impl From<Outcome> for ExitCode {
 pub fn code_of(error: &anyhow::Error) -> ExitCode {
     let usage = error.downcast_ref::<Problems>().is_some()
         || error.downcast_ref::<UsageError>().is_some()
-        || error.downcast_ref().is_some_and(engine::Error::is_usage);
+        || error.downcast_ref().is_some_and(engine::Error::is_usage)
+        || error.downcast_ref().is_some_and(is_wrong_reading);
     ExitCode::from(if usage { 2 } else { 1 })
 }
 
@@ -37,3 +39,8 @@ pub fn code_of(error: &anyhow::Error) -> ExitCode {
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct UsageError(pub String);
+
+/// Whether a person's reading or mark, which a calibration takes, is wrong.
+const fn is_wrong_reading(error: &EstimatorError) -> bool {
+    matches!(error, EstimatorError::Recording(problem) if problem.is_usage())
+}

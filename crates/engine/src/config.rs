@@ -6,27 +6,43 @@ mod columns;
 mod estimator;
 mod files;
 mod overrides;
-mod reader;
 mod roles;
 mod source;
 mod storage;
 mod trigger;
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
+use model::file::{Gatherer, Section};
 use store::Attachment;
 
 pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::{Estimator, input, method};
 pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, read_text};
-pub use reader::{Problem, Problems, TOML_MAX};
+pub use model::file::{Problem, TOML_MAX};
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::{Limits, Storage};
 pub use trigger::{CanRule, Trigger};
 
 use crate::{Error, Result};
-use reader::{Gatherer, Section};
+
+/// All problems of a configuration.
+#[derive(Debug, thiserror::Error)]
+pub struct Problems(pub Vec<Problem>);
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for problem in &self.0 {
+            writeln!(f, "{problem}")?;
+        }
+        match self.0.len() {
+            1 => write!(f, "1 error in the configuration"),
+            count => write!(f, "{count} errors in the configuration"),
+        }
+    }
+}
 
 /// Name of the configuration among a log's attachments.
 pub const ATTACHED_NAME: &str = "atvrec.toml";
@@ -49,9 +65,9 @@ pub struct Config {
 impl Config {
     /// Reads a configuration file.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = read_text(path, TOML_MAX).map_err(|source| Error::ConfigurationUnreadable {
+        let text = read_text(path, TOML_MAX).map_err(|cause| Error::ConfigurationUnreadable {
             path: path.to_owned(),
-            source,
+            cause,
         })?;
         let directory = path.parent().map(Path::to_owned).unwrap_or_default();
         let files = Files::on_disk(directory.clone());
@@ -109,7 +125,7 @@ impl Config {
 
     fn resolve(name: &str, text: &str, mut files: Files) -> std::result::Result<Self, Problems> {
         let mut gather = Gatherer::new(name, text);
-        let Some(table) = reader::parse(text, &mut gather) else {
+        let Some(table) = gather.parse() else {
             return Err(Problems(gather.into_problems()));
         };
         let mut top = Section::new("", table);

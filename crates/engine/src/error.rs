@@ -18,14 +18,14 @@ pub enum Error {
     Configuration(#[from] Problems),
     /// The configuration cannot be read.
     #[error(
-        "cannot read the configuration {path}; `atvrec virtual` writes an example, \
+        "cannot read the configuration {path}: {cause}; `atvrec virtual` writes an example, \
          docs/configuration.md describes every field"
     )]
     ConfigurationUnreadable {
         /// Path of the file.
         path: PathBuf,
         /// Error of the operating system.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The configuration has no field.
     #[error("the configuration {path} is empty (it has no field); nothing was changed")]
@@ -136,26 +136,80 @@ pub enum Error {
         /// The cause.
         source: WriteError,
     },
+    /// The log's configuration names no vehicle.
+    #[error(
+        "the configuration in the log has no vehicle, so that nothing was estimated; replay it with \
+         --config"
+    )]
+    NoVehicle,
+    /// The configuration of a log has errors.
+    #[error("{path}")]
+    InLog {
+        /// The log.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<Error>,
+    },
+    /// The configuration of a log names no vehicle.
+    #[error(
+        "{0}: the configuration in the log has no vehicle; set one in [vehicle] and record again, or \
+         write a new log with `atvrec replay --config`"
+    )]
+    NoVehicleIn(PathBuf),
+    /// The configuration names no vehicle.
+    #[error("the configuration names no vehicle; give one with --config, or import with --vehicle")]
+    NoVehicleNamed,
+    /// The log has no estimates.
+    #[error(
+        "the log has no {topic}, which is needed; replay the log with an estimator (--vehicle)"
+    )]
+    NoEstimates {
+        /// The topic that is needed.
+        topic: String,
+        /// Why it cannot be read.
+        source: Box<store::Error>,
+    },
+    /// A topic has no messages.
+    #[error("{0} has no message; replay the log with an estimator")]
+    Empty(String),
+    /// No estimate lies between the given times.
+    #[error(
+        "there is no data between --from and --to: {topic} has {span_s:.1} s; choose times in it"
+    )]
+    EmptyWindow {
+        /// The topic.
+        topic: String,
+        /// How long it is, s.
+        span_s: f64,
+    },
     /// A log cannot be read or written.
     #[error(transparent)]
     Log(#[from] store::Error),
+}
+
+impl From<estimator::finding::Refusal> for Error {
+    fn from(refusal: estimator::finding::Refusal) -> Self {
+        Self::Estimator(refusal.into())
+    }
 }
 
 impl Error {
     /// Whether the error is in the user's input: a file, its name, or an option.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
-        matches!(
-            self,
+        match self {
             Self::Configuration(_)
-                | Self::ConfigurationUnreadable { .. }
-                | Self::NotIgnored { .. }
-                | Self::Unreadable { .. }
-                | Self::File(_)
-                | Self::OtherSources(_)
-                | Self::Options { .. }
-                | Self::Target(_)
-        )
+            | Self::ConfigurationUnreadable { .. }
+            | Self::NotIgnored { .. }
+            | Self::Unreadable { .. }
+            | Self::File(_)
+            | Self::OtherSources(_)
+            | Self::NoVehicleNamed
+            | Self::Options { .. }
+            | Self::Target(_) => true,
+            Self::InLog { source, .. } => source.is_usage(),
+            _ => false,
+        }
     }
 }
 

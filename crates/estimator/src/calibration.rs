@@ -7,9 +7,12 @@
 pub mod gnss;
 pub mod imu;
 pub mod load_rig;
+mod recording;
+mod recording_error;
 mod resolved;
 pub mod rest;
 pub mod steer;
+mod step;
 pub mod weight;
 pub mod wheel_radius;
 pub mod zero;
@@ -23,7 +26,10 @@ use serde::{Deserialize, Serialize};
 use crate::EstimatorError;
 use crate::handling::Handling;
 
+pub use recording::{Column, ImuColumns, Recording, Vectors};
+pub use recording_error::{ReadingProblem, RecordingError};
 pub use resolved::{Channel, CornerChannels, Resolved};
+pub use step::{Calibrated, Step};
 
 /// A calibration file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

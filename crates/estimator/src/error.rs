@@ -31,6 +31,18 @@ pub enum EstimatorError {
     /// The data do not tell what was looked for.
     #[error(transparent)]
     Refused(#[from] crate::finding::Refusal),
+    /// Recordings do not serve a step of the calibration.
+    #[error(transparent)]
+    Recording(#[from] crate::calibration::RecordingError),
+    /// The data do not tell it for any part; this is the first of them.
+    #[error("{part}")]
+    Part {
+        /// The part: an axle, a tyre model.
+        part: String,
+        /// Why.
+        #[source]
+        refusal: Box<crate::finding::Refusal>,
+    },
     /// The vehicle's steering cannot be used.
     #[error(transparent)]
     Vehicle(#[from] model::Error),

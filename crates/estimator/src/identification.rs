@@ -9,6 +9,9 @@ pub mod drive;
 pub mod friction;
 pub mod handling;
 pub mod inertia;
+mod method;
+mod overrides;
+mod recorded;
 pub mod response;
 pub mod roll_centre;
 pub mod roll_pitch;
@@ -17,3 +20,6 @@ pub mod tyre;
 pub mod understeer;
 
 pub use drive::Drive;
+pub use method::{Identified, Method, Sense, roll_centres, swing};
+pub use overrides::Overrides;
+pub use recorded::{Motion, Recorded, TyreForces};

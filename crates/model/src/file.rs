@@ -1,36 +1,71 @@
-//! Reading TOML files under rules, as vehicle and sensors files: all mistakes of a file are reported at
-//! once, each with its line, the field, the value and what to do.
+//! Reading TOML files: all mistakes of a file are reported at once, each with its line, the field, the
+//! value and what to do. A file is read field by field ([`Section`]) or under rules.
 
-use std::collections::BTreeMap;
+pub(crate) mod rules;
+mod section;
+#[cfg(test)]
+mod tests;
+
 use std::fmt;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use sample::boundary::guarded;
-use serde::de::DeserializeOwned;
-use toml::de::{DeTable, DeValue};
+use sample::text::printable;
+use toml::Spanned;
+use toml::de::DeTable;
 
-/// One mistake in a file.
+pub use section::{Field, FromValue, NumberOrList, Section};
+
+/// A problem of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// Line, counted from 1; none where the file holds nothing to point at.
-    pub line: Option<usize>,
-    /// Dotted name of the field, such as `front.tyre.friction`.
+    /// Name of the file.
+    pub file: String,
+    /// Line, from 1; 0 for a problem of the whole file.
+    pub line: usize,
+    /// Column, from 1; 0 if only the line is known.
+    pub column: usize,
+    /// Dotted name of the field, such as `source.imu.baud`; empty for a problem of the whole file.
     pub field: String,
-    /// The value found, as written; empty where there is none.
+    /// The value found, as written; empty where the message has it.
     pub value: String,
-    /// What is wrong with it.
+    /// What is wrong.
     pub message: String,
     /// What to do about it.
-    pub remedy: String,
+    pub help: String,
+}
+
+impl Problem {
+    /// Description with the value.
+    #[must_use]
+    pub fn statement(&self) -> String {
+        if self.value.is_empty() {
+            self.message.clone()
+        } else {
+            format!("{} {}", self.value, self.message)
+        }
+    }
 }
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.field)?;
-        if !self.value.is_empty() {
-            write!(f, " = {}", self.value)?;
+        f.write_str(&printable(&self.file))?;
+        if self.line > 0 {
+            write!(f, ":{}", self.line)?;
         }
-        write!(f, ": {}; {}", self.message, self.remedy)
+        if self.column > 0 {
+            write!(f, ":{}", self.column)?;
+        }
+        f.write_str(": ")?;
+        if !self.field.is_empty() {
+            write!(f, "{}: ", printable(&self.field))?;
+        }
+        f.write_str(&printable(&self.statement()))?;
+        if !self.help.is_empty() {
+            write!(f, "\n    help: {}", printable(&self.help))?;
+        }
+        Ok(())
     }
 }
 
@@ -43,16 +78,32 @@ pub struct FileErrors {
     pub problems: Vec<Problem>,
 }
 
+impl FileErrors {
+    fn of(path: &Path, gather: Gatherer<'_>) -> Self {
+        Self::sorted(path.to_owned(), gather.into_problems())
+    }
+
+    fn sorted(path: PathBuf, mut problems: Vec<Problem>) -> Self {
+        problems.sort_by(|a, b| (a.line, &a.field).cmp(&(b.line, &b.field)));
+        Self { path, problems }
+    }
+}
+
 impl fmt::Display for FileErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, problem) in self.problems.iter().enumerate() {
             if index > 0 {
                 writeln!(f)?;
             }
-            match problem.line {
-                Some(line) => write!(f, "{}:{line}: {problem}", self.path.display())?,
-                None => write!(f, "{}: {problem}", self.path.display())?,
+            write!(f, "{}", self.path.display())?;
+            if problem.line > 0 {
+                write!(f, ":{}", problem.line)?;
             }
+            write!(f, ": {}", problem.field)?;
+            if !problem.value.is_empty() {
+                write!(f, " = {}", problem.value)?;
+            }
+            write!(f, ": {}; {}", problem.message, problem.help)?;
         }
         Ok(())
     }
@@ -60,374 +111,169 @@ impl fmt::Display for FileErrors {
 
 impl std::error::Error for FileErrors {}
 
-/// Which numbers a field admits.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Range {
-    /// Any finite number.
-    Finite,
-    /// Greater than zero and at most this.
-    Positive(f64),
-    /// Zero or greater and at most this.
-    NonNegative(f64),
-    /// Between these, both included.
-    Within(f64, f64),
-}
-
-impl Range {
-    fn complaint(self, value: f64) -> Option<String> {
-        if !value.is_finite() {
-            return Some("is not a finite number".into());
-        }
-        match self {
-            Self::Positive(_) if value <= 0.0 => Some("must be greater than 0".into()),
-            Self::NonNegative(_) if value < 0.0 => Some("must not be negative".into()),
-            Self::Positive(most) | Self::NonNegative(most) if value > most => {
-                Some(format!("is more than {most}, which no vehicle has"))
-            }
-            Self::Within(least, most) if !(least..=most).contains(&value) => {
-                Some(format!("must lie between {least} and {most}"))
-            }
-            _ => None,
-        }
-    }
-}
-
-/// What a field holds.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Kind {
-    Table,
-    Texts,
-    Text,
-    Flag,
-    Number(Range),
-    Integer(i64, i64),
-    Vector(usize, Range),
-    Pairs,
-    Choice(&'static [&'static str]),
-}
-
-/// One field of a file.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Rule {
-    /// Dotted name.
-    pub field: &'static str,
-    /// What it holds.
-    pub kind: Kind,
-    /// Whether it must be there when its table is.
-    pub required: bool,
-}
-
-/// A field that must be there.
-pub(crate) const fn must(field: &'static str, kind: Kind) -> Rule {
-    Rule {
-        field,
-        kind,
-        required: true,
-    }
-}
-
-/// A field that may be left out.
-pub(crate) const fn may(field: &'static str, kind: Kind) -> Rule {
-    Rule {
-        field,
-        kind,
-        required: false,
-    }
-}
-
-/// Rules of one table of a file. The same rules may hold for several tables, as for both axles.
-pub(crate) struct Section {
-    /// Dotted names of the tables, empty for the top of the file.
-    pub tables: &'static [&'static str],
-    /// The fields in them.
-    pub rules: &'static [Rule],
-}
-
-/// A file that was read, with the line of each of its fields.
-pub(crate) struct Checked<T> {
-    /// What the file says.
-    pub value: T,
-    /// Line of each field.
-    lines: BTreeMap<String, usize>,
-    path: PathBuf,
-    problems: Vec<Problem>,
-}
-
-impl<T> Checked<T> {
-    /// Notes a mistake that shows only between fields.
-    pub fn note(&mut self, field: &str, value: String, message: String, remedy: String) {
-        self.problems.push(Problem {
-            line: line_of(&self.lines, field),
-            field: field.to_owned(),
-            value,
-            message,
-            remedy,
-        });
-    }
-
-    /// What was read, made into something else.
-    pub fn map<U>(self, make: impl FnOnce(T) -> U) -> Checked<U> {
-        Checked {
-            value: make(self.value),
-            lines: self.lines,
-            path: self.path,
-            problems: self.problems,
-        }
-    }
-
-    /// The file, or all that is wrong with it.
-    pub fn finish(self) -> Result<T, FileErrors> {
-        if self.problems.is_empty() {
-            Ok(self.value)
-        } else {
-            Err(sorted(self.path, self.problems))
-        }
-    }
-}
-
-/// Problems of one file that are reported.
+/// Largest TOML text that is read, bytes.
+pub const TOML_MAX: usize = 1 << 20;
+/// Most problems of a file that are reported.
 const PROBLEMS_MAX: usize = 100;
 
-/// Reads a file under rules.
-pub(crate) fn read<T: DeserializeOwned>(
-    text: &str,
-    path: &Path,
-    sections: &[Section],
-) -> Result<Checked<T>, FileErrors> {
-    let parsed = guarded(|| (DeTable::parse_recoverable(text), toml::from_str(text)));
-    let ((document, errors), value) = match parsed {
-        Ok(parsed) => parsed,
-        Err(panic) => return Err(sorted(path.to_owned(), vec![parser_problem(panic)])),
-    };
-    if !errors.is_empty() {
-        let problems = errors
-            .iter()
-            .take(PROBLEMS_MAX)
-            .map(|error| syntax_problem(text, error))
-            .collect();
-        return Err(sorted(path.to_owned(), problems));
-    }
-    let mut walk = Walk {
-        text,
-        sections,
-        lines: BTreeMap::new(),
-        problems: Vec::new(),
-    };
-    walk.table("", document.get_ref());
-    if !walk.problems.is_empty() {
-        return Err(sorted(path.to_owned(), walk.problems));
-    }
-    match value {
-        Ok(value) => Ok(Checked {
-            value,
-            lines: walk.lines,
-            path: path.to_owned(),
-            problems: Vec::new(),
-        }),
-        Err(error) => Err(sorted(path.to_owned(), vec![syntax_problem(text, &error)])),
-    }
-}
-
-fn parser_problem(panic: String) -> Problem {
-    Problem {
-        line: None,
-        field: "syntax".into(),
-        value: String::new(),
-        message: format!("the TOML parser failed: {panic}"),
-        remedy: "correct the TOML".into(),
-    }
-}
-
-fn syntax_problem(text: &str, error: &toml::de::Error) -> Problem {
-    let span = error.span();
-    Problem {
-        line: span.as_ref().map(|span| line_at(text, span.start)),
-        field: "syntax".into(),
-        value: span
-            .and_then(|span| text.get(span))
-            .unwrap_or_default()
-            .lines()
-            .next()
-            .unwrap_or_default()
-            .to_owned(),
-        message: error.message().to_owned(),
-        remedy: "correct the TOML".into(),
-    }
-}
-
-fn sorted(path: PathBuf, mut problems: Vec<Problem>) -> FileErrors {
-    problems.sort_by(|a, b| (a.line, &a.field).cmp(&(b.line, &b.field)));
-    FileErrors { path, problems }
-}
-
-fn line_at(text: &str, offset: usize) -> usize {
-    1 + text
-        .bytes()
-        .take(offset)
-        .filter(|byte| *byte == b'\n')
-        .count()
-}
-
-/// Line of a field, or of the nearest table around it.
-fn line_of(lines: &BTreeMap<String, usize>, field: &str) -> Option<usize> {
-    let mut name = field;
-    loop {
-        if let Some(line) = lines.get(name) {
-            return Some(*line);
-        }
-        name = name.rsplit_once('.')?.0;
-    }
-}
-
-struct Walk<'a> {
-    text: &'a str,
-    sections: &'a [Section],
-    lines: BTreeMap<String, usize>,
+/// Collects the problems of a file.
+pub struct Gatherer<'t> {
+    file: &'t str,
+    text: &'t str,
     problems: Vec<Problem>,
+    /// Problems beyond [`PROBLEMS_MAX`].
+    more: usize,
 }
 
-impl Walk<'_> {
-    fn rules(&self, table: &str) -> impl Iterator<Item = &'static Rule> + use<> {
-        self.sections
-            .iter()
-            .filter(|section| section.tables.contains(&table))
-            .map(|section| section.rules)
-            .collect::<Vec<_>>()
-            .into_iter()
-            .flatten()
+impl<'t> Gatherer<'t> {
+    /// Collector for the file with the name `file` and the content `text`.
+    pub fn new(file: &'t str, text: &'t str) -> Self {
+        Self {
+            file,
+            text,
+            problems: Vec::new(),
+            more: 0,
+        }
     }
 
-    fn problem(&mut self, field: &str, value: &str, message: String, remedy: String) {
+    /// Adds a problem at `span` of the text.
+    pub fn add(
+        &mut self,
+        span: &Range<usize>,
+        field: &str,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        if self.count_if_full() {
+            return;
+        }
+        let (line, column) = line_and_column(self.text, span.start);
         self.problems.push(Problem {
-            line: line_of(&self.lines, field),
+            file: self.file.to_owned(),
+            line,
+            column,
             field: field.to_owned(),
-            value: value.trim().to_owned(),
-            message,
-            remedy,
+            value: String::new(),
+            message: message.into(),
+            help: help.into(),
         });
     }
 
-    fn table(&mut self, name: &str, table: &DeTable<'_>) {
-        for (key, value) in table {
-            if self.problems.len() >= PROBLEMS_MAX {
-                return;
-            }
-            let field = join(name, key.get_ref());
-            self.lines
-                .insert(field.clone(), line_at(self.text, key.span().start));
-            let rule = self.rules(name).find(|rule| rule.field == key.get_ref());
-            let Some(rule) = rule else {
-                let known: Vec<_> = self.rules(name).map(|rule| rule.field).collect();
-                self.problem(
-                    &field,
-                    "",
-                    "no such field".into(),
-                    remedy_of_unknown(key.get_ref(), &known),
-                );
-                continue;
-            };
-            let written = self.text.get(value.span()).unwrap_or_default().to_owned();
-            self.field(&field, rule.kind, value.get_ref(), &written);
+    /// Adds a problem with a value on a line; 0 means the file as a whole.
+    fn add_at(&mut self, line: usize, field: &str, value: &str, message: String, help: String) {
+        if self.count_if_full() {
+            return;
         }
-        for rule in self.rules(name) {
-            if rule.required && !table.keys().any(|key| key.get_ref() == rule.field) {
-                let field = join(name, rule.field);
-                self.problem(
-                    &field,
-                    "",
-                    "is missing".into(),
-                    format!("add {}", wanted(rule.kind)),
-                );
-            }
-        }
+        self.problems.push(Problem {
+            file: self.file.to_owned(),
+            line,
+            column: 0,
+            field: field.to_owned(),
+            value: value.to_owned(),
+            message,
+            help,
+        });
     }
 
-    fn field(&mut self, field: &str, kind: Kind, value: &DeValue<'_>, written: &str) {
-        let complaint = match (kind, value) {
-            (Kind::Table, DeValue::Table(table)) => {
-                self.table(field, table);
-                None
+    /// The table of the text; what hinders that is a problem.
+    pub fn parse(&mut self) -> Option<Spanned<DeTable<'t>>> {
+        let whole = 0..0;
+        match parse(self.text) {
+            Ok(table) => return Some(table),
+            Err(Unparsed::TooLong(bytes)) => {
+                let message = format!("the file has {bytes} bytes, but the limit is {TOML_MAX}");
+                self.add(&whole, "", message, "check the name of the file");
             }
-            (Kind::Texts, DeValue::Table(table)) => (!table.values().all(|v| v.get_ref().is_str()))
-                .then(|| "must hold texts only".to_owned()),
-            (Kind::Text, DeValue::String(_)) | (Kind::Flag, DeValue::Boolean(_)) => None,
-            (Kind::Number(range), value) => match number(value) {
-                Some(number) => range.complaint(number),
-                None => Some("is not a number".into()),
-            },
-            (Kind::Integer(least, most), DeValue::Integer(_)) => match number(value) {
-                Some(number) if (least as f64..=most as f64).contains(&number) => None,
-                _ => Some(format!("must lie between {least} and {most}")),
-            },
-            (Kind::Vector(length, range), DeValue::Array(items)) => {
-                let numbers: Option<Vec<f64>> = items.iter().map(|i| number(i.get_ref())).collect();
-                match numbers {
-                    Some(numbers) if numbers.len() == length => {
-                        numbers.iter().find_map(|n| range.complaint(*n))
-                    }
-                    _ => Some(format!("is not {length} numbers")),
+            Err(Unparsed::Syntax(errors)) => {
+                for error in errors {
+                    let span = error.span().unwrap_or(whole.clone());
+                    self.add(&span, "", error.message(), "correct the TOML syntax");
                 }
             }
-            (Kind::Pairs, DeValue::Array(items)) => pairs_complaint(items),
-            (Kind::Choice(choices), DeValue::String(text)) => (!choices.contains(&text.as_ref()))
-                .then(|| "is not one of the kinds known".to_owned()),
-            _ => Some(format!("is of the wrong type ({})", value.type_str())),
-        };
-        if let Some(message) = complaint {
-            let shown = written.lines().next().unwrap_or_default();
-            self.problem(field, shown, message, format!("give {}", wanted(kind)));
+            Err(Unparsed::Panic(panic)) => {
+                let message = format!("the TOML parser failed: {panic}");
+                self.add(&whole, "", message, "correct the TOML syntax");
+            }
+        }
+        None
+    }
+
+    /// Adds problems of another file.
+    pub fn add_foreign(&mut self, problems: impl IntoIterator<Item = Problem>) {
+        for problem in problems {
+            if !self.count_if_full() {
+                self.problems.push(problem);
+            }
         }
     }
-}
 
-fn pairs_complaint(items: &toml::de::DeArray<'_>) -> Option<String> {
-    let mut last = f64::NEG_INFINITY;
-    for item in items {
-        let pair = item.get_ref().as_array()?;
-        let numbers: Vec<f64> = pair.iter().filter_map(|i| number(i.get_ref())).collect();
-        let [from, to] = numbers[..] else {
-            return Some("is not made of pairs of numbers".into());
-        };
-        if !from.is_finite() || !to.is_finite() || from <= last {
-            return Some("must be finite, its first column ascending".into());
+    fn is_full(&self) -> bool {
+        self.problems.len() >= PROBLEMS_MAX
+    }
+
+    /// Whether there is no room for a further problem, which is counted then.
+    fn count_if_full(&mut self) -> bool {
+        let full = self.is_full();
+        self.more += usize::from(full);
+        full
+    }
+
+    /// Whether there is no problem so far.
+    pub fn is_empty(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// Problems in the order of the text.
+    pub fn into_problems(mut self) -> Vec<Problem> {
+        let own = self.file;
+        self.problems.sort_by(|a, b| {
+            let place = |p: &Problem| (p.file != own, p.file.clone(), p.line, p.column);
+            place(a).cmp(&place(b))
+        });
+        if self.more > 0 {
+            self.problems.push(Problem {
+                file: own.to_owned(),
+                line: 0,
+                column: 0,
+                field: String::new(),
+                value: String::new(),
+                message: format!("{} more errors are not shown", self.more),
+                help: "correct the errors above and check again".to_owned(),
+            });
         }
-        last = from;
-    }
-    (items.len() == 1).then(|| "needs two pairs at least".to_owned())
-}
-
-fn number(value: &DeValue<'_>) -> Option<f64> {
-    match value {
-        DeValue::Float(float) => float.as_str().replace('_', "").parse().ok(),
-        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
-            .ok()
-            .map(|integer| integer as f64),
-        _ => None,
+        self.problems
     }
 }
 
-fn wanted(kind: Kind) -> String {
-    match kind {
-        Kind::Table => "a table".into(),
-        Kind::Texts => "a table of texts".into(),
-        Kind::Text => "a text in quotes".into(),
-        Kind::Flag => "true or false".into(),
-        Kind::Number(_) => "a number in the unit that the field's name ends with".into(),
-        Kind::Integer(least, most) => format!("a whole number from {least} to {most}"),
-        Kind::Vector(length, _) => {
-            format!("{length} numbers in the unit that the field's name ends with")
-        }
-        Kind::Pairs => "pairs such as [[-1.0, -0.1], [1.0, 0.1]]".into(),
-        Kind::Choice(choices) => format!("one of {}", choices.join(", ")),
+/// Why a text is no table.
+#[derive(Debug)]
+enum Unparsed {
+    /// It has so many bytes, more than [`TOML_MAX`].
+    TooLong(usize),
+    /// Its syntax is wrong.
+    Syntax(Vec<toml::de::Error>),
+    /// The parser ended with a panic, which said this.
+    Panic(String),
+}
+
+/// The table of a TOML text.
+fn parse(text: &str) -> Result<Spanned<DeTable<'_>>, Unparsed> {
+    if text.len() > TOML_MAX {
+        return Err(Unparsed::TooLong(text.len()));
+    }
+    match guarded(|| DeTable::parse_recoverable(text)) {
+        Ok((table, errors)) if errors.is_empty() => Ok(table),
+        Ok((_, errors)) => Err(Unparsed::Syntax(errors)),
+        Err(panic) => Err(Unparsed::Panic(panic)),
     }
 }
 
-fn join(table: &str, field: &str) -> String {
-    if table.is_empty() {
-        field.to_owned()
-    } else {
-        format!("{table}.{field}")
-    }
+/// Line and column, both from 1, of a byte position.
+fn line_and_column(text: &str, position: usize) -> (usize, usize) {
+    let before = text.get(..position.min(text.len())).unwrap_or(text);
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+    (line, column)
 }
 
 /// The known name that is meant by `name`, if one is near: a quarter of its letters and one more may
@@ -440,52 +286,4 @@ pub fn closest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
         .filter(|(distance, other)| *distance <= 1 + other.len() / 4)
         .min()
         .map(|(_, other)| other)
-}
-
-/// What to do about an unknown field.
-fn remedy_of_unknown(name: &str, known: &[&str]) -> String {
-    let stem = |full: &str| full.split('_').next().unwrap_or_default().to_owned();
-    // Units belong to names: "mass" and "mass_lb" mean "mass_kg".
-    let same_stem = || {
-        let mut alike = known.iter().filter(|other| stem(other) == stem(name));
-        alike.next().filter(|_| alike.next().is_none()).copied()
-    };
-    match closest(name, known).or_else(same_stem) {
-        Some(best) => format!("did you mean {best}? Units belong to the name"),
-        None => format!("remove it; known here: {}", known.join(", ")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_misspelt_name_and_one_in_another_unit_are_recognised() {
-        let known = [
-            "mass_kg",
-            "cg_height_m",
-            "front_axle_to_cg_m",
-            "cg_to_rear_axle_m",
-        ];
-        assert_eq!(closest("mas_kg", &known), Some("mass_kg"));
-        assert_eq!(closest("cg_hieght_m", &known), Some("cg_height_m"));
-        assert_eq!(closest("colour", &known), None);
-        let remedy = |name| remedy_of_unknown(name, &known);
-        assert!(
-            remedy("mass_lb").starts_with("did you mean mass_kg?"),
-            "{}",
-            remedy("mass_lb")
-        );
-        assert!(
-            remedy("mass").starts_with("did you mean mass_kg?"),
-            "{}",
-            remedy("mass")
-        );
-        assert!(
-            remedy("colour").starts_with("remove it"),
-            "{}",
-            remedy("colour")
-        );
-    }
 }

@@ -3,7 +3,7 @@
 pub mod chassis;
 mod checks;
 mod error;
-mod file;
+pub mod file;
 pub mod integrate;
 mod scalar;
 pub mod sensors;
@@ -18,6 +18,6 @@ pub mod vehicle;
 pub use {nalgebra, sample};
 
 pub use error::Error;
-pub use file::{FileErrors, Problem, closest};
+pub use file::FileErrors;
 pub use scalar::Scalar;
 pub use values::Values;

@@ -91,8 +91,7 @@ pub fn identify_cornering<'py>(
         seed,
         ..cornering::Options::default()
     };
-    let body = cornering::Body::of(&roll_centre::of_linkage(&vehicle.inner));
-    let found = py.detach(|| cornering::identify(&drive.inner, &body, &options));
+    let found = py.detach(|| cornering::of_vehicle(&drive.inner, &vehicle.inner, &options));
     dict(py, &found.map_err(|e| refusal(&e))?)
 }
 

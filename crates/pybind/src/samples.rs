@@ -305,16 +305,17 @@ impl<'py> Rows<'_, 'py> {
         })
     }
 
-    fn counts(&self, name: &str, value: f64, row: usize) -> PyResult<Option<u16>> {
+    fn counts(&self, name: &str, value: f64, row: usize) -> PyResult<Option<i32>> {
         if value.is_nan() {
             return Ok(None);
         }
-        if value.fract() == 0.0 && (0.0..=f64::from(u16::MAX)).contains(&value) {
-            return Ok(Some(value as u16));
+        let range = f64::from(i32::MIN)..=f64::from(i32::MAX);
+        if value.fract() == 0.0 && range.contains(&value) {
+            return Ok(Some(value as i32));
         }
         Err(errors::argument(format!(
-            "{} in row {row} is {value}: counts are whole numbers from 0 to 65535, or NaN where \
-             there is none",
+            "{} in row {row} is {value}: counts are whole numbers of 32 bits, or NaN where there is \
+             none",
             self.name(name)
         )))
     }

@@ -1,32 +1,18 @@
 //! `atvrec calibrate`: calibrate the sensors from workshop logs. Each step is a command and adds its
 //! values to one calibration file.
 
-mod gnss;
-mod imu;
-mod marked;
-mod recording;
-mod zero;
-
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, ensure};
 use engine::config::{TOML_MAX, read_text};
+use engine::read_recording;
 use estimator::Calibration;
+use estimator::calibration::{Recording, Step};
 
 use crate::cli::{CalibrateArgs, CalibrateCommand};
 use crate::cmd::findings;
 use crate::exit::Outcome;
 use engine::output::{Kind, Target};
-
-use recording::Recording;
-
-/// Logs of a step, and the calibration so far.
-pub struct Bench {
-    /// Logs, at least one, all of one vehicle.
-    pub recordings: Vec<Recording>,
-    /// Calibration of the earlier steps, to which the step adds its values.
-    pub calibration: Calibration,
-}
 
 /// Runs the command.
 pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
@@ -37,70 +23,55 @@ pub fn run(command: &CalibrateCommand) -> anyhow::Result<Outcome> {
     let page = args.report.as_ref();
     let page = page.map(|path| Target::new(path, Kind::Page, args.replace.force, inputs()));
     let page = page.transpose()?;
-    let mut bench = Bench::set_up(args)?;
-    let (title, results) = match command {
-        CalibrateCommand::Zero(own) => ("zero", zero::run(own, &mut bench)),
-        CalibrateCommand::Imu(_) => ("imu", imu::run(&mut bench)),
-        CalibrateCommand::Gnss(_) => ("gnss", gnss::run(&mut bench)),
-        CalibrateCommand::Weight(own) => ("weight", marked::weigh(own, &mut bench)),
-        CalibrateCommand::LoadRig(_) => ("load-rig", marked::rig(&mut bench)),
-        CalibrateCommand::Steer(own) => ("steer", marked::plates(own, &mut bench)),
-        CalibrateCommand::WheelRadius(_) => ("wheel-radius", gnss::wheels(&mut bench)),
-    };
-    let results = results.with_context(|| format!("calibrate {title}"))?;
-    output.write(&bench.calibration.to_toml()?)?;
+    let recordings = read(args)?;
+    let step = step(command);
+    let first = recordings.first().context("no log is given")?;
+    let known = known(&args.output, &first.vehicle.name)?;
+    let found = step
+        .calibrate(&recordings, &known)
+        .with_context(|| format!("calibrate {}", step.title()))?;
+    output.write(&found.calibration.to_toml()?)?;
     if let Some(page) = page {
-        let title = format!("Calibration: {title}");
-        page.write(&findings::page(&title, bench.facts(), &results))?;
+        let title = format!("Calibration: {}", step.title());
+        page.write(&findings::page(&title, facts(&recordings), &found.findings))?;
     }
-    findings::print(&results, args.json)?;
+    findings::print(&found.findings, args.json)?;
     if !args.json {
         println!("wrote {}", args.output.display());
     }
     Ok(Outcome::Good)
 }
 
-impl Bench {
-    fn set_up(args: &CalibrateArgs) -> anyhow::Result<Self> {
-        let recordings: Vec<Recording> = args
-            .logs
-            .iter()
-            .map(|path| Recording::read(path))
-            .collect::<anyhow::Result<_>>()?;
-        let first = recordings.first().context("no log is given")?;
-        let name = first.vehicle.name.clone();
-        for other in &recordings {
-            ensure!(
-                other.vehicle.name == name && other.sensors == first.sensors,
-                "{} is a log of vehicle \"{}\" with sensors \"{}\", but {} is a log of vehicle \
-                 \"{name}\" with sensors \"{}\"; give logs of one vehicle",
-                other.path.display(),
-                other.vehicle.name,
-                other.sensors.name,
-                first.path.display(),
-                first.sensors.name,
-            );
-        }
-        let calibration = known(&args.output, &name)?;
-        Ok(Self {
-            recordings,
-            calibration,
-        })
+fn step(command: &CalibrateCommand) -> Step {
+    match command {
+        CalibrateCommand::Zero(args) => Step::Zero {
+            weight_sigma: args.weight_sigma,
+        },
+        CalibrateCommand::Imu(_) => Step::Imu,
+        CalibrateCommand::Gnss(_) => Step::Gnss,
+        CalibrateCommand::Weight(args) => Step::Weight {
+            scales: args.scales.clone(),
+        },
+        CalibrateCommand::LoadRig(_) => Step::LoadRig,
+        CalibrateCommand::Steer(args) => Step::Steer {
+            plate_sigma_rad: args.plate_sigma_deg.to_radians(),
+        },
+        CalibrateCommand::WheelRadius(_) => Step::WheelRadius,
     }
+}
 
-    fn facts(&self) -> Vec<(String, String)> {
-        let first = &self.recordings[0];
-        let logs: Vec<String> = self
-            .recordings
-            .iter()
-            .map(|r| r.path.display().to_string())
-            .collect();
-        vec![
-            ("vehicle".to_owned(), first.vehicle.name.clone()),
-            ("sensors".to_owned(), first.sensors.name.clone()),
-            ("logs".to_owned(), logs.join(", ")),
-        ]
-    }
+fn read(args: &CalibrateArgs) -> engine::Result<Vec<Recording>> {
+    args.logs.iter().map(|path| read_recording(path)).collect()
+}
+
+fn facts(recordings: &[Recording]) -> Vec<(String, String)> {
+    let first = &recordings[0];
+    let logs: Vec<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
+    vec![
+        ("vehicle".to_owned(), first.vehicle.name.clone()),
+        ("sensors".to_owned(), first.sensors.name.clone()),
+        ("logs".to_owned(), logs.join(", ")),
+    ]
 }
 
 /// Calibration of the earlier steps; the nominal calibration if there is no file yet.
@@ -124,16 +95,4 @@ fn known(path: &Path, vehicle: &str) -> anyhow::Result<Calibration> {
         known.vehicle,
     );
     Ok(known)
-}
-
-/// The only log of a step that takes one.
-fn one_log<'a>(recordings: &'a [Recording], step: &str) -> anyhow::Result<&'a Recording> {
-    let paths: Vec<&PathBuf> = recordings.iter().map(|r| &r.path).collect();
-    match recordings {
-        [one] => Ok(one),
-        _ => anyhow::bail!(
-            "the step {step} needs one log, but {} were given: {paths:?}",
-            recordings.len()
-        ),
-    }
 }

@@ -198,7 +198,7 @@ fn problems_as_json(error: &anyhow::Error) -> serde_json::Value {
                     "line": problem.line,
                     "column": problem.column,
                     "field": problem.field,
-                    "message": problem.message,
+                    "message": problem.statement(),
                     "help": problem.help,
                 })
             })

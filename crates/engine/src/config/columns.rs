@@ -4,7 +4,7 @@ use toml::de::DeValue;
 use wire::column::{Column, Dimension, Quantity};
 use wire::{alog, csv};
 
-use super::reader::{Field, FromValue, Gatherer, Problem, Section, closest, parse};
+use model::file::{Field, FromValue, Gatherer, Problem, Section, closest};
 
 /// Units of a time column and their lengths, ns.
 const TIME_UNITS: [(&str, u64); 5] = [
@@ -160,7 +160,7 @@ fn read<T>(
     body: impl FnOnce(&mut Section<'_>, &mut Gatherer<'_>) -> T,
 ) -> Result<T, Vec<Problem>> {
     let mut gather = Gatherer::new(file, text);
-    let Some(table) = parse(text, &mut gather) else {
+    let Some(table) = gather.parse() else {
         return Err(gather.into_problems());
     };
     let mut top = Section::new("", table);

@@ -8,7 +8,7 @@ use model::vehicle::Vehicle;
 
 use super::files::{FileKind, Files};
 use super::overrides;
-use super::reader::{Field, Gatherer, NumberOrList, Problem, Section, closest};
+use model::file::{Field, Gatherer, NumberOrList, Section, closest};
 
 /// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
@@ -90,14 +90,7 @@ pub fn read(
     let vehicle = text_of(&file, FileKind::Vehicle, files, gather)
         .and_then(|text| overridden(text, overrides.as_ref(), files, gather))
         .and_then(|text| value_of(Vehicle::from_toml(&text, &file.value), gather));
-    let sensors = sensors.unwrap_or_else(|| Field {
-        value: Sensors::builtin_names()
-            .next()
-            .unwrap_or_default()
-            .to_owned(),
-        span: file.span.clone(),
-        name: "vehicle.sensors".to_owned(),
-    });
+    let sensors = sensors.unwrap_or_else(|| default_sensors(&file));
     let sensors = text_of(&sensors, FileKind::Sensors, files, gather)
         .and_then(|text| value_of(Sensors::from_toml(&text, &sensors.value), gather));
     let vehicle = vehicle?;
@@ -111,6 +104,16 @@ pub fn read(
         calibration,
         settings,
     })
+}
+
+/// The first built-in sensor set, for a vehicle without sensors in the configuration.
+fn default_sensors(vehicle: &Field<String>) -> Field<String> {
+    let first = Sensors::builtin_names().next();
+    Field {
+        value: first.unwrap_or_default().to_owned(),
+        span: vehicle.span.clone(),
+        name: "vehicle.sensors".to_owned(),
+    }
 }
 
 /// Reads the numbers of a tuning group and of its sub-groups; absent numbers keep their defaults.
@@ -232,18 +235,7 @@ fn value_of<T>(read: Result<T, FileErrors>, gather: &mut Gatherer<'_>) -> Option
     match read {
         Ok(value) => Some(value),
         Err(errors) => {
-            gather.add_foreign(errors.problems.iter().map(|problem| Problem {
-                file: errors.path.display().to_string(),
-                line: problem.line.unwrap_or(0),
-                column: 0,
-                field: problem.field.clone(),
-                message: if problem.value.is_empty() {
-                    problem.message.clone()
-                } else {
-                    format!("{} {}", problem.value, problem.message)
-                },
-                help: problem.remedy.clone(),
-            }));
+            gather.add_foreign(errors.problems);
             None
         }
     }

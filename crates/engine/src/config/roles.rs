@@ -3,7 +3,7 @@
 use sample::{StrainChannel, Wheel};
 use wire::dbc::{Database, SignalDef};
 
-use super::reader::{Field, Gatherer, Section, closest};
+use model::file::{Field, Gatherer, Section, closest};
 
 /// Role of a signal for the estimator.
 #[derive(Clone, Copy, Debug, PartialEq)]

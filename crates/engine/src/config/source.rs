@@ -13,8 +13,8 @@ use wire::line;
 
 use super::columns::{self, CsvMap};
 use super::files::{FileKind, Files};
-use super::reader::{Field, Gatherer, Problem, Section, closest};
 use super::roles::RoleOf;
+use model::file::{Field, Gatherer, Problem, Section, closest};
 
 /// Names of the kinds of source in the file.
 const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];

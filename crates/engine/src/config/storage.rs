@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::reader::{Gatherer, Section};
 use super::source::Source;
 use super::trigger::Trigger;
+use model::file::{Gatherer, Section};
 
 /// Limits of the log directory, in bytes; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

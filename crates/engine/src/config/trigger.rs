@@ -5,8 +5,8 @@ use std::time::Duration;
 use acq::RingLimits;
 use sample::{Arrival, CanFrame, Event, EventKind, Notice, Payload, SourceId};
 
-use super::reader::{Field, Gatherer, Section, closest};
 use super::source::{Meaning, Source};
+use model::file::{Field, Gatherer, Section, closest};
 
 /// Triggers of a recording.
 #[derive(Clone, Debug, PartialEq)]

@@ -22,7 +22,8 @@
 //! With all of them the forces of the independent simulator's `c_sine03` come out within 2.4 N RMS,
 //! of 520 and 660. Where the wheels' loads are unknown, the loads' transfer follows from the vehicle
 //! file and the first two parts are left out: C then holds the trail's effect, as a two-wheel
-//! model's does. The slip angles are those of the axles, against which a rolling body's centre of
+//! model's does. Where the roll angle is unknown (or zero in all rows), M, F_xf and the loads' transfer are zero: C is
+//! the stiffness of the two-wheel model that moves as the vehicle did. The slip angles are those of the axles, against which a rolling body's centre of
 //! gravity sways: v + (h - h_roll) phi' takes the place of v. The noisy slip angle is regressed on
 //! the quiet force, with an offset:
 //!
@@ -30,18 +31,21 @@
 //!
 //! g(F) is the force that the axle's slip would make if the tyres were linear and stood under their
 //! loads at rest: C tan(alpha) of two brush tyres of grip mu N and stiffness (C/2) (N/N_0)^n each.
-//! tau takes up relaxation and delays between sensors. Where the data
-//! contradict that grip, it is found with the rest, and F + F^3/Q^2 takes the brush tyre's place
-//! if it leaves less.
+//! tau takes up relaxation and delays between sensors. mu is the vehicle file's where the data
+//! confirm it. Elsewhere 1/mu is found with the rest, from the data and from the file's value, which
+//! then counts as one that may be off by all of itself, so that tyres without a curve are found as
+//! such; noise may bring 1/mu below zero. Where the data contradict the file, F + q F^3 takes the
+//! brush tyre's place if it leaves less.
 //!
-//! The deviations hold what noise does and, to first order, what the vehicle file's own doubts do
-//! (trail 20 %, grip 10 %, load's
-//! transfer 5 %, sway 10 %, yaw inertia 3 %). The front offset less the rear one is what the steer angle reads too little; the sideslip angle's
+//! The deviations hold what noise does, what the grip's deviation does (10 % where the data confirm
+//! it) and, to first order, what the vehicle file's other deviations do (trail 20 %, load's transfer
+//! 5 %, sway 10 %, yaw inertia 3 %). The front offset less the rear one is what the steer angle reads too little; the sideslip angle's
 //! own offset is common to both.
 
 mod beside;
 mod body;
 mod curve;
+mod offset;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -53,9 +57,10 @@ use crate::regression::{intervals_by_influence, wandering};
 
 pub use beside::equation_2_31;
 pub use body::Body;
+pub use offset::of_vehicle;
 
 use beside::{beside, recursive};
-use body::Instant;
+use body::{Instant, Loads};
 use curve::{AxleFit, fit};
 
 /// What is looked for, in the words of refusals.
@@ -111,6 +116,8 @@ struct AxleRows {
     force_rate_n_s: Vec<f64>,
     /// Loads of the left and the right wheel, parts of those at rest.
     load_parts: Vec<[f64; 2]>,
+    /// Whether the vehicle is taken as a two-wheel model.
+    two_wheel: bool,
 }
 
 /// Finds the cornering stiffness of both axles.
@@ -147,7 +154,7 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
     let mut found = findings(&fits, &doubt, span, options);
     beside(&mut found, drive, body, options, &axles, &rows);
     for (fit, name) in fits.iter().zip(["front", "rear"]) {
-        let grip_n = fit.grip_inverse.abs().recip();
+        let grip_n = fit.grip_n();
         found.beside.push((
             format!("grip_of_{name}_{}_curve", fit.curve.name()),
             grip_n,
@@ -236,28 +243,37 @@ fn axle_rows(
             force_rate_n_s: pick(&slope(&force, dt_s, cut)),
             force_n: pick(&smooth(&force, dt_s, cut)),
             load_parts: left.into_iter().zip(right).map(<[f64; 2]>::from).collect(),
+            two_wheel: instants
+                .iter()
+                .all(|now| matches!(now.loads, Loads::TwoWheel)),
         }
     })
 }
 
-/// The motion of all rows, the steer angle freed of an offset; without a roll angle the body is
-/// taken as upright.
+/// The motion of all rows, the steer angle freed of an offset.
 fn instants(drive: &Drive, options: &Options, steer_offset_rad: f64) -> Vec<Instant> {
     let cut = 2.0 * options.cutoff_hz;
     let yaw_acceleration = slope(&drive.yaw_rate_rad_s, drive.dt_s, cut);
-    let upright = drive.roll_rad.iter().all(|roll| !roll.is_finite());
+    // A body that leans is never upright in every row.
+    let upright = drive
+        .roll_rad
+        .iter()
+        .all(|roll| !roll.is_finite() || *roll == 0.0);
     let roll = if upright {
         vec![0.0; drive.rows()]
     } else {
         drive.roll_rad.clone()
     };
     let roll_rate = slope(&roll, drive.dt_s, cut);
-    let loaded = !upright
-        && drive
-            .loads_n
-            .0
-            .iter()
-            .all(|load| load.iter().any(|n| n.is_finite()));
+    let loads_n = &drive.loads_n.0;
+    let loaded = loads_n
+        .iter()
+        .all(|load| load.iter().any(|n| n.is_finite()));
+    let loads = |row: usize| match (upright, loaded) {
+        (true, _) => Loads::TwoWheel,
+        (false, true) => Loads::Known(loads_n.each_ref().map(|load| load[row])),
+        (false, false) => Loads::ByTransfer,
+    };
     (0..drive.rows())
         .map(|row| Instant {
             speed_m_s: drive.speed_m_s[row],
@@ -266,7 +282,7 @@ fn instants(drive: &Drive, options: &Options, steer_offset_rad: f64) -> Vec<Inst
             roll_rad: roll[row],
             roll_rate_rad_s: roll_rate[row],
             steer_rad: drive.steer_rad[row] - steer_offset_rad,
-            loads_n: loaded.then(|| drive.loads_n.0.each_ref().map(|load| load[row])),
+            loads: loads(row),
         })
         .collect()
 }
@@ -312,6 +328,16 @@ fn doubt(
         let [front, rear] = [0, 1].map(|axle| fits[axle].moved(&body, axle, &rows[axle]));
         let moved = DVector::from_iterator(size, front.iter().chain(rear.iter()).copied());
         sum += &moved * moved.transpose();
+    }
+    // The two axles' tyres differ from the file's in their own ways.
+    let mut first = 0;
+    for fit in fits {
+        let width = fit.fit.coefficients.len();
+        let mut own = sum.view_mut((first, first), (width, width));
+        for moved in &fit.moved_by_grip {
+            own += moved * moved.transpose();
+        }
+        first += width;
     }
     sum
 }

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use super::Sensors;
 use crate::Error;
-use crate::file::Kind::{Choice, Integer, Number, Table, Text, Vector};
-use crate::file::Range::{NonNegative, Positive, Within};
-use crate::file::{self, Checked, FileErrors, Kind, Rule, Section, may, must};
+use crate::file::FileErrors;
+use crate::file::rules::Kind::{Choice, Integer, Number, Table, Text, Vector};
+use crate::file::rules::Range::{NonNegative, Positive, Within};
+use crate::file::rules::{self, Checked, Kind, Rule, TableRules, may, must};
 
 /// All that is wrong with a sensors file.
 pub type SensorsErrors = FileErrors;
@@ -38,8 +39,8 @@ const RATE: Rule = must("rate_hz", Number(Positive(1e5)));
 const PLACE: Kind = Vector(3, Within(-30.0, 30.0));
 const LATENCY: Rule = must("latency_s", Number(NonNegative(5.0)));
 
-const SECTIONS: &[Section] = &[
-    Section {
+const SECTIONS: &[TableRules] = &[
+    TableRules {
         tables: &[""],
         rules: &[
             must("name", Text),
@@ -52,7 +53,7 @@ const SECTIONS: &[Section] = &[
             must("steer", Table),
         ],
     },
-    Section {
+    TableRules {
         tables: &["strain"],
         rules: &[
             RATE,
@@ -72,14 +73,14 @@ const SECTIONS: &[Section] = &[
             must("zero_error_counts", Number(NonNegative(65_535.0))),
         ],
     },
-    Section {
+    TableRules {
         tables: &["strain.amplifier"],
         rules: &[
             must("base_gain", Number(NonNegative(1e6))),
             must("gain_ohm", Number(Positive(1e9))),
         ],
     },
-    Section {
+    TableRules {
         tables: &["strain.bending"],
         rules: &[
             must("bridge", BRIDGES),
@@ -87,7 +88,7 @@ const SECTIONS: &[Section] = &[
             must("distance_from_ball_joint_m", Number(Positive(2.0))),
         ],
     },
-    Section {
+    TableRules {
         tables: &["deflection"],
         rules: &[
             RATE,
@@ -97,7 +98,7 @@ const SECTIONS: &[Section] = &[
             must("zero_error_counts", Number(NonNegative(65_535.0))),
         ],
     },
-    Section {
+    TableRules {
         tables: &["imu"],
         rules: &[
             RATE,
@@ -109,7 +110,7 @@ const SECTIONS: &[Section] = &[
             must("gyro_bias_rad_s", Number(NonNegative(10.0))),
         ],
     },
-    Section {
+    TableRules {
         tables: &["gnss_velocity"],
         rules: &[
             RATE,
@@ -120,7 +121,7 @@ const SECTIONS: &[Section] = &[
             must("averaging_s", Number(NonNegative(5.0))),
         ],
     },
-    Section {
+    TableRules {
         tables: &["gnss_attitude"],
         rules: &[
             RATE,
@@ -130,11 +131,11 @@ const SECTIONS: &[Section] = &[
             LATENCY,
         ],
     },
-    Section {
+    TableRules {
         tables: &["wheel_speed"],
         rules: &[RATE, must("noise_fraction", Number(NonNegative(1.0)))],
     },
-    Section {
+    TableRules {
         tables: &["steer"],
         rules: &[RATE, must("noise_rad", Number(NonNegative(3.2)))],
     },
@@ -146,7 +147,7 @@ impl Sensors {
     /// # Errors
     /// All mistakes at once, each with its line, field, value and remedy.
     pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, SensorsErrors> {
-        let mut checked: Checked<Self> = file::read(text, path.as_ref(), SECTIONS)?;
+        let mut checked: Checked<Self> = rules::read(text, path.as_ref(), SECTIONS)?;
         let strain = &checked.value.strain;
         let (wall, diameter) = (strain.tube_wall_m, strain.tube_outer_diameter_m);
         if 2.0 * wall > diameter {

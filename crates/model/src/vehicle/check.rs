@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::rules::SECTIONS;
 use super::{Axle, Strut, Vehicle, VehicleErrors, plain};
-use crate::file::{self, Checked};
+use crate::file::rules::{self, Checked};
 
 /// Something in a vehicle file that is possible, but so rare that it is worth a second look.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,9 +32,9 @@ impl Vehicle {
     /// All mistakes at once, each with its line, field, value and remedy.
     pub fn from_toml(text: &str, path: impl AsRef<Path>) -> Result<Self, VehicleErrors> {
         let mut checked: Checked<Self> = if plain::is_plain(text) {
-            file::read::<plain::Plain>(text, path.as_ref(), plain::SECTIONS)?.map(Self::from)
+            rules::read::<plain::Plain>(text, path.as_ref(), plain::SECTIONS)?.map(Self::from)
         } else {
-            file::read(text, path.as_ref(), SECTIONS)?
+            rules::read(text, path.as_ref(), SECTIONS)?
         };
         for (field, value, message, remedy) in contradictions(&checked.value) {
             checked.note(&field, value, message, remedy);
@@ -353,7 +353,7 @@ mod tests {
                 "front.strut.design_length_m",
             ]
         );
-        assert!(errors.problems.iter().all(|problem| problem.line.is_some()));
+        assert!(errors.problems.iter().all(|problem| problem.line > 0));
     }
 
     #[test]
@@ -377,7 +377,7 @@ mod tests {
         let infinite = errors(|text| text.replace("644.0", "inf"));
         assert_eq!(fields(&infinite), ["body.mass_kg"]);
         let broken = errors(|text| text.replace("[body]", "[body"));
-        assert_eq!(broken.problems[0].line, Some(4));
+        assert_eq!(broken.problems[0].line, 4);
         assert_eq!(broken.problems[0].field, "syntax");
     }
 }

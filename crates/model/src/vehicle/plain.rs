@@ -8,9 +8,9 @@ use serde::Deserialize;
 
 use super::rules::{DRIVETRAIN, LENGTH, MASS};
 use super::{Axle, Body, Drivetrain, Steering, Tyre, Vehicle};
-use crate::file::Kind::{Number, Table, Text, Texts, Vector};
-use crate::file::Range::{NonNegative, Positive};
-use crate::file::{Rule, Section, may, must};
+use crate::file::rules::Kind::{Number, Table, Text, Texts, Vector};
+use crate::file::rules::Range::{NonNegative, Positive};
+use crate::file::rules::{Rule, TableRules, may, must};
 
 /// What is common, as multiples of what is known.
 const HEIGHT_OVER_WHEELBASE: f64 = 0.2;
@@ -29,20 +29,20 @@ const FRICTION: f64 = 1.0;
 const SOURCE: &str = "common for a car of this mass and wheelbase";
 
 /// The tables of such a file.
-pub(super) const SECTIONS: &[Section] = &[
-    Section {
+pub(super) const SECTIONS: &[TableRules] = &[
+    TableRules {
         tables: &[""],
         rules: TOP,
     },
-    Section {
+    TableRules {
         tables: &["body"],
         rules: BODY,
     },
-    Section {
+    TableRules {
         tables: &["steering"],
         rules: STEERING,
     },
-    Section {
+    TableRules {
         tables: &["drivetrain"],
         rules: DRIVETRAIN,
     },

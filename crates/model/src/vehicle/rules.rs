@@ -1,8 +1,8 @@
 //! What each field of a vehicle file may hold.
 
-use crate::file::Kind::{Flag, Number, Pairs, Table, Text, Texts, Vector};
-use crate::file::Range::{Finite, NonNegative, Positive, Within};
-use crate::file::{Kind, Rule, Section, may, must};
+use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Text, Texts, Vector};
+use crate::file::rules::Range::{Finite, NonNegative, Positive, Within};
+use crate::file::rules::{Kind, Rule, TableRules, may, must};
 
 /// Lengths beyond this are taken for millimetres.
 pub(super) const LENGTH: f64 = 30.0;
@@ -11,48 +11,48 @@ const STIFFNESS: f64 = 1e8;
 const POINT: Kind = Vector(3, Within(-LENGTH, LENGTH));
 
 /// All tables of a vehicle file.
-pub(super) const SECTIONS: &[Section] = &[
-    Section {
+pub(super) const SECTIONS: &[TableRules] = &[
+    TableRules {
         tables: &[""],
         rules: TOP,
     },
-    Section {
+    TableRules {
         tables: &["body"],
         rules: BODY,
     },
-    Section {
+    TableRules {
         tables: &["body.sprung"],
         rules: SPRUNG,
     },
-    Section {
+    TableRules {
         tables: &["body.pitch"],
         rules: PITCH,
     },
-    Section {
+    TableRules {
         tables: &["front", "rear"],
         rules: AXLE,
     },
-    Section {
+    TableRules {
         tables: &["front.unsprung", "rear.unsprung"],
         rules: UNSPRUNG,
     },
-    Section {
+    TableRules {
         tables: &["front.strut", "rear.strut"],
         rules: STRUT,
     },
-    Section {
+    TableRules {
         tables: &["front.wishbone", "rear.wishbone"],
         rules: WISHBONE,
     },
-    Section {
+    TableRules {
         tables: &["front.tyre", "rear.tyre"],
         rules: TYRE,
     },
-    Section {
+    TableRules {
         tables: &["steering"],
         rules: STEERING,
     },
-    Section {
+    TableRules {
         tables: &["drivetrain"],
         rules: DRIVETRAIN,
     },

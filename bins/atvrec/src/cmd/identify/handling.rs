@@ -6,18 +6,16 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
-use engine::Engine;
 use engine::config::{self, Config};
+use engine::{Handling, identify_handling};
 use estimator::Calibration;
-use estimator::calibration::Resolved;
-use estimator::identification::handling::{Identified, NAMES, identify, values};
-use estimator::planar::PlanarRecorder;
+use estimator::identification::handling::{Identified, NAMES, values};
 use serde_json::json;
-use store::{Attachment, Reader, Record};
+use store::{Attachment, Reader};
 use toml::Value;
 
 use crate::cli::IdentifyHandlingArgs;
-use crate::exit::{Outcome, UsageError};
+use crate::exit::Outcome;
 use engine::output::{Kind, Target};
 
 /// File name of the calibration.
@@ -33,27 +31,10 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
     if let Some(directory) = args.output.as_ref().filter(|directory| directory.exists()) {
         targets(directory, &config, args)?;
     }
-    let Some(told) = config.estimator.clone() else {
-        return Err(UsageError(
-            "the configuration has no vehicle; use a configuration with a vehicle with --config, or \
-             import the log with --vehicle"
-                .to_owned(),
-        )
-        .into());
-    };
-    let resolved = Resolved::new(&told.sensors, &told.calibration)?;
-    let imu_ahead_m = resolved.plain_imu_ahead_m;
-    let vehicle = told.calibration.applied(&told.vehicle);
-    let recorder = PlanarRecorder::new(&vehicle, resolved, told.settings.clone())?;
-    let inputs = inputs(&reader, &config, recorder, args)?;
-    let found = identify(&inputs, &vehicle, imu_ahead_m)?;
-    let mut calibration = told.calibration.clone();
-    found.put(vehicle.steering.ratio, &mut calibration);
-    calibration.description = format!(
-        "handling identified from {:.0} s of driving in run {}",
-        found.rows as f64 * 0.01,
-        reader.session().run_id
-    );
+    let Handling {
+        identified: found,
+        calibration,
+    } = identify_handling(&reader, &config, args.until_s)?;
     if let Some(directory) = &args.output {
         write(directory, &config, &calibration, args)?;
     }
@@ -66,41 +47,6 @@ pub fn run(args: &IdentifyHandlingArgs) -> anyhow::Result<Outcome> {
         }
     }
     Ok(Outcome::Good)
-}
-
-/// Inputs of the planar filter, from the raw data.
-fn inputs(
-    reader: &Reader,
-    config: &Config,
-    mut recorder: PlanarRecorder,
-    args: &IdentifyHandlingArgs,
-) -> anyhow::Result<Vec<estimator::planar::PlanarInput>> {
-    // Decoding needs no estimator.
-    let decoding = Config {
-        estimator: None,
-        ..config.clone()
-    };
-    let mut engine = Engine::new(&decoding)?;
-    let mut records = Vec::new();
-    let mut start = None;
-    for arrival in reader.arrivals() {
-        let arrival = arrival?;
-        let since_s = arrival
-            .log_time
-            .seconds_since(*start.get_or_insert(arrival.log_time));
-        if args.until_s.is_some_and(|until_s| since_s > until_s) {
-            break;
-        }
-        recorder.advance(arrival.log_time);
-        records.clear();
-        engine.push(&arrival, &mut records);
-        for record in &records {
-            if let Record::Sample(sample) = record {
-                recorder.push(sample);
-            }
-        }
-    }
-    Ok(recorder.into_inputs())
 }
 
 /// Writes the calibration, the configuration of the log and all files that it names to one directory, so

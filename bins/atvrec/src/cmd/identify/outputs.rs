@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use estimator::identification::Identified;
+
 use super::Found;
 use crate::cli::{IdentifyArgs, IdentifyCommand, OutputArgs};
 use crate::cmd::findings;
@@ -48,10 +50,8 @@ impl Outputs {
     /// Writes the results.
     pub fn write(&self, found: &Found) -> anyhow::Result<()> {
         if let Some(target) = &self.values {
-            let text =
-                found
-                    .overrides
-                    .file(found.title, &found.vehicle, &found.logs, &found.results)?;
+            let Identified { results, overrides } = &found.identified;
+            let text = overrides.file(found.title, &found.vehicle, &found.logs, results)?;
             target.write(&text)?;
         }
         if let Some(target) = &self.page {
@@ -60,7 +60,7 @@ impl Outputs {
                 ("logs".to_owned(), found.logs.join(", ")),
             ];
             let title = format!("Identification: {}", found.title);
-            target.write(&findings::page(&title, facts, &found.results))?;
+            target.write(&findings::page(&title, facts, &found.identified.results))?;
         }
         Ok(())
     }

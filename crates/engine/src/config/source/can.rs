@@ -9,8 +9,8 @@ use wire::slcan;
 
 use super::{CanMeaning, Meaning, Read, read_port};
 use crate::config::files::{FileKind, Files, PROJECT_DBC};
-use crate::config::reader::{Field, Gatherer, Problem, Section};
 use crate::config::roles;
+use model::file::{Field, Gatherer, Problem, Section};
 
 /// Longest time that a frame waits to be read if no DBC file decodes the bus: only the disk needs it.
 const RECORDED_WITHIN: Duration = Duration::from_millis(6);
@@ -167,6 +167,7 @@ fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gather
                     line: issue.line,
                     column: 0,
                     field: issue.token,
+                    value: String::new(),
                     message: issue.text,
                     help: String::new(),
                 })),

@@ -12,10 +12,9 @@ const LOAD_PART_MIN: f64 = 0.02;
 /// Rounds in which the aligning moments follow from the forces that they change.
 const ROUNDS: usize = 3;
 
-/// How far a vehicle file may be off, parts of the value: the tyres' trail and grip, the load's
-/// transfer, the sway and the yaw inertia.
+/// How far a vehicle file may be off, parts of the value: the tyres' trail, the load's transfer, the
+/// sway and the yaw inertia.
 const TRAIL_DOUBT: f64 = 0.2;
-const GRIP_DOUBT: f64 = 0.1;
 const TRANSFER_DOUBT: f64 = 0.05;
 const SWAY_DOUBT: f64 = 0.1;
 const INERTIA_DOUBT: f64 = 0.03;
@@ -62,8 +61,19 @@ pub(super) struct Instant {
     pub roll_rad: f64,
     pub roll_rate_rad_s: f64,
     pub steer_rad: f64,
-    /// Loads of the wheels, N, where they are known.
-    pub loads_n: Option<[f64; 4]>,
+    /// What is known of the wheels' loads.
+    pub loads: Loads,
+}
+
+/// What is known of the wheels' loads at an instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Loads {
+    /// Loads of the wheels, N.
+    Known([f64; 4]),
+    /// The roll angle, from which the loads' transfer follows with the vehicle file.
+    ByTransfer,
+    /// Neither: the vehicle is taken as a two-wheel model.
+    TwoWheel,
 }
 
 impl Body {
@@ -103,15 +113,11 @@ impl Body {
 
     /// The same vehicle with one of its values off, for each value that the axles' forces and slips
     /// hang on and that a drive does not tell.
-    pub(super) fn doubted(&self) -> [Self; 5] {
+    pub(super) fn doubted(&self) -> [Self; 4] {
         let grown = |pair: [f64; 2], doubt: f64| pair.map(|value| value * (1.0 + doubt));
         [
             Self {
                 trail_m: grown(self.trail_m, TRAIL_DOUBT),
-                ..*self
-            },
-            Self {
-                grip_n: grown(self.grip_n, GRIP_DOUBT),
                 ..*self
             },
             Self {
@@ -147,9 +153,6 @@ impl Body {
         lateral_m_s2: f64,
         steer_rad: f64,
     ) -> f64 {
-        let parts = [0, 1].map(|axle| self.parts_by_transfer(axle, lateral_m_s2));
-        let load_n = |axle: usize, side: usize| self.rest_n(axle) * parts[axle][side];
-        let loads_n = [load_n(0, 0), load_n(0, 1), load_n(1, 0), load_n(1, 1)];
         let now = Instant {
             speed_m_s: 0.0,
             lateral_m_s2,
@@ -157,13 +160,13 @@ impl Body {
             roll_rad: 0.0,
             roll_rate_rad_s: 0.0,
             steer_rad,
-            loads_n: Some(loads_n),
+            loads: Loads::Known(self.loads_by_transfer_n(lateral_m_s2)),
         };
         let force_n = self.axle_forces_n(&now)[axle];
         let carried_kg = 2.0 * self.rest_n(axle) / STANDARD_GRAVITY_M_S2;
-        self.pull(axle, force_n, parts[axle], self.grip_n[axle].recip())
-            .n
-            / carried_kg
+        let parts = self.parts_by_transfer(axle, lateral_m_s2);
+        let pull = self.pull(axle, force_n, parts, self.grip_n[axle].recip());
+        pull.n / carried_kg
     }
 
     /// -M_z: what rolling resistance under the roll moment on the ground, and the steered front
@@ -177,9 +180,10 @@ impl Body {
 
     /// Lateral forces of the axles' tyres, contact frame, front and rear, N.
     pub(super) fn axle_forces_n(&self, now: &Instant) -> [f64; 2] {
-        match now.loads_n {
-            Some(loads_n) => self.forces_under_n(now, loads_n),
-            None => self.forces_in_plane_n(now),
+        match now.loads {
+            Loads::Known(loads_n) => self.forces_under_n(now, loads_n),
+            Loads::ByTransfer => self.forces_in_plane_n(now),
+            Loads::TwoWheel => self.split_n(now, 0.0, 0.0),
         }
     }
 
@@ -251,12 +255,22 @@ impl Body {
 
     /// Loads of an axle's wheels, left and right, as parts of those at rest.
     pub(super) fn load_parts(&self, axle: usize, now: &Instant) -> [f64; 2] {
-        match now.loads_n {
-            Some(loads_n) => {
+        match now.loads {
+            Loads::Known(loads_n) => {
                 [0, 1].map(|side| (loads_n[2 * axle + side] / self.rest_n(axle)).max(LOAD_PART_MIN))
             }
-            None => self.parts_by_transfer(axle, now.lateral_m_s2),
+            Loads::ByTransfer => self.parts_by_transfer(axle, now.lateral_m_s2),
+            Loads::TwoWheel => [1.0; 2],
         }
+    }
+
+    /// Loads of the wheels as the vehicle file's load transfer makes them, N.
+    fn loads_by_transfer_n(&self, lateral_m_s2: f64) -> [f64; 4] {
+        let [front, rear] = [0, 1].map(|axle| {
+            let parts = self.parts_by_transfer(axle, lateral_m_s2);
+            parts.map(|part| part * self.rest_n(axle))
+        });
+        [front[0], front[1], rear[0], rear[1]]
     }
 
     fn parts_by_transfer(&self, axle: usize, lateral_m_s2: f64) -> [f64; 2] {
@@ -265,7 +279,8 @@ impl Body {
     }
 
     /// g(F): the axle's stiffness at rest times the tangent of the slip angle under which its two
-    /// brush tyres, at these parts of their loads at rest, hold the force F.
+    /// brush tyres, at these parts of their loads at rest, hold the force F. Zero as the grip's
+    /// reciprocal is a linear tyre, and one below zero a tyre that stiffens with slip.
     pub(super) fn pull(
         &self,
         axle: usize,
@@ -275,11 +290,15 @@ impl Body {
     ) -> Pull {
         let tyres = parts.map(|part| Tyre {
             stiffness: 0.5 * math::powf(part, self.load_exponent[axle]),
-            grip_n: 0.5 * part / grip_inverse.abs(),
+            grip_inverse: 2.0 * grip_inverse / part,
         });
-        let most_n: f64 = tyres.iter().map(|tyre| GRIP_PART_MAX * tyre.grip_n).sum();
-        let wanted_n = force_n.abs().min(most_n);
-        // Newton's method from below: the tyres' force is a concave function.
+        let wanted_n = if grip_inverse > 0.0 {
+            let most_n: f64 = parts.iter().map(|part| 0.5 * part / grip_inverse).sum();
+            force_n.abs().min(GRIP_PART_MAX * most_n)
+        } else {
+            force_n.abs()
+        };
+        // Newton's method, from below where the tyres' force is concave and from above elsewhere.
         let mut pull_n = wanted_n / tyres.iter().map(|tyre| tyre.stiffness).sum::<f64>();
         let mut per_force = 1.0;
         for _ in 0..30 {
@@ -314,18 +333,20 @@ pub(super) struct Pull {
 #[derive(Clone, Copy)]
 struct Tyre {
     stiffness: f64,
-    grip_n: f64,
+    grip_inverse: f64,
 }
 
 impl Tyre {
-    /// Force at a pull, N, and its slope: G (1 - (1 - c s/(3 G))^3).
+    /// Force at a pull, N, and its slope: G (1 - (1 - u/(3 G))^3) = u - u^2/(3 G) + u^3/(27 G^2) with
+    /// u = c s, at most G.
     fn holds(self, pull_n: f64) -> [f64; 2] {
-        if self.grip_n.is_infinite() {
-            return [self.stiffness * pull_n, self.stiffness];
+        let linear_n = self.stiffness * pull_n;
+        let slid = linear_n * self.grip_inverse / 3.0;
+        if slid >= 1.0 {
+            return [self.grip_inverse.recip(), 0.0];
         }
-        let left = (1.0 - self.stiffness * pull_n / (3.0 * self.grip_n)).max(0.0);
-        let force_n = self.grip_n * (1.0 - left.powi(3));
-        [force_n, self.stiffness * left * left]
+        let force_n = linear_n * (1.0 - slid + slid * slid / 3.0);
+        [force_n, self.stiffness * (1.0 - slid).powi(2)]
     }
 }
 
@@ -350,5 +371,9 @@ mod tests {
         }
         let linear = body.pull(0, 500.0, [1.0, 1.0], 0.0);
         assert!((linear.n - 500.0).abs() < 1e-6, "{linear:?}");
+        // The pull is as smooth in the grip's reciprocal through zero as elsewhere.
+        let near = |inverse: f64| body.pull(0, 500.0, parts, inverse).n;
+        let bend = (near(1e-5) - 2.0 * near(0.0) + near(-1e-5)) / 500.0;
+        assert!(bend.abs() < 1e-4, "{bend}");
     }
 }

@@ -1,5 +1,5 @@
-use atvrec_estimator::finding::Refusal;
-use atvrec_estimator::identification::cornering::{Body, Options, identify};
+use atvrec_estimator::finding::{Findings, Refusal};
+use atvrec_estimator::identification::cornering::{Body, Options, identify, of_vehicle};
 use model::vehicle::Vehicle;
 
 use super::rides::{self, Noise};
@@ -113,4 +113,41 @@ fn a_straight_line_a_short_drive_and_an_absent_signal_are_refused_by_name() {
         text.contains("has no sideslip") && text.contains("GNSS"),
         "{text}"
     );
+}
+
+/// The file's tyres have a curve, and the drive's have none. The noise is that of a sideslip angle
+/// and of a steer angle, independent from row to row.
+#[test]
+fn linear_tyres_are_found_as_such_under_noise_of_both_angles() {
+    const SEEDS: u64 = 15;
+    const TRUTH: [f64; 2] = [5975.0, 17_076.0];
+    let vehicle = rides::vehicle();
+    for amplitude_rad in [0.05, 0.14] {
+        let clean = rides::two_wheel_sine(&vehicle, TRUTH, amplitude_rad, 40.0);
+        let found: Vec<_> = (0..SEEDS)
+            .map(|seed| {
+                let mut drive = clean.clone();
+                let mut noise = Noise::new(11 + seed);
+                noise.spoil(&mut drive.sideslip_rad, 0.5_f64.to_radians(), 0.0);
+                noise.spoil(&mut drive.steer_rad, 0.3_f64.to_radians(), 0.0);
+                of_vehicle(&drive, &vehicle, &Options::default()).expect("excited")
+            })
+            .collect();
+        for (name, truth) in NAMES.iter().zip(TRUTH) {
+            let median = |of: &dyn Fn([f64; 2]) -> f64| {
+                let mut values: Vec<f64> = found.iter().map(|one| of(one.value(name))).collect();
+                values.sort_by(f64::total_cmp);
+                values[values.len() / 2]
+            };
+            let (value, sigma) = (median(&|v| v[0]), median(&|v| v[1]));
+            let square = |one: &Findings| {
+                let [value, sigma] = one.value(name);
+                ((value - truth) / sigma).powi(2)
+            };
+            let rms = (found.iter().map(square).sum::<f64>() / SEEDS as f64).sqrt();
+            println!("{amplitude_rad} rad: {name} {value:.0} +- {sigma:.0}, errors of {rms:.2}");
+            assert!((value - truth).abs() < sigma, "{name} {value} of {truth}");
+            assert!((0.6..1.4).contains(&rms), "{name}: {rms} deviations");
+        }
+    }
 }

@@ -87,6 +87,50 @@ pub fn sine(vehicle: &Vehicle, amplitude_rad: f64, frequency_hz: f64, duration_s
     )
 }
 
+/// A sine of 0.3 Hz of a two-wheel model at constant speed, its tyres linear in the slip angle; no
+/// roll angle, and no loads.
+pub fn two_wheel_sine(
+    vehicle: &Vehicle,
+    stiffness_n_rad: [f64; 2],
+    amplitude_rad: f64,
+    duration_s: f64,
+) -> Drive {
+    const SPEED_M_S: f64 = 8.0;
+    const H: f64 = DT_S / 20.0;
+    let body = &vehicle.body;
+    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
+    let forces_n = |[left_m_s, yaw_rad_s]: [f64; 2], steer_rad: f64| {
+        let front_rad = math::atan2(left_m_s + a * yaw_rad_s, SPEED_M_S) - steer_rad;
+        let rear_rad = math::atan2(left_m_s - b * yaw_rad_s, SPEED_M_S);
+        let front_n = -stiffness_n_rad[0] * front_rad;
+        [
+            front_n * math::cos(steer_rad),
+            -stiffness_n_rad[1] * rear_rad,
+        ]
+    };
+    let mut drive = Drive {
+        dt_s: DT_S,
+        ..Drive::default()
+    };
+    let mut state = [0.0_f64; 2];
+    for row in 0..(duration_s / DT_S) as usize {
+        let time_s = row as f64 * DT_S;
+        let steer_rad = amplitude_rad * math::sin(std::f64::consts::TAU * 0.3 * time_s);
+        let [front_n, rear_n] = forces_n(state, steer_rad);
+        drive.speed_m_s.push(math::hypot(SPEED_M_S, state[0]));
+        drive.sideslip_rad.push(math::atan2(state[0], SPEED_M_S));
+        drive.yaw_rate_rad_s.push(state[1]);
+        drive.lateral_m_s2.push((front_n + rear_n) / body.mass_kg);
+        drive.steer_rad.push(steer_rad);
+        for _ in 0..20 {
+            let [front_n, rear_n] = forces_n(state, steer_rad);
+            state[0] += ((front_n + rear_n) / body.mass_kg - state[1] * SPEED_M_S) * H;
+            state[1] += (a * front_n - b * rear_n) / body.inertia_kg_m2[2] * H;
+        }
+    }
+    drive
+}
+
 /// Random numbers of a test.
 pub struct Noise(ChaCha8Rng);
 

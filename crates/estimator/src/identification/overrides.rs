@@ -1,41 +1,50 @@
-//! File with the findings of an identification and the overrides for the vehicle file.
+//! Fields of a vehicle file that identified values replace.
 
-use anyhow::Context;
-use estimator::finding::Findings;
 use toml::{Table, Value};
 
+use crate::finding::Findings;
+
 /// Overrides: dotted names of fields of the vehicle file, with new values.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overrides(Table);
 
 impl Overrides {
     /// Overrides a number.
-    pub fn set(&mut self, field: &str, value: f64) {
+    pub(super) fn set(&mut self, field: &str, value: f64) {
         self.0.insert(field.to_owned(), Value::Float(value));
     }
 
     /// Overrides a list of numbers.
-    pub fn set_list(&mut self, field: &str, values: &[f64]) {
+    pub(super) fn set_list(&mut self, field: &str, values: &[f64]) {
         let list = values.iter().map(|value| Value::Float(*value)).collect();
         self.0.insert(field.to_owned(), Value::Array(list));
     }
 
-    /// Text of the file: vehicle, logs, overrides and findings.
+    /// The fields and their values.
+    #[must_use]
+    pub const fn table(&self) -> &Table {
+        &self.0
+    }
+
+    /// Text of a file for the vehicle's `overrides`: for which vehicle, from which logs, the fields,
+    /// and all findings.
+    ///
+    /// # Errors
+    /// If a finding cannot be written as TOML.
     pub fn file(
         &self,
         command: &str,
         vehicle: &str,
         logs: &[String],
         results: &[Findings],
-    ) -> anyhow::Result<String> {
+    ) -> Result<String, toml::ser::Error> {
         let mut table = Table::new();
         table.insert("vehicle".to_owned(), vehicle.into());
         table.insert("made_by".to_owned(), format!("identify {command}").into());
         table.insert("logs".to_owned(), logs.to_vec().into());
         table.insert("overrides".to_owned(), Value::Table(self.0.clone()));
-        let results = Value::try_from(results).context("cannot write the findings as TOML")?;
-        table.insert("result".to_owned(), results);
-        let text = toml::to_string_pretty(&table).context("cannot write the findings as TOML")?;
+        table.insert("result".to_owned(), Value::try_from(results)?);
+        let text = toml::to_string_pretty(&table)?;
         Ok(format!(
             "# Result of `atvrec identify {command}`. Add this file to `overrides` under [vehicle] \
              in\n# atvrec.toml; then its [overrides] replace fields of the vehicle file.\n{text}"

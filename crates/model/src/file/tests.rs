@@ -48,21 +48,22 @@ fn hostile_toml_costs_bounded_time() {
     ] {
         let text = wrap.replace("{}", &unit.repeat((TOML_MAX - 16) / unit.len()));
         let mut gather = Gatherer::new("a.toml", &text);
-        if let Some(table) = parse(&text, &mut gather) {
+        if let Some(table) = gather.parse() {
             Section::new("", table).finish(&mut gather);
         }
         let problems = gather.into_problems();
         assert!((1..=PROBLEMS_MAX + 1).contains(&problems.len()), "{unit}");
-        assert!(Problems(problems).to_string().len() < 1 << 20, "{unit}");
+        let length: usize = problems.iter().map(|p| p.to_string().len()).sum();
+        assert!(length < 1 << 20, "{unit}");
     }
     let keys: String = (0..80_000).map(|n| format!("k{n} = 1\n")).collect();
     let mut gather = Gatherer::new("a.toml", &keys);
-    let table = parse(&keys, &mut gather).expect("parses");
+    let table = gather.parse().expect("parses");
     Section::new("", table).finish(&mut gather);
     assert_eq!(gather.into_problems().len(), PROBLEMS_MAX + 1);
     let long = "#".repeat(TOML_MAX + 1);
     let mut gather = Gatherer::new("a.toml", &long);
-    assert!(parse(&long, &mut gather).is_none());
+    assert!(gather.parse().is_none());
     let seconds = start.elapsed().as_secs_f64();
     assert!(seconds < 30.0, "{seconds} s");
 }
@@ -74,6 +75,7 @@ fn problems_are_printable() {
         line: 1,
         column: 1,
         field: "x\ny".to_owned(),
+        value: String::new(),
         message: "\u{202e}".to_owned(),
         help: "\n<0>".to_owned(),
     };
@@ -83,8 +85,7 @@ fn problems_are_printable() {
 }
 
 #[test]
-fn distance_counts_edits() {
-    assert_eq!(edit_distance("device", "devcie"), 2);
+fn the_name_that_is_meant_is_near() {
     assert_eq!(closest("bitrat", &["baud", "bitrate"]), Some("bitrate"));
     assert_eq!(closest("zzzz", &["baud", "bitrate"]), None);
 }

@@ -1,195 +1,11 @@
-//! Reads a TOML table field by field and collects every problem instead of stopping at the first.
+//! Reads a table field by field.
 
-use std::fmt;
-use std::ops::Range;
-
-use sample::boundary::guarded;
-use sample::text::printable;
+use std::ops::{Range, RangeInclusive};
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A problem of a configuration file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
-    /// Name of the file.
-    pub file: String,
-    /// Line, from 1; 0 for a problem of the whole file.
-    pub line: usize,
-    /// Column, from 1; 0 if only the line is known.
-    pub column: usize,
-    /// Dotted name of the field, such as `source.imu.baud`; empty for a problem of the whole file.
-    pub field: String,
-    /// Description with the value.
-    pub message: String,
-    /// What to do about it.
-    pub help: String,
-}
-
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&printable(&self.file))?;
-        if self.line > 0 {
-            write!(f, ":{}", self.line)?;
-        }
-        if self.column > 0 {
-            write!(f, ":{}", self.column)?;
-        }
-        f.write_str(": ")?;
-        if !self.field.is_empty() {
-            write!(f, "{}: ", printable(&self.field))?;
-        }
-        f.write_str(&printable(&self.message))?;
-        if !self.help.is_empty() {
-            write!(f, "\n    help: {}", printable(&self.help))?;
-        }
-        Ok(())
-    }
-}
-
-/// All problems of a configuration.
-#[derive(Debug, thiserror::Error)]
-pub struct Problems(pub Vec<Problem>);
-
-impl fmt::Display for Problems {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for problem in &self.0 {
-            writeln!(f, "{problem}")?;
-        }
-        match self.0.len() {
-            1 => write!(f, "1 error in the configuration"),
-            count => write!(f, "{count} errors in the configuration"),
-        }
-    }
-}
-
-/// Largest TOML text that is read, bytes.
-pub const TOML_MAX: usize = 1 << 20;
-/// Most problems of a file that are reported.
-const PROBLEMS_MAX: usize = 100;
-
-/// Collects the problems of a file.
-pub struct Gatherer<'t> {
-    file: &'t str,
-    text: &'t str,
-    problems: Vec<Problem>,
-    /// Problems beyond [`PROBLEMS_MAX`].
-    more: usize,
-}
-
-impl<'t> Gatherer<'t> {
-    /// Collector for the file with the name `file` and the content `text`.
-    pub fn new(file: &'t str, text: &'t str) -> Self {
-        Self {
-            file,
-            text,
-            problems: Vec::new(),
-            more: 0,
-        }
-    }
-
-    /// Adds a problem at `span` of the text.
-    pub fn add(
-        &mut self,
-        span: &Range<usize>,
-        field: &str,
-        message: impl Into<String>,
-        help: impl Into<String>,
-    ) {
-        if self.is_full() {
-            self.more += 1;
-            return;
-        }
-        let (line, column) = line_and_column(self.text, span.start);
-        self.problems.push(Problem {
-            file: self.file.to_owned(),
-            line,
-            column,
-            field: field.to_owned(),
-            message: message.into(),
-            help: help.into(),
-        });
-    }
-
-    /// Adds a problem that the TOML parser found.
-    pub fn add_syntax(&mut self, error: &toml::de::Error) {
-        let span = error.span().unwrap_or(0..0);
-        self.add(&span, "", error.message(), "correct the TOML syntax");
-    }
-
-    /// Adds problems of another file.
-    pub fn add_foreign(&mut self, problems: impl IntoIterator<Item = Problem>) {
-        for problem in problems {
-            if self.is_full() {
-                self.more += 1;
-            } else {
-                self.problems.push(problem);
-            }
-        }
-    }
-
-    fn is_full(&self) -> bool {
-        self.problems.len() >= PROBLEMS_MAX
-    }
-
-    /// Whether there is no problem so far.
-    pub fn is_empty(&self) -> bool {
-        self.problems.is_empty()
-    }
-
-    /// Problems in the order of the text.
-    pub fn into_problems(mut self) -> Vec<Problem> {
-        let own = self.file;
-        self.problems.sort_by(|a, b| {
-            let place = |p: &Problem| (p.file != own, p.file.clone(), p.line, p.column);
-            place(a).cmp(&place(b))
-        });
-        if self.more > 0 {
-            self.problems.push(Problem {
-                file: own.to_owned(),
-                line: 0,
-                column: 0,
-                field: String::new(),
-                message: format!("{} more errors are not shown", self.more),
-                help: "correct the errors above and check again".to_owned(),
-            });
-        }
-        self.problems
-    }
-}
-
-/// Parses a TOML text. Syntax errors, a text above [`TOML_MAX`] and a panic of the parser are problems.
-pub fn parse<'t>(text: &'t str, gather: &mut Gatherer<'_>) -> Option<Spanned<DeTable<'t>>> {
-    if text.len() > TOML_MAX {
-        let message = format!(
-            "the file has {} bytes, but the limit is {TOML_MAX}",
-            text.len()
-        );
-        gather.add(&(0..0), "", message, "check the name of the file");
-        return None;
-    }
-    match guarded(|| DeTable::parse_recoverable(text)) {
-        Ok((table, syntax)) => {
-            for error in &syntax {
-                gather.add_syntax(error);
-            }
-            syntax.is_empty().then_some(table)
-        }
-        Err(panic) => {
-            let message = format!("the TOML parser failed: {panic}");
-            gather.add(&(0..0), "", message, "correct the TOML syntax");
-            None
-        }
-    }
-}
-
-/// Line and column, both from 1, of a byte position.
-pub fn line_and_column(text: &str, position: usize) -> (usize, usize) {
-    let before = text.get(..position.min(text.len())).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
-    (line, column)
-}
+use super::{Gatherer, closest};
 
 /// Type of a field's value.
 pub trait FromValue: Sized {
@@ -223,12 +39,7 @@ impl FromValue for f64 {
     const EXPECTED: &'static str = "a number";
 
     fn from_value(value: &DeValue<'_>) -> Option<Self> {
-        let number = match value {
-            DeValue::Float(value) => value.as_str().parse().ok(),
-            DeValue::Integer(value) if value.radix() == 10 => value.as_str().parse().ok(),
-            _ => None,
-        };
-        number.filter(|number: &f64| number.is_finite())
+        number(value).filter(|number| number.is_finite())
     }
 }
 
@@ -379,7 +190,7 @@ impl<'t> Section<'t> {
     pub fn number_in(
         &mut self,
         key: &'static str,
-        range: std::ops::RangeInclusive<f64>,
+        range: RangeInclusive<f64>,
         default: f64,
         gather: &mut Gatherer<'_>,
     ) -> f64 {
@@ -490,8 +301,7 @@ impl<'t> Section<'t> {
     /// Reports the fields that were not read as unknown.
     pub fn finish(self, gather: &mut Gatherer<'_>) {
         for (key, span, _) in &self.entries {
-            if gather.is_full() {
-                gather.more += 1;
+            if gather.count_if_full() {
                 continue;
             }
             let help = match closest(key, &self.known) {
@@ -500,6 +310,17 @@ impl<'t> Section<'t> {
             };
             gather.add(span, &self.field_name(key), "unknown field", help);
         }
+    }
+}
+
+/// A number, as an integer or a float.
+pub(super) fn number(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().replace('_', "").parse().ok(),
+        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
+            .ok()
+            .map(|integer| integer as f64),
+        _ => None,
     }
 }
 
@@ -524,32 +345,3 @@ fn example_of(expected: &str) -> &'static str {
         _ => "<number>, without quotes",
     }
 }
-
-/// The known name that is most similar to `word`, if it is similar enough.
-pub fn closest<'k>(word: &str, known: &[&'k str]) -> Option<&'k str> {
-    known
-        .iter()
-        .map(|name| (edit_distance(word, name), *name))
-        .filter(|(distance, name)| *distance <= 1 + name.len() / 4)
-        .min()
-        .map(|(_, name)| name)
-}
-
-/// Levenshtein distance in characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests;

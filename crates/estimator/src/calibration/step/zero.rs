@@ -1,58 +1,57 @@
-//! `atvrec calibrate zero`: zero offsets of strain bridges and potentiometers.
+//! Zero offsets of strain bridges and potentiometers.
 
-use anyhow::Context;
-use estimator::calibration::Resolved;
-use estimator::calibration::rest::{Rest, Stretch};
-use estimator::calibration::zero::{CornerRest, ZeroInput, zero};
-use estimator::finding::Findings;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, StrainChannel};
 
-use super::recording::{Column, Recording};
-use super::{Bench, one_log};
-use crate::cli::ZeroArgs;
+use super::{Calibrated, Calibration};
+use crate::EstimatorError;
+use crate::calibration::recording::Column;
+use crate::calibration::rest::{Rest, Stretch};
+use crate::calibration::zero::{self, CornerRest, ZeroInput};
+use crate::calibration::{Recording, RecordingError, Resolved};
 
 /// Rotation of a wheel after which its tyre has no lateral scrub force, rad.
 const ROLLED_RAD: f64 = 3.0;
 
-pub fn run(args: &ZeroArgs, bench: &mut Bench) -> anyhow::Result<Vec<Findings>> {
-    let recording = one_log(&bench.recordings, "zero")?;
+pub(super) fn zero(
+    recording: &Recording,
+    known: &Calibration,
+    weight_sigma: f64,
+) -> Result<Calibrated, EstimatorError> {
     let travelling = recording.deflection.0.iter().any(Column::is_known);
     recording.require("spring deflection", travelling)?;
     let stretches = recording.rest();
-    let hanging = hanging(recording, &stretches).with_context(|| {
-        format!(
-            "{}: there is no time of 2 s in which all potentiometers and wheels are at rest; put \
-             the vehicle on stands and do not touch it for 10 s",
-            recording.path.display()
-        )
+    let hanging = hanging(recording, &stretches).ok_or_else(|| RecordingError::NeverHanging {
+        log: recording.name.clone(),
     })?;
     let standing = standing(recording, &stretches, hanging);
     let hand_wheel = |stretch: Option<Stretch>| {
-        let offset = bench.calibration.steer.offset_rad;
+        let offset = known.steer.offset_rad;
         let mean = stretch.and_then(|s| recording.steer.signal().mean(s.from_s, s.to_s));
         mean.map_or(0.0, |angle| angle - offset)
     };
     let hanging_rest = rest_values(recording, hanging);
     let standing_rest = standing.map(|stretch| rest_values(recording, stretch));
-    let resolved = Resolved::new(&recording.sensors, &bench.calibration)?;
+    let resolved = Resolved::new(&recording.sensors, known)?;
     let level = [0.0, 0.0, STANDARD_GRAVITY_M_S2];
     let measured = recording.specific_force(&resolved, hanging);
-    let mut found = zero(&ZeroInput {
+    let mut found = zero::zero(&ZeroInput {
         specific_force_m_s2: measured.unwrap_or(level),
         vehicle: &recording.vehicle,
         sensors: &recording.sensors,
-        known: &bench.calibration,
+        known,
         hanging: &hanging_rest,
         standing: standing_rest.as_ref(),
         hand_wheel_rad: [hand_wheel(Some(hanging)), hand_wheel(standing)],
-        weight_sigma: args.weight_sigma,
+        weight_sigma,
     })?;
     if measured.is_none() {
         let note = "the log has no inertial unit, so the stands are assumed to be level";
         found.findings.notes.push(note.to_owned());
     }
-    bench.calibration = found.calibration;
-    Ok(vec![found.findings])
+    Ok(Calibrated {
+        calibration: found.calibration,
+        findings: vec![found.findings],
+    })
 }
 
 /// Longest time at rest with the struts at full length, which is the first one unless the log begins
@@ -98,6 +97,7 @@ fn standing(recording: &Recording, stretches: &[Stretch], hanging: Stretch) -> O
         .copied()
 }
 
+/// Means of all channels over a stretch.
 fn rest_values(recording: &Recording, stretch: Stretch) -> PerWheel<CornerRest> {
     let Stretch { from_s, to_s } = stretch;
     let range = |bits: u8| [0.0, math::exp2(f64::from(bits)) - 1.0];

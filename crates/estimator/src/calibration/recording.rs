@@ -1,29 +1,15 @@
-//! Columns of a log for the calibration.
+//! A recording as columns: what the steps of a calibration take.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
-use anyhow::{Context, ensure};
-use engine::Config;
-use estimator::calibration::Resolved;
-use estimator::calibration::imu::{ImuSignal, Lean, Leaning};
-use estimator::calibration::rest::{self, Signal, Stretch};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use nalgebra::Vector3;
-use sample::{LogTime, Measurement, PerWheel, Sample, StrainChannel, Wheel};
-use store::{Reader, Record, Selection};
+use sample::{ImuSample, LogTime, Measurement, PerWheel, Sample, StrainChannel, Wheel};
 
-/// Topics that are read.
-const TOPICS: [&str; 7] = [
-    "/imu/*",
-    "/gnss/*",
-    "/strain",
-    "/deflection",
-    "/steer",
-    "/wheel_speed",
-    "/mark",
-];
+use super::imu::{ImuSignal, Lean, Leaning};
+use super::rest::{self, Signal, Stretch};
+use super::{RecordingError, Resolved};
 
 /// Values and their times of validity, s from the start of the log.
 #[derive(Debug, Default)]
@@ -89,6 +75,14 @@ pub struct ImuColumns {
 }
 
 impl ImuColumns {
+    fn push(&mut self, time_s: f64, imu: &ImuSample) {
+        if self.time_s.last().is_none_or(|last| time_s > *last) {
+            self.time_s.push(time_s);
+            self.force_m_s2.push(imu.specific_force_m_s2);
+            self.rate_rad_s.push(imu.angular_rate_rad_s);
+        }
+    }
+
     /// View for the functions of the estimator.
     pub fn signal(&self) -> ImuSignal<'_> {
         ImuSignal {
@@ -102,12 +96,13 @@ impl ImuColumns {
 /// A log.
 #[derive(Debug)]
 pub struct Recording {
-    /// Path of the log.
-    pub path: PathBuf,
+    /// Name of the log, for messages.
+    pub name: String,
     /// Vehicle.
     pub vehicle: Vehicle,
     /// Sensors of the vehicle.
     pub sensors: Sensors,
+    start: LogTime,
     /// Strain counts.
     pub strain: PerWheel<[Column; StrainChannel::COUNT]>,
     /// Potentiometer counts.
@@ -118,6 +113,7 @@ pub struct Recording {
     pub steer: Column,
     /// First inertial unit.
     pub imu: ImuColumns,
+    imu_source: Option<String>,
     /// GNSS velocity of each receiver, east, north, up, m/s.
     pub velocity: BTreeMap<String, Vectors>,
     /// GNSS attitude of each receiver: yaw, pitch, roll, rad.
@@ -127,59 +123,36 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Reads a log.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let reader = Reader::open([path])?;
-        let config = Config::from_attachments(&reader.attachments()?)
-            .with_context(|| format!("{}", path.display()))?;
-        let estimator = config.estimator.with_context(|| {
-            format!(
-                "{}: the configuration in the log has no vehicle; set one in [vehicle] and record \
-                 again, or write a new log with `atvrec replay --config`",
-                path.display()
-            )
-        })?;
-        let mut recording = Self {
-            path: path.to_owned(),
-            vehicle: estimator.vehicle,
-            sensors: estimator.sensors,
+    /// A recording of a vehicle without any values; it begins at `start`.
+    #[must_use]
+    pub fn new(name: String, vehicle: Vehicle, sensors: Sensors, start: LogTime) -> Self {
+        Self {
+            name,
+            vehicle,
+            sensors,
+            start,
             strain: PerWheel::default(),
             deflection: PerWheel::default(),
             wheel_speed: PerWheel::default(),
             steer: Column::default(),
             imu: ImuColumns::default(),
+            imu_source: None,
             velocity: BTreeMap::new(),
             attitude: BTreeMap::new(),
             marks: Vec::new(),
-        };
-        let start = reader.info().span.map_or(LogTime(0), |span| span.0);
-        let mut imu = None;
-        for message in reader.messages(Selection::topics(TOPICS)) {
-            let message = message?;
-            let Some(record) = message.record()? else {
-                continue;
-            };
-            match record {
-                Record::Sample(sample) => {
-                    let topic = &message.channel.topic;
-                    if matches!(sample.measurement, Measurement::Imu(_))
-                        && imu.get_or_insert_with(|| topic.clone()) != topic
-                    {
-                        continue;
-                    }
-                    recording.push(start, topic, &sample);
-                }
-                Record::Mark { time, text } => {
-                    recording.marks.push((time.seconds_since(start), text));
-                }
-                _ => {}
-            }
         }
-        Ok(recording)
     }
 
-    fn push(&mut self, start: LogTime, topic: &str, sample: &Sample) {
-        let time_s = sample.valid_time.min(sample.log_time).seconds_since(start);
+    /// Takes a person's mark.
+    pub fn mark(&mut self, time: LogTime, text: String) {
+        self.marks.push((time.seconds_since(self.start), text));
+    }
+
+    /// Takes what the device called `source` measured. Of several inertial units the first one
+    /// counts.
+    pub fn push(&mut self, source: &str, sample: &Sample) {
+        let time = sample.valid_time.min(sample.log_time);
+        let time_s = time.seconds_since(self.start);
         let unknown = [f64::NAN; 3];
         match &sample.measurement {
             Measurement::Corner(corner) => {
@@ -203,24 +176,23 @@ impl Recording {
                 }
             }
             Measurement::Steer(steer) => self.steer.push(time_s, steer.hand_wheel_rad),
-            Measurement::Imu(imu)
-                if imu.valid && self.imu.time_s.last().is_none_or(|last| time_s > *last) =>
-            {
-                self.imu.time_s.push(time_s);
-                self.imu.force_m_s2.push(imu.specific_force_m_s2);
-                self.imu.rate_rad_s.push(imu.angular_rate_rad_s);
+            Measurement::Imu(imu) => {
+                let first = self.imu_source.get_or_insert_with(|| source.to_owned());
+                if first == source && imu.valid {
+                    self.imu.push(time_s, imu);
+                }
             }
             Measurement::GnssVelocity(gnss) => {
                 let good = gnss.quality.is_measured();
                 let velocity = if good { gnss.velocity_enu_m_s } else { unknown };
-                let column = self.velocity.entry(receiver(topic)).or_default();
+                let column = self.velocity.entry(source.to_owned()).or_default();
                 column.push(time_s, velocity);
             }
             Measurement::GnssAttitude(gnss) => {
                 let good = gnss.quality.is_solved();
                 let angles = [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad];
                 let angles = angles.map(|a| a.filter(|_| good).unwrap_or(f64::NAN));
-                let column = self.attitude.entry(receiver(topic)).or_default();
+                let column = self.attitude.entry(source.to_owned()).or_default();
                 column.push(time_s, angles);
             }
             _ => {}
@@ -228,17 +200,22 @@ impl Recording {
     }
 
     /// Returns an error if the log has no data of a channel that the step needs.
-    pub fn require(&self, channel: &str, is_known: bool) -> anyhow::Result<()> {
-        ensure!(
-            is_known,
-            "{}: the log has no {channel}; record it in the same log",
-            self.path.display()
-        );
-        Ok(())
+    pub(super) fn require(
+        &self,
+        channel: &'static str,
+        is_known: bool,
+    ) -> Result<(), RecordingError> {
+        if is_known {
+            return Ok(());
+        }
+        Err(RecordingError::Missing {
+            log: self.name.clone(),
+            channel,
+        })
     }
 
     /// Returns an error if the log has no data of an inertial unit.
-    pub fn require_imu(&self) -> anyhow::Result<()> {
+    pub(super) fn require_imu(&self) -> Result<(), RecordingError> {
         self.require("inertial unit", !self.imu.time_s.is_empty())
     }
 
@@ -336,9 +313,4 @@ impl Recording {
         }
         speed
     }
-}
-
-/// Name of the receiver in `/gnss/<name>/…`.
-fn receiver(topic: &str) -> String {
-    topic.split('/').nth(2).unwrap_or_default().to_owned()
 }

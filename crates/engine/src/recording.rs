@@ -1,0 +1,55 @@
+//! A log as the columns that calibration works on.
+
+use std::path::Path;
+
+use estimator::calibration::Recording;
+use sample::LogTime;
+use store::{Reader, Record, Selection};
+
+use crate::{Config, Error, Result};
+
+/// Topics that are read.
+const TOPICS: [&str; 7] = [
+    "/imu/*",
+    "/gnss/*",
+    "/strain",
+    "/deflection",
+    "/steer",
+    "/wheel_speed",
+    "/mark",
+];
+
+/// Reads the measurements and the marks of a log.
+///
+/// # Errors
+/// If the log cannot be read, or its configuration names no vehicle.
+pub fn read_recording(path: &Path) -> Result<Recording> {
+    let reader = Reader::open([path])?;
+    let config = Config::from_attachments(&reader.attachments()?);
+    let config = config.map_err(|source| Error::InLog {
+        path: path.to_owned(),
+        source: Box::new(source),
+    })?;
+    let Some(estimator) = config.estimator else {
+        return Err(Error::NoVehicleIn(path.to_owned()));
+    };
+    let start = reader.info().span.map_or(LogTime(0), |span| span.0);
+    let name = path.display().to_string();
+    let mut recording = Recording::new(name, estimator.vehicle, estimator.sensors, start);
+    for message in reader.messages(Selection::topics(TOPICS)) {
+        let message = message?;
+        match message.record()? {
+            Some(Record::Sample(sample)) => {
+                recording.push(source_of(&message.channel.topic), &sample);
+            }
+            Some(Record::Mark { time, text }) => recording.mark(time, text),
+            _ => {}
+        }
+    }
+    Ok(recording)
+}
+
+/// The device's name in `/imu/<name>` and `/gnss/<name>/...`.
+fn source_of(topic: &str) -> &str {
+    topic.split('/').nth(2).unwrap_or_default()
+}

@@ -1,0 +1,174 @@
+//! What an estimator gave for a drive, as identification takes it.
+
+use model::steering::SteeringGear;
+use model::vehicle::Vehicle;
+use sample::{PerWheel, Wheel};
+
+use super::{Drive, tyre};
+
+/// Interval of the rows of tyre data that are used.
+const TYRE_STRIDE: usize = 10;
+/// Smallest speed at which slip angles are used, m/s.
+const SLIP_SPEED_MIN_M_S: f64 = 3.0;
+
+/// Estimates of the motion on an even time grid, `NaN` where unknown; all columns have the same
+/// length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Interval of the grid, s.
+    pub dt_s: f64,
+    /// Velocity of the centre of gravity along and across the heading, m/s.
+    pub velocity_m_s: [Vec<f64>; 2],
+    /// Acceleration of the centre of gravity less gravity, body axes, m/s^2.
+    pub acceleration_m_s2: [Vec<f64>; 3],
+    /// Sideslip angle at the centre of gravity, rad.
+    pub sideslip_rad: Vec<f64>,
+    /// Yaw rate, rad/s.
+    pub yaw_rate_rad_s: Vec<f64>,
+    /// Roll angle, rad.
+    pub roll_rad: Vec<f64>,
+    /// Pitch angle, rad.
+    pub pitch_rad: Vec<f64>,
+    /// Steer angle of each road wheel, rad.
+    pub steer_rad: PerWheel<Vec<f64>>,
+    /// Slip angle of each tyre, rad.
+    pub slip_angle_rad: PerWheel<Vec<f64>>,
+    /// What the estimator has learnt of the steering encoder's zero: how much further left the front
+    /// wheels stand than the encoder says, rad.
+    pub steer_offset_rad: Vec<f64>,
+}
+
+/// Estimates of the tyre forces on the grid of the motion, wheel axes; empty where unknown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TyreForces {
+    /// Forces along the wheel, across it and upwards, N.
+    pub force_n: PerWheel<[Vec<f64>; 3]>,
+    /// Whether the fusion filter gave them, which knows the vehicle file.
+    pub fused: bool,
+}
+
+/// A drive with the vehicle that made it.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// The vehicle.
+    pub vehicle: Vehicle,
+    /// Its motion and the wheels' loads.
+    pub drive: Drive,
+    /// Whether the forces are from the fusion filter.
+    pub fused: bool,
+    /// Forces along the wheel and across it, N.
+    forces_n: PerWheel<[Vec<f64>; 2]>,
+    slip_angle_rad: PerWheel<Vec<f64>>,
+    steer_rad: PerWheel<Vec<f64>>,
+}
+
+impl Recorded {
+    /// The drive that these estimates describe.
+    #[must_use]
+    pub fn new(vehicle: Vehicle, motion: Motion, forces: TyreForces) -> Self {
+        let [forward, left] = &motion.velocity_m_s;
+        let [along, across, up] = &motion.acceleration_m_s2;
+        // The axes lean with the body, but the accelerations of interest are horizontal.
+        let horizontal = |along: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
+            let rows = along.iter().zip(up).zip(lean);
+            rows.map(|((a, z), angle)| a * math::cos(*angle) + sign * z * math::sin(*angle))
+                .collect()
+        };
+        let speed = forward.iter().zip(left).map(|(x, y)| math::hypot(*x, *y));
+        let TyreForces { force_n, fused } = forces;
+        let (mut loads_n, mut forces_n) = (PerWheel::default(), PerWheel::default());
+        for (wheel, [x, y, z]) in Wheel::ALL.into_iter().zip(force_n.0) {
+            loads_n[wheel] = z;
+            forces_n[wheel] = [x, y];
+        }
+        let drive = Drive {
+            dt_s: motion.dt_s,
+            speed_m_s: speed.collect(),
+            lateral_m_s2: horizontal(across, &motion.roll_rad, -1.0),
+            longitudinal_m_s2: horizontal(along, &motion.pitch_rad, 1.0),
+            steer_rad: as_read(&vehicle, &motion.steer_rad, &motion.steer_offset_rad),
+            sideslip_rad: motion.sideslip_rad,
+            yaw_rate_rad_s: motion.yaw_rate_rad_s,
+            roll_rad: motion.roll_rad,
+            pitch_rad: motion.pitch_rad,
+            loads_n,
+        };
+        Self {
+            vehicle,
+            drive,
+            fused,
+            forces_n,
+            slip_angle_rad: motion.slip_angle_rad,
+            steer_rad: motion.steer_rad,
+        }
+    }
+
+    /// Force and slip of an axle's two tyres, one after the other; 0 is the front axle.
+    #[must_use]
+    pub fn tyre(&self, axle: usize) -> tyre::Data {
+        let mut data = tyre::Data {
+            dt_s: self.drive.dt_s * TYRE_STRIDE as f64,
+            ..tyre::Data::default()
+        };
+        for wheel in [2 * axle, 2 * axle + 1] {
+            let [_, lateral] = &self.forces_n.0[wheel];
+            for row in (0..lateral.len()).step_by(TYRE_STRIDE) {
+                if self.drive.speed_m_s[row] > SLIP_SPEED_MIN_M_S {
+                    data.load_n.push(self.drive.loads_n.0[wheel][row]);
+                    data.slip_angle_rad.push(self.slip_angle_rad.0[wheel][row]);
+                    data.lateral_n.push(lateral[row]);
+                }
+            }
+        }
+        data
+    }
+
+    /// Moment of the tyre forces about the centre of gravity, sum of x F_y - y F_x, N m; NaN without
+    /// forces.
+    #[must_use]
+    pub fn yaw_moment_n_m(&self) -> Vec<f64> {
+        let body = &self.vehicle.body;
+        (0..self.drive.rows())
+            .map(|row| {
+                let moment = |wheel: Wheel| {
+                    let [along, across] = &self.forces_n[wheel];
+                    let (Some(along), Some(across)) = (along.get(row), across.get(row)) else {
+                        return f64::NAN;
+                    };
+                    let (sin, cos) = math::sin_cos(self.steer_rad[wheel][row]);
+                    let force = [along * cos - across * sin, along * sin + across * cos];
+                    let (ahead_m, track_m) = if wheel.is_front() {
+                        (body.front_axle_to_cg_m, self.vehicle.front.track_m)
+                    } else {
+                        (-body.cg_to_rear_axle_m, self.vehicle.rear.track_m)
+                    };
+                    ahead_m * force[1] - 0.5 * wheel.side() * track_m * force[0]
+                };
+                Wheel::ALL.into_iter().map(moment).sum()
+            })
+            .collect()
+    }
+}
+
+/// Mean steer angle of the front wheels by the encoder alone. The estimator's zero of it wanders
+/// while it is learnt, and what tyres differ from the vehicle file's in a bend goes into it too.
+fn as_read(vehicle: &Vehicle, steer_rad: &PerWheel<Vec<f64>>, learnt_rad: &[f64]) -> Vec<f64> {
+    let gear = SteeringGear::from_vehicle(vehicle).ok();
+    let ratio = vehicle.steering.ratio;
+    let rows = steer_rad.0[0].iter().zip(&steer_rad.0[1]).zip(learnt_rad);
+    rows.map(|((left, right), learnt)| {
+        let mean = 0.5 * (left + right);
+        let Some(gear) = gear.as_ref().filter(|_| mean.is_finite()) else {
+            return mean - learnt;
+        };
+        let wheel_rad = gear.hand_wheel_rad(mean);
+        mean + mean_road_rad(gear, wheel_rad - learnt * ratio) - mean_road_rad(gear, wheel_rad)
+    })
+    .collect()
+}
+
+/// Mean steer angle of the front wheels at an angle of the steering wheel, rad.
+pub(super) fn mean_road_rad(gear: &SteeringGear, steering_wheel_rad: f64) -> f64 {
+    let [left, right, ..] = gear.road_wheels(steering_wheel_rad, 0.0);
+    0.5 * (left + right)
+}
