@@ -13,8 +13,6 @@ use engine::session::utc_compact;
 use sample::LogTime;
 use store::{ClockState, UtcOffset};
 
-use crate::session;
-
 /// File with the number of the last run.
 const COUNTER: &str = "run_counter";
 /// Largest run number; a larger number in a file is damage.

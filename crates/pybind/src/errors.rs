@@ -142,7 +142,7 @@ pub fn engine(error: &engine::Error) -> PyErr {
         Error::Log(error) => log(error),
         Error::Simulation(_) | Error::Manoeuvre { .. } => raise(|all| &all.simulation, message),
         Error::VehicleFile(_) => vehicle(message),
-        Error::ConfigurationUnreadable { source, .. }
+        Error::ConfigurationUnreadable { cause: source, .. }
         | Error::OptionsUnreadable { source, .. }
         | Error::Unreadable { source, .. } => match source.raw_os_error() {
             Some(number) => PyOSError::new_err((number, message)),

@@ -220,9 +220,14 @@ impl<'py> Rows<'_, 'py> {
     /// A number of a source for each row, or one for all.
     fn numbers(&self, name: &str) -> PyResult<Vec<u16>> {
         let array: PyArrayLikeDyn<'_, i64, AllowTypeChange> = self.extract(name)?;
-        let numbers = array.as_array().iter().map(|number| u16::try_from(*number)).collect();
+        let array = array.as_array();
+        let numbers = array.iter().map(|number| u16::try_from(*number));
+        let numbers: Result<Vec<_>, _> = numbers.collect();
         numbers.map_err(|_| {
-            errors::argument(format!("{}: must be numbers from 0 to 65535", self.name(name)))
+            errors::argument(format!(
+                "{}: must be numbers from 0 to 65535",
+                self.name(name)
+            ))
         })
     }
 
@@ -272,7 +277,9 @@ impl<'py> Rows<'_, 'py> {
         if let Ok(text) = value.cast::<PyString>() {
             return Ok(vec![text.extract()?]);
         }
-        let texts = value.try_iter().and_then(|items| items.map(|item| item?.extract()).collect());
+        let texts = value
+            .try_iter()
+            .and_then(|items| items.map(|item| item?.extract()).collect());
         texts.map_err(|_| errors::argument(format!("{}: must be a list of texts", self.name(name))))
     }
 

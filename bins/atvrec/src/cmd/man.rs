@@ -24,7 +24,7 @@ pub fn run(args: &ManArgs) -> anyhow::Result<Outcome> {
             let path = directory.join(page.get_filename());
             Target::new(&path, Kind::Manual, args.replace.force, [])
         })
-        .collect::<anyhow::Result<_>>()?;
+        .collect::<engine::Result<_>>()?;
     for (page, target) in pages.iter().zip(targets) {
         target.write_by(|mut file| Ok(page.render(&mut file)?))?;
     }

@@ -120,7 +120,12 @@ fn output(args: &ReplayArgs) -> anyhow::Result<Option<Target>> {
     ];
     let inputs = args.logs.iter().chain(files.into_iter().flatten());
     let inputs = inputs.chain(&changes.overrides).map(|path| &**path);
-    Target::new(path, Kind::Log, args.replace.force, inputs).map(Some)
+    Ok(Some(Target::new(
+        path,
+        Kind::Log,
+        args.replace.force,
+        inputs,
+    )?))
 }
 
 /// Program that wrote the log, if it was a different one.

@@ -85,7 +85,8 @@ fn write(
     }
     targets[CALIBRATION_NAME].write(&calibration.to_toml()?)?;
     // The configuration is written last, after all files that it names.
-    targets[config::ATTACHED_NAME].write(&toml::to_string_pretty(&document)?)
+    targets[config::ATTACHED_NAME].write(&toml::to_string_pretty(&document)?)?;
+    Ok(())
 }
 
 /// All files of the directory, by name.

@@ -131,7 +131,12 @@ fn targets(output: &Output<'_>, runs: usize) -> anyhow::Result<Vec<Target>> {
         .map(|number| {
             let path = path.with_file_name(format!("{stem}-{number}{dot}{extension}"));
             let inputs = output.inputs.iter().copied();
-            Target::new(&path, Kind::Log, output.into.replace.force, inputs)
+            Ok(Target::new(
+                &path,
+                Kind::Log,
+                output.into.replace.force,
+                inputs,
+            )?)
         })
         .collect()
 }
@@ -219,7 +224,7 @@ impl Log<'_> {
         }
         let file = &mut self.file;
         let mut sink = |entry: Entry| file.push(entry);
-        self.feed.push(source, time, payload, &mut sink)
+        Ok(self.feed.push(source, time, payload, &mut sink)?)
     }
 
     fn finish(self) -> anyhow::Result<u64> {
