@@ -140,6 +140,7 @@ pub fn engine(error: &engine::Error) -> PyErr {
     match error {
         Error::Target(error) => target(error),
         Error::Log(error) => log(error),
+        Error::Simulation(sim::SimError::UnknownManoeuvre { .. }) => argument(message),
         Error::Simulation(_) | Error::Manoeuvre { .. } => raise(|all| &all.simulation, message),
         Error::VehicleFile(_) => vehicle(message),
         Error::ConfigurationUnreadable { cause: source, .. }

@@ -19,7 +19,7 @@ use crate::{errors, interrupt};
 /// A vehicle, sensors or calibration: an object of the package, a file, or the name of one that ships
 /// with the package.
 #[derive(FromPyObject)]
-enum File<'py> {
+pub enum File<'py> {
     Vehicle(Bound<'py, Vehicle>),
     Sensors(Bound<'py, Sensors>),
     Calibration(Bound<'py, Calibration>),

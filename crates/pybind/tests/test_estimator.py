@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,7 +78,7 @@ def test_samples_one_by_one_give_the_same_bits(simulated_log: Path) -> None:
     for estimator in (one_by_one, at_once):
         estimator.advance(log.start_ns)
     for time_ns, kind, row in sorted(rows, key=lambda entry: entry[0]):
-        values = {name: column[row] for name, column in samples[kind].items()}  # type: ignore[literal-required]
+        values = {name: column[row] for name, column in samples[kind].items()}  # type: ignore
         times = {
             "log_time_ns": int(values.pop("log_time_ns")),
             "valid_time_ns": int(values.pop("valid_time_ns")),
@@ -119,7 +120,7 @@ def test_calibration_and_tuning_have_an_effect(simulated_log: Path) -> None:
 def test_errors_name_the_value_and_the_next_step() -> None:
     vehicle = atvrec.Vehicle.builtin("prowler")
     estimator = atvrec.Estimator(vehicle)
-    steer = {"log_time_ns": [2_000], "steering_wheel_rad": [0.1]}
+    steer: dict[str, Any] = {"log_time_ns": [2_000], "steering_wheel_rad": [0.1]}
     estimator.push({"steer": steer})
     with pytest.raises(atvrec.ArgumentError, match="log_time_ns = 1000 is earlier than 2000"):
         estimator.push_steer(1_000, 0.1)
@@ -128,7 +129,7 @@ def test_errors_name_the_value_and_the_next_step() -> None:
     with pytest.raises(atvrec.ArgumentError, match=r'samples\["steer"\]\["angle_rad"\]: no such array'):
         estimator.push({"steer": steer | {"angle_rad": [0.1]}})  # type: ignore[typeddict-item]
     with pytest.raises(atvrec.ArgumentError, match=r'\["steering_wheel_rad"\] has 1 rows, fewer'):
-        estimator.push({"steer": steer | {"log_time_ns": [3_000, 4_000]}})  # type: ignore[typeddict-item]
+        estimator.push({"steer": steer | {"log_time_ns": [3_000, 4_000]}})
     with pytest.raises(atvrec.ArgumentError, match="must be fl, fr, rl or rr"):
         estimator.push_corner(5_000, "front left", deflection_counts=500)
     with pytest.raises(atvrec.ArgumentError, match="is 500.5: counts are whole numbers of 32 bits"):
@@ -144,7 +145,7 @@ def test_errors_name_the_value_and_the_next_step() -> None:
         atvrec.Tuning().with_values({"motion.gate_sgma": 6.0})
     with pytest.raises(atvrec.ArgumentError, match=r"motion.gate_sigma = \[-1.0\] found where a number above 0"):
         atvrec.Tuning().with_values({"motion": {"gate_sigma": -1.0}})
-    with pytest.raises(atvrec.ArgumentError, match="cal.toml: .*vehicel"):
+    with pytest.raises(atvrec.ArgumentError, match=r"cal.toml: (.|\n)*unknown field `vehicel`"):
         atvrec.Calibration.from_toml('vehicel = "x"', "cal.toml")
     with pytest.raises(FileNotFoundError, match="absent.toml"):
         atvrec.Calibration.load("absent.toml")

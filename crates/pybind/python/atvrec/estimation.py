@@ -519,8 +519,8 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
                 found.setdefault("steer", []).append(_times(columns) | angle)
             case ["wheel_speed"]:
                 columns = log.read(topic)
-                speeds = [columns[f"{wheel}.angular_speed_rad_s"] for wheel in _WHEELS]
-                rows = _times(columns) | {"angular_speed_rad_s": np.stack(speeds, axis=1)}
+                of_wheels = [columns[f"{wheel}.angular_speed_rad_s"] for wheel in _WHEELS]
+                rows = _times(columns) | {"angular_speed_rad_s": np.stack(of_wheels, axis=1)}
                 found.setdefault("wheel_speed", []).append(rows)
             case ["ground_speed", _]:
                 columns = log.read(topic)
