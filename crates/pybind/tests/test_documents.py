@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,9 @@ def test_examples_run(
     # Not the main module: the example of many processes is read and not started.
     names: dict[str, object] = {"__name__": "example"}
     for block in blocks:
-        if "matplotlib" in block:
-            pytest.importorskip("matplotlib")
+        # The plot needs matplotlib, which the package does not.
+        if "matplotlib" in block and find_spec("matplotlib") is None:
+            continue
         exec(compile(block, str(document), "exec"), names)
     printed = capsys.readouterr().out
     if document.name == "python.md":
