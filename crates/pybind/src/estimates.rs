@@ -139,6 +139,9 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
     Ok(columns)
 }
 
+/// A value of an axle.
+type OfAxle = fn(&AxleGrip) -> f64;
+
 fn parameters<'py>(py: Python<'py>, rows: &[Parameters]) -> PyResult<Bound<'py, PyDict>> {
     let table = Table::new(py, rows, |row| row.time.0)?;
     table.several("accel_bias_m_s2", |row| row.accel_bias_m_s2)?;
@@ -147,7 +150,7 @@ fn parameters<'py>(py: Python<'py>, rows: &[Parameters]) -> PyResult<Bound<'py, 
     table.several("gyro_bias_sigma_rad_s", |row| row.gyro_bias_sigma_rad_s)?;
     table.one("steer_offset_rad", |row| row.steer_offset_rad)?;
     table.one("steer_offset_sigma_rad", |row| row.steer_offset_sigma_rad)?;
-    let axles: [(&str, fn(&AxleGrip) -> f64); 7] = [
+    let axles: [(&str, OfAxle); 7] = [
         ("stiffness_factor", |axle| axle.stiffness_factor),
         ("stiffness_factor_sigma", |axle| axle.stiffness_factor_sigma),
         ("friction", |axle| axle.friction.unwrap_or(f64::NAN)),

@@ -202,6 +202,9 @@ impl Sink {
     }
 }
 
+/// Duration, s, name of the drive, arrivals, and decoded messages.
+type Simulated = (f64, String, u64, u64);
+
 /// Drives a virtual vehicle and writes the log: seconds, name of the drive, arrivals, and decoded
 /// messages. What Python users see is `atvrec.simulate`.
 #[pyfunction]
@@ -219,27 +222,7 @@ pub fn simulate_log(
     duration_s: Option<f64>,
     config: Option<PathBuf>,
     true_calibration: Option<PathBuf>,
-) -> PyResult<(f64, String, u64, u64)> {
-    let (vehicle, sensors) = (vehicle.source("vehicle")?, sensors.source("sensors")?);
-    let path = |file: &FileSource| match file {
-        FileSource::Path(path) => Some(path.clone()),
-        FileSource::Text(_) => None,
-    };
-    let inputs = [
-        truth.clone(),
-        options.clone(),
-        config.clone(),
-        path(&vehicle),
-        path(&sensors),
-    ];
-    let inputs = || inputs.iter().flatten().map(PathBuf::as_path);
-    let target = |path: &Path, kind| {
-        Target::new(path, kind, force, inputs()).map_err(|error| errors::engine(&error))
-    };
-    let log = target(&output, Kind::Log)?;
-    let calibration = true_calibration
-        .map(|path| target(&path, Kind::Toml))
-        .transpose()?;
+) -> PyResult<Simulated> {
     let course = match (manoeuvre, truth) {
         (Some(name), None) => Course::Manoeuvre(name),
         (None, Some(path)) => Course::Truth(path),
@@ -249,27 +232,71 @@ pub fn simulate_log(
             ));
         }
     };
-    let done = py.detach(move || -> Result<_, Stop> {
-        let options = options.as_deref().map(engine::read_options).transpose()?;
+    let simulation = Simulation {
+        course,
+        vehicle: vehicle.source("vehicle")?,
+        sensors: sensors.source("sensors")?,
+        seed,
+        options,
+        duration_s,
+        config,
+    };
+    let target = |path: &Path, kind| {
+        let target = Target::new(path, kind, force, simulation.inputs());
+        target.map_err(|error| errors::engine(&error))
+    };
+    let log = target(&output, Kind::Log)?;
+    let calibration = true_calibration
+        .map(|path| target(&path, Kind::Toml))
+        .transpose()?;
+    Ok(py.detach(move || simulation.run(&log, calibration.as_ref()))?)
+}
+
+/// A simulation that can be run without the GIL.
+struct Simulation {
+    course: Course,
+    vehicle: FileSource,
+    sensors: FileSource,
+    seed: u64,
+    options: Option<PathBuf>,
+    duration_s: Option<f64>,
+    config: Option<PathBuf>,
+}
+
+impl Simulation {
+    /// The files that it reads.
+    fn inputs(&self) -> impl Iterator<Item = &Path> {
+        let truth = match &self.course {
+            Course::Truth(path) => Some(path),
+            Course::Manoeuvre(_) => None,
+        };
+        let sources = [&self.vehicle, &self.sensors].map(|file| match file {
+            FileSource::Path(path) => Some(path),
+            FileSource::Text(_) => None,
+        });
+        let files = [truth, self.options.as_ref(), self.config.as_ref()];
+        let files = files.into_iter().chain(sources).flatten();
+        files.map(PathBuf::as_path)
+    }
+
+    fn run(self, log: &Target, calibration: Option<&Target>) -> Result<Simulated, Stop> {
+        let options = self.options.as_deref().map(engine::read_options);
         let mut rig = Rig::new(&Drive {
-            course,
-            vehicle,
-            sensors,
-            seed,
-            options: options.unwrap_or_default(),
-            duration_s,
+            course: self.course,
+            vehicle: self.vehicle,
+            sensors: self.sensors,
+            seed: self.seed,
+            options: options.transpose()?.unwrap_or_default(),
+            duration_s: self.duration_s,
         })?;
-        let config = match &config {
+        let config = match &self.config {
             Some(path) => Config::load(path)?,
             None => rig.config()?,
         };
         let mut log = log.log(rig.session(&config), config.storage.options.clone())?;
         if let Some(target) = calibration {
-            target.write(
-                &rig.true_calibration
-                    .to_toml()
-                    .map_err(engine::Error::from)?,
-            )?;
+            let text = rig.true_calibration.to_toml();
+            target.write(&text.map_err(engine::Error::from)?)?;
         }
         let mut interrupt = interrupt::Watch::default();
         let arrivals = engine::simulate(&mut rig, &config, |entry| {
@@ -278,8 +305,7 @@ pub fn simulate_log(
         })?;
         let messages = log.finish()?.counters.messages;
         Ok((rig.duration_s(), rig.drive, arrivals, messages))
-    })?;
-    Ok(done)
+    }
 }
 
 /// Names of the manoeuvres of the virtual vehicle.
