@@ -30,7 +30,7 @@ impl Sensors {
         model::sensors::Sensors::builtin_names().collect()
     }
 
-    /// Sensors from a file. All mistakes of the file are told at once.
+    /// Sensors from a file. All errors of the file are reported at once.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         read(&path).map(|inner| Self { inner })

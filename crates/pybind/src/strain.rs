@@ -47,7 +47,7 @@ impl StrainChannel {
         })
     }
 
-    /// The axial channels of a sensors file of your own; all mistakes of the file are told at once.
+    /// The axial channels of a sensors file of your own; all errors of the file are reported at once.
     #[staticmethod]
     fn load_axial(path: PathBuf) -> PyResult<Self> {
         let scale = sensors::read(&path)?.strain.axial_scale();

@@ -32,7 +32,7 @@ impl Vehicle {
         model::vehicle::Vehicle::builtin_names().collect()
     }
 
-    /// A vehicle from a file. All mistakes of the file are told at once.
+    /// A vehicle from a file. All errors of the file are reported at once.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         let text = std::fs::read_to_string(&path)?;
