@@ -20,9 +20,9 @@ const REOPEN_WAIT: Duration = Duration::from_millis(200);
 /// How often the interface and the drop counter are looked at, whether frames come or not.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
 
-/// So many attempts in a row to bring an interface up fail before it is told: where the recorder may
-/// not do so itself, the system needs a moment.
-const LINK_FAILURES_TOLD: u32 = 8;
+/// Consecutive failures to bring an interface up before a warning. If the recorder may not bring it
+/// up itself, the system needs some time.
+const LINK_FAILURES_REPORTED: u32 = 8;
 
 /// Flag bit of 29-bit identifiers in filters (`linux/can.h`).
 const EXTENDED_FLAG: u32 = 0x8000_0000;
@@ -97,7 +97,7 @@ struct Session<'a> {
     settings: String,
     datagrams: Datagrams,
     drops: DropCounter,
-    /// Whether the interface is up, as told by the last notice; `None` before the first.
+    /// Whether the interface is up by the last notice; `None` before the first.
     up: Option<bool>,
     /// Attempts in a row to bring the interface up that failed.
     link_failures: u32,
@@ -231,12 +231,12 @@ impl<'a> Session<'a> {
             Err(error) => error.to_string(),
         };
         self.link_failures = self.link_failures.saturating_add(1);
-        if self.link_failures == LINK_FAILURES_TOLD {
+        if self.link_failures == LINK_FAILURES_REPORTED {
             tracing::warn!(source = %self.context.name, "{failure}");
         }
     }
 
-    /// Reports drops that no later frame has told of.
+    /// Reports dropped frames that no later frame has reported.
     fn look_at_drops(&mut self) {
         if let Some(now) = kernel_drops(&self.socket) {
             self.context.lost(LossPlace::Kernel, self.drops.since(now));

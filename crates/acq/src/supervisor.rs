@@ -33,7 +33,7 @@ struct Running {
     task: JoinHandle<()>,
 }
 
-/// Tasks that did not end when they were told to.
+/// Tasks that did not end after the stop request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct StuckTasks {
     /// Their sources' names.

@@ -215,7 +215,7 @@ impl Calibration {
     /// Reads a calibration file's text.
     ///
     /// # Errors
-    /// When the text is not TOML or has a field that does not exist; line and column are told.
+    /// When the text is not TOML or has a field that does not exist; the error has line and column.
     pub fn from_toml(text: &str) -> Result<Self, EstimatorError> {
         sample::boundary::guarded(|| toml::from_str(text))
             .map_err(EstimatorError::Parse)?

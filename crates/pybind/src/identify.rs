@@ -251,7 +251,7 @@ pub fn identify_roll_centre<'py>(py: Python<'py>, vehicle: &Vehicle) -> Found<'p
 }
 
 /// Inertia from the swing of a pendulum: the rate about its axis, rad/s, (n,), on a grid of `dt_s`.
-/// What hangs is told by `mass_kg` with `distance_m` (compound), with `radius_m` and `length_m`
+/// The suspended body is given by `mass_kg` with `distance_m` (compound), with `radius_m` and `length_m`
 /// (wires), or by `stiffness_n_m_rad` (springs).
 #[pyfunction]
 #[pyo3(signature = (

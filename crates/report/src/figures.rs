@@ -77,7 +77,7 @@ fn speed(drive: &Drive) -> Figure {
 
 fn steer(drive: &Drive) -> Figure {
     let mut traces = vec![Trace {
-        name: "hand wheel / 10".into(),
+        name: "steering wheel / 10".into(),
         pen: Pen::Other(0),
         x: drive.hand_wheel_rad.time_s.clone(),
         y: drive.hand_wheel_rad.map(|angle| angle.to_degrees() / 10.0),
@@ -96,7 +96,7 @@ fn steer(drive: &Drive) -> Figure {
     single(
         "steer",
         "Steer angle",
-        "Hand wheel, and both front wheels by the steering map or the linkage.",
+        "Steering wheel, and both front wheels by the steering map or the linkage.",
         "angle (deg)",
         traces,
     )

@@ -189,8 +189,8 @@ pub struct AxleGrip {
     /// What the coefficient is at least: the largest part of the load that was lateral force of
     /// late, less two deviations.
     pub friction_min: f64,
-    /// That part over the friction coefficient as it is believed, which is the vehicle file's where
-    /// nothing else is known.
+    /// That part divided by the estimated friction coefficient. Without an estimate, it is divided by
+    /// the coefficient of the vehicle file.
     pub utilisation: f64,
     /// Its standard deviation, by what is known of the friction.
     pub utilisation_sigma: f64,

@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Faults, HiddenErrors};
 
-/// What the virtual vehicle is told beside vehicle and sensors: where and when it drives, and how
+/// Options of the virtual vehicle beside vehicle and sensors: where and when it drives, and how
 /// its devices deliver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

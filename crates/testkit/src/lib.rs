@@ -9,6 +9,7 @@
 mod allocations;
 #[cfg(feature = "truth")]
 pub mod drive;
+mod hostile;
 #[cfg(feature = "truth")]
 mod once;
 #[cfg(feature = "truth")]
@@ -23,6 +24,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 pub use allocations::{Counting, allocations};
+pub use hostile::log_of_zeros;
 
 /// Environment variable that says whether the recordings in `../shared` must be there (`1`), are left
 /// out (`0`), or are read where they are (unset).

@@ -191,8 +191,8 @@ mod tests {
         let mut framer = Framer::new(16);
         let mut statistics = Statistics::default();
         let mut found = Vec::new();
-        // 0xA5 0xA5 asks for 165 bytes, more than the limit; 0xA5 0x05 swallows the good message
-        // if it is believed.
+        // 0xA5 0xA5 asks for 165 bytes, more than the limit; 0xA5 0x05 would use up the good
+        // message if its length were accepted.
         let mut stream = vec![0xA5, 0xA5, 0x05];
         stream.extend(GOOD);
         framer.push(&stream, &mut statistics, scan, |f, _| found.push(f.range));

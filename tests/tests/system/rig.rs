@@ -18,21 +18,8 @@ use store::Reader;
 
 /// Boots the rig with a guest script; its output folder is made anew.
 fn boot(script: &str, options: &[&str]) -> PathBuf {
-    let out = project().join("target/rig-out").join(script);
-    let _ = std::fs::remove_dir_all(&out);
-    std::fs::create_dir_all(&out).expect("output folder");
-    std::fs::copy(atvrec(), out.join("atvrec")).expect("the guest gets a copy of the binary");
-    let status = Command::new(project().join("tests/rig/rig"))
-        .arg("boot")
-        .arg(project().join(format!("tests/rig/guest/{script}.sh")))
-        .arg("--out")
-        .arg(&out)
-        .args(options)
-        .status()
-        .expect("the rig starts");
-    let output = std::fs::read_to_string(out.join("output")).unwrap_or_default();
-    let log = std::fs::read_to_string(out.join("record.log")).unwrap_or_default();
-    assert!(status.success(), "{script}: {status}\n{output}\n{log}");
+    let out = atvrec_tests::rig::new_output_folder(script);
+    atvrec_tests::rig::boot(script, options);
     out
 }
 

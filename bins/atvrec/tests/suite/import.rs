@@ -34,7 +34,7 @@ fn a_table_becomes_a_log_that_verifies() {
     let here = directory.path();
     let mut text = "# made by hand\ntime [ms];v;oil\n".to_owned();
     for row in 0..200 {
-        // Oil is told at a tenth of the rate; a second is missing in the middle.
+        // The oil temperature has a tenth of the rate. One second is missing in the middle.
         let oil = if row % 10 == 0 { "90,5" } else { "" };
         let time = 10 * row + if row >= 100 { 1000 } else { 0 };
         text.push_str(&format!("{time};36,0;{oil}\n"));

@@ -71,7 +71,7 @@ fn an_error_names_its_path_once_and_other_paths_are_recovered() {
 fn what_is_too_large_is_set_aside_and_recovered_with_a_larger_bound() {
     let directory = tempfile::tempdir().expect("a directory");
     let active = directory.path().join("log.mcap.active");
-    fs::write(&active, chunk_of_zeros(80 << 20)).expect("written");
+    fs::write(&active, testkit::log_of_zeros(80 << 20)).expect("written");
     let assert = atvrec(directory.path())
         .args(["recover", "."])
         .assert()
@@ -96,7 +96,7 @@ fn what_is_too_large_is_set_aside_and_recovered_with_a_larger_bound() {
 fn declared_sizes_cost_no_memory() {
     let directory = tempfile::tempdir().expect("a directory");
     let bombs: [(&str, Vec<u8>, u64); 4] = [
-        ("inflates", chunk_of_zeros(1_000_000_000), 0),
+        ("inflates", testkit::log_of_zeros(1_000_000_000), 0),
         ("name", record_that_claims_a_long_name(), 0),
         ("record", record_that_claims_its_length(6, 1 << 40), 1 << 40),
         ("summary", footer_of_a_long_summary(), 1 << 40),
@@ -148,30 +148,6 @@ fn record(opcode: u8, body: &[u8]) -> Vec<u8> {
     record.extend((body.len() as u64).to_le_bytes());
     record.extend(body);
     record
-}
-
-/// An unfinished log whose chunk is `size` zeros, in run-length blocks of zstd (RFC 8878, section
-/// 3.1.1.2.2).
-fn chunk_of_zeros(size: u64) -> Vec<u8> {
-    const BLOCK: u64 = 1 << 17;
-    let mut frame = 0xFD2F_B528_u32.to_le_bytes().to_vec();
-    frame.push(0b1110_0000);
-    frame.extend(size.to_le_bytes());
-    let blocks = size.div_ceil(BLOCK);
-    for block in 0..blocks {
-        let bytes = (size - block * BLOCK).min(BLOCK) as u32;
-        let header = bytes << 3 | 1 << 1 | u32::from(block + 1 == blocks);
-        frame.extend(&header.to_le_bytes()[..3]);
-        frame.push(0);
-    }
-    let mut body = vec![0; 16];
-    body.extend(size.to_le_bytes());
-    body.extend(1_u32.to_le_bytes());
-    body.extend(4_u32.to_le_bytes());
-    body.extend(b"zstd");
-    body.extend((frame.len() as u64).to_le_bytes());
-    body.extend(frame);
-    [&MAGIC[..], &HEADER, &record(6, &body)].concat()
 }
 
 fn record_that_claims_a_long_name() -> Vec<u8> {

@@ -196,7 +196,7 @@ async fn a_second_program_is_kept_off_the_port() {
     supervisor.stop(PATIENCE).await.expect("the sources stop");
 }
 
-/// An adapter that does as it is told, until it has left the bus.
+/// An adapter that obeys every command until it has left the bus.
 async fn adapter(mut device: SerialStream, frames: Vec<CanFrame>) -> Vec<Command> {
     let mut decoder = Decoder::new();
     let mut told = Vec::new();
@@ -312,7 +312,7 @@ fn packet(kind: &[u8; 2], payload: &[u8]) -> Vec<u8> {
     [&[0x55, 0x55], &body[..], &crc.to_be_bytes()].concat()
 }
 
-/// A unit that hears and answers at one line speed only; it ends once it was told to send.
+/// A unit that hears and answers at one line speed only; it ends after the command to send.
 async fn unit(mut device: SerialStream, baud: u32) {
     let mut waiting = Vec::new();
     let mut buffer = [0; 256];

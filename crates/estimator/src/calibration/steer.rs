@@ -125,8 +125,8 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
         findings: Findings {
             what: "steering".to_owned(),
             findings: vec![
-                finding("hand wheel straight ahead", centre_rad, centre_sigma),
-                finding("play at the hand wheel", lash_rad, lash_sigma),
+                finding("steering wheel straight ahead", centre_rad, centre_sigma),
+                finding("play at the steering wheel", lash_rad, lash_sigma),
             ],
             beside: vec![(
                 "ratio at the middle".to_owned(),
@@ -134,8 +134,8 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
                 "-".to_owned(),
             )],
             figures: vec![Figure {
-                title: "Road wheels against the hand wheel".to_owned(),
-                x_label: "hand wheel from the middle (deg)".to_owned(),
+                title: "Road wheels against the steering wheel".to_owned(),
+                x_label: "steering wheel from the middle (deg)".to_owned(),
                 y_label: "road wheel (deg)".to_owned(),
                 series: vec![
                     dots("left, read", 0),

@@ -63,8 +63,9 @@ const HUBER: f64 = 3.0;
 const PRIOR_ROWS: f64 = 100.0;
 /// Errors of the model by a tuning.
 type DoubtOf = fn(&PlanarTuning) -> PlanarDoubt;
-/// The model's doubt in each round of the fit, and its iterations. A model that is doubted follows
-/// the measurements from anywhere; one that is believed tells its parameters apart.
+/// Process noise of the model in each round of the fit, and the number of iterations. With a large
+/// process noise the filter follows the measurements from any initial parameters. With a small one the
+/// parameters can be distinguished.
 const ROUNDS: [(DoubtOf, usize); 3] = [
     (PlanarDoubt::file, 8),
     (PlanarDoubt::identified, 8),

@@ -61,7 +61,7 @@ pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
             needed: 1.0,
             unit: "-".to_owned(),
             help: format!(
-                "turn the hand wheel within half a second by {:.1} degrees at the road wheels or \
+                "turn the steering wheel within half a second by {:.1} degrees at the road wheels or \
                  more at constant speed and hold it (ISO 7401), such as the manoeuvre step-steer",
                 step_min_rad.to_degrees()
             ),
@@ -405,7 +405,7 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
     })
 }
 
-/// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency; omega is told in Hz.
+/// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency; omega is given in Hz.
 fn size(of: Complex<f64>) -> f64 {
     math::hypot(of.re, of.im)
 }

@@ -36,9 +36,9 @@ use crate::regression::{Fit, least_squares};
 const WHAT: &str = "understeer gradient";
 const ADVICE: &str = "drive a circle of constant radius (ISO 4138) with the speed rising slowly from \
                       walking pace until 4 m/s^2 or more, such as the manoeuvre circle";
-const ONE_SIDE: &str = "the circle was driven to one side: an offset of the steer angle is told from \
-                        the gradient only by how the steer angle rises with lateral acceleration; \
-                        drive to the other side in the same log";
+const ONE_SIDE: &str = "the circle was driven to one side, so that only the rise of the steer angle with \
+                        lateral acceleration separates the gradient from an offset of the steer \
+                        angle; drive to the other side in the same log";
 /// Least usable data, s.
 const DATA_MIN_S: f64 = 10.0;
 /// Least range of lateral acceleration, m/s^2.

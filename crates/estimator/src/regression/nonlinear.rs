@@ -10,7 +10,7 @@ const AT_REST: f64 = 1e-9;
 /// Part by which the sum of squares falls at least while a fit is not at rest.
 const FALL_MIN: f64 = 1e-12;
 
-/// What a nonlinear fit is told.
+/// Options of a nonlinear fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nonlinear {
     /// Where to begin.

@@ -426,7 +426,7 @@ fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {
             .sum::<f64>()
             / (last - last / 2 + 1) as f64;
         eprintln!(
-            "stiffness x {factor}, hand wheel {offset_rad:.2} rad: {force:.2?} %, steer off by {first_deg:.2} deg, later {steer_deg:.3}"
+            "stiffness x {factor}, steering wheel {offset_rad:.2} rad: {force:.2?} %, steer off by {first_deg:.2} deg, later {steer_deg:.3}"
         );
         for event in &result.events {
             eprintln!(

@@ -178,7 +178,7 @@ fn contradictions(vehicle: &Vehicle) -> Vec<Contradiction> {
             found.push((
                 name.into(),
                 String::new(),
-                "the road-wheel angle falls where the hand wheel turns left".into(),
+                "the road-wheel angle falls where the steering wheel turns left".into(),
                 "left is positive for both columns".into(),
             ));
         }

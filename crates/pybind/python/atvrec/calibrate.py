@@ -67,7 +67,7 @@ class Inertial(TypedDict):
 
 
 class HandWheel(TypedDict, total=False):
-    """The hand wheel, where it is measured."""
+    """The steering wheel, where it is measured."""
 
     hand_wheel_time_s: npt.ArrayLike
     """Instants, s, (l,)."""

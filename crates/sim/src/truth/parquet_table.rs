@@ -91,7 +91,7 @@ fn footer(bytes: &[u8]) -> Option<&[u8]> {
     body.get(body.len().checked_sub(usize::try_from(length).ok()?)?..)
 }
 
-/// Looks at the headers of all pages of a column before they are believed.
+/// Looks at the headers of all pages of a column before their sizes are used.
 fn check_pages(bytes: &[u8], column: &ColumnChunkMetaData) -> Result<(), String> {
     let (start, length) = column.byte_range();
     let chunk = usize::try_from(start)

@@ -1,4 +1,4 @@
-//! Truth files: both kinds say the same, and mistakes are told in full.
+//! Truth files: both kinds give the same values, and errors name all that is wrong.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -165,7 +165,7 @@ fn bad_cells_files_and_names_are_told() {
     ));
 }
 
-/// Difference (root mean square) between link forces told by an independent simulator and computed
+/// Difference (root mean square) between link forces of an independent simulator and computed
 /// here from its tyre forces and moments, N: its unsprung parts' accelerations are not quite those
 /// of a wheel on flat ground.
 const LINK_FORCE_RMS_N: f64 = 10.0;

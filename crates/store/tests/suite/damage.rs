@@ -227,7 +227,7 @@ fn every_header_bit_of_a_log_may_be_damaged() {
 /// Writes the log of the test above again. What is expected of it then follows from
 /// `expected.py small.mcap.active 300 60 >small.txt`.
 #[test]
-#[ignore = "a tool: it is run when the log of the test is to be another one"]
+#[ignore = "writes the log of the test: `cargo test -p atvrec-store --test suite write_small_log -- --ignored`"]
 fn write_small_log() {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),

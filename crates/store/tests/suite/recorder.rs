@@ -56,7 +56,7 @@ fn files_rotate_without_a_gap_and_explain_themselves() {
         let other = |missing: &Missing| !matches!(missing, Missing::Parts { .. });
         assert!(!reader.info().missing.iter().any(other));
     }
-    // The states that last are told again by each file.
+    // Each file repeats the latched states.
     let last = Reader::open([paths.last().expect("a file")]).expect("a log");
     assert!(last.info().channels["/notice"].1 >= 1);
     let first = last.arrivals().next().expect("one").expect("readable");
@@ -519,7 +519,7 @@ fn items(arrival: &Arrival) -> u64 {
 }
 
 /// Received = recorded + counted as lost, by source and place, though the queue overflows all the
-/// time. A notice that was lost took with it what it told of.
+/// time. A notice that was lost also loses its content.
 #[test]
 fn nothing_is_lost_in_silence() {
     let directory = tempfile::tempdir().expect("a directory");

@@ -372,7 +372,7 @@ fn what_recovery_cannot_handle_is_set_aside_after_one_try() {
         .status();
     assert!(fifo.expect("mkfifo runs").success());
     std::fs::write(name("c.mcap.active"), b"can0 100#0011\n").expect("written");
-    std::fs::write(name("d.mcap.active"), bomb(2_000_000_000)).expect("written");
+    std::fs::write(name("d.mcap.active"), testkit::log_of_zeros(2_000_000_000)).expect("written");
     let (_, bytes) = sample_log(50);
     std::fs::write(name("e.mcap.active"), &bytes).expect("written");
     let results = recover_directory(directory.path()).expect("readable");
@@ -389,42 +389,6 @@ fn what_recovery_cannot_handle_is_set_aside_after_one_try() {
         recover_directory(directory.path()).expect("readable").len(),
         0
     );
-}
-
-/// A log whose only chunk inflates to so many bytes of zeros.
-fn bomb(size: u64) -> Vec<u8> {
-    let compressed = zstd_of_zeros(size);
-    let mut body = Vec::new();
-    body.extend([0; 16]);
-    body.extend(size.to_le_bytes());
-    body.extend(1_u32.to_le_bytes());
-    body.extend(4_u32.to_le_bytes());
-    body.extend(b"zstd");
-    body.extend((compressed.len() as u64).to_le_bytes());
-    body.extend(compressed);
-    let mut file = b"\x89MCAP0\r\n".to_vec();
-    // Header: profile and library are empty.
-    file.extend([1, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
-    file.push(6);
-    file.extend((body.len() as u64).to_le_bytes());
-    file.extend(body);
-    file
-}
-
-/// A zstd frame of run-length blocks (RFC 8878, section 3.1.1.2.2).
-fn zstd_of_zeros(size: u64) -> Vec<u8> {
-    const BLOCK: u64 = 1 << 17;
-    let mut frame = 0xFD2F_B528_u32.to_le_bytes().to_vec();
-    frame.push(0b1110_0000);
-    frame.extend(size.to_le_bytes());
-    let blocks = size.div_ceil(BLOCK);
-    for block in 0..blocks {
-        let bytes = (size - block * BLOCK).min(BLOCK) as u32;
-        let header = bytes << 3 | 1 << 1 | u32::from(block + 1 == blocks);
-        frame.extend(&header.to_le_bytes()[..3]);
-        frame.push(0);
-    }
-    frame
 }
 
 /// Cut by one to eight bytes, a closed log used to be called whole (nothing is lost in it); with a
@@ -606,7 +570,7 @@ fn profile_and_library_survive() {
     );
 }
 
-/// A recovery that is told to stop leaves the log as it was; the next one does all.
+/// A recovery that is stopped leaves the log unchanged. The next recovery completes it.
 #[test]
 fn a_recovery_that_is_stopped_changes_nothing() {
     let (_, bytes) = sample_log(300);

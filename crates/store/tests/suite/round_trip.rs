@@ -256,25 +256,3 @@ fn the_clock_may_stand_still() {
     let (_directory, reader) = on_disk(&write(&written, &[], &Options::default()));
     assert_eq!(read_arrivals(&reader).0, written);
 }
-
-/// Writes `target/sample.mcap`, a short log with every kind of channel.
-#[test]
-#[ignore = "a tool: a log to try readers on"]
-fn write_sample_log() {
-    let path = testkit::project().join("target/sample.mcap");
-    let _ = std::fs::remove_file(&path);
-    let mut writer = Writer::create(&path, session(), Options::default(), 0).expect("created");
-    for arrival in arrivals(1, 2_000) {
-        let time = arrival.log_time;
-        if arrival.sequence % 100 == 0 {
-            for record in records(time) {
-                writer.record(&record);
-            }
-        }
-        if arrival.sequence % 10 == 0 {
-            writer.record(&Record::Estimate(estimate(time)));
-        }
-        writer.push(arrival).expect("written");
-    }
-    writer.finish().expect("closed");
-}

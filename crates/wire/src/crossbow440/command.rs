@@ -102,7 +102,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Silences the unit until it is told otherwise or restarted.
+    /// Stops the output of the unit until the next command or restart.
     #[must_use]
     pub fn quiet() -> Self {
         Self::SetFields(vec![Field::Rate(PacketRate::Quiet)])

@@ -216,7 +216,7 @@ fn wiring(
     if standing.saturated > SATURATED && expected.abs() < 0.7 * room {
         return Some(bending);
     }
-    // A channel that hardly feels the load is told by reacting all the same.
+    // A channel with little sensitivity to the load shows that it works by any reaction.
     if expected.abs() < TELLING_COUNTS + drifted {
         let most = RATIOS[2] * (TELLING_COUNTS + drifted) + expected.abs();
         return (found.abs() > most).then_some(bending);

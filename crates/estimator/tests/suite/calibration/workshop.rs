@@ -38,8 +38,8 @@ fn plates(seed: u64) -> Vec<PlateReading> {
 fn centre_play_and_monotone_maps_come_out_of_turn_plates() {
     for seed in 0..20 {
         let found = steer(&plates(seed), 0.1_f64.to_radians()).expect("sound");
-        let [centre, _] = found.findings.value("hand wheel straight ahead");
-        let [lash, _] = found.findings.value("play at the hand wheel");
+        let [centre, _] = found.findings.value("steering wheel straight ahead");
+        let [lash, _] = found.findings.value("play at the steering wheel");
         assert!((centre - OFFSET_RAD).abs() < 0.02, "{seed}: {centre}");
         assert!((lash - LASH_RAD).abs() < 0.03, "{seed}: {lash}");
         for map in [
@@ -60,8 +60,8 @@ fn the_middles_and_the_plays_intervals_hold() {
     for seed in 0..200 {
         let found = steer(&plates(seed), 0.1_f64.to_radians()).expect("sound");
         let truth = [
-            ("hand wheel straight ahead", OFFSET_RAD),
-            ("play at the hand wheel", LASH_RAD),
+            ("steering wheel straight ahead", OFFSET_RAD),
+            ("play at the steering wheel", LASH_RAD),
         ];
         for (count, (name, truth)) in inside.iter_mut().zip(truth) {
             let [value, sigma] = found.findings.value(name);
