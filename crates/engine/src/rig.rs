@@ -137,6 +137,18 @@ impl Rig {
         }
     }
 
+    /// Configuration of a simulation, which opens no port.
+    ///
+    /// # Errors
+    /// If a vehicle or sensors file has changed since [`Rig::new`] and has errors now.
+    pub fn config(&self) -> Result<Config> {
+        let ports = Ports {
+            directory: Path::new("virtual"),
+            can: None,
+        };
+        Config::from_text(&self.configuration(&ports), Path::new("."))
+    }
+
     /// Configuration whose sources are the ports of this vehicle, at `ports`.
     pub fn configuration(&self, ports: &Ports<'_>) -> String {
         let mut text = String::from(

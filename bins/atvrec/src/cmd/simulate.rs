@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use engine::{Config, Entry, Ports, Rig, simulate};
+use engine::{Config, Entry, Rig, simulate};
 use sample::{Arrival, LogTime, NANOS_PER_SECOND};
 use store::{ClockState, Options, Recorder, Session};
 
@@ -20,14 +20,9 @@ use crate::session::PROGRAM;
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (output, calibration) = outputs(args)?;
     let mut rig = Rig::new(&args.drive.as_drive()?)?;
-    let ports = Ports {
-        directory: Path::new("virtual"),
-        can: None,
-    };
-    let text = rig.configuration(&ports);
     let config = match &args.config {
         Some(path) => Config::load(path)?,
-        None => Config::from_text(&text, Path::new("."))?,
+        None => rig.config()?,
     };
     let session = rig.session(&config, PROGRAM);
     let mut sink = Sink::open(output.as_ref(), &args.output, &config, session)?;
