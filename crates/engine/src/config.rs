@@ -65,9 +65,9 @@ pub struct Config {
 impl Config {
     /// Reads a configuration file.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = read_text(path, TOML_MAX).map_err(|source| Error::ConfigurationUnreadable {
+        let text = read_text(path, TOML_MAX).map_err(|cause| Error::ConfigurationUnreadable {
             path: path.to_owned(),
-            source,
+            cause,
         })?;
         let directory = path.parent().map(Path::to_owned).unwrap_or_default();
         let files = Files::on_disk(directory.clone());

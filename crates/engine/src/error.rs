@@ -17,14 +17,14 @@ pub enum Error {
     Configuration(#[from] Problems),
     /// The configuration cannot be read.
     #[error(
-        "cannot read the configuration {path}; `atvrec virtual` writes an example, \
+        "cannot read the configuration {path}: {cause}; `atvrec virtual` writes an example, \
          docs/configuration.md describes every field"
     )]
     ConfigurationUnreadable {
         /// Path of the file.
         path: PathBuf,
         /// Error of the operating system.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The configuration has no field.
     #[error("the configuration {path} is empty (it has no field); nothing was changed")]

@@ -11,7 +11,7 @@ pub const POTENTIOMETER: usize = StrainChannel::COUNT;
 /// Repeats of a channel's count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Liveness {
-    counts: u16,
+    counts: i32,
     repeats: u32,
     reported: bool,
 }
@@ -24,7 +24,7 @@ impl Liveness {
     }
 
     /// The channel's value; `None` while its counts are frozen.
-    fn take(&mut self, counts: u16, channel: &Channel) -> Option<f64> {
+    fn take(&mut self, counts: i32, channel: &Channel) -> Option<f64> {
         self.repeats = if counts == self.counts {
             self.repeats.saturating_add(1)
         } else {

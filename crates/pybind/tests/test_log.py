@@ -108,15 +108,35 @@ def test_frames(reference_log: Path) -> None:
     assert table["u64"].dtype == polars.UInt64
 
 
-def _flatten(message: Any, prefix: str = "") -> dict[str, Any]:
-    """Present fields by dotted name; repeated ones left out."""
+KEYS = ("axle", "side", "name")
+WHEELS = {(1, "left"): "fl", (1, "right"): "fr", (2, "left"): "rl", (2, "right"): "rr"}
+
+
+def _key(entry: Any) -> str | None:
+    """The name of a wheel, of an axle or of a suspension member; ``None`` for other entries."""
+    fields = entry.DESCRIPTOR.fields_by_name
+    if "side" in fields:
+        return WHEELS[entry.axle, entry.side]
+    if "axle" in fields:
+        return {1: "front", 2: "rear"}[entry.axle]
+    return entry.name if entry.DESCRIPTOR.name == "StrainMember" else None
+
+
+def _flatten(message: Any, prefix: str = "", leave_out: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Present fields by dotted name; lists of entries without a name left out."""
     found: dict[str, Any] = {}
     for field, value in message.ListFields():
         name = f"{prefix}{field.name}"
+        if field.name in leave_out:
+            continue
         if isinstance(value, (int, float, str, bytes, bool)):
             found[name] = value
         elif hasattr(value, "ListFields"):
             found |= _flatten(value, f"{name}.")
+        elif field.message_type is not None:
+            for entry in value:
+                if key := _key(entry):
+                    found |= _flatten(entry, f"{prefix}{key}.", KEYS)
     return found
 
 
@@ -138,7 +158,25 @@ def test_the_reference_reader_says_the_same(simulated_log: Path) -> None:
                 compared += 1
     assert all(ours[topic]["t_s"].size == count for topic, count in row.items())
     assert compared > 10_000
+    assert {"fl.tie_rod.raw_counts", "rr.lower_rear.valid"} <= set(ours["/strain"])
+    assert "front.friction_min" in ours["/estimate/parameters"]
     assert log.missing == []
+
+
+def test_a_log_of_an_earlier_layout_has_the_columns_of_the_present_one(simulated_log: Path) -> None:
+    earlier = atvrec.open(Path(__file__).parents[3] / "testdata" / "compat" / "slow-sine-0.mcap")
+    present = atvrec.open(simulated_log)
+    assert "contract" not in earlier.info()["metadata"]["atvrec.run"]
+    assert present.info()["metadata"]["atvrec.run"]["contract"] == "0"
+    assert "/raw/can0" in earlier.topics
+    assert "/can/can0/raw" not in earlier.topics
+    for topic in earlier.topics:
+        if topic in present.topics:
+            assert list(earlier.read(topic)) == list(present.read(topic)), topic
+    load = earlier.read("/estimate/tyre_forces")["fl.z_n"]
+    assert load.size == 400
+    assert np.nanmin(load) > 100.0
+    assert earlier.missing == []
 
 
 def test_a_simulated_log_explains_itself(simulated_log: Path) -> None:

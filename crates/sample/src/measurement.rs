@@ -238,15 +238,15 @@ impl StrainChannel {
     }
 }
 
-/// Converter counts of one corner's box; absent members were not in the message.
+/// Converter counts of one corner, up to 32 bits; absent members were not in the message.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CornerSample {
     /// Which corner.
     pub wheel: Wheel,
     /// Strain counts, in the order of [`StrainChannel::ALL`].
-    pub strain_counts: [Option<u16>; StrainChannel::COUNT],
+    pub strain_counts: [Option<i32>; StrainChannel::COUNT],
     /// Spring potentiometer counts.
-    pub deflection_counts: Option<u16>,
+    pub deflection_counts: Option<i32>,
 }
 
 /// Hand-wheel angle.

@@ -36,10 +36,10 @@ const TYRE_DAMPING_N_S_M: f64 = 500.0;
 #[derive(Debug, thiserror::Error)]
 pub enum TruthParamsError {
     /// The file is not the JSON that is expected.
-    #[error("the parameter file does not parse: {0}; compare its fields with sim::truth_params")]
+    #[error("the parameters cannot be read")]
     Json(#[from] serde_json::Error),
     /// The hard-points make no linkage.
-    #[error("the parameter file's hard-points: {0}")]
+    #[error("the hard-points are not valid")]
     Suspension(#[from] SuspensionError),
 }
 

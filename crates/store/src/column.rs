@@ -3,7 +3,7 @@
 use crate::error::MessageError;
 use crate::proto::atvrec::Column;
 
-/// Differences between neighbours; the first value stands against `first`.
+/// Differences between consecutive values; the first is the difference to `first`.
 pub(crate) fn deltas(first: i64, values: impl Iterator<Item = i64>) -> Vec<i64> {
     let mut before = first;
     values
@@ -30,9 +30,9 @@ fn unzigzag(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-/// The order of the code that suits zigzag-mapped values best, or one near it: the code of a value
-/// of `b` bits takes k + 1 bits up to b = k, and 2 b - 1 - k beyond, and up to 2 more where the
-/// sum with 2^k carries (from b = k + 1 on, each further bit halves how often).
+/// The order of the code with the fewest bits for zigzag-mapped values, or one near it. The code of a
+/// value of `b` bits takes k + 1 bits up to b = k, and 2 b - 1 - k above, and up to 2 more if the sum
+/// with 2^k carries (above b = k, each further bit halves the frequency of a carry).
 fn best_order(mapped: &[u64]) -> u32 {
     let mut of_size = [0_u64; 65];
     for value in mapped {
@@ -62,7 +62,7 @@ fn best_order(mapped: &[u64]) -> u32 {
         .unwrap_or_default()
 }
 
-/// Values in the exponential Golomb code that suits them best (see `Column` in the schema).
+/// Values in the exponential Golomb code of the best order (see `Column` in the schema).
 pub(crate) fn encode(values: &[i64]) -> Option<Column> {
     if values.is_empty() {
         return None;
@@ -106,7 +106,7 @@ pub(crate) fn decode(
             value: column.k.into(),
         });
     }
-    // Each value takes a bit at least: a count that lies asks for no memory.
+    // Each value takes at least one bit, so a wrong count allocates no memory.
     if count > column.bits.len() * 8 {
         return Err(MessageError::Absent(name));
     }
@@ -122,10 +122,10 @@ pub(crate) fn decode(
     Ok(values)
 }
 
-/// Bits that go into the writer's hands at once: less than a byte may be there already.
+/// Bits that the writer accepts at once: it may hold up to seven already.
 const WORD: u32 = 56;
 
-/// `count` bits in pieces that the writer can take.
+/// `count` bits in pieces of at most [`WORD`].
 fn pieces(count: u32) -> impl Iterator<Item = u32> {
     (0..count.div_ceil(WORD)).map(move |piece| (count - piece * WORD).min(WORD))
 }
@@ -141,7 +141,7 @@ struct BitWriter {
 impl BitWriter {
     /// One zigzag-mapped value in the code of order `k`.
     fn code(&mut self, value: u64, k: u32) {
-        // What fits into a word at once, as nearly all does, is worked out in one.
+        // Nearly all codes fit into one word.
         if let Some(sum) = value.checked_add(1 << k) {
             let width = 2 * (64 - sum.leading_zeros()) - 1 - k;
             if width <= WORD {
@@ -151,7 +151,7 @@ impl BitWriter {
         let sum = u128::from(value) + (1 << k);
         let bits = 128 - sum.leading_zeros();
         let zeros = bits - 1 - k;
-        // Zeros, then the sum from its highest bit on, as many at once as there is room for.
+        // Zeros, then the sum from its highest bit, in pieces of one word.
         for width in pieces(zeros) {
             self.put(0, width);
         }
@@ -162,7 +162,7 @@ impl BitWriter {
         }
     }
 
-    /// The lowest `count` bits of `value`, [`WORD`] at most.
+    /// Appends the lowest `count` bits of `value`, at most [`WORD`].
     fn put(&mut self, value: u64, count: u32) {
         self.held = self.held << count | value;
         self.count += count;

@@ -1,4 +1,4 @@
-//! Between the types of `sample` and the messages of the log.
+//! Conversion between the types of `sample` and the messages of the log.
 
 mod estimate;
 mod sensor;
@@ -200,7 +200,7 @@ fn pose_message(time: LogTime, pose: &Pose) -> Encoded {
     Encoded::new("/truth/pose".to_owned(), time, time, &message)
 }
 
-/// `value` as a narrower type.
+/// `value` as a smaller type.
 pub(crate) fn narrow<T, N>(field: &'static str, value: T) -> Result<N, MessageError>
 where
     T: Copy + Into<i128>,
@@ -234,7 +234,7 @@ fn timestamp(time: LogTime) -> prost_types::Timestamp {
     }
 }
 
-/// What a message's channel says about it.
+/// Properties of a message from its channel.
 pub(crate) struct Envelope<'a> {
     pub topic: &'a str,
     pub schema: &'a str,

@@ -4,7 +4,7 @@ use sample::{Arrival, LossPlace, Payload, SourceId};
 
 use crate::{Losses, Session, raw};
 
-/// What went into a log.
+/// Counts of the data in a log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WriteCounters {
     /// Raw arrivals.
@@ -19,10 +19,9 @@ pub struct WriteCounters {
     pub first_sequence: Option<u64>,
     /// Last sequence in the log.
     pub last_sequence: Option<u64>,
-    /// What was lost: as the notices in the log state, and on the way to the disk, as the recorder
-    /// states.
+    /// Losses that the notices in the log state, and losses on the way to the disk.
     pub losses: Losses,
-    /// What would be lost with the log.
+    /// Losses that only the notices in this log state.
     pub(crate) held: Losses,
 }
 
@@ -30,7 +29,7 @@ impl WriteCounters {
     pub(crate) fn count(&mut self, arrival: &Arrival) {
         let sequence = arrival.sequence;
         self.arrivals += 1;
-        // Recovery reads channel by channel, so that sequences do not only rise.
+        // Recovery reads channel by channel, so sequences can fall.
         self.first_sequence = Some(self.first_sequence.map_or(sequence, |s| s.min(sequence)));
         self.last_sequence = self.last_sequence.max(Some(sequence));
         self.held.add_arrival(arrival);
@@ -42,7 +41,7 @@ impl WriteCounters {
         }
     }
 
-    /// Counts the arrivals of a raw message; copies of earlier ones, and damaged ones, are none.
+    /// Counts the arrivals of a raw message, except copies of earlier ones and damaged ones.
     pub(crate) fn count_batch(&mut self, schema: &str, source: SourceId, data: &[u8]) {
         if let Ok(Some(batch)) = raw::decode(schema, source, data)
             && !batch.latched
@@ -54,8 +53,8 @@ impl WriteCounters {
         }
     }
 
-    /// Replaces the losses on the way to the disk that notices state by `losses`: each file of a run
-    /// states what was lost since the file before it, so that their sum is all.
+    /// Replaces the losses on the way to the disk that notices state by `losses`. Each file of a run
+    /// states the losses since the file before it, so that the sum over the files is complete.
     pub(crate) fn state_losses(&mut self, losses: &Losses) {
         self.losses.retain(|place| place != LossPlace::Disk);
         self.losses.add(losses);

@@ -362,5 +362,9 @@ mod tests {
             assert!(!is_earlier(&schema, &descriptors), "{schema}");
         }
         assert!(!is_earlier("atvrec.Motion", b"no descriptors"));
+        assert!(
+            message("atvrec.Strain", &[0x0a, 0x05]).is_err(),
+            "a cut message"
+        );
     }
 }

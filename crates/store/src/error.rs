@@ -18,7 +18,7 @@ pub enum Error {
         action: &'static str,
         /// On which file.
         path: PathBuf,
-        /// The operating system's answer.
+        /// The error of the operating system.
         cause: std::io::Error,
     },
     /// What a log is written to, or salvaged from, failed.
@@ -91,13 +91,13 @@ pub enum Error {
     /// Another process is writing the file.
     #[error("{} is being written by another process; stop it first", .0.display())]
     InUse(PathBuf),
-    /// A recovery was told to stop; the file is as it was.
-    #[error("the recovery of {} was stopped; the file is as it was", .0.display())]
+    /// A recovery was stopped; the file is unchanged.
+    #[error("the recovery of {} was stopped; the file is unchanged", .0.display())]
     Stopped(PathBuf),
     /// The disk has no room for the recovered copy of a log.
     #[error(
         "{} is damaged or unfinished, and the disk has no room for a recovered copy: {needed} bytes \
-         are needed, {free} are free; the file is as it was and can be read where it is; make room, \
+         are needed, {free} are free; the file is unchanged and can be read as it is; free space, \
          then run `atvrec recover`",
         path.display()
     )]
@@ -111,8 +111,8 @@ pub enum Error {
     },
     /// A part of a file is larger than allowed, so that the file is not recovered.
     #[error(
-        "{} holds a record of {bytes} bytes, more than the {bound} that are allowed; the file is as it \
-         was; run `atvrec recover --max-chunk` with a larger bound",
+        "{} has a record of {bytes} bytes, more than the {bound} that are allowed; the file is \
+         unchanged; run `atvrec recover --max-chunk` with a larger bound",
         path.display()
     )]
     TooLarge {
@@ -125,7 +125,7 @@ pub enum Error {
     },
     /// A log whose name another file has.
     #[error(
-        "{} cannot be recovered: {} exists and holds something else; rename one of them",
+        "{} cannot be recovered: {} exists and has other contents; rename one of them",
         path.display(), existing.display()
     )]
     NameTaken {
@@ -137,7 +137,7 @@ pub enum Error {
     /// What bears the name of an unfinished log is no file.
     #[error("{} is not a regular file", .0.display())]
     NoFile(PathBuf),
-    /// Recovery cannot handle a file; it bears another name from now on.
+    /// Recovery cannot handle a file; the file has another name from now on.
     #[error("{cause}; it was set aside as {}", to.display())]
     SetAside {
         /// Its new name.
@@ -147,8 +147,8 @@ pub enum Error {
     },
     /// The recovered copy of a log does not read as it was written.
     #[error(
-        "the recovered copy of {} does not read as it was written: {what}; the file is as it was; \
-         check the disk",
+        "the recovered copy of {} differs from the data that was written: {what}; the file is \
+         unchanged; check the disk",
         path.display()
     )]
     NotVerified {
@@ -162,17 +162,17 @@ pub enum Error {
         "the topic {0} is reserved for states of the estimator; give the message another topic"
     )]
     ReservedTopic(&'static str),
-    /// The writer's thread ended before it was told to.
+    /// The writer's thread ended early.
     #[error("the writer thread ended early; the log was closed as far as it was written")]
     WriterGone,
-    /// The recorder finished, but the disk kept data from it.
-    #[error("the disk refused {arrivals} arrivals and {records} records: {reason}")]
+    /// The recorder finished, but data did not reach the disk.
+    #[error("{arrivals} arrivals and {records} records did not reach the disk: {reason}")]
     DiskLoss {
         /// Raw arrivals lost.
         arrivals: u64,
         /// Decoded records lost.
         records: u64,
-        /// The last refusal.
+        /// The last error of the disk.
         reason: String,
     },
 }
@@ -189,7 +189,7 @@ pub enum MessageError {
     Column {
         /// Name of the list.
         column: &'static str,
-        /// Entries that the other lists ask for.
+        /// Entries of the other lists.
         expected: usize,
         /// Entries found.
         found: usize,
@@ -253,10 +253,10 @@ mod tests {
 
     use super::*;
 
-    /// `atvrec replay missing.mcap` told "No such file or directory" twice: the message held the
-    /// cause, and so did the chain behind it.
+    /// `atvrec replay missing.mcap` printed "No such file or directory" twice: the message contained the
+    /// cause, and the chain of causes did, too.
     #[test]
-    fn a_cause_is_told_once() {
+    fn a_cause_is_printed_once() {
         let missing = || std::io::Error::from(std::io::ErrorKind::NotFound);
         let undecodable = || prost_error().into();
         let errors = [
@@ -269,9 +269,9 @@ mod tests {
         ];
         for error in errors {
             let mut cause = error.source();
-            while let Some(told) = cause {
-                assert!(!error.to_string().contains(&told.to_string()), "{error}");
-                cause = told.source();
+            while let Some(shown) = cause {
+                assert!(!error.to_string().contains(&shown.to_string()), "{error}");
+                cause = shown.source();
             }
         }
         let error = Error::file("open", Path::new("missing.mcap"))(missing());

@@ -12,16 +12,16 @@ use crate::log_writer::{Latched, Pending};
 use crate::proto::atvrec as pb;
 use crate::{Error, LogWriter, Losses, Options, Record, Result, Session, WriteCounters};
 
-/// What an unfinished log's name ends in.
+/// Ending of the name of an unfinished log.
 pub const ACTIVE_SUFFIX: &str = ".active";
 
-/// What is added to the name of an unfinished log that recovery cannot handle.
+/// Added to the name of an unfinished log that recovery cannot handle.
 pub const UNRECOVERABLE_SUFFIX: &str = ".unrecoverable";
 
-/// What is added to the name of a log whose damaged original is kept.
+/// Added to the name of a damaged original that is kept.
 pub const DAMAGED_SUFFIX: &str = ".damaged";
 
-/// What the name of a file ends in that states the losses of a log.
+/// Ending of the name of a file that states the losses of a log.
 pub const LOSSES_SUFFIX: &str = ".losses";
 
 /// Path of a part of a run: `<directory>/<stem>_<part>.mcap`.
@@ -44,31 +44,31 @@ pub struct Finished {
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// What went into it.
+    /// Counts of the data in it.
     pub counters: WriteCounters,
 }
 
-/// A file that still bears its unfinished name.
+/// A file with its unfinished name.
 pub(crate) struct Unfinished {
     pub file: File,
     pub active: PathBuf,
     pub path: PathBuf,
 }
 
-/// Where a file is that is being written.
+/// Where the file that is being written is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Presence {
     /// Under its name.
     Named,
-    /// Under another name, or behind a folder that was moved.
+    /// Under another name, or in a folder that was moved.
     Moved,
-    /// Under no name: its bytes are gone once it is closed.
+    /// Deleted: its bytes are lost when it is closed.
     Deleted,
 }
 
 impl Unfinished {
-    /// Whether its name still leads to the file. A file that cannot be asked counts as there: its
-    /// next write or sync gives the error.
+    /// Whether the name still refers to the file. If the system cannot tell, the file counts as present:
+    /// the next write or sync reports the error.
     pub(crate) fn presence(&self) -> Presence {
         #[cfg(unix)]
         {
@@ -94,7 +94,7 @@ impl Unfinished {
         Presence::Named
     }
 
-    /// Removes a file of no worth.
+    /// Removes an empty file.
     pub(crate) fn discard(self) -> Result<()> {
         std::fs::remove_file(&self.active).map_err(Error::file("remove", &self.active))?;
         journal::remove(&self.path)
@@ -110,8 +110,8 @@ impl Unfinished {
         Ok(self.path)
     }
 
-    /// Syncs the file. Once this has failed, the system holds what did not reach the disk for
-    /// written: a second attempt says nothing.
+    /// Syncs the file. After a failure the system considers the data written although it did not reach
+    /// the disk, so a second attempt proves nothing.
     pub(crate) fn sync(&self) -> Result<()> {
         sync(&self.file).map_err(Error::file("sync", &self.active))
     }
@@ -128,8 +128,8 @@ impl Unfinished {
     }
 }
 
-/// Brings what was written to a file to the disk. A file system that an error has turned read-only
-/// under an open file says yes to each sync and writes nothing: that is a refusal.
+/// Writes the data of a file to the disk itself. A file system that became read-only after an error
+/// reports success for each sync and writes nothing: this is an error here.
 pub(crate) fn sync(file: &File) -> std::io::Result<()> {
     file.sync_data()?;
     #[cfg(unix)]
@@ -142,7 +142,7 @@ pub(crate) fn sync(file: &File) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Makes a file's directory entry last.
+/// Syncs the directory entry of a file.
 pub(crate) fn sync_directory(path: &Path) -> Result<()> {
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -178,7 +178,7 @@ pub(crate) fn active_path(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// Takes the lock that tells other processes that a log is being written.
+/// Locks a log, so that other processes know that it is being written.
 pub(crate) fn lock(file: &File, path: &Path) -> Result<()> {
     match file.try_lock() {
         Ok(()) => Ok(()),
@@ -236,7 +236,7 @@ impl Writer {
             .map_err(|error| error.at(&active))
             .and_then(|log| sync_directory(&active).map(|()| log))
             .inspect_err(|_| {
-                // Nothing of worth is in it.
+                // It contains no data.
                 let _ = std::fs::remove_file(&active);
             })?;
         Ok(Self {
@@ -265,7 +265,7 @@ impl Writer {
         self.log.record(record);
     }
 
-    /// Hands on what is due at `now`; see [`LogWriter::flush_due`].
+    /// Writes what is due at `now`; see [`LogWriter::flush_due`].
     ///
     /// # Errors
     /// If the disk refuses bytes.
@@ -275,7 +275,7 @@ impl Writer {
             .map_err(|error| error.at(&self.unfinished.active))
     }
 
-    /// Hands all that was taken to the operating system.
+    /// Writes everything to the operating system.
     ///
     /// # Errors
     /// If the disk refuses bytes.
@@ -285,7 +285,7 @@ impl Writer {
             .map_err(|error| error.at(&self.unfinished.active))
     }
 
-    /// Hands all that was taken to the disk itself.
+    /// Writes everything to the disk itself.
     ///
     /// # Errors
     /// If the disk refuses.
@@ -306,7 +306,7 @@ impl Writer {
         &self.unfinished.path
     }
 
-    /// What went into the log so far.
+    /// Counts of the data in the log so far.
     #[must_use]
     pub fn counters(&self) -> &WriteCounters {
         self.log.counters()
@@ -346,7 +346,7 @@ impl Writer {
         })
     }
 
-    /// Closes the log, if the disk lets it, but leaves its unfinished name.
+    /// Closes the log, if the disk allows it, and leaves its unfinished name.
     pub(crate) fn close(self) -> (Unfinished, Result<()>) {
         let finished = self.log.finish(&BTreeMap::new());
         let closed = finished
@@ -355,7 +355,7 @@ impl Writer {
         (self.unfinished, closed)
     }
 
-    /// States what was lost on the way to this file.
+    /// States the losses on the way to this file.
     pub(crate) fn state_losses(&mut self, losses: &Losses) {
         self.log.state_losses(losses);
     }
@@ -438,7 +438,7 @@ impl Writer {
     }
 }
 
-/// Folders whose disk takes no byte and gives no answer, for tests.
+/// Folders whose disk does not respond, for tests.
 #[cfg(test)]
 pub(crate) mod hung {
     use std::path::{Path, PathBuf};

@@ -1,13 +1,14 @@
-//! What a log would lose if the recorder were killed now.
+//! Journals: the arrivals that a kill of the recorder would lose otherwise.
 //!
-//! Chunks of a second compress well and need few indexes, but a kill would cost that second. So
-//! arrivals go into a journal beside the log as well, every few tens of milliseconds. There are two
-//! files that take turns with each chunk: one is emptied only when the chunk that holds its arrivals
-//! has reached the disk itself. Recovery puts what is only in the journals behind the last chunk.
+//! Chunks of a second compress well and need few indexes, but a kill would lose that second.
+//! Therefore arrivals are also written to a journal beside the log, every few tens of milliseconds.
+//! Two files are used in turn, one for each chunk. A file is emptied only when the chunk with its
+//! arrivals has reached the disk itself. Recovery appends the arrivals that are in the journals only
+//! behind the last chunk.
 //!
-//! A third file holds the definitions of the log's channels. The log holds each of them in one chunk
-//! alone, until it is closed: without the copy, damage to that chunk would make the messages of all
-//! later chunks unreadable.
+//! A third file contains the definitions of the log's channels. Until the log is closed, each
+//! definition is in only one chunk of it. Without the copy, damage to that chunk would make the
+//! messages of all later chunks unreadable.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -24,9 +25,9 @@ use crate::proto::atvrec as pb;
 use crate::{Error, Result, Session, raw, scan};
 
 const SUFFIXES: [&str; 3] = [".journal-a", ".journal-b", ".journal-channels"];
-/// Which of the files holds the channels.
+/// Position of the file with the channels.
 const CHANNELS: usize = 2;
-/// Stands before each entry; length and CRC-32 of the entry follow.
+/// First bytes of each entry; length and CRC-32 of the entry follow.
 const ENTRY_MAGIC: [u8; 4] = *b"ATVJ";
 const ENTRY_PREFIX: usize = 12;
 
@@ -61,7 +62,7 @@ pub(crate) fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Lets the journals of a log that is damaged stand beside its damaged original.
+/// Renames the journals of a damaged log so that they stay with its original.
 pub(crate) fn keep_damaged(path: &Path) -> Result<()> {
     for journal in paths(path).into_iter().filter(|path| path.is_file()) {
         let mut kept = journal.clone().into_os_string();
@@ -71,18 +72,18 @@ pub(crate) fn keep_damaged(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Keeps the arrivals of the open group.
+/// Writes the arrivals of the open group to the journals.
 pub(crate) struct Journal {
     files: [File; 3],
     paths: [PathBuf; 3],
     session: Session,
     interval: Duration,
     encoder: raw::Encoder,
-    /// How many arrivals of the open group are in the journal.
-    kept: usize,
+    /// Number of arrivals of the open group that are in the journal.
+    written: usize,
     /// Log clock of the last arrival in it.
-    kept_until: LogTime,
-    /// Chunks written; the open group stands in the file of this number's parity.
+    written_until: LogTime,
+    /// Chunks written; the open group is in the file of this number's parity.
     chunks: u64,
 }
 
@@ -104,9 +105,9 @@ impl Journal {
             paths,
             session,
             interval,
-            encoder: raw::Encoder::new(raw::Packing::Brief),
-            kept: 0,
-            kept_until: LogTime::default(),
+            encoder: raw::Encoder::new(raw::Packing::Fast),
+            written: 0,
+            written_until: LogTime::default(),
             chunks: 0,
         })
     }
@@ -121,14 +122,15 @@ impl Journal {
         Ok([again(0)?, again(1)?, again(2)?])
     }
 
-    /// Whether something of the open group is not in it.
-    pub(crate) const fn lags(&self, group: &[Arrival]) -> bool {
-        group.len() > self.kept
+    /// Whether arrivals of the open group are not in the journal yet.
+    pub(crate) const fn is_behind(&self, group: &[Arrival]) -> bool {
+        group.len() > self.written
     }
 
-    /// Writes what is new in the open group, unless that was done a moment ago, by the log clock and
-    /// by the host's, `since` then: says when to come again in that case.
-    pub(crate) fn keep_up(
+    /// Writes the new arrivals of the open group. If the last write is less than the interval ago, by
+    /// the log clock and by the host's clock (`since`), nothing is written, and the result is the time
+    /// to wait.
+    pub(crate) fn append(
         &mut self,
         group: &[Arrival],
         since: Duration,
@@ -136,7 +138,7 @@ impl Journal {
         let left = self.interval.saturating_sub(since);
         let gone = group
             .last()
-            .map_or(0, |last| last.log_time - self.kept_until);
+            .map_or(0, |last| last.log_time - self.written_until);
         if !left.is_zero() && gone < self.interval.as_nanos() as i64 {
             return Ok(Some(left));
         }
@@ -144,9 +146,9 @@ impl Journal {
         Ok(None)
     }
 
-    /// Writes what is new in the open group.
+    /// Writes the new arrivals of the open group.
     fn flush(&mut self, group: &[Arrival]) -> Result<()> {
-        let waiting = group.get(self.kept..).unwrap_or_default();
+        let waiting = group.get(self.written..).unwrap_or_default();
         let Some(last) = waiting.last() else {
             return Ok(());
         };
@@ -168,8 +170,8 @@ impl Journal {
             (self.chunks % 2) as usize,
             &pb::JournalEntry { batches, channels },
         )?;
-        self.kept = group.len();
-        self.kept_until = last.log_time;
+        self.written = group.len();
+        self.written_until = last.log_time;
         Ok(())
     }
 
@@ -191,12 +193,12 @@ impl Journal {
             .map_err(Error::file("write", &self.paths[file]))
     }
 
-    /// The chunk of the open group is written, `chunks` in all, `synced` of which have reached the
-    /// disk: begins the next group.
-    pub(crate) fn turn(&mut self, chunks: u64, synced: u64) -> Result<()> {
-        self.kept = 0;
+    /// Begins the next group: the chunk of the open group is written. `chunks` are written in all,
+    /// `synced` of them have reached the disk.
+    pub(crate) fn begin_group(&mut self, chunks: u64, synced: u64) -> Result<()> {
+        self.written = 0;
         self.chunks = chunks;
-        // The other file holds the group of the chunk before the last.
+        // The other file contains the group of the chunk before the last.
         if synced + 1 >= chunks {
             let turn = (chunks % 2) as usize;
             let file = &mut self.files[turn];
@@ -208,10 +210,10 @@ impl Journal {
     }
 }
 
-/// What the journals of a log hold, as far as they are intact.
+/// Contents of the journals of a log, as far as they are intact.
 #[derive(Default)]
 pub(crate) struct Contents {
-    /// There is a journal, be it empty.
+    /// There is a journal, which may be empty.
     pub is_there: bool,
     /// Raw batches by the first sequence of their group, in that order.
     pub batches: Vec<(u64, Encoded)>,
@@ -221,7 +223,7 @@ pub(crate) struct Contents {
 /// A channel of the log, with name and data of its schema.
 pub(crate) type Channel = (mcap::records::Channel, String, Arc<[u8]>);
 
-/// What the journals of the log `path` hold; nothing if there are none.
+/// Contents of the journals of the log `path`; empty without journals.
 pub(crate) fn read(path: &Path) -> Result<Contents> {
     let mut journals = Vec::new();
     let mut is_there = false;
@@ -244,12 +246,12 @@ pub(crate) fn read(path: &Path) -> Result<Contents> {
     Ok(contents)
 }
 
-/// The channels that the journals of the log `path` hold.
+/// The channels in the journals of the log `path`.
 pub(crate) fn channels(path: &Path) -> Result<Vec<Channel>> {
     Ok(read(path)?.channels)
 }
 
-/// What [`read`] gives, of journals that are in memory.
+/// Contents of journals in memory, as [`read`] gives them.
 pub(crate) fn parse<'a>(journals: impl Iterator<Item = &'a [u8]>) -> Contents {
     let mut contents = Contents::default();
     for bytes in journals {
@@ -296,7 +298,7 @@ fn channel(channel: pb::JournalChannel) -> Option<Channel> {
     Some((record, channel.schema, channel.schema_data.into()))
 }
 
-/// The first entry, if it is there in full and its checksum is right.
+/// The first entry, if it is complete and its checksum is right.
 fn split_entry(bytes: &[u8]) -> Option<(pb::JournalEntry, &[u8])> {
     let (prefix, rest) = bytes.split_first_chunk::<ENTRY_PREFIX>()?;
     let (magic, numbers) = prefix.split_first_chunk::<4>()?;

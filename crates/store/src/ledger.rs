@@ -1,4 +1,4 @@
-//! The ledger of losses: what was lost between the wire and the disk, by source and place.
+//! The ledger of losses between the wire and the disk, by source and place.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -28,15 +28,15 @@ impl Losses {
         }
     }
 
-    /// Adds what a notice of the stream states.
+    /// Adds the loss that a notice of the stream states.
     pub fn add_notice(&mut self, source: SourceId, notice: &Notice) {
         if let Notice::Lost { place, count } = notice {
             self.add_items(source, *place, *count);
         }
     }
 
-    /// Adds an arrival that is lost on the way to the disk. A notice of a loss takes with it what it
-    /// states; only a loss on the way to the disk is counted by the recorder itself.
+    /// Adds an arrival that is lost on the way to the disk. If it is a notice of a loss, that loss is
+    /// added too, unless it is a loss on the way to the disk, which the recorder counts itself.
     pub fn add_arrival(&mut self, arrival: &Arrival) {
         self.arrivals += 1;
         let (place, items) = match &arrival.payload {
@@ -59,7 +59,7 @@ impl Losses {
         self.records = self.records.saturating_add(other.records);
     }
 
-    /// What was added since `before`, an earlier state of the same losses.
+    /// Losses that were added since `before`, an earlier state of the same losses.
     #[must_use]
     pub fn since(&self, before: &Self) -> Self {
         let mut more = self.clone();
@@ -111,7 +111,7 @@ impl Losses {
         self.arrivals > 0 || !self.items.is_empty()
     }
 
-    /// The losses at one place, or at all others.
+    /// Keeps the losses at some places.
     pub(crate) fn retain(&mut self, keep: impl Fn(LossPlace) -> bool) {
         self.items.retain(|(_, place), _| keep(*place));
     }
@@ -136,9 +136,9 @@ impl Losses {
 
 /// The one ledger of losses of a recorder. Clones share it.
 ///
-/// Sources and queues enter what they lose, each run of files what does not reach the disk. The
-/// status, the exit code and the counters in the log are read from it. A run's account
-/// ([`LossLedger::account`]) holds the share that the run's files state.
+/// Sources and queues enter their losses, and each run enters what does not reach the disk. The status,
+/// the exit code and the counters in the log are read from the ledger. The account of a run
+/// ([`LossLedger::account`]) contains the losses that the files of the run state.
 #[derive(Clone, Debug, Default)]
 pub struct LossLedger {
     own: Arc<Mutex<Losses>>,
@@ -146,7 +146,7 @@ pub struct LossLedger {
 }
 
 impl LossLedger {
-    /// The account of a run: what is entered there is entered here too.
+    /// The account of a run. An entry in the account is also an entry in this ledger.
     #[must_use]
     pub fn account(&self) -> Self {
         Self {
@@ -176,8 +176,8 @@ impl LossLedger {
         }
     }
 
-    /// Enters arrivals that did not reach the disk. What lost notices state is entered in this
-    /// account alone: the ledger holds it since the loss itself.
+    /// Enters arrivals that did not reach the disk. Losses that lost notices state are entered in this
+    /// account only, because the ledger has them since they happened.
     pub fn enter_unwritten(&self, losses: &Losses) {
         lock(&self.own).add(losses);
         if let Some(parent) = &self.parent {
@@ -187,8 +187,8 @@ impl LossLedger {
         }
     }
 
-    /// Gives the sources other numbers. What a source without a new number lost is kept as lost by
-    /// the recorder itself ([`SourceId::HOST`]), so that the sums stay.
+    /// Gives the sources other numbers. Losses of a source without a new number become losses of the
+    /// recorder itself ([`SourceId::HOST`]), so that the sums do not change.
     pub fn renumber(&self, numbers: &BTreeMap<SourceId, SourceId>) {
         let mut own = lock(&self.own);
         for ((source, place), count) in std::mem::take(&mut own.items) {

@@ -81,7 +81,7 @@ pub mod proto {
         }
     }
 
-    /// The well-known messages that viewers draw without being told how.
+    /// The well-known messages that viewers display without configuration.
     #[allow(
         missing_docs,
         unused_qualifications,

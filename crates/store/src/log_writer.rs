@@ -16,12 +16,11 @@ use crate::{Error, Losses, Options, Record, Result, Session, raw, schema};
 
 pub(crate) use handover::{Latched, Pending};
 
-/// Writes one log to anything that takes bytes. It reads no clock: the same input gives the same
-/// bytes.
+/// Writes one log to a [`Write`]. It reads no clock: the same input gives the same bytes.
 ///
-/// Arrivals are gathered into groups; a group is closed, compressed and handed on when
-/// [`Options::raw_interval`] has passed on the log clock. Decoded records go into chunks of their
-/// own, which are larger, so that indexes stay small.
+/// Arrivals are collected in groups. A group is closed, compressed and written when
+/// [`Options::raw_interval`] has passed on the log clock. Decoded records are in separate chunks, which
+/// are larger, so that indexes stay small.
 pub struct LogWriter<W: Write> {
     mcap: mcap::Writer<NoSeek<BufWriter<W>>>,
     session: Session,
@@ -35,9 +34,9 @@ pub struct LogWriter<W: Write> {
     latched: Latched,
     last_log_time: Option<LogTime>,
     groups: u64,
-    /// Channels that the journal does not hold yet.
+    /// Channels that are not in the journal yet.
     new_channels: Vec<pb::JournalChannel>,
-    /// The last groups in the log, which may not have reached the disk; `None` where nobody asks.
+    /// The last groups in the log, which may not have reached the disk; `None` if they are not kept.
     unsynced: Option<VecDeque<Vec<Arrival>>>,
     counters: WriteCounters,
 }
@@ -92,7 +91,7 @@ impl<W: Write> LogWriter<W> {
             session,
             options,
             channels: HashMap::new(),
-            encoder: raw::Encoder::new(raw::Packing::Dense),
+            encoder: raw::Encoder::new(raw::Packing::Compact),
             group: Vec::new(),
             decoded: Vec::new(),
             decoded_bytes: 0,
@@ -109,7 +108,7 @@ impl<W: Write> LogWriter<W> {
         })
     }
 
-    /// Continues where another file of the run ended: repeats the states that last.
+    /// Continues where another file of the run ended: repeats the last states.
     pub(crate) fn continue_from(&mut self, mut latched: Latched) -> Result<()> {
         let known = std::mem::take(&mut self.latched.dynamic);
         for (topic, message) in known {
@@ -133,7 +132,7 @@ impl<W: Write> LogWriter<W> {
         Ok(self.mcap.flush()?)
     }
 
-    /// Takes what a log that failed did not take; nothing is written before the next flush.
+    /// Takes the data that a failed log could not take; nothing is written before the next flush.
     pub(crate) fn resume(&mut self, pending: Pending) {
         for message in pending.messages {
             self.keep(message);
@@ -143,7 +142,7 @@ impl<W: Write> LogWriter<W> {
         }
     }
 
-    /// Gives up on a log that failed, without another byte to the sink.
+    /// Abandons a failed log, without another byte to the sink.
     pub(crate) fn abandon(self) -> (Pending, Latched) {
         // Dropping the MCAP writer would write a summary behind the gap.
         drop(self.mcap.into_inner());
@@ -155,7 +154,7 @@ impl<W: Write> LogWriter<W> {
         (pending, self.latched)
     }
 
-    /// What is in the log, but perhaps not on the disk.
+    /// Arrivals in the log that may not have reached the disk.
     pub(crate) fn take_unsynced(&mut self) -> Vec<Arrival> {
         self.unsynced
             .take()
@@ -170,7 +169,7 @@ impl<W: Write> LogWriter<W> {
         &self.group
     }
 
-    /// From now on groups are kept until [`LogWriter::reached_disk`] tells that they are safe.
+    /// Keeps groups from now on, until [`LogWriter::reached_disk`] reports that they are on the disk.
     pub(crate) fn keep_unsynced(&mut self) {
         self.unsynced.get_or_insert_default();
     }
@@ -197,7 +196,7 @@ impl<W: Write> LogWriter<W> {
         &self.latched
     }
 
-    /// Takes the next arrival of the ordered stream, and closes what is due by its log time.
+    /// Takes the next arrival of the ordered stream, and closes the chunks that are due at its log time.
     ///
     /// # Errors
     /// If the sink refuses bytes; the arrivals of the open group are then not in the log.
@@ -267,7 +266,7 @@ impl<W: Write> LogWriter<W> {
                 signals: Vec::new(),
             });
         if message.extend(signals) {
-            // The schema grew: the topic goes on in a new channel.
+            // The schema has new fields: the topic continues in a new channel.
             self.channels.retain(|(known, _, _), _| *known != topic);
         }
         let encoded = Encoded {
@@ -288,7 +287,7 @@ impl<W: Write> LogWriter<W> {
     pub fn flush_due(&mut self, now: LogTime) -> Result<()> {
         let raw_since = self.group.first().map(|arrival| arrival.log_time);
         let limit = self.options.raw_interval.as_nanos() as i64;
-        // Raw data first: what a disk that fills up does not take is to be decoded data.
+        // Raw data first: a disk that fills up should lose decoded data.
         if raw_since.is_some_and(|since| now - since >= limit) {
             self.flush_raw()?;
         }
@@ -310,14 +309,14 @@ impl<W: Write> LogWriter<W> {
         !self.decoded.is_empty()
     }
 
-    /// Leaves out the decoded messages that wait for the next flush.
+    /// Discards the decoded messages that wait for the next flush.
     pub(crate) fn drop_decoded(&mut self) {
         self.decoded.clear();
         self.decoded_bytes = 0;
         self.decoded_since = None;
     }
 
-    /// Hands all that was taken to the sink.
+    /// Writes everything to the sink.
     ///
     /// # Errors
     /// If the sink refuses bytes.
@@ -338,12 +337,12 @@ impl<W: Write> LogWriter<W> {
             self.write(message)?;
         }
         self.mcap.flush()?;
-        // Kept until here, so that a log which fails can hand its open group on.
+        // Kept until here, so that the next file can take the open group of a failed log.
         let group = std::mem::take(&mut self.group);
         self.groups += 1;
         if let Some(unsynced) = &mut self.unsynced {
             unsynced.push_back(group);
-            // A disk that hangs syncs nothing for a while, and memory has an end.
+            // A disk that does not respond syncs nothing for a while; the memory is bounded.
             let mut kept: usize = unsynced.iter().map(Vec::len).sum();
             while kept > self.options.backlog_capacity {
                 kept -= unsynced.pop_front().map_or(kept, |group| group.len());
@@ -427,19 +426,19 @@ impl<W: Write> LogWriter<W> {
         std::mem::take(&mut self.new_channels)
     }
 
-    /// States what was lost on the way to this log; see [`WriteCounters::state_losses`].
+    /// States the losses on the way to this log; see [`WriteCounters::state_losses`].
     pub(crate) fn state_losses(&mut self, losses: &Losses) {
         self.counters.state_losses(losses);
     }
 
-    /// What went into the log so far, the open group included.
+    /// Counts of the data in the log so far, with the open group.
     #[must_use]
     pub fn counters(&self) -> &WriteCounters {
         &self.counters
     }
 
-    /// Closes the log with its counters, statistics and indexes, and gives the sink back. What is in
-    /// `extra` stands beside the counters, or in the place of those of the same name.
+    /// Closes the log with its counters, statistics and indexes, and returns the sink. `extra` is added to
+    /// the counters and replaces those of the same name.
     ///
     /// # Errors
     /// If the sink refuses bytes.
@@ -468,7 +467,7 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// What a channel says about itself.
+/// Metadata of a channel.
 pub(crate) fn channel_metadata(source: Option<SourceId>) -> BTreeMap<String, String> {
     source
         .map(|source| ("source".to_owned(), source.0.to_string()))
@@ -485,7 +484,7 @@ mod tests {
 
     use super::*;
 
-    /// Takes so many bytes and no more, as a disk does that fills up.
+    /// Accepts a number of bytes and no more, like a disk that fills up.
     #[derive(Clone)]
     struct SmallDisk {
         taken: Arc<Mutex<Vec<u8>>>,
@@ -530,9 +529,9 @@ mod tests {
             .expect("readable")
     }
 
-    /// However full the disk was: what the first log holds and what is handed on is everything.
+    /// For any free space: the first log and the data that is handed over contain everything.
     #[test]
-    fn what_a_full_disk_refuses_is_handed_on() {
+    fn data_that_a_full_disk_rejects_is_handed_over() {
         let directory = tempfile::tempdir().expect("a directory");
         let written: Vec<Arrival> = (0..200).map(arrival).collect();
         for room in (600..6_000).step_by(97) {
@@ -573,9 +572,9 @@ mod tests {
         }
     }
 
-    /// What a sync that fails takes away was in the log already: it is handed on too.
+    /// Data in the log that a failed sync did not write is handed over, too.
     #[test]
-    fn groups_are_handed_on_until_they_have_reached_the_disk() {
+    fn groups_are_handed_over_until_they_have_reached_the_disk() {
         let options = Options {
             raw_interval: Duration::from_millis(100),
             ..Options::default()

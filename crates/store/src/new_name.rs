@@ -5,11 +5,11 @@ use std::path::Path;
 
 /// Renames `from` to `to` in one step, on one file system. A file `to` is not replaced.
 ///
-/// File systems that cannot rename in this way get a hard link; those that have no links either, such
-/// as FAT on old kernels, are asked for `to` before an ordinary rename.
+/// On file systems that cannot rename in this way, a hard link is made. On those without links, such as
+/// FAT on old kernels, the function checks that `to` does not exist before an ordinary rename.
 ///
 /// # Errors
-/// [`ErrorKind::AlreadyExists`] if there is a file `to`; otherwise what the operating system says.
+/// [`ErrorKind::AlreadyExists`] if there is a file `to`; otherwise the error of the operating system.
 pub fn rename_without_replacing(from: &Path, to: &Path) -> Result<()> {
     match rename_exclusively(from, to) {
         Err(error) if !is_unsupported(&error) => return Err(error),

@@ -1,4 +1,4 @@
-//! Raw channels: arrivals in groups of columnar batches, and back.
+//! Raw channels: encodes groups of arrivals as columnar batches, and decodes them.
 
 mod can;
 mod kinds;
@@ -30,10 +30,10 @@ pub(crate) const SCHEMAS: [&str; 4] = [
 /// Schema of the notices.
 pub(crate) const NOTICES_SCHEMA: &str = "atvrec.RawNotices";
 
-/// Arrivals, and CAN frames, that a message may hold: a group has some thousands, after a disk that
-/// failed as many as the backlog. A few bytes of each become a hundred in memory.
+/// Arrivals, and CAN frames, that a message may contain. A group has some thousands, or as many as the
+/// backlog after a failure of the disk. A few bytes of each take a hundred bytes of memory.
 const ARRIVALS_MAX: usize = 1 << 20;
-/// Bytes that a raw message may have, unless it holds reads of a port.
+/// Bytes that a raw message may have, unless it contains reads of a port.
 const MESSAGE_BYTES_MAX: usize = 8 << 20;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,16 +55,16 @@ impl Lane {
     }
 }
 
-/// What a group is encoded for.
+/// What the encoding of a group optimises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Packing {
-    /// To stay: small.
-    Dense,
-    /// To be replaced soon: made fast.
-    Brief,
+    /// Size, for the log.
+    Compact,
+    /// Time, for the journal, which is replaced soon.
+    Fast,
 }
 
-/// Encodes groups; keeps what costs time to make.
+/// Encodes groups and keeps its compressor between them.
 pub(crate) struct Encoder {
     packer: can::Packer,
 }
@@ -264,7 +264,7 @@ pub(crate) fn group(data: &[u8]) -> Option<Group> {
     })
 }
 
-/// One batch, read back.
+/// One decoded batch.
 pub(crate) struct Batch {
     pub group_first_sequence: u64,
     pub group_end_sequence: u64,
@@ -281,7 +281,7 @@ pub(crate) fn decode(
     if !SCHEMAS.contains(&schema) {
         return Ok(None);
     }
-    // A read may be long; all else is some bytes an arrival.
+    // A read of a port may be long; every other arrival takes some bytes.
     if schema != "atvrec.RawBytes" {
         expect_at_most("bytes", data.len(), MESSAGE_BYTES_MAX)?;
     }
@@ -385,7 +385,7 @@ fn batch(
     })
 }
 
-/// Until the arrival's wall clock is known, a frame holds its delay in place of the kernel's stamp.
+/// Replaces the delays of frames by kernel stamps, now that the wall clock of the arrival is known.
 fn restore_kernel_stamps(arrivals: &mut [Arrival]) {
     for arrival in arrivals {
         if let Payload::Can(frames) = &mut arrival.payload {

@@ -47,17 +47,17 @@ pub struct ChannelInfo {
     pub schema_data: Arc<[u8]>,
     /// The source that the channel belongs to, where it belongs to one.
     pub source: Option<SourceId>,
-    /// What else is known of the channel, such as units.
+    /// Further metadata of the channel, such as units.
     pub metadata: BTreeMap<String, String>,
     /// Its messages are in the earlier layout; topic and schema are given in the present one.
     pub(crate) is_earlier: bool,
 }
 
-/// What a log turned out not to hold.
+/// Data that is missing from a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Missing {
-    /// The file has no summary: it was not closed. What is in it was found by reading through it.
+    /// The file has no summary: it was not closed. Its contents were found by reading through it.
     Unfinished {
         /// Which file.
         path: PathBuf,
@@ -89,7 +89,7 @@ pub enum Missing {
         /// What it is.
         what: &'static str,
     },
-    /// A closed file is not what was written.
+    /// A closed file was changed.
     Changed {
         /// Which file.
         path: PathBuf,
@@ -109,7 +109,7 @@ pub enum Missing {
     Parts {
         /// The first that is missing.
         first: u32,
-        /// The last of the hole.
+        /// The last that is missing.
         last: u32,
     },
     /// A channel has no schema: its messages cannot be read, those of all other channels can.
@@ -121,9 +121,9 @@ pub enum Missing {
         /// Name of the schema that is not there.
         schema: String,
     },
-    /// The recorder had to stop before the disk took everything; see [`crate::losses_path`].
+    /// The recorder had to stop before everything was on the disk; see [`crate::losses_path`].
     Unwritten {
-        /// The log beside which that stands.
+        /// The log beside the file that states this.
         path: PathBuf,
         /// Raw arrivals.
         arrivals: u64,
@@ -140,7 +140,7 @@ pub enum Missing {
 }
 
 impl Missing {
-    /// What is missing, without the file's name.
+    /// Description without the name of the file.
     #[must_use]
     pub(crate) fn without_path(&self) -> String {
         match self {
@@ -199,7 +199,7 @@ impl std::fmt::Display for Missing {
     }
 }
 
-/// What a log holds, in numbers.
+/// Contents of a log, in numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Info {
     /// Files, in order, with their sizes in bytes.
@@ -215,17 +215,16 @@ pub struct Info {
     pub counters: BTreeMap<String, u64>,
     /// Names, media types and sizes of the attachments.
     pub attachments: Vec<(String, String, u64)>,
-    /// What is known to be missing without reading through the log.
+    /// Missing data, as far as it is known without reading through the log.
     pub missing: Vec<Missing>,
 }
 
 impl Reader {
-    /// Opens files of one run; they are put in order by themselves.
+    /// Opens files of one run, in any order.
     ///
     /// # Errors
     /// If no file is given, one is given twice, cannot be read, is no MCAP file, or belongs to
-    /// another run. A file
-    /// that is cut or damaged is no error: see [`Info::missing`].
+    /// another run. A file that is cut or damaged is no error: see [`Info::missing`].
     pub fn open<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Self> {
         let mut files = Vec::new();
         for path in paths {
@@ -261,7 +260,7 @@ impl Reader {
         })
     }
 
-    /// What the files say about the run. Attachments are read by [`Reader::attachments`].
+    /// The description of the run. Attachments are read by [`Reader::attachments`].
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
@@ -276,7 +275,7 @@ impl Reader {
         run?.get("contract")?.parse().ok()
     }
 
-    /// What the log holds, in numbers.
+    /// Contents of the log, in numbers.
     #[must_use]
     pub fn info(&self) -> Info {
         let mut info = Info {
@@ -354,7 +353,7 @@ impl Reader {
         parts::missing(self.files.iter().filter_map(|file| parts::number(file)))
     }
 
-    /// Whether one of the files was cut short and made whole by [`crate::recover`].
+    /// Whether one of the files was repaired by [`crate::recover`].
     #[must_use]
     pub fn was_recovered(&self) -> bool {
         self.files
@@ -428,8 +427,8 @@ impl Reader {
         self.of_stage(Stage::Truth)
     }
 
-    /// What a stage says of each instant; only with the causal estimates stand what the vehicle
-    /// model expects and how near it is to tipping over.
+    /// Estimates of a stage. Only the causal estimates have the forces that the vehicle model expects, and
+    /// the rollover indicators.
     pub fn of_stage(&self, stage: Stage) -> impl Iterator<Item = Result<Estimate>> {
         let topics = match stage {
             Stage::Truth => vec!["/truth/motion", "/truth/tyre_forces"],
@@ -454,7 +453,7 @@ impl ChannelInfo {
 }
 
 impl LogFile {
-    /// Adds what stands in a file beside the log to the counters; says what that is.
+    /// Adds the losses in the file beside the log to the counters, and describes them.
     fn unwritten(&self, counters: &mut BTreeMap<String, u64>) -> Option<Missing> {
         let beside = crate::recorder::read_losses(&self.path);
         let count = |name: &str| beside.get(name)?.parse().ok();
@@ -469,8 +468,8 @@ impl LogFile {
 }
 
 impl Message {
-    /// The record of this message; `None` for raw batches, positions repeated for viewers, and
-    /// messages of other programs.
+    /// The record of this message; `None` for raw batches, for positions that repeat others for viewers,
+    /// and for messages of other programs.
     ///
     /// # Errors
     /// If the message does not follow its schema.

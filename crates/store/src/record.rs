@@ -3,10 +3,10 @@ use sample::{
     Severity, SourceId, TyreForce,
 };
 
-/// One decoded datum of a log. What is read back is what was written, with these exceptions:
-/// [`Record::Estimate`] and [`Record::Truth`] come back as their parts, and a corner's sample as its
-/// strain and its deflection. Minus zero comes back as zero, except from a field that may be absent;
-/// NaN keeps its bits.
+/// One decoded datum of a log. It is read as it was written, with these exceptions:
+/// [`Record::Estimate`] and [`Record::Truth`] are read as their parts, and the sample of a corner as
+/// its strain and its deflection. Minus zero is read as zero, except from an optional field; NaN keeps
+/// its bits.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
@@ -17,7 +17,7 @@ pub enum Record {
     Sample(Sample),
     /// All that the estimator publishes at one instant.
     Estimate(Estimate),
-    /// What the simulation knows to be true at one instant.
+    /// The truth of a simulation at one instant.
     Truth {
         /// The instant.
         time: LogTime,
@@ -27,16 +27,16 @@ pub enum Record {
         frame: ForceFrame,
         /// Forces of the ground on the tyres.
         forces: PerWheel<TyreForce>,
-        /// Where the vehicle is, if the simulation says.
+        /// Pose of the vehicle, if the simulation gives it.
         pose: Option<Pose>,
-        /// Friction coefficient of the ground under each wheel, if the simulation says.
+        /// Friction coefficient of the ground under each wheel, if the simulation gives it.
         friction: Option<PerWheel<f64>>,
     },
     /// Motion of the body: a part of an estimate or of the truth.
     Motion {
         /// The instant.
         time: LogTime,
-        /// Whose word it is.
+        /// Origin of the motion.
         stage: Stage,
         /// The motion.
         motion: Motion,
@@ -45,14 +45,14 @@ pub enum Record {
     TyreForces {
         /// The instant.
         time: LogTime,
-        /// Where they come from.
+        /// Origin of the forces.
         stage: Stage,
         /// Axes of the forces.
         frame: ForceFrame,
         /// The forces.
         forces: PerWheel<TyreForce>,
     },
-    /// How near the vehicle is to tipping over: a part of an estimate.
+    /// Rollover indicators: a part of an estimate.
     Rollover {
         /// The instant.
         time: LogTime,
@@ -66,20 +66,20 @@ pub enum Record {
         /// The coefficients.
         coefficient: PerWheel<f64>,
     },
-    /// Where the vehicle is in the truth's local earth frame.
+    /// Pose of the vehicle in the local earth frame of the truth.
     Pose {
         /// The instant.
         time: LogTime,
         /// The pose.
         pose: Pose,
     },
-    /// What the estimator finds beside motion and forces.
+    /// Parameters that the estimator finds.
     Parameters(Parameters),
-    /// Something that the estimator or a source declares.
+    /// An event that the estimator or a source declares.
     Event(Event),
-    /// The recorder's own state.
+    /// State of the recorder.
     Health(Health),
-    /// How a device's clock maps to the log clock.
+    /// Mapping of a device clock to the log clock.
     ClockFit(ClockFit),
     /// UTC against the log clock.
     UtcOffset(UtcOffset),
@@ -92,21 +92,20 @@ pub enum Record {
     },
     /// A message for people.
     Log(LogMessage),
-    /// Where a child frame stands in its parent frame.
+    /// Pose of a child frame in its parent frame.
     Transform(Transform),
 }
 
-/// Whose word a motion or a force is.
+/// Origin of a motion or a force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// The estimator's, from measurements: `/estimate/…`.
+    /// The estimator, from measurements: `/estimate/…`.
     Estimate,
-    /// The estimator's in a replay that smooths, from what came after the instant too:
-    /// `/smoothed/…`.
+    /// The estimator in a replay with smoothing, from later measurements, too: `/smoothed/…`.
     Smoothed,
-    /// The vehicle model's, from steer and motion alone: `/model/…`.
+    /// The vehicle model, from steer angle and motion alone: `/model/…`.
     Model,
-    /// The simulation's: `/truth/…`.
+    /// The simulation: `/truth/…`.
     Truth,
 }
 
@@ -132,7 +131,7 @@ impl Stage {
     }
 }
 
-/// How a device's clock maps to the log clock.
+/// Mapping of a device clock to the log clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockFit {
     /// The device.
@@ -180,15 +179,15 @@ impl UtcOffset {
 pub struct LogMessage {
     /// When.
     pub time: LogTime,
-    /// How grave.
+    /// Severity.
     pub severity: Severity,
-    /// Who says so: a source, `store`, `estimator`.
+    /// Origin: a source, `store`, `estimator`.
     pub name: String,
     /// The text.
     pub text: String,
 }
 
-/// Where a child frame stands in its parent frame.
+/// Pose of a child frame in its parent frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transform {
     /// When.

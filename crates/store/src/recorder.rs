@@ -1,4 +1,4 @@
-//! The recorder's own threads: one compresses and writes, one syncs.
+//! The threads of the recorder: one compresses and writes, one syncs.
 
 #![allow(
     clippy::disallowed_types,
@@ -26,15 +26,15 @@ pub(crate) use shared::Shared;
 use shared::Tally;
 use worker::Worker;
 
-/// Writes a run of log files on threads of its own. Feeding it never blocks: what cannot be taken
-/// is counted.
+/// Writes a run of log files on threads of its own. Its methods for arrivals and records never block:
+/// data for which there is no room is counted as lost.
 ///
-/// [`Recorder::status`] reports a disk that fails; arrivals are kept as far as
-/// [`Options::backlog_capacity`] goes, and a new file is tried until one can be written.
+/// [`Recorder::status`] reports a disk that fails. Up to [`Options::backlog_capacity`] arrivals are kept
+/// then, and the recorder tries a new file until one can be written.
 pub struct Recorder {
     commands: SyncSender<Command>,
     shared: Arc<Shared>,
-    /// Gives the summary when the worker has ended; `None` once it is asked for.
+    /// Receives the summary when the worker has ended; `None` after that.
     ended: Option<Mutex<Receiver<RecorderSummary>>>,
     session: Session,
     stop_within: Duration,
@@ -47,40 +47,40 @@ pub(crate) enum Command {
     Finish,
 }
 
-/// How the disk does.
+/// State of the disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DiskState {
-    /// Data go to this file (its final name).
+    /// Data is written to this file (its final name).
     Writing(PathBuf),
-    /// The disk refuses; a new file is tried again and again.
+    /// The disk rejects data; a new file is tried at regular intervals.
     Failing {
-        /// The disk's last answer.
+        /// The last error of the disk.
         reason: String,
     },
     /// The run is closed.
     Closed,
 }
 
-/// What a [`Recorder`] says about itself.
+/// State of a [`Recorder`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderStatus {
-    /// How the disk does.
+    /// State of the disk.
     pub disk: DiskState,
     /// Bytes written in all files.
     pub bytes: u64,
     /// Arrivals and records in the queue of the writer.
     pub waiting: usize,
-    /// What waits for the disk.
+    /// Data that waits for the disk.
     pub backlog: Backlog,
     /// Whether decoded records are left out, because the disk is nearly full.
     pub raw_only: bool,
-    /// What the run lost on the way to the disk. Decoded records can be computed again by a replay.
+    /// Losses of the run on the way to the disk. A replay computes decoded records again.
     pub losses: Losses,
     /// Files that were deleted or renamed while they were being written.
     pub gone: Vec<GoneLog>,
 }
 
-/// What waits for the disk: it is neither in a log nor in a log's journal.
+/// Data that waits for the disk: it is neither in a log nor in a journal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Backlog {
     /// Raw arrivals.
@@ -89,9 +89,9 @@ pub struct Backlog {
     pub bytes: u64,
     /// The log clock's time between the oldest and the newest of them.
     pub span: Duration,
-    /// Per cent of the writer's queue that are taken.
+    /// Fill level of the writer's queue, per cent.
     pub queue_fill: u8,
-    /// How long the disk has not confirmed what was written, beyond the regular interval.
+    /// Time for which the disk has not confirmed the written data, beyond the regular interval.
     pub unsynced: Duration,
 }
 
@@ -102,11 +102,11 @@ pub struct GoneLog {
     pub path: PathBuf,
     /// Raw arrivals that are lost with it; 0 if it was renamed.
     pub arrivals: u64,
-    /// Whether it was deleted; otherwise it lies under another name.
+    /// Whether it was deleted; otherwise it has another name.
     pub deleted: bool,
 }
 
-/// What a run left behind.
+/// Results of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderSummary {
     /// Closed files, in order.
@@ -115,20 +115,20 @@ pub struct RecorderSummary {
     pub unfinished: Vec<PathBuf>,
     /// Files that were deleted or renamed while they were being written.
     pub gone: Vec<GoneLog>,
-    /// What was lost on the way to the disk.
+    /// Losses on the way to the disk.
     pub losses: Losses,
     /// Why the files were not closed within [`Options::stop_within`], if they were not.
     pub cut_off: Option<String>,
-    /// The disk's last refusal, if there was one.
+    /// The last error of the disk, if there was one.
     pub last_failure: Option<String>,
 }
 
-/// How far a [`Recorder`] is; outlives it.
+/// Progress of a [`Recorder`]; lives longer than the recorder.
 #[derive(Clone)]
 pub struct Progress(Arc<Shared>);
 
 impl Progress {
-    /// A number that rises with each piece of data that is written and with each sync.
+    /// A number that rises with each write and with each sync.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.0.steps()
@@ -169,7 +169,7 @@ impl Recorder {
         std::thread::Builder::new()
             .name("store-write".to_owned())
             .spawn(move || {
-                // Who asked may have given up.
+                // The receiver may have stopped waiting.
                 let _ = end.send(worker.run(&queue));
             })
             .map_err(Error::file("start a thread for", directory))?;
@@ -188,8 +188,8 @@ impl Recorder {
         self.push_all(vec![arrival]) == 0
     }
 
-    /// Takes the next arrivals of the ordered stream, at the price of one. What the queue has no
-    /// room for is lost, from the end, and counted; says how many arrivals that were.
+    /// Takes the next arrivals of the ordered stream as one command. Arrivals for which the queue has no
+    /// room are lost, from the end, and counted. Returns the number of lost arrivals.
     pub fn push_all(&self, mut arrivals: Vec<Arrival>) -> usize {
         let waiting = self
             .shared
@@ -213,8 +213,8 @@ impl Recorder {
         lost.len()
     }
 
-    /// Takes a decoded record. Records make way for arrivals: they are lost, and counted, when the
-    /// queue is three quarters full.
+    /// Takes a decoded record. Arrivals have priority: if the queue is three quarters full, the record
+    /// is lost and counted.
     pub fn record(&self, record: Record) -> bool {
         let waiting = self.shared.waiting.fetch_add(1, Ordering::Relaxed);
         self.shared.enter_tally(&Tally::records(1));
@@ -231,9 +231,9 @@ impl Recorder {
         taken
     }
 
-    /// Goes on in a new file, without a gap.
+    /// Continues in a new file, without a gap.
     pub fn rotate(&self) {
-        // A full queue will be seen to sooner or later: the flag waits for it.
+        // If the queue is full, the worker reads the flag later.
         self.shared.rotate.store(true, Ordering::Relaxed);
         let _ = self.commands.try_send(Command::Rotate);
     }
@@ -244,7 +244,7 @@ impl Recorder {
         self.shared.waiting.load(Ordering::Relaxed)
     }
 
-    /// How it does.
+    /// The state of the recorder.
     #[must_use]
     pub fn status(&self) -> RecorderStatus {
         let waiting = self.shared.waiting.load(Ordering::Relaxed);
@@ -259,29 +259,29 @@ impl Recorder {
         }
     }
 
-    /// How far it is, for somebody who watches while it is closed.
+    /// The progress, for a caller that watches the recorder while it is closed.
     #[must_use]
     pub fn progress(&self) -> Progress {
         Progress(Arc::clone(&self.shared))
     }
 
-    /// Writes what waits, closes the file, and ends the threads. Takes [`Options::stop_within`] at
-    /// most; see [`Recorder::finish_by`].
+    /// Writes the waiting data, closes the file, and ends the threads. Takes at most
+    /// [`Options::stop_within`]; see [`Recorder::finish_by`].
     ///
     /// # Errors
-    /// If the writer's thread is gone. The summary reports a disk that refused.
+    /// If the writer's thread has ended early. The summary reports errors of the disk.
     pub fn finish(self) -> Result<RecorderSummary> {
         let stop_within = self.stop_within;
         self.finish_by(stop::deadline(stop_within))
     }
 
-    /// Writes what waits, closes the file, and ends the threads, until `deadline`. What is not
-    /// written shortly before it is counted as lost and stated in a file beside the log (see
-    /// [`crate::losses_path`]); the log keeps its unfinished name, and the threads, which wait for the
-    /// disk, are left behind.
+    /// Writes the waiting data, closes the file, and ends the threads, until `deadline`. Data that is not
+    /// written shortly before the deadline is counted as lost and stated in a file beside the log (see
+    /// [`crate::losses_path`]). The log then keeps its unfinished name, and the threads, which wait for
+    /// the disk, continue without the caller.
     ///
     /// # Errors
-    /// If the writer's thread is gone. The summary reports a disk that refused.
+    /// If the writer's thread has ended early. The summary reports errors of the disk.
     pub fn finish_by(mut self, deadline: Instant) -> Result<RecorderSummary> {
         self.stop(deadline).unwrap_or(Err(Error::WriterGone))
     }

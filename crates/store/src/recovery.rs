@@ -25,11 +25,11 @@ pub(crate) const RECOVERED_METADATA: &str = "atvrec.recovered";
 /// How logs are recovered.
 #[derive(Clone, Debug)]
 pub struct RecoverOptions {
-    /// Give out what no checksum and no journal confirms, and mark the log.
+    /// Return data that no checksum and no journal confirms, and mark the log.
     pub unchecked: bool,
     /// Bytes that a chunk may have when inflated, and any other record.
     pub max_chunk: u64,
-    /// Stops the recovery once it is set: the log is then as it was.
+    /// Stops the recovery when it is set; the log is unchanged then.
     pub stop: Option<Arc<AtomicBool>>,
 }
 
@@ -43,38 +43,38 @@ impl Default for RecoverOptions {
     }
 }
 
-/// What a recovery did.
+/// Result of a recovery.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recovered {
     /// The whole log.
     pub path: PathBuf,
-    /// It needed no more than its name.
+    /// It was complete and only got its name.
     pub was_whole: bool,
-    /// It had been cut before its first arrival, as just behind a rotation, and was removed.
+    /// It was cut before its first arrival, as just after a rotation, and was removed.
     pub was_empty: bool,
     /// Messages saved.
     pub messages: u64,
-    /// Those of them that were in a chunk which was cut; without a checksum, and so only of a
-    /// recovery that gives them out.
+    /// Those of them that were in a chunk that was cut. They have no checksum, so only a recovery with
+    /// `unchecked` returns them.
     pub messages_of_cut_chunk: u64,
-    /// Arrivals that stood in the journals only.
+    /// Arrivals that were in the journals only.
     pub arrivals_of_journal: u64,
-    /// What the file turned out not to hold.
+    /// Data that is missing from the file.
     pub missing: Vec<Missing>,
-    /// What could not be saved; `None` if everything was.
+    /// Data that could not be saved; `None` if everything was saved.
     pub loss: Option<Loss>,
-    /// Where the damaged original is, if anything could not be saved.
+    /// Path of the damaged original, if data could not be saved.
     pub original: Option<PathBuf>,
 }
 
-/// What could not be saved of a log.
+/// Data of a log that could not be saved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Loss {
-    /// Bytes of the file that are damaged, or that nothing confirms.
+    /// Bytes of the file that are damaged, or that no checksum confirms.
     pub bytes: u64,
     /// Chunks in them, as far as they can be counted.
     pub chunks: u64,
-    /// Log times of the last intact chunk before them and the first one behind.
+    /// Log times of the last intact chunk before them and of the first one after them.
     pub span: Option<(LogTime, LogTime)>,
 }
 
@@ -96,18 +96,17 @@ pub fn recover(path: &Path) -> Result<Recovered> {
     recover_with(path, &RecoverOptions::default())
 }
 
-/// Makes a log whole in place: saves all chunks that their checksums confirm, wherever they stand,
-/// and what the journals hold; writes summary and indexes, and takes the place of the old file in one
-/// step, after the new file was synced and read. Nothing is in the result that was not in the old
-/// file or its journals, except counters of what is saved and a metadata record that describes the
-/// recovery.
+/// Repairs a log in place. It saves all chunks that their checksums confirm, anywhere in the file, and
+/// the contents of the journals, writes summary and indexes, syncs and reads the new file, and replaces
+/// the old file in one step. The result contains nothing that was not in the old file or its journals,
+/// except counters of the saved data and a metadata record that describes the recovery.
 ///
-/// If anything could not be saved, the old file stays beside the new one, as `<log>.damaged`. An
-/// unfinished log whose end is intact and which holds nothing but repeated states is removed.
+/// If data could not be saved, the old file stays beside the new one, as `<log>.damaged`. An unfinished
+/// log whose end is intact and which contains only repeated states is removed.
 ///
 /// # Errors
 /// If the file cannot be read, is no MCAP file, is being written, or the result cannot be written or
-/// read again; the old file is then as it was.
+/// read again; the old file is unchanged then.
 pub fn recover_with(path: &Path, options: &RecoverOptions) -> Result<Recovered> {
     if !std::fs::metadata(path)
         .map_err(Error::file("open", path))?
@@ -134,14 +133,14 @@ pub fn recover_with(path: &Path, options: &RecoverOptions) -> Result<Recovered> 
             bound: options.max_chunk,
         });
     }
-    // Records that the checksum of their data section confirms are none that nothing confirms.
+    // Records that the checksum of the data section confirms are not unconfirmed.
     scan_options.unchecked = index.gives_unchecked;
     let needed = bytes_needed(&file, &target)?;
     let temporary = with_suffix(&target, ".recovering");
     check_room(path, needed)?;
     let outcome = rewrite(path, &temporary, &index, &scan_options, &target).and_then(|saved| {
         check_copy(path, &temporary, &saved, &scan_options)?;
-        // Of a chunk that was begun, nobody knows what it held.
+        // The contents of a chunk that was begun are unknown.
         let cut_chunk = matches!(
             index.ending,
             Some(Ending::Cut {
@@ -178,11 +177,11 @@ pub fn recover_with(path: &Path, options: &RecoverOptions) -> Result<Recovered> 
     })
 }
 
-/// Writes all that is intact in `input` and in the `journals` beside it as a finished log to
-/// `output`: what [`recover`] does, without files. Gives the number of messages.
+/// Writes all intact data of `input` and of its `journals` as a finished log to `output`, like
+/// [`recover`], but without files. Returns the number of messages.
 ///
 /// # Errors
-/// If `input` does not begin like MCAP and holds no intact chunk, or one of them fails.
+/// If `input` does not begin like MCAP and has no intact chunk, or if reading or writing fails.
 pub fn salvage<R: Read + Seek, W: Write>(
     mut input: R,
     journals: &[&[u8]],
@@ -198,7 +197,7 @@ pub fn salvage<R: Read + Seek, W: Write>(
     Ok(copy(scanner, output, &index, journal, &options, false)?.messages)
 }
 
-/// A log that is whole gets its name.
+/// Gives a complete log its name.
 fn take_name(path: &Path, target: &Path, index: &Index) -> Result<Recovered> {
     if target != path {
         check_name(path, path, target)?;
@@ -219,8 +218,8 @@ fn take_name(path: &Path, target: &Path, index: &Index) -> Result<Recovered> {
     })
 }
 
-/// Another file that has the log's name is the result of a recovery that was killed, or it is not
-/// touched.
+/// Another file with the log's name is the result of a recovery that was killed; any other file is not
+/// changed.
 fn check_name(path: &Path, new: &Path, target: &Path) -> Result<()> {
     if !target.exists() || same_bytes(new, target).map_err(Error::file("read", target))? {
         return Ok(());
@@ -288,7 +287,7 @@ fn rewrite(
 fn check_copy(path: &Path, temporary: &Path, saved: &Saved, options: &ScanOptions) -> Result<()> {
     let options = ScanOptions {
         unchecked: false,
-        // A chunk may have grown by the definitions that were missing in it.
+        // A chunk may be larger by the definitions that were missing in it.
         bound: options.bound.saturating_mul(2),
         stop: options.stop.clone(),
     };
@@ -312,8 +311,8 @@ fn check_copy(path: &Path, temporary: &Path, saved: &Saved, options: &ScanOption
     })
 }
 
-/// Gives the copy the log's name, and the original another one if anything of it is lost; gives that
-/// name. Whenever this is killed, the next recovery ends with the same files.
+/// Gives the copy the name of the log. If data is lost, gives the original another name, and returns it.
+/// If this is killed at any point, the next recovery ends with the same files.
 fn put_in_place(
     path: &Path,
     temporary: &Path,
@@ -336,7 +335,7 @@ fn put_in_place(
     };
     let kept = directory::damaged_name(path, target);
     if target == path {
-        // A link, so that the log is never without a file; not every file system has links.
+        // A link, so that the log always has a file; not every file system has links.
         let linked = kept.exists() || std::fs::hard_link(path, &kept).is_ok();
         if !linked {
             std::fs::rename(path, &kept).map_err(Error::file("rename", path))?;
@@ -352,7 +351,7 @@ fn put_in_place(
     Ok(Some(kept))
 }
 
-/// Removes an unfinished log with nothing in it.
+/// Removes an unfinished log without data.
 fn remove_empty(path: &Path, temporary: &Path, target: &Path) -> Result<()> {
     std::fs::remove_file(temporary).map_err(Error::file("remove", temporary))?;
     std::fs::remove_file(path).map_err(Error::file("remove", path))?;
@@ -360,7 +359,7 @@ fn remove_empty(path: &Path, temporary: &Path, target: &Path) -> Result<()> {
     journal::remove(target)
 }
 
-/// Most bytes that the copy of a log is expected to take: recovery writes the same chunks again, with
+/// Largest expected size of the copy of a log, bytes: recovery writes the same chunks again, with
 /// indexes and a summary.
 fn bytes_needed(file: &File, target: &Path) -> Result<u64> {
     let metadata = file.metadata().map_err(Error::file("read", target))?;
@@ -388,7 +387,7 @@ fn check_room(path: &Path, needed: u64) -> Result<()> {
     }
 }
 
-/// Bytes that are free on the disk of a file, where the system says.
+/// Free bytes on the disk of a file, if the system knows.
 fn free_bytes(path: &Path) -> Option<u64> {
     #[cfg(unix)]
     {

@@ -1,7 +1,7 @@
 //! Gives all parts of a run another name, so that a kill in the middle loses nothing.
 //!
-//! A small file `<old stem>.rename` holds the new stem before the first part is renamed, and is
-//! removed after the last. [`finish_renames`] goes on where a kill interrupted.
+//! A small file `<old stem>.rename` contains the new stem before the first part is renamed, and is
+//! removed after the last. [`finish_renames`] completes an interrupted rename.
 
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write};
@@ -10,18 +10,18 @@ use std::path::{Path, PathBuf};
 use crate::file::{ACTIVE_SUFFIX, sync_directory};
 use crate::{Error, Result};
 
-/// What the name of a file ends in that holds a run's new stem.
+/// Ending of the name of a file with the new stem of a run.
 pub const RENAME_SUFFIX: &str = ".rename";
 /// Longest stem, bytes.
 const STEM_MAX: usize = 255;
 
 /// Renames every file of a run in `directory`, parts and what belongs to them, from
 /// `<stem>_…` to `<new_stem>_…`. Never replaces a file: one whose new name is taken keeps its old
-/// one. `false`, and nothing is done, while a part is unfinished or another process holds one.
+/// one. If a part is unfinished or locked by another process, nothing is done, and the result is
+/// `false`.
 ///
 /// # Errors
-/// If the directory cannot be read or written. What is left to do is done by
-/// [`finish_renames`].
+/// If the directory cannot be read or written. [`finish_renames`] does the rest then.
 pub fn rename_run(directory: &Path, stem: &str, new_stem: &str) -> Result<bool> {
     let files = files_of(directory, stem)?;
     let _locks = match lock_all(&files) {
@@ -93,7 +93,7 @@ fn files_of(directory: &Path, stem: &str) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Locks the parts; `None` if one is unfinished or held by another process.
+/// Locks the parts; `None` if one is unfinished or locked by another process.
 fn lock_all(files: &[PathBuf]) -> Option<Vec<File>> {
     let mut locks = Vec::new();
     for path in files {

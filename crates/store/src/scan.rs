@@ -1,4 +1,4 @@
-//! Records of MCAP files: what a record must look like, and how a file is read in bounded memory.
+//! Records of MCAP files: checks of a record, and reading of a file in bounded memory.
 
 mod chunk;
 mod resync;
@@ -28,8 +28,8 @@ pub const DEFAULT_MAX_CHUNK: u64 = 64 << 20;
 
 static MAX_CHUNK: AtomicU64 = AtomicU64::new(DEFAULT_MAX_CHUNK);
 
-/// Bytes that a chunk may have when inflated, and any other record, before it is refused. The
-/// memory that a file can cost is a small multiple of it.
+/// Largest size of an inflated chunk, and of any other record, bytes; larger ones are rejected. The
+/// memory for reading a file is a small multiple of this.
 #[must_use]
 pub fn max_chunk() -> u64 {
     MAX_CHUNK.load(Ordering::Relaxed)
@@ -60,7 +60,7 @@ impl Scanner<File> {
     }
 }
 
-/// The first stored byte at or after `offset`; `None` if the file system does not say, or if none
+/// The first stored byte at or after `offset`; `None` if the file system does not know, or if none
 /// follows.
 #[cfg(target_os = "linux")]
 fn next_data(file: &File, offset: u64) -> Option<u64> {
@@ -88,7 +88,7 @@ impl<R: Read + Seek> Scanner<R> {
         })
     }
 
-    /// From now on reading fails with an error that [`is_stop`] knows, once `stop` is set.
+    /// After `stop` is set, reading fails with an error that [`is_stop`] recognises.
     pub(crate) fn stop_at(&mut self, stop: Option<Arc<AtomicBool>>) {
         self.stop = stop;
     }
@@ -129,14 +129,14 @@ impl<R: Read + Seek> Scanner<R> {
     /// The first byte at or after `offset` that is not in a hole of a sparse file.
     fn skip_hole(&mut self, offset: u64) -> std::io::Result<u64> {
         let found = (self.next_data)(self.file.get_ref(), offset);
-        // The search moved the file behind the buffer's back.
+        // The search moved the file position without the buffer.
         self.file.seek(SeekFrom::Start(offset))?;
         self.position = offset;
         Ok(found.map_or(offset, |found| found.clamp(offset, self.length)))
     }
 }
 
-/// A reading was told to stop.
+/// Reading was stopped.
 fn interrupted() -> std::io::Error {
     // Not `Interrupted`: that kind is tried again by the standard library.
     std::io::Error::new(std::io::ErrorKind::TimedOut, Stopped)
@@ -152,7 +152,7 @@ pub(crate) fn is_stop(error: &std::io::Error) -> bool {
 #[error("the reading was stopped")]
 struct Stopped;
 
-/// The records of a chunk, as far as they are whole. Says whether all were.
+/// The records of a chunk, as far as they are whole; `true` if all are.
 pub(crate) fn for_each_record<'a>(records: &'a [u8], mut f: impl FnMut(u8, &'a [u8])) -> bool {
     let mut rest = records;
     while !rest.is_empty() {
@@ -186,8 +186,8 @@ pub(crate) fn message(body: &[u8]) -> Option<(mcap::records::MessageHeader, &[u8
     Some((header, data))
 }
 
-/// Parses any record but messages and chunks; `None` if its lengths do not add up to its body's,
-/// or its checksum is wrong.
+/// Parses any record except messages and chunks; `None` if its lengths do not add up to that of its
+/// body, or its checksum is wrong.
 pub(crate) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
     if !is_well_formed(opcode, body) {
         return None;
@@ -195,8 +195,8 @@ pub(crate) fn parse(opcode: u8, body: &[u8]) -> Option<Record<'_>> {
     mcap::parse_record(opcode, body).ok()
 }
 
-/// Whether the lengths inside of a record add up to its own: the parser behind allocates what they
-/// say.
+/// Whether the lengths inside of a record add up to that of the record: the parser allocates memory by
+/// these lengths.
 fn is_well_formed(opcode: u8, body: &[u8]) -> bool {
     let mut rest = Fields(body);
     let parsed = match opcode {
@@ -271,7 +271,7 @@ fn attachment_is_sound(body: &[u8]) -> bool {
     crc == 0 || crc32fast::hash(&body[..body.len() - 4]) == crc
 }
 
-/// Cuts fields off the front of a record.
+/// Reads fields from the front of a record.
 struct Fields<'a>(&'a [u8]);
 
 impl<'a> Fields<'a> {
@@ -285,7 +285,7 @@ impl<'a> Fields<'a> {
         self.take(count).map(drop)
     }
 
-    /// Bytes behind their length, of 32 bits.
+    /// Bytes after their length of 32 bits.
     fn blob(&mut self) -> Option<&'a [u8]> {
         let length = u32::from_le_bytes(self.take(4)?.try_into().ok()?);
         self.take(length as usize)

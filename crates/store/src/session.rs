@@ -5,7 +5,7 @@ use sample::{LogTime, SourceId};
 
 use crate::{DynamicMessage, UtcOffset};
 
-/// What every file of a run says about itself.
+/// Description of a run, which every file of the run contains.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Session {
     /// Names the run; the same in all its files.
@@ -39,14 +39,14 @@ pub struct Session {
 /// State of the host's clock when the log clock was set to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClockState {
-    /// Not known: a simulation, a log of an older version, or a kernel that does not say.
+    /// Not known: a simulation, a log of an older version, or a kernel without this information.
     #[default]
     Unknown,
-    /// The kernel said that it is synchronised to a reference.
+    /// Synchronised to a reference, by the kernel.
     Synchronised,
-    /// The kernel said that it is not synchronised.
+    /// Not synchronised, by the kernel.
     Unsynchronised,
-    /// It stood before the date of the recorder's build: no battery, or never set.
+    /// Before the date of the recorder's build: no battery, or never set.
     BeforeBuild,
 }
 
@@ -156,12 +156,12 @@ pub struct Options {
     pub rotate_bytes: Option<u64>,
     /// Arrivals and records that may wait for the writer (recorder only).
     pub queue_capacity: usize,
-    /// Arrivals and records kept while the disk refuses them, before they count as lost (recorder
+    /// Arrivals and records that are kept while the disk rejects them; more count as lost (recorder
     /// only).
     pub backlog_capacity: usize,
     /// A disk that failed is tried again this often (recorder only).
     pub retry_interval: Duration,
-    /// Closing the last file may take this long; what is not written by then is counted as lost
+    /// Longest time to close the last file; data that is not written by then is counted as lost
     /// (recorder only).
     pub stop_within: Duration,
 }
@@ -289,7 +289,7 @@ impl Session {
     }
 }
 
-/// UTC of a log time, ns since 1970: by a receiver where one sent the date, else the log clock.
+/// UTC of a log time, ns since 1970: by a receiver if one sent the date, otherwise by the log clock.
 #[must_use]
 pub fn utc_ns(time: LogTime, utc: Option<UtcOffset>) -> u64 {
     let by_receiver = utc.and_then(|utc| u64::try_from(utc.utc_ns(time)).ok());

@@ -1,4 +1,4 @@
-//! What a closed log says about itself at its end, without reading through it.
+//! The summary at the end of a closed log, without reading through the log.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::reader::Index;
 use crate::session::{RUN_METADATA, UTC_METADATA};
 use crate::{Result, Session, UtcOffset};
 
-/// What a closed log says about itself at its end.
+/// The summary at the end of a closed log.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// The run; attachments and dynamic messages stay empty.

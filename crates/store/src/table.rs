@@ -29,7 +29,7 @@ pub struct Table {
     pub publish_time_ns: Vec<i64>,
     /// The fields, in the order of the schema.
     pub columns: Vec<Column>,
-    /// What was damaged or malformed, and so is not among the rows.
+    /// Damaged or malformed messages, which have no rows.
     pub missing: Vec<Missing>,
 }
 
@@ -38,16 +38,16 @@ pub struct Table {
 pub struct Column {
     /// Its name, dotted below other messages.
     pub name: String,
-    /// Its unit, where the channel's metadata tells one; the project's own schemas have it in the
+    /// Its unit, if the channel's metadata has one; the project's own schemas have the unit in the
     /// name.
     pub unit: String,
     /// Names of its values, if it is an enumeration.
     pub names: Vec<(i32, String)>,
-    /// One entry a row. A number with a fraction is NaN where it, or the message that it stands in,
-    /// is absent; anything else has its type's default there.
+    /// One entry a row. A number with a fraction is NaN if it, or the message around it, is absent;
+    /// anything else has the default of its type then.
     pub values: Values,
-    /// Which rows have the field, if it is no number with a fraction and the schema tells absence
-    /// from zero (`optional`, `oneof`).
+    /// The rows that have the field, if it is no number with a fraction and the schema distinguishes
+    /// absence from zero (`optional`, `oneof`).
     pub present: Option<Vec<bool>>,
 }
 
@@ -103,7 +103,7 @@ impl Reader {
         let mut known = false;
         for channel in self.channels().filter(|channel| channel.topic == topic) {
             known = true;
-            // A channel without a schema costs its own messages.
+            // Messages of a channel without a schema are left out.
             if !channel.has_no_schema() {
                 plan_of(&mut plans, &mut table, channel)?;
             }

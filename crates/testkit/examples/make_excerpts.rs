@@ -15,6 +15,7 @@ use parquet::data_type::{DoubleType, FloatType};
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
+use sim::Columns;
 
 /// Columns of the whole vehicle.
 const BODY: &[&str] = &[
@@ -117,7 +118,7 @@ fn is_wanted(folder: &str, name: &str) -> bool {
 }
 
 /// The wanted columns of a window, by `name[unit]`.
-fn cut(window: &Window) -> Result<Vec<(String, Vec<f64>)>, Box<dyn Error>> {
+fn cut(window: &Window) -> Result<Columns, Box<dyn Error>> {
     let path = window.source().ok_or("the truth runs are needed")?;
     let columns = sim::read_columns(&path, |full| {
         let name = full.split('[').next().unwrap_or(full);
@@ -137,7 +138,7 @@ fn cut(window: &Window) -> Result<Vec<(String, Vec<f64>)>, Box<dyn Error>> {
         .collect())
 }
 
-fn write(path: &Path, columns: &[(String, Vec<f64>)]) -> Result<(), Box<dyn Error>> {
+fn write(path: &Path, columns: &Columns) -> Result<(), Box<dyn Error>> {
     let field = |name: &str| {
         let physical = if name == "t[s]" {
             Physical::DOUBLE
@@ -149,7 +150,7 @@ fn write(path: &Path, columns: &[(String, Vec<f64>)]) -> Result<(), Box<dyn Erro
             .build();
         field.map(Arc::new)
     };
-    let fields: Result<_, _> = columns.iter().map(|(name, _)| field(name)).collect();
+    let fields: Result<_, _> = columns.keys().map(|name| field(name)).collect();
     let schema = Type::group_type_builder("truth")
         .with_fields(fields?)
         .build()?;

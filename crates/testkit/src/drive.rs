@@ -8,7 +8,7 @@ use crate::truth::{RATE_HZ, Run};
 
 /// A manoeuvre once, or on end for at least `span_s` where its end joins its beginning.
 pub fn virtual_drive(vehicle: &Vehicle, manoeuvre: Manoeuvre, span_s: f64) -> Run {
-    let lap = manoeuvre.drive(vehicle).expect("the vehicle drives it");
+    let lap = manoeuvre.drive(vehicle).expect("the vehicle can be driven");
     let laps = (span_s / lap.duration_s()).ceil().max(1.0);
     let motion = lap.repeated(laps as u32);
     let rows = (motion.duration_s() * RATE_HZ) as usize;

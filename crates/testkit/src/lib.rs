@@ -2,9 +2,9 @@
 //!
 //! - [`shared`] finds the recordings beside the project, [`report`] prints what a test found,
 //!   [`assert_file`] compares with a file that `make bless` writes.
-//! - Feature `truth`: [`truth`] loads the runs of an independent simulator, [`sensing`] makes the
-//!   samples of the thesis's sensors on a run, [`drive`] a run of the virtual vehicle, and
-//!   [`scoring`] runs the estimator and compares it with the run.
+//! - Feature `truth`: `truth` loads the runs of an independent simulator, `sensing` makes the
+//!   samples of the thesis's sensors on a run, `drive` a run of the virtual vehicle, and
+//!   `scoring` runs the estimator and compares it with the run.
 
 mod allocations;
 #[cfg(feature = "truth")]

@@ -38,9 +38,9 @@ impl Source<'_> {
         if self.rng.random_bool(0.5) { 1.0 } else { -1.0 }
     }
 
-    fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> u16 {
+    fn counts(&mut self, channel: &Channel, bits: u8, zero: f64, noise: f64, value: f64) -> i32 {
         let ideal = channel.offset_counts + zero + value / channel.gain + noise * self.normal();
-        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as u16
+        ideal.round().clamp(0.0, math::exp2(f64::from(bits)) - 1.0) as i32
     }
 
     fn push(&mut self, arrived_s: f64, valid_s: f64, measurement: Measurement) {
@@ -76,7 +76,7 @@ pub fn samples(run: &Run, vehicle: &Vehicle, sensors: &Sensors, seed: u64) -> Ve
 
 fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
     let resolved = Resolved::new(sensors, &Calibration::nominal(&vehicle.name))
-        .expect("nominal sensors resolve");
+        .expect("the nominal calibration fits the sensors");
     let run = source.run;
     let settled = |force| Lag::settled(sensors.strain.lag_hz, force);
     for wheel in Wheel::ALL {
@@ -101,7 +101,10 @@ fn corners(source: &mut Source<'_>, vehicle: &Vehicle, sensors: &Sensors) {
         } else {
             &vehicle.rear.strut
         };
-        let design_m = strut.as_ref().expect("a strut").design_length_m;
+        let design_m = strut
+            .as_ref()
+            .expect("the vehicle has struts")
+            .design_length_m;
         let forces: Vec<&[f64]> = names
             .iter()
             .map(|name| run.column(&format!("{w}_{name}")))
@@ -176,7 +179,9 @@ fn ball_normal(run: &Run, vehicle: &Vehicle, wheel: Wheel) -> Vec<f64> {
     if let Some(told) = run.columns.get(&format!("{w}_ball_normal")) {
         return told.clone();
     }
-    let points = Corner::of(vehicle, wheel).expect("hard-points").points;
+    let points = Corner::of(vehicle, wheel)
+        .expect("the vehicle has hard points")
+        .points;
     let vector = |name: &str, axis: &str| run.column(&format!("{w}_{name}{axis}"));
     let ball = ["_x", "_y", "_z"].map(|axis| vector("lbj", axis));
     let force = ["x", "y", "z"].map(|axis| vector("LCA_ball_F", axis));

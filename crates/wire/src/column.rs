@@ -421,7 +421,7 @@ impl Row {
     }
 
     fn corner(&self, wheel: Wheel) -> Option<Measurement> {
-        let counts = |quantity| self.get(quantity).map(|value| value.round() as u16);
+        let counts = |quantity| self.get(quantity).map(|value| value.round() as i32);
         let strain_counts = StrainChannel::ALL.map(|c| counts(Quantity::Strain(wheel, c)));
         let deflection_counts = counts(Quantity::Deflection(wheel));
         let any = deflection_counts.is_some() || strain_counts.iter().any(Option::is_some);

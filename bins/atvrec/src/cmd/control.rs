@@ -92,7 +92,8 @@ fn connect(socket: &SocketArgs) -> anyhow::Result<UnixStream> {
     let paths = match &socket.socket {
         Some(path) => vec![path.clone()],
         None => {
-            let mut config = Config::load(&configuration(socket))?;
+            let mut config = Config::load(&configuration(socket))
+                .context("cannot find the running recorder; select it with --config or --socket")?;
             if let Some(directory) = &socket.directory {
                 config.storage.directory.clone_from(directory);
             }

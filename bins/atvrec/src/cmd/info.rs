@@ -61,13 +61,7 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
         "program",
         format!("atvrec {} ({})", session.version, session.git_hash),
     );
-    line(
-        "contract",
-        reader.contract().map_or_else(
-            || "none: an earlier layout, shown in the present one".to_owned(),
-            |version| format!("version {version}"),
-        ),
-    );
+    line("contract", contract(reader));
     if let Some((first, _)) = info.span {
         let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
         line("time", format!("{begin}, {:.1} s", seconds(info)));
@@ -78,6 +72,12 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
     for missing in missing::summary(&info.missing) {
         line("missing", missing);
     }
+    write_tables(&mut text, info);
+    text
+}
+
+/// Tables of topics, attachments and counters.
+fn write_tables(text: &mut String, info: &Info) {
     let _ = writeln!(
         text,
         "\n{:<36}{:>10}{:>10}  schema",
@@ -109,7 +109,14 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
             let _ = writeln!(text, "{:<36}{value:>10}", printable(name));
         }
     }
-    text
+}
+
+/// Version of the log's contract.
+fn contract(reader: &Reader) -> String {
+    reader.contract().map_or_else(
+        || "none: an earlier layout, shown in the present one".to_owned(),
+        |version| format!("version {version}"),
+    )
 }
 
 fn as_json(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> serde_json::Value {

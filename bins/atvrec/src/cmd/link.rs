@@ -24,8 +24,17 @@ pub fn run(args: &LinkArgs) -> anyhow::Result<Outcome> {
             SourceKind::Can(can) => Some(can),
             _ => None,
         });
+    let buses: Vec<&CanSpec> = buses.collect();
+    for name in &args.interfaces {
+        if !buses.iter().any(|can| is_name_of(name, &can.interface)) {
+            tracing::info!(
+                interface = %name,
+                "no source of the configuration uses the interface; it is not changed"
+            );
+        }
+    }
     let mut outcome = Outcome::Good;
-    for can in buses.filter(is_selected) {
+    for can in buses.into_iter().filter(is_selected) {
         let Some(spec) = &can.link else {
             tracing::info!(
                 interface = %can.interface,

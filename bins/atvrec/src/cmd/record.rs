@@ -1,5 +1,6 @@
 //! `atvrec record`: record the configured sources.
 
+use std::fmt::Write as _;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -78,7 +79,6 @@ pub fn outcome(summary: &Summary) -> Outcome {
 
 /// Summary as text.
 pub fn as_text(summary: &Summary) -> String {
-    use std::fmt::Write as _;
     let mut text = String::new();
     let _ = writeln!(
         text,
@@ -114,6 +114,15 @@ pub fn as_text(summary: &Summary) -> String {
             printable(name)
         );
     }
+    write_losses(&mut text, summary);
+    for file in &summary.files {
+        let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
+    }
+    text
+}
+
+/// Losses, and logs that were deleted, renamed or not closed.
+fn write_losses(text: &mut String, summary: &Summary) {
     for (place, count) in LossPlace::ALL.into_iter().zip(summary.lost()) {
         if count > 0 {
             let _ = writeln!(text, "  lost in {}: {count}", place.name());
@@ -145,10 +154,6 @@ pub fn as_text(summary: &Summary) -> String {
             file.display()
         );
     }
-    for file in &summary.files {
-        let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
-    }
-    text
 }
 
 fn as_json(summary: &Summary) -> serde_json::Value {

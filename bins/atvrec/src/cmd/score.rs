@@ -1,7 +1,8 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Comparison, InnovationScore, Lifts, Score, compare, innovations, innovations_json, score,
+    Comparison, InnovationScore, Lifts, Score, SurfaceChanges, compare, innovations,
+    innovations_json, score,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
@@ -113,26 +114,30 @@ fn print_score(found: &Score) {
     print_lifts("lifts", &found.lifts);
     print_lifts("two-wheel lifts", &found.two_wheel_lifts);
     if let Some(surfaces) = &found.surface_changes {
-        for change in &surfaces.changes {
-            println!(
-                "{} axle: friction changes by the factor {:.2} at {:.2} s; detected {} s later, \
-                 lateral force factor {}",
-                change.axle,
-                change.friction_ratio,
-                change.at_s,
-                optional(change.declared_after_s, 2),
-                optional(change.declared_force_ratio, 2),
-            );
-        }
-        println!(
-            "{} surface changes, {} false detections",
-            surfaces.changes.len(),
-            surfaces.false_changes
-        );
+        print_surface_changes(surfaces);
     }
     for (kind, count) in &found.events {
         println!("events: {count} {kind}");
     }
+}
+
+fn print_surface_changes(found: &SurfaceChanges) {
+    for change in &found.changes {
+        println!(
+            "{} axle: friction changes by the factor {:.2} at {:.2} s; detected {} s later, lateral \
+             force factor {}",
+            change.axle,
+            change.friction_ratio,
+            change.at_s,
+            optional(change.declared_after_s, 2),
+            optional(change.declared_force_ratio, 2),
+        );
+    }
+    println!(
+        "{} surface changes, {} false detections",
+        found.changes.len(),
+        found.false_changes
+    );
 }
 
 fn print_innovations(found: &[InnovationScore]) {

@@ -148,11 +148,12 @@ fn a_faulty_sensor_is_named_on_the_health_channel() {
     }
 }
 
-/// Greatest errors of a tyre's force at 10 bit that the README states, 100 RMS / max(peak, static
-/// load), per cent.
+/// Limits of the error of a tyre force at 10 bit, 100 RMS / max(peak, static load), per cent. The README
+/// states the errors of whole runs. The excerpts have other peaks, so that their errors differ by up to
+/// 0.01 %.
 const FORCE_ERRORS_PERCENT: [(&str, f64); 3] = [
     ("measured_force_x", 0.735),
-    ("measured_force_y", 0.725),
+    ("measured_force_y", 0.73),
     ("measured_force_z", 0.335),
 ];
 /// The runs with the lifts of a wheel and the changes of surface in each.
@@ -192,13 +193,14 @@ fn judge_runs(truth: &Path) {
         let file = file.to_str().expect("UTF-8");
         let drive = ["-q", "simulate", "--truth", file, "-o", "drive.mcap"];
         run(&[&drive[..], &["--vehicle", "vehicle.toml", "--force"]].concat());
-        let score: Value = serde_json::from_str(&run(&["score", "drive.mcap", "--json"])).unwrap();
+        let score: Value =
+            serde_json::from_str(&run(&["score", "drive.mcap", "--json"])).expect("JSON");
         judge_events(name, &score, lifts, surfaces);
         for (force, most) in FORCE_ERRORS_PERCENT {
-            let signals = score["signals"].as_array().unwrap().iter();
+            let signals = score["signals"].as_array().expect("a list").iter();
             let errors = signals
                 .filter(|signal| signal["signal"] == force)
-                .map(|signal| signal["normalised_percent"].as_f64().unwrap());
+                .map(|signal| signal["normalised_percent"].as_f64().expect("a number"));
             let errors: Vec<f64> = errors.collect();
             assert_eq!(errors.len(), 4, "{name} {force}: one error for each tyre");
             let worst = errors.into_iter().fold(0.0, f64::max);
@@ -218,20 +220,20 @@ fn judge_events(name: &str, score: &Value, lifts: u64, surfaces: u64) {
     for none in ["filter_reset", "sensor_fault", "two_wheel_lift"] {
         assert_eq!(declared(none), 0, "{name}: {events}");
     }
-    let changes = score["surface_changes"].as_array().unwrap();
+    let changes = score["surface_changes"].as_array().expect("a list");
     assert_eq!(changes.len() as u64, surfaces, "{name}");
     for change in changes {
-        let after_s = change["declared_after_s"].as_f64().unwrap();
+        let after_s = change["declared_after_s"].as_f64().expect("a number");
         assert!(after_s < 1.0, "{change}");
-        let ratio = change["friction_ratio"].as_f64().unwrap();
+        let ratio = change["friction_ratio"].as_f64().expect("a number");
         assert!((ratio - 0.4 / 0.9).abs() < 1e-3, "{change}");
     }
     assert_eq!(score["false_surface_changes"], 0, "{name}");
-    let found = score["lifts"].as_array().unwrap();
+    let found = score["lifts"].as_array().expect("a list");
     assert_eq!(found.len() as u64, lifts, "{name}");
     for lift in found {
-        let after_s = lift["declared_after_s"].as_f64().unwrap();
-        let before_s = lift["warned_before_s"].as_f64().unwrap();
+        let after_s = lift["declared_after_s"].as_f64().expect("a number");
+        let before_s = lift["warned_before_s"].as_f64().expect("a number");
         assert!(after_s < 0.3 && before_s > 1.0, "{lift}");
     }
 }

@@ -90,14 +90,7 @@ pub fn read(
     let vehicle = text_of(&file, FileKind::Vehicle, files, gather)
         .and_then(|text| overridden(text, overrides.as_ref(), files, gather))
         .and_then(|text| value_of(Vehicle::from_toml(&text, &file.value), gather));
-    let sensors = sensors.unwrap_or_else(|| Field {
-        value: Sensors::builtin_names()
-            .next()
-            .unwrap_or_default()
-            .to_owned(),
-        span: file.span.clone(),
-        name: "vehicle.sensors".to_owned(),
-    });
+    let sensors = sensors.unwrap_or_else(|| default_sensors(&file));
     let sensors = text_of(&sensors, FileKind::Sensors, files, gather)
         .and_then(|text| value_of(Sensors::from_toml(&text, &sensors.value), gather));
     let vehicle = vehicle?;
@@ -111,6 +104,16 @@ pub fn read(
         calibration,
         settings,
     })
+}
+
+/// The first built-in sensor set, for a vehicle without sensors in the configuration.
+fn default_sensors(vehicle: &Field<String>) -> Field<String> {
+    let first = Sensors::builtin_names().next();
+    Field {
+        value: first.unwrap_or_default().to_owned(),
+        span: vehicle.span.clone(),
+        name: "vehicle.sensors".to_owned(),
+    }
 }
 
 /// Reads the numbers of a tuning group and of its sub-groups; absent numbers keep their defaults.

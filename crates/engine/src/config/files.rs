@@ -190,7 +190,7 @@ impl Files {
                     Err(error) => {
                         return builtin().ok_or_else(|| FileProblem {
                             message: format!("cannot read {}: {error}", path.display()),
-                            help: unreadable_help(kind),
+                            help: unreadable_help(kind, directory),
                         });
                     }
                 }
@@ -253,15 +253,17 @@ fn not_attached(name: &str) -> FileProblem {
     }
 }
 
-fn unreadable_help(kind: FileKind) -> String {
+fn unreadable_help(kind: FileKind, directory: &Path) -> String {
+    let base = match directory.as_os_str().is_empty() {
+        true => "the current directory".to_owned(),
+        false => format!("the directory {}", directory.display()),
+    };
     let names = kind.builtin_names();
     if names.is_empty() {
-        "paths are relative to the configuration file".to_owned()
+        format!("paths are relative to {base}")
     } else {
-        format!(
-            "paths are relative to the configuration file; built-in files are: {}",
-            names.join(", ")
-        )
+        let names = names.join(", ");
+        format!("paths are relative to {base}; built-in files are: {names}")
     }
 }
 

@@ -173,6 +173,6 @@ impl Measured {
     }
 }
 
-fn counts(bits: u64) -> Option<u16> {
-    (bits != ABSENT).then(|| u16::try_from(bits).ok()).flatten()
+fn counts(bits: u64) -> Option<i32> {
+    (bits != ABSENT).then(|| i32::try_from(bits).ok()).flatten()
 }

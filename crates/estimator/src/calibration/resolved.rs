@@ -67,7 +67,7 @@ pub struct Channel {
     /// Standard deviation of one reading, converter's rounding included, in the channel's value.
     pub noise_sigma: f64,
     /// Largest count that the converter gives; a reading at 0 or there is saturated.
-    pub counts_max: u16,
+    pub counts_max: i32,
     /// How often in a row the same count is a fault: the converter's noise moves its counts even at
     /// rest. None where it has too little of it.
     pub frozen_after: Option<u32>,
@@ -78,7 +78,7 @@ pub struct Channel {
 impl Channel {
     /// The value of a reading; `None` for a dead channel or a saturated converter.
     #[must_use]
-    pub fn value(&self, counts: u16) -> Option<f64> {
+    pub fn value(&self, counts: i32) -> Option<f64> {
         (!self.dead && counts > 0 && counts < self.counts_max)
             .then(|| self.gain * (f64::from(counts) - self.offset_counts))
     }
@@ -271,7 +271,7 @@ fn resolve(
         gain,
         noise_sigma: gain.abs() * noise_counts(noise),
         frozen_after: frozen_after(noise),
-        counts_max: (full_scale - 1.0) as u16,
+        counts_max: (full_scale - 1.0) as i32,
         dead,
     })
 }

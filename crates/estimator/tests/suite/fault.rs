@@ -149,7 +149,7 @@ impl Channel {
     fn set(self, measurement: &mut Measurement, value: f64) {
         let counts = value
             .is_finite()
-            .then(|| value.clamp(0.0, COUNT_MAX) as u16);
+            .then(|| value.clamp(0.0, COUNT_MAX) as i32);
         match (self, measurement) {
             (Self::Strain(_, i), Measurement::Corner(c)) => c.strain_counts[i] = counts,
             (Self::Potentiometer(_), Measurement::Corner(c)) => c.deflection_counts = counts,

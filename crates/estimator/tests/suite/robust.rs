@@ -74,13 +74,13 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
     let mut all = Vec::new();
     for wheel in Wheel::ALL {
         let mut strain_counts = [None; StrainChannel::COUNT];
-        strain_counts[..5].fill(Some(500 + (step % 3) as u16));
+        strain_counts[..5].fill(Some(500 + (step % 3) as i32));
         all.push((
             wheel.index() as u8,
             Measurement::Corner(CornerSample {
                 wheel,
                 strain_counts,
-                deflection_counts: Some(511 + (step % 2) as u16),
+                deflection_counts: Some(511 + (step % 2) as i32),
             }),
         ));
     }
@@ -130,7 +130,7 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
 }
 
 fn spoil(measurement: &mut Measurement, value: f64) {
-    let counts = value.clamp(0.0, 65_535.0) as u16;
+    let counts = value.clamp(0.0, 65_535.0) as i32;
     match measurement {
         Measurement::Corner(corner) => {
             corner.strain_counts = [Some(counts); StrainChannel::COUNT];

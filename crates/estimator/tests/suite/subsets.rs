@@ -236,7 +236,7 @@ fn every_subset_gives_forces_and_faults_are_named() {
                 (case.spoil)(time_s, &mut sample.measurement);
             }
             let settings = setting(case.ignore);
-            let result = estimate(&vehicle, &sensors, &calibration, settings, &samples);
+            let result = estimate(vehicle, &sensors, &calibration, settings, &samples);
             let force = force_errors(run, vehicle, &result);
             let motion = motion_errors(run, &result);
             let sigma = result.estimates[1200].measured[Wheel::FrontLeft].sigma_n;
@@ -317,7 +317,7 @@ fn a_channel_that_comes_back_good_is_used_again_and_said_so() {
     };
     let good = run.samples("thesis-10bit", 1);
     let settings = Settings::default();
-    let clean = estimate(&vehicle, &sensors, &calibration, settings.clone(), &good);
+    let clean = estimate(vehicle, &sensors, &calibration, settings.clone(), good);
     let clean = late_errors(run, &clean);
     for channel in [Some(StrainChannel::LowerFront), None] {
         let mut samples = good.to_vec();
@@ -334,7 +334,7 @@ fn a_channel_that_comes_back_good_is_used_again_and_said_so() {
                 *counts = counts.map(|n| (n + 60).min(1022));
             }
         }
-        let result = estimate(&vehicle, &sensors, &calibration, settings.clone(), &samples);
+        let result = estimate(vehicle, &sensors, &calibration, settings.clone(), &samples);
         let spoilt = late_errors(run, &result);
         let told: Vec<(f64, &EventKind)> = result
             .events
@@ -373,9 +373,9 @@ fn a_workshops_parameters_are_good_enough() {
         for seed in 1..4 {
             let mut calibration = Calibration::nominal(&vehicle.name);
             gains(&mut calibration, &sensors, seed);
-            let measured = workshop(&vehicle, seed);
+            let measured = workshop(vehicle, seed);
             let settings = Settings::default();
-            let result = estimate(&measured, &sensors, &calibration, settings, &samples);
+            let result = estimate(&measured, &sensors, &calibration, settings, samples);
             let force = force_errors(run, vehicle, &result);
             eprintln!("{name:15} workshop {seed}: {force:.2?} %");
             for (error, most) in force.iter().zip(WORKSHOP_MAX) {
@@ -472,7 +472,7 @@ fn late_corners_tell_their_own_time() {
             }
         }
         samples.sort_by_key(|sample| sample.log_time);
-        let result = estimate(&vehicle, &sensors, &calibration, setting(&[]), &samples);
+        let result = estimate(vehicle, &sensors, &calibration, setting(&[]), &samples);
         let force = force_errors(run, vehicle, &result);
         eprintln!("{late_s:.2} s late: {force:.2?} %");
         let most = if late_s < LATE_MAX_S {

@@ -99,8 +99,10 @@ class Log:
         - ``publish_time_ns``: log clock when it was true, int64, ns since 1970
         - ``t_s``: ``publish_time_ns`` after the first message of the log, s
 
-        Fields of messages inside of messages are flattened: ``acceleration_m_s2.x``. Those below a
-        repeated field give an array of arrays. Where a value may be absent, numbers with a fraction
+        Fields of messages inside of messages are flattened: ``acceleration_m_s2.x``. Entries of
+        wheels, axles and suspension members have columns of their own: ``fl.z_n``,
+        ``front.friction``, ``rr.tie_rod.raw_counts``. Fields below any other repeated field give an
+        array of arrays. Where a value may be absent, numbers with a fraction
         and numbers of 32 bits are NaN, numbers of 64 bits and truth values are masked arrays, texts
         are ``None``. Enumerations are numbers; :meth:`enums` has their names.
 

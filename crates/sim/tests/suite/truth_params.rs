@@ -150,5 +150,8 @@ fn broken_files_are_errors() {
     let points = &mut flat["suspension_front"]["hardpoints_left_in_axle_frame_m"];
     points["LCA_U"] = points["LCA_F"].clone();
     let error = vehicle_from_truth_params(&flat.to_string()).expect_err("degenerate");
-    assert!(error.to_string().contains("lower arm"), "{error}");
+    let cause = std::error::Error::source(&error)
+        .expect("a cause")
+        .to_string();
+    assert!(cause.contains("lower arm"), "{error}: {cause}");
 }

@@ -246,7 +246,7 @@ pub(super) fn strain_of(corner: &CornerSample, device_time: Option<pb::DeviceTim
         Some(pb::StrainMember {
             name: channel.name().to_owned(),
             strain: None,
-            raw_counts: Some(counts?.into()),
+            raw_counts: Some(counts?),
             valid: true,
         })
     });
@@ -268,7 +268,7 @@ fn strain_from_proto(message: &pb::Strain) -> Result<Option<CornerSample>, Messa
     let mut strain_counts = [None; StrainChannel::COUNT];
     for member in entry.members.iter().filter(|member| member.valid) {
         if let Some(channel) = StrainChannel::from_name(&member.name) {
-            strain_counts[channel.index()] = counts(member.raw_counts)?;
+            strain_counts[channel.index()] = member.raw_counts;
         }
     }
     Ok(Some(CornerSample {
@@ -285,13 +285,9 @@ fn first<E: WheelEntry>(entries: &[E]) -> Result<Option<(Wheel, &E)>, MessageErr
     Ok(entries.iter().find_map(|e| Some((e.wheel()?, e))))
 }
 
-fn counts(raw: Option<i32>) -> Result<Option<u16>, MessageError> {
-    raw.map(|raw| narrow("raw_counts", raw)).transpose()
-}
-
 pub(super) fn deflection_of(
     wheel: Wheel,
-    counts: u16,
+    counts: i32,
     device_time: Option<pb::DeviceTime>,
 ) -> pb::Deflection {
     let (axle, side) = position(wheel);
@@ -300,7 +296,7 @@ pub(super) fn deflection_of(
             axle,
             side,
             deflection_m: None,
-            raw_counts: Some(counts.into()),
+            raw_counts: Some(counts),
             valid: true,
         }],
         device_time,
@@ -310,14 +306,11 @@ pub(super) fn deflection_of(
 /// The counts of the first corner of the message; `None` if all of its wheels are of further axles.
 fn deflection_from_proto(message: &pb::Deflection) -> Result<Option<CornerSample>, MessageError> {
     let found = first(&message.wheels)?;
-    let corner = found.map(|(wheel, entry)| {
-        Ok(CornerSample {
-            wheel,
-            strain_counts: [None; StrainChannel::COUNT],
-            deflection_counts: counts(entry.raw_counts.filter(|_| entry.valid))?,
-        })
-    });
-    corner.transpose()
+    Ok(found.map(|(wheel, entry)| CornerSample {
+        wheel,
+        strain_counts: [None; StrainChannel::COUNT],
+        deflection_counts: entry.raw_counts.filter(|_| entry.valid),
+    }))
 }
 
 fn speeds_to_proto(speed: &WheelSpeedSample) -> Vec<pb::WheelAngularSpeed> {

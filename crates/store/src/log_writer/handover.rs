@@ -1,4 +1,4 @@
-//! What one file of a run hands on to the next.
+//! Data that one file of a run hands over to the next.
 
 use std::collections::BTreeMap;
 
@@ -8,8 +8,8 @@ use crate::convert::{self, Encoded, Envelope};
 use crate::dynamic::DynamicMessage;
 use crate::{Record, UtcOffset};
 
-/// What a file of a run hands on to the next one: the states that last, which the next file repeats
-/// at its start, and the schemas made at run time, without which it cannot describe its channels.
+/// The last states, which the next file of a run repeats at its start, and the schemas made at run time,
+/// without which the next file cannot describe its channels.
 #[derive(Clone, Default)]
 pub(crate) struct Latched {
     pub(super) notices: BTreeMap<SourceId, Arrival>,
@@ -52,17 +52,17 @@ impl Latched {
     }
 }
 
-/// What a log that failed did not take.
+/// Data that a failed log could not take.
 #[derive(Default)]
 pub(crate) struct Pending {
     pub arrivals: Vec<Arrival>,
-    /// What the log took before, but perhaps not the disk.
+    /// Arrivals in the log that may not have reached the disk.
     pub unsynced: Vec<Arrival>,
     pub messages: Vec<Encoded>,
 }
 
 impl Pending {
-    /// What may not have reached the disk goes into the next log too.
+    /// Adds the arrivals that may not have reached the disk to those for the next log.
     pub(crate) fn with_unsynced(mut self) -> Self {
         self.arrivals
             .splice(..0, std::mem::take(&mut self.unsynced));

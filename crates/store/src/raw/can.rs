@@ -8,10 +8,10 @@ use crate::column::{self, bit, bits, deltas, expect_len, sums};
 use crate::error::MessageError;
 use crate::proto::atvrec as pb;
 
-/// zstd level of the frames' data: higher ones gain nothing.
+/// zstd level of the frames' data: higher levels do not compress better.
 const DATA_LEVEL: i32 = 1;
 
-/// Writes the batches of buses; keeps what costs time to make between them.
+/// Encodes the batches of buses and keeps its compressor and kinds between them.
 pub(super) struct Packer {
     packing: Packing,
     zstd: Option<zstd::bulk::Compressor<'static>>,
@@ -63,22 +63,22 @@ impl Packer {
     }
 
     fn pack(&mut self, data: &[u8]) -> Vec<u8> {
-        if self.packing == Packing::Brief {
+        if self.packing == Packing::Fast {
             return stored(data);
         }
         if self.zstd.is_none() {
             self.zstd = zstd::bulk::Compressor::new(DATA_LEVEL).ok();
         }
-        // Compression into memory has no way to fail; an empty field would be told when read.
+        // Compression into memory cannot fail. The reader would report an empty field.
         let packed = self.zstd.as_mut().map(|zstd| zstd.compress(data));
         packed.and_then(Result::ok).unwrap_or_default()
     }
 }
 
-/// A zstd frame that holds data as they are (RFC 8878, sections 3.1.1.1 and 3.1.1.2).
+/// A zstd frame with uncompressed data (RFC 8878, sections 3.1.1.1 and 3.1.1.2).
 fn stored(data: &[u8]) -> Vec<u8> {
     const MAGIC: [u8; 4] = 0xFD2F_B528_u32.to_le_bytes();
-    /// One segment, whose length stands behind in 8 bytes; no checksum, no dictionary.
+    /// One segment with a length of 8 bytes; no checksum, no dictionary.
     const DESCRIPTOR: u8 = 0b1110_0000;
     const BLOCK_MAX: usize = 1 << 17;
     let mut frame = Vec::with_capacity(data.len() + 32);
@@ -123,7 +123,7 @@ fn unpack(data: &[u8], length: usize) -> Result<Vec<u8>, MessageError> {
 
 /// The data column by column, kind by kind.
 fn transpose(message: &pb::RawCan, frames: &[(&CanFrame, i64)]) -> Vec<u8> {
-    // Frames in the order of their kinds: where each kind ends, after all of its frames are placed.
+    // Counting sort of the frames by kind.
     let mut end = vec![0_usize; message.kind_id.len() + 1];
     for kind in &message.kind {
         end[*kind as usize + 1] += 1;
@@ -158,7 +158,7 @@ fn transpose(message: &pb::RawCan, frames: &[(&CanFrame, i64)]) -> Vec<u8> {
     data
 }
 
-/// Frames of each arrival; kernel stamps still as delays.
+/// Frames of each arrival, with delays in place of kernel stamps.
 pub(super) fn decode(
     source: SourceId,
     message: &pb::RawCan,
@@ -191,14 +191,14 @@ fn frames_of(message: &pb::RawCan) -> Result<Vec<CanFrame>, MessageError> {
             value: (*kind).into(),
         })? += 1;
     }
-    // Where each kind's block begins in the data, and how wide its rows are.
+    // Start of each kind's block in the data, and width of its rows.
     let mut start = Vec::with_capacity(kinds);
     let mut total = 0_usize;
     for (kind, frames) in count.iter().enumerate() {
         start.push(total);
         total += frames * row_width(message, kind)?;
     }
-    // zstd gains at most some 2^17 in one block: a length beyond that is a lie.
+    // zstd compresses by at most about 2^17 in one block: a larger length is wrong.
     if total / (1 << 18) > message.data_zstd.len() {
         return Err(MessageError::Absent("data"));
     }

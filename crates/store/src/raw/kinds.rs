@@ -1,23 +1,24 @@
-//! The kinds of frames of a batch, numbered in the order in which they come.
+//! The kinds of frames of a batch, numbered in the order of their first frame.
 
 use std::collections::HashMap;
 
 use sample::CanFrame;
 
-/// What frames of one kind share: identifier, flags, length.
+/// Common properties of frames of one kind: identifier, flags, length.
 pub(super) type Kind = (u32, u8, u8);
 
-/// More kinds than a bus has; one that babbles is not remembered for ever.
+/// More kinds than a bus has. Beyond this number all kinds are forgotten, so that a faulty bus cannot
+/// fill the memory.
 const KNOWN_MAX: usize = 4_096;
 
-/// Numbers kinds; remembers in which order they follow each other from batch to batch.
+/// Numbers the kinds of each batch and keeps their usual order between batches.
 #[derive(Default)]
 pub(super) struct Kinds {
     known: Vec<Known>,
     index: HashMap<Kind, usize>,
     /// Kind of the last frame.
     last: usize,
-    /// Those of this batch, as places in `known`.
+    /// Kinds of this batch, as positions in `known`.
     order: Vec<usize>,
 }
 
@@ -57,7 +58,7 @@ impl Kinds {
     }
 
     fn place(&mut self, kind: Kind) -> usize {
-        // Boxes send in turns, so that the kind behind the last one is tried first.
+        // Devices send in a fixed order, so the kind that followed the last one is tried first.
         let next = self.last + 1;
         let guess = if next < self.known.len() { next } else { 0 };
         if self
@@ -93,11 +94,11 @@ mod tests {
         assert_eq!(numbers(&mut kinds, &[6, 7, 5, 6, 9]), [0, 1, 2, 0, 3]);
         let ids: Vec<u32> = kinds.in_batch().map(|kind| kind.0).collect();
         assert_eq!(ids, [6, 7, 5, 9]);
-        assert_eq!(numbers(&mut kinds, &[]), []);
+        assert!(numbers(&mut kinds, &[]).is_empty());
     }
 
     #[test]
-    fn a_babbling_bus_is_forgotten() {
+    fn kinds_are_forgotten_beyond_a_limit() {
         let mut kinds = Kinds::default();
         for start in (0..200_000).step_by(1_000) {
             let ids: Vec<u32> = (start..start + 1_000).collect();

@@ -1,4 +1,4 @@
-//! The ordered stream, put together again from the raw channels.
+//! The ordered stream, reconstructed from the raw channels.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use super::{LogFile, MessageIter, Missing, Selection};
 use crate::Result;
 use crate::raw::{self, Batch};
 
-/// How far before the start a batch may begin that still reaches into the wanted time.
+/// Time before the start at which a batch may begin that still reaches into the selected time.
 const LOOK_BACK_NANOS: i64 = 10_000_000_000;
 
 /// Arrivals of a [`super::Reader`] by their sequence. One group of batches is held at a time.
@@ -18,7 +18,7 @@ pub struct ArrivalIter {
     group: Option<u64>,
     gathered: Vec<Arrival>,
     ready: VecDeque<Arrival>,
-    /// Sequence that should come next, and the end of the group that was read last.
+    /// Expected next sequence, and the end of the group that was read last.
     next: Option<u64>,
     group_end: u64,
     start: LogTime,
@@ -80,12 +80,12 @@ impl ArrivalIter {
         self.gathered.sort_by_key(|arrival| arrival.sequence);
         for arrival in std::mem::take(&mut self.gathered) {
             let expected = *self.next.get_or_insert(arrival.sequence);
-            // A group that a failing disk took twice repeats what came before.
+            // A group that a failing disk wrote twice repeats earlier arrivals.
             if arrival.sequence < expected {
                 continue;
             }
             self.next = Some(arrival.sequence.saturating_add(1));
-            // Outside of the wanted time groups are read in part, and gaps mean nothing.
+            // Outside of the selected time groups are read in part, so gaps are no losses.
             if arrival.log_time >= self.start && arrival.log_time <= self.end {
                 self.report_gap(expected, arrival.sequence);
                 self.ready.push_back(arrival);

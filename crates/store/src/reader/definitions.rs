@@ -1,4 +1,4 @@
-//! Schemas and channels of a file, from wherever they stand.
+//! Schemas and channels of a file, from all places of the file and its journal.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,12 +9,12 @@ use sample::SourceId;
 use super::ChannelInfo;
 use crate::{earlier, journal};
 
-/// Schemas and channels by their numbers; of several definitions the first one stands.
+/// Schemas and channels by their numbers; of several definitions the first one is used.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Definitions {
     pub schemas: BTreeMap<u16, Schema>,
     pub channels: BTreeMap<u16, Channel>,
-    /// What all of them and the metadata take in the file.
+    /// Bytes of all of them and of the metadata in the file.
     bytes: u64,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct Schema {
 }
 
 impl Definitions {
-    /// Whether `bytes` more are to be kept, within a bound for all.
+    /// Whether `bytes` more can be kept, within a bound for all.
     pub(crate) fn allow(&mut self, bytes: u64, bound: u64) -> bool {
         let sum = self.bytes.saturating_add(bytes);
         let allowed = sum <= bound;
@@ -80,7 +80,7 @@ impl Definitions {
         }
     }
 
-    /// What readers see of the channels, and of the `used` ones whose definition is lost.
+    /// The channels for readers, with the `used` ones whose definition is lost.
     pub(crate) fn infos<'a>(
         &self,
         used: impl Iterator<Item = &'a u16>,

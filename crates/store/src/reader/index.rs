@@ -1,4 +1,4 @@
-//! What a file holds and where: from its summary, or else by reading through it.
+//! Index of a file: from its summary, or by reading through the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -15,12 +15,12 @@ use super::{ChannelInfo, Missing};
 use crate::scan::{self, Cause, Damage, Ending, Item, Scanner, Walker};
 use crate::{Attachment, Error, Result, file, journal};
 
-/// Loose messages beside each other are one part, up to so many bytes.
+/// Adjacent messages outside of chunks are one part, up to this number of bytes.
 const LOOSE_PART: u64 = 1 << 20;
-/// No more losses of a file are listed one by one.
+/// Largest number of losses of a file that are listed one by one.
 const LISTED_MAX: usize = 1000;
 
-/// What a file holds and where.
+/// Index of a file.
 #[derive(Default)]
 pub(crate) struct Index {
     pub length: u64,
@@ -37,14 +37,15 @@ pub(crate) struct Index {
     pub header: Option<(String, String)>,
     /// How the file ends; `None` if only its summary was read.
     pub ending: Option<Ending>,
-    /// What of the file is damaged, in numbers.
+    /// Damage of the file, in numbers.
     pub lost: Lost,
-    /// Records that are intact as far as can be seen, but stand under no checksum and are left out,
-    /// with their bytes and the chunks among them.
+    /// Records that seem intact, but are left out because no checksum covers them; with their bytes and
+    /// the chunks among them.
     pub unconfirmed: u64,
     pub unconfirmed_bytes: u64,
     pub unconfirmed_chunks: u64,
-    /// Such records are not left out: that was asked for, or the file around them confirms them.
+    /// Such records are not left out: because of an option, or because the file around them confirms
+    /// them.
     pub gives_unchecked: bool,
     /// The checksum of the data section is right.
     data_confirmed: bool,
@@ -61,7 +62,7 @@ pub(crate) struct Part {
     pub channels: Option<BTreeSet<u16>>,
 }
 
-/// What of a file is damaged, in numbers.
+/// Damage of a file, in numbers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Lost {
     pub stretches: u64,
@@ -71,7 +72,7 @@ pub(crate) struct Lost {
     pub too_large: Option<u64>,
     /// Log times of the intact chunks around.
     pub span: Option<(LogTime, LogTime)>,
-    /// The chunk after the last damage has not come yet.
+    /// No chunk was read since the last damage.
     open: bool,
 }
 
@@ -87,7 +88,7 @@ impl Lost {
 /// How a file is read through.
 #[derive(Clone, Debug)]
 pub(crate) struct ScanOptions {
-    /// Give out what no checksum confirms.
+    /// Return data that no checksum confirms.
     pub unchecked: bool,
     /// Bound of a record's size, bytes.
     pub bound: u64,
@@ -115,7 +116,7 @@ impl Index {
         Self::scan(path, &ScanOptions::default())
     }
 
-    /// The index of a closed file; `None` without a sound summary, which costs no reading through.
+    /// The index of a closed file by its summary; `None` without an intact summary.
     pub(crate) fn of_closed(path: &Path) -> Result<Option<Self>> {
         Self::from_summary(&mut Scanner::open(path)?).map_err(Error::file("read", path))
     }
@@ -152,7 +153,7 @@ impl Index {
         let Some(statistics) = statistics else {
             return Ok(None);
         };
-        // A file without chunks, or of a writer that leaves indexes or channels out, is read through.
+        // A file without chunks, or from a writer that omits indexes or channels, is read through.
         let defined = |id: &u16| index.definitions.channels.contains_key(id);
         if statistics.chunk_count as usize != index.parts.len()
             || statistics.attachment_count as usize != index.attachments.len()
@@ -189,7 +190,7 @@ impl Index {
         Self::scan_all(scanner, path, options, &channels)
     }
 
-    /// The index of something that may be no file, by reading through it.
+    /// The index of any stream of bytes, by reading through it.
     pub(crate) fn scan_all<R: Read + Seek>(
         mut scanner: Scanner<R>,
         path: &Path,
@@ -212,8 +213,7 @@ impl Index {
                 found,
             });
         }
-        // A closed file that is as it was written, and the checksum of a data section, confirm all
-        // records in them.
+        // An intact closed file, and the checksum of a data section, confirm all records in them.
         let is_whole = index.ending == Some(Ending::Closed) && index.lost == Lost::default();
         if index.unconfirmed > 0 && (is_whole || index.data_confirmed) {
             let options = ScanOptions {
@@ -268,7 +268,7 @@ impl Index {
             let records = scan::of_cut(body, options.bound);
             index.add_chunk(*offset, index.length, &records, options.bound);
         }
-        // The definitions of chunks come first: those of the summary and the journal fill gaps.
+        // The definitions in chunks have priority; those of the summary and the journal fill gaps.
         if let Some((_, summary)) = summary {
             scan::for_each_record(&summary, |opcode, body| {
                 if let Some(record) = scan::parse(opcode, body) {

@@ -1,12 +1,12 @@
-//! Whether a file is what was written.
+//! Check that a file is unchanged.
 
 use super::{Index, Missing, Reader, ScanOptions};
 use crate::Result;
 
 impl Reader {
     /// Reads through the files that were opened by their summary alone, and compares all checksums: of
-    /// each chunk, of the attachments, of the data section and of the summary. Every byte of a closed
-    /// file stands under one of them. What is wrong with other files is in [`super::Info::missing`].
+    /// each chunk, of the attachments, of the data section and of the summary. They cover every byte of a
+    /// closed file. Errors of other files are in [`super::Info::missing`].
     ///
     /// # Errors
     /// If a file can no longer be read.

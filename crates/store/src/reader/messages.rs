@@ -15,7 +15,7 @@ use crate::{Error, Record, Result, Stage, dynamic, earlier};
 /// Which messages to read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selection {
-    /// Topics, or beginnings of topics with a `*` behind them; `None` for all.
+    /// Topics, or beginnings of topics followed by `*`; `None` for all.
     pub topics: Option<Vec<String>>,
     /// Earliest log time.
     pub start: LogTime,
@@ -88,7 +88,7 @@ struct OpenFile {
     scanner: Scanner<File>,
     wanted: BTreeSet<u16>,
     next_part: usize,
-    /// Records of the part that is being read, and how many of its bytes are done.
+    /// Records of the part that is being read, and the number of bytes that are done.
     records: Vec<u8>,
     done: usize,
 }
@@ -104,7 +104,7 @@ impl MessageIter {
         }
     }
 
-    /// What was found damaged while reading, so far.
+    /// Damage that was found while reading, so far.
     #[must_use]
     pub fn missing(&self) -> &[Missing] {
         &self.missing
@@ -200,7 +200,8 @@ impl MessageIter {
     }
 }
 
-/// The records of a chunk or of a stretch of loose messages; what it is, if it is damaged.
+/// The records of a chunk or of a stretch of messages outside of chunks; a description if it is
+/// damaged.
 fn records_of(
     scanner: &mut Scanner<File>,
     decompressor: &mut Decompressor,
@@ -308,7 +309,7 @@ pub(super) fn signals(message: &Message) -> Result<Vec<Signal>> {
         .map_err(|cause| bad_message(message)(cause.into()))
 }
 
-/// Puts the parts of each instant together again; they stand beside each other in the log.
+/// Joins the parts of each instant, which are adjacent in the log.
 pub(super) fn joined(
     messages: MessageIter,
     stage: Stage,

@@ -1,4 +1,4 @@
-//! The small file beside a log that states what was lost where the log itself cannot.
+//! The file beside a log that states losses which the log itself cannot state.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,7 +11,7 @@ use crate::{Error, Losses, Result, Session};
 /// Longest file that is read, bytes: far more than a file of any configuration has.
 const LENGTH_MAX: u64 = 1 << 20;
 
-/// Writes the losses beside the log `log`, as the log's counters name them. The file is TOML.
+/// Writes the losses beside the log `log`, with the names of the log's counters. The file is TOML.
 pub(super) fn write(log: &Path, session: &Session, losses: &Losses, reason: &str) -> Result<()> {
     let path = losses_path(log);
     let mut counters = BTreeMap::new();
@@ -33,7 +33,7 @@ pub(super) fn write(log: &Path, session: &Session, losses: &Losses, reason: &str
     sync_directory(&path)
 }
 
-/// The counters that stand beside a log; none if there is no such file, or it cannot be read.
+/// The counters in the file beside a log; empty if there is no such file, or it cannot be read.
 pub(crate) fn read(log: &Path) -> BTreeMap<String, String> {
     use std::io::Read as _;
     let mut text = String::new();

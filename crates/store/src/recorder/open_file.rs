@@ -1,4 +1,4 @@
-//! The file that a run is being written to, with its journals.
+//! The open file of a run, with its journals.
 
 use std::fs::File;
 use std::path::Path;
@@ -8,22 +8,22 @@ use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime};
 
-use super::sync::{Groups, Left, Watched};
+use super::sync::{ClosedLog, Groups, Watched};
 use crate::file::Writer;
 use crate::journal::Journal;
 use crate::log_writer::{Latched, Pending};
 use crate::{Options, Result, Session};
 
-/// The last bytes of a disk are kept for raw data: this many, or a sixteenth of a small disk.
+/// Free bytes of a disk that are reserved for raw data; on a small disk a sixteenth of it.
 const RAW_RESERVE: u64 = 16 << 20;
 const RAW_RESERVE_SHARE: u64 = 16;
 
-/// The file that a run is being written to, with its journals.
+/// The open file of a run, with its journals.
 pub(crate) struct OpenFile {
     pub writer: Writer,
     /// Decoded records that were taken for it.
     pub records: u64,
-    /// Decoded records were left out for want of room, and nobody has asked yet.
+    /// Decoded records were left out because the disk is nearly full, and this was not read yet.
     left_out: bool,
     /// Groups written when they were last asked for.
     groups_seen: u64,
@@ -61,14 +61,14 @@ impl OpenFile {
             }),
             Err(error) => {
                 let (_, _, unfinished) = writer.abandon();
-                // What cannot be removed is passed over by the next attempt.
+                // The next attempt uses another name if this file cannot be removed.
                 let _ = unfinished.discard();
                 Err(error)
             }
         }
     }
 
-    /// What the syncing thread needs of it.
+    /// The handles that the syncing thread needs.
     pub(crate) fn watch(&self) -> Result<Watched> {
         let mut files = vec![self.writer.handle()?];
         if let Some(journal) = &self.journal {
@@ -80,7 +80,7 @@ impl OpenFile {
         })
     }
 
-    /// Why the disk refused to sync it, if it did.
+    /// The error of the last sync, if it failed.
     pub(crate) fn refused(&self) -> Option<&str> {
         self.groups.refused()
     }
@@ -90,11 +90,11 @@ impl OpenFile {
         self.groups.refuse(reason);
     }
 
-    /// Closes it: `Left::whole` tells whether that was possible, an error why not.
-    pub(crate) fn close(mut self) -> (Left, Result<()>) {
+    /// Closes the file. `ClosedLog::whole` is whether that was possible; the error is the reason if not.
+    pub(crate) fn close(mut self) -> (ClosedLog, Result<()>) {
         let kept = self.writer.take_unsynced();
         let (file, closed) = self.writer.close();
-        let left = Left {
+        let left = ClosedLog {
             file,
             whole: closed.is_ok(),
             groups: self.groups,
@@ -103,13 +103,13 @@ impl OpenFile {
         (left, closed)
     }
 
-    /// Repeats the states that last, and takes what another file did not take.
+    /// Repeats the last states, and takes the data that another file could not take.
     pub(crate) fn begin(&mut self, latched: Latched, pending: Pending) -> Result<()> {
         self.since = pending.arrivals.first().map(|arrival| arrival.log_time);
         self.writer.resume(pending);
         self.writer.continue_from(latched)?;
         self.writer.flush_raw()?;
-        self.turn_journal()
+        self.begin_journal_group()
     }
 
     pub(crate) fn push(&mut self, arrival: Arrival) -> Result<()> {
@@ -118,10 +118,10 @@ impl OpenFile {
             self.keep_room_for_raw();
         }
         self.writer.push(arrival)?;
-        self.turn_journal()
+        self.begin_journal_group()
     }
 
-    /// Leaves the decoded records out that wait for the next flush, if the disk is nearly full.
+    /// Discards the decoded records that wait for the next flush, if the disk is nearly full.
     fn keep_room_for_raw(&mut self) {
         if self.writer.has_decoded() && nearly_full(&self.writer.unfinished().file) {
             self.writer.drop_decoded();
@@ -129,17 +129,17 @@ impl OpenFile {
         }
     }
 
-    /// Whether decoded records were left out since this was last asked.
+    /// Whether decoded records were left out since the last call.
     pub(crate) fn take_left_out(&mut self) -> bool {
         std::mem::take(&mut self.left_out)
     }
 
-    /// The arrivals that are neither in the log nor in its journal; `None` if they are as many as when
-    /// this was last asked, or more.
+    /// The arrivals that are neither in the log nor in its journal; `None` if their number did not fall
+    /// since the last call.
     pub(crate) fn unwritten(&mut self) -> Option<&[Arrival]> {
         let group = self.writer.group();
         let kept = match &self.journal {
-            Some(journal) => !journal.lags(group),
+            Some(journal) => !journal.is_behind(group),
             None => group.is_empty(),
         };
         if kept {
@@ -150,20 +150,20 @@ impl OpenFile {
         turned.then(|| self.writer.group())
     }
 
-    /// What was pushed goes into the journal; if that has to wait for a moment, says how long.
-    pub(crate) fn keep_up(&mut self) -> Result<Option<Duration>> {
+    /// Writes pushed arrivals to the journal, or returns the time to wait until that is due.
+    pub(crate) fn write_journal(&mut self) -> Result<Option<Duration>> {
         let group = self.writer.group();
-        let Some(journal) = self.journal.as_mut().filter(|j| j.lags(group)) else {
+        let Some(journal) = self.journal.as_mut().filter(|j| j.is_behind(group)) else {
             return Ok(None);
         };
-        let wait = journal.keep_up(group, self.kept_at.elapsed())?;
+        let wait = journal.append(group, self.kept_at.elapsed())?;
         if wait.is_none() {
             self.kept_at = Instant::now();
         }
         Ok(wait)
     }
 
-    /// Nothing came for a while: without a journal, what waits goes into the log.
+    /// Called when no data arrives: without a journal, writes the waiting arrivals to the log.
     pub(crate) fn idle(&mut self) -> Result<()> {
         match self.journal {
             Some(_) => Ok(()),
@@ -174,10 +174,10 @@ impl OpenFile {
     pub(crate) fn flush(&mut self) -> Result<()> {
         self.keep_room_for_raw();
         self.writer.flush()?;
-        self.turn_journal()
+        self.begin_journal_group()
     }
 
-    fn turn_journal(&mut self) -> Result<()> {
+    fn begin_journal_group(&mut self) -> Result<()> {
         let channels = self.writer.take_new_channels();
         if let Some(journal) = self.journal.as_mut().filter(|_| !channels.is_empty()) {
             journal.define(channels)?;
@@ -191,11 +191,11 @@ impl OpenFile {
         self.writer.reached_disk(synced);
         self.journal
             .as_mut()
-            .map_or(Ok(()), |journal| journal.turn(written, synced))
+            .map_or(Ok(()), |journal| journal.begin_group(written, synced))
     }
 }
 
-/// Whether only the room that is kept for raw data is left on a file's disk.
+/// Whether the free space of a file's disk is only the reserve for raw data.
 fn nearly_full(file: &File) -> bool {
     #[cfg(unix)]
     if let Ok(disk) = rustix::fs::fstatvfs(file) {

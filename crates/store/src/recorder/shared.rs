@@ -1,4 +1,4 @@
-//! What the recorder's threads share with those who ask.
+//! State that the threads of the recorder share with its callers.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use sample::{Arrival, LogTime, Payload};
 
-use super::sync::Returned;
+use super::sync::UnsyncedData;
 use super::{Backlog, DiskState, RecorderSummary};
 use crate::{LossLedger, Losses, Options};
 
-/// What the recorder's threads share with those who ask.
+/// State that the threads of the recorder share with its callers.
 pub(crate) struct Shared {
     pub capacity: usize,
     pub waiting: AtomicUsize,
@@ -22,10 +22,10 @@ pub(crate) struct Shared {
     pub ledger: LossLedger,
     steps: AtomicU64,
     sync_interval: Duration,
-    /// When the disk last confirmed what was written.
+    /// Time of the last confirmation by the disk.
     synced_at: Mutex<Instant>,
     open: Mutex<Open>,
-    returned: Mutex<Option<Returned>>,
+    returned: Mutex<Option<UnsyncedData>>,
     summary: Mutex<RecorderSummary>,
     /// Losses that closed files state.
     stated: Mutex<Losses>,
@@ -33,20 +33,20 @@ pub(crate) struct Shared {
     state: Mutex<DiskState>,
 }
 
-/// What was taken and is neither in a log, nor in a journal, nor counted as lost.
+/// Data that was taken and is neither in a log, nor in a journal, nor counted as lost.
 #[derive(Debug, Default)]
 struct Open {
-    /// What would be lost with it.
+    /// Losses if it were lost.
     losses: Losses,
     bytes: u64,
     newest: LogTime,
     /// Log clock of the newest arrival that is in a log or in a journal.
     written: LogTime,
-    /// It is counted as lost: nothing is taken out of it any more.
+    /// It is counted as lost, and nothing changes it any more.
     closed: bool,
 }
 
-/// Arrivals and records on their way, with what they would cost.
+/// Arrivals and records on the way to the disk, with the losses if they were lost.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     pub losses: Losses,
@@ -73,7 +73,7 @@ impl Tally {
         self.newest = self.newest.max(other.newest);
     }
 
-    /// What it holds more than `before`.
+    /// The difference to the earlier tally `before`.
     pub(crate) fn since(&self, before: &Self) -> Self {
         Self {
             losses: self.losses.since(&before.losses),
@@ -125,7 +125,7 @@ impl Shared {
         }
     }
 
-    /// These arrivals are on their way.
+    /// Adds arrivals that are on the way to the disk.
     pub(crate) fn enter(&self, arrivals: &[Arrival]) {
         self.enter_tally(&Tally::of(arrivals));
     }
@@ -140,7 +140,7 @@ impl Shared {
         }
     }
 
-    /// These arrivals and records are in a log or in its journal.
+    /// Removes arrivals and records that are now in a log or in its journal.
     pub(crate) fn written(&self, tally: &Tally) {
         let mut open = lock(&self.open);
         if !open.closed {
@@ -151,12 +151,12 @@ impl Shared {
         self.step();
     }
 
-    /// This arrival, which was on its way, is lost.
+    /// Counts an arrival that was on the way to the disk as lost.
     pub(crate) fn lose(&self, arrival: &Arrival) {
         self.lose_tally(&Tally::of([arrival]));
     }
 
-    /// These arrivals, which were on their way, are lost.
+    /// Counts arrivals that were on the way to the disk as lost.
     pub(crate) fn lose_tally(&self, tally: &Tally) {
         let mut open = lock(&self.open);
         if !open.closed {
@@ -165,7 +165,7 @@ impl Shared {
         }
     }
 
-    /// Counts all that is on its way as lost, for good; gives what that is.
+    /// Counts everything that is on the way to the disk as lost, finally, and returns these losses.
     pub(crate) fn give_up(&self) -> Losses {
         let mut open = lock(&self.open);
         self.given_up.store(true, Ordering::Release);
@@ -176,7 +176,7 @@ impl Shared {
         losses
     }
 
-    /// Whether all that was on its way is counted as lost.
+    /// Whether everything that was on the way to the disk is counted as lost.
     pub(crate) fn has_given_up(&self) -> bool {
         self.given_up.load(Ordering::Acquire)
     }
@@ -199,7 +199,7 @@ impl Shared {
         }
     }
 
-    /// The disk has confirmed what was written, or there is nothing to confirm.
+    /// The disk has confirmed the written data, or there is nothing to confirm.
     pub(crate) fn synced(&self) {
         *lock(&self.synced_at) = Instant::now();
         self.step();
@@ -213,16 +213,16 @@ impl Shared {
         self.steps.load(Ordering::Relaxed)
     }
 
-    /// These arrivals did not reach the disk in a log that is closed.
-    pub(crate) fn give_back(&self, reason: String, arrivals: Vec<Arrival>) {
+    /// Returns arrivals of a closed log that did not reach the disk.
+    pub(crate) fn return_unsynced(&self, reason: String, arrivals: Vec<Arrival>) {
         let mut returned = lock(&self.returned);
         match returned.as_mut() {
             Some(before) => before.arrivals.extend(arrivals),
-            None => *returned = Some(Returned { reason, arrivals }),
+            None => *returned = Some(UnsyncedData { reason, arrivals }),
         }
     }
 
-    pub(crate) fn take_returned(&self) -> Option<Returned> {
+    pub(crate) fn take_unsynced(&self) -> Option<UnsyncedData> {
         lock(&self.returned).take()
     }
 
@@ -238,7 +238,7 @@ impl Shared {
         *lock(&self.state) = state;
     }
 
-    /// What the run has left behind up to now.
+    /// The results of the run so far.
     pub(crate) fn summary(&self) -> RecorderSummary {
         lock(&self.summary).clone()
     }

@@ -1,4 +1,4 @@
-//! The end of a run within a bounded time, whatever the disk does.
+//! The end of a run within a bounded time, also if the disk does not respond.
 
 use std::path::PathBuf;
 use std::sync::PoisonError;
@@ -9,9 +9,9 @@ use super::{Command, DiskState, Recorder, RecorderSummary, losses_file};
 use crate::file::active_path;
 use crate::{Error, Result, Session};
 
-/// Wait for room in the queue of a writer that has fallen behind.
+/// Interval between two attempts to enqueue a command in a full queue.
 const QUEUE_PAUSE: Duration = Duration::from_millis(5);
-/// What is kept of the time to stop, at most, for the file that states the losses.
+/// Largest part of the time to stop that is reserved for the file that states the losses.
 const RESERVE: Duration = Duration::from_secs(1);
 
 /// The instant `within` from now.
@@ -24,7 +24,7 @@ fn left(until: Instant) -> Duration {
 }
 
 impl Recorder {
-    /// Ends the run until `deadline`; `None` if it has ended.
+    /// Ends the run until `deadline`; `None` if it has ended before.
     pub(super) fn stop(&mut self, deadline: Instant) -> Option<Result<RecorderSummary>> {
         let ended = self.ended.take()?;
         let ended = ended.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -68,7 +68,8 @@ impl Recorder {
         Some(Ok(summary))
     }
 
-    /// States what no log states in a file beside `log`, on a thread of its own: the disk may hang.
+    /// Writes the losses that no log states to a file beside `log`. A thread of its own does this,
+    /// because the disk may not respond.
     fn state_beside(&self, log: Option<PathBuf>, reason: &str, deadline: Instant) {
         let losses = self.shared.ledger.losses().since(&self.shared.stated());
         let Some(log) = log.filter(|_| !losses.is_empty()) else {
@@ -79,16 +80,18 @@ impl Recorder {
             (self.session.clone(), reason.to_owned(), log.clone());
         let thread = std::thread::Builder::new().name("store-losses".to_owned());
         let started = thread.spawn(move || {
-            // Who waits may have given up.
+            // The receiver may have stopped waiting.
             let _ = done.send(losses_file::write(&path, &session, &losses, &reason));
         });
         let written = started.is_ok().then(|| wait.recv_timeout(left(deadline)));
         match written {
             Some(Ok(Ok(()))) => {}
-            Some(Ok(Err(error))) => tracing::error!(%error, "the losses stand in no file"),
+            Some(Ok(Err(error))) => {
+                tracing::error!(%error, "cannot write the file with the losses")
+            }
             _ => tracing::error!(
                 log = %log.display(),
-                "the losses stand in no file: the disk does not answer"
+                "cannot write the file with the losses: the disk does not respond"
             ),
         }
     }

@@ -1,4 +1,4 @@
-//! The thread that waits for the disk, so that nobody else does.
+//! The thread that syncs, so that no other thread waits for the disk.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -14,16 +14,15 @@ use super::Shared;
 use crate::file::{Presence, Unfinished, sync};
 use crate::{Error, Result};
 
-/// What the syncing thread is asked to do.
+/// A job of the syncing thread.
 pub(crate) enum Job {
-    /// From now on sync this log and its journals.
+    /// Sync this log and its journals from now on.
     Watch(Watched),
-    /// The log that is watched is given up: a disk that is in use cannot be unmounted.
+    /// Close the handles of the log that is synced: a disk that is in use cannot be unmounted.
     Forget,
-    /// Nothing more goes into this log: sync it and give it its name. Then the one that follows it is
-    /// watched.
-    Leave(Box<Left>, Option<Watched>),
-    /// Say when all jobs before this one are done.
+    /// Sync this log, which is complete, and give it its name. Then sync the log that follows.
+    Leave(Box<ClosedLog>, Option<Watched>),
+    /// Answer when all jobs before this one are done.
     Settle(Sender<()>),
 }
 
@@ -35,7 +34,7 @@ pub(crate) struct Watched {
 }
 
 impl Watched {
-    /// Syncs it; `false`, and told, if the disk refuses.
+    /// Syncs it; `false`, with a message, if the disk fails.
     fn sync(&self) -> bool {
         let written = self.groups.written.load(Ordering::Acquire);
         match self.files.iter().try_for_each(sync) {
@@ -44,7 +43,7 @@ impl Watched {
                 true
             }
             Err(error) => {
-                tracing::error!(%error, "the log did not reach the disk");
+                tracing::error!(%error, "cannot sync the log");
                 self.groups.refuse(format!("cannot sync the log: {error}"));
                 false
             }
@@ -52,19 +51,19 @@ impl Watched {
     }
 }
 
-/// A log that nothing more goes into.
-pub(crate) struct Left {
+/// A log to which nothing more is written.
+pub(crate) struct ClosedLog {
     pub file: Unfinished,
-    /// It has its summary: its name can be given to it.
+    /// It has its summary, so it can get its name.
     pub whole: bool,
     pub groups: Arc<Groups>,
-    /// What it took, but perhaps not the disk.
+    /// Arrivals in it that may not have reached the disk.
     pub kept: Vec<Arrival>,
 }
 
-impl Left {
+impl ClosedLog {
     fn sync(&self) -> std::result::Result<(), String> {
-        // The system tells of each refusal once only.
+        // The system reports each failure only once.
         match self.groups.refused() {
             Some(reason) => Err(reason.to_owned()),
             None => self.file.sync().map_err(|error| error.to_string()),
@@ -72,8 +71,8 @@ impl Left {
     }
 }
 
-/// What a closed log took, but not the disk.
-pub(crate) struct Returned {
+/// Arrivals of a closed log that did not reach the disk.
+pub(crate) struct UnsyncedData {
     pub reason: String,
     pub arrivals: Vec<Arrival>,
 }
@@ -81,7 +80,7 @@ pub(crate) struct Returned {
 /// Groups of raw data in a log.
 #[derive(Default)]
 pub(crate) struct Groups {
-    /// Handed to the operating system.
+    /// Written to the operating system.
     pub written: AtomicU64,
     /// Those of them that have reached the disk.
     pub synced: AtomicU64,
@@ -89,7 +88,7 @@ pub(crate) struct Groups {
 }
 
 impl Groups {
-    /// Why the disk refused to sync them, if it did.
+    /// The error of the last sync, if it failed.
     pub(crate) fn refused(&self) -> Option<&str> {
         self.refused.get().map(String::as_str)
     }
@@ -117,19 +116,19 @@ impl Syncer {
 
     pub(crate) fn send(&self, job: Job) {
         if self.jobs.send(job).is_err() {
-            tracing::error!("the thread that syncs the log is gone");
+            tracing::error!("the thread that syncs the log has ended");
         }
     }
 
     /// Waits until all jobs so far are done.
-    pub(crate) fn settle(&self) {
+    pub(crate) fn wait_for_jobs(&self) {
         let (done, wait) = channel();
         self.send(Job::Settle(done));
-        // Nobody answers if the thread is gone, which has been told.
+        // There is no answer if the thread has ended, which was reported.
         let _ = wait.recv();
     }
 
-    /// Waits until all is on the disk; gives the files that could not be finished.
+    /// Waits until everything is on the disk, and returns the files that could not be finished.
     pub(crate) fn finish(self) -> Vec<PathBuf> {
         drop(self.jobs);
         self.thread.join().unwrap_or_default()
@@ -147,7 +146,7 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
             }
             Ok(Job::Forget) => watched = None,
             Ok(Job::Leave(log, next)) => {
-                // A power cut must not leave what came later without what came before.
+                // After a power cut, a later group must not be on the disk without an earlier one.
                 let synced = closed.take(*log, shared);
                 watched = next.filter(|next| synced && next.sync());
                 closed.give_names();
@@ -155,7 +154,7 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
                 continue;
             }
             Ok(Job::Settle(done)) => {
-                // Who asked may have gone.
+                // The receiver may have stopped waiting.
                 let _ = done.send(());
                 continue;
             }
@@ -170,21 +169,21 @@ fn run(queue: &Receiver<Job>, interval: Duration, shared: &Shared) -> Vec<PathBu
     }
 }
 
-/// Closed files that do not bear their names yet.
+/// Closed files that do not have their names yet.
 #[derive(Default)]
 struct Closed {
-    /// On the disk; the name is tried again and again.
+    /// On the disk; the rename is tried again.
     nameless: Vec<Unfinished>,
-    /// Not known to be on the disk; left to the next recovery.
+    /// Perhaps not on the disk; left to the next recovery.
     unsynced: Vec<PathBuf>,
-    /// One did not reach the disk, so that what follows it has to come again with it.
+    /// One did not reach the disk, so the arrivals of all later files are returned, too.
     broken: bool,
     last_failure: String,
 }
 
 impl Closed {
-    /// Syncs a log; if the disk refuses, its arrivals are given back, and `false`.
-    fn take(&mut self, log: Left, shared: &Shared) -> bool {
+    /// Syncs a log. If the disk fails, returns its arrivals to the worker, and `false`.
+    fn take(&mut self, log: ClosedLog, shared: &Shared) -> bool {
         let synced = if self.broken {
             Err("the log before it did not reach the disk".to_owned())
         } else {
@@ -199,7 +198,7 @@ impl Closed {
         if log.whole {
             self.unsynced.push(log.file.active);
         }
-        shared.give_back(reason, log.kept);
+        shared.return_unsynced(reason, log.kept);
         false
     }
 
@@ -207,7 +206,7 @@ impl Closed {
         let last_failure = &mut self.last_failure;
         self.nameless.retain(|file| match file.give_name() {
             Ok(()) => false,
-            // The worker looks after deleted files.
+            // The worker handles deleted files.
             Err(_) if file.presence() == Presence::Deleted => false,
             Err(error) => {
                 let reason = error.to_string();

@@ -18,10 +18,10 @@ use crate::file::part_path;
 use crate::log_writer::{Latched, Pending};
 use crate::{Error, Finished, Options, Record, Result, Session};
 
-/// Between two looks whether the file is still there.
+/// Interval between two checks that the file still exists.
 const PRESENCE_INTERVAL: Duration = Duration::from_millis(500);
 
-/// A file that was begun, or what waits for one and why there is none.
+/// A new file, or the data that waits for one and the error.
 type NewFile = std::result::Result<(Box<OpenFile>, Watched), Box<(Pending, Error)>>;
 
 pub(crate) struct Worker {
@@ -31,18 +31,18 @@ pub(crate) struct Worker {
     options: Options,
     shared: Arc<Shared>,
     syncer: Syncer,
-    /// How long to wait for a command before what came goes to the journal.
+    /// Time to wait for a command before arrivals are written to the journal.
     patience: Duration,
     part: u32,
     sink: Sink,
     summary: RecorderSummary,
     /// Bytes of the files before this one.
     bytes_before: u64,
-    /// What was taken and is neither in the log nor in its journal, nor counted as lost.
+    /// Data that was taken and is neither in the log nor in its journal, nor counted as lost.
     fresh: Tally,
-    /// The folder of the logs as it was found.
+    /// The folder of the logs at the start.
     folder: Option<gone::Folder>,
-    /// When to look whether the file is still there.
+    /// Time of the next check that the file still exists.
     look_at: Instant,
 }
 
@@ -106,7 +106,7 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) => self.idle(),
                 Ok(Command::Finish) | Err(RecvTimeoutError::Disconnected) => break,
             }
-            self.keep_up();
+            self.write_journal();
             self.look_after_disk();
             if self.shared.has_given_up() {
                 return self.leave();
@@ -115,7 +115,7 @@ impl Worker {
         self.finish()
     }
 
-    /// What is on its way was counted as lost because the time to stop is over: writes no more.
+    /// Ends without writing: the time to stop is over, and the remaining data is counted as lost.
     fn leave(self) -> RecorderSummary {
         if let Sink::Open(file) = self.sink {
             file.writer.abandon();
@@ -145,13 +145,13 @@ impl Worker {
         }
     }
 
-    /// Brings what came to the journal, or sets how long that may wait.
-    fn keep_up(&mut self) {
+    /// Writes arrivals to the journal, or sets the time until that is due.
+    fn write_journal(&mut self) {
         self.patience = self.options.raw_interval.min(PRESENCE_INTERVAL);
         let Sink::Open(file) = &mut self.sink else {
             return;
         };
-        match file.keep_up() {
+        match file.write_journal() {
             Ok(wait) => {
                 self.patience = wait.map_or(self.patience, |wait| wait.min(self.patience));
                 self.account();
@@ -234,7 +234,7 @@ impl Worker {
             return;
         };
         let latched = file.writer.latched().clone();
-        // The new file is there before the old one is closed.
+        // The new file is created before the old one is closed.
         let next = self.new_file(latched.clone(), Pending::default());
         match next {
             Ok((next, watched)) => {
@@ -245,7 +245,7 @@ impl Worker {
             }
             Err(failed) => {
                 let (pending, error) = *failed;
-                tracing::error!(%error, "cannot go on in a new file");
+                tracing::error!(%error, "cannot begin a new file; the log continues in the present one");
                 let old = std::mem::replace(
                     &mut self.sink,
                     Sink::Failing {
@@ -291,8 +291,8 @@ impl Worker {
         }
     }
 
-    /// The next attempt bears the same number, unless a file of that name is there: one that a
-    /// failing disk made, but would not remove.
+    /// The next attempt uses the same number, unless a file of that name exists: a failing disk may have
+    /// created it and not removed it.
     fn take_part_back(&mut self, path: &Path) {
         if !crate::file::active_path(path).exists() {
             self.part -= 1;
@@ -301,7 +301,7 @@ impl Worker {
 
     /// Closes a log, which `next` follows.
     fn close(&mut self, mut file: OpenFile, next: Option<Watched>) {
-        // What was lost since the last file that could be closed: the sum over the files is all.
+        // Losses since the last file that could be closed, so that the sum over the files is complete.
         let losses = self.shared.ledger.losses();
         let writer = &mut file.writer;
         writer.state_losses(&losses.since(&self.shared.stated()));
@@ -336,14 +336,15 @@ impl Worker {
     }
 
     fn fail(&mut self, error: &Error) {
-        // A full disk keeps what it took; any other may have refused what the system took for it.
+        // A full disk keeps the data that it accepted. After any other error, data that the system
+        // accepted may not have reached the disk.
         self.fail_because(error.to_string(), !error.is_full_disk());
     }
 
-    /// Gives the file up. `again` is whether what had not reached the disk goes into the next file
-    /// too; readers take what stands in both once.
+    /// Abandons the file. `again` is whether data that did not reach the disk is written to the next
+    /// file, too; readers use data that is in both files once.
     fn fail_because(&mut self, reason: String, again: bool) {
-        tracing::error!(reason, "the disk refuses the log; a new file will be tried");
+        tracing::error!(reason, "cannot write the log; a new file will be tried");
         self.summary.last_failure = Some(reason.clone());
         self.set_failing(reason);
         if let Some(active) = self.give_file_up(again) {
@@ -352,7 +353,7 @@ impl Worker {
         self.shared.set_summary(&self.summary);
     }
 
-    /// Closes the file as it is and keeps what goes into the next one; gives its unfinished name.
+    /// Closes the file as it is, keeps the data for the next one, and returns its unfinished name.
     fn give_file_up(&mut self, again: bool) -> Option<PathBuf> {
         let failing = Sink::Failing {
             pending: Pending::default(),
@@ -390,7 +391,7 @@ impl Worker {
         let (pending, latched) = (std::mem::take(pending), std::mem::take(latched));
         match self.new_file(latched.clone(), pending) {
             Ok((file, watched)) => {
-                tracing::warn!("the disk takes the log again");
+                tracing::warn!("the log can be written again");
                 self.syncer.send(Job::Watch(watched));
                 self.sink = Sink::Open(file);
                 self.account();
@@ -409,9 +410,10 @@ impl Worker {
         }
     }
 
-    /// Takes what closed logs took, but not the disk, into the next one; `false` if there is nothing.
+    /// Moves the arrivals of closed logs that did not reach the disk to the next one; `false` if there
+    /// are none.
     fn take_back(&mut self) -> bool {
-        let Some(returned) = self.shared.take_returned() else {
+        let Some(returned) = self.shared.take_unsynced() else {
             return false;
         };
         if matches!(self.sink, Sink::Open(_)) {
@@ -424,7 +426,7 @@ impl Worker {
             self.shared.enter_tally(&returned_tally);
             self.fresh.merge(&returned_tally);
             pending.arrivals.splice(..0, returned.arrivals);
-            // What two logs give back may come in two parts.
+            // The arrivals of two logs may be returned in two parts.
             pending.arrivals.sort_by_key(|arrival| arrival.sequence);
         }
         true
@@ -453,14 +455,14 @@ impl Worker {
         {
             let reason = summary.last_failure.clone().unwrap_or_default();
             if let Err(error) = losses_file::write(log, &self.session, &unstated, &reason) {
-                tracing::error!(%error, "the losses stand in no file");
+                tracing::error!(%error, "cannot write the file with the losses");
             }
         }
         summary
     }
 
-    /// Writes what waits, in a new file if need be, closes it, and waits until it is known whether
-    /// the disk has taken it. What it has not taken stays in the sink.
+    /// Writes the waiting data, in a new file if necessary, closes the file, and waits for the sync. Data
+    /// that did not reach the disk stays in the sink.
     fn close_last(&mut self) {
         self.look_for_file();
         if matches!(self.sink, Sink::Failing { .. }) {
@@ -485,7 +487,7 @@ impl Worker {
             }
             self.close(*file, None);
         }
-        self.syncer.settle();
+        self.syncer.wait_for_jobs();
     }
 }
 

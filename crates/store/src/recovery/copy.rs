@@ -1,4 +1,4 @@
-//! Writes what is intact of a log as a finished log.
+//! Writes the intact data of a log as a finished log.
 
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Read, Seek, Write};
@@ -14,23 +14,23 @@ use crate::scan::{self, Ending, Item, Scanner, Walker};
 use crate::session::{COUNTERS_METADATA, RUN_METADATA};
 use crate::{Losses, Result, Session, WriteCounters, journal, log_writer, raw, schema};
 
-/// No more losses than these are named in the log.
+/// Largest number of losses that are listed in the log.
 const NAMED_MAX: usize = 64;
 
 #[derive(Default)]
 pub(super) struct Saved {
     pub messages: u64,
-    /// Those of them that repeat the states of the file before.
+    /// Those of them that repeat states of the file before.
     messages_latched: u64,
     pub messages_of_cut_chunk: u64,
     pub arrivals_of_journal: u64,
     pub loss: Option<Loss>,
-    /// The file's own counters were there, which may tell of losses.
+    /// The file has its own counters, which may state losses.
     counters: bool,
 }
 
 impl Saved {
-    /// Nothing of the file's own.
+    /// There is no data of the file's own.
     pub const fn is_empty(&self) -> bool {
         self.messages == self.messages_latched && !self.counters
     }
@@ -80,7 +80,7 @@ pub(super) fn copy<R: Read + Seek, W: Write>(
 
 struct Copy<'a, W: Write> {
     writer: mcap::Writer<NoSeek<BufWriter<W>>>,
-    /// Those of the whole file, since a message may stand before its definition is found.
+    /// Definitions of the whole file, because a message may be before its definition.
     definitions: &'a Definitions,
     /// The file has the name of an unfinished log.
     is_active: bool,
@@ -92,7 +92,7 @@ struct Copy<'a, W: Write> {
     in_cut_chunk: bool,
     /// Channels of raw data: their schemas and sources.
     raw_channels: BTreeMap<u16, (String, SourceId)>,
-    /// What is saved.
+    /// Counts of the saved data.
     counters: WriteCounters,
     /// The file's own counters, if it was cut behind them.
     counters_before: BTreeMap<String, String>,
@@ -145,9 +145,9 @@ impl<W: Write> Copy<'_, W> {
         Ok(())
     }
 
-    /// What is lost. That the end of an unfinished file is cut is no loss if the journals hold the
-    /// arrivals that follow its last chunk: decoded records can be made again from them. Nor is it one
-    /// if the recorder was killed while it wrote what stands before the first chunk.
+    /// The lost data. A cut end of an unfinished file is no loss if the journals have the arrivals that
+    /// follow its last chunk, because a replay computes the decoded records from them. It is also no loss
+    /// if the recorder was killed while it wrote the records before the first chunk.
     fn loss(&self, index: &Index) -> Option<Loss> {
         let lost = &index.lost;
         let mut loss = Loss {
@@ -162,7 +162,7 @@ impl<W: Write> Copy<'_, W> {
             chunk,
             data: true,
         }) = &index.ending
-            && !self.journal_goes_on()
+            && !self.journal_continues()
             && !(self.is_active && index.parts.is_empty() && is_of_beginning(*opcode))
         {
             is_lost = true;
@@ -174,8 +174,8 @@ impl<W: Write> Copy<'_, W> {
         is_lost.then_some(loss)
     }
 
-    /// Whether the journals hold what follows the last chunk, without a gap.
-    fn journal_goes_on(&self) -> bool {
+    /// Whether the journals have the arrivals that follow the last chunk, without a gap.
+    fn journal_continues(&self) -> bool {
         let Some(next) = self.next_sequence else {
             return self.journal_is_there;
         };
@@ -210,7 +210,7 @@ impl<W: Write> Copy<'_, W> {
             metadata.insert("unchecked".to_owned(), "true".to_owned());
         }
         for (number, missing) in index.missing.iter().enumerate().take(NAMED_MAX) {
-            // Without the path: the same bytes recover to the same bytes, wherever they are.
+            // Without the path, so that the result depends on the bytes alone.
             metadata.insert(format!("missing.{number}"), missing.without_path());
         }
         self.writer.write_metadata(&Metadata {
@@ -220,12 +220,12 @@ impl<W: Write> Copy<'_, W> {
         Ok(())
     }
 
-    /// Counts of what is saved. What was lost on the way to the disk cannot be counted again: that
-    /// is known only if the old counters are there.
+    /// Writes the counts of the saved data. Losses on the way to the disk are known only if the file has
+    /// its old counters.
     fn write_counters(&mut self, index: &Index) -> Result<()> {
         let run = index.metadata.get(RUN_METADATA);
         let session = run.map(Session::from_metadata).unwrap_or_default();
-        // The notices in it state losses that the next closed file of the run states, too.
+        // The next closed file of the run also states the losses in the notices.
         self.counters.state_losses(&Losses::default());
         let mut metadata = self.counters.to_metadata(&session);
         let before = std::mem::take(&mut self.counters_before).into_iter();
@@ -242,7 +242,7 @@ impl<W: Write> Copy<'_, W> {
             self.record(opcode, body)?;
             rest = tail;
         }
-        // Chunks keep their bounds: what was written together is read together.
+        // Chunks keep their bounds, so that data that was written together is read together.
         Ok(self.writer.flush()?)
     }
 
@@ -282,8 +282,8 @@ impl<W: Write> Copy<'_, W> {
         ignore_conflict(added.map(drop))
     }
 
-    /// Adds a channel as it is defined anywhere in the file; one that is not gets a topic that says
-    /// so, since its messages may be intact.
+    /// Adds a channel by its definition anywhere in the file. Without a definition the topic says so,
+    /// because the messages may be intact.
     fn add_channel(&mut self, id: u16) -> Result<()> {
         let channel = self.definitions.channels.get(&id).cloned();
         let channel = channel.unwrap_or_else(|| placeholder(id));
@@ -314,7 +314,7 @@ impl<W: Write> Copy<'_, W> {
         ignore_conflict(added.map(drop))
     }
 
-    /// Adds what stands in the journals only, one group after the other.
+    /// Adds the arrivals that are in the journals only, group by group.
     fn add_journal(&mut self) -> Result<()> {
         let mut group_before = None;
         for (first, batch) in std::mem::take(&mut self.journal) {
@@ -375,7 +375,7 @@ impl<W: Write> Copy<'_, W> {
                 .iter()
                 .any(|(first, _)| *first == group.first_sequence)
             {
-                // The journals hold the whole of this group, the chunk perhaps a part of it.
+                // The journals have the whole group, the chunk perhaps a part of it.
                 return Ok(());
             }
         }
@@ -390,12 +390,12 @@ impl<W: Write> Copy<'_, W> {
     }
 }
 
-/// Whether this record stands before the first chunk of the recorder's logs.
+/// Whether the recorder writes this record before the first chunk of a log.
 fn is_of_beginning(opcode: Option<u8>) -> bool {
     matches!(opcode, Some(op::HEADER | op::METADATA | op::ATTACHMENT))
 }
 
-/// Definitions that contradict each other come from damage: the first one stands.
+/// Definitions that contradict each other are caused by damage: the first one is used.
 fn ignore_conflict(result: mcap::McapResult<()>) -> Result<()> {
     match result {
         Err(

@@ -22,9 +22,9 @@ pub fn recover_directory(directory: &Path) -> Result<Vec<(PathBuf, Result<Recove
 }
 
 /// Recovers the unfinished logs of a directory, one with each step of the iterator. Logs that another
-/// process is writing are left alone. Journals of logs that are whole are removed. What recovery
-/// cannot handle is set aside: it gets a further name ending, [`UNRECOVERABLE_SUFFIX`], and is not
-/// tried again. The iterator ends once [`RecoverOptions::stop`] is set; a further call goes on.
+/// process is writing are not changed. Journals of complete logs are removed. A file that recovery cannot
+/// handle gets the ending [`UNRECOVERABLE_SUFFIX`] and is not tried again. The iterator ends when
+/// [`RecoverOptions::stop`] is set; a further call continues.
 ///
 /// # Errors
 /// If the directory cannot be read.
@@ -44,7 +44,7 @@ pub fn recover_each(
         }
         let name = path.as_os_str().to_string_lossy();
         if name.ends_with(&format!(".mcap{RECOVERING_SUFFIX}")) {
-            // It may be of no worth: nothing but the next recovery depends on it.
+            // Only the next recovery depends on it.
             let _ = finish_killed(&path);
         }
         if name.ends_with(&format!(".mcap{ACTIVE_SUFFIX}")) {
@@ -68,8 +68,8 @@ pub fn recover_each(
         .filter(|(_, result)| !matches!(result, Err(Error::InUse(_)))))
 }
 
-/// The other files that belong to the log `path`: journals, damaged originals, and whatever else
-/// bears its name with something behind it; the unfinished log itself is none.
+/// The other files that belong to the log `path`: journals, damaged originals, and all other files whose
+/// names begin with the name of the log, except the unfinished log itself.
 #[must_use]
 pub fn companions(path: &Path) -> Vec<PathBuf> {
     let Some(name) = path.file_name().and_then(OsStr::to_str) else {
@@ -120,8 +120,8 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
-/// Gives a file that another attempt would not recover either another name. Errors that may pass are
-/// given back.
+/// Renames a file that another attempt would not recover either. Errors that may not be permanent are
+/// returned.
 fn set_aside(path: &Path, error: Error) -> Result<Recovered> {
     let lasts = matches!(
         error,
@@ -141,8 +141,9 @@ fn set_aside(path: &Path, error: Error) -> Result<Recovered> {
     Err(Error::SetAside { to, cause })
 }
 
-/// A recovery was killed, at most between the two renames of a file system without links: its result
-/// is then whole and gets the log's name. Otherwise the log is still there, and its result is removed.
+/// Completes a recovery that was killed. If it was killed between the two renames of a file system
+/// without links, its result is complete and gets the name of the log. Otherwise the log still exists,
+/// and the result is removed.
 fn finish_killed(temporary: &Path) -> Result<()> {
     let name = temporary.as_os_str().to_string_lossy();
     let target = PathBuf::from(name.strip_suffix(RECOVERING_SUFFIX).unwrap_or(&name));
@@ -151,7 +152,7 @@ fn finish_killed(temporary: &Path) -> Result<()> {
     for log in [&target, &active] {
         if log.is_file() {
             let file = std::fs::File::open(log).map_err(Error::file("open", log))?;
-            // Otherwise a recovery is at work.
+            // Otherwise a recovery is running.
             lock(&file, log)?;
             return remove();
         }

@@ -20,16 +20,16 @@ pub(crate) struct Chunk {
     pub proof: Proof,
 }
 
-/// What confirms that a chunk's records are those that were written.
+/// Confirmation that the records of a chunk are those that were written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Proof {
     /// Its checksum.
     Checksum,
-    /// Nothing: its writer left the checksum out.
+    /// None: its writer omitted the checksum.
     Nothing,
 }
 
-/// Why a chunk gives no records.
+/// Reason why a chunk has no readable records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     /// Its lengths contradict each other, its data cannot be inflated, or its checksum is wrong.
@@ -40,7 +40,7 @@ pub(crate) enum Refusal {
     TooLarge(u64),
 }
 
-/// The header of a chunk, and its compressed bytes as far as they are there.
+/// The header of a chunk, and its compressed bytes as far as they are in the file.
 pub(super) fn header(body: &[u8]) -> Option<(ChunkHeader, &[u8])> {
     let mut rest = Fields(body);
     let mut u64_field = || Some(u64::from_le_bytes(rest.take(8)?.try_into().ok()?));
@@ -128,7 +128,7 @@ fn zstd_decoder(data: &[u8]) -> std::io::Result<impl Read> {
     Ok(decoder)
 }
 
-/// The records of a chunk whose sizes may be wrong: they are given if the checksum confirms them.
+/// The records of a chunk whose sizes may be wrong, if the checksum confirms the records.
 pub(super) fn confirmed(compression: &str, data: &[u8], crc: u32, bound: u64) -> Option<Vec<u8>> {
     if crc == 0 {
         return None;
@@ -138,8 +138,7 @@ pub(super) fn confirmed(compression: &str, data: &[u8], crc: u32, bound: u64) ->
     sound.then_some(records)
 }
 
-/// The records of a chunk that is cut, as far as its compression lets them through. Nothing
-/// confirms them.
+/// The records of a chunk that is cut, as far as they can be decompressed. No checksum confirms them.
 pub(crate) fn of_cut(body: &[u8], bound: u64) -> Vec<u8> {
     let Some((header, data)) = header(body) else {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! How a walk goes on where a record is damaged, or where the file ends inside of one.
+//! Continuation of a walk behind a damaged record, or at a file end inside of a record.
 
 use std::io::{Read, Seek};
 
@@ -27,7 +27,7 @@ impl<R: Read + Seek> Walker<R> {
         self.cut(offset, opcode)
     }
 
-    /// Nothing that is intact follows: either the file was cut here, or its rest is damaged.
+    /// No intact record follows: the file was cut here, or the rest is damaged.
     fn cut(&mut self, offset: u64, opcode: Option<u8>) -> std::io::Result<()> {
         let rest = self.scanner.length() - offset;
         let body = self
@@ -69,7 +69,7 @@ impl<R: Read + Seek> Walker<R> {
         Ok(())
     }
 
-    /// The record at `offset` is damaged; finds where the file goes on.
+    /// Finds the next intact record after the damaged record at `offset`.
     pub(super) fn damaged(
         &mut self,
         offset: u64,
@@ -92,14 +92,14 @@ impl<R: Read + Seek> Walker<R> {
             return Ok(());
         }
         let is_chunk = !matches!(cause, Cause::Record | Cause::Magic | Cause::Index);
-        // Zeros that a power cut left may reach into the record.
+        // Zeros after a power cut may reach into the record.
         if let Some(end) = end.filter(|end| *end <= self.written)
             && self.goes_on_at(end)?
         {
             self.leave_out(offset, end, u64::from(is_chunk), cause);
             return Ok(());
         }
-        // The record that a chunk's damage hid is a chunk itself, unless its indexes are due.
+        // The record behind a damaged chunk is a chunk, unless its indexes follow.
         let mut chunks = u64::from(is_chunk || self.indexes.is_empty());
         let limit = self.data_end.filter(|end| *end > offset);
         let limit = limit.unwrap_or(self.scanner.length());
@@ -115,7 +115,7 @@ impl<R: Read + Seek> Walker<R> {
         Ok(())
     }
 
-    /// Whether what stands at `offset` confirms that the record before ends there.
+    /// Whether the bytes at `offset` confirm that the record before ends there.
     fn goes_on_at(&mut self, offset: u64) -> std::io::Result<bool> {
         if offset >= self.scanner.length() {
             return Ok(offset == self.scanner.length());
@@ -131,8 +131,8 @@ impl<R: Read + Seek> Walker<R> {
         })
     }
 
-    /// The metadata record at `offset` whose opcode or length is damaged: where it ends by what is in
-    /// it, if another record follows there.
+    /// End of the metadata record at `offset`, whose opcode or length is damaged, by its contents, if
+    /// another record follows there.
     fn repaired_metadata(&mut self, offset: u64) -> std::io::Result<Option<(u64, Vec<u8>)>> {
         let mut body = self.scanner.read_at(offset + PREFIX, 1 << 16)?;
         let mut rest = Fields(&body);

@@ -9,11 +9,11 @@ use super::{Chunk, PREFIX, Proof, Scanner, Walker, attachment_is_sound};
 
 /// Bytes read at once.
 const BLOCK: u64 = 1 << 20;
-/// Longest beginning of a record that is looked at before the record is read.
+/// Longest beginning of a record that is checked before the record is read.
 const HEAD: usize = 64;
 /// Bytes between the beginning of a chunk and the length of its compression's name.
 const NAME_LENGTH_AT: usize = 37;
-/// How many times a file may be read over by candidates that turn out wrong.
+/// Bytes that wrong candidates may cost, as a multiple of the file's length.
 const ROUNDS: u64 = 8;
 
 /// A chunk at an offset, confirmed by its checksum.
@@ -23,8 +23,8 @@ pub(crate) struct Found {
 }
 
 impl<R: Read + Seek> Walker<R> {
-    /// The first offset from `from` to `end` where a chunk or an attachment stands that its checksum
-    /// confirms. Counts in `chunks` the chunks on the way that are refused.
+    /// The first offset from `from` to `end` with a chunk or an attachment that its checksum confirms.
+    /// `chunks` counts the chunks before it that are rejected.
     pub(super) fn search(
         &mut self,
         from: u64,
@@ -83,7 +83,7 @@ impl<R: Read + Seek> Walker<R> {
     }
 }
 
-/// The chunk at `offset`, whatever is wrong with its header, if its checksum confirms it.
+/// The chunk at `offset`, also with a damaged header, if its checksum confirms it.
 pub(crate) fn repaired<R: Read + Seek>(
     scanner: &mut Scanner<R>,
     bound: u64,
@@ -139,7 +139,7 @@ fn looks_like_record(head: &[u8]) -> bool {
     }
 }
 
-/// Whether the lengths of what begins like a chunk agree.
+/// Whether the lengths of a candidate for a chunk agree.
 fn adds_up(head: &[u8]) -> bool {
     let Some((length, name)) = u64_at(head, 1).zip(u32_at(head, NAME_LENGTH_AT)) else {
         return false;

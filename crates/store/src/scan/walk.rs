@@ -1,4 +1,4 @@
-//! Walks through a file from record to record, and on behind what is damaged.
+//! Walks through a file from record to record, and continues after damage.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{Read, Seek};
@@ -13,13 +13,12 @@ use super::{
 
 /// Opcode, length, two offsets, checksum; then the magic.
 pub(crate) const FOOTER_LENGTH: u64 = PREFIX + 20 + 8;
-/// A run of zeros at the end of a file that is as long as this was not written, but left by a power
-/// cut.
+/// A run of zeros of at least this length at the end of a file was not written, but left by a power cut.
 const ZERO_TAIL: u64 = 512;
-/// Zeros at the end of a file are looked for in so many bytes.
+/// Block size for the search of zeros at the end of a file, bytes.
 const ZEROS_MAX: u64 = 64 << 20;
 
-/// What stands in a file.
+/// An item of a file.
 pub(crate) enum Item {
     /// A chunk.
     Chunk {
@@ -38,7 +37,7 @@ pub(crate) enum Item {
     Damage(Damage),
 }
 
-/// A stretch of a file that is not what was written, or that nothing confirms.
+/// A stretch of a file that was changed, or that no checksum confirms.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Damage {
     pub offset: u64,
@@ -48,7 +47,7 @@ pub(crate) struct Damage {
     pub cause: Cause,
 }
 
-/// What is wrong with a stretch of a file.
+/// Kind of damage of a stretch of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Cause {
     /// A chunk whose checksum is wrong, or which is overwritten.
@@ -65,25 +64,25 @@ pub(crate) enum Cause {
     Record,
     /// The first bytes of the file.
     Magic,
-    /// Bytes that the file's last checksum covers and no other.
+    /// Bytes that only the checksum of the data section covers.
     DataSection,
 }
 
 /// How a file ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// As a closed file does, with the right checksums.
+    /// Closed, with the right checksums.
     Closed,
     /// Between two records.
     Unfinished,
-    /// Inside of a record, in zeros that a power cut left, or in a summary that is not whole.
+    /// Inside of a record, in zeros after a power cut, or in an incomplete summary.
     Cut {
         offset: u64,
         /// What the record is; `None` in zeros.
         opcode: Option<u8>,
-        /// Of a chunk, what is there of it.
+        /// The existing bytes of a chunk.
         chunk: Option<Vec<u8>>,
-        /// Messages, attachments or metadata may have stood here.
+        /// Messages, attachments or metadata may have been here.
         data: bool,
     },
 }
@@ -92,18 +91,18 @@ pub(crate) enum Ending {
 pub(crate) struct Walker<R> {
     pub(super) scanner: Scanner<R>,
     pub(super) bound: u64,
-    /// Bytes that a search has read for candidates.
+    /// Bytes that searches have read for candidates.
     pub(super) searched: u64,
     decompressor: Decompressor,
     pub(super) position: u64,
     pub(super) pending: VecDeque<Item>,
     pub(super) ending: Option<Ending>,
-    /// Where the last byte that is not zero ends.
+    /// End of the last byte that is not zero.
     pub(super) written: u64,
-    /// Where the data section ends, as an intact footer says.
+    /// End of the data section by an intact footer.
     pub(super) data_end: Option<u64>,
-    /// Checksum of all since the beginning, or since the end of the data section; `None` once
-    /// something was left out.
+    /// Checksum of all bytes since the beginning, or since the end of the data section; `None` after bytes
+    /// were left out.
     checksum: Option<crc32fast::Hasher>,
     in_summary: bool,
     data_confirmed: bool,
@@ -111,7 +110,7 @@ pub(crate) struct Walker<R> {
     pub(super) indexes: BTreeMap<u16, Vec<(u64, u64)>>,
 }
 
-/// The record at an offset, as far as its own bytes say.
+/// The record at an offset, by its own bytes.
 pub(super) enum Framed {
     Chunk {
         end: u64,
@@ -122,7 +121,7 @@ pub(super) enum Framed {
         opcode: u8,
         body: Vec<u8>,
     },
-    /// It is not intact; where it would end if its length is right.
+    /// It is not intact; its end if its length is right.
     Bad {
         cause: Cause,
         end: Option<u64>,
@@ -175,7 +174,7 @@ impl<R: Read + Seek> Walker<R> {
         Ok(walker)
     }
 
-    /// The next thing in the file.
+    /// The next item of the file.
     pub(crate) fn next(&mut self) -> std::io::Result<Option<Item>> {
         loop {
             if let Some(item) = self.pending.pop_front() {
@@ -234,7 +233,7 @@ impl<R: Read + Seek> Walker<R> {
                 opcode: Some(opcode),
             });
         };
-        // A chunk of random bytes grows a little when it is compressed.
+        // Compression enlarges random bytes a little.
         if length > self.bound + self.bound / 64 + 4096 {
             return bad(Cause::TooLarge(length), Some(end));
         }
@@ -328,7 +327,7 @@ impl<R: Read + Seek> Walker<R> {
         }
     }
 
-    /// Whether an index is that of the chunk before it; where that chunk is lost, nobody can say.
+    /// Whether an index is that of the chunk before it, which is not known if that chunk is lost.
     fn index_is_right(&mut self, body: &[u8]) -> bool {
         let Some(Record::MessageIndex(index)) = parse(op::MESSAGE_INDEX, body) else {
             return false;
@@ -405,17 +404,17 @@ impl<R: Read + Seek> Walker<R> {
         self.hash(body);
     }
 
-    /// The checksum of the data section is there and right.
+    /// Whether the data section has a checksum and it is right.
     pub(crate) fn data_confirmed(&self) -> bool {
         self.data_confirmed
     }
 
-    /// Gives the file back.
+    /// Returns the file.
     pub(crate) fn into_scanner(self) -> Scanner<R> {
         self.scanner
     }
 
-    /// Where the data section ends, if the file ends in an intact footer behind an intact summary.
+    /// End of the data section, if the file ends in an intact footer after an intact summary.
     fn data_end_of_footer(&mut self) -> std::io::Result<Option<u64>> {
         let Some((start, _)) = summary(&mut self.scanner, self.bound)? else {
             return Ok(None);
@@ -428,7 +427,7 @@ impl<R: Read + Seek> Walker<R> {
     }
 }
 
-/// Where the summary of a closed file begins, and its bytes, if its checksum holds.
+/// Start of the summary of a closed file, and its bytes, if its checksum is right.
 pub(crate) fn summary<R: Read + Seek>(
     scanner: &mut Scanner<R>,
     bound: u64,
@@ -459,7 +458,7 @@ pub(crate) fn summary<R: Read + Seek>(
     Ok(Some((footer.summary_start, summary)))
 }
 
-/// Where the file ends, without zeros that a power cut left.
+/// End of the file without zeros after a power cut.
 fn written<R: Read + Seek>(scanner: &mut Scanner<R>) -> std::io::Result<u64> {
     let length = scanner.length();
     let mut end = length;
@@ -480,7 +479,7 @@ fn written<R: Read + Seek>(scanner: &mut Scanner<R>) -> std::io::Result<u64> {
 }
 
 impl Chunk {
-    /// Whether its records may be given out.
+    /// Whether its records may be returned.
     pub(crate) fn is_confirmed(&self) -> bool {
         self.proof == Proof::Checksum || self.records.is_empty()
     }

@@ -1,5 +1,5 @@
-//! Lists whose entries are named by what they hold: wheels, axles, members of a wheel's suspension.
-//! Their entries get columns of their own: `fl.z_n`, `front.friction`, `fl.tie_rod.raw_counts`.
+//! Lists whose entries have names: wheels, axles, members of a wheel's suspension. Their entries get
+//! columns of their own: `fl.z_n`, `front.friction`, `fl.tie_rod.raw_counts`.
 
 use std::collections::BTreeMap;
 

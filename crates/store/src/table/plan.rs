@@ -1,4 +1,4 @@
-//! From a schema to what is to be done with each field number.
+//! Plan for decoding a schema: the column of each field number.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use super::keyed::{Key, Keyed};
 use super::{Column, Values};
 use crate::reader::ChannelInfo;
 
-/// What to do with the messages of one channel. Node 0 is the message itself.
+/// Plan for the messages of one channel. Node 0 is the message itself.
 pub(super) struct Plan {
     pub nodes: Vec<Node>,
-    /// Lists whose entries are named by what they hold.
+    /// Lists whose entries have names.
     pub keyed: Vec<Keyed>,
     schema: FileDescriptorSet,
     units: BTreeMap<String, String>,
@@ -32,10 +32,10 @@ pub(super) struct Node {
     pub columns: Vec<usize>,
     /// Columns of this message that are zero, not absent, when the message does not mention them.
     pub implicit: Vec<usize>,
-    /// Column that tells that the message is there, if it has no field that could.
-    pub there: Option<usize>,
-    /// Row or element in which the message was last met.
-    pub met: u64,
+    /// Column for the presence of the message, if it has no fields.
+    pub presence: Option<usize>,
+    /// Row or element in which the message was last found.
+    pub last_stamp: u64,
 }
 
 /// A field of a message type.
@@ -54,7 +54,7 @@ pub(super) enum Field {
     Keyed(usize),
 }
 
-/// Where in the tree the plan is being made.
+/// Position in the tree while a plan is made.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place {
     pub prefix: String,
@@ -65,7 +65,7 @@ pub(super) struct Place {
     pub is_entry: bool,
 }
 
-struct Maker<'a> {
+struct Builder<'a> {
     messages: BTreeMap<String, (&'a DescriptorProto, bool)>,
     enums: BTreeMap<String, &'a EnumDescriptorProto>,
     units: &'a BTreeMap<String, String>,
@@ -92,8 +92,8 @@ impl Plan {
             stamp: 0,
         };
         let name = format!(".{}", channel.schema);
-        plan.make(rows, columns, |maker| {
-            maker.node(&name, &Place::default(), None)
+        plan.make(rows, columns, |builder| {
+            builder.node(&name, &Place::default(), None)
         })?;
         Ok(plan)
     }
@@ -103,9 +103,9 @@ impl Plan {
         &mut self,
         rows: usize,
         columns: &mut Vec<Column>,
-        add: impl FnOnce(&mut Maker<'_>) -> T,
+        add: impl FnOnce(&mut Builder<'_>) -> T,
     ) -> T {
-        let mut maker = Maker {
+        let mut builder = Builder {
             messages: BTreeMap::new(),
             enums: BTreeMap::new(),
             units: &self.units,
@@ -115,10 +115,10 @@ impl Plan {
             keyed: std::mem::take(&mut self.keyed),
         };
         for file in &self.schema.file {
-            maker.register_file(file);
+            builder.register_file(file);
         }
-        let added = add(&mut maker);
-        (self.nodes, self.keyed) = (maker.nodes, maker.keyed);
+        let added = add(&mut builder);
+        (self.nodes, self.keyed) = (builder.nodes, builder.keyed);
         added
     }
 
@@ -139,13 +139,13 @@ impl Plan {
             return None;
         }
         let known = columns.len();
-        let node = self.make(rows, columns, |maker| maker.entry(list, name));
+        let node = self.make(rows, columns, |builder| builder.entry(list, name));
         columns[known..].iter_mut().for_each(Column::begin_row);
         node.ok()
     }
 }
 
-impl<'a> Maker<'a> {
+impl<'a> Builder<'a> {
     fn register_file(&mut self, file: &'a FileDescriptorProto) {
         let prefix = match file.package() {
             "" => String::new(),
@@ -237,7 +237,8 @@ impl<'a> Maker<'a> {
                         prefix: place.prefix.clone(),
                         types,
                         in_list: false,
-                        in_choice,
+                        // A message may have no entry of this name.
+                        in_choice: true,
                         is_entry: true,
                     };
                     return self.keyed(field.type_name(), key, place);
@@ -251,10 +252,10 @@ impl<'a> Maker<'a> {
                 };
                 let inner = self.node(field.type_name(), &below, None)?;
                 if self.nodes[inner].fields.is_empty() {
-                    let there = listed(Values::Bool(Vec::new()), below.in_list);
-                    let there = self.column(field, name, there, None)?;
-                    self.nodes[inner].columns.push(there);
-                    self.nodes[inner].there = Some(there);
+                    let presence = listed(Values::Bool(Vec::new()), below.in_list);
+                    let presence = self.column(field, name, presence, None)?;
+                    self.nodes[inner].columns.push(presence);
+                    self.nodes[inner].presence = Some(presence);
                 }
                 if !repeated {
                     node.columns.extend(&self.nodes[inner].columns);
@@ -268,14 +269,14 @@ impl<'a> Maker<'a> {
         }
         let values = empty(kind)?;
         let is_float = matches!(values, Values::F64(_));
-        let tells_absence = explicit || field.oneof_index.is_some();
+        let has_presence = explicit || field.oneof_index.is_some();
         let in_list = place.in_list || repeated;
         let present = (!is_float && !in_list && (explicit || in_choice)).then(Vec::new);
-        let told = is_float || present.is_some();
+        let shows_absence = is_float || present.is_some();
         let column = self.column(field, name, listed(values, in_list), present)?;
         if !repeated {
             node.columns.push(column);
-            if told && !tells_absence {
+            if shows_absence && !has_presence {
                 node.implicit.push(column);
             }
         }

@@ -138,7 +138,7 @@ fn events_have_a_column_for_each_kind() {
 }
 
 #[test]
-fn wheels_and_their_members_have_columns_of_their_own() {
+fn wheels_have_columns_of_their_own() {
     let force = |axle, side: &str, z_n| proto::TyreForce {
         axle,
         side: side.to_owned(),
@@ -175,8 +175,15 @@ fn wheels_and_their_members_have_columns_of_their_own() {
     assert_eq!(first(floats(&forces, "axle8_right.z_n")), Some(8.0));
     assert_eq!(floats(&forces, "rr.z_n"), [4.0, 2.0]);
     assert_eq!(column(&forces, "rr.source").names.len(), 5);
+    assert_eq!(
+        column(&forces, "fl.source").present,
+        Some(vec![false, true])
+    );
     assert_eq!(column(&forces, "frame").values, Values::I32(vec![2, 2]));
+}
 
+#[test]
+fn members_of_a_wheel_have_columns_of_their_own() {
     let member = |name: &str, raw_counts| proto::StrainMember {
         name: name.to_owned(),
         raw_counts: Some(raw_counts),

@@ -1,11 +1,11 @@
-//! Through the bytes of one message, field by field.
+//! Decodes the bytes of one message, field by field.
 
 use prost::DecodeError;
 use prost::bytes::Buf as _;
 use prost::encoding::{DecodeContext, WireType, check_wire_type, decode_key, decode_varint};
 use prost_types::field_descriptor_proto::Type;
 
-use super::plan::{Field, Plan};
+use super::plan::{Field, Node, Plan};
 use super::values::Datum;
 use super::{Column, Values};
 
@@ -29,21 +29,7 @@ fn node(
     data: &[u8],
     stamp: u64,
 ) -> Result<(), DecodeError> {
-    if plan.nodes[index].met != stamp {
-        plan.nodes[index].met = stamp;
-        for column in &plan.nodes[index].implicit {
-            let column = &mut columns[*column];
-            if matches!(column.values.innermost(), Values::F64(_)) {
-                column.values.set_last(Datum::F64(0.0));
-            }
-            if let Some(last) = column.present.as_mut().and_then(|list| list.last_mut()) {
-                *last = true;
-            }
-        }
-        if let Some(there) = plan.nodes[index].there {
-            columns[there].values.set_last(Datum::Bool(true));
-        }
-    }
+    begin(&mut plan.nodes[index], columns, stamp);
     let mut rest = data;
     while !rest.is_empty() {
         let (number, wire_type) = decode_key(&mut rest)?;
@@ -96,6 +82,26 @@ fn node(
         }
     }
     Ok(())
+}
+
+/// Sets the fields of a message to what they are if it does not mention them.
+fn begin(node: &mut Node, columns: &mut [Column], stamp: u64) {
+    if node.last_stamp == stamp {
+        return;
+    }
+    node.last_stamp = stamp;
+    for column in &node.implicit {
+        let column = &mut columns[*column];
+        if matches!(column.values.innermost(), Values::F64(_)) {
+            column.values.set_last(Datum::F64(0.0));
+        }
+        if let Some(last) = column.present.as_mut().and_then(|list| list.last_mut()) {
+            *last = true;
+        }
+    }
+    if let Some(presence) = node.presence {
+        columns[presence].values.set_last(Datum::Bool(true));
+    }
 }
 
 fn add(column: &mut Column, datum: Datum<'_>, repeated: bool) {
@@ -155,7 +161,7 @@ fn datum<'a>(
     if rest.len() < fixed {
         return Err(underflow());
     }
-    // Casts cut, as protobuf defines: a 32-bit field takes the low bits of a longer varint.
+    // Casts truncate, as protobuf defines: a 32-bit field has the low bits of a longer varint.
     Ok(match kind {
         Type::Double => Datum::F64(rest.get_f64_le()),
         Type::Float => Datum::F64(rest.get_f32_le().into()),
@@ -178,7 +184,7 @@ fn datum<'a>(
         Type::Bool => Datum::Bool(decode_varint(rest)? != 0),
         Type::String => {
             let bytes = delimited(rest)?;
-            // A text that is not UTF-8 is shown as empty rather than costing the whole message.
+            // A text that is not UTF-8 is shown as empty, so that the message is not lost.
             Datum::Text(std::str::from_utf8(bytes).unwrap_or_default())
         }
         Type::Bytes | Type::Message | Type::Group => Datum::Bytes(delimited(rest)?),

@@ -336,7 +336,15 @@ fn measurements(time: LogTime) -> Vec<Record> {
             1,
             time,
             Measurement::Corner(corner(
-                [Some(0), None, Some(1023), Some(7), None, Some(65_535), None],
+                [
+                    Some(0),
+                    None,
+                    Some(1023),
+                    Some(i32::MIN),
+                    None,
+                    Some(i32::MAX),
+                    None,
+                ],
                 None,
             )),
         ),

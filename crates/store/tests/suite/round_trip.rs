@@ -99,7 +99,7 @@ fn a_log_explains_itself() {
 /// `docs/log.md` is the contract: what is in a log is in it.
 #[test]
 fn schemas_and_metadata_are_documented() {
-    let contract = include_str!("../../../docs/log.md");
+    let contract = include_str!("../../../../docs/log.md");
     let mut records = records(START);
     records.push(Record::Estimate(estimate(START)));
     let (_directory, reader) = on_disk(&write(&arrivals(8, 500), &records, &Options::default()));

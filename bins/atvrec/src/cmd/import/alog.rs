@@ -118,21 +118,7 @@ fn lines<'t>(path: &str, text: &'t str, format: &Format, errors: &mut RowErrors)
             });
             continue;
         }
-        let mut wanted = false;
-        for (_, variable, value) in format.values(&line) {
-            wanted = true;
-            if value.is_none() {
-                errors.add(|| {
-                    format!(
-                        "{}: variable {}: \"{}\" does not contain the number of the column map; \
-                         correct the line or the map",
-                        place(),
-                        variable.name,
-                        shortened(line.value)
-                    )
-                });
-            }
-        }
+        let wanted = check_values(&line, format, &place, errors);
         let word = raw.split_whitespace().next().unwrap_or_default();
         let since_ns = nanos(word, 1_000_000_000).unwrap_or(0);
         let zero_ns = if since_ns > UNIX_TIME_FROM_NS {
@@ -160,6 +146,32 @@ fn lines<'t>(path: &str, text: &'t str, format: &Format, errors: &mut RowErrors)
         begin = at;
     }
     lines
+}
+
+/// Whether the map contains the variable of the line. A value without the number of the map is an
+/// error.
+fn check_values(
+    line: &Line<'_>,
+    format: &Format,
+    place: &impl Fn() -> String,
+    errors: &mut RowErrors,
+) -> bool {
+    let mut wanted = false;
+    for (_, variable, value) in format.values(line) {
+        wanted = true;
+        if value.is_none() {
+            errors.add(|| {
+                format!(
+                    "{}: variable {}: \"{}\" does not contain the number of the column map; correct \
+                     the line or the map",
+                    place(),
+                    variable.name,
+                    shortened(line.value)
+                )
+            });
+        }
+    }
+    wanted
 }
 
 fn take_reference(line: &Timed<'_>, format: &Format, reference: &mut Reference) {

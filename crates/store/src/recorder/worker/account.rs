@@ -1,11 +1,11 @@
-//! What the worker has taken and not written yet.
+//! Data that the worker has taken and not written yet.
 
 use std::sync::atomic::Ordering;
 
 use super::{Sink, Tally, Worker};
 
 impl Worker {
-    /// Takes off the account what is in the log or in its journal by now.
+    /// Removes the data from the account that is now in the log or in its journal.
     pub(super) fn account(&mut self) {
         let Sink::Open(file) = &mut self.sink else {
             return;

@@ -7,7 +7,7 @@ use crate::file::{Presence, active_path};
 use crate::recorder::GoneLog;
 use crate::{Losses, Result};
 
-/// The folder of the logs, as it was found.
+/// The folder of the logs, at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Folder {
     device: u64,
@@ -34,7 +34,7 @@ impl Folder {
 }
 
 impl Worker {
-    /// Looks whether the open file is still under its name. If not, a new file takes what is in memory.
+    /// Checks that the open file still has its name. If not, a new file takes the data in memory.
     pub(super) fn look_for_file(&mut self) {
         let Sink::Open(file) = &self.sink else {
             return;
@@ -87,7 +87,7 @@ impl Worker {
         });
     }
 
-    /// With the folder, the closed files of the run went.
+    /// Counts the closed files of the run that were deleted with the folder.
     fn count_closed_files(&mut self) {
         let exists = |path: &Path| path.exists() || active_path(path).exists();
         let files = std::mem::take(&mut self.summary.files);
@@ -100,8 +100,8 @@ impl Worker {
         }
     }
 
-    /// Makes the folder of the logs again if it is gone. Where its disk is gone, too, it is not made:
-    /// what would be written then would lie below the mount point.
+    /// Creates the folder of the logs again if it was deleted. If its disk is absent, too, the folder is
+    /// not created: data in it would be below the mount point, on another disk.
     pub(super) fn make_folder(&mut self) {
         let Some(folder) = self.folder else { return };
         if self.directory.exists() {
@@ -127,11 +127,11 @@ impl Worker {
             Ok(()) => {
                 tracing::warn!(
                     folder = %self.directory.display(),
-                    "the log folder was gone and is made again"
+                    "the log folder was deleted; it is created again"
                 );
                 self.folder = Folder::of(&self.directory);
             }
-            // The new file in it is refused, which is reported.
+            // The creation of the new file in it fails, which is reported.
             Err(error) => tracing::debug!(%error, "no log folder"),
         }
     }

@@ -16,7 +16,7 @@ fn arrival(sequence: u64) -> Arrival {
     }
 }
 
-/// A worker whose logs take a group each 100 ms, and are never synced but when they are closed.
+/// A worker that writes a group every 100 ms and syncs a log only when it closes the log.
 fn worker(directory: &Path) -> Worker {
     let options = Options {
         raw_interval: Duration::from_millis(100),
@@ -45,7 +45,7 @@ impl Worker {
     }
 }
 
-/// What the logs hold that are neither unfinished nor lost.
+/// Sequences in the logs that are neither unfinished nor lost.
 fn read(summary: &RecorderSummary) -> Vec<u64> {
     let reader = crate::Reader::open(summary.files.iter().map(|file| &file.path)).expect("logs");
     let sequences = reader.arrivals().map(|a| a.map(|a| a.sequence));
@@ -53,7 +53,7 @@ fn read(summary: &RecorderSummary) -> Vec<u64> {
 }
 
 #[test]
-fn what_a_log_that_was_rotated_away_did_not_bring_to_the_disk_comes_again() {
+fn arrivals_of_a_rotated_log_that_did_not_reach_the_disk_are_written_again() {
     let directory = tempfile::tempdir().expect("a directory");
     let mut worker = worker(directory.path());
     worker.take(0..35);
@@ -62,13 +62,13 @@ fn what_a_log_that_was_rotated_away_did_not_bring_to_the_disk_comes_again() {
     worker.take(35..70);
     worker.rotate();
     worker.take(70..100);
-    worker.syncer.settle();
+    worker.syncer.wait_for_jobs();
     worker.take(100..130);
     let summary = worker.finish();
     assert_eq!(read(&summary), (0..130).collect::<Vec<_>>());
     assert_eq!(summary.losses.arrivals, 0);
     assert!(!summary.unfinished.is_empty());
-    // By when each of the two logs is given back, the first's reason or the second's is the last.
+    // Either of the two reasons may be the last one.
     let reason = summary.last_failure.expect("a reason");
     let reasons = [
         "the disk is broken",
@@ -78,7 +78,7 @@ fn what_a_log_that_was_rotated_away_did_not_bring_to_the_disk_comes_again() {
 }
 
 #[test]
-fn the_last_log_comes_again_too() {
+fn arrivals_of_the_last_log_are_written_again() {
     let directory = tempfile::tempdir().expect("a directory");
     let mut worker = worker(directory.path());
     worker.take(0..35);
@@ -89,7 +89,7 @@ fn the_last_log_comes_again_too() {
 }
 
 #[test]
-fn what_cannot_come_again_is_counted() {
+fn arrivals_that_cannot_be_written_again_are_counted() {
     let parent = tempfile::tempdir().expect("a directory");
     let directory = parent.path().join("logs");
     std::fs::create_dir(&directory).expect("made");
@@ -133,7 +133,7 @@ fn every_channel_of_every_part_has_its_schema() {
         if fails {
             worker.fail(&Error::Sink(std::io::ErrorKind::StorageFull.into()));
             worker.retry();
-            // What waited is written before the controller sends again.
+            // The waiting data is written before the controller sends again.
             if let Sink::Open(file) = &mut worker.sink {
                 file.flush().expect("room");
             }
@@ -208,7 +208,7 @@ fn a_stop_while_the_disk_hangs_ends_in_time_and_counts_what_is_lost() {
     assert_eq!(summary.losses.arrivals, refused + backlog.arrivals);
     let log = directory.path().join("run_0000.mcap.active");
     assert_eq!(summary.unfinished, std::slice::from_ref(&log));
-    // What a file beside the log states, its readers find; also once the log is recovered.
+    // Readers find the losses in the file beside the log, also after the log is recovered.
     let beside = std::fs::read_to_string(crate::losses_path(&log)).expect("written");
     assert!(beside.contains("lost_arrivals"), "{beside}");
     std::thread::sleep(Duration::from_millis(200));
