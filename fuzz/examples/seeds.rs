@@ -26,6 +26,7 @@ fn main() -> Result<()> {
     let drive = Drive::new(&vehicle, &sensors, SeptentrioBlocks::PolaRx2e)?;
     let newer = Drive::new(&vehicle, &sensors, SeptentrioBlocks::Current)?;
     serial(&seeds, &drive, &newer)?;
+    arrivals(&seeds, &drive)?;
     can(&seeds, &drive)?;
     texts(&seeds)?;
     logs(&seeds, &drive)?;
@@ -156,6 +157,31 @@ fn serial(seeds: &Seeds, drive: &Drive, newer: &Drive) -> Result<()> {
     seeds.write("line", "counts", b"\0\0\x10\0\x03100\r\n65535\r\n7\r\n")?;
     seeds.write("line", "named", b",\x02\0\x03\x05A=1.5,2,3\r\nA=4,5,6\r\n")?;
     Ok(())
+}
+
+/// The first messages of a drive, each with its source, the time since the last one in 4 ms, and its
+/// length.
+fn arrivals(seeds: &Seeds, drive: &Drive) -> Result<()> {
+    let mut bytes = Vec::new();
+    let mut last_s = 0.0;
+    for (time_s, port, output) in &drive.0 {
+        let source = match port {
+            Port::Novatel => 0,
+            Port::Imu => 1,
+            _ => continue,
+        };
+        let Output::Bytes(message) = output else {
+            continue;
+        };
+        let wait = ((time_s - last_s) / 0.004).round().min(255.0) as u8;
+        if bytes.len() + 3 + message.len() > 512 || message.len() > 255 {
+            break;
+        }
+        last_s = *time_s;
+        bytes.extend([source, wait, message.len() as u8]);
+        bytes.extend(message);
+    }
+    seeds.write("engine", "drive", &bytes)
 }
 
 fn can(seeds: &Seeds, drive: &Drive) -> Result<()> {

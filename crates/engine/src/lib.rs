@@ -1,11 +1,13 @@
-//! Engine: computes records from a configuration and arrivals, for recording, replay, simulation and
-//! import.
+#![doc = include_str!("../README.md")]
+//!
+//! # Parts
 //!
 //! [`Config`] reads `atvrec.toml` and every file that it names, and reports all of their errors
 //! together. [`Engine`] computes records from arrivals: the same configuration and the same arrivals
 //! give the same records, bit for bit. [`Replay`] runs an engine with the arrivals of a log and compares
 //! its records with those in the log; [`simulate`](fn@simulate) runs an engine with the bytes of a
-//! virtual vehicle. This crate reads no clock, no device and no environment.
+//! virtual vehicle. [`read_recording`] and [`read_drive`] read the data of a calibration step and of an
+//! identification. This crate reads no clock, no device and no environment.
 
 pub mod config;
 mod engine;
@@ -22,6 +24,8 @@ mod rig;
 pub mod session;
 mod simulate;
 mod verify;
+
+pub use {estimator, sample, sim, store};
 
 pub use config::Config;
 pub use engine::{Engine, SILENCE_NS, Skipped};
