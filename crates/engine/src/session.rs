@@ -2,6 +2,7 @@
 
 use sample::{LogTime, SourceId};
 use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
+use wire::gps_time::Utc;
 
 use crate::config::{Config, Meaning};
 use crate::engine::SILENCE_NS;
@@ -94,39 +95,5 @@ fn dynamic(config: &Config) -> Vec<DynamicMessage> {
 
 /// UTC as `20261121T140500Z` from seconds since the UNIX epoch.
 pub fn utc_compact(unix_s: u64) -> String {
-    let (year, month, day) = civil_date(unix_s / 86_400);
-    let second = unix_s % 86_400;
-    format!(
-        "{year:04}{month:02}{day:02}T{:02}{:02}{:02}Z",
-        second / 3_600,
-        second / 60 % 60,
-        second % 60
-    )
-}
-
-/// Gregorian date of days since 1970-01-01 (era arithmetic with years that begin in March).
-fn civil_date(days: u64) -> (u64, u64, u64) {
-    let shifted = days + 719_468;
-    let era = shifted / 146_097;
-    let day_of_era = shifted % 146_097;
-    let year_of_era =
-        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = (month_from_march + 2) % 12 + 1;
-    let year = era * 400 + year_of_era + u64::from(month <= 2);
-    (year, month, day)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates() {
-        assert_eq!(utc_compact(0), "19700101T000000Z");
-        assert_eq!(utc_compact(951_782_400), "20000229T000000Z");
-        assert_eq!(utc_compact(1_795_269_600 + 3_661), "20261121T150101Z");
-    }
+    Utc::of_unix_s(unix_s).compact()
 }
