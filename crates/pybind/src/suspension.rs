@@ -211,11 +211,7 @@ impl Corner {
     #[new]
     fn new(vehicle: &Vehicle, wheel: &str) -> PyResult<Self> {
         let wheel = input::wheel(wheel)?;
-        let axle = if wheel.is_front() {
-            &vehicle.inner.front
-        } else {
-            &vehicle.inner.rear
-        };
+        let axle = vehicle.inner.axle(wheel);
         let linkage = Linkage::of(&vehicle.inner, wheel).map_err(|e| suspension(&e))?;
         Ok(Self {
             linkage,
