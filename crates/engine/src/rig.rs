@@ -7,21 +7,15 @@ use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{ForceFrame, LogTime, NANOS_PER_SECOND, StrainChannel, Wheel};
+use sample::{ForceFrame, LogTime, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
 use store::{Pose, Record, Session};
+use wire::gps_time::unix_ns_from_gps;
 use wire::line;
 
 use crate::config::{FileKind, Files, GivenFile, TOML_MAX, read_text};
 use crate::replay::FileSource;
 use crate::{Config, Error, Result, session};
-
-/// Seconds from the UNIX epoch to GPS time zero, 1980-01-06.
-const GPS_EPOCH_UNIX_S: u64 = 315_964_800;
-/// Seconds of a week.
-const WEEK_S: u64 = 604_800;
-/// GPS time minus UTC when the virtual drives take place (2009), s.
-const LEAP_SECONDS: u64 = 15;
 
 /// Course of a virtual vehicle.
 #[derive(Clone, Debug)]
@@ -115,8 +109,8 @@ impl Rig {
     /// Start of the drive on the log clock of a simulation: UTC of the receivers.
     pub fn start(&self) -> LogTime {
         let gps = self.options.gps_start;
-        let seconds = GPS_EPOCH_UNIX_S + u64::from(gps.week) * WEEK_S - LEAP_SECONDS;
-        LogTime(seconds * NANOS_PER_SECOND as u64 + u64::from(gps.time_of_week_ms) * 1_000_000)
+        let unix_ns = unix_ns_from_gps(gps.week, f64::from(gps.time_of_week_ms) / 1e3);
+        LogTime(unix_ns.max(0) as u64)
     }
 
     /// Session of a log of the drive.

@@ -2,7 +2,7 @@
 
 use sample::{LogTime, SourceId};
 use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
-use wire::gps_time::civil_date;
+use wire::gps_time::Utc;
 
 use crate::config::{Config, Meaning};
 use crate::engine::SILENCE_NS;
@@ -107,24 +107,5 @@ fn dynamic(config: &Config) -> Vec<DynamicMessage> {
 
 /// UTC as `20261121T140500Z` from seconds since the UNIX epoch.
 pub fn utc_compact(unix_s: u64) -> String {
-    let (year, month, day) = civil_date((unix_s / 86_400) as u32);
-    let second = unix_s % 86_400;
-    format!(
-        "{year:04}{month:02}{day:02}T{:02}{:02}{:02}Z",
-        second / 3_600,
-        second / 60 % 60,
-        second % 60
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates() {
-        assert_eq!(utc_compact(0), "19700101T000000Z");
-        assert_eq!(utc_compact(951_782_400), "20000229T000000Z");
-        assert_eq!(utc_compact(1_795_269_600 + 3_661), "20261121T150101Z");
-    }
+    Utc::of_unix_s(unix_s).compact()
 }

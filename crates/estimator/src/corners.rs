@@ -8,7 +8,7 @@ use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
     SuspensionError, TyreFrame, ground_plane,
 };
-use model::vehicle::{Axle, Strut, Unsprung, Vehicle};
+use model::vehicle::{Strut, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
@@ -407,11 +407,7 @@ impl Linkage {
         deflection_sigma_m: f64,
         tuning: &Tuning,
     ) -> Result<Option<Self>, SuspensionError> {
-        let axle: &Axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let (Some(strut), Some(unsprung), true) =
             (&axle.strut, &axle.unsprung, axle.wishbone.is_some())
         else {
@@ -419,13 +415,6 @@ impl Linkage {
         };
         let corner = Corner::of(vehicle, wheel)?;
         let pose = corner.pose(corner.design_strut_length_m(), 0.0)?;
-        let body = &vehicle.body;
-        let wheelbase = body.front_axle_to_cg_m + body.cg_to_rear_axle_m;
-        let arm = if wheel.is_front() {
-            body.cg_to_rear_axle_m
-        } else {
-            body.front_axle_to_cg_m
-        };
         Ok(Some(Self {
             tuning: tuning.corners,
             length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m, tuning),
@@ -436,7 +425,7 @@ impl Linkage {
             radius_m: axle.tyre.unloaded_radius_m,
             tyre_stiffness_n_m: axle.tyre.vertical_stiffness_n_m.max(1.0),
             pose,
-            fallback_load_n: 0.5 * body.mass_kg * STANDARD_GRAVITY_M_S2 * arm / wheelbase,
+            fallback_load_n: vehicle.static_load_n(wheel),
         }))
     }
 

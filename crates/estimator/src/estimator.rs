@@ -7,7 +7,7 @@ mod sensors;
 mod stages;
 
 use model::sensors::Sensors;
-use model::vehicle::{Axle, Vehicle};
+use model::vehicle::Vehicle;
 use sample::{
     Estimate, Event, ForceFrame, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
     Sample, SourceId, Wheel,
@@ -129,7 +129,10 @@ impl Estimator {
             grip: Grip::new(vehicle, &t.grip),
             feedback: EstimatorFeedback::default(),
             moving_since: None,
-            lift: LiftDetector::new(static_loads(vehicle), &t.lift),
+            lift: LiftDetector::new(
+                PerWheel::from_fn(|wheel| vehicle.static_load_n(wheel)),
+                &t.lift,
+            ),
             imu_sigma: [
                 sensors.imu.gyro_noise_rad_s.max(t.gyro_sigma_min_rad_s),
                 sensors.imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
@@ -275,14 +278,6 @@ impl Estimator {
         parameters
     }
 
-    fn axle(&self, wheel: Wheel) -> &Axle {
-        if wheel.is_front() {
-            &self.vehicle.front
-        } else {
-            &self.vehicle.rear
-        }
-    }
-
     /// Whether GNSS velocity and attitude are recent enough for the inertial navigation.
     fn is_navigated(&self, time: LogTime) -> bool {
         let t = &self.settings.tuning;
@@ -300,14 +295,6 @@ impl Estimator {
         let front = steering_wheel / self.vehicle.steering.ratio + self.feedback.steer_offset_rad;
         [front, front, 0.0, 0.0]
     }
-}
-
-/// Load of each wheel on level ground at rest, N.
-fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
-    let body = &vehicle.body;
-    let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
-    let half = 0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / (a + b);
-    PerWheel([half * b, half * b, half * a, half * a])
 }
 
 fn motion_settings(sensors: &Sensors, calibration: &Resolved, t: &Tuning) -> MotionSettings {

@@ -479,7 +479,7 @@ mod tests {
         }
         for step in 0..=300 {
             let linear = 0.01 * f64::from(step);
-            let fiala = 1.0 - (1.0 - linear / 3.0).powi(3);
+            let fiala = model::tyre::brush_over_grip(linear / 3.0);
             assert!((part_of_grip(linear, 3.0) - fiala).abs() < 0.02, "{linear}");
         }
     }

@@ -45,16 +45,10 @@ fn direction(along_m_s: f64, across_m_s: f64) -> Option<f64> {
 /// Slip angle of each wheel whose steer angle is `steer_rad`, rad, of a vehicle that neither rolls
 /// nor pitches.
 pub fn slip_angles(vehicle: &Vehicle, state: &MotionState, steer_rad: [f64; 4]) -> PerWheel<f64> {
-    let body = &vehicle.body;
     let [u, v] = state.level_velocity();
     let yaw_rate = state.rate_rad_s.z;
     PerWheel::from_fn(|wheel: Wheel| {
-        let (x, track) = if wheel.is_front() {
-            (body.front_axle_to_cg_m, vehicle.front.track_m)
-        } else {
-            (-body.cg_to_rear_axle_m, vehicle.rear.track_m)
-        };
-        let y = 0.5 * track * wheel.side();
+        let [x, y] = vehicle.wheel_place_m(wheel);
         direction(u - yaw_rate * y, v + yaw_rate * x)
             .map_or(0.0, |angle| wrap(angle - steer_rad[wheel.index()]))
     })

@@ -38,6 +38,7 @@ mod settings;
 pub mod smoother;
 pub mod specification;
 mod statics;
+mod statistics;
 mod steering_column;
 pub mod trace;
 pub mod triads;

@@ -93,19 +93,6 @@ impl Fit {
     }
 }
 
-/// How much further Student's t of so many degrees of freedom reaches on either side, in 95 % of all
-/// cases, than the normal distribution's 1.96 (Abramowitz and Stegun 1964, equation 26.7.5; within
-/// 3 % from two degrees on).
-#[must_use]
-pub fn student(freedom: usize) -> f64 {
-    let n = freedom as f64;
-    match freedom {
-        0 => f64::INFINITY,
-        1 => 6.48,
-        _ => 1.0 + (1.21 + (1.44 + 1.30 / n) / n) / n,
-    }
-}
-
 /// Ordinary least squares: response = design coefficients + error.
 ///
 /// # Errors

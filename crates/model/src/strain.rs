@@ -17,8 +17,8 @@ pub use circuits::{Circuit, CircuitBridge, CircuitMember, TABLE_3_2};
 pub use lag::{Lag, rc_corner_hz};
 pub use section::{MATERIALS, Material, Section};
 
-/// Counts on the bus that mean "absent".
-const ABSENT_COUNT: u16 = u16::MAX;
+/// Value of a 16-bit field of the bus that holds no count. A converter of 16 bits ends below it.
+pub const ABSENT_COUNT: u16 = u16::MAX;
 
 impl Amplifier {
     /// Gain G = G_0 + R_0/R_G with a gain resistor R_G, ohm. A socket's resistance adds to R_G:

@@ -219,11 +219,7 @@ impl Corner {
     fn new(vehicle: &Bound<'_, Vehicle>, wheel: &str) -> PyResult<Self> {
         let origin = Origin::new(vehicle.py(), "", (vehicle, wheel))?;
         let (vehicle, wheel) = (&vehicle.get().inner, input::wheel(wheel)?);
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         Ok(Self {
             linkage: Linkage::of(vehicle, wheel).map_err(|e| suspension(&e))?,
             axle: axle.clone(),

@@ -1,6 +1,7 @@
 //! The CAN bus: four strain boxes, wheel speeds and steering wheel.
 
 use model::sensors::Sensors;
+use model::strain::ABSENT_COUNT;
 use model::vehicle::Vehicle;
 use sample::{CanFlags, CanFrame, PerWheel, StrainChannel, Wheel};
 
@@ -9,9 +10,6 @@ use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
 use crate::random::Noise;
 use crate::{Motion, Options, SimError};
-
-/// Value of a 16-bit field that carries nothing.
-pub(crate) const ABSENT: u16 = 0xFFFF;
 
 /// Strain boxes by corner (thesis Table 3.2; its second "rear left" is the rear right).
 const BOX: PerWheel<u32> = PerWheel([1, 3, 4, 5]);
@@ -134,7 +132,7 @@ impl CanBus {
 fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
     let mut data = [0; 64];
     for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
-        bytes.copy_from_slice(&field.unwrap_or(ABSENT).to_le_bytes());
+        bytes.copy_from_slice(&field.unwrap_or(ABSENT_COUNT).to_le_bytes());
     }
     CanFrame {
         id,

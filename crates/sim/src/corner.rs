@@ -1,11 +1,10 @@
 //! One corner's strain bridges and spring potentiometer.
 
 use model::sensors::{BendingBridge, Bridge, Deflection, Sensors, StrainChain};
-use model::strain::{ChannelScale, Lag};
+use model::strain::{ABSENT_COUNT, ChannelScale, Lag};
 use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 
-use crate::can_bus::ABSENT;
 use crate::faults::{ChannelFaultKind, Faults};
 use crate::hidden::Hidden;
 use crate::random::Noise;
@@ -53,11 +52,7 @@ impl Corner {
         hidden: &Hidden,
         seed: u64,
     ) -> Result<Self, SimError> {
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let mut noise = Noise::new(seed, &format!("corner {wheel}"));
         let pot_offset_counts = noise.within(sensors.deflection.zero_error_counts)
             + hidden.potentiometer_offset_counts[wheel];
@@ -245,7 +240,7 @@ fn deflection_scale(pot: &Deflection) -> Result<ChannelScale, SimError> {
         Ok(ChannelScale {
             zero_counts: f64::from(counts) / 2.0,
             counts_per_unit: f64::from(counts) / pot.span_m,
-            largest_count: ((counts - 1) as u16).min(ABSENT - 1),
+            largest_count: ((counts - 1) as u16).min(ABSENT_COUNT - 1),
         })
     } else {
         Err(bad("deflection.span_m", pot.span_m, "above 0"))

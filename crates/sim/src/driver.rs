@@ -187,13 +187,7 @@ impl Drive<'_> {
 
     fn beyond_the_line(&self, wheel: Wheel) -> Option<SurfaceLine> {
         let line = self.plan.surface_line?;
-        let body = &self.vehicle.body;
-        let (x, track_m) = if wheel.is_front() {
-            (body.front_axle_to_cg_m, self.vehicle.front.track_m)
-        } else {
-            (-body.cg_to_rear_axle_m, self.vehicle.rear.track_m)
-        };
-        let y = 0.5 * wheel.side() * track_m;
+        let [x, y] = self.vehicle.wheel_place_m(wheel);
         let place = self.car.place();
         let (sin, cos) = math::sin_cos(place.yaw_rad);
         (place.east_m + x * cos - y * sin > line.east_m).then_some(line)

@@ -2,7 +2,7 @@
 
 use wire::crossbow440::Scaled;
 use wire::geodesy::{Geodetic, heading_deg_from_yaw};
-use wire::gps_time::{civil_date, gps_minus_utc_s, unix_ns_from_gps};
+use wire::gps_time::{Utc, gps_minus_utc_s, unix_ns_from_gps};
 use wire::{novatel, sbf};
 
 use crate::gnss::{AttitudeSolution, Solution};
@@ -79,19 +79,18 @@ fn best_velocity(s: &Solution) -> novatel::Body {
 fn time(s: &Solution) -> novatel::Body {
     let unix_ns = unix_ns_from_gps(s.week, f64::from(s.time_of_week_ms) / 1e3);
     let unix_s = unix_ns.div_euclid(1_000_000_000);
-    let second_of_day = unix_s.rem_euclid(86_400);
-    let (year, month, day) = civil_date((unix_s / 86_400) as u32);
+    let utc = Utc::of_unix_s(unix_s.max(0) as u64);
     novatel::Body::Time(novatel::Time {
         clock_status: 0,
         offset_s: 0.0,
         offset_sigma_s: 20e-9,
         utc_offset_s: -f64::from(gps_minus_utc_s(unix_s)),
-        year,
-        month,
-        day,
-        hour: (second_of_day / 3_600) as u8,
-        minute: (second_of_day / 60 % 60) as u8,
-        milliseconds: (second_of_day % 60 * 1_000) as u32,
+        year: utc.year,
+        month: utc.month,
+        day: utc.day,
+        hour: utc.hour,
+        minute: utc.minute,
+        milliseconds: u32::from(utc.second) * 1_000,
         utc_status: 1,
     })
 }

@@ -3,7 +3,7 @@
 use model::sensors::Sensors;
 use nalgebra::Vector3;
 use wire::geodesy::Geodetic;
-use wire::gps_time::SECONDS_PER_WEEK;
+use wire::gps_time::MILLISECONDS_PER_WEEK;
 
 use crate::can_bus::period_s;
 use crate::emission::{Emission, Output, Port};
@@ -70,11 +70,11 @@ impl Receiver {
 
     /// Week and time of week of a tag.
     fn gps_time(&self, tag_s: f64) -> (u16, u32) {
-        const WEEK_MS: u64 = SECONDS_PER_WEEK as u64 * 1_000;
+        let week_ms = u64::from(MILLISECONDS_PER_WEEK);
         let start = self.options.gps_start;
         let total_ms = u64::from(start.time_of_week_ms) + (tag_s * 1e3).round() as u64;
-        let week = u64::from(start.week) + total_ms / WEEK_MS;
-        (week as u16, (total_ms % WEEK_MS) as u32)
+        let week = u64::from(start.week) + total_ms / week_ms;
+        (week as u16, (total_ms % week_ms) as u32)
     }
 
     fn solve(&mut self, motion: &Motion, tag_s: f64, valid: bool) -> Solution {

@@ -72,14 +72,12 @@ fn state(vehicle: &Vehicle, time_s: f64) -> TruthState {
     let (a, b) = (body.front_axle_to_cg_m, body.cg_to_rear_axle_m);
     let height_m = [0, 1].map(|axle| clearance_m(time_s, axle));
     let rolled_m = ROLLED_M * ramp(time_s, ROLLED_S);
-    let weight_n = body.mass_kg * STANDARD_GRAVITY_M_S2;
-    let static_load_n = [b, a].map(|arm| 0.5 * weight_n * arm / (a + b));
     let wheel = |wheel: Wheel| {
         let axle = usize::from(!wheel.is_front());
         let [start_s, length_s] = LOWERED_S[axle];
         let touch_s = start_s + TOUCH * length_s;
         let pressed = ramp(time_s, [touch_s, (1.0 - TOUCH) * length_s]);
-        let load_n = static_load_n[axle] * pressed;
+        let load_n = vehicle.static_load_n(wheel) * pressed;
         let scrub_n = -wheel.side() * SCRUB_N * pressed * math::exp(-rolled_m / RELAXATION_M);
         WheelTruth {
             force_n: [0.0, scrub_n, load_n],

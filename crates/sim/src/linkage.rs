@@ -48,11 +48,7 @@ struct LinkedCorner {
 /// for one of wheel travel, the strut carries (F_z - weight of the corner's unsprung parts)/i.
 pub(crate) fn struts_alone(vehicle: &Vehicle, states: &mut [TruthState]) {
     for wheel in Wheel::ALL {
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let Some((strut, ratio)) = axle
             .strut
             .as_ref()
@@ -384,11 +380,7 @@ impl Linkage {
 
 impl LinkedCorner {
     fn new(vehicle: &Vehicle, wheel: Wheel) -> Result<Option<Self>, SimError> {
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let (Some(_), Some(unsprung), Some(strut)) = (&axle.wishbone, &axle.unsprung, &axle.strut)
         else {
             return Ok(None);

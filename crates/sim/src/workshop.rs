@@ -182,11 +182,7 @@ fn loaded(force_n: [f64; 3]) -> WheelTruth {
 
 /// A plate in a wheel's place, pushed forward and sideways at the hub: no half-shaft feels it.
 fn pushed(vehicle: &Vehicle, wheel: Wheel, force_n: [f64; 3]) -> WheelTruth {
-    let tyre = if wheel.is_front() {
-        &vehicle.front.tyre
-    } else {
-        &vehicle.rear.tyre
-    };
+    let tyre = &vehicle.axle(wheel).tyre;
     let [x, y, z] = force_n;
     let height_m = tyre.unloaded_radius_m - z / tyre.vertical_stiffness_n_m;
     WheelTruth {

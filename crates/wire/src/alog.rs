@@ -10,8 +10,8 @@
 //! gets when a column comes again or a line of a later time, whatever it holds, is read.
 
 use crate::column::{self, Column};
-use crate::csv::MAX_LINE;
-use crate::frame::{Frame, Framer, scan_line};
+use crate::frame::Frame;
+use crate::text::{Cells, Lines, MAX_LINE, number};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
 
 /// Which number of a value is meant.
@@ -73,35 +73,21 @@ pub fn is_remark(line: &str) -> bool {
 #[must_use]
 pub fn log_start(line: &str) -> Option<f64> {
     let rest = line.trim_start_matches(['%', ' ', '\t']);
-    let number = rest.strip_prefix("LOGSTART")?.trim();
-    number.parse().ok().filter(|start: &f64| start.is_finite())
+    number(rest.strip_prefix("LOGSTART")?.trim())
 }
 
 impl<'l> Line<'l> {
     /// The columns of a line; `None` if it is none of a log.
     #[must_use]
     pub fn parse(line: &'l str) -> Option<Self> {
-        let (time, rest) = word(line)?;
-        let (variable, rest) = word(rest)?;
-        let (source, value) = word(rest)?;
-        let time_s: f64 = time.parse().ok()?;
-        time_s.is_finite().then_some(Self {
-            time_s,
-            variable,
-            source,
-            value: value.trim(),
+        let mut cells = Cells::new(line, None);
+        Some(Self {
+            time_s: number(cells.next()?)?,
+            variable: cells.next()?,
+            source: cells.next()?,
+            value: cells.rest(),
         })
     }
-}
-
-/// The first word and what follows it.
-fn word(text: &str) -> Option<(&str, &str)> {
-    let text = text.trim_start();
-    if text.is_empty() {
-        return None;
-    }
-    let end = text.find(char::is_whitespace).unwrap_or(text.len());
-    Some((&text[..end], &text[end..]))
 }
 
 impl Part {
@@ -122,7 +108,7 @@ impl Part {
                 (name.trim() == key).then_some(number.trim())
             })?,
         };
-        text.parse().ok().filter(|number: &f64| number.is_finite())
+        number(text)
     }
 }
 
@@ -140,15 +126,7 @@ impl Format {
             });
         }
         for variable in &self.variables {
-            let column = &variable.column;
-            let finite = [column.scale, column.offset, column.factor, column.delay_s];
-            if !finite.iter().all(|value| value.is_finite()) || column.scale == 0.0 {
-                return Err(WireError::Setting {
-                    what: "scale, offset or delay",
-                    got: format!("{finite:?} in {}", column.name),
-                    expected: "finite numbers, scale not 0",
-                });
-            }
+            variable.column.check()?;
         }
         Ok(())
     }
@@ -174,8 +152,7 @@ impl Format {
 /// Incremental decoder of one file.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    framer: Framer,
-    statistics: Statistics,
+    lines: Lines<MAX_LINE>,
     format: Format,
     rows: Vec<Row>,
 }
@@ -201,8 +178,7 @@ impl Decoder {
             rows[variable.group].size += 1;
         }
         Ok(Self {
-            framer: Framer::new(MAX_LINE),
-            statistics: Statistics::default(),
+            lines: Lines::new(),
             format,
             rows,
         })
@@ -211,20 +187,15 @@ impl Decoder {
     /// Takes bytes and hands on what each row that they complete measured.
     pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
         let (format, rows) = (&self.format, &mut self.rows);
-        self.framer.push(
-            bytes,
-            &mut self.statistics,
-            scan_line::<MAX_LINE>,
-            |frame, statistics| {
-                take_line(&frame, format, rows, statistics, &mut sink);
-            },
-        );
+        self.lines.push(bytes, |frame, statistics| {
+            take_line(&frame, format, rows, statistics, &mut sink);
+        });
     }
 
     /// Counts since the start.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
-        self.statistics
+        self.lines.statistics()
     }
 }
 

@@ -9,6 +9,8 @@ use sample::{
     SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 
+use crate::WireError;
+
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {
@@ -270,6 +272,22 @@ pub struct Column {
 }
 
 impl Column {
+    /// Whether the column gives finite values.
+    ///
+    /// # Errors
+    /// [`WireError::Setting`] with the numbers that cannot work.
+    pub fn check(&self) -> Result<(), WireError> {
+        let numbers = [self.scale, self.offset, self.factor, self.delay_s];
+        if numbers.iter().all(|value| value.is_finite()) && self.scale != 0.0 {
+            return Ok(());
+        }
+        Err(WireError::Setting {
+            what: "scale, offset or delay",
+            got: format!("{numbers:?} in {}", self.name),
+            expected: "finite numbers, scale not 0",
+        })
+    }
+
     /// The value of a number of the file, SI.
     #[must_use]
     pub fn value(&self, number: f64) -> f64 {

@@ -5,11 +5,11 @@
 //! does not read as configured is counted and dropped whole.
 
 use crate::column::{self, Column};
-use crate::frame::{Frame, Framer, scan_line};
+use crate::frame::Frame;
+use crate::text::{Cells, Lines, unquoted};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
 
-/// Longest line that is read, bytes.
-pub const MAX_LINE: usize = 1 << 16;
+pub use crate::text::MAX_LINE;
 
 /// Where a column stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,11 +74,7 @@ impl Format {
             return wrong("column", "empty".to_owned(), "at least one column");
         }
         for (place, column) in &self.columns {
-            let finite = [column.scale, column.offset, column.factor, column.delay_s];
-            if !finite.iter().all(|value| value.is_finite()) || column.scale == 0.0 {
-                let got = format!("{finite:?} in {}", column.name);
-                return wrong("scale, offset or delay", got, "finite numbers, scale not 0");
-            }
+            column.check()?;
             match place {
                 Place::Number(0) => {
                     return wrong("column number", "0".to_owned(), "numbers from 1");
@@ -101,21 +97,7 @@ impl Format {
 
     /// The cells of a line, without blanks and quotes around them.
     pub fn cells<'l>(&self, line: &'l str) -> Vec<&'l str> {
-        let line = line.trim_end_matches(['\r', '\n']);
-        let Some(delimiter) = self.delimiter else {
-            return line.split_whitespace().map(unquoted).collect();
-        };
-        let (mut cells, mut begin, mut quoted) = (Vec::new(), 0, false);
-        for (at, character) in line.char_indices() {
-            if character == '"' {
-                quoted = !quoted;
-            } else if character == delimiter && !quoted {
-                cells.push(unquoted(&line[begin..at]));
-                begin = at + delimiter.len_utf8();
-            }
-        }
-        cells.push(unquoted(&line[begin..]));
-        cells
+        Cells::new(line, self.delimiter).map(unquoted).collect()
     }
 
     /// Position of a column under this header; `None` where the header does not have it.
@@ -166,18 +148,10 @@ impl Format {
     }
 }
 
-fn unquoted(cell: &str) -> &str {
-    let cell = cell.trim();
-    cell.strip_prefix('"')
-        .and_then(|inner| inner.strip_suffix('"'))
-        .map_or(cell, str::trim)
-}
-
 /// Incremental decoder of one file or device.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    framer: Framer,
-    statistics: Statistics,
+    lines: Lines<MAX_LINE>,
     format: Format,
     rows: Rows,
 }
@@ -201,8 +175,7 @@ impl Decoder {
             places.filter_map(|p| format.position(p, &[])).collect()
         });
         Ok(Self {
-            framer: Framer::new(MAX_LINE),
-            statistics: Statistics::default(),
+            lines: Lines::new(),
             rows: Rows {
                 to_skip: format.skip_lines,
                 positions,
@@ -214,20 +187,15 @@ impl Decoder {
     /// Takes bytes and hands on what each line that they complete measured.
     pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
         let (format, rows) = (&self.format, &mut self.rows);
-        self.framer.push(
-            bytes,
-            &mut self.statistics,
-            scan_line::<MAX_LINE>,
-            |frame, statistics| {
-                take_line(&frame, format, rows, statistics, &mut sink);
-            },
-        );
+        self.lines.push(bytes, |frame, statistics| {
+            take_line(&frame, format, rows, statistics, &mut sink);
+        });
     }
 
     /// Counts since the start.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
-        self.statistics
+        self.lines.statistics()
     }
 }
 

@@ -1,9 +1,14 @@
-//! GPS time: weeks, leap seconds, UTC.
+//! GPS time, UNIX time and the civil date and time of UTC.
 //!
-//! GPS time began on 1980-01-06 00:00:00 UTC and has no leap seconds.
+//! GPS time began on 1980-01-06 00:00:00 UTC and has no leap seconds. UNIX time counts days of
+//! 86,400 s: a leap second and the second after it have the same number.
 
+/// Seconds in a day.
+pub const SECONDS_PER_DAY: f64 = 86_400.0;
 /// Seconds in a GPS week.
 pub const SECONDS_PER_WEEK: f64 = 604_800.0;
+/// Milliseconds in a GPS week.
+pub const MILLISECONDS_PER_WEEK: u32 = 604_800_000;
 /// UNIX time of the GPS epoch, s.
 pub const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
 
@@ -114,11 +119,58 @@ pub fn meant_week(week: u16, near: u16) -> u16 {
     }
 }
 
-/// Year, month and day (Gregorian) of days since 1970-01-01, from that day on. Years begin in March
-/// in the calculation, so that the leap day is a year's last.
-#[must_use]
-pub fn civil_date(unix_days: u32) -> (u32, u8, u8) {
-    let shifted = unix_days + 719_468;
+/// Civil date and time, UTC, Gregorian calendar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Utc {
+    /// Year.
+    pub year: u32,
+    /// Month, 1 to 12.
+    pub month: u8,
+    /// Day of the month, from 1.
+    pub day: u8,
+    /// Hour, 0 to 23.
+    pub hour: u8,
+    /// Minute, 0 to 59.
+    pub minute: u8,
+    /// Second, 0 to 59.
+    pub second: u8,
+}
+
+impl Utc {
+    /// Civil date and time of a UNIX time, s, up to the year 11,000,000.
+    #[must_use]
+    pub fn of_unix_s(unix_s: u64) -> Self {
+        let (year, month, day) = civil_date((unix_s / 86_400) as u32);
+        let second = unix_s % 86_400;
+        Self {
+            year,
+            month,
+            day,
+            hour: (second / 3_600) as u8,
+            minute: (second / 60 % 60) as u8,
+            second: (second % 60) as u8,
+        }
+    }
+
+    /// The basic format of ISO 8601, `20261121T140500Z`.
+    #[must_use]
+    pub fn compact(self) -> String {
+        let Self {
+            year,
+            month,
+            day,
+            hour,
+            minute,
+            second,
+        } = self;
+        format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}Z")
+    }
+}
+
+/// Year, month and day of days since 1970-01-01 (era arithmetic with years that begin in March, so
+/// that the leap day is the last day of a year).
+fn civil_date(unix_days: u32) -> (u32, u8, u8) {
+    let shifted = u64::from(unix_days) + 719_468;
     let era = shifted / 146_097;
     let day_of_era = shifted % 146_097;
     let year_of_era =
@@ -127,8 +179,8 @@ pub fn civil_date(unix_days: u32) -> (u32, u8, u8) {
     let month_from_march = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
     let month = (month_from_march + 2) % 12 + 1;
-    let year = era * 400 + year_of_era + u32::from(month <= 2);
-    (year, month as u8, day as u8)
+    let year = era * 400 + year_of_era + u64::from(month <= 2);
+    (year as u32, month as u8, day as u8)
 }
 
 #[cfg(test)]
@@ -136,17 +188,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates() {
-        for (days, date) in [
-            (0, (1970, 1, 1)),
-            (11_016, (2000, 2, 29)),
-            (14_349, (2009, 4, 15)),
-            (19_782, (2024, 2, 29)),
-            (19_783, (2024, 3, 1)),
-            (47_540, (2100, 2, 28)),
-            (47_541, (2100, 3, 1)),
+    fn civil_dates_of_unix_time() {
+        for (unix_s, text) in [
+            (0, "19700101T000000Z"),
+            (315_964_799, "19800105T235959Z"),
+            (951_782_400, "20000229T000000Z"),
+            (1_239_753_600, "20090415T000000Z"),
+            (1_709_251_199, "20240229T235959Z"),
+            (1_709_251_200, "20240301T000000Z"),
+            (1_795_273_261, "20261121T150101Z"),
+            (4_107_542_399, "21000228T235959Z"),
+            (4_107_542_400, "21000301T000000Z"),
         ] {
-            assert_eq!(civil_date(days), date, "{days}");
+            assert_eq!(Utc::of_unix_s(unix_s).compact(), text);
+        }
+        let far = Utc::of_unix_s(u64::from(u32::MAX) * 86_400);
+        assert_eq!(
+            (far.year, far.month, far.day),
+            (11_761_191, 1, 20),
+            "{far:?}"
+        );
+    }
+
+    #[test]
+    fn a_date_and_its_unix_time_are_inverse() {
+        for day in (0..80_000_u64).step_by(7) {
+            let utc = Utc::of_unix_s(day * 86_400);
+            let back = unix_s_of_date(utc.year as u16, utc.month, utc.day);
+            assert_eq!(back, Some(day as i64 * 86_400), "{utc:?}");
         }
     }
 

@@ -21,6 +21,7 @@ mod codec;
 mod error;
 mod frame;
 mod item;
+mod text;
 
 pub mod alog;
 pub mod candump;

@@ -6,7 +6,8 @@
 
 use sample::{ControlSample, Measurement, Signal, SteerSample};
 
-use crate::frame::{Frame, Framer, scan_line};
+use crate::frame::Frame;
+use crate::text::{Cells, Lines, number};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
 
 const MAX_LINE: usize = 512;
@@ -141,7 +142,7 @@ impl Field {
 
     fn value_of(&self, text: &str) -> Option<f64> {
         let number: f64 = match self.signed_bits {
-            None => text.parse().ok()?,
+            None => number(text)?,
             Some(bits) => {
                 let bits = bits.clamp(2, 62);
                 let count: i64 = text.parse().ok()?;
@@ -167,8 +168,7 @@ pub struct Reading {
 /// Incremental decoder of one text device.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    framer: Framer,
-    statistics: Statistics,
+    lines: Lines<MAX_LINE>,
     format: Format,
 }
 
@@ -180,8 +180,7 @@ impl Decoder {
     pub fn new(format: Format) -> Result<Self, WireError> {
         format.check()?;
         Ok(Self {
-            framer: Framer::new(MAX_LINE),
-            statistics: Statistics::default(),
+            lines: Lines::new(),
             format,
         })
     }
@@ -189,20 +188,15 @@ impl Decoder {
     /// Takes bytes and hands on each line that they complete.
     pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
         let format = &self.format;
-        self.framer.push(
-            bytes,
-            &mut self.statistics,
-            scan_line::<MAX_LINE>,
-            |frame, statistics| {
-                sink(item(frame, format, statistics));
-            },
-        );
+        self.lines.push(bytes, |frame, statistics| {
+            sink(item(frame, format, statistics));
+        });
     }
 
     /// Counts since the start. An unfinished last line is not a reading.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
-        self.statistics
+        self.lines.statistics()
     }
 }
 
@@ -238,14 +232,11 @@ fn item<'a>(frame: Frame<'a, ()>, format: &Format, statistics: &mut Statistics) 
 }
 
 fn read(numbers: &str, format: &Format) -> Option<Reading> {
-    let column = |index: usize| match format.delimiter {
-        Some(delimiter) => numbers.split(char::from(delimiter)).nth(index),
-        None => numbers.split_whitespace().nth(index),
-    };
+    let cells = Cells::new(numbers, format.delimiter.map(char::from));
     let values = format
         .fields
         .iter()
-        .map(|field| field.value_of(column(field.index)?.trim()))
+        .map(|field| field.value_of(cells.clone().nth(field.index)?))
         .collect::<Option<Vec<f64>>>()?;
     Some(Reading { values })
 }

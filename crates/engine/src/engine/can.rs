@@ -1,5 +1,6 @@
 //! Decodes CAN frames to signals and measurements.
 
+use model::strain::ABSENT_COUNT;
 use sample::{
     CanFrame, CornerSample, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
     Signal, SignalFrame, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
@@ -8,8 +9,6 @@ use wire::dbc::{Database, MessageDef};
 
 use crate::config::{CanMeaning, Role};
 
-/// Value of a 16-bit count without a reading.
-const ABSENT: u64 = 0xFFFF;
 /// Largest plausible age of a kernel stamp, ns; an older stamp is ignored.
 const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
 
@@ -174,5 +173,6 @@ impl Measured {
 }
 
 fn counts(bits: u64) -> Option<i32> {
-    (bits != ABSENT).then(|| i32::try_from(bits).ok()).flatten()
+    let present = bits != u64::from(ABSENT_COUNT);
+    present.then(|| i32::try_from(bits).ok()).flatten()
 }

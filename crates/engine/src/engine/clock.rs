@@ -18,7 +18,7 @@
 use std::collections::VecDeque;
 
 use sample::{DeviceTime, LogTime};
-use wire::gps_time::{gps_from_unix_ns, meant_week};
+use wire::gps_time::{SECONDS_PER_DAY, SECONDS_PER_WEEK, gps_from_unix_ns, meant_week};
 
 /// Device time over which a minimum is taken, s.
 const WINDOW_S: f64 = 1.0;
@@ -35,10 +35,6 @@ const LATE_MAX_S: f64 = 2.0;
 /// Number of consecutive messages outside these limits after which the fit is restarted, because the
 /// device clock was set.
 const CONTRADICTIONS_MAX: u32 = 8;
-/// Length of a week and of a day, s.
-const WEEK_S: f64 = 604_800.0;
-const DAY_S: f64 = 86_400.0;
-
 /// Week numbers below this may have ten bits only.
 const WEEK_OF_TEN_BITS_END: u16 = 1024;
 
@@ -265,7 +261,7 @@ impl ClockFit {
             ) => {
                 let (near, _) = gps_from_unix_ns(i64::try_from(log_time.0).unwrap_or(i64::MAX));
                 let week = meant_week(week, near);
-                (f64::from(week) * WEEK_S + time_of_week_s, None)
+                (f64::from(week) * SECONDS_PER_WEEK + time_of_week_s, None)
             }
             (
                 Scale::Gps,
@@ -273,9 +269,9 @@ impl ClockFit {
                     week: None,
                     time_of_week_s,
                 },
-            ) => (time_of_week_s, Some(WEEK_S)),
+            ) => (time_of_week_s, Some(SECONDS_PER_WEEK)),
             (Scale::UtcDay, DeviceTime::UtcTimeOfDay(time_of_day_s)) => {
-                (time_of_day_s, Some(DAY_S))
+                (time_of_day_s, Some(SECONDS_PER_DAY))
             }
             _ => return None,
         };
@@ -312,10 +308,10 @@ mod tests {
     const START: LogTime = LogTime(1_700_000_000_000_000_000);
 
     fn gps(seconds: f64) -> DeviceTime {
-        let week = (seconds / WEEK_S).floor();
+        let week = (seconds / SECONDS_PER_WEEK).floor();
         DeviceTime::Gps {
             week: Some(week as u16),
-            time_of_week_s: seconds - week * WEEK_S,
+            time_of_week_s: seconds - week * SECONDS_PER_WEEK,
         }
     }
 
@@ -351,7 +347,7 @@ mod tests {
     fn week_rollover_and_day_rollover_are_continuous() {
         let mut fit = ClockFit::new(Scale::Gps);
         for k in 0..40 {
-            let tow_s = (WEEK_S - 1.0 + f64::from(k) * 0.05) % WEEK_S;
+            let tow_s = (SECONDS_PER_WEEK - 1.0 + f64::from(k) * 0.05) % SECONDS_PER_WEEK;
             let device = DeviceTime::Gps {
                 week: None,
                 time_of_week_s: tow_s,
@@ -361,7 +357,8 @@ mod tests {
         }
         let mut fit = ClockFit::new(Scale::UtcDay);
         for k in 0..4 {
-            let device = DeviceTime::UtcTimeOfDay((DAY_S - 2.0 + f64::from(k)) % DAY_S);
+            let device =
+                DeviceTime::UtcTimeOfDay((SECONDS_PER_DAY - 2.0 + f64::from(k)) % SECONDS_PER_DAY);
             let arrived = START.offset_seconds(f64::from(k));
             assert_eq!(fit.push(device, arrived), Some(arrived));
         }
@@ -377,14 +374,14 @@ mod tests {
             let after_s = f64::from(k) - 20.0;
             let device = DeviceTime::Gps {
                 week: Some(if after_s < 0.0 { 1023 } else { 0 }),
-                time_of_week_s: after_s.rem_euclid(WEEK_S),
+                time_of_week_s: after_s.rem_euclid(SECONDS_PER_WEEK),
             };
             let arrived = rollover.offset_seconds(after_s + 0.03);
             assert_eq!(fit.push(device, arrived), Some(arrived), "{after_s} s");
         }
         let state = fit.state().expect("messages came");
         assert_eq!((state.restarts, state.messages), (0, 40));
-        assert_eq!(state.device_s, 2048.0 * WEEK_S + 19.0);
+        assert_eq!(state.device_s, 2048.0 * SECONDS_PER_WEEK + 19.0);
     }
 
     #[test]

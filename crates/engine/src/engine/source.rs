@@ -5,6 +5,7 @@ use sample::{
     SourceHealth, SourceId,
 };
 use store::{ClockFit as ClockRecord, Losses, UtcOffset};
+use wire::gps_time::{GPS_EPOCH_UNIX_S, SECONDS_PER_DAY};
 use wire::{Item, Protocol, Statistics};
 
 use super::can::{Arrived, CanDecoder};
@@ -13,10 +14,6 @@ use super::utc::UtcClock;
 use crate::Result;
 use crate::config::{GnssMeaning, Meaning, Source};
 
-/// Seconds from the UNIX epoch to GPS time zero, 1980-01-06, leap seconds left out.
-const GPS_EPOCH_UNIX_S: f64 = 315_964_800.0;
-/// Seconds of a day.
-const DAY_S: f64 = 86_400.0;
 /// Largest time between two velocity records that is used as their interval, s.
 const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
 
@@ -239,10 +236,10 @@ impl SourceState {
             .map(move |state| {
                 let log_s = state.log_time.0 as f64 * 1e-9;
                 let offset_s = match state.scale {
-                    Scale::Gps => state.device_s + GPS_EPOCH_UNIX_S - log_s,
+                    Scale::Gps => state.device_s + GPS_EPOCH_UNIX_S as f64 - log_s,
                     Scale::UtcDay => {
                         let apart_s = state.device_s - log_s;
-                        apart_s - (apart_s / DAY_S).round() * DAY_S
+                        apart_s - (apart_s / SECONDS_PER_DAY).round() * SECONDS_PER_DAY
                     }
                 };
                 ClockRecord {

@@ -8,7 +8,7 @@
 //! Its standard deviation is sqrt(jitter² + delay²): the jitter of the messages, and the constant
 //! delay between the time tag and the arrival of the fastest message, which the arrivals do not show.
 
-use wire::gps_time::{GPS_EPOCH_UNIX_S, gps_minus_utc_s, unix_s_of_date};
+use wire::gps_time::{GPS_EPOCH_UNIX_S, SECONDS_PER_DAY, gps_minus_utc_s, unix_s_of_date};
 use wire::{Message, nmea, novatel, sbf};
 
 use super::clock::{ClockFit, ClockState, Scale};
@@ -20,8 +20,6 @@ const DELAY_UNKNOWN_SIGMA_S: f64 = 0.115;
 const DELAY_KNOWN_SIGMA_S: f64 = 0.02;
 /// Smallest number of messages of a fit that is used.
 const MESSAGES_MIN: u64 = 5;
-/// Seconds of a day.
-const DAY_S: f64 = 86_400.0;
 /// Value of Septentrio's leap seconds for "unknown".
 const SBF_UNKNOWN: i8 = -128;
 /// Largest plausible leap seconds in a message, s.
@@ -92,8 +90,8 @@ impl UtcClock {
             return;
         };
         // The fit does not roll over at midnight, so that its zero is a midnight too.
-        let days = ((midnight_s as f64 + utc_s - state.device_s) / DAY_S).round();
-        self.day = Some((days * DAY_S, state.restarts));
+        let days = ((midnight_s as f64 + utc_s - state.device_s) / SECONDS_PER_DAY).round();
+        self.day = Some((days * SECONDS_PER_DAY, state.restarts));
     }
 
     /// Offset from the better of the fits that have a date; `None` if there was no message since the
@@ -192,7 +190,7 @@ mod tests {
             let elapsed_s = f64::from(k);
             let arrival =
                 WRONG.offset_seconds(elapsed_s + 0.03 + 0.03 * f64::from(k * 7 % 5) / 4.0);
-            let time_of_day_s = (86_390.0 + elapsed_s) % DAY_S;
+            let time_of_day_s = (86_390.0 + elapsed_s) % SECONDS_PER_DAY;
             let date = if k < 10 {
                 (2026, 11, 21)
             } else {

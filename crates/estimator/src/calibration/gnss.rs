@@ -23,6 +23,7 @@ use super::GnssCalibration;
 use super::imu::ImuSignal;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
 use crate::regression::whiteness;
+use crate::statistics::interval_95;
 
 /// Passes over the drive.
 const PASSES: usize = 3;
@@ -254,7 +255,7 @@ impl Pass {
                 value,
                 unit: unit.to_owned(),
                 sigma,
-                interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
+                interval: Some(interval_95(value, sigma)),
                 condition: self.condition(),
                 excitation: Some(Excitation {
                     rms: self.yaw_rate_rms,

@@ -25,10 +25,10 @@ use self::level::Level;
 use self::straight::straight;
 use self::turns::turns;
 use super::rest::{Signal, Stretch};
-use super::zero::axle_of;
 use super::{Calibration, ImuCalibration};
 use crate::finding::{Excitation, Finding, Findings, Refusal};
 use crate::regression::{Bootstrap, Fit};
+use crate::statistics::SIGMAS_95;
 
 const WHAT: &str = "imu";
 /// What springs and tyres leave open of the body's roll and pitch in turns, as a turn of the unit,
@@ -221,7 +221,7 @@ fn scale_refusal(level: &Level) -> Refusal {
 #[must_use]
 pub fn lean_rad(vehicle: &Vehicle, compression_m: &PerWheel<f64>) -> Option<[f64; 2]> {
     let travel = |wheel: Wheel| {
-        let axle = axle_of(vehicle, wheel);
+        let axle = vehicle.axle(wheel);
         let strut = axle.strut.as_ref()?;
         let ratio = strut.motion_ratio?;
         let tyre = ratio * ratio * strut.stiffness_n_m / axle.tyre.vertical_stiffness_n_m;
@@ -249,6 +249,6 @@ fn interval(design: &DMatrix<f64>, response: &DVector<f64>, fit: &Fit) -> Option
 /// A 95 % interval widened by a doubt of this deviation.
 fn doubted([low, high]: [f64; 2], sigma: f64) -> [f64; 2] {
     let half = 0.5 * (high - low);
-    let more = math::hypot(half, 1.96 * sigma) - half;
+    let more = math::hypot(half, SIGMAS_95 * sigma) - half;
     [low - more, high + more]
 }

@@ -22,11 +22,11 @@ use nalgebra::Vector3;
 use sample::{STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
 
 use self::table::{Line, Table, spread};
-use super::zero::axle_of;
 use super::{Calibration, ChannelCalibration, Resolved};
 use crate::EstimatorError;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
 use crate::regression::whiteness;
+use crate::statistics::interval_95;
 
 pub use faults::{WiringFault, WiringKind};
 
@@ -151,7 +151,7 @@ pub fn members(
     let told =
         |error: model::suspension::SuspensionError| EstimatorError::Suspension(error.to_string());
     let corner = Corner::of(vehicle, load.wheel).map_err(told)?;
-    let axle = axle_of(vehicle, load.wheel);
+    let axle = vehicle.axle(load.wheel);
     let unsprung = axle
         .unsprung
         .as_ref()
@@ -309,7 +309,7 @@ impl LoadRig {
                 value,
                 unit: of.to_owned(),
                 sigma,
-                interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
+                interval: Some(interval_95(value, sigma)),
                 condition: line.condition,
                 excitation: Some(Excitation {
                     rms: spread(&member),

@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::SteerCalibration;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
+use crate::statistics::interval_95;
 
 const WHAT: &str = "steer";
 /// Least number of readings and least angle to either side of the middle, rad.
@@ -90,7 +91,7 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
         value,
         unit: "rad".to_owned(),
         sigma,
-        interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
+        interval: Some(interval_95(value, sigma)),
         condition: 1.0,
         excitation: Some(Excitation {
             rms: (readings.iter().map(|r| mean(r).powi(2)).sum::<f64>() / readings.len() as f64)

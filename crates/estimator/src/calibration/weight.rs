@@ -14,11 +14,11 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::imu::lean_rad;
-use super::zero::axle_of;
 use super::{Calibration, SpringCalibration};
 use crate::EstimatorError;
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal, Series, Span};
-use crate::regression::{Fit, least_squares, student};
+use crate::regression::{Fit, least_squares};
+use crate::statistics::{interval_95, student_over_normal};
 
 const WHAT: &str = "weight";
 /// Different loads that are needed, and how far apart two must be, N.
@@ -156,7 +156,7 @@ fn strut_force_n(
 ) -> Result<f64, EstimatorError> {
     let told =
         |error: model::suspension::SuspensionError| EstimatorError::Suspension(error.to_string());
-    let axle = axle_of(vehicle, wheel);
+    let axle = vehicle.axle(wheel);
     let unsprung = axle
         .unsprung
         .as_ref()
@@ -215,8 +215,8 @@ impl Weight {
         if with_friction {
             names.push(("friction", "N"));
         }
-        // A handful of loads tells its own scatter badly.
-        let widen = student(rows - fit.coefficients.len());
+        // The standard deviation comes from a handful of loads.
+        let widen = student_over_normal((rows - fit.coefficients.len()) as f64);
         for (k, (name, unit)) in names.into_iter().enumerate() {
             let value = fit.coefficients[k];
             let sigma = fit.covariance_white[(k, k)].max(0.0).sqrt() * widen;
@@ -225,7 +225,7 @@ impl Weight {
                 value,
                 unit: unit.to_owned(),
                 sigma,
-                interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
+                interval: Some(interval_95(value, sigma)),
                 condition: fit.condition,
                 excitation: Some(Excitation {
                     rms: fit.excitation[k],

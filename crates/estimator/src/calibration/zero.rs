@@ -22,7 +22,6 @@ use crate::finding::{Figure, Finding, Findings, Refusal, Series};
 
 pub use faults::{ChannelFault, FaultKind};
 pub use loads::rest_roll_pitch_rad;
-pub(crate) use loads::{axle_of, static_load_n};
 
 /// What is looked for, in messages.
 const WHAT: &str = "zero";

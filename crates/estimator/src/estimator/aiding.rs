@@ -2,7 +2,7 @@
 //! velocity along the ground's normal.
 
 use nalgebra::Vector3;
-use sample::{InnovationKind, LogTime, Wheel};
+use sample::{InnovationKind, LogTime, STANDARD_GRAVITY_M_S2, Wheel};
 
 use super::Estimator;
 use crate::corners::Corners;
@@ -24,11 +24,12 @@ impl Estimator {
     /// Forward speed over angular speed of a freely rolling wheel, m: as measured, else of the
     /// loaded tyre.
     pub(super) fn rolling_radius_m(&self, wheel: Wheel) -> f64 {
-        let tyre = &self.axle(wheel).tyre;
-        let load = self.vehicle.body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / 4.0;
-        let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
         let measured = self.calibration.rolling_radius_m[wheel];
-        measured.unwrap_or(tyre.unloaded_radius_m - pressed / 3.0)
+        measured.unwrap_or_else(|| {
+            let load_n = self.vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2 / 4.0;
+            let tyre = &self.vehicle.axle(wheel).tyre;
+            tyre.rolling_radius_m(load_n)
+        })
     }
 
     /// Corrects the motion filter by wheel speeds while GNSS velocity is silent, and by tyre slip

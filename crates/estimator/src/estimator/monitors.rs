@@ -77,7 +77,7 @@ impl Estimator {
         let t = self.settings.tuning;
         let rolling = PerWheel::from_fn(|wheel| {
             let reading = self.readings.wheel_speed_rad_s[wheel]?.fresh(now, t.fresh_s)?;
-            let left_m = 0.5 * self.axle(wheel).track_m * wheel.side();
+            let [_, left_m] = self.vehicle.wheel_place_m(wheel);
             Some(Rolling {
                 read_m_s: reading * self.rolling_radius_m(wheel),
                 over_ground_m_s: state.velocity_m_s.x - state.rate_rad_s.z * left_m,

@@ -192,7 +192,7 @@ impl Estimator {
             return PerWheel::default();
         };
         PerWheel::from_fn(|wheel| {
-            let tyre = &self.axle(wheel).tyre;
+            let tyre = &self.vehicle.axle(wheel).tyre;
             let assumed = CornerAssumptions {
                 rolling_radius_m: tyre.rolling_resistance
                     * tyre.unloaded_radius_m

@@ -2,6 +2,7 @@
 
 use model::vehicle::{Tyre, Vehicle};
 use nalgebra::{Matrix3, Vector3};
+use sample::Wheel;
 
 /// Parameters of the vehicle in the balances.
 #[derive(Clone, Debug)]
@@ -42,8 +43,6 @@ impl Body {
             0.0,
             body.inertia_kg_m2[2],
         );
-        let wheelbase = body.front_axle_to_cg_m + body.cg_to_rear_axle_m;
-        let half = 0.5 * body.mass_kg * sample::STANDARD_GRAVITY_M_S2 / wheelbase;
         let axles = [&vehicle.front, &vehicle.front, &vehicle.rear, &vehicle.rear];
         Self {
             mass_kg: body.mass_kg,
@@ -58,13 +57,7 @@ impl Body {
                     .as_ref()
                     .map_or(0.0, |part| part.wheel_spin_inertia_kg_m2)
             }),
-            static_load: std::array::from_fn(|i| {
-                half * if i < 2 {
-                    body.cg_to_rear_axle_m
-                } else {
-                    body.front_axle_to_cg_m
-                }
-            }),
+            static_load: Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel)),
         }
     }
 }

@@ -289,10 +289,6 @@ impl PlanarReadings {
 /// Speed over the wheels' angular speed, rolling freely, m.
 fn rolling_radius_m(vehicle: &Vehicle) -> f64 {
     let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
-    let radii = [&vehicle.front, &vehicle.rear].map(|axle| {
-        let tyre = &axle.tyre;
-        // A belted tyre rolls like a wheel pressed by a third of its deflection.
-        tyre.unloaded_radius_m - load_n / tyre.vertical_stiffness_n_m.max(1.0) / 3.0
-    });
+    let radii = [&vehicle.front, &vehicle.rear].map(|axle| axle.tyre.rolling_radius_m(load_n));
     0.5 * (radii[0] + radii[1])
 }

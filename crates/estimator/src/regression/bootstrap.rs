@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::statistics::{SIGMAS_95, student_over_normal};
+
 /// A circular moving-block bootstrap (Politis and Romano 1992): rows are drawn in blocks, so that
 /// their correlation stays what it is. The same seed gives the same interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,11 +29,11 @@ impl Bootstrap {
         }
     }
 
-    /// The interval of each parameter that 95 % of the repetitions fall into, widened as Student's
-    /// t of as many degrees of freedom as there are blocks is wider than a normal distribution,
-    /// since a few blocks tell their own spread badly. `estimate` is given
-    /// row numbers, as many as `rows` and some of them repeated, and returns the parameters;
-    /// repetitions that it cannot estimate are left out. `None` if more than one in ten are.
+    /// The interval of each parameter that holds 95 % of the repetitions, widened by the ratio of
+    /// Student's t distribution to the normal one, with as many degrees of freedom as there are
+    /// blocks: the spread of a few blocks is uncertain. `estimate` gets row numbers, as many as
+    /// `rows` and some of them repeated, and returns the parameters; repetitions that it cannot
+    /// estimate are left out. `None` if more than one in ten are.
     #[must_use]
     pub fn intervals(
         &self,
@@ -60,7 +62,7 @@ impl Bootstrap {
             return None;
         }
         let parameters = found.first()?.len();
-        let widen = 1.0 + 1.21 * block as f64 / rows as f64;
+        let widen = student_over_normal(rows as f64 / block as f64);
         Some(
             (0..parameters)
                 .map(|j| interval(&found, j, widen))
@@ -117,7 +119,7 @@ pub fn intervals_by_influence(
         let sigma = (gradient.transpose() * covariance * &gradient)[(0, 0)]
             .max(0.0)
             .sqrt();
-        let stretch = 2.0 * 1.96 * sigma / (high - low);
+        let stretch = 2.0 * SIGMAS_95 * sigma / (high - low);
         if stretch.is_finite() {
             [low, high].map(|end| middle[p] + stretch * (end - middle[p]))
         } else {

@@ -5,13 +5,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::long_run::autoregression;
+use crate::statistics::{SIGMAS_95, student_over_normal};
 
 /// Drawn repetitions that tell how far deviations fall short, and their seed.
 const REPETITIONS: usize = 100;
 const SEED: u64 = 1;
-/// A normal distribution holds this part within so many deviations.
+/// Part of the drawn errors that the widened deviations hold.
 const HELD: f64 = 0.95;
-const HELD_SIGMAS: f64 = 1.96;
 
 /// Covariance of estimates that are sums of leverage times residual; several fits of the same rows
 /// are joined, each given by its leverage (a column a coefficient) and its residuals.
@@ -109,10 +109,11 @@ fn passed(leverage: &DMatrix<f64>, phi: &[f64]) -> DMatrix<f64> {
     passed
 }
 
-/// How much wider Student's t is than a normal distribution.
+/// Factor for a standard deviation of `rows` residuals from which `columns` coefficients were
+/// fitted: the residuals' own shortfall and Student's t distribution.
 fn student(rows: usize, columns: usize) -> f64 {
     let freedom = (rows as f64 - columns as f64).max(3.0);
-    (rows as f64 / freedom).sqrt() * (1.0 + 1.21 / freedom)
+    (rows as f64 / freedom).sqrt() * student_over_normal(freedom)
 }
 
 /// By how much deviations that are estimated from a fit's residuals have to grow, on average over
@@ -140,7 +141,7 @@ fn shortfall(leverage: &DMatrix<f64>, phi: &[f64]) -> f64 {
     }
     let held = studentised.into_iter().map(|mut values| {
         values.sort_by(f64::total_cmp);
-        values[(HELD * REPETITIONS as f64) as usize] / HELD_SIGMAS
+        values[(HELD * REPETITIONS as f64) as usize] / SIGMAS_95
     });
     held.sum::<f64>() / columns as f64
 }

@@ -5,7 +5,6 @@ use nalgebra::{SMatrix, SVector};
 use sample::Wheel;
 
 use super::SuspensionError;
-use super::quarter::axle;
 use super::ride::{Assembly, Ride, RideCorner};
 use crate::vehicle::Vehicle;
 
@@ -61,15 +60,8 @@ impl FullCar {
         let front = RideCorner::of(vehicle, Wheel::FrontLeft)?;
         let rear = RideCorner::of(vehicle, Wheel::RearLeft)?;
         let place = |wheel: Wheel| {
-            let x = if wheel.is_front() {
-                vehicle.body.front_axle_to_cg_m
-            } else {
-                -vehicle.body.cg_to_rear_axle_m
-            };
-            [
-                x - sprung.cg_m[0],
-                0.5 * wheel.side() * axle(vehicle, wheel).track_m,
-            ]
+            let [x, y] = vehicle.wheel_place_m(wheel);
+            [x - sprung.cg_m[0], y]
         };
         Self::new(
             sprung.mass_kg,

@@ -133,11 +133,7 @@ mod tests {
             corner.pose(corner.design_strut_length_m(), 0.0).unwrap()
         });
         let radius = PerWheel::from_fn(|wheel| {
-            let axle = if wheel.is_front() {
-                &vehicle.front
-            } else {
-                &vehicle.rear
-            };
+            let axle = vehicle.axle(wheel);
             axle.tyre.unloaded_radius_m
         });
         let weight = PerWheel([1.0, 1.0, 1.0, 0.5]);

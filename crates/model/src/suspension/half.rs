@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 use sample::Wheel;
 
 use super::SuspensionError;
-use super::quarter::{axle, sprung_masses_kg};
+use super::quarter::sprung_masses_kg;
 use super::ride::{Assembly, Ride, RideCorner};
 use crate::vehicle::Vehicle;
 
@@ -83,7 +83,7 @@ impl HalfCar {
     pub fn lateral_of(vehicle: &Vehicle, wheel: Wheel) -> Result<Self, SuspensionError> {
         let sprung = vehicle.sprung();
         let mass = sprung_masses_kg(vehicle)[usize::from(!wheel.is_front())];
-        let axle = axle(vehicle, wheel);
+        let axle = vehicle.axle(wheel);
         Self::lateral(
             mass,
             sprung.inertia_kg_m2[0] * mass / sprung.mass_kg,

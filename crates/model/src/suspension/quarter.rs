@@ -5,7 +5,7 @@ use sample::Wheel;
 
 use super::ride::{Assembly, Ride, RideCorner};
 use super::{Corner, SuspensionError};
-use crate::vehicle::{Axle, Vehicle};
+use crate::vehicle::Vehicle;
 
 /// Quarter car; degrees of freedom z_s and z_u, state [z_s', z_u', z_s, z_u].
 pub type QuarterCar = Ride<2, 4, 1>;
@@ -48,7 +48,7 @@ impl RideCorner {
     /// # Errors
     /// When the axle has no unsprung masses, or degenerate hard-points.
     pub fn of(vehicle: &Vehicle, wheel: Wheel) -> Result<Self, SuspensionError> {
-        let axle = axle(vehicle, wheel);
+        let axle = vehicle.axle(wheel);
         let unsprung = axle.unsprung.as_ref().ok_or(SuspensionError::Missing {
             axle: if wheel.is_front() { "front" } else { "rear" },
             table: "unsprung",
@@ -109,14 +109,6 @@ pub fn vertical_force_n(
     compression_m: f64,
 ) -> f64 {
     static_force_n + stiffness_n_m * motion_ratio * compression_m
-}
-
-pub(super) fn axle(vehicle: &Vehicle, wheel: Wheel) -> &Axle {
-    if wheel.is_front() {
-        &vehicle.front
-    } else {
-        &vehicle.rear
-    }
 }
 
 /// The sprung mass's share of the front and of the rear axle, kg.

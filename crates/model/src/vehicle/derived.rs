@@ -2,7 +2,7 @@
 
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
-use super::{Axle, Pitch, Sprung, Vehicle};
+use super::{Axle, Pitch, Sprung, Tyre, Vehicle};
 
 impl Axle {
     /// Mass of both corners' wheels, uprights and arms, kg; zero where the file gives none.
@@ -27,6 +27,15 @@ impl Axle {
     }
 }
 
+impl Tyre {
+    /// Speed over angular speed of a freely rolling wheel under a load, m: a belted tyre rolls like
+    /// a rigid wheel whose radius is smaller by a third of the tyre's deflection.
+    #[must_use]
+    pub fn rolling_radius_m(&self, load_n: f64) -> f64 {
+        self.unloaded_radius_m - load_n / self.vertical_stiffness_n_m.max(1.0) / 3.0
+    }
+}
+
 impl Vehicle {
     /// Wheelbase L = a + b, m.
     #[must_use]
@@ -45,6 +54,28 @@ impl Vehicle {
             self.body.front_axle_to_cg_m
         };
         0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 * arm_m / self.wheelbase_m()
+    }
+
+    /// The axle of a wheel.
+    #[must_use]
+    pub fn axle(&self, wheel: Wheel) -> &Axle {
+        if wheel.is_front() {
+            &self.front
+        } else {
+            &self.rear
+        }
+    }
+
+    /// Place of a wheel's contact in the design position, forward and left of the centre of gravity,
+    /// m.
+    #[must_use]
+    pub fn wheel_place_m(&self, wheel: Wheel) -> [f64; 2] {
+        let ahead_m = if wheel.is_front() {
+            self.body.front_axle_to_cg_m
+        } else {
+            -self.body.cg_to_rear_axle_m
+        };
+        [ahead_m, 0.5 * wheel.side() * self.axle(wheel).track_m]
     }
 
     /// Roll angle of a rigid vehicle whose centre of gravity stands above the outer wheels of the

@@ -1,6 +1,6 @@
 //! Whether innovations are as large as the filters expect, second by second. No truth is needed.
 
-use estimator::consistency::chi_square_bounds;
+use estimator::consistency::chi_squared_bounds;
 use sample::{InnovationKind, Innovations, LogTime};
 use serde_json::{Value, json};
 use store::{Reader, Record, Selection};
@@ -62,7 +62,7 @@ fn judge(
         if found.count == 0 {
             continue;
         }
-        let [low, high] = chi_square_bounds(f64::from(found.count));
+        let [low, high] = chi_squared_bounds(f64::from(found.count));
         windows += 1;
         inside += usize::from((low..=high).contains(&found.mean_square));
         above += usize::from(found.mean_square > high);
@@ -78,7 +78,7 @@ fn judge(
         windows,
         inside: part(inside),
         above: part(above),
-        bounds: chi_square_bounds(count as f64 / windows as f64),
+        bounds: chi_squared_bounds(count as f64 / windows as f64),
     })
 }
 

@@ -6,6 +6,7 @@ use sample::DeviceTime;
 use super::LOGS;
 use crate::codec::{AsciiReader, BinaryReader, Codec, Names};
 use crate::frame::Scan;
+use crate::gps_time::MILLISECONDS_PER_WEEK;
 
 /// The usual reflected CRC-32, started at zero and not inverted at the end.
 static ALGORITHM: Algorithm<u32> = Algorithm {
@@ -19,7 +20,6 @@ static CRC: LazyLock<Crc<u32, Table<1>>> = LazyLock::new(|| Crc::<u32, Table<1>>
 pub(crate) const MAX_FRAME: usize = 8192;
 pub(super) const LONG_HEADER: usize = 28;
 pub(super) const SHORT_HEADER: usize = 12;
-const MILLISECONDS_PER_WEEK: u32 = 604_800_000;
 
 pub(super) const TIME_STATUS: Names = &[
     (20, "UNKNOWN"),

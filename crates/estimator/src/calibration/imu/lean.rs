@@ -5,7 +5,6 @@ use model::vehicle::Vehicle;
 use sample::{PerWheel, Wheel};
 
 use super::lean_rad;
-use crate::calibration::zero::{axle_of, static_load_n};
 
 /// What leans a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,16 +68,16 @@ impl Linkage {
     /// `None` where the vehicle file has no hard-points or struts.
     fn of(vehicle: &Vehicle) -> Option<Self> {
         let corner = |wheel: Wheel| {
-            let design_m = axle_of(vehicle, wheel).strut.as_ref()?.design_length_m;
+            let design_m = vehicle.axle(wheel).strut.as_ref()?.design_length_m;
             Some((Corner::of(vehicle, wheel).ok()?, design_m))
         };
         let [Some(fl), Some(fr), Some(rl), Some(rr)] = Wheel::ALL.map(corner) else {
             return None;
         };
         let body = &vehicle.body;
-        let tyre = |wheel: Wheel| &axle_of(vehicle, wheel).tyre;
+        let tyre = |wheel: Wheel| &vehicle.axle(wheel).tyre;
         let stiffness = |wheel: Wheel| tyre(wheel).vertical_stiffness_n_m;
-        let side_m = |wheel: Wheel| 0.5 * wheel.side() * axle_of(vehicle, wheel).track_m;
+        let side_m = |wheel: Wheel| 0.5 * wheel.side() * vehicle.axle(wheel).track_m;
         let stiff = Wheel::ALL.map(|wheel| stiffness(wheel) * side_m(wheel).powi(2));
         let moment = body.mass_kg * body.cg_height_m;
         let rolled = moment / stiff.into_iter().sum::<f64>();
@@ -91,7 +90,7 @@ impl Linkage {
             design_m: PerWheel([fl.1, fr.1, rl.1, rr.1]),
             corners: PerWheel([fl.0, fr.0, rl.0, rr.0]),
             radius_m: PerWheel::from_fn(|wheel| tyre(wheel).unloaded_radius_m),
-            pressed_m: PerWheel::from_fn(|wheel| static_load_n(vehicle, wheel) / stiffness(wheel)),
+            pressed_m: PerWheel::from_fn(|wheel| vehicle.static_load_n(wheel) / stiffness(wheel)),
             pressed_by_m: PerWheel::from_fn(pressed_by_m),
             rack_m_rad: vehicle.steering.rack_m_rad.unwrap_or(0.0),
         })

@@ -6,6 +6,7 @@ use sample::STANDARD_GRAVITY_M_S2;
 use super::ImuLog;
 use crate::calibration::rest::{Stretch, mean};
 use crate::finding::{Finding, Refusal, Span};
+use crate::statistics::interval_95;
 
 /// Two headings must differ by this much, rad (150 degrees).
 const HEADINGS_DIFFER_RAD: f64 = 2.6;
@@ -156,7 +157,7 @@ impl Level {
             value,
             unit: unit.to_owned(),
             sigma,
-            interval: Some([value - 1.96 * sigma, value + 1.96 * sigma]),
+            interval: Some(interval_95(value, sigma)),
             condition: self.condition,
             excitation: None,
             whiteness: None,

@@ -4,7 +4,7 @@ use model::suspension::{
     ChannelKind, Corner, CornerMotion, CornerStatics, MemberForces, SuspensionError, TyreFrame,
     Wrench, ground_plane,
 };
-use model::vehicle::{Axle, Vehicle};
+use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
 
@@ -25,7 +25,7 @@ impl CornerLoads {
     pub(super) fn new(input: &ZeroInput<'_>, wheel: Wheel) -> Result<Self, EstimatorError> {
         let told = |error: SuspensionError| EstimatorError::Suspension(error.to_string());
         let vehicle = input.vehicle;
-        let axle = axle_of(vehicle, wheel);
+        let axle = vehicle.axle(wheel);
         let corner = Corner::of(vehicle, wheel).map_err(told)?;
         let rack = |hand_wheel_rad: f64| {
             if wheel.is_front() {
@@ -72,30 +72,16 @@ pub fn rest_roll_pitch_rad(vehicle: &Vehicle) -> Result<[f64; 2], EstimatorError
         let length_m = standing(vehicle, &corner, 0.0).map_err(told)?.2;
         poses.push(corner.pose(length_m, 0.0).map_err(told)?);
     }
-    let tyre = |wheel: Wheel| &axle_of(vehicle, wheel).tyre;
+    let tyre = |wheel: Wheel| &vehicle.axle(wheel).tyre;
     let plane = ground_plane(
         &PerWheel::from_fn(|wheel| poses[wheel.index()]),
         &PerWheel::from_fn(|wheel| tyre(wheel).unloaded_radius_m),
         &PerWheel::from_fn(|wheel| {
-            static_load_n(vehicle, wheel) / tyre(wheel).vertical_stiffness_n_m
+            vehicle.static_load_n(wheel) / tyre(wheel).vertical_stiffness_n_m
         }),
         &PerWheel([1.0; 4]),
     );
     Ok(plane.map_or([0.0; 2], |plane| plane.body_roll_pitch_rad()))
-}
-
-/// The axle of a wheel.
-pub(crate) fn axle_of(vehicle: &Vehicle, wheel: Wheel) -> &Axle {
-    if wheel.is_front() {
-        &vehicle.front
-    } else {
-        &vehicle.rear
-    }
-}
-
-/// Load of a wheel on level ground at rest, N.
-pub(crate) fn static_load_n(vehicle: &Vehicle, wheel: Wheel) -> f64 {
-    vehicle.static_load_n(wheel)
 }
 
 /// Members, ball-normal force and strut length of a corner on level ground under its static load.
@@ -105,8 +91,8 @@ fn standing(
     rack_m: f64,
 ) -> Result<(MemberForces, f64, f64), SuspensionError> {
     let wheel = corner.wheel;
-    let axle = axle_of(vehicle, wheel);
-    let load_n = static_load_n(vehicle, wheel);
+    let axle = vehicle.axle(wheel);
+    let load_n = vehicle.static_load_n(wheel);
     let (Some(strut), Some(unsprung)) = (&axle.strut, &axle.unsprung) else {
         return Err(SuspensionError::Missing {
             axle: if wheel.is_front() { "front" } else { "rear" },

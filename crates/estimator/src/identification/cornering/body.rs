@@ -2,6 +2,7 @@
 //! bends the tyres' characteristic.
 
 use model::chassis::four_wheel::Parameters;
+use model::tyre::brush_over_linear;
 use model::vehicle::{Axle, Vehicle};
 use sample::STANDARD_GRAVITY_M_S2;
 
@@ -345,8 +346,10 @@ impl Tyre {
         if slid >= 1.0 {
             return [self.grip_inverse.recip(), 0.0];
         }
-        let force_n = linear_n * (1.0 - slid + slid * slid / 3.0);
-        [force_n, self.stiffness * (1.0 - slid).powi(2)]
+        [
+            linear_n * brush_over_linear(slid),
+            self.stiffness * (1.0 - slid).powi(2),
+        ]
     }
 }
 
@@ -363,7 +366,7 @@ mod tests {
             let part_of = |part: f64| {
                 let grip_n = 0.5 * body.grip_n[0] * part;
                 let slid = 0.5 * math::powf(part, body.load_exponent[0]) * pull_n / (3.0 * grip_n);
-                grip_n * (1.0 - (1.0 - slid).powi(3))
+                grip_n * model::tyre::brush_over_grip(slid)
             };
             let force_n: f64 = parts.map(part_of).iter().sum();
             let found = body.pull(0, -force_n, parts, body.grip_n[0].recip());

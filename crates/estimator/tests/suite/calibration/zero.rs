@@ -46,11 +46,7 @@ fn hanging(seed: u64) -> PerWheel<CornerRest> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let vehicle = vehicle();
     PerWheel::from_fn(|wheel| {
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let gravity = Vector3::z() * STANDARD_GRAVITY_M_S2;
         let corner = Corner::of(&vehicle, wheel).expect("sound");
         let hanging = corner.hanging(axle, 0.0, gravity).expect("sound");

@@ -36,11 +36,7 @@ pub fn deflection(
             let Measurement::Corner(corner) = &sample.measurement else {
                 continue;
             };
-            let axle = if corner.wheel.is_front() {
-                &vehicle.front
-            } else {
-                &vehicle.rear
-            };
+            let axle = vehicle.axle(corner.wheel);
             let strut = axle.strut.as_ref().unwrap();
             let pot = &resolved.corners[corner.wheel].deflection;
             if let Some(compression_m) = corner.deflection_counts.and_then(|c| pot.value(c)) {

@@ -21,11 +21,7 @@ pub fn lock_axles(run: &mut Run, vehicle: &Vehicle, more_n: impl Fn(usize) -> f6
     let rack_m_rad = vehicle.steering.rack_m_rad.unwrap();
     for wheel in Wheel::ALL {
         let name = wheel.abbreviation();
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let share = match wheel.is_front() {
             true => -vehicle.rear.track_m / vehicle.front.track_m,
             false => 1.0,

@@ -252,9 +252,7 @@ fn axle(
     index: usize,
 ) -> AxleParameters {
     let tyre = &axle.tyre;
-    // A rolling tyre turns as if its radius were short of a third of its deflection.
-    let rolling_radius_m =
-        tyre.unloaded_radius_m - vehicle.static_load_n(wheel) / tyre.vertical_stiffness_n_m / 3.0;
+    let rolling_radius_m = tyre.rolling_radius_m(vehicle.static_load_n(wheel));
     AxleParameters {
         ahead_m,
         track_m: axle.track_m,

@@ -195,7 +195,8 @@ fn corner(
     let unsprung = axle.unsprung.as_ref().ok_or_else(|| missing(parts[0]))?;
     let strut = axle.strut.as_ref().ok_or_else(|| missing(parts[1]))?;
     let tyre = &axle.tyre;
-    let squeeze = vehicle.static_load_n(wheel) / tyre.vertical_stiffness_n_m;
+    let static_load_n = vehicle.static_load_n(wheel);
+    let squeeze = static_load_n / tyre.vertical_stiffness_n_m;
     let side = wheel.side();
     let mut centre = [
         ahead_m,
@@ -252,7 +253,7 @@ fn corner(
         bar_n_m: axle.anti_roll_bar_n_m_rad / axle.track_m.powi(2),
         tyre: Tyre::from_vehicle(tyre),
         unloaded_radius_m: tyre.unloaded_radius_m,
-        rolling_radius_m: tyre.unloaded_radius_m - squeeze / 3.0,
+        rolling_radius_m: tyre.rolling_radius_m(static_load_n),
         vertical_stiffness_n_m: tyre.vertical_stiffness_n_m,
         vertical_damping_n_s_m: tyre.vertical_damping_n_s_m,
         tread_width_m: tyre.width_m,

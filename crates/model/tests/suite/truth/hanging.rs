@@ -32,11 +32,7 @@ fn hanging_wheels_rest_where_the_simulator_says() {
     for wheel in Wheel::ALL {
         let get = |name: &str| run.get(&format!("{wheel}_{name}"), row);
         assert_eq!(get("Fz"), 0.0, "{wheel} hangs");
-        let axle = if wheel.is_front() {
-            &vehicle.front
-        } else {
-            &vehicle.rear
-        };
+        let axle = vehicle.axle(wheel);
         let corner = Corner::of(vehicle, wheel).expect("hard-points");
         let rest = corner
             .hanging(axle, 0.0, up * GRAVITY_M_S2)
