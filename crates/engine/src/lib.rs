@@ -1,5 +1,6 @@
-//! Engine: computes records from a configuration and arrivals, for recording, replay, simulation and
-//! import.
+#![doc = include_str!("../README.md")]
+//!
+//! # Parts
 //!
 //! [`Config`] reads `atvrec.toml` and every file that it names, and reports all of their errors
 //! together. [`Engine`] computes records from arrivals: the same configuration and the same arrivals
@@ -21,6 +22,8 @@ mod rig;
 pub mod session;
 mod simulate;
 mod verify;
+
+pub use {sample, store};
 
 pub use config::Config;
 pub use engine::{Engine, SILENCE_NS, Skipped};
