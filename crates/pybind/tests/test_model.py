@@ -113,7 +113,7 @@ def test_vehicles(vehicle: atvrec.Vehicle, tmp_path: Path) -> None:
         vehicle.with_values({"body.mass_kg": -1.0})
     with pytest.raises(ValueError, match="mass_lb"):
         vehicle.with_values({"body.mass_lb": 1400.0})
-    with pytest.raises(atvrec.VehicleError, match="no vehicle named"):
+    with pytest.raises(atvrec.VehicleError, match="not a built-in vehicle"):
         atvrec.Vehicle.builtin("tank")
     with pytest.raises(FileNotFoundError):
         atvrec.Vehicle.load(tmp_path / "absent.toml")

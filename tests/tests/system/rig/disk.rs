@@ -36,7 +36,7 @@ fn a_full_disk_is_told_costs_nothing_and_is_written_again_when_there_is_room() {
         "{}",
         text("status-full")
     );
-    assert!(text("record.log").contains("the disk takes the log again"));
+    assert!(text("record.log").contains("the log can be written again"));
     let summary = text("summary.json");
     assert!(summary.contains("\"disk\": 0"), "{summary}");
 
@@ -64,7 +64,7 @@ fn a_disk_that_fails_is_told_costs_nothing_and_is_written_again_when_it_is_back(
     }
     let told = text("record.log");
     assert_eq!(
-        told.matches("the disk takes the log again").count(),
+        told.matches("the log can be written again").count(),
         3,
         "{told}"
     );
