@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use acq::{Heard, VirtualPort};
 use anyhow::Context;
-use engine::Rig;
+use engine::VirtualDrive;
 use sample::CanFrame;
 use sim::{Output, Port};
 use wire::crossbow440::{Field, encode_packet};
@@ -108,17 +108,17 @@ impl Devices {
         self.devices.iter().map(|device| device.link.as_path())
     }
 
-    /// Sends the data of the rig in real time until its end or until `stop` is set. Frames without a
-    /// device are passed to `bus`.
+    /// Sends the data of the virtual drive in real time until its end or until `stop` is set. Frames
+    /// without a device are passed to `bus`.
     pub fn drive(
         &mut self,
-        rig: &mut Rig,
+        simulated: &mut VirtualDrive,
         stop: &AtomicBool,
         bus: &mut dyn FnMut(&CanFrame) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let start = Instant::now();
-        let duration_s = rig.duration_s();
-        for emission in rig.vehicle.by_ref() {
+        let duration_s = simulated.duration_s();
+        for emission in simulated.vehicle.by_ref() {
             if emission.time_s > duration_s {
                 break;
             }

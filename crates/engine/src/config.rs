@@ -14,7 +14,7 @@ mod trigger;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use model::file::{Gatherer, Section};
+use model::file::{ErrorCollector, Section};
 use store::Attachment;
 
 pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
@@ -124,23 +124,27 @@ impl Config {
     }
 
     fn resolve(name: &str, text: &str, mut files: Files) -> std::result::Result<Self, Problems> {
-        let mut gather = Gatherer::new(name, text);
-        let Some(table) = gather.parse() else {
-            return Err(Problems(gather.into_problems()));
+        let mut collector = ErrorCollector::new(name, text);
+        let Some(table) = collector.parse() else {
+            return Err(Problems(collector.into_problems()));
         };
         let mut top = Section::new("", table);
-        let sources = top.section("source", &mut gather);
-        let sources = source::read_all(sources, &mut files, &mut gather);
-        let storage = Storage::read(top.section("storage", &mut gather), &sources, &mut gather);
-        let vehicle = top.section("vehicle", &mut gather);
-        let section = top.section("estimator", &mut gather);
-        let estimator = estimator::read(section, vehicle, &mut files, &mut gather);
-        let mut control = top.section("control", &mut gather);
-        let socket = control.optional::<String>("socket", &mut gather);
-        control.finish(&mut gather);
-        top.finish(&mut gather);
-        if !gather.is_empty() {
-            return Err(Problems(gather.into_problems()));
+        let sources = top.section("source", &mut collector);
+        let sources = source::read_all(sources, &mut files, &mut collector);
+        let storage = Storage::read(
+            top.section("storage", &mut collector),
+            &sources,
+            &mut collector,
+        );
+        let vehicle = top.section("vehicle", &mut collector);
+        let section = top.section("estimator", &mut collector);
+        let estimator = estimator::read(section, vehicle, &mut files, &mut collector);
+        let mut control = top.section("control", &mut collector);
+        let socket = control.optional::<String>("socket", &mut collector);
+        control.finish(&mut collector);
+        top.finish(&mut collector);
+        if !collector.is_empty() {
+            return Err(Problems(collector.into_problems()));
         }
         let mut attachments = vec![Attachment {
             name: ATTACHED_NAME.to_owned(),

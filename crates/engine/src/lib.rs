@@ -20,10 +20,10 @@ mod read_ahead;
 mod recorded;
 mod recording;
 mod replay;
-mod rig;
 pub mod session;
 mod simulate;
 mod verify;
+mod virtual_drive;
 
 pub use {estimator, sample, sim, store};
 
@@ -35,6 +35,6 @@ pub use handling::{Handling, identify_handling};
 pub use recorded::{Window, read_drive, read_swing, vehicle_file, vehicle_of};
 pub use recording::read_recording;
 pub use replay::{Changes, FileSource, Replay, ReplayOptions, Replayed};
-pub use rig::{Course, Drive, Ports, Rig, read_options};
 pub use simulate::simulate;
 pub use verify::Verification;
+pub use virtual_drive::{Course, Drive, Ports, VirtualDrive, read_options};

@@ -4,7 +4,7 @@ use sample::{LogTime, Notice, Payload, SourceId};
 use sim::{Output, Port};
 
 use crate::feed::{Entry, Feed};
-use crate::{Config, Error, Rig};
+use crate::{Config, Error, VirtualDrive};
 
 /// Interval of ticks, equal to that of the recorder, s.
 const TICK_S: f64 = 0.1;
@@ -17,11 +17,11 @@ const TRUTH_S: f64 = 0.01;
 /// # Errors
 /// The errors of [`Engine::new`](crate::Engine::new) and of `sink`.
 pub fn simulate<E: From<Error>>(
-    rig: &mut Rig,
+    simulated: &mut VirtualDrive,
     config: &Config,
     mut sink: impl FnMut(Entry) -> Result<(), E>,
 ) -> Result<u64, E> {
-    let start = rig.start();
+    let start = simulated.start();
     let source_of = |port: Port| {
         let mut sources = config.sources.iter();
         sources
@@ -35,12 +35,12 @@ pub fn simulate<E: From<Error>>(
     }
     let (mut ticks, mut truths, mut marks) = (0_u64, 0_u64, 0);
     let at = |time_s: f64| -> LogTime { start.offset_seconds(time_s) };
-    while let Some(emission) = rig.vehicle.next() {
-        if emission.time_s > rig.duration_s() {
+    while let Some(emission) = simulated.vehicle.next() {
+        if emission.time_s > simulated.duration_s() {
             break;
         }
         while truths as f64 * TRUTH_S <= emission.time_s {
-            sink(Entry::Record(rig.truth(truths as f64 * TRUTH_S)))?;
+            sink(Entry::Record(simulated.truth(truths as f64 * TRUTH_S)))?;
             truths += 1;
         }
         while ticks as f64 * TICK_S <= emission.time_s {
@@ -48,7 +48,7 @@ pub fn simulate<E: From<Error>>(
             feed.push(SourceId::HOST, time, Payload::Tick, &mut sink)?;
             ticks += 1;
         }
-        let known = rig.vehicle.motion().marks();
+        let known = simulated.vehicle.motion().marks();
         while let Some((time_s, text)) = known.get(marks).filter(|m| m.0 <= emission.time_s) {
             let mark = Payload::Notice(Notice::Mark(text.clone()));
             feed.push(SourceId::HOST, at(*time_s), mark, &mut sink)?;

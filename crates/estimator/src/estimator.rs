@@ -211,7 +211,7 @@ impl Estimator {
             }
             Measurement::Corner(corner) => self.waiting.push(time, Held::Corner(*corner)),
             Measurement::Steer(steer) if uses(Input::Steer) => {
-                let angle = steer.hand_wheel_rad - self.calibration.steer_offset_rad;
+                let angle = steer.steering_wheel_rad - self.calibration.steer_offset_rad;
                 self.waiting.push(time, Held::SteeringWheel(angle));
             }
             Measurement::WheelSpeed(speeds) if uses(Input::WheelSpeed) => {

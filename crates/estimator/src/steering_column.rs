@@ -61,7 +61,7 @@ fn straightened(vehicle: &Vehicle) -> Result<MonotoneMap, EstimatorError> {
             let [left, right, ..] = measured.road_wheels(angle_rad, 0.0);
             let mean_rad = 0.5 * (left + right);
             let same_rad = if linked {
-                by_design.hand_wheel_rad(mean_rad)
+                by_design.steering_wheel_rad(mean_rad)
             } else {
                 mean_rad * design.steering.ratio
             };
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn without_maps_and_play_the_hand_wheel_is_left_alone() {
+    fn without_maps_and_play_the_steering_wheel_is_left_alone() {
         let mut gear = SteeringColumn::new(&Vehicle::builtin("prowler").unwrap()).unwrap();
         for angle in [0.0, 0.3, -1.7] {
             assert_eq!(gear.follow(angle), angle);

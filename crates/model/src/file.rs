@@ -79,8 +79,8 @@ pub struct FileErrors {
 }
 
 impl FileErrors {
-    fn of(path: &Path, gather: Gatherer<'_>) -> Self {
-        Self::sorted(path.to_owned(), gather.into_problems())
+    fn of(path: &Path, collector: ErrorCollector<'_>) -> Self {
+        Self::sorted(path.to_owned(), collector.into_problems())
     }
 
     fn sorted(path: PathBuf, mut problems: Vec<Problem>) -> Self {
@@ -117,7 +117,7 @@ pub const TOML_MAX: usize = 1 << 20;
 const PROBLEMS_MAX: usize = 100;
 
 /// Collects the problems of a file.
-pub struct Gatherer<'t> {
+pub struct ErrorCollector<'t> {
     file: &'t str,
     text: &'t str,
     problems: Vec<Problem>,
@@ -125,7 +125,7 @@ pub struct Gatherer<'t> {
     more: usize,
 }
 
-impl<'t> Gatherer<'t> {
+impl<'t> ErrorCollector<'t> {
     /// Collector for the file with the name `file` and the content `text`.
     pub fn new(file: &'t str, text: &'t str) -> Self {
         Self {

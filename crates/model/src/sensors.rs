@@ -25,7 +25,7 @@ pub struct Sensors {
     pub gnss_attitude: GnssAttitude,
     /// Wheel-speed pick-ups.
     pub wheel_speed: WheelSpeed,
-    /// Hand-wheel encoder.
+    /// Steering-wheel encoder.
     pub steer: Steer,
 }
 

@@ -23,9 +23,9 @@ const RACK_SAMPLES: usize = 16;
 /// Steering gear of a vehicle: from the steering wheel to four road wheels, without play.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteeringGear {
-    /// Hand-wheel angle to the left front wheel's steer angle, rad.
+    /// Steering-wheel angle to the left front wheel's steer angle, rad.
     pub left: MonotoneMap,
-    /// Hand-wheel angle to the right front wheel's steer angle, rad.
+    /// Steering-wheel angle to the right front wheel's steer angle, rad.
     pub right: MonotoneMap,
     /// Road-wheel steer per roll angle (front, rear).
     pub roll_steer: [f64; 2],
@@ -74,21 +74,21 @@ impl SteeringGear {
         })
     }
 
-    /// Steer angles of the four road wheels for a hand-wheel angle (as [`Lash`] leaves it) and a
+    /// Steer angles of the four road wheels for a steering-wheel angle (as [`Lash`] leaves it) and a
     /// roll angle, rad, left positive.
-    pub fn road_wheels<T: Scalar>(&self, hand_wheel_rad: T, roll_rad: T) -> [T; 4] {
+    pub fn road_wheels<T: Scalar>(&self, steering_wheel_rad: T, roll_rad: T) -> [T; 4] {
         let [front, rear] = self.roll_steer;
         [
-            self.left.at(hand_wheel_rad) + roll_rad * front,
-            self.right.at(hand_wheel_rad) + roll_rad * front,
+            self.left.at(steering_wheel_rad) + roll_rad * front,
+            self.right.at(steering_wheel_rad) + roll_rad * front,
             roll_rad * rear,
             roll_rad * rear,
         ]
     }
 
-    /// The hand-wheel angle that gives a mean front steer angle, by bisection.
+    /// The steering-wheel angle that gives a mean front steer angle, by bisection.
     #[must_use]
-    pub fn hand_wheel_rad(&self, mean_steer_rad: f64) -> f64 {
+    pub fn steering_wheel_rad(&self, mean_steer_rad: f64) -> f64 {
         let mean = |hand: f64| 0.5 * (self.left.at(hand) + self.right.at(hand));
         let mut reach = 1.0;
         while mean(reach) < mean_steer_rad && reach < 1e3 {
@@ -154,19 +154,19 @@ pub fn ackermann(mean_rad: f64, wheelbase_m: f64, track_m: f64) -> [f64; 2] {
 /// Free play: the gear stands still until the steering wheel has crossed it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lash {
-    /// Hand-wheel angle that the gear follows, rad.
+    /// Steering-wheel angle that the gear follows, rad.
     pub held_rad: f64,
 }
 
 impl Lash {
     /// Moves the steering wheel and gives the angle that the gear follows. `lash_rad` is the play from
     /// one contact to the other.
-    pub fn follow(&mut self, hand_wheel_rad: f64, lash_rad: f64) -> f64 {
+    pub fn follow(&mut self, steering_wheel_rad: f64, lash_rad: f64) -> f64 {
         let half = 0.5 * lash_rad.max(0.0);
-        if hand_wheel_rad.is_finite() {
+        if steering_wheel_rad.is_finite() {
             self.held_rad = self
                 .held_rad
-                .clamp(hand_wheel_rad - half, hand_wheel_rad + half);
+                .clamp(steering_wheel_rad - half, steering_wheel_rad + half);
         }
         self.held_rad
     }
@@ -199,7 +199,7 @@ mod tests {
         let ratio = -2.0 / (0.5 * (left + right));
         assert!((ratio - 9.16).abs() < 0.4, "{ratio}");
         assert!(gear.road_wheels(0.0_f64, 0.0)[0].abs() < 1e-9);
-        assert!((gear.hand_wheel_rad(0.5 * (left + right)) + 2.0).abs() < 1e-9);
+        assert!((gear.steering_wheel_rad(0.5 * (left + right)) + 2.0).abs() < 1e-9);
     }
 
     #[test]

@@ -259,9 +259,9 @@ pub struct Tyre {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steering {
-    /// Hand-wheel angle over mean road-wheel angle; used where no map or rack is given.
+    /// Steering-wheel angle over mean road-wheel angle; used where no map or rack is given.
     pub ratio: f64,
-    /// Rack travel per hand-wheel angle, m/rad; with hard-points it gives exact wheel angles.
+    /// Rack travel per steering-wheel angle, m/rad; with hard-points it gives exact wheel angles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rack_m_rad: Option<f64>,
     /// Part of the way from parallel steering (0) to Ackermann's (1); used where no map or rack is
@@ -271,7 +271,7 @@ pub struct Steering {
     /// Free play at the steering wheel, rad, from one contact to the other.
     #[serde(default)]
     pub lash_rad: f64,
-    /// Calibrated map, left front wheel: pairs of hand-wheel and road-wheel angle, rad, ascending.
+    /// Calibrated map, left front wheel: pairs of steering-wheel and road-wheel angle, rad, ascending.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_map_rad: Vec<[f64; 2]>,
     /// Calibrated map, right front wheel.

@@ -59,22 +59,25 @@ pub fn calibrate_rest<'py>(
 
 /// Steering from turning plates: steering wheel (n,) and left and right front wheel (n, 2), rad.
 #[pyfunction]
-#[pyo3(signature = (hand_wheel_rad, wheels_rad, *, plate_sigma_rad))]
+#[pyo3(signature = (steering_wheel_rad, wheels_rad, *, plate_sigma_rad))]
 #[allow(clippy::needless_pass_by_value)]
 pub fn calibrate_steer<'py>(
     py: Python<'py>,
-    hand_wheel_rad: Doubles<'py>,
+    steering_wheel_rad: Doubles<'py>,
     wheels_rad: Doubles<'py>,
     plate_sigma_rad: f64,
 ) -> Found<'py> {
-    let hand = column("hand_wheel_rad", Some(&hand_wheel_rad))?;
+    let hand = column("steering_wheel_rad", Some(&steering_wheel_rad))?;
     let wheels = vectors::<2>("wheels_rad", &wheels_rad)?;
-    same_length(&[("hand_wheel_rad", hand.len()), ("wheels_rad", wheels.len())])?;
+    same_length(&[
+        ("steering_wheel_rad", hand.len()),
+        ("wheels_rad", wheels.len()),
+    ])?;
     let readings: Vec<PlateReading> = hand
         .into_iter()
         .zip(wheels)
-        .map(|(hand_wheel_rad, wheels_rad)| PlateReading {
-            hand_wheel_rad,
+        .map(|(steering_wheel_rad, wheels_rad)| PlateReading {
+            steering_wheel_rad,
             wheels_rad,
         })
         .collect();

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use engine::output::{Kind, LogFile, Target};
-use engine::{Changes, Config, Course, Drive, Entry, FileSource, Replay, ReplayOptions, Rig};
+use engine::{
+    Changes, Config, Course, Drive, Entry, FileSource, Replay, ReplayOptions, VirtualDrive,
+};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use store::Reader;
@@ -281,7 +283,7 @@ impl Simulation {
 
     fn run(self, log: &Target, calibration: Option<&Target>) -> Result<Simulated, Stop> {
         let options = self.options.as_deref().map(engine::read_options);
-        let mut rig = Rig::new(&Drive {
+        let mut simulated = VirtualDrive::new(&Drive {
             course: self.course,
             vehicle: self.vehicle,
             sensors: self.sensors,
@@ -291,20 +293,20 @@ impl Simulation {
         })?;
         let config = match &self.config {
             Some(path) => Config::load(path)?,
-            None => rig.config()?,
+            None => simulated.config()?,
         };
-        let mut log = log.log(rig.session(&config), config.storage.options.clone())?;
+        let mut log = log.log(simulated.session(&config), config.storage.options.clone())?;
         if let Some(target) = calibration {
-            let text = rig.true_calibration.to_toml();
+            let text = simulated.true_calibration.to_toml();
             target.write(&text.map_err(engine::Error::from)?)?;
         }
         let mut interrupt = interrupt::Watch::default();
-        let arrivals = engine::simulate(&mut rig, &config, |entry| {
+        let arrivals = engine::simulate(&mut simulated, &config, |entry| {
             interrupt.check().map_err(Stop::Python)?;
             Ok::<_, Stop>(log.push(entry)?)
         })?;
         let messages = log.finish()?.counters.messages;
-        Ok((rig.duration_s(), rig.drive, arrivals, messages))
+        Ok((simulated.duration_s(), simulated.drive, arrivals, messages))
     }
 }
 

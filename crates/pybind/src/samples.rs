@@ -155,8 +155,8 @@ impl<'py> Rows<'_, 'py> {
         self.check_names(&["steering_wheel_rad"])?;
         let angle = self.column("steering_wheel_rad")?;
         self.fill(all, 0, |row| {
-            let hand_wheel_rad = self.row("steering_wheel_rad", &angle, row)?;
-            Ok(Measurement::Steer(SteerSample { hand_wheel_rad }))
+            let steering_wheel_rad = self.row("steering_wheel_rad", &angle, row)?;
+            Ok(Measurement::Steer(SteerSample { steering_wheel_rad }))
         })
     }
 

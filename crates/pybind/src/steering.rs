@@ -39,34 +39,39 @@ impl Steering {
         self.inner.lash_rad
     }
 
-    /// Steer angles of the four road wheels, rad, left positive, for hand-wheel angles over time:
+    /// Steer angles of the four road wheels, rad, left positive, for steering-wheel angles over time:
     /// array (..., 4). With `play` the gear follows the steering wheel only after crossing its play,
     /// along the array's order and from straight ahead.
-    #[pyo3(signature = (hand_wheel_rad, roll_rad=0.0, *, play=false))]
+    #[pyo3(signature = (steering_wheel_rad, roll_rad=0.0, *, play=false))]
     fn road_wheels<'py>(
         &self,
         py: Python<'py>,
-        hand_wheel_rad: Doubles<'py>,
+        steering_wheel_rad: Doubles<'py>,
         roll_rad: f64,
         play: bool,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         input::finite("roll_rad", roll_rad, "rad")?;
         let lash_rad = if play { self.inner.lash_rad } else { 0.0 };
         let mut lash = Lash::default();
-        let mut angles = Vec::with_capacity(4 * hand_wheel_rad.len());
-        for hand in input::row_major(&hand_wheel_rad).iter() {
-            let hand = input::finite("hand_wheel_rad", *hand, "rad")?;
+        let mut angles = Vec::with_capacity(4 * steering_wheel_rad.len());
+        for hand in input::row_major(&steering_wheel_rad).iter() {
+            let hand = input::finite("steering_wheel_rad", *hand, "rad")?;
             let followed = lash.follow(hand, lash_rad);
             angles.extend(self.inner.road_wheels(followed, roll_rad));
         }
-        let shape: Vec<usize> = hand_wheel_rad.shape().iter().copied().chain([4]).collect();
+        let shape: Vec<usize> = steering_wheel_rad
+            .shape()
+            .iter()
+            .copied()
+            .chain([4])
+            .collect();
         batch::shaped(py, &shape, angles)
     }
 
-    /// The hand-wheel angle, rad, that gives a mean front steer angle.
-    fn hand_wheel_rad(&self, mean_steer_rad: f64) -> PyResult<f64> {
+    /// The steering-wheel angle, rad, that gives a mean front steer angle.
+    fn steering_wheel_rad(&self, mean_steer_rad: f64) -> PyResult<f64> {
         input::finite("mean_steer_rad", mean_steer_rad, "rad")?;
-        Ok(self.inner.hand_wheel_rad(mean_steer_rad))
+        Ok(self.inner.steering_wheel_rad(mean_steer_rad))
     }
 }
 

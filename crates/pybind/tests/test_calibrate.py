@@ -158,7 +158,7 @@ def test_the_load_rig_of_a_log_is_the_commands(program: str, tmp_path: Path) -> 
         compression_m,
         counts,
         sigma,
-        hand_wheel_rad=hand,
+        steering_wheel_rad=hand,
     )
     for key, corner in by_command["corner"].items():
         for link, channel in corner["strain"].items():
@@ -187,8 +187,8 @@ def test_unit_receivers_and_wheels_of_a_drive_are_the_commands(
             "speed_m_s": radius * wheels.mean(axis=1),
             "compression_time_s": pot_s[known[0]],
             "compression_m": 0.15 / 1024 * (np.stack(columns, axis=1) - 512.0),
-            "hand_wheel_time_s": hand["t_s"],
-            "hand_wheel_rad": hand["steering_wheel_rad"],
+            "steering_wheel_time_s": hand["t_s"],
+            "steering_wheel_rad": hand["steering_wheel_rad"],
         }
 
     by_command = calibrated(program, tmp_path, "imu", turned_path, path)["imu"]

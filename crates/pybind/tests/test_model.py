@@ -305,7 +305,7 @@ def test_steering(vehicle: atvrec.Vehicle) -> None:
     wheels = gear.road_wheels(hand)
     assert wheels.shape == (9, 4) and np.all(np.diff(wheels[:, :2], axis=0) > 0.0)
     mean = wheels[:, :2].mean(axis=1)
-    assert gear.hand_wheel_rad(float(mean[2])) == pytest.approx(hand[2])
+    assert gear.steering_wheel_rad(float(mean[2])) == pytest.approx(hand[2])
     played = gear.road_wheels(hand, play=True)
     assert np.all(np.abs(played[:, 0]) <= np.abs(wheels[:, 0]) + gear.lash_rad)
     left, right = atvrec.ackermann_rad(0.3, 1.4471, 1.143)

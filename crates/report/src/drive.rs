@@ -51,8 +51,8 @@ pub struct Drive {
     pub rollover: Series<Rollover>,
     /// What the estimator has learnt, with the tyres' grip.
     pub learnt: Series<Parameters>,
-    /// Hand-wheel angle, rad.
-    pub hand_wheel_rad: Series<f64>,
+    /// Steering-wheel angle, rad.
+    pub steering_wheel_rad: Series<f64>,
     /// Horizontal speed of the GNSS antenna, m/s, by source.
     pub gnss_speed_m_s: BTreeMap<String, Series<f64>>,
     /// East and north of the first position, m, by source.
@@ -148,7 +148,7 @@ impl Drive {
             truth_forces: Series::default(),
             rollover: Series::default(),
             learnt: Series::default(),
-            hand_wheel_rad: Series::default(),
+            steering_wheel_rad: Series::default(),
             gnss_speed_m_s: BTreeMap::new(),
             track_m: BTreeMap::new(),
             events: Vec::new(),
@@ -231,7 +231,9 @@ impl Drive {
     ) {
         let time_s = sample.valid_time.seconds_since(self.start);
         match &sample.measurement {
-            Measurement::Steer(steer) => self.hand_wheel_rad.push(time_s, steer.hand_wheel_rad),
+            Measurement::Steer(steer) => self
+                .steering_wheel_rad
+                .push(time_s, steer.steering_wheel_rad),
             Measurement::GnssVelocity(velocity) if velocity.quality.is_solved() => {
                 let [east, north, _] = velocity.velocity_enu_m_s;
                 let series = self.gnss_speed_m_s.entry(name).or_default();

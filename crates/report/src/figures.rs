@@ -79,8 +79,10 @@ fn steer(drive: &Drive) -> Figure {
     let mut traces = vec![Trace {
         name: "steering wheel / 10".into(),
         pen: Pen::Other(0),
-        x: drive.hand_wheel_rad.time_s.clone(),
-        y: drive.hand_wheel_rad.map(|angle| angle.to_degrees() / 10.0),
+        x: drive.steering_wheel_rad.time_s.clone(),
+        y: drive
+            .steering_wheel_rad
+            .map(|angle| angle.to_degrees() / 10.0),
     }];
     for (index, wheel) in [Wheel::FrontLeft, Wheel::FrontRight]
         .into_iter()

@@ -385,7 +385,7 @@ mod tests {
             truth_forces: Series::default(),
             rollover: Series::default(),
             learnt: Series::default(),
-            hand_wheel_rad: Series::default(),
+            steering_wheel_rad: Series::default(),
             gnss_speed_m_s: [(NAME.to_owned(), series())].into(),
             track_m: [(NAME.to_owned(), vec![[0.0; 2], [1.0; 2]])].into(),
             events: Vec::new(),

@@ -249,11 +249,11 @@ pub struct CornerSample {
     pub deflection_counts: Option<i32>,
 }
 
-/// Hand-wheel angle.
+/// Steering-wheel angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SteerSample {
-    /// Hand-wheel angle, left positive, rad.
-    pub hand_wheel_rad: f64,
+    /// Steering-wheel angle, left positive, rad.
+    pub steering_wheel_rad: f64,
 }
 
 /// Wheel speeds.

@@ -92,7 +92,7 @@ impl CanBus {
             }
         }
         if self.steer.due(time_s) {
-            let angle_rad = state.hand_wheel_rad
+            let angle_rad = state.steering_wheel_rad
                 + self.steer_offset_rad
                 + self.noise_steer.normal(self.steer_noise_rad);
             frames.push(steer_frame(angle_rad));

@@ -28,7 +28,7 @@ impl Port {
     pub fn line_format(self) -> Option<Format> {
         match self {
             Self::Steering => Some(Format::encoder(
-                "hand_wheel",
+                "steering_wheel",
                 STEERING_PULSES,
                 Role::Control,
             )),
@@ -114,7 +114,7 @@ impl Controller {
         match self.port {
             Port::Throttle => between_stops(self.drive_g(state) / OPEN_THROTTLE_G),
             Port::Brake => BRAKE_TRAVEL_RAD * between_stops(-self.drive_g(state) / FULL_BRAKE_G),
-            _ => state.hand_wheel_rad,
+            _ => state.steering_wheel_rad,
         }
     }
 

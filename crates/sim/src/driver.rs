@@ -16,15 +16,15 @@ use car::{Car, Commands};
 /// Step of the integration, s; every fifth state is kept.
 const STEP_S: f64 = 0.001;
 const STEPS_A_ROW: usize = 5;
-/// Greatest hand-wheel angle and how fast a driver turns it.
-const HAND_WHEEL_MAX_RAD: f64 = 3.5;
-const HAND_WHEEL_RATE_RAD_S: f64 = 8.0;
+/// Greatest steering-wheel angle and how fast a driver turns it.
+const STEERING_WHEEL_MAX_RAD: f64 = 3.5;
+const STEERING_WHEEL_RATE_RAD_S: f64 = 8.0;
 /// Speed control: acceleration for a speed error, 1/s, and for its integral, 1/s^2.
 const SPEED_GAIN: f64 = 1.5;
 const SPEED_INTEGRAL: f64 = 0.4;
 /// How fast a foot follows, s.
 const FOOT_S: f64 = 0.12;
-/// Path control: hand-wheel rate for an error of curvature, rad/s per 1/m.
+/// Path control: steering-wheel rate for an error of curvature, rad/s per 1/m.
 const CURVATURE_INTEGRAL: f64 = 100.0;
 /// Below this speed a driver who wants to stand holds the brake, m/s.
 const STANDING_M_S: f64 = 0.05;
@@ -49,7 +49,7 @@ pub(crate) struct Plan {
 /// What the driver does with the steering wheel.
 pub(crate) enum Intent {
     /// Turns it so: rad over s.
-    HandWheel(fn(f64) -> f64),
+    SteeringWheel(fn(f64) -> f64),
     /// Keeps a path of this curvature, 1/m over s.
     Curvature(fn(f64) -> f64),
 }
@@ -68,7 +68,7 @@ struct Drive<'a> {
     vehicle: &'a Vehicle,
     car: Car,
     gear: SteeringGear,
-    hand_wheel_rad: f64,
+    steering_wheel_rad: f64,
     speed_integral_m: f64,
     /// Acceleration that the pedals stand for now, m/s^2.
     pedal_m_s2: f64,
@@ -85,7 +85,7 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, 
         vehicle,
         car: Car::new(vehicle, plan.start_speed_m_s)?,
         gear: SteeringGear::new(vehicle),
-        hand_wheel_rad: 0.0,
+        steering_wheel_rad: 0.0,
         speed_integral_m: 0.0,
         pedal_m_s2: 0.0,
     };
@@ -99,7 +99,7 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, 
         if count.is_multiple_of(STEPS_A_ROW) {
             let state = TruthState {
                 time_s,
-                hand_wheel_rad: drive.hand_wheel_rad,
+                steering_wheel_rad: drive.steering_wheel_rad,
                 bank_rad: commands.bank_rad,
                 grade_rad: commands.grade_rad,
                 ..drive.car.truth(&commands)
@@ -126,7 +126,7 @@ impl Drive<'_> {
         }
         self.steer(time_s);
         let struts = self.car.strut_lengths_m();
-        commands.steer_rad = self.gear.road_wheels_rad(self.hand_wheel_rad, struts);
+        commands.steer_rad = self.gear.road_wheels_rad(self.steering_wheel_rad, struts);
         self.pedals(time_s, &mut commands);
         for wheel in Wheel::ALL {
             if let Some(line) = self.beyond_the_line(wheel) {
@@ -139,19 +139,19 @@ impl Drive<'_> {
 
     fn steer(&mut self, time_s: f64) {
         let wanted_rad = match self.plan.steering {
-            Intent::HandWheel(angle) => angle(time_s),
+            Intent::SteeringWheel(angle) => angle(time_s),
             Intent::Curvature(path) => {
                 // Steady-state geometry first, the rest by watching the path.
                 let wanted = path(time_s);
                 let speed_m_s = self.car.speed_m_s().max(1.0);
                 let driven = self.car.yaw_rate_rad_s() / speed_m_s;
-                self.hand_wheel_rad + CURVATURE_INTEGRAL * (wanted - driven) * STEP_S
+                self.steering_wheel_rad + CURVATURE_INTEGRAL * (wanted - driven) * STEP_S
             }
         };
-        let most = HAND_WHEEL_RATE_RAD_S * STEP_S;
-        let turn = (wanted_rad - self.hand_wheel_rad).clamp(-most, most);
-        self.hand_wheel_rad =
-            (self.hand_wheel_rad + turn).clamp(-HAND_WHEEL_MAX_RAD, HAND_WHEEL_MAX_RAD);
+        let most = STEERING_WHEEL_RATE_RAD_S * STEP_S;
+        let turn = (wanted_rad - self.steering_wheel_rad).clamp(-most, most);
+        self.steering_wheel_rad =
+            (self.steering_wheel_rad + turn).clamp(-STEERING_WHEEL_MAX_RAD, STEERING_WHEEL_MAX_RAD);
     }
 
     fn pedals(&mut self, time_s: f64, commands: &mut Commands) {
@@ -234,7 +234,11 @@ impl SteeringGear {
 
     /// Steer angle of each road wheel, with what springing in adds where strut lengths are known;
     /// else, or where a strut is out of the linkage's reach, in the design position.
-    fn road_wheels_rad(&self, hand_wheel_rad: f64, strut_lengths_m: Option<[f64; 4]>) -> [f64; 4] {
+    fn road_wheels_rad(
+        &self,
+        steering_wheel_rad: f64,
+        strut_lengths_m: Option<[f64; 4]>,
+    ) -> [f64; 4] {
         match self {
             Self::Rack {
                 corners,
@@ -242,7 +246,7 @@ impl SteeringGear {
             } => Wheel::ALL.map(|wheel| {
                 let corner = &corners[wheel.index()];
                 let rack_m = if wheel.is_front() {
-                    rack_m_rad * hand_wheel_rad
+                    rack_m_rad * steering_wheel_rad
                 } else {
                     0.0
                 };
@@ -254,7 +258,7 @@ impl SteeringGear {
             }),
             Self::File(gear) => {
                 let mapped = |map: &[[f64; 2]]| {
-                    between(map, hand_wheel_rad).unwrap_or(hand_wheel_rad / gear.ratio)
+                    between(map, steering_wheel_rad).unwrap_or(steering_wheel_rad / gear.ratio)
                 };
                 [
                     mapped(&gear.left_map_rad),

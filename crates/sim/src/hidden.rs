@@ -18,7 +18,7 @@ pub struct HiddenErrors {
     pub bridge_gain_fraction: f64,
     /// Offset of each spring potentiometer, counts.
     pub potentiometer_offset_counts: f64,
-    /// What the hand-wheel encoder reads straight ahead, rad.
+    /// What the steering-wheel encoder reads straight ahead, rad.
     pub steer_offset_rad: f64,
     /// Turn of the inertial unit about each axis, rad.
     pub imu_misalignment_rad: f64,
@@ -39,7 +39,7 @@ pub struct Hidden {
     pub bridge_gain_factor: PerWheel<[f64; StrainChannel::COUNT]>,
     /// Offset of each spring potentiometer, counts.
     pub potentiometer_offset_counts: PerWheel<f64>,
-    /// What the hand-wheel encoder reads straight ahead, rad.
+    /// What the steering-wheel encoder reads straight ahead, rad.
     pub steer_offset_rad: f64,
     /// Turn of the inertial unit, beside the sensors file's, rad.
     pub imu_misalignment_rad: [f64; 3],

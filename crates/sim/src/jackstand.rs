@@ -91,7 +91,7 @@ fn state(vehicle: &Vehicle, time_s: f64) -> TruthState {
         time_s,
         position_m: [rolled_m, 0.0, body.cg_height_m + height_at_cg_m],
         pitch_rad: math::asin((height_m[1] - height_m[0]) / (a + b)),
-        hand_wheel_rad: swing(time_s - STEERED_S),
+        steering_wheel_rad: swing(time_s - STEERED_S),
         wheels: PerWheel::from_fn(wheel),
         ..TruthState::default()
     }

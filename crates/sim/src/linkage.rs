@@ -36,7 +36,7 @@ struct LinkedCorner {
     unsprung: Unsprung,
     strut: Strut,
     tyre: Tyre,
-    /// Rack travel per hand-wheel angle; 0 at the rear.
+    /// Rack travel per steering-wheel angle; 0 at the rear.
     rack_m_rad: f64,
     /// Whether a half-shaft that drives reacts on the chassis.
     drive_on_chassis: bool,
@@ -94,16 +94,16 @@ struct Turning {
     spin_rad_s2: f64,
     /// Rate of the steering wheel, rad/s, which turns the spinning wheel about, and its acceleration,
     /// rad/s^2.
-    hand_wheel: [f64; 2],
+    steering_wheel: [f64; 2],
 }
 
 impl Turning {
     fn at(states: &[TruthState], row: usize, wheel: Wheel) -> Self {
         Self {
             spin_rad_s2: slope(states, row, |s| s.wheels[wheel].angular_speed_rad_s),
-            hand_wheel: [
-                slope(states, row, |s| s.hand_wheel_rad),
-                bend(states, row, |s| s.hand_wheel_rad),
+            steering_wheel: [
+                slope(states, row, |s| s.steering_wheel_rad),
+                bend(states, row, |s| s.steering_wheel_rad),
             ],
         }
     }
@@ -231,7 +231,7 @@ impl Linkage {
         let mut poses = Vec::with_capacity(Wheel::ALL.len());
         for wheel in Wheel::ALL {
             let corner = &self.corners[wheel];
-            let rack_m = corner.rack_m_rad * state.hand_wheel_rad;
+            let rack_m = corner.rack_m_rad * state.steering_wheel_rad;
             let length_m = state.wheels[wheel].strut_length_m;
             let pose = corner.corner.pose(length_m, rack_m);
             poses.push(pose.map_err(|cause| linkage_error(state, wheel, cause))?);
@@ -336,7 +336,7 @@ impl Linkage {
         let truth = &state.wheels[wheel];
         let pose = corner
             .corner
-            .pose(length_m, corner.rack_m_rad * state.hand_wheel_rad)?;
+            .pose(length_m, corner.rack_m_rad * state.steering_wheel_rad)?;
         let normal = state.up_body();
         let load_n = truth.force_n[2];
         let compression_m = load_n / corner.tyre.vertical_stiffness_n_m;
@@ -349,7 +349,7 @@ impl Linkage {
             rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
         };
         let rack = turning
-            .hand_wheel
+            .steering_wheel
             .map(|of_angle| corner.rack_m_rad * of_angle);
         let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
         if load_n > OFF_GROUND_N {

@@ -171,25 +171,25 @@ impl Manoeuvre {
                 26.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| 1.9 * sine(t - 1.0, 0.3, 7.0)),
+                Intent::SteeringWheel(|t| 1.9 * sine(t - 1.0, 0.3, 7.0)),
             ),
             Self::FastSine => plan(
                 16.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| 2.0 * sine(t - 1.0, 0.7, 9.0)),
+                Intent::SteeringWheel(|t| 2.0 * sine(t - 1.0, 0.7, 9.0)),
             ),
             Self::SteerSweep => plan(
                 3.0 * SWEEP_S + 2.0,
                 10.0,
                 |_| 10.0,
-                Intent::HandWheel(|t| 0.7 * sweep(t - 1.0)),
+                Intent::SteeringWheel(|t| 0.7 * sweep(t - 1.0)),
             ),
             Self::StepSteer => plan(
                 14.0,
                 8.0,
                 |_| 8.0,
-                Intent::HandWheel(|t| {
+                Intent::SteeringWheel(|t| {
                     let step = |at: f64| smooth((t - at) / STEP_TIME_S);
                     1.6 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
                 }),
@@ -200,7 +200,7 @@ impl Manoeuvre {
                     24.0,
                     8.0,
                     |_| 8.0,
-                    Intent::HandWheel(|t| 1.9 * sine(t - 1.0, 0.3, 6.0)),
+                    Intent::SteeringWheel(|t| 1.9 * sine(t - 1.0, 0.3, 6.0)),
                 )
             },
             Self::LaunchBrake => plan(
@@ -213,7 +213,7 @@ impl Manoeuvre {
                     let brake = 4.9 * gathered(t - 8.0);
                     (launch - brake).max(launch.min(WALKING_M_S))
                 },
-                Intent::HandWheel(|_| 0.0),
+                Intent::SteeringWheel(|_| 0.0),
             ),
             Self::Jackstand | Self::Turned | Self::Weighed | Self::LoadRig | Self::TurnPlates => {
                 return None;
@@ -222,7 +222,7 @@ impl Manoeuvre {
                 RUN_IN_S + 60.0,
                 8.0,
                 |t| mixed_speed(t - RUN_IN_S),
-                Intent::HandWheel(|t| mixed_hand_wheel(t - RUN_IN_S)),
+                Intent::SteeringWheel(|t| mixed_steering_wheel(t - RUN_IN_S)),
             ),
             Self::Hillside => Plan {
                 slope: Some(Slope::turned(HILLSIDE_RAD[0], HILLSIDE_RAD[1])),
@@ -280,7 +280,7 @@ fn mixed_speed(time_s: f64) -> f64 {
 }
 
 /// Steering wheel of mixed driving: straight at both ends.
-fn mixed_hand_wheel(time_s: f64) -> f64 {
+fn mixed_steering_wheel(time_s: f64) -> f64 {
     let bend = |from_s: f64, over_s: f64, by_rad: f64| {
         let into = smooth((time_s - from_s) / (0.3 * over_s));
         let out = smooth((time_s - from_s - 0.7 * over_s) / (0.3 * over_s));

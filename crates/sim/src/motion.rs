@@ -30,8 +30,8 @@ pub struct TruthState {
     pub specific_force_m_s2: [f64; 3],
     /// Acceleration of the centre of gravity without gravity, body axes, m/s^2.
     pub acceleration_m_s2: [f64; 3],
-    /// Hand-wheel angle, left positive, rad.
-    pub hand_wheel_rad: f64,
+    /// Steering-wheel angle, left positive, rad.
+    pub steering_wheel_rad: f64,
     /// Bank of the ground, right side down positive, rad.
     pub bank_rad: f64,
     /// Grade of the ground, nose down positive, rad.
@@ -101,7 +101,7 @@ impl Default for TruthState {
             rate_derivative_rad_s2: [0.0; 3],
             specific_force_m_s2: [0.0, 0.0, sample::STANDARD_GRAVITY_M_S2],
             acceleration_m_s2: [0.0; 3],
-            hand_wheel_rad: 0.0,
+            steering_wheel_rad: 0.0,
             bank_rad: 0.0,
             grade_rad: 0.0,
             wheels: PerWheel([WheelTruth::default(); 4]),
@@ -204,7 +204,7 @@ impl TruthState {
             ),
             specific_force_m_s2: mix(&a.specific_force_m_s2, &b.specific_force_m_s2, weight),
             acceleration_m_s2: mix(&a.acceleration_m_s2, &b.acceleration_m_s2, weight),
-            hand_wheel_rad: l(a.hand_wheel_rad, b.hand_wheel_rad),
+            steering_wheel_rad: l(a.steering_wheel_rad, b.steering_wheel_rad),
             bank_rad: l(a.bank_rad, b.bank_rad),
             grade_rad: l(a.grade_rad, b.grade_rad),
             wheels: PerWheel::from_fn(|wheel| {

@@ -268,7 +268,7 @@ fn states(columns: &Columns) -> Vec<TruthState> {
             rate_derivative_rad_s2: three(row, ["pdot[rad/s2]", "qdot[rad/s2]", "rdot[rad/s2]"]),
             specific_force_m_s2: three(row, ["fx_body[m/s2]", "fy_body[m/s2]", "fz_body[m/s2]"]),
             acceleration_m_s2: three(row, ["ax_body[m/s2]", "ay_body[m/s2]", "az_body[m/s2]"]),
-            hand_wheel_rad: get(row, "handwheel[rad]"),
+            steering_wheel_rad: get(row, "handwheel[rad]"),
             // A truth file's ground is level.
             bank_rad: 0.0,
             grade_rad: 0.0,

@@ -38,7 +38,7 @@ pub const RIG_N: [[f64; 3]; 9] = [
     [-400.0, -500.0, 1500.0],
 ];
 
-/// Hand-wheel angles on the turn plates, rad.
+/// Steering-wheel angles on the turn plates, rad.
 const PLATES_RAD: [f64; 17] = [
     0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0, -4.0, -3.0, -2.0, -1.0, 0.0,
 ];
@@ -120,7 +120,7 @@ pub(crate) fn rigged(vehicle: &Vehicle) -> Result<Motion, SimError> {
 pub(crate) fn plated(vehicle: &Vehicle) -> Result<Motion, SimError> {
     let mut states = plateaus(period_s() * PLATES_RAD.len() as f64, |time_s| TruthState {
         time_s,
-        hand_wheel_rad: stepped(&PLATES_RAD, time_s),
+        steering_wheel_rad: stepped(&PLATES_RAD, time_s),
         wheels: standing(vehicle, 0.0),
         ..level(vehicle)
     });

@@ -245,6 +245,9 @@ fn event(data: &[u8]) -> Result<pb::Event, DecodeError> {
         (Some(Old::SurfaceChange(old)), Some(Kind::SurfaceChange(change))) => {
             change.axle = axle_number(if old.rear { Axle::Rear } else { Axle::Front });
         }
+        (_, Some(Kind::SensorFault(channel))) if channel == "hand wheel" => {
+            "steering wheel".clone_into(channel);
+        }
         (Some(Old::Lift(old)), kind) => {
             let (axle, side) = wheel(old);
             *kind = Some(Kind::Lift(pb::WheelPosition { axle, side }));

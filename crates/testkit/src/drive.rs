@@ -46,7 +46,7 @@ fn of_body(state: &TruthState) -> Named {
         named(["bank", "grade"], [state.bank_rad, state.grade_rad]),
         named(
             ["beta", "handwheel"],
-            [motion.sideslip_rad, state.hand_wheel_rad],
+            [motion.sideslip_rad, state.steering_wheel_rad],
         ),
     ]
     .concat()

@@ -291,12 +291,12 @@ fn controls(source: &mut Source<'_>, sensors: &Sensors) {
     let run = source.run;
     for row in (0..run.rows).step_by(2) {
         let time_s = row as f64 / RATE_HZ;
-        let hand_wheel_rad =
+        let steering_wheel_rad =
             run.column("handwheel")[row] + source.normal() * sensors.steer.noise_rad;
         source.push(
             time_s + 0.000_5,
             time_s,
-            Measurement::Steer(SteerSample { hand_wheel_rad }),
+            Measurement::Steer(SteerSample { steering_wheel_rad }),
         );
         let angular_speed_rad_s = PerWheel::from_fn(|wheel| {
             let omega = run.column(&format!("{}_omega", wheel.abbreviation()))[row];

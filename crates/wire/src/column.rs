@@ -18,7 +18,7 @@ pub enum Quantity {
     Acceleration(usize),
     /// Angular rate about an axis of the inertial unit.
     Rate(usize),
-    /// Hand-wheel angle, left positive.
+    /// Steering-wheel angle, left positive.
     Steer,
     /// Angular speed of a wheel, forward positive.
     WheelSpeed(Wheel),
@@ -349,7 +349,9 @@ impl Row {
         let mut all: Vec<Measurement> = Vec::new();
         all.extend(self.imu());
         let steer = self.get(Quantity::Steer);
-        all.extend(steer.map(|hand_wheel_rad| Measurement::Steer(SteerSample { hand_wheel_rad })));
+        all.extend(
+            steer.map(|steering_wheel_rad| Measurement::Steer(SteerSample { steering_wheel_rad })),
+        );
         let speeds = PerWheel::from_fn(|wheel| self.get(Quantity::WheelSpeed(wheel)));
         if speeds.0.iter().any(Option::is_some) {
             all.push(Measurement::WheelSpeed(WheelSpeedSample {

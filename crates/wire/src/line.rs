@@ -33,7 +33,7 @@ pub struct Field {
 /// What a line's values are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// The field of this name is the hand-wheel angle in rad, left positive.
+    /// The field of this name is the steering-wheel angle in rad, left positive.
     Steer(String),
     /// All fields are a controller's values.
     Control,
@@ -247,7 +247,7 @@ fn measurement(reading: &Reading, format: &Format) -> Measurement {
         && let Some((_, value)) = named().find(|(field, _)| field.name == *name)
     {
         return Measurement::Steer(SteerSample {
-            hand_wheel_rad: *value,
+            steering_wheel_rad: *value,
         });
     }
     Measurement::Control(ControlSample {
@@ -276,9 +276,13 @@ mod tests {
 
     #[test]
     fn a_steering_encoder() {
-        let format = Format::encoder("hand_wheel", 4000.0, Role::Steer("hand_wheel".to_owned()));
+        let format = Format::encoder(
+            "steering_wheel",
+            4000.0,
+            Role::Steer("steering_wheel".to_owned()),
+        );
         let (all, statistics) = decode(format, b"1000\r\nx12\r\n-2000\r\n+5");
-        let steer = |hand_wheel_rad| Measurement::Steer(SteerSample { hand_wheel_rad });
+        let steer = |steering_wheel_rad| Measurement::Steer(SteerSample { steering_wheel_rad });
         let turn = std::f64::consts::TAU;
         assert_eq!(all, [steer(turn / 4.0), steer(-turn / 2.0)]);
         assert_eq!((statistics.messages, statistics.malformed), (3, 1));

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use engine::{Config, Ports, Rig};
+use engine::{Config, Ports, VirtualDrive};
 
 use super::{record, replay};
 use crate::cli::{DemoArgs, DriveArgs, Replace, ReplayArgs, ReplayChanges};
@@ -115,18 +115,18 @@ fn drive_and_record(
         options: None,
         duration_s: Some(args.duration_s),
     };
-    let mut rig = Rig::new(&drive.as_drive()?)?;
+    let mut simulated = VirtualDrive::new(&drive.as_drive()?)?;
     let ports_directory = directory.join("ports");
     let mut devices = Devices::new(&ports_directory, true)?;
     let ports = Ports {
         directory: &ports_directory,
         can: None,
     };
-    let text = rig.configuration(&ports);
+    let text = simulated.configuration(&ports);
     Target::new(config_path, Kind::Toml, args.replace.force, [])?.write(&text)?;
     let config = Config::load(config_path)?;
-    let limit = Duration::from_secs_f64(rig.duration_s()) + 2 * MARGIN;
-    println!("  {}, {:.0} s", rig.drive, rig.duration_s());
+    let limit = Duration::from_secs_f64(simulated.duration_s()) + 2 * MARGIN;
+    println!("  {}, {:.0} s", simulated.drive, simulated.duration_s());
 
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
@@ -134,7 +134,7 @@ fn drive_and_record(
         .name("virtual".to_owned())
         .spawn(move || {
             std::thread::sleep(MARGIN);
-            devices.drive(&mut rig, &stopped, &mut |_| Ok(()))?;
+            devices.drive(&mut simulated, &stopped, &mut |_| Ok(()))?;
             // The ports are kept until the recorder has closed them.
             while !stopped.load(Ordering::Relaxed) {
                 std::thread::sleep(Duration::from_millis(10));

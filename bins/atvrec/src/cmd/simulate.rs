@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use engine::output::{Kind, LogFile, Target};
-use engine::{Config, Entry, Rig, simulate};
+use engine::{Config, Entry, VirtualDrive, simulate};
 use sample::{Arrival, LogTime, NANOS_PER_SECOND};
 use store::{ClockState, Options, Recorder, Session};
 
@@ -18,19 +18,19 @@ use crate::retention::{self, Limits};
 /// Runs the command.
 pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let (output, calibration) = outputs(args)?;
-    let mut rig = Rig::new(&args.drive.as_drive()?)?;
+    let mut simulated = VirtualDrive::new(&args.drive.as_drive()?)?;
     let config = match &args.config {
         Some(path) => Config::load(path)?,
-        None => rig.config()?,
+        None => simulated.config()?,
     };
-    let session = rig.session(&config);
+    let session = simulated.session(&config);
     let mut sink = Sink::open(output.as_ref(), &args.output, &config, session)?;
     if let Some(target) = calibration {
-        target.write(&rig.true_calibration.to_toml()?)?;
+        target.write(&simulated.true_calibration.to_toml()?)?;
     }
-    let progress = Progress::seconds("simulate", rig.duration_s(), quiet);
-    let start = rig.start();
-    let arrivals = simulate(&mut rig, &config, |entry| {
+    let progress = Progress::seconds("simulate", simulated.duration_s(), quiet);
+    let start = simulated.start();
+    let arrivals = simulate(&mut simulated, &config, |entry| {
         if let Entry::Arrival(arrival) = &entry {
             progress.set(arrival.log_time.seconds_since(start));
         }
@@ -41,8 +41,8 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
     println!(
         "{}: {:.1} s of {}, {arrivals} arrivals, {messages} decoded messages",
         args.output.display(),
-        rig.duration_s(),
-        rig.drive,
+        simulated.duration_s(),
+        simulated.drive,
     );
     Ok(Outcome::Good)
 }

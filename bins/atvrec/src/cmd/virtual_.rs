@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
-use engine::{Ports, Rig};
+use engine::{Ports, VirtualDrive};
 
 use crate::cli::VirtualArgs;
 use crate::devices::Devices;
@@ -14,7 +14,7 @@ use engine::output::{Kind, Target};
 
 /// Runs the command: drives until the manoeuvre ends or a signal is received.
 pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
-    let mut rig = Rig::new(&args.drive.as_drive()?)?;
+    let mut simulated = VirtualDrive::new(&args.drive.as_drive()?)?;
     std::fs::create_dir_all(&args.directory)
         .with_context(|| format!("cannot create the directory {}", args.directory.display()))?;
     let directory = args
@@ -26,7 +26,7 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
         can: args.can.as_deref(),
     };
     let config = directory.join("atvrec.toml");
-    let text = rig.configuration(&ports);
+    let text = simulated.configuration(&ports);
     // A file of an earlier run with the same content is kept.
     let is_same = std::fs::read_to_string(&config).is_ok_and(|found| found == text);
     let target = (!is_same)
@@ -37,20 +37,20 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
     if let Some(target) = target {
         target.write(&text)?;
     }
-    print_ports(&rig, &devices, &config);
+    print_ports(&simulated, &devices, &config);
 
     let mut bus = args.can.as_deref().map(open_bus).transpose()?;
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signals(Arc::clone(&stop))?;
     loop {
-        devices.drive(&mut rig, &stop, &mut |frame| match &mut bus {
+        devices.drive(&mut simulated, &stop, &mut |frame| match &mut bus {
             Some(bus) => Ok(bus.send(frame)?),
             None => Ok(()),
         })?;
         if !args.repeat || stop.load(Ordering::Relaxed) {
             break;
         }
-        rig = Rig::new(&args.drive.as_drive()?)?;
+        simulated = VirtualDrive::new(&args.drive.as_drive()?)?;
     }
     for sent in devices.sent() {
         println!("  {sent}");
@@ -74,8 +74,12 @@ fn open_bus(interface: &str) -> anyhow::Result<acq::CanSender> {
     })
 }
 
-fn print_ports(rig: &Rig, devices: &Devices, config: &Path) {
-    println!("{}, {:.0} s; ports:", rig.drive, rig.duration_s());
+fn print_ports(simulated: &VirtualDrive, devices: &Devices, config: &Path) {
+    println!(
+        "{}, {:.0} s; ports:",
+        simulated.drive,
+        simulated.duration_s()
+    );
     for link in devices.links() {
         println!("  {}", link.display());
     }

@@ -62,8 +62,8 @@ fn beside(found: &Value, name: &str) -> f64 {
 }
 
 /// What is found of the steering wheel's offset, rad.
-fn at_hand_wheel(found: &Value) -> f64 {
-    beside(found, "steer_offset_at_hand_wheel")
+fn at_steering_wheel(found: &Value) -> f64 {
+    beside(found, "steer_offset_at_steering_wheel")
 }
 
 /// Steering wheel over road wheels near the middle.
@@ -110,7 +110,7 @@ fn two_degrees_of_steer_offset_in_a_log_leave_the_cornering_stiffness_as_it_is()
         assert!(offset.abs() > 2.0, "seed {seed}: {offset}");
         let found = json(here, &["cornering", "off.mcap"]);
         assert!(near_truth(&found), "seed {seed}: {:?}", stiffness(&found));
-        let off_rad = at_hand_wheel(&found) - hidden_rad;
+        let off_rad = at_steering_wheel(&found) - hidden_rad;
         let off = (off_rad / STEERING_RATIO).to_degrees();
         assert!(off.abs() < 0.05, "seed {seed}: {off}");
     }
@@ -210,7 +210,7 @@ fn campaign_of_slow_sines() {
     for seed in 1..=SEEDS {
         let hidden_rad = slow_sine_with_hidden_offset(here, seed, "sine.mcap");
         let found = json(here, &["cornering", "sine.mcap"]);
-        let offset_rad = (at_hand_wheel(&found) - hidden_rad) / STEERING_RATIO;
+        let offset_rad = (at_steering_wheel(&found) - hidden_rad) / STEERING_RATIO;
         let [front, rear] = stiffness(&found);
         let off = [
             front - CORNERING_N_RAD[0],

@@ -4,7 +4,7 @@ use toml::de::DeValue;
 use wire::column::{Column, Dimension, Quantity};
 use wire::{alog, csv};
 
-use model::file::{Field, FromValue, Gatherer, Problem, Section, closest};
+use model::file::{ErrorCollector, Field, FromValue, Problem, Section, closest};
 
 /// Units of a time column and their lengths, ns.
 const TIME_UNITS: [(&str, u64); 5] = [
@@ -51,61 +51,61 @@ pub struct CsvMap {
 
 /// Reads a map for delimited text. `file` is the name for messages.
 pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
-    read(file, text, |top, gather| {
-        let times = read_times(top.section("time", gather), gather);
-        let mut table = top.section("table", gather);
-        let delimiter = table.optional::<String>("delimiter", gather);
-        let delimiter = delimiter.map_or(Some(','), |field| read_delimiter(&field, gather));
+    read(file, text, |top, collector| {
+        let times = read_times(top.section("time", collector), collector);
+        let mut table = top.section("table", collector);
+        let delimiter = table.optional::<String>("delimiter", collector);
+        let delimiter = delimiter.map_or(Some(','), |field| read_delimiter(&field, collector));
         let mut format = csv::Format {
             delimiter,
-            decimal_comma: table.or("decimal_comma", false, gather),
-            comment: table.or("comment", "#".to_owned(), gather),
-            skip_lines: table.or::<u32>("skip_lines", 0, gather) as usize,
-            header: table.or("header", true, gather),
-            missing: table.or("missing", Vec::new(), gather),
+            decimal_comma: table.or("decimal_comma", false, collector),
+            comment: table.or("comment", "#".to_owned(), collector),
+            skip_lines: table.or::<u32>("skip_lines", 0, collector) as usize,
+            header: table.or("header", true, collector),
+            missing: table.or("missing", Vec::new(), collector),
             columns: Vec::new(),
         };
         if format.decimal_comma && format.delimiter == Some(',') {
-            gather.add(
+            collector.add(
                 &table.span(),
                 "table.decimal_comma",
                 "the comma cannot be both the delimiter and the decimal separator",
                 "set another delimiter, such as delimiter = \";\"",
             );
         }
-        table.finish(gather);
-        for (name, mut section) in top.section("column", gather).into_sections(gather) {
-            let place = section.optional::<PlaceValue>("from", gather);
+        table.finish(collector);
+        for (name, mut section) in top.section("column", collector).into_sections(collector) {
+            let place = section.optional::<PlaceValue>("from", collector);
             let place = place.map_or(csv::Place::Name(name.value.clone()), |field| field.value.0);
-            if let Some(column) = read_column(name, &mut section, gather) {
+            if let Some(column) = read_column(name, &mut section, collector) {
                 format.columns.push((place, column));
             }
-            section.finish(gather);
+            section.finish(collector);
         }
         let map = CsvMap { format, times };
-        check(map.format.check(), gather);
+        check(map.format.check(), collector);
         map
     })
 }
 
 /// Reads a map for MOOS logs. `file` is the name for messages.
 pub fn alog_map(file: &str, text: &str) -> Result<alog::Format, Vec<Problem>> {
-    read(file, text, |top, gather| {
-        let together_s = top.number_in("together_s", 0.0..=1.0, TOGETHER_S, gather);
+    read(file, text, |top, collector| {
+        let together_s = top.number_in("together_s", 0.0..=1.0, TOGETHER_S, collector);
         let mut groups: Vec<String> = Vec::new();
         let mut variables = Vec::new();
-        for (name, mut section) in top.section("column", gather).into_sections(gather) {
-            let from = section.or("from", name.value.clone(), gather);
-            let source = section.or("source", String::new(), gather);
-            let element = section.optional::<u32>("element", gather);
-            let key = section.optional::<String>("key", gather);
-            let group = section.optional::<String>("group", gather);
+        for (name, mut section) in top.section("column", collector).into_sections(collector) {
+            let from = section.or("from", name.value.clone(), collector);
+            let source = section.or("source", String::new(), collector);
+            let element = section.optional::<u32>("element", collector);
+            let key = section.optional::<String>("key", collector);
+            let group = section.optional::<String>("group", collector);
             let part = match (element, key) {
                 (Some(element), _) => alog::Part::Element(element.value as usize),
                 (None, Some(key)) => alog::Part::Key(key.value),
                 (None, None) => alog::Part::Whole,
             };
-            if let Some(column) = read_column(name, &mut section, gather) {
+            if let Some(column) = read_column(name, &mut section, collector) {
                 let group = group.map_or_else(
                     || format!("{} {source}", family(&column)),
                     |field| field.value,
@@ -123,13 +123,13 @@ pub fn alog_map(file: &str, text: &str) -> Result<alog::Format, Vec<Problem>> {
                     column,
                 });
             }
-            section.finish(gather);
+            section.finish(collector);
         }
         let format = alog::Format {
             variables,
             together_s,
         };
-        check(format.check(), gather);
+        check(format.check(), collector);
         format
     })
 }
@@ -157,43 +157,43 @@ fn family(column: &Column) -> String {
 fn read<T>(
     file: &str,
     text: &str,
-    body: impl FnOnce(&mut Section<'_>, &mut Gatherer<'_>) -> T,
+    body: impl FnOnce(&mut Section<'_>, &mut ErrorCollector<'_>) -> T,
 ) -> Result<T, Vec<Problem>> {
-    let mut gather = Gatherer::new(file, text);
-    let Some(table) = gather.parse() else {
-        return Err(gather.into_problems());
+    let mut collector = ErrorCollector::new(file, text);
+    let Some(table) = collector.parse() else {
+        return Err(collector.into_problems());
     };
     let mut top = Section::new("", table);
-    let value = body(&mut top, &mut gather);
-    top.finish(&mut gather);
-    if gather.is_empty() {
+    let value = body(&mut top, &mut collector);
+    top.finish(&mut collector);
+    if collector.is_empty() {
         Ok(value)
     } else {
-        Err(gather.into_problems())
+        Err(collector.into_problems())
     }
 }
 
-fn check(result: Result<(), wire::WireError>, gather: &mut Gatherer<'_>) {
+fn check(result: Result<(), wire::WireError>, collector: &mut ErrorCollector<'_>) {
     if let Err(error) = result
-        && gather.is_empty()
+        && collector.is_empty()
     {
         let help = "write a table [column.<name>] with from, quantity and unit for each column";
-        gather.add(&(0..0), "column", error.to_string(), help);
+        collector.add(&(0..0), "column", error.to_string(), help);
     }
 }
 
-fn read_times(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Times {
-    let column = section.optional::<PlaceValue>("column", gather);
-    let rate = section.optional::<f64>("rate_hz", gather);
-    let unit = section.optional::<String>("unit", gather);
-    let start = section.optional::<f64>("start_unix_s", gather);
-    let sort = section.or("sort", false, gather);
+fn read_times(mut section: Section<'_>, collector: &mut ErrorCollector<'_>) -> Times {
+    let column = section.optional::<PlaceValue>("column", collector);
+    let rate = section.optional::<f64>("rate_hz", collector);
+    let unit = section.optional::<String>("unit", collector);
+    let start = section.optional::<f64>("start_unix_s", collector);
+    let sort = section.or("sort", false, collector);
     let unit_ns = unit.map_or(TIME_UNITS[0].1, |field| {
         let found = TIME_UNITS.iter().find(|(name, _)| *name == field.value);
         found.map_or_else(
             || {
                 let names = TIME_UNITS.map(|(name, _)| name).join(", ");
-                gather.add(
+                collector.add(
                     &field.span,
                     &field.name,
                     format!("\"{}\" is not a unit of time", field.value),
@@ -208,7 +208,7 @@ fn read_times(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Times {
         (Some(column), None) => RowTime::Column(column.value.0, unit_ns),
         (None, Some(rate)) if rate.value > 0.0 && rate.value <= 1e6 => RowTime::Rate(rate.value),
         (None, Some(rate)) => {
-            gather.add(
+            collector.add(
                 &rate.span,
                 &rate.name,
                 format!("{} Hz is out of range", rate.value),
@@ -222,11 +222,11 @@ fn read_times(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Times {
                 None => "missing",
             };
             let help = "set either column = \"<name>\" or rate_hz = <number>";
-            gather.add(&section.span(), "time", message, help);
+            collector.add(&section.span(), "time", message, help);
             RowTime::Rate(1.0)
         }
     };
-    section.finish(gather);
+    section.finish(collector);
     Times {
         row,
         start_unix_ns: start.map(|field| (field.value.max(0.0) * 1e9).round() as u64),
@@ -234,7 +234,7 @@ fn read_times(mut section: Section<'_>, gather: &mut Gatherer<'_>) -> Times {
     }
 }
 
-fn read_delimiter(field: &Field<String>, gather: &mut Gatherer<'_>) -> Option<char> {
+fn read_delimiter(field: &Field<String>, collector: &mut ErrorCollector<'_>) -> Option<char> {
     match field.value.as_str() {
         "tab" => Some('\t'),
         "blank" => None,
@@ -242,7 +242,7 @@ fn read_delimiter(field: &Field<String>, gather: &mut Gatherer<'_>) -> Option<ch
             let mut characters = text.chars();
             let first = characters.next();
             if first.is_none() || characters.next().is_some() {
-                gather.add(
+                collector.add(
                     &field.span,
                     &field.name,
                     format!("\"{text}\" is not one character"),
@@ -257,17 +257,17 @@ fn read_delimiter(field: &Field<String>, gather: &mut Gatherer<'_>) -> Option<ch
 fn read_column(
     name: Field<String>,
     section: &mut Section<'_>,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<Column> {
     let quantity = section.required::<String>(
         "quantity",
         "set the quantity of the column, such as quantity = \"speed.forward\" or \"signal\"",
-        gather,
+        collector,
     );
-    let unit = section.optional::<String>("unit", gather);
-    let scale = section.or("scale", 1.0, gather);
-    let offset = section.or("offset", 0.0, gather);
-    let delay_s = section.number_in("delay_s", 0.0..=10.0, 0.0, gather);
+    let unit = section.optional::<String>("unit", collector);
+    let scale = section.or("scale", 1.0, collector);
+    let offset = section.or("offset", 0.0, collector);
+    let delay_s = section.number_in("delay_s", 0.0..=10.0, 0.0, collector);
     let quantity = quantity?;
     let known = Quantity::from_name(&quantity.value);
     let Some(kind) = known else {
@@ -277,7 +277,7 @@ fn read_column(
             Some(near) => format!("did you mean \"{near}\"?"),
             None => "docs/import.md lists all quantities".to_owned(),
         };
-        gather.add(
+        collector.add(
             &quantity.span,
             &quantity.name,
             format!("\"{}\" is not a known quantity", quantity.value),
@@ -285,7 +285,7 @@ fn read_column(
         );
         return None;
     };
-    let (unit, factor) = read_unit(kind, unit, &quantity, gather)?;
+    let (unit, factor) = read_unit(kind, unit, &quantity, collector)?;
     Some(Column {
         name: name.value,
         quantity: kind,
@@ -301,7 +301,7 @@ fn read_unit(
     kind: Quantity,
     unit: Option<Field<String>>,
     quantity: &Field<String>,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<(String, f64)> {
     let dimension = kind.dimension();
     let names: Vec<&str> = dimension.units().iter().map(|(name, _)| *name).collect();
@@ -311,7 +311,7 @@ fn read_unit(
             Some(factor) => Some((field.value, factor)),
             None => {
                 let message = format!("\"{}\" is not a unit of {}", field.value, quantity.value);
-                gather.add(&field.span, &field.name, message, known);
+                collector.add(&field.span, &field.name, message, known);
                 None
             }
         },
@@ -321,7 +321,7 @@ fn read_unit(
         }
         None => {
             let message = format!("{} needs a unit", quantity.value);
-            gather.add(&quantity.span, &quantity.name, message, known);
+            collector.add(&quantity.span, &quantity.name, message, known);
             None
         }
     }

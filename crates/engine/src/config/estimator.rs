@@ -8,7 +8,7 @@ use model::vehicle::Vehicle;
 
 use super::files::{FileKind, Files};
 use super::overrides;
-use model::file::{Field, Gatherer, NumberOrList, Section, closest};
+use model::file::{ErrorCollector, Field, NumberOrList, Section, closest};
 
 /// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
@@ -43,32 +43,32 @@ pub fn read(
     mut section: Section<'_>,
     mut vehicle: Section<'_>,
     files: &mut Files,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<Estimator> {
-    let enabled = section.optional::<bool>("enabled", gather);
-    let method = section.optional::<String>("method", gather);
-    let ignore = section.optional::<Vec<String>>("ignore", gather);
+    let enabled = section.optional::<bool>("enabled", collector);
+    let method = section.optional::<String>("method", collector);
+    let ignore = section.optional::<Vec<String>>("ignore", collector);
     let mut tuning = Tuning::default();
-    if let Some(section) = section.optional_section("tuning", gather) {
-        read_tuning(section, &mut tuning, gather);
+    if let Some(section) = section.optional_section("tuning", collector) {
+        read_tuning(section, &mut tuning, collector);
     }
-    section.finish(gather);
-    let file = vehicle.optional::<String>("file", gather);
-    let sensors = vehicle.optional::<String>("sensors", gather);
-    let calibration = vehicle.optional::<String>("calibration", gather);
-    let overrides = vehicle.optional::<Vec<String>>("overrides", gather);
+    section.finish(collector);
+    let file = vehicle.optional::<String>("file", collector);
+    let sensors = vehicle.optional::<String>("sensors", collector);
+    let calibration = vehicle.optional::<String>("calibration", collector);
+    let overrides = vehicle.optional::<Vec<String>>("overrides", collector);
     let vehicle_span = vehicle.span();
-    vehicle.finish(gather);
+    vehicle.finish(collector);
 
     let settings = Settings {
         method: method.map_or(Method::default(), |field| {
-            by_name(&field, &field.value, &METHODS, gather).unwrap_or_default()
+            by_name(&field, &field.value, &METHODS, collector).unwrap_or_default()
         }),
         ignore: ignore.map_or_else(Vec::new, |field| {
             field
                 .value
                 .iter()
-                .filter_map(|name| by_name(&field, name, &INPUTS, gather))
+                .filter_map(|name| by_name(&field, name, &INPUTS, collector))
                 .collect()
         }),
         tuning,
@@ -78,7 +78,7 @@ pub fn read(
     }
     let Some(file) = file else {
         if let Some(field) = enabled {
-            gather.add(
+            collector.add(
                 &vehicle_span,
                 "vehicle.file",
                 format!("missing, although {} = true", field.name),
@@ -87,15 +87,15 @@ pub fn read(
         }
         return None;
     };
-    let vehicle = text_of(&file, FileKind::Vehicle, files, gather)
-        .and_then(|text| overridden(text, overrides.as_ref(), files, gather))
-        .and_then(|text| value_of(Vehicle::from_toml(&text, &file.value), gather));
+    let vehicle = text_of(&file, FileKind::Vehicle, files, collector)
+        .and_then(|text| overridden(text, overrides.as_ref(), files, collector))
+        .and_then(|text| value_of(Vehicle::from_toml(&text, &file.value), collector));
     let sensors = sensors.unwrap_or_else(|| default_sensors(&file));
-    let sensors = text_of(&sensors, FileKind::Sensors, files, gather)
-        .and_then(|text| value_of(Sensors::from_toml(&text, &sensors.value), gather));
+    let sensors = text_of(&sensors, FileKind::Sensors, files, collector)
+        .and_then(|text| value_of(Sensors::from_toml(&text, &sensors.value), collector));
     let vehicle = vehicle?;
     let calibration = match calibration {
-        Some(field) => read_calibration(&field, &vehicle, files, gather)?,
+        Some(field) => read_calibration(&field, &vehicle, files, collector)?,
         None => Calibration::nominal(&vehicle.name),
     };
     Some(Estimator {
@@ -117,9 +117,13 @@ fn default_sensors(vehicle: &Field<String>) -> Field<String> {
 }
 
 /// Reads the numbers of a tuning group and of its sub-groups; absent numbers keep their defaults.
-fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gatherer<'_>) {
+fn read_tuning(
+    mut section: Section<'_>,
+    group: &mut dyn Group,
+    collector: &mut ErrorCollector<'_>,
+) {
     for parameter in group.parameters() {
-        let Some(field) = section.optional::<NumberOrList>(parameter.name, gather) else {
+        let Some(field) = section.optional::<NumberOrList>(parameter.name, collector) else {
             continue;
         };
         let NumberOrList(numbers) = field.value;
@@ -128,27 +132,27 @@ fn read_tuning(mut section: Section<'_>, group: &mut dyn Group, gather: &mut Gat
             let default = parameter.value.numbers();
             let message = format!("found {numbers:?}, but {expected} is expected");
             let help = format!("the default is {default:?} (unit: {unit})");
-            gather.add(&field.span, &field.name, message, help);
+            collector.add(&field.span, &field.name, message, help);
         }
     }
     for (name, group) in group.groups() {
-        if let Some(section) = section.optional_section(name, gather) {
-            read_tuning(section, group, gather);
+        if let Some(section) = section.optional_section(name, collector) {
+            read_tuning(section, group, collector);
         }
     }
-    section.finish(gather);
+    section.finish(collector);
 }
 
 fn by_name<T: Copy>(
     field: &Field<impl Sized>,
     name: &str,
     known: &[(&str, T)],
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<T> {
     match find(name, known) {
         Ok(value) => Some(value),
         Err((message, help)) => {
-            gather.add(&field.span, &field.name, message, help);
+            collector.add(&field.span, &field.name, message, help);
             None
         }
     }
@@ -187,12 +191,12 @@ fn text_of(
     field: &Field<String>,
     kind: FileKind,
     files: &mut Files,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<String> {
     match files.read_text(&field.value, kind) {
         Ok(text) => Some(text),
         Err(problem) => {
-            gather.add(&field.span, &field.name, problem.message, problem.help);
+            collector.add(&field.span, &field.name, problem.message, problem.help);
             None
         }
     }
@@ -203,7 +207,7 @@ fn overridden(
     text: String,
     overrides: Option<&Field<Vec<String>>>,
     files: &mut Files,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<String> {
     let Some(field) = overrides else {
         return Some(text);
@@ -223,7 +227,7 @@ fn overridden(
                 })
             });
         if let Err((message, help)) = replaced {
-            gather.add(&field.span, &field.name, message, help);
+            collector.add(&field.span, &field.name, message, help);
             return None;
         }
     }
@@ -231,11 +235,11 @@ fn overridden(
 }
 
 /// The value of a file; its problems are added to the others.
-fn value_of<T>(read: Result<T, FileErrors>, gather: &mut Gatherer<'_>) -> Option<T> {
+fn value_of<T>(read: Result<T, FileErrors>, collector: &mut ErrorCollector<'_>) -> Option<T> {
     match read {
         Ok(value) => Some(value),
         Err(errors) => {
-            gather.add_foreign(errors.problems);
+            collector.add_foreign(errors.problems);
             None
         }
     }
@@ -245,19 +249,19 @@ fn read_calibration(
     field: &Field<String>,
     vehicle: &Vehicle,
     files: &mut Files,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<Calibration> {
-    let text = text_of(field, FileKind::Calibration, files, gather)?;
+    let text = text_of(field, FileKind::Calibration, files, collector)?;
     let calibration = match Calibration::from_toml(&text) {
         Ok(calibration) => calibration,
         Err(error) => {
             let help = "calibrate again, or correct the file";
-            gather.add(&field.span, &field.name, error.to_string(), help);
+            collector.add(&field.span, &field.name, error.to_string(), help);
             return None;
         }
     };
     if calibration.vehicle != vehicle.name {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!(

@@ -3,7 +3,7 @@
 use sample::{StrainChannel, Wheel};
 use wire::dbc::{Database, SignalDef};
 
-use model::file::{Field, Gatherer, Section, closest};
+use model::file::{ErrorCollector, Field, Section, closest};
 
 /// Role of a signal for the estimator.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,41 +36,41 @@ pub struct RoleOf {
 pub fn read(
     mut section: Section<'_>,
     databases: &[Database],
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Vec<RoleOf> {
     let mut finder = Finder {
         databases,
         roles: Vec::new(),
     };
-    let field = section.optional::<String>("steer", gather);
-    finder.add(field, "Steering.hand_wheel_angle", gather, |signal| {
+    let field = section.optional::<String>("steer", collector);
+    finder.add(field, "Steering.hand_wheel_angle", collector, |signal| {
         angle_factor(signal).map(Role::Steer)
     });
-    let mut speeds = section.section("wheel_speed", gather);
-    let mut deflections = section.section("deflection", gather);
-    let mut strains = section.section("strain", gather);
+    let mut speeds = section.section("wheel_speed", collector);
+    let mut deflections = section.section("deflection", collector);
+    let mut strains = section.section("strain", collector);
     for wheel in Wheel::ALL {
         let (key, corner) = (key(wheel), wheel.abbreviation());
-        let field = speeds.optional::<String>(key, gather);
+        let field = speeds.optional::<String>(key, collector);
         let default = format!("WheelSpeed.{corner}");
-        finder.add(field, &default, gather, |signal| {
+        finder.add(field, &default, collector, |signal| {
             rate_factor(signal).map(|factor| Role::WheelSpeed(wheel, factor))
         });
-        let field = deflections.optional::<String>(key, gather);
+        let field = deflections.optional::<String>(key, collector);
         let default = format!("Corner_{corner}.deflection");
-        finder.add(field, &default, gather, |_| Ok(Role::Deflection(wheel)));
-        let mut channels = strains.section(key, gather);
+        finder.add(field, &default, collector, |_| Ok(Role::Deflection(wheel)));
+        let mut channels = strains.section(key, collector);
         for channel in StrainChannel::ALL {
-            let field = channels.optional::<String>(channel.name(), gather);
+            let field = channels.optional::<String>(channel.name(), collector);
             let default = default_strain(corner, channel);
-            finder.add(field, &default, gather, |_| {
+            finder.add(field, &default, collector, |_| {
                 Ok(Role::Strain(wheel, channel))
             });
         }
-        channels.finish(gather);
+        channels.finish(collector);
     }
     for section in [speeds, deflections, strains, section] {
-        section.finish(gather);
+        section.finish(collector);
     }
     finder.roles
 }
@@ -102,7 +102,7 @@ impl Finder<'_> {
         &mut self,
         field: Option<Field<String>>,
         default: &str,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
         role: impl Fn(&SignalDef) -> Result<Role, String>,
     ) {
         let name = field.as_ref().map_or(default, |field| &field.value);
@@ -130,7 +130,7 @@ impl Finder<'_> {
             (None, false) => return,
         };
         if let Some(field) = field {
-            gather.add(&field.span, &field.name, problem.0, problem.1);
+            collector.add(&field.span, &field.name, problem.0, problem.1);
         }
     }
 

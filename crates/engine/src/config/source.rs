@@ -14,7 +14,7 @@ use wire::line;
 use super::columns::{self, CsvMap};
 use super::files::{FileKind, Files};
 use super::roles::RoleOf;
-use model::file::{Field, Gatherer, Problem, Section, closest};
+use model::file::{ErrorCollector, Field, Problem, Section, closest};
 
 /// Names of the kinds of source in the file.
 const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];
@@ -80,13 +80,17 @@ impl Source {
 }
 
 /// Reads all `[source.*]` tables. The sources are numbered in the order of their names.
-pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Vec<Source> {
-    let mut named = section.into_sections(gather);
+pub fn read_all(
+    section: Section<'_>,
+    files: &mut Files,
+    collector: &mut ErrorCollector<'_>,
+) -> Vec<Source> {
+    let mut named = section.into_sections(collector);
     named.sort_by(|(a, _), (b, _)| a.value.cmp(&b.value));
     let mut sources = Vec::new();
     for (number, (name, section)) in named.into_iter().enumerate() {
         if !is_name(&name.value) {
-            gather.add(
+            collector.add(
                 &name.span,
                 &name.name,
                 format!("\"{}\" cannot be part of a topic", name.value),
@@ -94,8 +98,8 @@ pub fn read_all(section: Section<'_>, files: &mut Files, gather: &mut Gatherer<'
             );
         }
         let id = SourceId(u16::try_from(number).unwrap_or(u16::MAX - 1));
-        if let Some(source) = read(id, &name.value, section, files, gather) {
-            report_shared_device(&source, &sources, &name, gather);
+        if let Some(source) = read(id, &name.value, section, files, collector) {
+            report_shared_device(&source, &sources, &name, collector);
             sources.push(source);
         }
     }
@@ -114,20 +118,23 @@ fn read(
     name: &str,
     mut section: Section<'_>,
     files: &mut Files,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<Source> {
-    let kind =
-        section.required::<String>("kind", &format!("use one of: {}", KINDS.join(", ")), gather)?;
+    let kind = section.required::<String>(
+        "kind",
+        &format!("use one of: {}", KINDS.join(", ")),
+        collector,
+    )?;
     let (acq_kind, meaning, silent_default_s) = match kind.value.as_str() {
-        "can" => can::read_can(&mut section, files, gather),
-        "slcan" => can::read_slcan(&mut section, files, gather),
-        "crossbow440" => read_crossbow(&mut section, gather),
-        "gnss" => read_gnss(&mut section, gather),
-        "line" => read_line(&mut section, gather),
-        "csv" => read_table(&mut section, files, gather, |name, text| {
+        "can" => can::read_can(&mut section, files, collector),
+        "slcan" => can::read_slcan(&mut section, files, collector),
+        "crossbow440" => read_crossbow(&mut section, collector),
+        "gnss" => read_gnss(&mut section, collector),
+        "line" => read_line(&mut section, collector),
+        "csv" => read_table(&mut section, files, collector, |name, text| {
             columns::csv_map(name, text).map(Meaning::Csv)
         }),
-        "alog" => read_table(&mut section, files, gather, |name, text| {
+        "alog" => read_table(&mut section, files, collector, |name, text| {
             columns::alog_map(name, text).map(Meaning::Alog)
         }),
         other => {
@@ -135,7 +142,7 @@ fn read(
                 Some(near) => format!("did you mean \"{near}\"?"),
                 None => format!("use one of: {}", KINDS.join(", ")),
             };
-            gather.add(
+            collector.add(
                 &kind.span,
                 &kind.name,
                 format!("\"{other}\" is not a kind of source"),
@@ -144,9 +151,9 @@ fn read(
             return None;
         }
     };
-    let silent_s = section.number_in("silent_after_s", 0.0..=3600.0, silent_default_s, gather);
-    let transport_delay_s = section.number_in("transport_delay_s", 0.0..=10.0, 0.0, gather);
-    section.finish(gather);
+    let silent_s = section.number_in("silent_after_s", 0.0..=3600.0, silent_default_s, collector);
+    let transport_delay_s = section.number_in("transport_delay_s", 0.0..=10.0, 0.0, collector);
+    section.finish(collector);
     Some(Source {
         spec: SourceSpec {
             id,
@@ -161,9 +168,9 @@ fn read(
 
 type Read = (Option<SourceKind>, Option<Meaning>, f64);
 
-fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
-    let port = read_port(section, 57_600, gather);
-    let rate_field = section.optional::<u32>("rate_hz", gather);
+fn read_crossbow(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Read {
+    let port = read_port(section, 57_600, collector);
+    let rate_field = section.optional::<u32>("rate_hz", collector);
     let rate_hz = rate_field.as_ref().map_or(100, |field| field.value);
     let rate = match rate_hz {
         50 => PacketRate::Hz50,
@@ -175,25 +182,25 @@ fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     if let Some(field) = rate_field
         && ![100, 50, 25, 20, 10].contains(&field.value)
     {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("the device cannot send {} packets per second", field.value),
             "use 100, 50, 25, 20 or 10",
         );
     }
-    let packet = section.optional::<String>("packet", gather);
+    let packet = section.optional::<String>("packet", collector);
     if let Some(field) = &packet
         && !["S0", "S1", "S2"].contains(&field.value.as_str())
     {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("\"{}\" is not a supported packet type", field.value),
             "use \"S1\" (scaled samples), \"S2\" (increments) or \"S0\"",
         );
     }
-    let configure = section.or("configure", true, gather);
+    let configure = section.or("configure", true, collector);
     let packet = packet.map_or_else(|| "S1".to_owned(), |field| field.value);
     let setup = match (configure, packet.as_bytes()) {
         (true, &[letter, digit]) => Setup::Crossbow440(SetupOptions {
@@ -207,13 +214,13 @@ fn read_crossbow(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
     (kind, Some(Meaning::Crossbow440(rate)), 0.5)
 }
 
-fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
-    let port = read_port(section, 115_200, gather);
+fn read_gnss(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Read {
+    let port = read_port(section, 115_200, collector);
     let meaning = Meaning::Gnss(GnssMeaning {
-        velocity_latency_s: read_latency(section, "velocity_latency_s", gather),
-        attitude_latency_s: read_latency(section, "attitude_latency_s", gather),
+        velocity_latency_s: read_latency(section, "velocity_latency_s", collector),
+        attitude_latency_s: read_latency(section, "attitude_latency_s", collector),
     });
-    let setup = read_commands(section, gather);
+    let setup = read_commands(section, collector);
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
     (kind, Some(meaning), 1.0)
 }
@@ -221,11 +228,11 @@ fn read_gnss(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
 fn read_latency(
     section: &mut Section<'_>,
     key: &'static str,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<f64> {
-    let field = section.optional::<f64>(key, gather)?;
+    let field = section.optional::<f64>(key, collector)?;
     if !(0.0..=5.0).contains(&field.value) {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("{} s is out of range", field.value),
@@ -235,39 +242,39 @@ fn read_latency(
     Some(field.value)
 }
 
-fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
-    let port = read_port(section, 9_600, gather);
-    let delimiter = section.optional::<String>("delimiter", gather);
+fn read_line(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Read {
+    let port = read_port(section, 9_600, collector);
+    let delimiter = section.optional::<String>("delimiter", collector);
     if let Some(field) = &delimiter
         && field.value.len() != 1
     {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("\"{}\" is not one ASCII character", field.value),
             "use one character, such as \",\", or remove the field for blanks",
         );
     }
-    let steer = section.optional::<String>("steer", gather);
-    let fields = section.section("fields", gather);
+    let steer = section.optional::<String>("steer", collector);
+    let fields = section.section("fields", collector);
     let (span, name) = (fields.span(), fields.field_name("fields"));
     let format = line::Format {
         delimiter: delimiter.and_then(|field| field.value.bytes().next()),
-        prefix: section.or("prefix", String::new(), gather),
+        prefix: section.or("prefix", String::new(), collector),
         fields: fields
-            .into_sections(gather)
+            .into_sections(collector)
             .into_iter()
-            .map(|(name, field)| read_line_field(name.value, field, gather))
+            .map(|(name, field)| read_line_field(name.value, field, collector))
             .collect(),
         role: steer.map_or(line::Role::Control, |field| line::Role::Steer(field.value)),
-        query: section.or("query", String::new(), gather).into_bytes(),
+        query: section.or("query", String::new(), collector).into_bytes(),
     };
     if let Err(error) = format.check() {
         let help = "write a table [source.<name>.fields.<quantity>] with index, scale and unit for \
                     each number";
-        gather.add(&span, &name, error.to_string(), help);
+        collector.add(&span, &name, error.to_string(), help);
     }
-    let setup = read_commands(section, gather);
+    let setup = read_commands(section, collector);
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
     (kind, Some(Meaning::Line(format)), 0.0)
 }
@@ -276,24 +283,24 @@ fn read_line(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Read {
 fn read_table(
     section: &mut Section<'_>,
     files: &mut Files,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
     map: impl FnOnce(&str, &str) -> Result<Meaning, Vec<Problem>>,
 ) -> Read {
-    let port = read_port(section, 115_200, gather);
+    let port = read_port(section, 115_200, collector);
     let columns = section.required::<String>(
         "columns",
         "set the column map, such as columns = \"columns.toml\"",
-        gather,
+        collector,
     );
-    let setup = read_commands(section, gather);
+    let setup = read_commands(section, collector);
     let kind = port.map(|port| SourceKind::Serial(SerialSpec { port, setup }));
     let meaning = columns.and_then(|field| {
         match files.read_text(&field.value, FileKind::Columns) {
             Ok(text) => match map(&field.value, &text) {
                 Ok(meaning) => return Some(meaning),
-                Err(problems) => gather.add_foreign(problems),
+                Err(problems) => collector.add_foreign(problems),
             },
-            Err(error) => gather.add(&field.span, &field.name, error.message, error.help),
+            Err(error) => collector.add(&field.span, &field.name, error.message, error.help),
         }
         None
     });
@@ -303,25 +310,25 @@ fn read_table(
 fn read_line_field(
     name: String,
     mut section: Section<'_>,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> line::Field {
-    let index = section.or::<u32>("index", 0, gather);
-    let bits = section.optional::<u32>("signed_bits", gather);
+    let index = section.or::<u32>("index", 0, collector);
+    let bits = section.optional::<u32>("signed_bits", collector);
     let field = line::Field {
         index: index as usize,
         name,
-        scale: section.or("scale", 1.0, gather),
-        offset: section.or("offset", 0.0, gather),
-        unit: section.or("unit", String::new(), gather),
+        scale: section.or("scale", 1.0, collector),
+        offset: section.or("offset", 0.0, collector),
+        unit: section.or("unit", String::new(), collector),
         signed_bits: bits.map(|field| u8::try_from(field.value).unwrap_or(u8::MAX)),
     };
-    section.finish(gather);
+    section.finish(collector);
     field
 }
 
-fn read_commands(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Setup {
-    let commands = section.or("commands", Vec::<String>::new(), gather);
-    let pause_s = section.number_in("command_pause_s", 0.0..=10.0, 0.1, gather);
+fn read_commands(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Setup {
+    let commands = section.or("commands", Vec::<String>::new(), collector);
+    let pause_s = section.number_in("command_pause_s", 0.0..=10.0, 0.1, collector);
     if commands.is_empty() {
         return Setup::None;
     }
@@ -337,28 +344,28 @@ fn read_commands(section: &mut Section<'_>, gather: &mut Gatherer<'_>) -> Setup 
 fn read_port(
     section: &mut Section<'_>,
     baud_default: u32,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<PortSpec> {
     let device = section.required::<String>(
         "device",
         "set the port; a link by device identity is safest: device = \"/dev/serial/by-id/...\"",
-        gather,
+        collector,
     );
-    let baud = section.optional::<u32>("baud", gather);
+    let baud = section.optional::<u32>("baud", collector);
     if let Some(field) = &baud
         && !(50..=4_000_000).contains(&field.value)
     {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("{} bit/s is out of range", field.value),
             "use the baud rate of the device, from 50 to 4000000",
         );
     }
-    let parity = section.optional::<String>("parity", gather);
-    let parity = parity.map_or(Parity::None, |field| read_parity(&field, gather));
-    let two_stop_bits = section.or("two_stop_bits", false, gather);
-    let low_latency = section.or("low_latency", true, gather);
+    let parity = section.optional::<String>("parity", collector);
+    let parity = parity.map_or(Parity::None, |field| read_parity(&field, collector));
+    let two_stop_bits = section.or("two_stop_bits", false, collector);
+    let low_latency = section.or("low_latency", true, collector);
     let device = device?;
     Some(PortSpec {
         parity,
@@ -368,13 +375,13 @@ fn read_port(
     })
 }
 
-fn read_parity(field: &Field<String>, gather: &mut Gatherer<'_>) -> Parity {
+fn read_parity(field: &Field<String>, collector: &mut ErrorCollector<'_>) -> Parity {
     match field.value.as_str() {
         "none" => Parity::None,
         "odd" => Parity::Odd,
         "even" => Parity::Even,
         other => {
-            gather.add(
+            collector.add(
                 &field.span,
                 &field.name,
                 format!("\"{other}\" is not a parity"),
@@ -398,14 +405,14 @@ fn report_shared_device(
     source: &Source,
     others: &[Source],
     name: &Field<String>,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) {
     let device = device_name(&source.spec.kind);
     let first = others
         .iter()
         .find(|other| device_name(&other.spec.kind) == device);
     if let Some(first) = first {
-        gather.add(
+        collector.add(
             &name.span,
             &name.name,
             format!("source.{} reads {device} already", first.spec.name),

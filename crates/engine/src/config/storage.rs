@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::source::Source;
 use super::trigger::Trigger;
-use model::file::{Gatherer, Section};
+use model::file::{ErrorCollector, Section};
 
 /// Limits of the log directory, in bytes; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,32 +33,36 @@ pub struct Storage {
 
 impl Storage {
     /// Reads the table.
-    pub fn read(mut section: Section<'_>, sources: &[Source], gather: &mut Gatherer<'_>) -> Self {
+    pub fn read(
+        mut section: Section<'_>,
+        sources: &[Source],
+        collector: &mut ErrorCollector<'_>,
+    ) -> Self {
         let defaults = store::Options::default();
-        let directory = section.or("directory", "logs".to_owned(), gather);
-        let name = section.optional::<String>("name", gather);
+        let directory = section.or("directory", "logs".to_owned(), collector);
+        let name = section.optional::<String>("name", collector);
         if let Some(field) = &name
             && (field.value.is_empty() || field.value.contains(['/', '\0']))
         {
-            gather.add(
+            collector.add(
                 &field.span,
                 &field.name,
                 format!("\"{}\" cannot be the beginning of a file name", field.value),
                 "use a name without /",
             );
         }
-        let rotate_s = section.number_in("rotate_after_s", 0.0..=86_400.0, 600.0, gather);
-        let rotate_mb = section.number_in("rotate_after_mb", 0.0..=1e6, 1024.0, gather);
-        let sync_s = section.number_in("sync_interval_s", 0.01..=60.0, 0.5, gather);
-        let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 1.0, gather);
-        let decoded_s = section.number_in("decoded_interval_s", 0.001..=60.0, 0.5, gather);
-        let stop_s = section.number_in("stop_within_s", 1.0..=3600.0, 20.0, gather);
-        let level = section.number_in("compression_level", 0.0..=22.0, 0.0, gather);
-        let quota_mb = section.number_in("quota_mb", 0.0..=1e9, 0.0, gather);
-        let keep_free_mb = section.number_in("keep_free_mb", 0.0..=1e9, 0.0, gather);
-        let trigger = section.present("trigger", gather);
-        let trigger = trigger.map(|section| Trigger::read(section, sources, gather));
-        section.finish(gather);
+        let rotate_s = section.number_in("rotate_after_s", 0.0..=86_400.0, 600.0, collector);
+        let rotate_mb = section.number_in("rotate_after_mb", 0.0..=1e6, 1024.0, collector);
+        let sync_s = section.number_in("sync_interval_s", 0.01..=60.0, 0.5, collector);
+        let raw_s = section.number_in("raw_interval_s", 0.001..=10.0, 1.0, collector);
+        let decoded_s = section.number_in("decoded_interval_s", 0.001..=60.0, 0.5, collector);
+        let stop_s = section.number_in("stop_within_s", 1.0..=3600.0, 20.0, collector);
+        let level = section.number_in("compression_level", 0.0..=22.0, 0.0, collector);
+        let quota_mb = section.number_in("quota_mb", 0.0..=1e9, 0.0, collector);
+        let keep_free_mb = section.number_in("keep_free_mb", 0.0..=1e9, 0.0, collector);
+        let trigger = section.present("trigger", collector);
+        let trigger = trigger.map(|section| Trigger::read(section, sources, collector));
+        section.finish(collector);
         let bytes = |mb: f64| (mb > 0.0).then_some((mb * 1_048_576.0) as u64);
         Self {
             limits: Limits {

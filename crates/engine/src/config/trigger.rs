@@ -6,7 +6,7 @@ use acq::RingLimits;
 use sample::{Arrival, CanFrame, Event, EventKind, Notice, Payload, SourceId};
 
 use super::source::{Meaning, Source};
-use model::file::{Field, Gatherer, Section, closest};
+use model::file::{ErrorCollector, Field, Section, closest};
 
 /// Triggers of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,19 +75,23 @@ impl Trigger {
     }
 
     /// Reads the table.
-    pub fn read(mut section: Section<'_>, sources: &[Source], gather: &mut Gatherer<'_>) -> Self {
-        let pre_s = section.number_in("pre_s", 0.0..=3_600.0, 10.0, gather);
-        let post_s = section.number_in("post_s", 0.1..=86_400.0, 20.0, gather);
-        let memory_mb = section.number_in("memory_mb", 1.0..=65_536.0, 64.0, gather);
-        let marks = section.or("mark", true, gather);
-        let events = section.optional::<Vec<String>>("events", gather);
-        let events = events.map_or_else(Vec::new, |field| read_events(&field, gather));
-        let can = section.section("can", gather);
-        let can = can.into_sections(gather).into_iter();
+    pub fn read(
+        mut section: Section<'_>,
+        sources: &[Source],
+        collector: &mut ErrorCollector<'_>,
+    ) -> Self {
+        let pre_s = section.number_in("pre_s", 0.0..=3_600.0, 10.0, collector);
+        let post_s = section.number_in("post_s", 0.1..=86_400.0, 20.0, collector);
+        let memory_mb = section.number_in("memory_mb", 1.0..=65_536.0, 64.0, collector);
+        let marks = section.or("mark", true, collector);
+        let events = section.optional::<Vec<String>>("events", collector);
+        let events = events.map_or_else(Vec::new, |field| read_events(&field, collector));
+        let can = section.section("can", collector);
+        let can = can.into_sections(collector).into_iter();
         let can = can
-            .filter_map(|(name, rule)| read_rule(name.value, rule, sources, gather))
+            .filter_map(|(name, rule)| read_rule(name.value, rule, sources, collector))
             .collect();
-        section.finish(gather);
+        section.finish(collector);
         Self {
             memory: RingLimits {
                 duration: Duration::from_secs_f64(pre_s),
@@ -101,7 +105,10 @@ impl Trigger {
     }
 }
 
-fn read_events(field: &Field<Vec<String>>, gather: &mut Gatherer<'_>) -> Vec<&'static str> {
+fn read_events(
+    field: &Field<Vec<String>>,
+    collector: &mut ErrorCollector<'_>,
+) -> Vec<&'static str> {
     let mut events = Vec::new();
     for name in &field.value {
         match EventKind::NAMES.into_iter().find(|known| known == name) {
@@ -112,7 +119,7 @@ fn read_events(field: &Field<Vec<String>>, gather: &mut Gatherer<'_>) -> Vec<&'s
                     None => format!("use some of: {}", EventKind::NAMES.join(", ")),
                 };
                 let message = format!("\"{name}\" is not an event of the estimator");
-                gather.add(&field.span, &field.name, message, help);
+                collector.add(&field.span, &field.name, message, help);
             }
         }
     }
@@ -123,16 +130,17 @@ fn read_rule(
     name: String,
     mut section: Section<'_>,
     sources: &[Source],
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<CanRule> {
-    let source = section.required::<String>("source", "set a source of kind can or slcan", gather);
+    let source =
+        section.required::<String>("source", "set a source of kind can or slcan", collector);
     let source = source.and_then(|field| {
         let is_bus = |source: &&Source| {
             source.spec.name == field.value && matches!(source.meaning, Meaning::Can(_))
         };
         let found = sources.iter().find(is_bus).map(|source| source.spec.id);
         if found.is_none() {
-            gather.add(
+            collector.add(
                 &field.span,
                 &field.name,
                 format!("source.{} does not exist or is not a CAN bus", field.value),
@@ -141,8 +149,8 @@ fn read_rule(
         }
         found
     });
-    let id = section.required::<u32>("id", "set the identifier, such as id = 0x123", gather);
-    let extended = section.optional::<bool>("extended", gather);
+    let id = section.required::<u32>("id", "set the identifier, such as id = 0x123", collector);
+    let extended = section.optional::<bool>("extended", collector);
     let extended = match (&extended, &id) {
         (Some(field), _) => field.value,
         (None, Some(id)) => id.value > 0x7FF,
@@ -151,7 +159,7 @@ fn read_rule(
     if let Some(field) = &id {
         let largest = if extended { 0x1FFF_FFFF } else { 0x7FF };
         if field.value > largest {
-            gather.add(
+            collector.add(
                 &field.span,
                 &field.name,
                 format!(
@@ -162,11 +170,11 @@ fn read_rule(
             );
         }
     }
-    let data = read_bytes(&mut section, "data", gather).unwrap_or_default();
-    let mask = read_bytes(&mut section, "data_mask", gather);
+    let data = read_bytes(&mut section, "data", collector).unwrap_or_default();
+    let mask = read_bytes(&mut section, "data_mask", collector);
     let mask = mask.unwrap_or_else(|| vec![0xFF; data.len()]);
     if mask.len() != data.len() {
-        gather.add(
+        collector.add(
             &section.span(),
             &section.field_name("data_mask"),
             format!(
@@ -177,7 +185,7 @@ fn read_rule(
             "use the same number of bytes in data and data_mask",
         );
     }
-    section.finish(gather);
+    section.finish(collector);
     Some(CanRule {
         name,
         source: source?,
@@ -191,15 +199,15 @@ fn read_rule(
 fn read_bytes(
     section: &mut Section<'_>,
     key: &'static str,
-    gather: &mut Gatherer<'_>,
+    collector: &mut ErrorCollector<'_>,
 ) -> Option<Vec<u8>> {
-    let field = section.optional::<String>(key, gather)?;
+    let field = section.optional::<String>(key, collector)?;
     let words = field.value.split_whitespace();
     let bytes: Option<Vec<u8>> = words
         .map(|word| u8::from_str_radix(word, 16).ok())
         .collect();
     if bytes.is_none() {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("\"{}\" is not a list of bytes", field.value),

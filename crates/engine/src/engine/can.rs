@@ -114,8 +114,8 @@ impl CanDecoder {
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
         }
-        if let Some(hand_wheel_rad) = measured.steer_rad {
-            emit(Measurement::Steer(SteerSample { hand_wheel_rad }));
+        if let Some(steering_wheel_rad) = measured.steer_rad {
+            emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
         }
         if measured.speeds_rad_s.0.iter().any(Option::is_some) {
             emit(Measurement::WheelSpeed(WheelSpeedSample {

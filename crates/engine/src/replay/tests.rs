@@ -10,9 +10,9 @@ const CONFIGURATION: &str = r#"
 [source.t]
 kind = "line"
 device = "imported/t"
-steer = "hand_wheel"
+steer = "steering_wheel"
 
-[source.t.fields.hand_wheel]
+[source.t.fields.steering_wheel]
 index = 0
 scale = 0.001
 unit = "rad"

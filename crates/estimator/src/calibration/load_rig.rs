@@ -46,7 +46,7 @@ pub struct RigLoad {
     /// Compression of the strut from its design length, m.
     pub compression_m: f64,
     /// Steering wheel, straight ahead 0, rad.
-    pub hand_wheel_rad: f64,
+    pub steering_wheel_rad: f64,
     /// Mean counts of each strain channel and their deviations.
     pub counts: [Option<[f64; 2]>; StrainChannel::COUNT],
 }
@@ -157,7 +157,7 @@ pub fn members(
         .as_ref()
         .ok_or_else(|| EstimatorError::Suspension("unsprung masses are missing".to_owned()))?;
     let rack_m = if load.wheel.is_front() {
-        vehicle.steering.rack_m_rad.unwrap_or(0.0) * load.hand_wheel_rad
+        vehicle.steering.rack_m_rad.unwrap_or(0.0) * load.steering_wheel_rad
     } else {
         0.0
     };

@@ -175,7 +175,7 @@ impl Recording {
                     }
                 }
             }
-            Measurement::Steer(steer) => self.steer.push(time_s, steer.hand_wheel_rad),
+            Measurement::Steer(steer) => self.steer.push(time_s, steer.steering_wheel_rad),
             Measurement::Imu(imu) => {
                 let first = self.imu_source.get_or_insert_with(|| source.to_owned());
                 if first == source && imu.valid {
@@ -284,13 +284,13 @@ impl Recording {
             let [Some(fl), Some(fr), Some(rl), Some(rr)] = Wheel::ALL.map(compression) else {
                 continue;
             };
-            let hand_wheel_rad = self.steer.near(*time_s).unwrap_or_default();
+            let steering_wheel_rad = self.steer.near(*time_s).unwrap_or_default();
             let angles = lean.roll_pitch_rad(&Leaning {
                 compression_m: PerWheel([fl, fr, rl, rr]),
                 force_m_s2: self
                     .imu_signal()
                     .force_near(*time_s, calibration.imu_m.into()),
-                hand_wheel_rad: hand_wheel_rad - calibration.steer_offset_rad,
+                steering_wheel_rad: steering_wheel_rad - calibration.steer_offset_rad,
             });
             for (column, angle) in column.iter_mut().zip(angles.into_iter().flatten()) {
                 column.push(*time_s, angle);

@@ -1,6 +1,6 @@
 //! Steering: both front wheels' maps, play and centre from turn plates.
 //!
-//! The plates are read at several hand-wheel angles, turned to one side, back through the middle to
+//! The plates are read at several steering-wheel angles, turned to one side, back through the middle to
 //! the other side, and back. Where the gear has play, the steering wheel is ahead of the wheels by half
 //! of it on either way, which a regression tells with the centre; the maps are those of the middle,
 //! made monotone by pooling neighbours that fall (Barlow and others 1972).
@@ -21,7 +21,7 @@ const SIDE_NEEDED_RAD: f64 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateReading {
     /// What the encoder reads, rad, left positive.
-    pub hand_wheel_rad: f64,
+    pub steering_wheel_rad: f64,
     /// Left and right front wheel, rad, left positive.
     pub wheels_rad: [f64; 2],
 }
@@ -45,7 +45,7 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
     if slope <= 0.0 {
         return Err(Refusal::Value {
             what: WHAT.to_owned(),
-            name: "road wheels' angle per hand-wheel angle".to_owned(),
+            name: "road wheels' angle per steering-wheel angle".to_owned(),
             value: slope,
             expected:
                 "above zero; left is positive for both, turn the sign of the plates or of the \
@@ -59,7 +59,7 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
     let middle: Vec<f64> = readings
         .iter()
         .zip(directions(readings))
-        .map(|(reading, way)| reading.hand_wheel_rad - 0.5 * lash_rad * way)
+        .map(|(reading, way)| reading.steering_wheel_rad - 0.5 * lash_rad * way)
         .collect();
     let map = |value: &dyn Fn(&PlateReading) -> f64| {
         monotone(
@@ -83,7 +83,7 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
             what: WHAT.to_owned(),
             name: error.to_string(),
             value: points.len() as f64,
-            expected: "readings at two or more different hand-wheel angles".to_owned(),
+            expected: "readings at two or more different steering-wheel angles".to_owned(),
         })?;
     }
     let finding = |name: &str, value: f64, sigma: f64| Finding {
@@ -115,7 +115,7 @@ pub fn steer(readings: &[PlateReading], plate_sigma_rad: f64) -> Result<Steer, R
         line: false,
         x: readings
             .iter()
-            .map(|r| (r.hand_wheel_rad - centre_rad).to_degrees())
+            .map(|r| (r.steering_wheel_rad - centre_rad).to_degrees())
             .collect(),
         y: readings
             .iter()
@@ -164,7 +164,7 @@ fn check(readings: &[PlateReading]) -> Result<(), Refusal> {
             found,
             needed,
             unit: unit.to_owned(),
-            help: "read the plates at seven or more hand-wheel angles, to both sides, such as \
+            help: "read the plates at seven or more steering-wheel angles, to both sides, such as \
                    `atvrec mark \"plates 9.5 10.2\"` (left, right in degrees)"
                 .to_owned(),
         })
@@ -190,15 +190,15 @@ fn check(readings: &[PlateReading]) -> Result<(), Refusal> {
 /// Slope of the least-squares line.
 fn slope(readings: &[PlateReading], value: impl Fn(&PlateReading) -> f64) -> f64 {
     let n = readings.len() as f64;
-    let mx = readings.iter().map(|r| r.hand_wheel_rad).sum::<f64>() / n;
+    let mx = readings.iter().map(|r| r.steering_wheel_rad).sum::<f64>() / n;
     let my = readings.iter().map(&value).sum::<f64>() / n;
     let cross: f64 = readings
         .iter()
-        .map(|r| (r.hand_wheel_rad - mx) * (value(r) - my))
+        .map(|r| (r.steering_wheel_rad - mx) * (value(r) - my))
         .sum();
     let square: f64 = readings
         .iter()
-        .map(|r| (r.hand_wheel_rad - mx).powi(2))
+        .map(|r| (r.steering_wheel_rad - mx).powi(2))
         .sum();
     cross / square.max(1e-12)
 }
@@ -207,7 +207,7 @@ fn slope(readings: &[PlateReading], value: impl Fn(&PlateReading) -> f64) -> f64
 fn directions(readings: &[PlateReading]) -> Vec<f64> {
     let mut ways = vec![0.0; readings.len()];
     for k in 1..readings.len() {
-        let change = readings[k].hand_wheel_rad - readings[k - 1].hand_wheel_rad;
+        let change = readings[k].steering_wheel_rad - readings[k - 1].steering_wheel_rad;
         ways[k] = if change.abs() > 0.02 {
             change.signum()
         } else {
@@ -238,12 +238,14 @@ impl Gear {
             4 => ways[row],
             power => (mean(&readings[row]) / most).powi(power as i32),
         });
-        let hand_wheel =
-            DVector::from_iterator(readings.len(), readings.iter().map(|r| r.hand_wheel_rad));
+        let steering_wheel = DVector::from_iterator(
+            readings.len(),
+            readings.iter().map(|r| r.steering_wheel_rad),
+        );
         let inverse = (design.transpose() * &design)
             .pseudo_inverse(1e-12)
             .unwrap_or_else(|_| DMatrix::zeros(columns, columns));
-        let found = &inverse * design.transpose() * hand_wheel;
+        let found = &inverse * design.transpose() * steering_wheel;
         let noise = plate_sigma_rad / slope / 2.0_f64.sqrt();
         let sigma = |column: usize| noise * inverse[(column, column)].sqrt();
         Self {

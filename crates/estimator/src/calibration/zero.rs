@@ -57,7 +57,7 @@ pub struct ZeroInput<'a> {
     /// (0, 0, g) on level ones.
     pub specific_force_m_s2: [f64; 3],
     /// Steering wheel with the wheels hanging, and on the ground, rad.
-    pub hand_wheel_rad: [f64; 2],
+    pub steering_wheel_rad: [f64; 2],
     /// Standard deviation of the hanging forces of the model, as a part of them.
     pub weight_sigma: f64,
 }

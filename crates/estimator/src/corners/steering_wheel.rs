@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_wheel_that_turns_ever_faster_is_not_left_behind() {
+    fn a_steering_wheel_that_turns_ever_faster_is_not_left_behind() {
         let tuning = SteeringWheelTuning::default();
         let mut wheel = SteeringWheel::default();
         let (dt, rate_dot) = (0.01, 3.0);

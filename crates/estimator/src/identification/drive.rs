@@ -103,7 +103,9 @@ fn same_length(what: &str, name: &str, column: &[f64], expected: usize) -> Resul
 fn source_of(name: &str) -> &'static str {
     match name {
         "speed" | "sideslip" => "it needs a GNSS receiver's velocity with an inertial unit",
-        "steer angle" => "it needs the hand-wheel encoder and a vehicle file with a steering gear",
+        "steer angle" => {
+            "it needs the steering-wheel encoder and a vehicle file with a steering gear"
+        }
         _ => "it needs the inertial unit",
     }
 }

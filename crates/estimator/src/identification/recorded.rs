@@ -161,7 +161,7 @@ fn as_read(vehicle: &Vehicle, steer_rad: &PerWheel<Vec<f64>>, learnt_rad: &[f64]
         let Some(gear) = gear.as_ref().filter(|_| mean.is_finite()) else {
             return mean - learnt;
         };
-        let wheel_rad = gear.hand_wheel_rad(mean);
+        let wheel_rad = gear.steering_wheel_rad(mean);
         mean + mean_road_rad(gear, wheel_rad - learnt * ratio) - mean_road_rad(gear, wheel_rad)
     })
     .collect()

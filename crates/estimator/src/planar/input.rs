@@ -196,9 +196,10 @@ impl PlanarReadings {
                 }
             }
             Measurement::Steer(steer)
-                if uses(Input::Steer) && steer.hand_wheel_rad.abs() < t.steering_wheel_max_rad =>
+                if uses(Input::Steer)
+                    && steer.steering_wheel_rad.abs() < t.steering_wheel_max_rad =>
             {
-                let angle = steer.hand_wheel_rad - calibration.steer_offset_rad;
+                let angle = steer.steering_wheel_rad - calibration.steer_offset_rad;
                 self.wait(time, Quantity::SteeringWheel, angle);
             }
             Measurement::Imu(imu) if uses(Input::Imu) && imu.valid => {

@@ -256,7 +256,7 @@ fn taken<const N: usize>(measurements: [Measurement; N]) -> Option<PlanarInput> 
 }
 
 const STEERING_WHEEL: Measurement = Measurement::Steer(SteerSample {
-    hand_wheel_rad: 0.1,
+    steering_wheel_rad: 0.1,
 });
 
 /// A receiver without a fix tells no speed, whatever it fills its fields with.

@@ -155,7 +155,7 @@ impl SteeringWatch {
         if faulty != self.reported {
             self.reported = faulty;
             changes(SensorChange {
-                name: "hand wheel",
+                name: "steering wheel",
                 faulty,
                 why: CONTRADICTS,
             });

@@ -65,7 +65,7 @@ fn samples(rows: &[Row], steering_ratio: f64) -> Vec<Vec<Sample>> {
                 leftward_m_s: None,
             }),
             Measurement::Steer(SteerSample {
-                hand_wheel_rad: steering_ratio * row.steer_rad,
+                steering_wheel_rad: steering_ratio * row.steer_rad,
             }),
             Measurement::Imu(ImuSample {
                 specific_force_m_s2: [open, row.lateral_m_s2, open],
@@ -234,7 +234,7 @@ fn bad_samples_upset_nothing() {
         for sample in row {
             match &mut sample.measurement {
                 Measurement::GroundSpeed(speed) if count % 37 < 3 => speed.forward_m_s = 110.0,
-                Measurement::Steer(steer) if count % 41 < 3 => steer.hand_wheel_rad += 9.0,
+                Measurement::Steer(steer) if count % 41 < 3 => steer.steering_wheel_rad += 9.0,
                 Measurement::Imu(imu) if count % 43 < 3 => imu.angular_rate_rad_s[2] = f64::NAN,
                 Measurement::Imu(imu) if count % 47 < 3 => imu.specific_force_m_s2[1] = 90.0,
                 _ => {}

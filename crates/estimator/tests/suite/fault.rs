@@ -21,7 +21,7 @@ pub enum Channel {
     Rate(usize),
     Velocity(usize),
     Angle(usize),
-    HandWheel,
+    SteeringWheel,
     WheelSpeed(Wheel),
 }
 
@@ -79,7 +79,7 @@ impl Channel {
             5 => Self::Rate(axis),
             6 => Self::Velocity(axis),
             7 => Self::Angle(axis),
-            8 => Self::HandWheel,
+            8 => Self::SteeringWheel,
             _ => Self::WheelSpeed(wheel),
         }
     }
@@ -92,7 +92,7 @@ impl Channel {
             Self::Rate(_) => 3.5,
             Self::Velocity(_) => 60.0,
             Self::Angle(_) => std::f64::consts::PI,
-            Self::HandWheel => 8.0,
+            Self::SteeringWheel => 8.0,
             Self::WheelSpeed(_) => 150.0,
         }
     }
@@ -106,7 +106,7 @@ impl Channel {
             (Self::SpecificForce(_) | Self::Rate(_), Measurement::Imu(_))
             | (Self::Velocity(_), Measurement::GnssVelocity(_))
             | (Self::Angle(_), Measurement::GnssAttitude(_))
-            | (Self::HandWheel, Measurement::Steer(_))
+            | (Self::SteeringWheel, Measurement::Steer(_))
             | (Self::WheelSpeed(_), Measurement::WheelSpeed(_)) => true,
             _ => false,
         }
@@ -137,7 +137,7 @@ impl Channel {
             (Self::Angle(i), Measurement::GnssAttitude(gnss)) => {
                 [gnss.yaw_rad, gnss.pitch_rad, gnss.roll_rad][i]
             }
-            (Self::HandWheel, Measurement::Steer(steer)) => Some(steer.hand_wheel_rad),
+            (Self::SteeringWheel, Measurement::Steer(steer)) => Some(steer.steering_wheel_rad),
             (Self::WheelSpeed(wheel), Measurement::WheelSpeed(speeds)) => {
                 speeds.angular_speed_rad_s[wheel]
             }
@@ -161,7 +161,7 @@ impl Channel {
             (Self::Angle(i), Measurement::GnssAttitude(gnss)) => {
                 *[&mut gnss.yaw_rad, &mut gnss.pitch_rad, &mut gnss.roll_rad][i] = Some(value);
             }
-            (Self::HandWheel, Measurement::Steer(steer)) => steer.hand_wheel_rad = value,
+            (Self::SteeringWheel, Measurement::Steer(steer)) => steer.steering_wheel_rad = value,
             (Self::WheelSpeed(wheel), Measurement::WheelSpeed(speeds)) => {
                 speeds.angular_speed_rad_s[wheel] = Some(value);
             }

@@ -96,16 +96,19 @@ const CASES: [Case; 16] = [
         "inertial unit yaw rate",
     ),
     Case {
-        channels: &[(Channel::HandWheel, Kind::Frozen)],
-        name: "hand wheel",
+        channels: &[(Channel::SteeringWheel, Kind::Frozen)],
+        name: "steering wheel",
         unseen: &["b_circle", "f_launch_brake"],
     },
     Case {
-        channels: &[(Channel::HandWheel, Kind::Dead)],
-        name: "hand wheel",
+        channels: &[(Channel::SteeringWheel, Kind::Dead)],
+        name: "steering wheel",
         unseen: &["f_launch_brake"],
     },
-    case(&[(Channel::HandWheel, Kind::Shifted(0.25))], "hand wheel"),
+    case(
+        &[(Channel::SteeringWheel, Kind::Shifted(0.25))],
+        "steering wheel",
+    ),
     case(&[(WHEEL, Kind::Dead)], "FL wheel speed"),
 ];
 

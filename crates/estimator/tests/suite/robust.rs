@@ -96,7 +96,7 @@ fn healthy(step: usize) -> Vec<(u8, Measurement)> {
     all.push((
         5,
         Measurement::Steer(SteerSample {
-            hand_wheel_rad: 0.1 * math::sin(TAU * step as f64 / 300.0),
+            steering_wheel_rad: 0.1 * math::sin(TAU * step as f64 / 300.0),
         }),
     ));
     all.push((
@@ -140,7 +140,7 @@ fn spoil(measurement: &mut Measurement, value: f64) {
             imu.specific_force_m_s2[1] = value;
             imu.angular_rate_rad_s[2] = value;
         }
-        Measurement::Steer(steer) => steer.hand_wheel_rad = value,
+        Measurement::Steer(steer) => steer.steering_wheel_rad = value,
         Measurement::WheelSpeed(speed) => speed.angular_speed_rad_s.0[1] = Some(value),
         Measurement::GnssVelocity(gnss) => {
             gnss.velocity_enu_m_s[0] = value;
@@ -167,7 +167,7 @@ fn saturate(measurement: &mut Measurement, high: bool) {
             imu.specific_force_m_s2 = [side * 39.2; 3];
             imu.angular_rate_rad_s = [side * 3.49; 3];
         }
-        Measurement::Steer(steer) => steer.hand_wheel_rad = side * TAU,
+        Measurement::Steer(steer) => steer.steering_wheel_rad = side * TAU,
         Measurement::WheelSpeed(speed) => {
             speed.angular_speed_rad_s = PerWheel([Some(side * 100.0); 4]);
         }
@@ -193,7 +193,7 @@ fn swap(measurement: &mut Measurement) {
             imu.specific_force_m_s2.rotate_left(1);
             imu.angular_rate_rad_s.rotate_left(1);
         }
-        Measurement::Steer(steer) => steer.hand_wheel_rad = -steer.hand_wheel_rad,
+        Measurement::Steer(steer) => steer.steering_wheel_rad = -steer.steering_wheel_rad,
         Measurement::WheelSpeed(speed) => speed.angular_speed_rad_s.0.reverse(),
         Measurement::GnssVelocity(gnss) => gnss.velocity_enu_m_s.rotate_left(1),
         Measurement::GnssAttitude(gnss) => std::mem::swap(&mut gnss.yaw_rad, &mut gnss.roll_rad),

@@ -388,7 +388,7 @@ fn a_workshops_parameters_are_good_enough() {
 /// The prior of the tyres' stiffness may be wrong by a third, and the steering wheel's zero by two
 /// degrees at the road wheels: forces, slip angles and the change of surface stay right.
 #[test]
-fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {
+fn a_wrong_tyre_file_and_a_wrong_steering_wheel_are_survived() {
     let sensors = Sensors::builtin("thesis-10bit").unwrap();
     let truth = truth::vehicle();
     let Some(run) = truth::run("d_sine_mu") else {
@@ -404,7 +404,7 @@ fn a_wrong_tyre_file_and_a_wrong_hand_wheel_are_survived() {
         let mut samples: Vec<Sample> = samples.to_vec();
         for sample in &mut samples {
             if let Measurement::Steer(steer) = &mut sample.measurement {
-                steer.hand_wheel_rad -= offset_rad;
+                steer.steering_wheel_rad -= offset_rad;
             }
         }
         let calibration = Calibration::nominal(&vehicle.name);

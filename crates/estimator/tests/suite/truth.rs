@@ -398,12 +398,12 @@ fn locked_differentials_are_learnt() {
         return;
     };
     let mut run = run.clone();
-    let hand_wheel = run.column("handwheel").to_vec();
-    let largest = hand_wheel
+    let steering_wheel = run.column("handwheel").to_vec();
+    let largest = steering_wheel
         .iter()
         .fold(0.0_f64, |most, angle| most.max(angle.abs()));
     locked::lock_axles(&mut run, vehicle, |row| {
-        LOCKED_N * hand_wheel[row] / largest
+        LOCKED_N * steering_wheel[row] / largest
     });
     for file in ["thesis-10bit", "full-bridge-16bit"] {
         let result = through(file, vehicle, &run, SEED);

@@ -8,7 +8,9 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
 use super::section::number;
-use super::{FileErrors, Gatherer, Problem, TOML_MAX, Unparsed, closest, line_and_column, parse};
+use super::{
+    ErrorCollector, FileErrors, Problem, TOML_MAX, Unparsed, closest, line_and_column, parse,
+};
 
 /// Which numbers a field admits.
 #[derive(Clone, Copy, Debug)]
@@ -144,8 +146,8 @@ pub(crate) fn read<T: DeserializeOwned>(
     sections: &[TableRules],
 ) -> Result<Checked<T>, FileErrors> {
     let name = path.display().to_string();
-    let refuse = |gather| Err(FileErrors::of(path, gather));
-    let mut gather = Gatherer::new(&name, text);
+    let refuse = |collector| Err(FileErrors::of(path, collector));
+    let mut collector = ErrorCollector::new(&name, text);
     let parsed = parse(text).and_then(|table| {
         let value = guarded(|| toml::from_str(text)).map_err(Unparsed::Panic)?;
         Ok((table, value))
@@ -153,20 +155,20 @@ pub(crate) fn read<T: DeserializeOwned>(
     let (document, value) = match parsed {
         Ok(parsed) => parsed,
         Err(unparsed) => {
-            add_unparsed(&mut gather, text, unparsed);
-            return refuse(gather);
+            add_unparsed(&mut collector, text, unparsed);
+            return refuse(collector);
         }
     };
     let mut walk = Walk {
         text,
         sections,
         lines: BTreeMap::new(),
-        gather: &mut gather,
+        collector: &mut collector,
     };
     walk.table("", document.get_ref());
     let lines = walk.lines;
-    if !gather.is_empty() {
-        return refuse(gather);
+    if !collector.is_empty() {
+        return refuse(collector);
     }
     match value {
         Ok(value) => Ok(Checked {
@@ -176,17 +178,17 @@ pub(crate) fn read<T: DeserializeOwned>(
             problems: Vec::new(),
         }),
         Err(error) => {
-            add_syntax(&mut gather, text, &error);
-            refuse(gather)
+            add_syntax(&mut collector, text, &error);
+            refuse(collector)
         }
     }
 }
 
-fn add_unparsed(gather: &mut Gatherer<'_>, text: &str, unparsed: Unparsed) {
+fn add_unparsed(collector: &mut ErrorCollector<'_>, text: &str, unparsed: Unparsed) {
     let (message, help) = match unparsed {
         Unparsed::Syntax(errors) => {
             for error in &errors {
-                add_syntax(gather, text, error);
+                add_syntax(collector, text, error);
             }
             return;
         }
@@ -199,10 +201,10 @@ fn add_unparsed(gather: &mut Gatherer<'_>, text: &str, unparsed: Unparsed) {
             "correct the TOML",
         ),
     };
-    gather.add_at(0, "syntax", "", message, help.to_owned());
+    collector.add_at(0, "syntax", "", message, help.to_owned());
 }
 
-fn add_syntax(gather: &mut Gatherer<'_>, text: &str, error: &toml::de::Error) {
+fn add_syntax(collector: &mut ErrorCollector<'_>, text: &str, error: &toml::de::Error) {
     let span = error.span();
     let line = span
         .as_ref()
@@ -210,7 +212,7 @@ fn add_syntax(gather: &mut Gatherer<'_>, text: &str, error: &toml::de::Error) {
     let written = span.and_then(|span| text.get(span)).unwrap_or_default();
     let value = written.lines().next().unwrap_or_default();
     let (message, help) = (error.message().to_owned(), "correct the TOML".to_owned());
-    gather.add_at(line, "syntax", value, message, help);
+    collector.add_at(line, "syntax", value, message, help);
 }
 
 /// Line of a field, or of the nearest table around it.
@@ -231,7 +233,7 @@ struct Walk<'a, 't> {
     text: &'a str,
     sections: &'a [TableRules],
     lines: BTreeMap<String, usize>,
-    gather: &'a mut Gatherer<'t>,
+    collector: &'a mut ErrorCollector<'t>,
 }
 
 impl Walk<'_, '_> {
@@ -247,13 +249,13 @@ impl Walk<'_, '_> {
 
     fn problem(&mut self, field: &str, value: &str, message: String, remedy: String) {
         let line = line_of(&self.lines, field);
-        self.gather
+        self.collector
             .add_at(line, field, value.trim(), message, remedy);
     }
 
     fn table(&mut self, name: &str, table: &DeTable<'_>) {
         for (key, value) in table {
-            if self.gather.is_full() {
+            if self.collector.is_full() {
                 return;
             }
             let field = join(name, key.get_ref());

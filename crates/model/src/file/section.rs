@@ -5,7 +5,7 @@ use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Gatherer, closest};
+use super::{ErrorCollector, closest};
 
 /// Type of a field's value.
 pub trait FromValue: Sized {
@@ -152,7 +152,7 @@ impl<'t> Section<'t> {
     pub fn optional<T: FromValue>(
         &mut self,
         key: &'static str,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
     ) -> Option<Field<T>> {
         let value = self.take(key)?;
         let span = value.span();
@@ -160,7 +160,7 @@ impl<'t> Section<'t> {
         match T::from_value(value.get_ref()) {
             Some(value) => Some(Field { value, span, name }),
             None => {
-                gather.add(
+                collector.add(
                     &span,
                     &name,
                     format!(
@@ -180,9 +180,9 @@ impl<'t> Section<'t> {
         &mut self,
         key: &'static str,
         default: T,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
     ) -> T {
-        self.optional(key, gather)
+        self.optional(key, collector)
             .map_or(default, |field| field.value)
     }
 
@@ -192,15 +192,15 @@ impl<'t> Section<'t> {
         key: &'static str,
         range: RangeInclusive<f64>,
         default: f64,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
     ) -> f64 {
-        let Some(field) = self.optional::<f64>(key, gather) else {
+        let Some(field) = self.optional::<f64>(key, collector) else {
             return default;
         };
         if range.contains(&field.value) {
             return field.value;
         }
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("{} is out of range", field.value),
@@ -214,20 +214,24 @@ impl<'t> Section<'t> {
         &mut self,
         key: &'static str,
         help: &str,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
     ) -> Option<Field<T>> {
         let missing = !self.entries.iter().any(|(name, _, _)| name == key);
         if missing {
             self.known.push(key);
-            gather.add(&self.span, &self.field_name(key), "missing", help);
+            collector.add(&self.span, &self.field_name(key), "missing", help);
             return None;
         }
-        self.optional(key, gather)
+        self.optional(key, collector)
     }
 
     /// The sub-table `key`; an empty one if it is absent.
-    pub fn section(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Section<'t> {
-        self.optional_section(key, gather)
+    pub fn section(
+        &mut self,
+        key: &'static str,
+        collector: &mut ErrorCollector<'_>,
+    ) -> Section<'t> {
+        self.optional_section(key, collector)
             .unwrap_or_else(|| Section {
                 name: self.field_name(key),
                 span: self.span.clone(),
@@ -240,28 +244,35 @@ impl<'t> Section<'t> {
     pub fn optional_section(
         &mut self,
         key: &'static str,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
     ) -> Option<Section<'t>> {
         let value = self.take(key)?;
         let name = self.field_name(key);
-        Some(self.as_section(&name, value, gather))
+        Some(self.as_section(&name, value, collector))
     }
 
     /// The sub-table `key`, if it exists.
-    pub fn present(&mut self, key: &'static str, gather: &mut Gatherer<'_>) -> Option<Section<'t>> {
+    pub fn present(
+        &mut self,
+        key: &'static str,
+        collector: &mut ErrorCollector<'_>,
+    ) -> Option<Section<'t>> {
         let name = self.field_name(key);
         let value = self.take(key)?;
-        Some(self.as_section(&name, value, gather))
+        Some(self.as_section(&name, value, collector))
     }
 
     /// All sub-tables that were not read yet, with their names.
-    pub fn into_sections(mut self, gather: &mut Gatherer<'_>) -> Vec<(Field<String>, Self)> {
+    pub fn into_sections(
+        mut self,
+        collector: &mut ErrorCollector<'_>,
+    ) -> Vec<(Field<String>, Self)> {
         let entries = std::mem::take(&mut self.entries);
         entries
             .into_iter()
             .map(|(key, span, value)| {
                 let name = self.field_name(&key);
-                let section = self.as_section(&name, value, gather);
+                let section = self.as_section(&name, value, collector);
                 let field = Field {
                     value: key,
                     span,
@@ -276,13 +287,13 @@ impl<'t> Section<'t> {
         &self,
         name: &str,
         value: Spanned<DeValue<'t>>,
-        gather: &mut Gatherer<'_>,
+        collector: &mut ErrorCollector<'_>,
     ) -> Section<'t> {
         let span = value.span();
         match value.into_inner() {
             DeValue::Table(table) => Section::new(name, Spanned::new(span, table)),
             other => {
-                gather.add(
+                collector.add(
                     &span,
                     name,
                     format!("found {}, but a table is expected", describe(&other)),
@@ -299,16 +310,16 @@ impl<'t> Section<'t> {
     }
 
     /// Reports the fields that were not read as unknown.
-    pub fn finish(self, gather: &mut Gatherer<'_>) {
+    pub fn finish(self, collector: &mut ErrorCollector<'_>) {
         for (key, span, _) in &self.entries {
-            if gather.count_if_full() {
+            if collector.count_if_full() {
                 continue;
             }
             let help = match closest(key, &self.known) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("known fields: {}", self.known.join(", ")),
             };
-            gather.add(span, &self.field_name(key), "unknown field", help);
+            collector.add(span, &self.field_name(key), "unknown field", help);
         }
     }
 }

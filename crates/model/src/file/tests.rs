@@ -5,24 +5,24 @@
 
 use super::*;
 
-fn top(text: &str) -> (Section<'_>, Gatherer<'_>) {
-    let gather = Gatherer::new("a.toml", text);
+fn top(text: &str) -> (Section<'_>, ErrorCollector<'_>) {
+    let collector = ErrorCollector::new("a.toml", text);
     let table = DeTable::parse(text).expect("the test's TOML parses");
-    (Section::new("", table), gather)
+    (Section::new("", table), collector)
 }
 
 #[test]
 fn every_problem_is_gathered_with_its_place() {
-    let (mut section, mut gather) = top("baud = \"fast\"\nspeeed = 1\n");
-    assert!(section.optional::<u32>("baud", &mut gather).is_none());
-    assert!(section.optional::<f64>("speed", &mut gather).is_none());
+    let (mut section, mut collector) = top("baud = \"fast\"\nspeeed = 1\n");
+    assert!(section.optional::<u32>("baud", &mut collector).is_none());
+    assert!(section.optional::<f64>("speed", &mut collector).is_none());
     assert!(
         section
-            .required::<String>("device", "give a device", &mut gather)
+            .required::<String>("device", "give a device", &mut collector)
             .is_none()
     );
-    section.finish(&mut gather);
-    let problems = gather.into_problems();
+    section.finish(&mut collector);
+    let problems = collector.into_problems();
     assert_eq!(problems.len(), 3);
     let unknown = problems
         .iter()
@@ -47,23 +47,23 @@ fn hostile_toml_costs_bounded_time() {
         ("\"", "{}"),
     ] {
         let text = wrap.replace("{}", &unit.repeat((TOML_MAX - 16) / unit.len()));
-        let mut gather = Gatherer::new("a.toml", &text);
-        if let Some(table) = gather.parse() {
-            Section::new("", table).finish(&mut gather);
+        let mut collector = ErrorCollector::new("a.toml", &text);
+        if let Some(table) = collector.parse() {
+            Section::new("", table).finish(&mut collector);
         }
-        let problems = gather.into_problems();
+        let problems = collector.into_problems();
         assert!((1..=PROBLEMS_MAX + 1).contains(&problems.len()), "{unit}");
         let length: usize = problems.iter().map(|p| p.to_string().len()).sum();
         assert!(length < 1 << 20, "{unit}");
     }
     let keys: String = (0..80_000).map(|n| format!("k{n} = 1\n")).collect();
-    let mut gather = Gatherer::new("a.toml", &keys);
-    let table = gather.parse().expect("parses");
-    Section::new("", table).finish(&mut gather);
-    assert_eq!(gather.into_problems().len(), PROBLEMS_MAX + 1);
+    let mut collector = ErrorCollector::new("a.toml", &keys);
+    let table = collector.parse().expect("parses");
+    Section::new("", table).finish(&mut collector);
+    assert_eq!(collector.into_problems().len(), PROBLEMS_MAX + 1);
     let long = "#".repeat(TOML_MAX + 1);
-    let mut gather = Gatherer::new("a.toml", &long);
-    assert!(gather.parse().is_none());
+    let mut collector = ErrorCollector::new("a.toml", &long);
+    assert!(collector.parse().is_none());
     let seconds = start.elapsed().as_secs_f64();
     assert!(seconds < 30.0, "{seconds} s");
 }

@@ -53,7 +53,7 @@ impl Vehicle {
         } else {
             self.body.front_axle_to_cg_m
         };
-        0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 * arm_m / self.wheelbase_m()
+        0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 / self.wheelbase_m() * arm_m
     }
 
     /// The axle of a wheel.

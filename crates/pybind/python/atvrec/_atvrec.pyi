@@ -199,9 +199,9 @@ class Steering:
     @property
     def lash_rad(self) -> float: ...
     def road_wheels(
-        self, hand_wheel_rad: npt.ArrayLike, roll_rad: float = 0.0, *, play: bool = False
+        self, steering_wheel_rad: npt.ArrayLike, roll_rad: float = 0.0, *, play: bool = False
     ) -> _Doubles: ...
-    def hand_wheel_rad(self, mean_steer_rad: float) -> float: ...
+    def steering_wheel_rad(self, mean_steer_rad: float) -> float: ...
 
 class _Gains(TypedDict):
     yaw_rate_1_s: _Doubles
@@ -594,7 +594,7 @@ def calibrate_rest(
     time_s: npt.ArrayLike, value: npt.ArrayLike, *, low: float = ..., high: float = ...
 ) -> Rest: ...
 def calibrate_steer(
-    hand_wheel_rad: npt.ArrayLike, wheels_rad: npt.ArrayLike, *, plate_sigma_rad: float
+    steering_wheel_rad: npt.ArrayLike, wheels_rad: npt.ArrayLike, *, plate_sigma_rad: float
 ) -> Calibrated: ...
 def calibrate_weight(
     vehicle: Vehicle,
@@ -610,7 +610,7 @@ def calibrate_zero(
     standing: Counts | None = None,
     *,
     specific_force_m_s2: Sequence[float] = ...,
-    hand_wheel_rad: Sequence[float] = ...,
+    steering_wheel_rad: Sequence[float] = ...,
     weight_sigma: float = 0.0,
     known_calibration: Mapping[str, Any] | None = None,
 ) -> Zeros: ...
@@ -623,7 +623,7 @@ def calibrate_load_rig(
     counts: npt.ArrayLike,
     counts_sigma: npt.ArrayLike,
     *,
-    hand_wheel_rad: npt.ArrayLike | None = None,
+    steering_wheel_rad: npt.ArrayLike | None = None,
     known_calibration: Mapping[str, Any] | None = None,
 ) -> LoadRig: ...
 def calibrate_imu(

@@ -26,7 +26,7 @@ __all__ = [
     "Antennas",
     "Calibrated",
     "Counts",
-    "HandWheel",
+    "SteeringWheel",
     "Inertial",
     "InertialLog",
     "LoadRig",
@@ -66,16 +66,16 @@ class Inertial(TypedDict):
     """Angular rate, rad/s, (n, 3)."""
 
 
-class HandWheel(TypedDict, total=False):
+class SteeringWheel(TypedDict, total=False):
     """The steering wheel, where it is measured."""
 
-    hand_wheel_time_s: npt.ArrayLike
+    steering_wheel_time_s: npt.ArrayLike
     """Instants, s, (l,)."""
-    hand_wheel_rad: npt.ArrayLike
+    steering_wheel_rad: npt.ArrayLike
     """Angle from straight ahead, rad, (l,)."""
 
 
-class InertialLog(HandWheel):
+class InertialLog(SteeringWheel):
     """What :func:`imu` reads of a log."""
 
     imu: Inertial

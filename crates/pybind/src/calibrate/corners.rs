@@ -79,7 +79,7 @@ impl Counts<'_> {
 #[pyfunction]
 #[pyo3(signature = (
     vehicle, sensors, hanging, standing=None, *,
-    specific_force_m_s2=[0.0, 0.0, STANDARD_GRAVITY_M_S2], hand_wheel_rad=[0.0, 0.0],
+    specific_force_m_s2=[0.0, 0.0, STANDARD_GRAVITY_M_S2], steering_wheel_rad=[0.0, 0.0],
     weight_sigma=0.0, known_calibration=None,
 ))]
 #[allow(clippy::too_many_arguments)]
@@ -91,7 +91,7 @@ pub fn calibrate_zero<'py>(
     hanging: Counts<'py>,
     standing: Option<Counts<'py>>,
     specific_force_m_s2: [f64; 3],
-    hand_wheel_rad: [f64; 2],
+    steering_wheel_rad: [f64; 2],
     weight_sigma: f64,
     known_calibration: Option<&Bound<'py, PyDict>>,
 ) -> Found<'py> {
@@ -107,7 +107,7 @@ pub fn calibrate_zero<'py>(
         hanging: &hanging,
         standing: standing.as_ref(),
         specific_force_m_s2,
-        hand_wheel_rad,
+        steering_wheel_rad,
         weight_sigma,
     })
     .map_err(|e| estimator(&e))?;
@@ -122,7 +122,7 @@ pub fn calibrate_zero<'py>(
 #[pyfunction]
 #[pyo3(signature = (
     vehicle, sensors, wheel, force_n, compression_m, counts, counts_sigma, *,
-    hand_wheel_rad=None, known_calibration=None,
+    steering_wheel_rad=None, known_calibration=None,
 ))]
 #[allow(clippy::too_many_arguments)]
 #[allow(clippy::needless_pass_by_value)]
@@ -135,7 +135,7 @@ pub fn calibrate_load_rig<'py>(
     compression_m: Doubles<'py>,
     counts: Doubles<'py>,
     counts_sigma: Doubles<'py>,
-    hand_wheel_rad: Option<Doubles<'py>>,
+    steering_wheel_rad: Option<Doubles<'py>>,
     known_calibration: Option<&Bound<'py, PyDict>>,
 ) -> Found<'py> {
     let known = known(vehicle, known_calibration)?;
@@ -143,8 +143,8 @@ pub fn calibrate_load_rig<'py>(
     let compression_m = column("compression_m", Some(&compression_m))?;
     let counts = vectors::<CHANNELS>("counts", &counts)?;
     let sigma = vectors::<CHANNELS>("counts_sigma", &counts_sigma)?;
-    let hand_wheel = match &hand_wheel_rad {
-        Some(_) => column("hand_wheel_rad", hand_wheel_rad.as_ref())?,
+    let steering_wheel = match &steering_wheel_rad {
+        Some(_) => column("steering_wheel_rad", steering_wheel_rad.as_ref())?,
         None => vec![0.0; wheel.len()],
     };
     same_length(&[
@@ -153,14 +153,14 @@ pub fn calibrate_load_rig<'py>(
         ("compression_m", compression_m.len()),
         ("counts", counts.len()),
         ("counts_sigma", sigma.len()),
-        ("hand_wheel_rad", hand_wheel.len()),
+        ("steering_wheel_rad", steering_wheel.len()),
     ])?;
     let loads = (0..wheel.len()).map(|k| {
         Ok(RigLoad {
             wheel: input::wheel(&wheel[k])?,
             force_n: force_n[k],
             compression_m: compression_m[k],
-            hand_wheel_rad: hand_wheel[k],
+            steering_wheel_rad: steering_wheel[k],
             counts: std::array::from_fn(|i| {
                 let reading = [counts[k][i], sigma[k][i]];
                 reading[0].is_finite().then_some(reading)

@@ -66,9 +66,9 @@ pub struct InertialLog<'py> {
     compression_time_s: Doubles<'py>,
     compression_m: Doubles<'py>,
     #[pyo3(default)]
-    hand_wheel_time_s: Option<Doubles<'py>>,
+    steering_wheel_time_s: Option<Doubles<'py>>,
     #[pyo3(default)]
-    hand_wheel_rad: Option<Doubles<'py>>,
+    steering_wheel_rad: Option<Doubles<'py>>,
 }
 
 /// The same as columns.
@@ -77,7 +77,7 @@ struct LogColumns {
     speed: [Vec<f64>; 2],
     compression_s: Vec<f64>,
     compression_m: Vec<[f64; 4]>,
-    hand_wheel: [Vec<f64>; 2],
+    steering_wheel: [Vec<f64>; 2],
     lean_rad: [Vec<f64>; 2],
     turning_rad_s: Vec<f64>,
     rest: Vec<Stretch>,
@@ -93,9 +93,9 @@ impl LogColumns {
             ],
             compression_s: column("compression_time_s", Some(&log.compression_time_s))?,
             compression_m: vectors("compression_m", &log.compression_m)?,
-            hand_wheel: [
-                column("hand_wheel_time_s", log.hand_wheel_time_s.as_ref())?,
-                column("hand_wheel_rad", log.hand_wheel_rad.as_ref())?,
+            steering_wheel: [
+                column("steering_wheel_time_s", log.steering_wheel_time_s.as_ref())?,
+                column("steering_wheel_rad", log.steering_wheel_rad.as_ref())?,
             ],
             lean_rad: [Vec::new(), Vec::new()],
             turning_rad_s: Vec::new(),
@@ -112,8 +112,8 @@ impl LogColumns {
             ("compression_m", columns.compression_m.len()),
         ])?;
         same_length(&[
-            ("hand_wheel_time_s", columns.hand_wheel[0].len()),
-            ("hand_wheel_rad", columns.hand_wheel[1].len()),
+            ("steering_wheel_time_s", columns.steering_wheel[0].len()),
+            ("steering_wheel_rad", columns.steering_wheel[1].len()),
         ])?;
         let lean = Lean::of(&vehicle.inner).ok_or_else(|| {
             errors::vehicle(format!("{}: has no motion ratio", vehicle.inner.name))
@@ -123,7 +123,7 @@ impl LogColumns {
             let angles = lean.roll_pitch_rad(&Leaning {
                 compression_m: PerWheel(*compression_m),
                 force_m_s2: columns.imu.signal().force_near(*time_s, imu_m),
-                hand_wheel_rad: columns.hand_wheel_near(*time_s),
+                steering_wheel_rad: columns.steering_wheel_near(*time_s),
             });
             for (column, angle) in columns.lean_rad.iter_mut().zip(angles.unwrap_or(unknown)) {
                 column.push(angle);
@@ -134,8 +134,8 @@ impl LogColumns {
     }
 
     /// The steering wheel next to an instant, rad; straight ahead where it is not told.
-    fn hand_wheel_near(&self, time_s: f64) -> f64 {
-        let [times, angles] = &self.hand_wheel;
+    fn steering_wheel_near(&self, time_s: f64) -> f64 {
+        let [times, angles] = &self.steering_wheel;
         let next = times.partition_point(|&known_s| known_s < time_s);
         let last = angles.len().saturating_sub(1);
         angles.get(next.min(last)).copied().unwrap_or_default()

@@ -32,13 +32,13 @@ fn drive(manoeuvre: Manoeuvre) -> (VirtualVehicle, Vec<Emission>) {
 }
 
 #[test]
-fn the_steering_controller_counts_the_hand_wheel() {
+fn the_steering_controller_counts_the_steering_wheel() {
     let (driven, emissions) = drive(Manoeuvre::StepSteer);
     let angles_rad = values(&emissions, Port::Steering);
     assert_eq!(angles_rad.len(), 14 * 50 + 1);
     let half_count_rad = std::f64::consts::PI / 4000.0;
     for (row, angle_rad) in angles_rad.iter().enumerate() {
-        let truth_rad = driven.truth_at(row as f64 / 50.0).hand_wheel_rad;
+        let truth_rad = driven.truth_at(row as f64 / 50.0).steering_wheel_rad;
         assert!(
             (angle_rad - truth_rad).abs() <= half_count_rad + 1e-9,
             "row {row}"

@@ -121,7 +121,7 @@ fn strain_counts_are_force_through_bridge_and_converter() {
 }
 
 #[test]
-fn hand_wheel_and_wheel_speeds() {
+fn steering_wheel_and_wheel_speeds() {
     let all = emissions(circle(6.0, 15.24, 30.0), &Options::default(), 5);
     let steer: Vec<f64> = all
         .iter()

@@ -32,7 +32,7 @@ pub fn circle(speed_m_s: f64, radius_m: f64, duration_s: f64) -> Motion {
                 rate_rad_s: [0.0, 0.0, rate],
                 acceleration_m_s2: [0.0, speed_m_s * rate, 0.0],
                 specific_force_m_s2: [0.0, speed_m_s * rate, STANDARD_GRAVITY_M_S2],
-                hand_wheel_rad: 0.4,
+                steering_wheel_rad: 0.4,
                 roll_rad: 0.02,
                 pitch_rad: -0.01,
                 wheels: PerWheel::from_fn(|wheel| WheelTruth {

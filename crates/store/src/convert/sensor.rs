@@ -68,7 +68,7 @@ pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
         Measurement::Steer(steer) => vec![message!(
             "/steer".to_owned(),
             &pb::Steer {
-                steering_wheel_rad: steer.hand_wheel_rad,
+                steering_wheel_rad: steer.steering_wheel_rad,
                 device_time,
             }
         )],
@@ -408,7 +408,7 @@ pub(super) fn decode_measurement(schema: &str, data: &[u8]) -> Result<Measured, 
         "atvrec.Steer" => {
             let m = pb::Steer::decode(data)?;
             let steer = SteerSample {
-                hand_wheel_rad: m.steering_wheel_rad,
+                steering_wheel_rad: m.steering_wheel_rad,
             };
             (Measurement::Steer(steer), m.device_time)
         }

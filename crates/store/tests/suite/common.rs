@@ -353,7 +353,7 @@ fn measurements(time: LogTime) -> Vec<Record> {
             1,
             time,
             Measurement::Steer(SteerSample {
-                hand_wheel_rad: -0.7,
+                steering_wheel_rad: -0.7,
             }),
         ),
         sample(
@@ -485,6 +485,6 @@ fn health(time: LogTime) -> Health {
             reopened: 7,
             lost: [8, 9, 10, 11],
         }],
-        faulty_sensors: vec!["FL deflection".to_owned(), "hand wheel".to_owned()],
+        faulty_sensors: vec!["FL deflection".to_owned(), "steering wheel".to_owned()],
     }
 }

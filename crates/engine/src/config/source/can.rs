@@ -10,33 +10,37 @@ use wire::slcan;
 use super::{CanMeaning, Meaning, Read, read_port};
 use crate::config::files::{FileKind, Files, PROJECT_DBC};
 use crate::config::roles;
-use model::file::{Field, Gatherer, Problem, Section};
+use model::file::{ErrorCollector, Field, Problem, Section};
 
 /// Longest time that a frame waits to be read if no DBC file decodes the bus: only the disk needs it.
 const RECORDED_WITHIN: Duration = Duration::from_millis(6);
 
-pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
+pub fn read_can(
+    section: &mut Section<'_>,
+    files: &mut Files,
+    collector: &mut ErrorCollector<'_>,
+) -> Read {
     let interface = section.required::<String>(
         "interface",
         "set the network interface, such as interface = \"can0\"",
-        gather,
+        collector,
     );
     if let Some(field) = &interface
         && (field.value.is_empty() || field.value.len() > 15)
     {
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("\"{}\" is not a name of a network interface", field.value),
             "use a name of 1 to 15 characters; `ip link` lists the interfaces",
         );
     }
-    let fd = section.or("fd", true, gather);
-    let errors = section.or("error_frames", true, gather);
-    let hardware_stamps = section.or("hardware_stamps", true, gather);
-    let buffer = section.number_in("receive_buffer_mb", 0.1..=256.0, 8.0, gather);
-    let link = read_link(section, fd, gather);
-    let meaning = can_meaning(section, files, gather);
+    let fd = section.or("fd", true, collector);
+    let errors = section.or("error_frames", true, collector);
+    let hardware_stamps = section.or("hardware_stamps", true, collector);
+    let buffer = section.number_in("receive_buffer_mb", 0.1..=256.0, 8.0, collector);
+    let link = read_link(section, fd, collector);
+    let meaning = can_meaning(section, files, collector);
     let kind = interface.map(|interface| {
         let usual = CanSpec::new(interface.value);
         let read_within = match &meaning {
@@ -58,12 +62,16 @@ pub fn read_can(section: &mut Section<'_>, files: &mut Files, gather: &mut Gathe
 
 /// `[source.<name>.link]`: settings with which the recorder brings the interface up. Without the table
 /// the system brings it up.
-fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> Option<LinkSpec> {
-    let mut link = section.optional_section("link", gather)?;
+fn read_link(
+    section: &mut Section<'_>,
+    fd: bool,
+    collector: &mut ErrorCollector<'_>,
+) -> Option<LinkSpec> {
+    let mut link = section.optional_section("link", collector)?;
     let mut rate = |key, range: RangeInclusive<u32>| {
-        let field = link.optional::<u32>(key, gather)?;
+        let field = link.optional::<u32>(key, collector)?;
         if !range.contains(&field.value) {
-            gather.add(
+            collector.add(
                 &field.span,
                 &field.name,
                 format!("{} bit/s is out of range", field.value),
@@ -74,19 +82,19 @@ fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> 
     };
     let bit_rate = rate("bitrate", 5_000..=1_000_000);
     let data_bit_rate = rate("data_bitrate", 5_000..=16_000_000);
-    let restart = link.optional::<u32>("restart_ms", gather);
-    let listen_only = link.optional::<bool>("listen_only", gather);
+    let restart = link.optional::<u32>("restart_ms", collector);
+    let listen_only = link.optional::<bool>("listen_only", collector);
     if let Some(data) = &data_bit_rate {
         let slower = bit_rate.as_ref().filter(|bits| bits.value > data.value);
         if !fd {
-            gather.add(
+            collector.add(
                 &data.span,
                 &data.name,
                 "a data bit rate without CAN FD",
                 "remove it, or remove `fd = false`",
             );
         } else if let Some(bits) = slower {
-            gather.add(
+            collector.add(
                 &data.span,
                 &data.name,
                 format!("{} bit/s is below bitrate = {}", data.value, bits.value),
@@ -106,10 +114,10 @@ fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> 
         ];
         for (span, name) in idle.into_iter().flatten() {
             let help = "set bitrate too, or remove the field (vcan interfaces have no bit rate)";
-            gather.add(&span, &name, "has no effect without bitrate", help);
+            collector.add(&span, &name, "has no effect without bitrate", help);
         }
     }
-    link.finish(gather);
+    link.finish(collector);
     let defaults = LinkSpec::new(0);
     Some(LinkSpec {
         bit_rate: bit_rate.map(|field| field.value),
@@ -119,23 +127,27 @@ fn read_link(section: &mut Section<'_>, fd: bool, gather: &mut Gatherer<'_>) -> 
     })
 }
 
-pub fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Read {
-    let port = read_port(section, 115_200, gather);
-    let bit_rate = section.optional::<u32>("bitrate", gather);
+pub fn read_slcan(
+    section: &mut Section<'_>,
+    files: &mut Files,
+    collector: &mut ErrorCollector<'_>,
+) -> Read {
+    let port = read_port(section, 115_200, collector);
+    let bit_rate = section.optional::<u32>("bitrate", collector);
     if let Some(field) = &bit_rate
         && !slcan::BIT_RATES.contains(&field.value)
     {
         let known = slcan::BIT_RATES.map(|rate| rate.to_string()).join(", ");
-        gather.add(
+        collector.add(
             &field.span,
             &field.name,
             format!("SLCAN adapters do not support {} bit/s", field.value),
             format!("use one of: {known}"),
         );
     }
-    let listen_only = section.or("listen_only", false, gather);
-    let timestamps = section.or("timestamps", true, gather);
-    let meaning = can_meaning(section, files, gather);
+    let listen_only = section.or("listen_only", false, collector);
+    let timestamps = section.or("timestamps", true, collector);
+    let meaning = can_meaning(section, files, collector);
     let kind = port.map(|port| {
         SourceKind::Slcan(SlcanSpec {
             port,
@@ -147,8 +159,12 @@ pub fn read_slcan(section: &mut Section<'_>, files: &mut Files, gather: &mut Gat
     (kind, Some(meaning), 1.0)
 }
 
-fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gatherer<'_>) -> Meaning {
-    let names = section.optional::<Vec<String>>("dbc", gather);
+fn can_meaning(
+    section: &mut Section<'_>,
+    files: &mut Files,
+    collector: &mut ErrorCollector<'_>,
+) -> Meaning {
+    let names = section.optional::<Vec<String>>("dbc", collector);
     let (names, span, field) = match names {
         Some(field) => (field.value, field.span, field.name),
         None => (
@@ -162,21 +178,23 @@ fn can_meaning(section: &mut Section<'_>, files: &mut Files, gather: &mut Gather
         match files.read_text(&name, FileKind::Dbc) {
             Ok(text) => match Database::parse(text.as_bytes()) {
                 Ok(database) => databases.push(database),
-                Err(error) => gather.add_foreign(error.issues.into_iter().map(|issue| Problem {
-                    file: name.clone(),
-                    line: issue.line,
-                    column: 0,
-                    field: issue.token,
-                    value: String::new(),
-                    message: issue.text,
-                    help: String::new(),
-                })),
+                Err(error) => {
+                    collector.add_foreign(error.issues.into_iter().map(|issue| Problem {
+                        file: name.clone(),
+                        line: issue.line,
+                        column: 0,
+                        field: issue.token,
+                        value: String::new(),
+                        message: issue.text,
+                        help: String::new(),
+                    }))
+                }
             },
-            Err(error) => gather.add(&span, &field, error.message, error.help),
+            Err(error) => collector.add(&span, &field, error.message, error.help),
         }
     }
-    let roles = section.section("roles", gather);
-    let roles = roles::read(roles, &databases, gather);
+    let roles = section.section("roles", collector);
+    let roles = roles::read(roles, &databases, collector);
     Meaning::Can(CanMeaning { databases, roles })
 }
 

@@ -14,7 +14,7 @@ pub struct Leaning {
     /// Specific force along x and y, m/s^2. What it is off by is taken off with the lean at rest.
     pub force_m_s2: [f64; 2],
     /// Steering wheel from straight ahead, rad.
-    pub hand_wheel_rad: f64,
+    pub steering_wheel_rad: f64,
 }
 
 /// How a vehicle's body leans.
@@ -100,7 +100,7 @@ impl Linkage {
     fn roll_pitch_rad(&self, now: &Leaning) -> Option<[f64; 2]> {
         let pose = |wheel: Wheel| -> Option<CornerPose> {
             let rack_m = if wheel.is_front() {
-                self.rack_m_rad * now.hand_wheel_rad
+                self.rack_m_rad * now.steering_wheel_rad
             } else {
                 0.0
             };

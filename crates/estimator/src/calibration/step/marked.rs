@@ -107,12 +107,12 @@ pub(super) fn load_rig(
                 (rest.saturated == 0.0).then_some([rest.mean, rest.mean_sigma])
             };
             let strain = &recording.strain[wheel];
-            let hand_wheel = recording.steer.signal().mean(time_s, time_s + REST_S);
+            let steering_wheel = recording.steer.signal().mean(time_s, time_s + REST_S);
             loads.push(RigLoad {
                 wheel,
                 force_n: values,
                 compression_m: compression(recording, &resolved, wheel, time_s)?,
-                hand_wheel_rad: hand_wheel.map_or(0.0, |a| a - resolved.steer_offset_rad),
+                steering_wheel_rad: steering_wheel.map_or(0.0, |a| a - resolved.steer_offset_rad),
                 counts: StrainChannel::ALL.map(|channel| of(strain[channel.index()].signal())),
             });
         }
@@ -143,7 +143,7 @@ pub(super) fn steer(
     for (time_s, values) in marked::<2>(recording, "plates")? {
         let angle = recording.steer.signal().mean(time_s, time_s + REST_S);
         readings.push(PlateReading {
-            hand_wheel_rad: angle.ok_or_else(|| RecordingError::NoSteer {
+            steering_wheel_rad: angle.ok_or_else(|| RecordingError::NoSteer {
                 log: recording.name.clone(),
                 time_s,
             })?,

@@ -24,7 +24,7 @@ pub(super) fn zero(
         log: recording.name.clone(),
     })?;
     let standing = standing(recording, &stretches, hanging);
-    let hand_wheel = |stretch: Option<Stretch>| {
+    let steering_wheel = |stretch: Option<Stretch>| {
         let offset = known.steer.offset_rad;
         let mean = stretch.and_then(|s| recording.steer.signal().mean(s.from_s, s.to_s));
         mean.map_or(0.0, |angle| angle - offset)
@@ -41,7 +41,7 @@ pub(super) fn zero(
         known,
         hanging: &hanging_rest,
         standing: standing_rest.as_ref(),
-        hand_wheel_rad: [hand_wheel(Some(hanging)), hand_wheel(standing)],
+        steering_wheel_rad: [steering_wheel(Some(hanging)), steering_wheel(standing)],
         weight_sigma,
     })?;
     if measured.is_none() {

@@ -27,23 +27,24 @@ impl CornerLoads {
         let vehicle = input.vehicle;
         let axle = vehicle.axle(wheel);
         let corner = Corner::of(vehicle, wheel).map_err(told)?;
-        let rack = |hand_wheel_rad: f64| {
+        let rack = |steering_wheel_rad: f64| {
             if wheel.is_front() {
-                vehicle.steering.rack_m_rad.unwrap_or(0.0) * hand_wheel_rad
+                vehicle.steering.rack_m_rad.unwrap_or(0.0) * steering_wheel_rad
             } else {
                 0.0
             }
         };
         let gravity = Vector3::from(input.specific_force_m_s2);
         let hanging = corner
-            .hanging(axle, rack(input.hand_wheel_rad[0]), gravity)
+            .hanging(axle, rack(input.steering_wheel_rad[0]), gravity)
             .map_err(told)?;
         let arm_m = input
             .sensors
             .strain
             .bending_moment_per_ball_normal_m()
             .unwrap_or(0.0);
-        let standing = standing(vehicle, &corner, rack(input.hand_wheel_rad[1])).map_err(told)?;
+        let standing =
+            standing(vehicle, &corner, rack(input.steering_wheel_rad[1])).map_err(told)?;
         let design_m = axle.strut.as_ref().map_or_else(
             || corner.design_strut_length_m(),
             |strut| strut.design_length_m,

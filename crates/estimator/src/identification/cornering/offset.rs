@@ -41,15 +41,15 @@ fn free_of_offset(
     mut result: Findings,
     find: impl Fn(&Drive) -> Result<Findings, Refusal>,
 ) -> Result<Findings, Refusal> {
-    let middle_rad = gear.hand_wheel_rad(0.0);
+    let middle_rad = gear.steering_wheel_rad(0.0);
     let mut beside = std::mem::take(&mut result.beside);
     let mut offset_rad = 0.0;
     for _ in 0..OFFSET_ROUNDS {
         let left_rad = result.value("steer_offset")[0];
-        let more_rad = gear.hand_wheel_rad(left_rad) - middle_rad;
+        let more_rad = gear.steering_wheel_rad(left_rad) - middle_rad;
         offset_rad += more_rad;
         for steer_rad in &mut drive.steer_rad {
-            let wheel_rad = gear.hand_wheel_rad(*steer_rad);
+            let wheel_rad = gear.steering_wheel_rad(*steer_rad);
             *steer_rad +=
                 mean_road_rad(gear, wheel_rad - more_rad) - mean_road_rad(gear, wheel_rad);
         }
@@ -60,9 +60,9 @@ fn free_of_offset(
         if finding.name == "steer_offset" {
             finding.value += taken_rad;
             finding.interval = finding.interval.map(|ends| ends.map(|end| end + taken_rad));
-            let wheel_rad = gear.hand_wheel_rad(finding.value) - middle_rad;
+            let wheel_rad = gear.steering_wheel_rad(finding.value) - middle_rad;
             beside.push((
-                "steer_offset_at_hand_wheel".to_owned(),
+                "steer_offset_at_steering_wheel".to_owned(),
                 wheel_rad,
                 "rad".to_owned(),
             ));

@@ -97,7 +97,7 @@ fn gains(seed: u64) -> Findings {
             wheel: Wheel::FrontLeft,
             force_n,
             compression_m: 2e-5 * force_n[2] - 0.03,
-            hand_wheel_rad: 0.0,
+            steering_wheel_rad: 0.0,
             counts: [None; StrainChannel::COUNT],
         })
         .collect();

@@ -72,7 +72,7 @@ impl Clean {
                     let now = Leaning {
                         compression_m: PerWheel::from_fn(|wheel| compression(s, wheel)),
                         force_m_s2: unit.force_near(s.time_s, IMU_M),
-                        hand_wheel_rad: s.hand_wheel_rad,
+                        steering_wheel_rad: s.steering_wheel_rad,
                     };
                     lean.roll_pitch_rad(&now).expect("within reach")
                 })

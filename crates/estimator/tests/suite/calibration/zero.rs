@@ -80,7 +80,7 @@ fn try_zero(
         hanging,
         standing: None,
         specific_force_m_s2: [0.0, 0.0, STANDARD_GRAVITY_M_S2],
-        hand_wheel_rad: [0.0; 2],
+        steering_wheel_rad: [0.0; 2],
         weight_sigma: 0.0,
     })
 }

@@ -44,7 +44,7 @@ pub struct Drive {
 }
 
 /// A virtual vehicle and its inputs.
-pub struct Rig {
+pub struct VirtualDrive {
     /// Vehicle that performs the motion.
     pub vehicle: VirtualVehicle,
     /// Name of the drive, for people.
@@ -62,7 +62,7 @@ pub struct Rig {
     duration_s: f64,
 }
 
-impl Rig {
+impl VirtualDrive {
     /// Creates the virtual vehicle.
     ///
     /// # Errors
