@@ -51,14 +51,11 @@ pub struct Engine {
 impl Engine {
     /// Engine before the first arrival.
     pub fn new(config: &Config) -> Result<Self> {
-        let attitude_latency_s = config
-            .estimator
-            .as_ref()
-            .map_or(0.0, |settings| settings.sensors.gnss_attitude.latency_s);
+        let sensors = config.estimator.as_ref().map(|settings| &settings.sensors);
         let sources = config
             .sources
             .iter()
-            .map(|source| SourceState::new(source, attitude_latency_s))
+            .map(|source| SourceState::new(source, sensors))
             .collect::<Result<_>>()?;
         Ok(Self {
             sources,

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use estimator::Calibration;
-use estimator::calibration::{ChannelCalibration, Resolved};
+use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{ForceFrame, LogTime, StrainChannel, Wheel};
@@ -58,6 +58,8 @@ pub struct VirtualDrive {
     /// Files that were given as text.
     given: Vec<GivenFile>,
     options: Options,
+    /// Bit rate of the CAN bus, bit/s.
+    can_bit_rate: u32,
     seed: u64,
     duration_s: f64,
 }
@@ -95,6 +97,7 @@ impl VirtualDrive {
             vehicle_file,
             sensors_file,
             given,
+            can_bit_rate: options.can_bit_rate(&sensors),
             options,
             seed: drive.seed,
             duration_s,
@@ -249,7 +252,7 @@ impl VirtualDrive {
             None => vec![
                 ("kind", quoted("slcan")),
                 ("device", quoted(&ports.serial(Port::Can0))),
-                ("bitrate", self.options.can_bit_rate.to_string()),
+                ("bitrate", self.can_bit_rate.to_string()),
             ],
         }
     }
@@ -339,6 +342,17 @@ fn true_calibration(
                 ..ChannelCalibration::default()
             };
             corner.strain.insert(channel, found);
+        }
+    }
+    if let Some(hubs) = vehicle.hub_accelerometers() {
+        for wheel in Wheel::ALL {
+            let (turn_rad, bias_m_s2) = hubs[wheel];
+            let hub = &mut calibration.corner.entry(wheel).or_default().hub_acceleration;
+            *hub = HubCalibration {
+                bias_m_s2: Some(bias_m_s2),
+                misalignment_rad: Some(turn_rad),
+                ..HubCalibration::default()
+            };
         }
     }
     let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);

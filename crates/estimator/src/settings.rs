@@ -54,4 +54,6 @@ pub enum Input {
     Steer,
     /// Velocity over ground, body axes.
     GroundSpeed,
+    /// Hub accelerometers.
+    HubAcceleration,
 }

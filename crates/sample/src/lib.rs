@@ -32,8 +32,8 @@ pub use estimate::{
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
-    GnssVelocity, GroundSpeedSample, ImuSample, Measurement, Sample, Signal, SignalFrame,
-    SteerSample, StrainChannel, WheelSpeedSample,
+    GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement, Sample, Signal,
+    SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
 };
 pub use stamp::{LogTime, NANOS_PER_SECOND};
 pub use wheel::{Axle, PerWheel, Side, Wheel};

@@ -22,9 +22,11 @@ mod error;
 mod faults;
 mod gnss;
 mod hidden;
+mod hub;
 mod imu;
 mod jackstand;
 mod linkage;
+mod load;
 mod manoeuvre;
 mod motion;
 mod options;
@@ -41,11 +43,12 @@ pub use {model, sample};
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;
 pub use faults::{
-    Chance, ChannelFault, ChannelFaultKind, Faults, ImuFault, ImuFaultKind, Interruption,
+    Chance, ChannelFault, ChannelFaultKind, Faults, HubFault, ImuFault, ImuFaultKind, Interruption,
 };
 pub use hidden::{Hidden, HiddenErrors};
 pub use manoeuvre::Manoeuvre;
-pub use motion::{Motion, TruthState, WheelTruth};
+pub use load::{PortLoad, port_loads};
+pub use motion::{Motion, TruthState, WheelGround, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
 pub use truth::{Columns, optional_columns, read_columns, required_columns};
 pub use truth_params::{TruthParamsError, vehicle_from_truth_params};

@@ -67,6 +67,48 @@ pub struct WheelTruth {
     pub lower_ball_m: [f64; 3],
     /// The part of that force that is normal to the lower arm's plane, upward positive, N.
     pub ball_normal_n: f64,
+    /// Ground and motion of the wheel on uneven ground, where the motion tells them.
+    pub ground: Option<WheelGround>,
+}
+
+/// What is true at one wheel on uneven ground, chassis axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelGround {
+    /// Effective normal of the contact, a unit vector.
+    pub normal_body: [f64; 3],
+    /// Force of the ground on the tyre, N.
+    pub force_body_n: [f64; 3],
+    /// Moment of the ground on the tyre about the wheel centre, N m.
+    pub moment_body_n_m: Option<[f64; 3]>,
+    /// Direction of the spindle, a unit vector that points left.
+    pub spindle_body: [f64; 3],
+    /// Acceleration of the wheel centre, absolute, without gravity, m/s^2.
+    pub centre_acceleration_m_s2: Option<[f64; 3]>,
+    /// Mass times acceleration of everything outboard of the arms and the tie rod, N.
+    pub unsprung_inertia_n: Option<[f64; 3]>,
+    /// Height of the ground below the wheel centre, m.
+    pub ground_height_m: Option<f64>,
+}
+
+impl WheelGround {
+    fn between(a: &Self, b: &Self, weight: f64) -> Self {
+        let part = |a: Option<[f64; 3]>, b: Option<[f64; 3]>| Some(mix(&a?, &b?, weight));
+        Self {
+            normal_body: mix(&a.normal_body, &b.normal_body, weight),
+            force_body_n: mix(&a.force_body_n, &b.force_body_n, weight),
+            moment_body_n_m: part(a.moment_body_n_m, b.moment_body_n_m),
+            spindle_body: mix(&a.spindle_body, &b.spindle_body, weight),
+            centre_acceleration_m_s2: part(
+                a.centre_acceleration_m_s2,
+                b.centre_acceleration_m_s2,
+            ),
+            unsprung_inertia_n: part(a.unsprung_inertia_n, b.unsprung_inertia_n),
+            ground_height_m: a
+                .ground_height_m
+                .zip(b.ground_height_m)
+                .map(|(a, b)| a + (b - a) * weight),
+        }
+    }
 }
 
 impl Default for WheelTruth {
@@ -83,6 +125,7 @@ impl Default for WheelTruth {
             lower_ball_force_n: [f64::NAN; 3],
             lower_ball_m: [f64::NAN; 3],
             ball_normal_n: f64::NAN,
+            ground: None,
         }
     }
 }
@@ -178,6 +221,14 @@ impl TruthState {
         self.earth_from_body().matrix().row(2).transpose()
     }
 
+    /// Normal of the plane that bank and grade describe, a unit vector in body axes.
+    #[must_use]
+    pub fn ground_normal_body(&self) -> Vector3<f64> {
+        let normal =
+            Rotation3::from_euler_angles(self.bank_rad, self.grade_rad, self.yaw_rad) * Vector3::z();
+        self.earth_from_body().inverse() * normal
+    }
+
     /// Velocity along the heading and to its left, both in the horizontal plane, m/s.
     fn velocity_along_ground_m_s(&self) -> [f64; 2] {
         let [x, y, z] = self.velocity_body_m_s;
@@ -229,6 +280,7 @@ impl WheelTruth {
             lower_ball_force_n: mix(&a.lower_ball_force_n, &b.lower_ball_force_n, weight),
             lower_ball_m: mix(&a.lower_ball_m, &b.lower_ball_m, weight),
             ball_normal_n: l(a.ball_normal_n, b.ball_normal_n),
+            ground: (a.ground.zip(b.ground)).map(|(a, b)| WheelGround::between(&a, &b, weight)),
         }
     }
 }
@@ -362,19 +414,29 @@ impl Motion {
     /// The state at a time; before the start the first one, after the end the last one.
     #[must_use]
     pub fn at(&self, time_s: f64) -> TruthState {
-        // The cast takes negative numbers and NaN to 0.
-        let lap = ((time_s / self.lap_s()).floor() as u32).min(self.laps() - 1);
-        let local_s = time_s - f64::from(lap) * self.lap_s();
-        let after = self.states.partition_point(|state| state.time_s <= local_s);
-        let state = match (after.checked_sub(1), self.states.get(after)) {
-            (None, _) => self.states[0],
-            (Some(last), None) => self.states[last],
-            (Some(before), Some(b)) => {
-                let a = &self.states[before];
-                TruthState::between(a, b, (local_s - a.time_s) / (b.time_s - a.time_s))
+        let lap = self.lap_at(time_s);
+        let state = match self.place(time_s) {
+            (row, None) => self.states[row],
+            (row, Some(weight)) => {
+                TruthState::between(&self.states[row], &self.states[row + 1], weight)
             }
         };
         self.on_lap(state, lap)
+    }
+
+    /// Where a time lies among the states of a lap: the row before it, and how far to the next one;
+    /// none before the first and behind the last one.
+    pub(crate) fn place(&self, time_s: f64) -> (usize, Option<f64>) {
+        let local_s = time_s - f64::from(self.lap_at(time_s)) * self.lap_s();
+        let after = self.states.partition_point(|state| state.time_s <= local_s);
+        match (after.checked_sub(1), self.states.get(after)) {
+            (None, _) => (0, None),
+            (Some(last), None) => (last, None),
+            (Some(before), Some(b)) => {
+                let a = &self.states[before];
+                (before, Some((local_s - a.time_s) / (b.time_s - a.time_s)))
+            }
+        }
     }
 
     /// The state number `row`, counted over all laps; a lap's last state is the next one's first.
@@ -388,6 +450,12 @@ impl Motion {
             }
             _ => None,
         }
+    }
+
+    /// The lap at a time; before the start the first one, after the end the last one.
+    fn lap_at(&self, time_s: f64) -> u32 {
+        // The cast takes negative numbers and NaN to 0.
+        ((time_s / self.lap_s()).floor() as u32).min(self.laps() - 1)
     }
 
     fn lap_s(&self) -> f64 {

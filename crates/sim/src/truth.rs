@@ -300,6 +300,7 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
         lower_ball_force_n: ["LCA_ball_Fx[N]", "LCA_ball_Fy[N]", "LCA_ball_Fz[N]"].map(get),
         lower_ball_m: ["lbj_x[m]", "lbj_y[m]", "lbj_z[m]"].map(get),
         ball_normal_n: f64::NAN,
+        ground: None,
     }
 }
 

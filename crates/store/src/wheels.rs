@@ -73,6 +73,7 @@ macro_rules! wheel_entries {
 
 wheel_entries!(
     TyreForce WheelMotion WheelLiftTime WheelFriction WheelStrain WheelDeflection WheelAngularSpeed
+    WheelHubAcceleration
 );
 
 /// A value of each wheel, `absent` where the list has no entry. Entries of further axles are ignored.

@@ -13,7 +13,7 @@ use model::file::{ErrorCollector, Field, NumberOrList, Section, closest};
 /// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
 /// Names of the inputs in the file.
-const INPUTS: [(&str, Input); 8] = [
+const INPUTS: [(&str, Input); 9] = [
     ("strain", Input::Strain),
     ("deflection", Input::Deflection),
     ("imu", Input::Imu),
@@ -22,6 +22,7 @@ const INPUTS: [(&str, Input); 8] = [
     ("wheel_speed", Input::WheelSpeed),
     ("steer", Input::Steer),
     ("ground_speed", Input::GroundSpeed),
+    ("hub_acceleration", Input::HubAcceleration),
 ];
 
 /// Configuration of the estimator.

@@ -1,8 +1,9 @@
 //! Decodes CAN frames to signals and measurements.
 
+use model::sensors::HubAcceleration;
 use model::strain::ABSENT_COUNT;
 use sample::{
-    CanFrame, CornerSample, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
+    CanFrame, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
     Signal, SignalFrame, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
 };
 use wire::dbc::{Database, MessageDef};
@@ -15,6 +16,8 @@ const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
 /// Decodes the frames of one bus.
 pub struct CanDecoder {
     databases: Vec<Decodable>,
+    /// Scale of the hub accelerometers' counts.
+    hub: Option<HubAcceleration>,
 }
 
 struct Decodable {
@@ -56,11 +59,13 @@ struct Measured {
     steer_rad: Option<f64>,
     speeds_rad_s: PerWheel<Option<f64>>,
     corners: PerWheel<Option<CornerSample>>,
+    hubs: PerWheel<Option<HubAccelerationSample>>,
 }
 
 impl CanDecoder {
-    /// Decoder with the DBC files and roles of a bus.
-    pub fn new(meaning: &CanMeaning) -> Self {
+    /// Decoder with the DBC files and roles of a bus. Without hub accelerometers in the sensors file
+    /// their counts have no scale.
+    pub fn new(meaning: &CanMeaning, hub: Option<&HubAcceleration>) -> Self {
         let mut databases: Vec<Decodable> = meaning
             .databases
             .iter()
@@ -82,7 +87,10 @@ impl CanDecoder {
                 *slot = Some(role.role);
             }
         }
-        Self { databases }
+        Self {
+            databases,
+            hub: hub.cloned(),
+        }
     }
 
     /// Decodes a frame and appends its samples.
@@ -109,10 +117,13 @@ impl CanDecoder {
                 measurement,
             });
         };
-        let (signals, measured) = decode(message, roles, frame);
+        let (signals, measured) = decode(message, roles, frame, self.hub.as_ref());
         emit(Measurement::Signals(signals));
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
+        }
+        for hub in measured.hubs.0.into_iter().flatten() {
+            emit(Measurement::HubAcceleration(hub));
         }
         if let Some(steering_wheel_rad) = measured.steer_rad {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
@@ -129,6 +140,7 @@ fn decode(
     message: &MessageDef,
     roles: &[Option<Role>],
     frame: &CanFrame,
+    scale: Option<&HubAcceleration>,
 ) -> (SignalFrame, Measured) {
     let mut measured = Measured::default();
     let mut signals = Vec::with_capacity(message.signals.len());
@@ -150,6 +162,17 @@ fn decode(
             Some(Role::Strain(wheel, channel)) => {
                 let corner = measured.corner(wheel);
                 corner.strain_counts[channel.index()] = counts(value.bits);
+            }
+            Some(Role::HubAcceleration(wheel, axis, factor)) => {
+                let hub =
+                    measured.hubs[wheel].get_or_insert(HubAccelerationSample::empty(wheel));
+                hub.counts[axis] = counts(value.bits).filter(|_| factor.is_none());
+                hub.specific_force_m_s2[axis] = match factor {
+                    Some(factor) => Some(value.physical * factor),
+                    None => scale
+                        .zip(hub.counts[axis])
+                        .and_then(|(scale, count)| scale.specific_force_m_s2(count)),
+                };
             }
             None => {}
         }

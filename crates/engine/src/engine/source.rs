@@ -1,5 +1,6 @@
 //! A source in the engine: decoder, device clock and counters.
 
+use model::sensors::Sensors;
 use sample::{
     Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
     SourceHealth, SourceId,
@@ -67,10 +68,13 @@ pub enum SilenceChange {
 impl SourceState {
     /// State before the first arrival.
     ///
-    /// `attitude_latency_s` is the latency of receivers without one in their configuration.
-    pub fn new(source: &Source, attitude_latency_s: f64) -> Result<Self> {
+    /// `sensors` has the latency of receivers without one in their configuration, and the scale of
+    /// the hub accelerometers' counts.
+    pub fn new(source: &Source, sensors: Option<&Sensors>) -> Result<Self> {
+        let attitude_latency_s = sensors.map_or(0.0, |sensors| sensors.gnss_attitude.latency_s);
+        let hub = sensors.and_then(|sensors| sensors.hub_acceleration.as_ref());
         let (decoder, gnss) = match &source.meaning {
-            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can)), None),
+            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can, hub)), None),
             Meaning::Crossbow440(rate) => {
                 let decoder = wire::crossbow440::Decoder::new(*rate);
                 (Decoder::Crossbow440(Box::new(decoder)), None)

@@ -44,7 +44,11 @@ impl Estimator {
         while let Some(Entry { time, held }) = self.waiting.take() {
             let fresh = now.seconds_since(time) <= self.settings.tuning.fresh_s;
             match held {
-                Held::Corner(_) | Held::SteeringWheel(_) | Held::WheelSpeed(_) if !fresh => {}
+                Held::Corner(_)
+                | Held::SteeringWheel(_)
+                | Held::WheelSpeed(_)
+                | Held::HubAcceleration(..)
+                    if !fresh => {}
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
                 Held::NoInertial => self.take_invalid_inertial(now, out),
                 Held::Velocity(source, gnss) => {
@@ -59,6 +63,9 @@ impl Estimator {
                     self.settings.uses(Input::Deflection),
                 ),
                 Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
+                Held::HubAcceleration(wheel, axes) => {
+                    self.readings.push_hub_acceleration(time, wheel, axes);
+                }
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {

@@ -132,6 +132,16 @@ class GroundSpeedSamples(_GroundSpeed, total=False):
     """Leftward velocity, body axes, m/s, (n,); NaN where there is none."""
 
 
+class HubAccelerationSamples(Times):
+    """Samples of the accelerometers on the uprights."""
+
+    wheel: str | Sequence[str]
+    """``fl``, ``fr``, ``rl`` or ``rr``, one for all or one each."""
+    specific_force_m_s2: npt.ArrayLike
+    """Specific force along the sensor's own axes before calibration, m/s^2, (n, 3): x forward, y
+    along the spindle to the left, z up; NaN where an axis is not measured."""
+
+
 class Samples(TypedDict, total=False):
     """Samples of all kinds. Those with the same log time are taken in the order of the keys."""
 
@@ -142,6 +152,7 @@ class Samples(TypedDict, total=False):
     steer: SteerSamples
     wheel_speed: WheelSpeedSamples
     ground_speed: GroundSpeedSamples
+    hub_acceleration: HubAccelerationSamples
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,6 +459,23 @@ class Estimator:
             leftward_m_s=None if leftward_m_s is None else [leftward_m_s],
         )
 
+    def push_hub_acceleration(
+        self,
+        log_time_ns: int,
+        wheel: str,
+        specific_force_m_s2: npt.ArrayLike,
+        *,
+        valid_time_ns: int | None = None,
+    ) -> None:
+        """Takes one sample of a hub accelerometer; see :class:`HubAccelerationSamples`."""
+        self._push_one(
+            "hub_acceleration",
+            log_time_ns,
+            valid_time_ns,
+            wheel=wheel,
+            specific_force_m_s2=[specific_force_m_s2],
+        )
+
     def _push_one(
         self, kind: str, log_time_ns: int, valid_time_ns: int | None, **values: Any
     ) -> None:
@@ -526,7 +554,30 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
                 columns = log.read(topic)
                 speeds = {name: columns[name] for name in ("forward_m_s", "leftward_m_s")}
                 found.setdefault("ground_speed", []).append(_times(columns) | speeds)
+            case ["hub_acceleration"]:
+                rows = _hubs(log.read(topic))
+                found.setdefault("hub_acceleration", []).extend(rows)
     return cast(Samples, {kind: _merged(tables) for kind, tables in found.items()})
+
+
+def _hubs(columns: _Columns) -> list[_Columns]:
+    """A table for each wheel, of the messages that have it."""
+    tables = []
+    for wheel in _WHEELS:
+        axes = [columns.get(f"{wheel}.{axis}.specific_force_m_s2") for axis in "xyz"]
+        if all(axis is None for axis in axes):
+            continue
+        times = _times(columns)
+        unknown = np.full(len(times["log_time_ns"]), np.nan)
+        force = np.stack([unknown if axis is None else axis for axis in axes], axis=1)
+        present = ~np.isnan(force).all(axis=1)
+        table = {name: column[present] for name, column in times.items()}
+        table |= {
+            "wheel": np.full(int(present.sum()), wheel),
+            "specific_force_m_s2": force[present],
+        }
+        tables.append(table)
+    return tables
 
 
 def _times(columns: _Columns) -> _Columns:

@@ -381,6 +381,73 @@ impl ::prost::Name for WheelDeflection {
         "/atvrec.WheelDeflection".into()
     }
 }
+/// Specific force on the uprights of the wheels that one frame held, along the sensor's own axes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct HubAcceleration {
+    #[prost(message, repeated, tag = "1")]
+    pub wheels: ::prost::alloc::vec::Vec<WheelHubAcceleration>,
+    #[prost(message, optional, tag = "15")]
+    pub device_time: ::core::option::Option<DeviceTime>,
+}
+impl ::prost::Name for HubAcceleration {
+    const NAME: &'static str = "HubAcceleration";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.HubAcceleration".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.HubAcceleration".into()
+    }
+}
+/// Specific force on the upright of one wheel. The nominal axes are those of the wheel carrier in the
+/// design position: y along the spindle to the left, x forward, z up.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WheelHubAcceleration {
+    #[prost(uint32, tag = "1")]
+    pub axle: u32,
+    #[prost(string, tag = "2")]
+    pub side: ::prost::alloc::string::String,
+    #[prost(message, optional, tag = "3")]
+    pub x: ::core::option::Option<HubAxis>,
+    #[prost(message, optional, tag = "4")]
+    pub y: ::core::option::Option<HubAxis>,
+    #[prost(message, optional, tag = "5")]
+    pub z: ::core::option::Option<HubAxis>,
+}
+impl ::prost::Name for WheelHubAcceleration {
+    const NAME: &'static str = "WheelHubAcceleration";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.WheelHubAcceleration".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.WheelHubAcceleration".into()
+    }
+}
+/// One axis of a hub accelerometer.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct HubAxis {
+    /// With the nominal scale, before calibration: +g along the axis that points up, at rest. Absent
+    /// if the converter is at an end of its range.
+    #[prost(double, optional, tag = "1")]
+    pub specific_force_m_s2: ::core::option::Option<f64>,
+    /// Converter counts as sent, if the device sends counts: the scale may change later.
+    #[prost(sint32, optional, tag = "2")]
+    pub raw_counts: ::core::option::Option<i32>,
+    /// The value is within the range of the sensor.
+    #[prost(bool, tag = "3")]
+    pub valid: bool,
+}
+impl ::prost::Name for HubAxis {
+    const NAME: &'static str = "HubAxis";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.HubAxis".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.HubAxis".into()
+    }
+}
 /// Steering wheel.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Steer {
