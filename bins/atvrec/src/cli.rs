@@ -441,6 +441,8 @@ pub enum CalibrateCommand {
     Gnss(CalibrateArgs),
     /// Rolling radius of each wheel, from straight driving at constant speed with GNSS.
     WheelRadius(CalibrateArgs),
+    /// Bias and axes of the hub accelerometers, from rest and a drive with braking and turns.
+    Hub(CalibrateArgs),
 }
 
 impl CalibrateCommand {
@@ -450,9 +452,11 @@ impl CalibrateCommand {
             Self::Zero(args) => &args.shared,
             Self::Weight(args) => &args.shared,
             Self::Steer(args) => &args.shared,
-            Self::LoadRig(args) | Self::Imu(args) | Self::Gnss(args) | Self::WheelRadius(args) => {
-                args
-            }
+            Self::LoadRig(args)
+            | Self::Imu(args)
+            | Self::Gnss(args)
+            | Self::WheelRadius(args)
+            | Self::Hub(args) => args,
         }
     }
 }

@@ -347,7 +347,11 @@ fn true_calibration(
     if let Some(hubs) = vehicle.hub_accelerometers() {
         for wheel in Wheel::ALL {
             let (turn_rad, bias_m_s2) = hubs[wheel];
-            let hub = &mut calibration.corner.entry(wheel).or_default().hub_acceleration;
+            let hub = &mut calibration
+                .corner
+                .entry(wheel)
+                .or_default()
+                .hub_acceleration;
             *hub = HubCalibration {
                 bias_m_s2: Some(bias_m_s2),
                 misalignment_rad: Some(turn_rad),

@@ -5,6 +5,7 @@
 //! compression from the design length.
 
 pub mod gnss;
+pub mod hub;
 pub mod imu;
 pub mod load_rig;
 mod recording;

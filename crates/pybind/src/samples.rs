@@ -5,7 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sample::{
     CornerSample, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample, HubAccelerationSample,
-    ImuSample, LogTime, Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel, WheelSpeedSample,
+    ImuSample, LogTime, Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel,
+    WheelSpeedSample,
 };
 
 use crate::errors;

@@ -154,8 +154,7 @@ impl Carriers {
             .map(|row| {
                 let [before, after] = beside(row, states.len());
                 let [a, b] = [before, after].map(|k| self.body_from_carrier[k]);
-                let turn = Rotation3::from_matrix_unchecked(b * a.transpose());
-                turn.scaled_axis() / (states[after].time_s - states[before].time_s)
+                small_turn(&(b * a.transpose())) / (states[after].time_s - states[before].time_s)
             })
             .collect();
         (0..states.len())
@@ -214,6 +213,13 @@ fn axes_of_spindle(state: &TruthState, wheel: Wheel) -> Matrix3<f64> {
     );
     let x = y.cross(&Vector3::z()).normalize();
     Matrix3::from_columns(&[x, y, x.cross(&y)])
+}
+
+/// Axis times angle of a rotation by a small angle: the skew part of its matrix.
+fn small_turn(r: &Matrix3<f64>) -> Vector3<f64> {
+    let [x, y, z] = [[(2, 1), (1, 2)], [(0, 2), (2, 0)], [(1, 0), (0, 1)]]
+        .map(|[plus, minus]| 0.5 * (r[plus] - r[minus]));
+    Vector3::new(x, y, z)
 }
 
 /// The rows on both sides of a row, itself at the ends.

@@ -46,8 +46,8 @@ pub use faults::{
     Chance, ChannelFault, ChannelFaultKind, Faults, HubFault, ImuFault, ImuFaultKind, Interruption,
 };
 pub use hidden::{Hidden, HiddenErrors};
-pub use manoeuvre::Manoeuvre;
 pub use load::{PortLoad, port_loads};
+pub use manoeuvre::Manoeuvre;
 pub use motion::{Motion, TruthState, WheelGround, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
 pub use truth::{Columns, optional_columns, read_columns, required_columns};

@@ -98,10 +98,7 @@ impl WheelGround {
             force_body_n: mix(&a.force_body_n, &b.force_body_n, weight),
             moment_body_n_m: part(a.moment_body_n_m, b.moment_body_n_m),
             spindle_body: mix(&a.spindle_body, &b.spindle_body, weight),
-            centre_acceleration_m_s2: part(
-                a.centre_acceleration_m_s2,
-                b.centre_acceleration_m_s2,
-            ),
+            centre_acceleration_m_s2: part(a.centre_acceleration_m_s2, b.centre_acceleration_m_s2),
             unsprung_inertia_n: part(a.unsprung_inertia_n, b.unsprung_inertia_n),
             ground_height_m: a
                 .ground_height_m
@@ -224,8 +221,8 @@ impl TruthState {
     /// Normal of the plane that bank and grade describe, a unit vector in body axes.
     #[must_use]
     pub fn ground_normal_body(&self) -> Vector3<f64> {
-        let normal =
-            Rotation3::from_euler_angles(self.bank_rad, self.grade_rad, self.yaw_rad) * Vector3::z();
+        let normal = Rotation3::from_euler_angles(self.bank_rad, self.grade_rad, self.yaw_rad)
+            * Vector3::z();
         self.earth_from_body().inverse() * normal
     }
 

@@ -3,8 +3,9 @@
 use model::sensors::HubAcceleration;
 use model::strain::ABSENT_COUNT;
 use sample::{
-    CanFrame, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
-    Signal, SignalFrame, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
+    CanFrame, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement,
+    NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample, StrainChannel,
+    Wheel, WheelSpeedSample,
 };
 use wire::dbc::{Database, MessageDef};
 
@@ -164,8 +165,7 @@ fn decode(
                 corner.strain_counts[channel.index()] = counts(value.bits);
             }
             Some(Role::HubAcceleration(wheel, axis, factor)) => {
-                let hub =
-                    measured.hubs[wheel].get_or_insert(HubAccelerationSample::empty(wheel));
+                let hub = measured.hubs[wheel].get_or_insert(HubAccelerationSample::empty(wheel));
                 hub.counts[axis] = counts(value.bits).filter(|_| factor.is_none());
                 hub.specific_force_m_s2[axis] = match factor {
                     Some(factor) => Some(value.physical * factor),

@@ -64,7 +64,7 @@ impl Estimator {
                 ),
                 Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
                 Held::HubAcceleration(wheel, axes) => {
-                    self.readings.push_hub_acceleration(time, wheel, axes);
+                    self.take_hub_acceleration(time, wheel, axes, now, out);
                 }
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {

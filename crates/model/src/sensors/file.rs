@@ -269,8 +269,14 @@ mod tests {
         let hub = all[0].0.hub_acceleration.as_ref().unwrap();
         assert!((hub.range_m_s2 / sample::STANDARD_GRAVITY_M_S2 - 32.0).abs() < 1e-9);
         assert_eq!(hub.specific_force_m_s2(32_768), Some(0.0));
-        assert_eq!((hub.specific_force_m_s2(0), hub.specific_force_m_s2(65_534)), (None, None));
-        assert_eq!(hub.position_of_m(sample::Wheel::FrontRight), [0.0, 0.03, 0.0]);
+        assert_eq!(
+            (hub.specific_force_m_s2(0), hub.specific_force_m_s2(65_534)),
+            (None, None)
+        );
+        assert_eq!(
+            hub.position_of_m(sample::Wheel::FrontRight),
+            [0.0, 0.03, 0.0]
+        );
     }
 
     #[test]
@@ -280,8 +286,19 @@ mod tests {
             let text = text.replace(r#"axes = ["x", "y", "z"]"#, axes);
             Sensors::from_toml(&text, "s.toml").map_err(|e| e.to_string())
         };
-        assert!(told(r#"axes = ["z"]"#).unwrap().hub_acceleration.unwrap().measures(2));
-        for wrong in [r#"axes = ["z", "z"]"#, "axes = []", r#"axes = ["up"]"#, "axes = 3"] {
+        assert!(
+            told(r#"axes = ["z"]"#)
+                .unwrap()
+                .hub_acceleration
+                .unwrap()
+                .measures(2)
+        );
+        for wrong in [
+            r#"axes = ["z", "z"]"#,
+            "axes = []",
+            r#"axes = ["up"]"#,
+            "axes = 3",
+        ] {
             let error = told(wrong).unwrap_err();
             assert!(error.contains("hub_acceleration.axes"), "{error}");
         }

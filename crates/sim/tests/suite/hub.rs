@@ -80,7 +80,10 @@ fn noise_bias_and_turn_are_those_of_the_sensors_file() {
         let at_sensor = readings(&perfect(), &exact, wheel)[0];
         let turned = nalgebra::Rotation3::from_euler_angles(turn[0], turn[1], turn[2]);
         let expected = turned * at_sensor + Vector3::from(bias);
-        assert!((mean - expected).norm() < 0.01, "{wheel}: {mean} {expected}");
+        assert!(
+            (mean - expected).norm() < 0.01,
+            "{wheel}: {mean} {expected}"
+        );
         let spread: f64 = read.iter().map(|r| (r.z - mean.z).powi(2)).sum();
         let sigma = (spread / read.len() as f64).sqrt();
         assert!((sigma / hub.noise_m_s2 - 1.0).abs() < 0.05, "{sigma}");
@@ -104,7 +107,10 @@ fn lever_arm_of_a_steady_turn() {
         let arm_m = -0.03 * wheel.side();
         let felt = with[wheel.index()] - without[wheel.index()];
         let expected = -rate * rate * arm_m;
-        assert!((felt.y - expected).abs() < 0.012, "{wheel}: {felt} {expected}");
+        assert!(
+            (felt.y - expected).abs() < 0.012,
+            "{wheel}: {felt} {expected}"
+        );
         assert!(felt.x.abs() < 0.012 && felt.z.abs() < 0.012, "{felt}");
     }
 }
@@ -212,7 +218,11 @@ fn every_channel_has_its_own_rate() {
             (0x310, 2, 800.0),
         ] {
             let found = fields(id, field);
-            assert_eq!(found, 2.0 * rate_hz + 1.0, "{id:#x}.{field} at {rate_hz} Hz");
+            assert_eq!(
+                found,
+                2.0 * rate_hz + 1.0,
+                "{id:#x}.{field} at {rate_hz} Hz"
+            );
         }
         let count = |port| emissions.iter().filter(|e| e.port == port).count();
         assert!(count(Port::Imu).abs_diff(2000) <= 1, "{}", count(Port::Imu));
@@ -261,9 +271,8 @@ fn rough_motion() -> Option<Motion> {
     for (row, state) in states.iter_mut().enumerate() {
         let body_from_earth = state.earth_from_body().inverse();
         for wheel in Wheel::ALL {
-            let of = |axis: &str| {
-                columns[&format!("{}_wcw_a_{axis}[m/s2]", wheel.abbreviation())][row]
-            };
+            let of =
+                |axis: &str| columns[&format!("{}_wcw_a_{axis}[m/s2]", wheel.abbreviation())][row];
             let earth = Vector3::new(of("x"), of("y"), of("z"));
             let (sine, cosine) = math::sin_cos(state.wheels[wheel].steer_rad);
             state.wheels[wheel].ground = Some(WheelGround {

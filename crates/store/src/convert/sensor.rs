@@ -3,8 +3,8 @@
 use prost::Message as _;
 use sample::{
     Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement, Sample, SteerSample, StrainChannel, Wheel,
-    WheelSpeedSample,
+    GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement, Sample, SteerSample,
+    StrainChannel, Wheel, WheelSpeedSample,
 };
 
 use super::{Encoded, array, enu_array, narrow, timestamp, vector};
