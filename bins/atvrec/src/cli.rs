@@ -197,8 +197,13 @@ pub struct ReplayChanges {
     /// Use this calibration file.
     #[arg(long, value_name = "FILE")]
     pub calibration: Option<PathBuf>,
+    /// Payload of the vehicle file that is on the vehicle at the start, instead of those of the log;
+    /// can be given several times.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub payload: Vec<String>,
     /// Ignore these inputs too, as if the sensors were not fitted: strain, deflection, imu,
-    /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed.
+    /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed,
+    /// hub_acceleration.
     #[arg(long, value_name = "INPUT", value_delimiter = ',')]
     pub without: Vec<String>,
     /// Use these inputs, although the log's configuration ignores them.
@@ -290,6 +295,9 @@ pub struct DriveArgs {
     /// Sensors file, or the name of a built-in sensor set.
     #[arg(long, default_value = "thesis-10bit", value_name = "FILE")]
     pub sensors: String,
+    /// Payload of the vehicle file that is on the vehicle; can be given several times.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub payload: Vec<String>,
     /// Seed of the sensor noise; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
@@ -313,6 +321,7 @@ impl DriveArgs {
             course,
             vehicle: PathBuf::from(&self.vehicle).into(),
             sensors: PathBuf::from(&self.sensors).into(),
+            payload: self.payload.clone(),
             seed: self.seed,
             options: options.transpose()?.unwrap_or_default(),
             duration_s: self.duration_s,

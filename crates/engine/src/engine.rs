@@ -76,7 +76,11 @@ impl Engine {
         let mut engine = Self::new(config)?;
         engine.estimator = engine.estimator.map(Estimator::traced);
         let settings = config.estimator.as_ref();
-        engine.smoother = settings.map(|settings| Smoother::new(&settings.vehicle, LAG_STEPS));
+        if let Some(settings) = settings {
+            let loaded = settings.vehicle.loaded(&settings.settings.payload);
+            let loaded = loaded.map_err(estimator::EstimatorError::from)?;
+            engine.smoother = Some(Smoother::new(&loaded.vehicle, LAG_STEPS));
+        }
         Ok(engine)
     }
 
@@ -119,6 +123,9 @@ impl Engine {
         if let Payload::Notice(notice) = &arrival.payload {
             self.losses.add_notice(arrival.source, notice);
             self.log_notice(arrival.source, now, notice, records);
+            if let Notice::Mark(text) = notice {
+                self.mark(now, text, records);
+            }
         }
         self.estimate(now, has_data(&arrival.payload), records);
         records.extend(self.samples.drain(..).map(Record::Sample));
@@ -166,6 +173,19 @@ impl Engine {
         }
         for sample in &self.samples {
             estimator.push(sample);
+        }
+    }
+
+    /// Lets the estimator do what a mark says of a payload.
+    fn mark(&mut self, now: LogTime, text: &str, records: &mut Vec<Record>) {
+        let marked = self
+            .estimator
+            .as_mut()
+            .map(|estimator| estimator.mark(text));
+        if let Some(Err(error)) = marked {
+            let text = format!("the mark \"{text}\" has no effect: {error}");
+            let name = "estimator".to_owned();
+            records.push(log(now, Severity::Warning, name, text));
         }
     }
 

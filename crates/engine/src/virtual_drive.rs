@@ -35,6 +35,8 @@ pub struct Drive {
     pub vehicle: FileSource,
     /// Sensors file, or the name of a built-in sensor set.
     pub sensors: FileSource,
+    /// Payloads of the vehicle file that are on the vehicle.
+    pub payload: Vec<String>,
     /// Seed of the sensor noise.
     pub seed: u64,
     /// Hidden errors, faults and delays.
@@ -55,6 +57,8 @@ pub struct VirtualDrive {
     vehicle_file: String,
     /// Name or path of the sensors file.
     sensors_file: String,
+    /// Payloads on the vehicle.
+    payload: Vec<String>,
     /// Files that were given as text.
     given: Vec<GivenFile>,
     options: Options,
@@ -78,6 +82,11 @@ impl VirtualDrive {
         let vehicle = Vehicle::from_toml(&vehicle, &vehicle_file)?;
         let sensors = files.read_text(&sensors_file, FileKind::Sensors)?;
         let sensors = Sensors::from_toml(&sensors, &sensors_file)?;
+        let loaded = vehicle
+            .loaded(&drive.payload)
+            .map_err(estimator::EstimatorError::from)?;
+        let placed = loaded.sensors(&sensors);
+        let vehicle = loaded.vehicle;
         let (motion, name) = motion(&drive.course, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
@@ -89,13 +98,14 @@ impl VirtualDrive {
         }
         let truth = vehicle.name.clone();
         let options = drive.options.clone();
-        let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, drive.seed)?;
+        let vehicle = VirtualVehicle::new(motion, &vehicle, &placed, &options, drive.seed)?;
         Ok(Self {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
             drive: name,
             vehicle_file,
             sensors_file,
+            payload: drive.payload.clone(),
             given,
             can_bit_rate: options.can_bit_rate(&sensors),
             options,
@@ -214,9 +224,10 @@ impl VirtualDrive {
         }
         let _ = write!(
             text,
-            "[vehicle]\nfile = {}\nsensors = {}\n\n[storage]\ndirectory = \"logs\"\n",
+            "[vehicle]\nfile = {}\nsensors = {}\n{}\n[storage]\ndirectory = \"logs\"\n",
             quoted(&self.vehicle_file),
             quoted(&self.sensors_file),
+            payload_line(&self.payload),
         );
         text
     }
@@ -376,6 +387,15 @@ fn true_calibration(
     calibration.gnss_attitude.latency_s = Some(hidden.attitude_latency_s);
     calibration.gnss_attitude.attitude_offset_rad = hidden.attitude_offset_rad;
     Ok(calibration)
+}
+
+/// Line of a configuration with the payloads; none without any.
+fn payload_line(names: &[String]) -> String {
+    if names.is_empty() {
+        return String::new();
+    }
+    let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+    format!("payload = [{}]\n", names.join(", "))
 }
 
 fn quoted(text: &str) -> String {

@@ -157,6 +157,17 @@ impl Corners {
         }))
     }
 
+    /// The same corners under a vehicle whose mass properties have changed.
+    pub fn load(&mut self, vehicle: &Vehicle) -> Result<(), EstimatorError> {
+        for (linkage, wheel) in self.linkages.iter_mut().zip(Wheel::ALL) {
+            linkage.corner = Corner::of(vehicle, wheel)
+                .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
+            linkage.fallback_load_n = vehicle.static_load_n(wheel);
+        }
+        self.cg_height_m = vehicle.body.cg_height_m;
+        Ok(())
+    }
+
     /// The corners after the last [`update`](Self::update).
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {

@@ -3,6 +3,7 @@
 mod aiding;
 mod events;
 mod monitors;
+mod payload;
 mod sensors;
 mod stages;
 
@@ -64,6 +65,12 @@ pub enum Output {
 pub struct Estimator {
     vehicle: Vehicle,
     calibration: Resolved,
+    /// Vehicle and calibration without payload.
+    unloaded: Vehicle,
+    unloaded_calibration: Resolved,
+    /// Payloads on the vehicle.
+    payload: Vec<String>,
+    sensors: Sensors,
     settings: Settings,
     next_grid: Option<LogTime>,
     waiting: Waiting,
@@ -107,8 +114,11 @@ impl Estimator {
                 found: calibration.vehicle.clone(),
             });
         }
-        let vehicle = &calibration.applied(vehicle);
-        let calibration = Resolved::new(sensors, calibration)?;
+        let unloaded = calibration.applied(vehicle);
+        let loaded = unloaded.loaded(&settings.payload)?;
+        let vehicle = &loaded.vehicle;
+        let unloaded_calibration = Resolved::new(sensors, calibration)?;
+        let calibration = unloaded_calibration.with_cg_moved(loaded.cg_shift_m);
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let t = &settings.tuning;
         let corners = Corners::new(vehicle, pot.noise_sigma, t)?;
@@ -138,6 +148,14 @@ impl Estimator {
                 sensors.imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
             ],
             vehicle: vehicle.clone(),
+            unloaded,
+            unloaded_calibration,
+            payload: {
+                let mut names = settings.payload.clone();
+                names.sort();
+                names
+            },
+            sensors: sensors.clone(),
             calibration,
             settings,
             next_grid: None,

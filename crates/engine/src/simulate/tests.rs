@@ -1,5 +1,8 @@
+use std::collections::BTreeMap;
+
 use estimator::Calibration;
 use estimator::calibration::{Recording, Step};
+use model::vehicle::Vehicle;
 use sample::{EventKind, Measurement, Wheel};
 use sim::{HubFault, Options};
 use store::Record;
@@ -14,6 +17,7 @@ fn drive(manoeuvre: &str, seed: u64, options: Options) -> (Recording, Vec<Record
         course: Course::Manoeuvre(manoeuvre.to_owned()),
         vehicle: FileSource::Path("prowler".into()),
         sensors: FileSource::Path("full-bridge-16bit-hub".into()),
+        payload: Vec::new(),
         seed,
         options,
         duration_s: Some(40.0),
@@ -155,6 +159,7 @@ fn hub_accelerations_are_recorded_and_change_no_estimate() {
         course: Course::Manoeuvre("slow-sine".to_owned()),
         vehicle: FileSource::Path("prowler".into()),
         sensors: FileSource::Path("full-bridge-16bit".into()),
+        payload: Vec::new(),
         seed: 11,
         options: Options::default(),
         duration_s: Some(40.0),
@@ -170,4 +175,102 @@ fn hub_accelerations_are_recorded_and_change_no_estimate() {
     })
     .expect("a simulation");
     assert_eq!(estimates(&records), estimates(&without));
+}
+
+/// The Prowler with a driver of 80 kg, 0.3 m left of the middle.
+fn with_driver() -> String {
+    let text = Vehicle::builtin_text("prowler").expect("a built-in vehicle");
+    format!(
+        "{text}\n[[payload]]\nname = \"driver\"\nmass_kg = 80.0\nposition_m = [-0.8, 0.3, 0.7]\n\
+         \n[[payload]]\nname = \"ballast\"\nmass_kg = 80.0\nposition_m = [-0.8, 0.0, 0.7]\n"
+    )
+}
+
+/// Errors of the lateral forces of a drive with the driver, 100 RMS / max(peak, static load), worst
+/// wheel, after `from_s`. The estimator knows of `known` at the start and gets `marks`.
+fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Vec<String>) {
+    let mut simulated = VirtualDrive::new(&Drive {
+        course: Course::Manoeuvre("slow-sine".to_owned()),
+        vehicle: FileSource::Text(with_driver()),
+        sensors: FileSource::Path("full-bridge-16bit-bending".into()),
+        payload: vec!["driver".to_owned()],
+        seed: 11,
+        options: Options::default(),
+        duration_s: None,
+    })
+    .expect("a drive");
+    let text = simulated.configuration(&crate::Ports {
+        directory: std::path::Path::new("virtual"),
+        can: None,
+    });
+    assert!(text.contains("payload = [\"driver\"]"), "{text}");
+    let mut config = simulated.config().expect("a configuration");
+    let settings = config.estimator.as_mut().expect("an estimator");
+    settings.settings.payload = known.iter().map(|name| (*name).to_owned()).collect();
+    settings.calibration = simulated.true_calibration.clone();
+    let start = simulated.start();
+    let mut feed = Feed::new(&config).expect("an engine");
+    let (mut truth, mut found, mut notes) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
+    let mut waiting = marks.to_vec();
+    let mut take = |entry: Entry| {
+        match entry {
+            Entry::Record(Record::Truth { time, forces, .. }) => drop(truth.insert(time, forces)),
+            Entry::Record(Record::Estimate(estimate)) => {
+                found.insert(estimate.time, estimate.measured);
+            }
+            Entry::Record(Record::Log(message)) if message.name == "estimator" => {
+                notes.push(message.text);
+            }
+            _ => {}
+        }
+        Ok::<_, Error>(())
+    };
+    simulate(&mut simulated, &config, |entry| {
+        if let Entry::Arrival(arrival) = &entry {
+            let now_s = arrival.log_time.seconds_since(start);
+            while let Some((at_s, text)) = waiting.first().copied().filter(|m| m.0 <= now_s) {
+                waiting.remove(0);
+                let mark = Payload::Notice(Notice::Mark(text.to_owned()));
+                feed.push(SourceId::HOST, start.offset_seconds(at_s), mark, &mut take)?;
+            }
+            let arrival = arrival.clone();
+            feed.push(arrival.source, arrival.log_time, arrival.payload, &mut take)?;
+            return Ok(());
+        }
+        match entry {
+            Entry::Record(Record::Truth { .. }) => take(entry),
+            _ => Ok(()),
+        }
+    })
+    .expect("a simulation");
+    let worst = Wheel::ALL.map(|wheel| {
+        let (mut square, mut peak, mut count) = (0.0, 1500.0_f64, 0.0);
+        for (time, forces) in &truth {
+            let Some(estimate) = found
+                .get(time)
+                .filter(|_| time.seconds_since(start) > from_s)
+            else {
+                continue;
+            };
+            square += (estimate[wheel].force_n[1] - forces[wheel].force_n[1]).powi(2);
+            peak = peak.max(forces[wheel].force_n[1].abs());
+            count += 1.0;
+        }
+        100.0 * (square / f64::max(count, 1.0)).sqrt() / peak
+    });
+    (worst.into_iter().fold(0.0, f64::max), notes)
+}
+
+#[test]
+fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
+    let (without, _) = lateral_error(&[], &[], 2.0);
+    let (aside, _) = lateral_error(&["ballast"], &[], 2.0);
+    let (with, _) = lateral_error(&["driver"], &[], 2.0);
+    let (marked, notes) = lateral_error(&[], &[(1.0, "payload driver on")], 4.0);
+    assert!(notes.is_empty(), "{notes:?}");
+    let (after, _) = lateral_error(&["driver"], &[], 4.0);
+    let told = format!("{without} {aside} {with} {marked} {after}");
+    assert!(with < 0.0, "{told}");
+    let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
+    assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
 }

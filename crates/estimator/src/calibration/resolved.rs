@@ -176,6 +176,20 @@ impl Resolved {
     }
 }
 
+impl Resolved {
+    /// Positions from a centre of gravity that has moved by `shift_m`, vehicle axes, m.
+    #[must_use]
+    pub fn with_cg_moved(&self, shift_m: Vector3<f64>) -> Self {
+        Self {
+            imu_m: self.imu_m - shift_m,
+            plain_imu_ahead_m: self.plain_imu_ahead_m - shift_m.x,
+            velocity_antenna_m: self.velocity_antenna_m - shift_m,
+            attitude_antenna_m: self.attitude_antenna_m - shift_m,
+            ..self.clone()
+        }
+    }
+}
+
 fn hubs(
     sensors: &Sensors,
     calibration: &Calibration,
