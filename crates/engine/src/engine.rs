@@ -51,11 +51,10 @@ pub struct Engine {
 impl Engine {
     /// Engine before the first arrival.
     pub fn new(config: &Config) -> Result<Self> {
-        let sensors = config.estimator.as_ref().map(|settings| &settings.sensors);
         let sources = config
             .sources
             .iter()
-            .map(|source| SourceState::new(source, sensors))
+            .map(|source| SourceState::new(source, config.estimator.as_ref()))
             .collect::<Result<_>>()?;
         Ok(Self {
             sources,

@@ -1,6 +1,6 @@
 //! Roles of DBC signals as measurements: `[source.<name>.roles]`.
 
-use sample::{HubAccelerationSample, STANDARD_GRAVITY_M_S2, StrainChannel, Wheel};
+use sample::{HubAccelerationSample, STANDARD_GRAVITY_M_S2, Side, StrainChannel, Wheel};
 use wire::dbc::{Database, SignalDef};
 
 use model::file::{ErrorCollector, Field, Section, closest};
@@ -10,6 +10,9 @@ use model::file::{ErrorCollector, Field, Section, closest};
 pub enum Role {
     /// Steering-wheel angle; the factor converts the signal's unit to rad.
     Steer(f64),
+    /// Travel of a potentiometer along a front tie rod, left positive; the factor converts the
+    /// signal's unit to m.
+    SteerRod(Side, f64),
     /// Angular speed of a wheel; the factor converts the signal's unit to rad/s.
     WheelSpeed(Wheel, f64),
     /// Counts of a spring potentiometer.
@@ -49,6 +52,16 @@ pub fn read(
     finder.add(field, "Steering.hand_wheel_angle", collector, |signal| {
         angle_factor(signal).map(Role::Steer)
     });
+    for side in Side::ALL {
+        let key = match side {
+            Side::Left => "steer_left",
+            Side::Right => "steer_right",
+        };
+        let field = section.optional::<String>(key, collector);
+        finder.add(field, "", collector, |signal| {
+            length_factor(signal).map(|factor| Role::SteerRod(side, factor))
+        });
+    }
     let mut speeds = section.section("wheel_speed", collector);
     let mut deflections = section.section("deflection", collector);
     let mut strains = section.section("strain", collector);
@@ -204,6 +217,19 @@ fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
         "deg" | "degree" | "degrees" | "°" => Ok(1.0_f64.to_radians()),
         unit => Err(format!(
             "{} has the unit \"{unit}\", which is not a unit of an angle",
+            signal.name
+        )),
+    }
+}
+
+/// Factor that converts the unit of a signal to m.
+fn length_factor(signal: &SignalDef) -> Result<f64, String> {
+    match signal.unit.trim() {
+        "m" => Ok(1.0),
+        "cm" => Ok(1e-2),
+        "mm" => Ok(1e-3),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of a length",
             signal.name
         )),
     }

@@ -17,8 +17,17 @@ const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
 /// Decodes the frames of one bus.
 pub struct CanDecoder {
     databases: Vec<Decodable>,
-    /// Scale of the hub accelerometers' counts.
-    hub: Option<HubAcceleration>,
+    scales: Scales,
+}
+
+/// What turns signals into measurements, beside the DBC files.
+#[derive(Clone, Debug, Default)]
+pub struct Scales {
+    /// Scale of the hub accelerometers' counts; without it, there are counts alone.
+    pub hub: Option<HubAcceleration>,
+    /// Travel of the steering rack for an angle of the steering wheel, m/rad; without it, the
+    /// potentiometers along the tie rods measure nothing.
+    pub rack_m_rad: Option<f64>,
 }
 
 struct Decodable {
@@ -58,15 +67,16 @@ impl Arrived {
 #[derive(Default)]
 struct Measured {
     steer_rad: Option<f64>,
+    /// Travel of the tie rods, left and right, m.
+    rods_m: [Option<f64>; 2],
     speeds_rad_s: PerWheel<Option<f64>>,
     corners: PerWheel<Option<CornerSample>>,
     hubs: PerWheel<Option<HubAccelerationSample>>,
 }
 
 impl CanDecoder {
-    /// Decoder with the DBC files and roles of a bus. Without hub accelerometers in the sensors file
-    /// their counts have no scale.
-    pub fn new(meaning: &CanMeaning, hub: Option<&HubAcceleration>) -> Self {
+    /// Decoder with the DBC files and roles of a bus.
+    pub fn new(meaning: &CanMeaning, scales: Scales) -> Self {
         let mut databases: Vec<Decodable> = meaning
             .databases
             .iter()
@@ -90,7 +100,7 @@ impl CanDecoder {
         }
         Self {
             databases,
-            hub: hub.cloned(),
+            scales,
         }
     }
 
@@ -118,7 +128,7 @@ impl CanDecoder {
                 measurement,
             });
         };
-        let (signals, measured) = decode(message, roles, frame, self.hub.as_ref());
+        let (signals, measured) = decode(message, roles, frame, self.scales.hub.as_ref());
         emit(Measurement::Signals(signals));
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
@@ -126,7 +136,8 @@ impl CanDecoder {
         for hub in measured.hubs.0.into_iter().flatten() {
             emit(Measurement::HubAcceleration(hub));
         }
-        if let Some(steering_wheel_rad) = measured.steer_rad {
+        let by_rods = measured.by_rods_rad(self.scales.rack_m_rad);
+        if let Some(steering_wheel_rad) = measured.steer_rad.or(by_rods) {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
         }
         if measured.speeds_rad_s.0.iter().any(Option::is_some) {
@@ -153,6 +164,9 @@ fn decode(
         });
         match roles.get(value.index).copied().flatten() {
             Some(Role::Steer(factor)) => measured.steer_rad = Some(value.physical * factor),
+            Some(Role::SteerRod(side, factor)) => {
+                measured.rods_m[side as usize] = Some(value.physical * factor);
+            }
             Some(Role::WheelSpeed(wheel, factor)) => {
                 measured.speeds_rad_s[wheel] = Some(value.physical * factor);
             }
@@ -186,6 +200,15 @@ fn decode(
 }
 
 impl Measured {
+    /// Steering-wheel angle by the mean travel of the tie rods in the frame, rad. Both rods hang on the
+    /// rack, so that their inner ends travel alike.
+    fn by_rods_rad(&self, rack_m_rad: Option<f64>) -> Option<f64> {
+        let known = || self.rods_m.into_iter().flatten();
+        let count = known().count();
+        let rack_m_rad = rack_m_rad.filter(|rack| *rack != 0.0 && count > 0)?;
+        Some(known().sum::<f64>() / count as f64 / rack_m_rad)
+    }
+
     fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {
         self.corners[wheel].get_or_insert(CornerSample {
             wheel,

@@ -192,7 +192,7 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
     let mut simulated = VirtualDrive::new(&Drive {
         course: Course::Manoeuvre("slow-sine".to_owned()),
         vehicle: FileSource::Text(with_driver()),
-        sensors: FileSource::Path("full-bridge-16bit-bending".into()),
+        sensors: FileSource::Path("thesis-10bit".into()),
         payload: vec!["driver".to_owned()],
         seed: 11,
         options: Options::default(),

@@ -25,6 +25,7 @@ Input: TypeAlias = Literal[
     "wheel_speed",
     "steer",
     "ground_speed",
+    "hub_acceleration",
 ]
 Method: TypeAlias = Literal["fusion", "thesis"]
 
