@@ -224,7 +224,10 @@ mod tests {
         assert!(slow[0].contains("hub_acceleration.rate_hz of the sensors file is 100 Hz, but 50"));
         let turned = listened(100.0, 0).warnings(&config);
         assert_eq!(turned.len(), 1, "{turned:?}");
-        assert!(turned[0].contains("FR: gravity shows as 9.7 m/s^2 on x"), "{turned:?}");
+        assert!(
+            turned[0].contains("FR: gravity shows as 9.7 m/s^2 on x"),
+            "{turned:?}"
+        );
     }
 
     #[test]
@@ -233,6 +236,9 @@ mod tests {
         let fast = "full-bridge-16bit-bending-500hz-hub";
         assert_eq!(bus_warnings(&config(fast, 1_000_000)), [""; 0]);
         let told = bus_warnings(&config(fast, 500_000));
-        assert!(told[0].contains("source bus") && told[0].contains("110.9 %"), "{told:?}");
+        assert!(
+            told[0].contains("source bus") && told[0].contains("110.9 %"),
+            "{told:?}"
+        );
     }
 }

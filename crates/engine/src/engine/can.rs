@@ -98,10 +98,7 @@ impl CanDecoder {
                 *slot = Some(role.role);
             }
         }
-        Self {
-            databases,
-            scales,
-        }
+        Self { databases, scales }
     }
 
     /// Decodes a frame and appends its samples.

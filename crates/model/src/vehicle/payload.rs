@@ -269,7 +269,8 @@ mod tests {
         let moved = loaded.sensors(&sensors).imu.position_m;
         assert!((moved[1] - sensors.imu.position_m[1] + shift.y).abs() < 1e-12);
         // Nothing on it: the bits of the file.
-        let bare = vehicle.loaded::<&str>(&[]).unwrap();
+        let none: [&str; 0] = [];
+        let bare = vehicle.loaded(&none).unwrap();
         assert_eq!(
             (bare.vehicle, bare.cg_shift_m),
             (vehicle.clone(), Vector3::zeros())
