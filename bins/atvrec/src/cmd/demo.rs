@@ -111,6 +111,7 @@ fn drive_and_record(
         truth: None,
         vehicle: "prowler".to_owned(),
         sensors: "thesis-10bit".to_owned(),
+        payload: Vec::new(),
         seed: args.seed,
         options: None,
         duration_s: Some(args.duration_s),
