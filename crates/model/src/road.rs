@@ -115,10 +115,11 @@ impl Road {
     /// Height at a place, m.
     #[must_use]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
-        let heights = self.parts.iter();
-        heights
-            .map(|part| part.shape.height_m(&part.extent, x_m, y_m))
-            .sum()
+        let mut sum_m = 0.0;
+        for part in &self.parts {
+            sum_m += part.shape.height_m(&part.extent, x_m, y_m);
+        }
+        sum_m
     }
 
     /// Factor on the tyres' friction at a place: 1 is the surface for which the friction of the

@@ -22,7 +22,7 @@ use nalgebra::Vector3;
 use super::{Ground, GroundContact, Road};
 
 /// Parts along a strip.
-const PARTS: usize = 16;
+const PARTS: usize = 24;
 const POINTS: usize = PARTS + 1;
 /// Half of a strip's length in radii.
 const REACH: f64 = 0.8;
@@ -279,10 +279,10 @@ mod tests {
             let centre = Vector3::new(x, 0.0, RADIUS_M - 0.02);
             Envelope::new(centre, Vector3::y(), RADIUS_M, WIDTH_M).lay_on(cleat)
         };
-        let over = depth_m(0.02);
+        let over = depth_m(0.025);
         assert!((0.022..0.035).contains(&over.depth_m), "{}", over.depth_m);
         // It is felt before the centre is above it, and pushes back.
-        let before = depth_m(-0.06);
+        let before = depth_m(-0.12);
         assert!(before.depth_m > 0.021 && before.depth_m < over.depth_m);
         assert!(before.normal.x < -0.01, "{}", before.normal);
         let step_m = 0.002;

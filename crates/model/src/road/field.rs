@@ -60,7 +60,11 @@ impl Field {
 
     /// Height, m.
     pub(super) fn height_m(&self, x: f64, y: f64) -> f64 {
-        self.tiles.iter().map(|tile| tile.height_m(x, y)).sum()
+        let mut sum_m = 0.0;
+        for tile in &self.tiles {
+            sum_m += tile.height_m(x, y);
+        }
+        sum_m
     }
 }
 

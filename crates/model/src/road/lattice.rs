@@ -40,32 +40,47 @@ impl Lattice {
     /// values, its slope is continuous (Keys, Cubic convolution interpolation for digital image
     /// processing, IEEE Trans. ASSP 29, 1981, equation 15).
     pub(super) fn at(&self, x: f64, y: f64) -> f64 {
-        let (column, row) = (x.floor(), y.floor());
-        let (along, across) = (weights(x - column), weights(y - row));
-        let columns = self.indices(column as i64, self.columns);
-        let rows = self.indices(row as i64, self.rows);
+        let ((column, x), (row, y)) = (split(x), split(y));
+        let columns = self.indices(column, self.columns);
+        let rows = self.indices(row, self.rows);
+        let (along, across) = (weights(x), weights(y));
         let mut sum = 0.0;
-        for (row, weight) in rows.into_iter().zip(across) {
-            let line = &self.values[row * self.columns..][..self.columns];
-            let value: f64 = (0..4).map(|k| along[k] * line[columns[k]]).sum();
-            sum += weight * value;
+        for k in 0..4 {
+            let line = &self.values[rows[k] * self.columns..][..self.columns];
+            let value = along[0] * line[columns[0]]
+                + along[1] * line[columns[1]]
+                + along[2] * line[columns[2]]
+                + along[3] * line[columns[3]];
+            sum += across[k] * value;
         }
         sum
     }
 
     /// The four lattice indices around a cell.
+    #[inline]
     fn indices(&self, cell: i64, count: usize) -> [usize; 4] {
         let first = cell - 1;
+        let all = [first, first + 1, first + 2, first + 3];
         if self.repeats {
-            std::array::from_fn(|k| ((first + k as i64) as usize) & (count - 1))
+            let mask = count as i64 - 1;
+            all.map(|index| (index & mask) as usize)
         } else {
             let last = count as i64 - 1;
-            std::array::from_fn(|k| (first + k as i64).clamp(0, last) as usize)
+            all.map(|index| index.clamp(0, last) as usize)
         }
     }
 }
 
+/// The whole number below, and the rest.
+#[inline]
+fn split(x: f64) -> (i64, f64) {
+    let toward_zero = x as i64;
+    let whole = toward_zero - i64::from(toward_zero as f64 > x);
+    (whole, x - whole as f64)
+}
+
 /// Weights of the four neighbours at the part `t` of the way from the second to the third.
+#[inline]
 fn weights(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
