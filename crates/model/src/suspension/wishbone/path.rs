@@ -102,8 +102,18 @@ impl Corner {
         Unit {
             lower_angle,
             upper_angle,
-            lower_ball: turned(p.lower_rear, self.lower_axis, pose.lower_ball_m, lower_angle),
-            upper_ball: turned(p.upper_rear, self.upper_axis, pose.upper_ball_m, upper_angle),
+            lower_ball: turned(
+                p.lower_rear,
+                self.lower_axis,
+                pose.lower_ball_m,
+                lower_angle,
+            ),
+            upper_ball: turned(
+                p.upper_rear,
+                self.upper_axis,
+                pose.upper_ball_m,
+                upper_angle,
+            ),
             inner,
             outer: twist.at(pose, pose.tie_rod_outer_m),
             rotation: twist.rotation,
@@ -130,22 +140,21 @@ impl Corner {
             pose.upper_ball_m - p.upper_rear,
         );
         let along = self.lower_axis.cross(&lower_arm);
-        let lower = along * lower_angle
-            + self.lower_axis.cross(&along) * (a.lower_angle * b.lower_angle);
+        let lower =
+            along * lower_angle + self.lower_axis.cross(&along) * (a.lower_angle * b.lower_angle);
         let upper_path = self.upper_axis.cross(&upper_arm);
         let upper_turn = self.upper_axis.cross(&upper_path) * (a.upper_angle * b.upper_angle);
         let kingpin = pose.upper_ball_m - pose.lower_ball_m;
         let apart = (a.upper_ball - a.lower_ball).dot(&(b.upper_ball - b.lower_ball));
-        let upper_angle =
-            (kingpin.dot(&(lower - upper_turn)) - apart) / kingpin.dot(&upper_path);
+        let upper_angle = (kingpin.dot(&(lower - upper_turn)) - apart) / kingpin.dot(&upper_path);
         let upper = upper_path * upper_angle + upper_turn;
         // Centripetal part of an arm of the upright, the mean of both orders of a and b.
         let centripetal = |arm: Vector3<f64>| {
             (a.rotation.cross(&b.rotation.cross(&arm)) + b.rotation.cross(&a.rotation.cross(&arm)))
                 * 0.5
         };
-        let across = kingpin.cross(&(upper - lower - centripetal(kingpin)))
-            / kingpin.norm_squared();
+        let across =
+            kingpin.cross(&(upper - lower - centripetal(kingpin))) / kingpin.norm_squared();
         let rod = pose.tie_rod_outer_m - pose.tie_rod_inner_m;
         let arm = pose.tie_rod_outer_m - pose.lower_ball_m;
         let held = lower + across.cross(&arm) + centripetal(arm);
@@ -229,19 +238,15 @@ impl Linkage for Corner {
     }
 
     /// Wheel, upright, upper arm, lower arm.
-    fn parts(
-        &self,
-        (pose, path): &Self::Pose,
-        unsprung: &Unsprung,
-    ) -> [OutboardPart; PARTS] {
+    fn parts(&self, (pose, path): &Self::Pose, unsprung: &Unsprung) -> [OutboardPart; PARTS] {
         let part = |mass_kg: f64, cg: PointPath| OutboardPart {
             mass_kg,
             inertia_kg_m2: Matrix3::zeros(),
             cg,
         };
         let s = pose.spindle;
-        let diametral = (Matrix3::identity() - s * s.transpose())
-            * unsprung.wheel_diametral_inertia_kg_m2;
+        let diametral =
+            (Matrix3::identity() - s * s.transpose()) * unsprung.wheel_diametral_inertia_kg_m2;
         [
             OutboardPart {
                 inertia_kg_m2: diametral,

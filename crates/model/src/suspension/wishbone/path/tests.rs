@@ -48,7 +48,11 @@ fn second_derivatives_match_differences_of_the_first() {
                     rates.rack.wheel_centre,
                     rates.strut.rotation,
                     rates.rack.rotation,
-                    Vector3::new(rates.lower_angle_per_strut, rates.upper_angle_per_strut, 0.0),
+                    Vector3::new(
+                        rates.lower_angle_per_strut,
+                        rates.upper_angle_per_strut,
+                        0.0,
+                    ),
                 ]
             };
             let slope = |dl: f64, dz: f64| {
@@ -60,14 +64,21 @@ fn second_derivatives_match_differences_of_the_first() {
             let mut check = |found: Vector3<f64>, expected: Vector3<f64>| {
                 let miss = (found - expected).norm() / (10.0 + expected.norm());
                 worst = worst.max(miss);
-                assert!(miss < 1e-6, "{:?} {l} {z}: {found} {expected}", corner.wheel);
+                assert!(
+                    miss < 1e-6,
+                    "{:?} {l} {z}: {found} {expected}",
+                    corner.wheel
+                );
             };
             check(wheel.travel.by_strut_strut, by_strut[0]);
             check(wheel.travel.by_strut_rack, by_strut[1]);
             check(wheel.travel.by_strut_rack, by_rack[0]);
             check(wheel.travel.by_rack_rack, by_rack[1]);
             check(wheel.rotation.by_strut_strut, by_strut[2]);
-            check(wheel.rotation.by_strut_rack, (by_strut[3] + by_rack[2]) * 0.5);
+            check(
+                wheel.rotation.by_strut_rack,
+                (by_strut[3] + by_rack[2]) * 0.5,
+            );
             check(wheel.rotation.by_rack_rack, by_rack[3]);
             check(
                 path.lower_arm.rotation.by_strut_strut,
@@ -129,7 +140,10 @@ fn deep_bump_stays_on_the_branch_of_the_design_position() {
             ] {
                 assert!((now - last).norm() < 4.0 * step, "{length}");
             }
-            assert!((2.0..3.0).contains(&-rates.strut.wheel_centre.z), "{length} {rates:?}");
+            assert!(
+                (2.0..3.0).contains(&-rates.strut.wheel_centre.z),
+                "{length} {rates:?}"
+            );
             before = pose;
         }
     }
