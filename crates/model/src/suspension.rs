@@ -16,6 +16,7 @@ pub mod quarter;
 pub mod ride;
 pub mod road;
 pub mod statics;
+pub mod straight;
 pub mod strut;
 pub mod wishbone;
 
@@ -31,6 +32,7 @@ pub use quarter::{QuarterCar, lever_motion_ratio, vertical_force_n, wheel_rate_n
 pub use ride::{Ride, RideCorner, frequency_and_damping};
 pub use road::{RoadClass, RoadProfile};
 pub use statics::{ChannelKind, CornerStatics, MemberForces, Wrench, inboard_excess_n};
+pub use straight::StraightPath;
 pub use strut::StrutForce;
 pub use wishbone::{Corner, CornerPath, CornerPose, CornerRates, HardPoints, Twist};
 

@@ -1,0 +1,5 @@
+//! The ground that tyres stand on.
+
+mod contact;
+
+pub use contact::{Ground, GroundContact, Plane};
