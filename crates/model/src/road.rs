@@ -20,6 +20,7 @@ mod file;
 mod lattice;
 mod rocks;
 mod shape;
+mod soft;
 pub mod soil;
 mod table;
 #[cfg(test)]
@@ -35,6 +36,7 @@ use shape::Shape;
 pub use class::RoadClass;
 pub use contact::{Ground, GroundContact, Plane};
 pub use file::ReadFile;
+pub use soft::SoftGround;
 pub use soil::{SoftLayer, Soil};
 pub use track::RoadProfile;
 
@@ -164,5 +166,14 @@ impl Road {
             })
         });
         FileErrors::check(&self.file, too_steep.collect())
+    }
+}
+
+/// Width of a tread; 0.6 radii where the vehicle file has none.
+fn tread_width_m(radius_m: f64, width_m: f64) -> f64 {
+    if width_m > 0.0 {
+        width_m
+    } else {
+        0.6 * radius_m
     }
 }

@@ -45,7 +45,7 @@ pub use faults::{
 };
 pub use hidden::{Hidden, HiddenErrors};
 pub use manoeuvre::Manoeuvre;
-pub use motion::{Motion, TruthState, WheelTruth};
+pub use motion::{Motion, TruthState, WheelGround, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
 pub use truth::{Columns, optional_columns, read_columns, required_columns};
 pub use truth_params::{TruthParamsError, vehicle_from_truth_params};

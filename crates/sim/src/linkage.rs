@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use crate::driver::body_rates;
-use crate::{SimError, TruthState, WheelTruth};
+use crate::{SimError, TruthState, WheelGround, WheelTruth};
 
 /// Pneumatic trail of an unslipping tyre, parts of its contact length.
 const TRAIL_OF_CONTACT_LENGTH: f64 = 0.17;
@@ -83,6 +83,7 @@ pub(crate) fn struts_alone(vehicle: &Vehicle, states: &mut [TruthState]) {
 /// How one corner stands and moves.
 struct Stance {
     pose: CornerPose,
+    frame: TyreFrame,
     statics: CornerStatics,
     wrench: Wrench,
 }
@@ -113,6 +114,23 @@ impl Stance {
     fn members(&self) -> MemberForces {
         self.statics.members(&self.wrench)
     }
+
+    /// The wheel on its ground.
+    fn ground(&self) -> WheelGround {
+        let turn = self.frame.vehicle_from_tyre;
+        let force = turn * self.wrench.force_n;
+        let arm = self.frame.contact_m - self.pose.wheel_centre_m;
+        let moment = turn * self.wrench.moment_n_m + arm.cross(&force);
+        WheelGround {
+            normal_body: self.frame.normal().into(),
+            force_body_n: force.into(),
+            moment_body_n_m: Some(moment.into()),
+            spindle_body: self.pose.spindle.into(),
+            centre_acceleration_m_s2: None,
+            unsprung_inertia_n: None,
+            ground_height_m: None,
+        }
+    }
 }
 
 impl Linkage {
@@ -134,7 +152,7 @@ impl Linkage {
     }
 
     /// Fills in what the states do not tell: strut lengths, link forces, ball-joint forces, steer
-    /// angles. Where strut lengths are missing at all wheels, roll and pitch become those at which
+    /// angles, the wheels on their ground. Where strut lengths are missing at all wheels, roll and pitch become those at which
     /// the wheels stand on the ground, since springs and linkage then carry the body.
     pub(crate) fn complete(&self, states: &mut [TruthState]) -> Result<(), SimError> {
         let told = |state: &TruthState| {
@@ -154,7 +172,11 @@ impl Linkage {
                 self.resolve_ball_force(&mut states[row], wheel);
                 let truth = &states[row].wheels[wheel];
                 let known = truth.link_force_n.iter().all(|f| f.is_finite());
-                if known && truth.ball_normal_n.is_finite() && truth.steer_rad.is_finite() {
+                if known
+                    && truth.ground.is_some()
+                    && truth.ball_normal_n.is_finite()
+                    && truth.steer_rad.is_finite()
+                {
                     continue;
                 }
                 let rate_m_s = slope(states, row, |s| s.wheels[wheel].strut_length_m);
@@ -165,8 +187,7 @@ impl Linkage {
                 let stance = self
                     .stance(state, wheel, length_m, rate_m_s, turning, kind)
                     .map_err(|cause| linkage_error(state, wheel, cause))?;
-                let (members, steer_rad) = (stance.members(), stance.pose.steer_rad());
-                fill(&mut states[row], wheel, &members, steer_rad);
+                fill(&mut states[row].wheels[wheel], &stance);
             }
         }
         Ok(())
@@ -337,7 +358,10 @@ impl Linkage {
         let pose = corner
             .corner
             .pose(length_m, corner.rack_m_rad * state.steering_wheel_rad)?;
-        let normal = state.up_body();
+        // The ground is level where the motion does not tell its normal.
+        let normal = truth
+            .ground
+            .map_or_else(|| state.up_body(), |ground| ground.normal_body.into());
         let load_n = truth.force_n[2];
         let compression_m = load_n / corner.tyre.vertical_stiffness_n_m;
         let radius_m = corner.tyre.unloaded_radius_m;
@@ -372,6 +396,7 @@ impl Linkage {
         )?;
         Ok(Stance {
             pose,
+            frame,
             statics,
             wrench,
         })
@@ -457,9 +482,9 @@ fn forget_strut_lengths(states: &mut [TruthState]) {
     }
 }
 
-/// Puts the member forces where the state has none.
-fn fill(state: &mut TruthState, wheel: Wheel, members: &MemberForces, steer_rad: f64) {
-    let truth = &mut state.wheels[wheel];
+/// Puts member forces, steer angle and ground where the wheel has none.
+fn fill(truth: &mut WheelTruth, stance: &Stance) {
+    let members = stance.members();
     let forces = [
         members.upper_front_n,
         members.upper_rear_n,
@@ -474,8 +499,9 @@ fn fill(state: &mut TruthState, wheel: Wheel, members: &MemberForces, steer_rad:
         truth.ball_normal_n = members.sixth_n;
     }
     if truth.steer_rad.is_nan() {
-        truth.steer_rad = steer_rad;
+        truth.steer_rad = stance.pose.steer_rad();
     }
+    truth.ground.get_or_insert_with(|| stance.ground());
 }
 
 /// Slope at a row, central where it can be.

@@ -1,3 +1,5 @@
+mod ground;
+
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
@@ -5,6 +7,9 @@ use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 use crate::SimError;
 use crate::linkage::{Linkage, struts_alone};
 use crate::slope::Slope;
+
+pub use ground::WheelGround;
+pub(crate) use ground::{spindle, spindle_on_ground, unit};
 
 /// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,6 +72,8 @@ pub struct WheelTruth {
     pub lower_ball_m: [f64; 3],
     /// The part of that force that is normal to the lower arm's plane, upward positive, N.
     pub ball_normal_n: f64,
+    /// The wheel on its ground, if the motion tells it.
+    pub ground: Option<WheelGround>,
 }
 
 impl Default for WheelTruth {
@@ -83,6 +90,7 @@ impl Default for WheelTruth {
             lower_ball_force_n: [f64::NAN; 3],
             lower_ball_m: [f64::NAN; 3],
             ball_normal_n: f64::NAN,
+            ground: None,
         }
     }
 }
@@ -229,6 +237,8 @@ impl WheelTruth {
             lower_ball_force_n: mix(&a.lower_ball_force_n, &b.lower_ball_force_n, weight),
             lower_ball_m: mix(&a.lower_ball_m, &b.lower_ball_m, weight),
             ball_normal_n: l(a.ball_normal_n, b.ball_normal_n),
+            ground: (a.ground.as_ref().zip(b.ground.as_ref()))
+                .map(|(a, b)| WheelGround::between(a, b, weight)),
         }
     }
 }

@@ -14,6 +14,8 @@ pub struct GroundContact {
     pub ground_height_m: f64,
     /// Factor on the tyre's friction: 1 on the surface for which the vehicle file's friction holds.
     pub friction: f64,
+    /// Resistance of soft ground: what the tyre's coefficient of rolling resistance grows by.
+    pub resistance: f64,
 }
 
 /// Ground that tyres roll on.
@@ -69,6 +71,7 @@ impl Ground for Plane {
             point_m: wheel_centre_m - in_plane * (distance_m / upright),
             ground_height_m: self.height_m - (n.x * x + n.y * y) / n.z,
             friction: self.friction,
+            resistance: 0.0,
         }
     }
 }

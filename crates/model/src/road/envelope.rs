@@ -19,7 +19,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Ground, GroundContact, Road};
+use super::{Ground, GroundContact, Road, tread_width_m};
 
 /// Parts along a strip.
 const PARTS: usize = 24;
@@ -43,6 +43,7 @@ impl Ground for Road {
             point_m: laid.point_m,
             ground_height_m: self.height_m(wheel_centre_m.x, wheel_centre_m.y),
             friction: self.friction(laid.point_m.x, laid.point_m.y),
+            resistance: 0.0,
         }
     }
 }
@@ -91,7 +92,7 @@ impl Envelope {
             upward: forward.cross(&spindle),
             left: Vector3::z().cross(&forward),
             radius_m,
-            offset_m: width_m / 3.0,
+            offset_m: tread_width_m(radius_m, width_m) / 3.0,
             along_m,
             edge_m: along_m.map(|x| (radius_m * radius_m - x * x).sqrt()),
         }
@@ -131,7 +132,7 @@ impl Envelope {
             weights += weight;
             difference += weight * (above_m[2][k] - above_m[0][k]);
         }
-        if weights > 0.0 && self.offset_m > 0.0 {
+        if weights > 0.0 {
             difference / (2.0 * self.offset_m * weights)
         } else {
             0.0

@@ -125,6 +125,22 @@ impl Soil {
         }
     }
 
+    /// Load that Bekker's closed form gives for a sinkage z, W = b k (3 - n)/3 sqrt(2 R) z^(n + 1/2)
+    /// with k = k_c/b + k_phi, and its derivative, N and N/m.
+    pub(super) fn bekker_load(&self, wheel: RigidWheel, sinkage_m: f64) -> [f64; 2] {
+        let power = self.exponent + 0.5;
+        let factor = wheel.width_m * self.stiffness(wheel.width_m) * (3.0 - self.exponent) / 3.0
+            * (2.0 * wheel.radius_m).sqrt();
+        let steep = factor * math::powf(sinkage_m, power - 1.0);
+        [steep * sinkage_m, power * steep]
+    }
+
+    /// Bekker's resistance by compaction, b (k_c/b + k_phi) z^(n + 1)/(n + 1), N.
+    pub(super) fn compaction_n(&self, wheel: RigidWheel, sinkage_m: f64) -> f64 {
+        let power = self.exponent + 1.0;
+        wheel.width_m * self.stiffness(wheel.width_m) * math::powf(sinkage_m, power) / power
+    }
+
     /// Sinkage at which the soil carries a load at a slip, m; none where a wheel that has sunk in by
     /// its radius is not carried yet.
     #[must_use]

@@ -3,6 +3,7 @@
 mod controllers;
 mod excerpts;
 mod faults;
+mod ground;
 mod manoeuvres;
 mod receivers;
 mod sensors;
