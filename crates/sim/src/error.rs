@@ -163,6 +163,17 @@ pub enum SimError {
         /// What the linkage says.
         cause: model::suspension::SuspensionError,
     },
+    /// The vehicle cannot go on over the ground.
+    #[error(
+        "at {time_s} s the vehicle cannot go on over this ground: {cause}; drive more slowly, or \
+         over lower obstacles"
+    )]
+    Rough {
+        /// When.
+        time_s: f64,
+        /// What the model says.
+        cause: model::Error,
+    },
     /// An unknown manoeuvre.
     #[error("{name:?} is not a manoeuvre; use one of: {known}")]
     UnknownManoeuvre {

@@ -1,8 +1,8 @@
 //! What the linkage carries, where a motion tells the tyre forces but not the link forces.
 
 use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
-    MemberForces, SuspensionError, TyreFrame, Wrench, ground_plane,
+    BodyMotion, ChannelKind, Coordinates, Corner, CornerMotion, CornerPose, CornerStatics,
+    GroundPlane, MemberForces, SuspensionError, TyreFrame, Wrench, ground_plane,
 };
 use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
 use nalgebra::Vector3;
@@ -375,13 +375,33 @@ impl Linkage {
         let rack = turning
             .steering_wheel
             .map(|of_angle| corner.rack_m_rad * of_angle);
-        let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
-        if load_n > OFF_GROUND_N {
-            let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
-            let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
-            motion = motion.on_ground(&corner.corner, &pose, normal, gravity_m_s2);
-        }
-        let wrench = corner.wrench(truth, math::asin(pose.spindle.dot(&normal)));
+        let mut motion = match corner.wheel_acceleration_m_s2(truth) {
+            Some(own) => {
+                let rate = Coordinates {
+                    strut: rate_m_s,
+                    rack: rack[0],
+                };
+                let force = own + state.up_body() * STANDARD_GRAVITY_M_S2;
+                let path = corner.corner.path(&pose).wheel;
+                let acceleration = Coordinates {
+                    strut: path.strut_acceleration_m_s2(&body, rate, rack[1], force),
+                    rack: rack[1],
+                };
+                CornerMotion::on_path(&corner.corner, &pose, &body, rate, acceleration)
+            }
+            None => {
+                let on_body = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
+                if load_n > OFF_GROUND_N {
+                    let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
+                    let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
+                    on_body.on_ground(&corner.corner, &pose, normal, gravity_m_s2)
+                } else {
+                    on_body
+                }
+            }
+        };
+        let wrench = wrench_on_ground(truth, &pose, &frame)
+            .unwrap_or_else(|| corner.wrench(truth, math::asin(pose.spindle.dot(&normal))));
         motion.spin_rad_s = truth.angular_speed_rad_s;
         motion.spin_dot_rad_s2 = turning.spin_rad_s2;
         motion.axle_torque_n_m =
@@ -461,6 +481,15 @@ impl LinkedCorner {
         }
     }
 
+    /// Acceleration of the wheel centre without gravity, vehicle axes, where the motion tells it or
+    /// the inertia of wheel and upright; otherwise the wheel rolls on flat ground.
+    fn wheel_acceleration_m_s2(&self, truth: &WheelTruth) -> Option<Vector3<f64>> {
+        let ground = truth.ground?;
+        let outboard_kg = self.unsprung.wheel_mass_kg + self.unsprung.upright_mass_kg;
+        (ground.centre_acceleration_m_s2.map(Vector3::from))
+            .or_else(|| Some(Vector3::from(ground.unsprung_inertia_n?) / outboard_kg))
+    }
+
     /// Torque of the half-shaft: what spins the wheel up against force and rolling resistance,
     /// where it is not a brake on the upright.
     fn axle_torque_n_m(&self, wrench: &Wrench, compression_m: f64, spin_dot: f64) -> f64 {
@@ -474,6 +503,20 @@ impl LinkedCorner {
         };
         if by_shaft { torque } else { 0.0 }
     }
+}
+
+/// The tyre's wrench from its force and its moment about the wheel centre in vehicle axes, where the
+/// motion tells both.
+fn wrench_on_ground(truth: &WheelTruth, pose: &CornerPose, frame: &TyreFrame) -> Option<Wrench> {
+    let ground = truth.ground?;
+    let force = Vector3::from(ground.force_body_n);
+    let moment = Vector3::from(ground.moment_body_n_m?);
+    let arm = frame.contact_m - pose.wheel_centre_m;
+    let tyre_from_vehicle = frame.vehicle_from_tyre.transpose();
+    Some(Wrench {
+        force_n: tyre_from_vehicle * force,
+        moment_n_m: tyre_from_vehicle * (moment - arm.cross(&force)),
+    })
 }
 
 fn forget_strut_lengths(states: &mut [TruthState]) {

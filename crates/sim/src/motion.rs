@@ -1,4 +1,5 @@
 mod ground;
+mod wheel;
 
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -10,6 +11,7 @@ use crate::slope::Slope;
 
 pub use ground::WheelGround;
 pub(crate) use ground::{spindle, spindle_on_ground, unit};
+pub use wheel::WheelMotion;
 
 /// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +76,8 @@ pub struct WheelTruth {
     pub ball_normal_n: f64,
     /// The wheel on its ground, if the motion tells it.
     pub ground: Option<WheelGround>,
+    /// How the wheel moves over the earth, if the motion tells it.
+    pub motion: Option<WheelMotion>,
 }
 
 impl Default for WheelTruth {
@@ -91,6 +95,7 @@ impl Default for WheelTruth {
             lower_ball_m: [f64::NAN; 3],
             ball_normal_n: f64::NAN,
             ground: None,
+            motion: None,
         }
     }
 }
@@ -239,6 +244,8 @@ impl WheelTruth {
             ball_normal_n: l(a.ball_normal_n, b.ball_normal_n),
             ground: (a.ground.as_ref().zip(b.ground.as_ref()))
                 .map(|(a, b)| WheelGround::between(a, b, weight)),
+            motion: (a.motion.as_ref().zip(b.motion.as_ref()))
+                .map(|(a, b)| WheelMotion::between(a, b, weight)),
         }
     }
 }
@@ -418,10 +425,20 @@ impl Motion {
         let turn_rad = self.lap_turn_rad() * f64::from(lap);
         if lap > 0 {
             let first = &self.states[0];
-            let own = [0, 1].map(|axis| state.position_m[axis] - first.position_m[axis]);
-            let [east_m, north_m] = ahead(self.lap_starts_m[lap as usize], turn_rad, own);
-            state.position_m[0] = east_m;
-            state.position_m[1] = north_m;
+            let place = |at: [f64; 2]| {
+                let own = [0, 1].map(|axis| at[axis] - first.position_m[axis]);
+                ahead(self.lap_starts_m[lap as usize], turn_rad, own)
+            };
+            let [east_m, north_m, _] = state.position_m;
+            [state.position_m[0], state.position_m[1]] = place([east_m, north_m]);
+            for wheel in state
+                .wheels
+                .0
+                .iter_mut()
+                .flat_map(|wheel| &mut wheel.motion)
+            {
+                wheel.on_lap(place, turn_rad);
+            }
         }
         state.yaw_rad += turn_rad;
         state.time_s += self.lap_s() * f64::from(lap);

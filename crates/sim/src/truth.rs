@@ -348,6 +348,7 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
         lower_ball_m: ["lbj_x[m]", "lbj_y[m]", "lbj_z[m]"].map(get),
         ball_normal_n: f64::NAN,
         ground: None,
+        motion: None,
     }
 }
 

@@ -31,6 +31,7 @@
 
 mod balance;
 mod dynamics;
+mod members;
 mod parameters;
 mod rest;
 mod state;
@@ -39,6 +40,7 @@ mod tests;
 
 pub use balance::{Momentum, energy_j, momentum};
 pub use dynamics::{Outputs, WheelOutputs, outputs, step};
+pub use members::{Carried, carried};
 pub use parameters::{Corner, Parameters, Suspension};
 pub use rest::at_rest;
 pub use state::{Inputs, STATES, State};

@@ -127,6 +127,26 @@ impl PointPath {
             + self.travel.acceleration(rate, acceleration)
     }
 
+    /// Acceleration l'' of the strut's length at which the point has a specific force f on a moving
+    /// body, by least squares along its path: l'' = (f - f_0) p_l/p_l^2, with the specific force f_0
+    /// without l''.
+    #[must_use]
+    pub fn strut_acceleration_m_s2(
+        &self,
+        body: &BodyMotion,
+        rate: Coordinates,
+        rack_acceleration: f64,
+        specific_force_m_s2: Vector3<f64>,
+    ) -> f64 {
+        let held = Coordinates {
+            strut: 0.0,
+            rack: rack_acceleration,
+        };
+        let along = self.travel.by_strut;
+        let rest = specific_force_m_s2 - self.specific_force_m_s2(body, rate, held);
+        rest.dot(&along) / along.norm_squared()
+    }
+
     /// Angular acceleration of the part on a moving body.
     #[must_use]
     pub fn rate_dot_rad_s2(

@@ -7,7 +7,6 @@ use crate::chassis::fourteen_dof;
 use crate::road::{Ground, GroundContact, Plane};
 use crate::simulation::Model;
 use crate::suspension::linkage::Coordinates;
-use crate::suspension::{BodyMotion, ChannelKind, CornerMotion, CornerStatics, TyreFrame, Wrench};
 use crate::vehicle::Vehicle;
 
 const STEP_S: f64 = 1e-3;
@@ -347,7 +346,8 @@ fn statics_and_equations_of_motion_agree() {
         if count.is_multiple_of(10) {
             let found = outputs(&p, &state, &inputs, &ground).unwrap();
             for i in 0..4 {
-                let strut_n = statics_strut_n(&p, &state, &inputs, &found, i);
+                let carried = carried(&p, &state, &inputs, &found, i).unwrap();
+                let strut_n = carried.expect("hard-points").members.sixth_n;
                 worst = worst.max((strut_n - found.wheels[i].strut.total_n()).abs());
             }
         }
@@ -355,59 +355,6 @@ fn statics_and_equations_of_motion_agree() {
     }
     println!("strut forces of statics and motion differ by {worst:.1e} N");
     assert!(worst < 1e-6, "{worst}");
-}
-
-fn statics_strut_n(
-    p: &Parameters,
-    state: &State,
-    inputs: &Inputs,
-    found: &Outputs,
-    i: usize,
-) -> f64 {
-    let (corner, wheel) = (&p.corners[i], &found.wheels[i]);
-    let Suspension::Wishbone(linkage) = &corner.suspension else {
-        panic!("hard-points");
-    };
-    let pose = linkage.pose(state.strut_m[i], state.rack[i]).unwrap();
-    let body = BodyMotion {
-        specific_force_m_s2: found.specific_force_m_s2,
-        reference_m: p.sprung_cg_m,
-        rate_rad_s: state.rate_rad_s,
-        rate_dot_rad_s2: found.rate.rate_rad_s,
-    };
-    let coordinates = |strut: f64, rack: f64| Coordinates { strut, rack };
-    let mut motion = CornerMotion::on_path(
-        linkage,
-        &pose,
-        &body,
-        coordinates(state.strut_rate_m_s[i], state.rack_rate[i]),
-        coordinates(found.rate.strut_rate_m_s[i], inputs.rack_acceleration[i]),
-    );
-    motion.spin_rad_s = wheel.spin_rad_s;
-    motion.spin_dot_rad_s2 =
-        found.rate.wheel_speed_rad_s[i] - motion.upright_rate_dot_rad_s2.dot(&wheel.spindle);
-    motion.axle_torque_n_m = wheel.axle_torque_n_m;
-    let axes = wheel.vehicle_from_contact;
-    let radius_m = corner.tyre_file.unloaded_radius_m;
-    let frame = TyreFrame::new(
-        &pose,
-        axes.column(2).into_owned(),
-        radius_m,
-        wheel.contact.depth_m,
-    );
-    let statics = CornerStatics::new(
-        linkage,
-        &pose,
-        &frame,
-        &corner.unsprung,
-        &motion,
-        ChannelKind::Strut,
-    );
-    let wrench = Wrench {
-        force_n: wheel.force_n,
-        moment_n_m: wheel.moment_n_m,
-    };
-    statics.unwrap().members(&wrench).sixth_n
 }
 
 /// Drive torque backwards and a hitch that pulls: both move the vehicle.

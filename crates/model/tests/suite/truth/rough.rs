@@ -98,9 +98,7 @@ impl<'a> Balance<'a> {
             ..self.body
         };
         let wheel = self.corner.path(&self.pose).wheel;
-        let held = Coordinates { strut: 0.0, rack };
-        let rest = own - wheel.specific_force_m_s2(&without_gravity, self.rate, held);
-        rest.dot(&wheel.travel.by_strut) / wheel.travel.by_strut.norm_squared()
+        wheel.strut_acceleration_m_s2(&without_gravity, self.rate, rack, own)
     }
 
     fn frame(&self) -> TyreFrame {
