@@ -19,6 +19,8 @@ use pedals::Pedals;
 /// Step of the integration, s; every fifth state is kept.
 const STEP_S: f64 = 0.001;
 const STEPS_A_ROW: usize = 5;
+/// States of a motion a second.
+pub(crate) const STATES_PER_S: u32 = 200;
 /// Greatest steering-wheel angle and how fast a driver turns it.
 const STEERING_WHEEL_MAX_RAD: f64 = 3.5;
 const STEERING_WHEEL_RATE_RAD_S: f64 = 8.0;

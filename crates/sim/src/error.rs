@@ -174,6 +174,17 @@ pub enum SimError {
         /// What the model says.
         cause: model::Error,
     },
+    /// A road for a manoeuvre that has a ground of its own.
+    #[error(
+        "{manoeuvre} is not driven on the road {road}: it has a ground of its own; leave out --road \
+         or use a manoeuvre such as rough-road"
+    )]
+    OwnGround {
+        /// The manoeuvre.
+        manoeuvre: &'static str,
+        /// Name of the road.
+        road: String,
+    },
     /// An unknown manoeuvre.
     #[error("{name:?} is not a manoeuvre; use one of: {known}")]
     UnknownManoeuvre {
