@@ -6,6 +6,7 @@ mod faults;
 mod ground;
 mod manoeuvres;
 mod receivers;
+mod roads;
 mod rough;
 mod sensors;
 mod support;
