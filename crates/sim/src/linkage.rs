@@ -372,34 +372,7 @@ impl Linkage {
             rate_rad_s: state.rate_rad_s.into(),
             rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
         };
-        let rack = turning
-            .steering_wheel
-            .map(|of_angle| corner.rack_m_rad * of_angle);
-        let mut motion = match corner.wheel_acceleration_m_s2(truth) {
-            Some(own) => {
-                let rate = Coordinates {
-                    strut: rate_m_s,
-                    rack: rack[0],
-                };
-                let force = own + state.up_body() * STANDARD_GRAVITY_M_S2;
-                let path = corner.corner.path(&pose).wheel;
-                let acceleration = Coordinates {
-                    strut: path.strut_acceleration_m_s2(&body, rate, rack[1], force),
-                    rack: rack[1],
-                };
-                CornerMotion::on_path(&corner.corner, &pose, &body, rate, acceleration)
-            }
-            None => {
-                let on_body = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
-                if load_n > OFF_GROUND_N {
-                    let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
-                    let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
-                    on_body.on_ground(&corner.corner, &pose, normal, gravity_m_s2)
-                } else {
-                    on_body
-                }
-            }
-        };
+        let mut motion = corner.motion(state, &body, &pose, normal, rate_m_s, turning);
         let wrench = wrench_on_ground(truth, &pose, &frame)
             .unwrap_or_else(|| corner.wrench(truth, math::asin(pose.spindle.dot(&normal))));
         motion.spin_rad_s = truth.angular_speed_rad_s;
@@ -478,6 +451,49 @@ impl LinkedCorner {
         Wrench {
             force_n: truth.force_n.into(),
             moment_n_m: Vector3::new(moment(0), moment(1), moment(2)),
+        }
+    }
+
+    /// How the corner's parts move: with the wheel's acceleration where the motion tells it, otherwise
+    /// as on flat ground.
+    fn motion(
+        &self,
+        state: &TruthState,
+        body: &BodyMotion,
+        pose: &CornerPose,
+        normal: Vector3<f64>,
+        rate_m_s: f64,
+        turning: Turning,
+    ) -> CornerMotion {
+        let truth = &state.wheels[self.corner.wheel];
+        let load_n = truth.force_n[2];
+        let rack = turning
+            .steering_wheel
+            .map(|of_angle| self.rack_m_rad * of_angle);
+        match self.wheel_acceleration_m_s2(truth) {
+            Some(own) => {
+                let rate = Coordinates {
+                    strut: rate_m_s,
+                    rack: rack[0],
+                };
+                let force = own + state.up_body() * STANDARD_GRAVITY_M_S2;
+                let path = self.corner.path(pose).wheel;
+                let acceleration = Coordinates {
+                    strut: path.strut_acceleration_m_s2(body, rate, rack[1], force),
+                    rack: rack[1],
+                };
+                CornerMotion::on_path(&self.corner, pose, body, rate, acceleration)
+            }
+            None => {
+                let on_body = CornerMotion::on_body(&self.corner, pose, body, rate_m_s, rack);
+                if load_n > OFF_GROUND_N {
+                    let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
+                    let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
+                    on_body.on_ground(&self.corner, pose, normal, gravity_m_s2)
+                } else {
+                    on_body
+                }
+            }
         }
     }
 

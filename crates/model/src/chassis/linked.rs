@@ -37,6 +37,7 @@ mod rest;
 mod state;
 #[cfg(test)]
 mod tests;
+mod tyres;
 
 pub use balance::{Momentum, energy_j, momentum};
 pub use dynamics::{Outputs, WheelOutputs, outputs, step};

@@ -3,14 +3,14 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::parameters::Outboard;
+use super::tyres::{Torques, TyreForces};
 use super::{Inputs, Parameters, STATES, State};
 use crate::Error;
 use crate::road::{Ground, GroundContact};
-use crate::suspension::StrutForce;
 use crate::suspension::linkage::{Coordinates, OutboardPart};
-use crate::tyre::{Contact, rolling_resistance_n_m, saturated, steady_slip, tread_moment};
+use crate::suspension::{StrutForce, SuspensionError};
 
-/// What one wheel does. Vectors in vehicle axes unless another frame is told.
+/// What one wheel does. Vectors in vehicle axes unless another frame is stated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelOutputs {
     /// Contact with the ground, earth axes.
@@ -105,132 +105,6 @@ impl CornerPlace {
     /// How much higher the wheel centre stands than in the design position, m.
     pub(super) fn jounce_m(&self, parameters: &Parameters, i: usize) -> f64 {
         self.outboard.wheel.point_m.z - parameters.corners[i].design_height_m
-    }
-}
-
-/// A tyre on its ground.
-struct TyreForces {
-    contact: GroundContact,
-    axes: Matrix3<f64>,
-    force: Vector3<f64>,
-    moment: Vector3<f64>,
-    about_centre: Vector3<f64>,
-    velocity: Vector3<f64>,
-    carrier_rate: Vector3<f64>,
-    slips: [f64; 2],
-    slip_rates: [f64; 2],
-    spin: f64,
-}
-
-impl TyreForces {
-    fn new<G: Ground + ?Sized>(
-        parameters: &Parameters,
-        state: &State,
-        earth: &Matrix3<f64>,
-        place: &CornerPlace,
-        ground: &G,
-        i: usize,
-    ) -> Self {
-        let corner = &parameters.corners[i];
-        let file = &corner.tyre_file;
-        let (wheel, s) = (&place.outboard.wheel, place.outboard.spindle);
-        let r = wheel.point_m - parameters.sprung_cg_m;
-        let turning = state.rate_rad_s;
-        let carrier_rate = turning + wheel.rotation.rate(place.rate);
-        let velocity = state.velocity_m_s + turning.cross(&r) + wheel.travel.rate(place.rate);
-        let contact = ground.contact(
-            state.position_m + earth * r,
-            earth * s,
-            file.unloaded_radius_m,
-            file.width_m,
-        );
-        let normal = earth.transpose() * contact.normal;
-        let lean = normal.dot(&s);
-        let in_plane = normal - s * lean;
-        let upright = in_plane.norm();
-        let closing = -normal.dot(&velocity) / upright;
-        let load_n = if contact.depth_m > 0.0 {
-            let spring = file.vertical_stiffness_n_m * contact.depth_m;
-            (spring + file.vertical_damping_n_s_m * closing).max(0.0)
-        } else {
-            0.0
-        };
-        let ahead = s.cross(&normal) / upright;
-        let left = normal.cross(&ahead);
-        let foot = in_plane * ((contact.depth_m - file.unloaded_radius_m) / upright);
-        let sliding = (velocity + carrier_rate.cross(&foot)).dot(&left);
-        let rolling = velocity.dot(&ahead);
-        let slip_speed = state.wheel_speed_rad_s[i] * corner.rolling_radius_m - rolling;
-        let low = parameters.low_speed_m_s;
-        let (slips, slip_rates) = if file.relaxation_length_m > 0.0 {
-            let slips = [state.slip_tangent[i], state.slip_ratio[i]];
-            let rate = |slip: f64, speed: f64| {
-                crate::tyre::relaxed_rate(slip, speed, rolling, file.relaxation_length_m)
-            };
-            (slips, [rate(slips[0], sliding), rate(slips[1], slip_speed)])
-        } else {
-            let steady = |speed: f64| steady_slip(speed, rolling, low);
-            ([steady(sliding), steady(slip_speed)], [0.0; 2])
-        };
-        let forces = corner.tyre.forces(&Contact {
-            load_n,
-            slip_tangent: slips[0],
-            slip_ratio: slips[1],
-            camber_rad: math::asin(lean.clamp(-1.0, 1.0)),
-            friction_scale: contact.friction,
-            stiffness_scale: 1.0,
-        });
-        let spin = state.wheel_speed_rad_s[i] - carrier_rate.dot(&s);
-        let resistance = file.rolling_resistance + contact.resistance;
-        let tilt = lean / upright;
-        let moment = Vector3::new(
-            -tread_moment(file.width_m, file.vertical_stiffness_n_m, load_n, tilt),
-            rolling_resistance_n_m(resistance, load_n, corner.rolling_radius_m, spin),
-            forces.aligning_n_m,
-        );
-        let force = Vector3::new(forces.longitudinal_n, forces.lateral_n, load_n);
-        let axes = Matrix3::from_columns(&[ahead, left, normal]);
-        Self {
-            contact,
-            axes,
-            force,
-            moment,
-            about_centre: foot.cross(&(axes * force)) + axes * moment,
-            velocity,
-            carrier_rate,
-            slips,
-            slip_rates,
-            spin,
-        }
-    }
-
-    fn power_w(&self, spindle: Vector3<f64>, wheel_speed_rad_s: f64) -> f64 {
-        let about_spindle = self.about_centre.dot(&spindle);
-        let across = self.about_centre - spindle * about_spindle;
-        (self.axes * self.force).dot(&self.velocity)
-            + across.dot(&self.carrier_rate)
-            + about_spindle * wheel_speed_rad_s
-    }
-}
-
-/// Drive and brake torque of one wheel.
-struct Torques {
-    on_wheel: f64,
-    /// The part that the chassis reacts.
-    on_chassis: f64,
-}
-
-impl Torques {
-    fn new(parameters: &Parameters, inputs: &Inputs, spin: f64, i: usize) -> Self {
-        let corner = &parameters.corners[i];
-        let drive = inputs.drive_n_m[i];
-        let brake = -inputs.brake_n_m[i] * saturated(spin);
-        let by_chassis = |torque: f64, reacts: bool| if reacts { torque } else { 0.0 };
-        Self {
-            on_wheel: drive + brake,
-            on_chassis: by_chassis(drive, corner.drive_on_chassis)
-                + by_chassis(brake, !corner.brake_on_carrier),
-        }
     }
 }
 
@@ -346,6 +220,154 @@ impl Equations {
     }
 }
 
+/// One instant: places, tyres and torques of all wheels.
+struct Instant<'a> {
+    parameters: &'a Parameters,
+    state: &'a State,
+    inputs: &'a Inputs,
+    /// Gravity in vehicle axes.
+    gravity: Vector3<f64>,
+    places: [CornerPlace; 4],
+    tyres: [TyreForces; 4],
+    torques: [Torques; 4],
+}
+
+/// What the equations are solved to.
+struct Solution {
+    /// a and w'.
+    acceleration: Vector3<f64>,
+    turning: Vector3<f64>,
+    /// l''.
+    struts: [f64; 4],
+}
+
+impl<'a> Instant<'a> {
+    fn new<G: Ground + ?Sized>(
+        parameters: &'a Parameters,
+        state: &'a State,
+        inputs: &'a Inputs,
+        ground: &G,
+    ) -> Result<Self, Error> {
+        let earth = earth_from_vehicle(state);
+        let places = CornerPlace::all(parameters, state)?;
+        let tyres =
+            [0, 1, 2, 3].map(|i| TyreForces::new(parameters, state, &earth, &places[i], ground, i));
+        Ok(Self {
+            parameters,
+            state,
+            inputs,
+            gravity: earth.transpose() * Vector3::new(0.0, 0.0, -parameters.gravity_m_s2),
+            torques: [0, 1, 2, 3].map(|i| Torques::new(parameters, inputs, tyres[i].spin, i)),
+            places,
+            tyres,
+        })
+    }
+
+    fn moving(&self, i: usize) -> Moving<'a> {
+        Moving {
+            parameters: self.parameters,
+            turning: self.state.rate_rad_s,
+            gravity: self.gravity,
+            rate: self.places[i].rate,
+            rack_acceleration: self.inputs.rack_acceleration[i],
+        }
+    }
+
+    fn strut(&self, i: usize) -> StrutForce {
+        let (length_m, rate_m_s) = (self.state.strut_m[i], self.state.strut_rate_m_s[i]);
+        self.parameters.corners[i].strut.force(length_m, rate_m_s)
+    }
+
+    fn solve(&self) -> Result<Solution, Error> {
+        let mut body =
+            Equations::of_the_body(self.parameters, self.state, self.inputs, self.gravity);
+        let mut rows = [StrutRow {
+            column: SVector::zeros(),
+            mass: 0.0,
+            push: 0.0,
+        }; 4];
+        for (i, row) in rows.iter_mut().enumerate() {
+            let (corner, tyre) = (&self.parameters.corners[i], &self.tyres[i]);
+            let (place, moving) = (&self.places[i].outboard, self.moving(i));
+            let (s, torques) = (place.spindle, &self.torques[i]);
+            let spin_inertia = corner.unsprung.wheel_spin_inertia_kg_m2;
+            let momentum = spin_inertia * self.state.wheel_speed_rad_s[i];
+            let across = tyre.about_centre - s * tyre.about_centre.dot(&s);
+            let moment = across
+                - tyre.carrier_rate.cross(&s) * momentum
+                - s * (torques.on_wheel - torques.on_chassis);
+            let [wheel, others @ ..] = &place.parts;
+            body.add(row, &moving, wheel, [tyre.axes * tyre.force, moment]);
+            for part in others {
+                body.add(row, &moving, part, [Vector3::zeros(); 2]);
+            }
+            body.moment -= s * torques.on_chassis;
+            let jounce_m = |i: usize| self.places[i].jounce_m(self.parameters, i);
+            let bar_n = corner.bar_n_m * (jounce_m(i) - jounce_m(i ^ 1));
+            row.push += self.strut(i).total_n() - bar_n * place.wheel.travel.by_strut.z;
+        }
+        let (body_rate, struts) = body.solve(&rows).ok_or(SuspensionError::Degenerate {
+            what: "the masses of the vehicle do not make a positive definite inertia",
+        })?;
+        Ok(Solution {
+            acceleration: body_rate.fixed_rows::<3>(0).into_owned(),
+            turning: body_rate.fixed_rows::<3>(3).into_owned(),
+            struts,
+        })
+    }
+
+    fn rate(&self, solution: &Solution) -> State {
+        let state = self.state;
+        State {
+            position_m: earth_from_vehicle(state) * state.velocity_m_s,
+            attitude_rad: attitude_rates(state),
+            velocity_m_s: solution.acceleration - state.rate_rad_s.cross(&state.velocity_m_s),
+            rate_rad_s: solution.turning,
+            strut_m: state.strut_rate_m_s,
+            strut_rate_m_s: solution.struts,
+            rack: state.rack_rate,
+            rack_rate: self.inputs.rack_acceleration,
+            wheel_speed_rad_s: std::array::from_fn(|i| {
+                let spindle = self.places[i].outboard.spindle;
+                let torque = self.torques[i].on_wheel + self.tyres[i].about_centre.dot(&spindle);
+                torque / self.parameters.corners[i].unsprung.wheel_spin_inertia_kg_m2
+            }),
+            slip_tangent: std::array::from_fn(|i| self.tyres[i].slip_rates[0]),
+            slip_ratio: std::array::from_fn(|i| self.tyres[i].slip_rates[1]),
+        }
+    }
+
+    fn wheel(&self, solution: &Solution, i: usize) -> WheelOutputs {
+        let (place, tyre, moving) = (&self.places[i].outboard, &self.tyres[i], self.moving(i));
+        let accelerated = |part: &OutboardPart| {
+            let r = part.cg.point_m - self.parameters.sprung_cg_m;
+            solution.acceleration
+                + solution.turning.cross(&r)
+                + part.cg.travel.by_strut * solution.struts[i]
+                + moving.bias(part)
+        };
+        let [wheel, carrier, ..] = &place.parts;
+        WheelOutputs {
+            contact: tyre.contact,
+            vehicle_from_contact: tyre.axes,
+            force_n: tyre.force,
+            moment_n_m: tyre.moment,
+            centre_moment_n_m: tyre.about_centre,
+            tyre_power_w: tyre.power_w(place.spindle, self.state.wheel_speed_rad_s[i]),
+            slip_tangent: tyre.slips[0],
+            slip_ratio: tyre.slips[1],
+            spin_rad_s: tyre.spin,
+            axle_torque_n_m: self.torques[i].on_chassis,
+            centre_m: place.wheel.point_m,
+            spindle: place.spindle,
+            velocity_m_s: tyre.velocity,
+            acceleration_m_s2: accelerated(wheel),
+            inertia_n: accelerated(wheel) * wheel.mass_kg + accelerated(carrier) * carrier.mass_kg,
+            strut: self.strut(i),
+        }
+    }
+}
+
 /// Rate of the state, with forces and accelerations of the wheels.
 ///
 /// # Errors
@@ -356,117 +378,13 @@ pub fn outputs<G: Ground + ?Sized>(
     inputs: &Inputs,
     ground: &G,
 ) -> Result<Outputs, Error> {
-    let earth = earth_from_vehicle(state);
-    let gravity = earth.transpose() * Vector3::new(0.0, 0.0, -parameters.gravity_m_s2);
-    let places = CornerPlace::all(parameters, state)?;
-    let tyres =
-        [0, 1, 2, 3].map(|i| TyreForces::new(parameters, state, &earth, &places[i], ground, i));
-    let mut body = Equations::of_the_body(parameters, state, inputs, gravity);
-    let mut struts = [StrutForce::default(); 4];
-    let mut rows = [StrutRow {
-        column: SVector::zeros(),
-        mass: 0.0,
-        push: 0.0,
-    }; 4];
-    for i in 0..4 {
-        let (corner, place, tyre) = (&parameters.corners[i], &places[i], &tyres[i]);
-        let moving = moving(parameters, state, inputs, gravity, place, i);
-        let s = place.outboard.spindle;
-        let torques = Torques::new(parameters, inputs, tyre.spin, i);
-        let on_carrier = torques.on_wheel - torques.on_chassis;
-        let momentum = corner.unsprung.wheel_spin_inertia_kg_m2 * state.wheel_speed_rad_s[i];
-        let across = tyre.about_centre - s * tyre.about_centre.dot(&s);
-        let moment = across - tyre.carrier_rate.cross(&s) * momentum - s * on_carrier;
-        let [wheel, others @ ..] = &place.outboard.parts;
-        let row = &mut rows[i];
-        body.add(row, &moving, wheel, [tyre.axes * tyre.force, moment]);
-        for part in others {
-            body.add(row, &moving, part, [Vector3::zeros(); 2]);
-        }
-        body.moment -= s * torques.on_chassis;
-        struts[i] = corner
-            .strut
-            .force(state.strut_m[i], state.strut_rate_m_s[i]);
-        let higher_m = place.jounce_m(parameters, i) - places[i ^ 1].jounce_m(parameters, i ^ 1);
-        let bar_n = corner.bar_n_m * higher_m;
-        row.push += struts[i].total_n() - bar_n * place.outboard.wheel.travel.by_strut.z;
-    }
-    let (body_rate, strut_rate) =
-        body.solve(&rows)
-            .ok_or(crate::suspension::SuspensionError::Degenerate {
-                what: "the masses of the vehicle do not make a positive definite inertia",
-            })?;
-    let acceleration = body_rate.fixed_rows::<3>(0).into_owned();
-    let turning_dot = body_rate.fixed_rows::<3>(3).into_owned();
-    let rate = State {
-        position_m: earth * state.velocity_m_s,
-        attitude_rad: attitude_rates(state),
-        velocity_m_s: acceleration - state.rate_rad_s.cross(&state.velocity_m_s),
-        rate_rad_s: turning_dot,
-        strut_m: state.strut_rate_m_s,
-        strut_rate_m_s: strut_rate,
-        rack: state.rack_rate,
-        rack_rate: inputs.rack_acceleration,
-        wheel_speed_rad_s: std::array::from_fn(|i| {
-            let torque = Torques::new(parameters, inputs, tyres[i].spin, i).on_wheel
-                + tyres[i].about_centre.dot(&places[i].outboard.spindle);
-            torque / parameters.corners[i].unsprung.wheel_spin_inertia_kg_m2
-        }),
-        slip_tangent: std::array::from_fn(|i| tyres[i].slip_rates[0]),
-        slip_ratio: std::array::from_fn(|i| tyres[i].slip_rates[1]),
-    };
-    let wheel = |i: usize| {
-        let (place, tyre) = (&places[i], &tyres[i]);
-        let moving = moving(parameters, state, inputs, gravity, place, i);
-        let accelerated = |part: &OutboardPart| {
-            let r = part.cg.point_m - parameters.sprung_cg_m;
-            acceleration
-                + turning_dot.cross(&r)
-                + part.cg.travel.by_strut * strut_rate[i]
-                + moving.bias(part)
-        };
-        let [wheel, carrier, ..] = &place.outboard.parts;
-        WheelOutputs {
-            contact: tyre.contact,
-            vehicle_from_contact: tyre.axes,
-            force_n: tyre.force,
-            moment_n_m: tyre.moment,
-            centre_moment_n_m: tyre.about_centre,
-            tyre_power_w: tyre.power_w(place.outboard.spindle, state.wheel_speed_rad_s[i]),
-            slip_tangent: tyre.slips[0],
-            slip_ratio: tyre.slips[1],
-            spin_rad_s: tyre.spin,
-            axle_torque_n_m: Torques::new(parameters, inputs, tyre.spin, i).on_chassis,
-            centre_m: place.outboard.wheel.point_m,
-            spindle: place.outboard.spindle,
-            velocity_m_s: tyre.velocity,
-            acceleration_m_s2: accelerated(wheel),
-            inertia_n: accelerated(wheel) * wheel.mass_kg + accelerated(carrier) * carrier.mass_kg,
-            strut: struts[i],
-        }
-    };
+    let instant = Instant::new(parameters, state, inputs, ground)?;
+    let solution = instant.solve()?;
     Ok(Outputs {
-        rate,
-        specific_force_m_s2: acceleration - gravity,
-        wheels: [wheel(0), wheel(1), wheel(2), wheel(3)],
+        rate: instant.rate(&solution),
+        specific_force_m_s2: solution.acceleration - instant.gravity,
+        wheels: [0, 1, 2, 3].map(|i| instant.wheel(&solution, i)),
     })
-}
-
-fn moving<'a>(
-    parameters: &'a Parameters,
-    state: &State,
-    inputs: &Inputs,
-    gravity: Vector3<f64>,
-    place: &CornerPlace,
-    i: usize,
-) -> Moving<'a> {
-    Moving {
-        parameters,
-        turning: state.rate_rad_s,
-        gravity,
-        rate: place.rate,
-        rack_acceleration: inputs.rack_acceleration[i],
-    }
 }
 
 /// Rates of roll, pitch and yaw.
@@ -491,9 +409,8 @@ pub fn step<G: Ground + ?Sized>(
 ) -> Result<State, Error> {
     let rate = |x: &SVector<f64, STATES>| -> Result<SVector<f64, STATES>, Error> {
         let state = State::from_vector(x);
-        Ok(outputs(parameters, &state, inputs, ground)?
-            .rate
-            .to_vector())
+        let instant = Instant::new(parameters, &state, inputs, ground)?;
+        Ok(instant.rate(&instant.solve()?).to_vector())
     };
     runge_kutta(&state.to_vector(), step_s, rate).map(|next| State::from_vector(&next))
 }
