@@ -289,6 +289,10 @@ pub struct DriveArgs {
     /// Follow the motion in this truth file (Parquet or CSV) instead of a manoeuvre.
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
+    /// Road of the manoeuvre: iso8608:A to iso8608:F (roughness, with the seed of --seed), or a road
+    /// file (TOML; docs/roads.md). Without it, the manoeuvre has its own ground.
+    #[arg(long, value_name = "ROAD", conflicts_with = "truth")]
+    pub road: Option<String>,
     /// Vehicle file, or the name of a built-in vehicle.
     #[arg(long, default_value = "prowler", value_name = "FILE")]
     pub vehicle: String,
@@ -298,7 +302,7 @@ pub struct DriveArgs {
     /// Payload of the vehicle file that is on the vehicle; can be given several times.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub payload: Vec<String>,
-    /// Seed of the sensor noise; the same seed gives the same bytes.
+    /// Seed of the sensor noise, and of a road iso8608:CLASS; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// File with more settings of the virtual vehicle (TOML): sensor errors, faults, delays.
@@ -319,6 +323,7 @@ impl DriveArgs {
         let options = self.options.as_deref().map(engine::read_options);
         Ok(engine::Drive {
             course,
+            road: self.road.clone(),
             vehicle: PathBuf::from(&self.vehicle).into(),
             sensors: PathBuf::from(&self.sensors).into(),
             payload: self.payload.clone(),

@@ -89,6 +89,22 @@ pub enum Error {
          cannot be verified; give all parts of the run to `replay --verify`, from part 0 on"
     )]
     PartsMissing(store::Missing),
+    /// The road is of no class.
+    #[error(
+        "--road iso8608:{letter}: {letter:?} is not a class of ISO 8608; use A, B, C, D, E or F"
+    )]
+    RoadClass {
+        /// The class asked for.
+        letter: String,
+    },
+    /// The road file cannot be read.
+    #[error("cannot read the road {path}; use iso8608:A to iso8608:F or the path of a road file")]
+    RoadUnreadable {
+        /// Path of the file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: io::Error,
+    },
     /// The options of the virtual vehicle cannot be read.
     #[error("cannot read the options {path}")]
     OptionsUnreadable {

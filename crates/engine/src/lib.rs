@@ -21,6 +21,7 @@ mod read_ahead;
 mod recorded;
 mod recording;
 mod replay;
+mod road;
 pub mod session;
 mod simulate;
 mod verify;

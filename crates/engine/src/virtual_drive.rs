@@ -31,6 +31,9 @@ pub enum Course {
 pub struct Drive {
     /// Course of the vehicle.
     pub course: Course,
+    /// Road of the manoeuvre: `iso8608:` and a class, or the path of a road file; without it the
+    /// manoeuvre's own ground.
+    pub road: Option<String>,
     /// Vehicle file, or the name of a built-in vehicle.
     pub vehicle: FileSource,
     /// Sensors file, or the name of a built-in sensor set.
@@ -87,7 +90,7 @@ impl VirtualDrive {
             .map_err(estimator::EstimatorError::from)?;
         let placed = loaded.sensors(&sensors);
         let vehicle = loaded.vehicle;
-        let (motion, name) = motion(&drive.course, &vehicle)?;
+        let (motion, name) = motion(drive, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
         let duration_s = drive.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
@@ -293,8 +296,8 @@ fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
     }
 }
 
-fn motion(course: &Course, vehicle: &Vehicle) -> Result<(Motion, String)> {
-    let name = match course {
+fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String)> {
+    let name = match &drive.course {
         Course::Manoeuvre(name) => name,
         Course::Truth(path) => {
             let motion = Motion::open(path)?;
@@ -302,8 +305,12 @@ fn motion(course: &Course, vehicle: &Vehicle) -> Result<(Motion, String)> {
             return Ok((motion, format!("truth-{name}")));
         }
     };
-    let drive = Manoeuvre::by_name(name)?.drive(vehicle);
-    let motion = drive.map_err(|source| Error::Manoeuvre {
+    let manoeuvre = Manoeuvre::by_name(name)?;
+    let driven = match &drive.road {
+        Some(road) => manoeuvre.drive_on(vehicle, &crate::road::read(road, drive.seed)?),
+        None => manoeuvre.drive(vehicle),
+    };
+    let motion = driven.map_err(|source| Error::Manoeuvre {
         manoeuvre: name.clone(),
         source: Box::new(source),
     })?;

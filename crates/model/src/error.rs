@@ -1,4 +1,5 @@
 use crate::file::FileErrors;
+use crate::suspension::SuspensionError;
 
 /// What can go wrong in this crate.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -48,6 +49,9 @@ pub enum Error {
         /// The model that needs it.
         model: &'static str,
     },
+    /// A linkage cannot be built, or cannot take a position.
+    #[error(transparent)]
+    Suspension(#[from] SuspensionError),
     /// No steady state exists or none was found.
     #[error(
         "no equilibrium at {speed_m_s} m/s on a radius of {radius_m} m (residual \

@@ -83,7 +83,16 @@ impl FileErrors {
         Self::sorted(path.to_owned(), collector.into_problems())
     }
 
-    fn sorted(path: PathBuf, mut problems: Vec<Problem>) -> Self {
+    /// No error where there is no problem.
+    pub(crate) fn check(file: &str, problems: Vec<Problem>) -> Result<(), Self> {
+        if problems.is_empty() {
+            Ok(())
+        } else {
+            Err(Self::sorted(PathBuf::from(file), problems))
+        }
+    }
+
+    pub(crate) fn sorted(path: PathBuf, mut problems: Vec<Problem>) -> Self {
         problems.sort_by(|a, b| (a.line, &a.field).cmp(&(b.line, &b.field)));
         Self { path, problems }
     }
@@ -173,6 +182,11 @@ impl<'t> ErrorCollector<'t> {
             message,
             help,
         });
+    }
+
+    /// Line of a position of the text, from 1.
+    pub(crate) fn line_of(&self, span: &Range<usize>) -> usize {
+        line_and_column(self.text, span.start).0
     }
 
     /// The table of the text; what hinders that is a problem.

@@ -5,6 +5,7 @@ mod checks;
 mod error;
 pub mod file;
 pub mod integrate;
+pub mod road;
 mod scalar;
 pub mod sensors;
 pub mod simulation;

@@ -9,12 +9,13 @@ pub mod full;
 pub mod ground;
 pub mod half;
 pub mod hanging;
+pub mod linkage;
 pub mod motion;
 pub mod parity;
 pub mod quarter;
 pub mod ride;
-pub mod road;
 pub mod statics;
+pub mod straight;
 pub mod strut;
 pub mod wishbone;
 
@@ -23,14 +24,15 @@ pub use full::FullCar;
 pub use ground::{GroundPlane, TyreFrame, ground_plane};
 pub use half::HalfCar;
 pub use hanging::Hanging;
+pub use linkage::{Coordinates, Linkage, PointPath};
 pub use motion::{BodyMotion, CornerMotion};
 pub use parity::{Parity, WrenchEstimate};
 pub use quarter::{QuarterCar, lever_motion_ratio, vertical_force_n, wheel_rate_n_m};
 pub use ride::{Ride, RideCorner, frequency_and_damping};
-pub use road::{RoadClass, RoadProfile};
 pub use statics::{ChannelKind, CornerStatics, MemberForces, Wrench, inboard_excess_n};
+pub use straight::StraightPath;
 pub use strut::StrutForce;
-pub use wishbone::{Corner, CornerPose, CornerRates, HardPoints, Twist};
+pub use wishbone::{Corner, CornerPath, CornerPose, CornerRates, HardPoints, Twist};
 
 /// Why a suspension could not be built or posed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

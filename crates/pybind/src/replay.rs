@@ -217,6 +217,7 @@ pub fn simulate_log(
     py: Python<'_>,
     manoeuvre: Option<String>,
     truth: Option<PathBuf>,
+    road: Option<String>,
     output: PathBuf,
     force: bool,
     vehicle: File<'_>,
@@ -239,6 +240,7 @@ pub fn simulate_log(
     };
     let simulation = Simulation {
         course,
+        road,
         vehicle: vehicle.source("vehicle")?,
         sensors: sensors.source("sensors")?,
         payload,
@@ -261,6 +263,7 @@ pub fn simulate_log(
 /// A simulation that can be run without the GIL.
 struct Simulation {
     course: Course,
+    road: Option<String>,
     vehicle: FileSource,
     sensors: FileSource,
     payload: Vec<String>,
@@ -290,6 +293,7 @@ impl Simulation {
         let options = self.options.as_deref().map(engine::read_options);
         let mut simulated = VirtualDrive::new(&Drive {
             course: self.course,
+            road: self.road,
             vehicle: self.vehicle,
             sensors: self.sensors,
             payload: self.payload,

@@ -1,8 +1,9 @@
 //! Ride models and the double wishbone.
 
+use model::road::{RoadClass, RoadProfile};
 use model::suspension::{
     ChannelKind, Corner as Linkage, CornerMotion, CornerStatics, FullCar, HalfCar, MemberForces,
-    Parity, QuarterCar, Ride as Linear, RoadClass, RoadProfile, SuspensionError, TyreFrame, Wrench,
+    Parity, QuarterCar, Ride as Linear, SuspensionError, TyreFrame, Wrench,
 };
 use model::vehicle::{Axle, Unsprung};
 use nalgebra::{Complex, SMatrix, Vector3};
@@ -161,21 +162,8 @@ pub fn road_height_m<'py>(
     seed: u64,
     sines: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let class = match road_class {
-        "A" => RoadClass::A,
-        "B" => RoadClass::B,
-        "C" => RoadClass::C,
-        "D" => RoadClass::D,
-        "E" => RoadClass::E,
-        "F" => RoadClass::F,
-        "G" => RoadClass::G,
-        "H" => RoadClass::H,
-        other => {
-            return Err(errors::argument(format!(
-                "road_class = {other:?}: must be A to H"
-            )));
-        }
-    };
+    let class = RoadClass::by_letter(road_class)
+        .ok_or_else(|| errors::argument(format!("road_class = {road_class:?}: must be A to H")))?;
     let profile =
         RoadProfile::new(class, 91.0, 0.35, sines, seed).map_err(|e| errors::model(&e))?;
     let positions = input::row_major(&position_m);

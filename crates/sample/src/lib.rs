@@ -16,6 +16,7 @@
 //! - The order of the wheels is front left, front right, rear left, rear right ([`Wheel::ALL`]).
 
 mod arrival;
+mod axes;
 pub mod boundary;
 mod estimate;
 mod innovation;
@@ -25,6 +26,7 @@ pub mod text;
 mod wheel;
 
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
+pub use axes::WheelAxes;
 pub use estimate::{
     AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, Motion, Parameters,
     Rollover, Severity, SourceHealth, TyreForce,

@@ -3,32 +3,29 @@
 mod car;
 mod four_wheel;
 mod fourteen_dof;
+mod pedals;
+pub(crate) mod rough;
 
 use model::suspension::Corner;
 use model::vehicle::{Steering, Vehicle};
-use sample::{STANDARD_GRAVITY_M_S2, Wheel};
+use sample::Wheel;
 
 use crate::slope::Slope;
 use crate::truth::fill_missing;
 use crate::{SimError, TruthState};
 use car::{Car, Commands};
+use pedals::Pedals;
 
 /// Step of the integration, s; every fifth state is kept.
 const STEP_S: f64 = 0.001;
 const STEPS_A_ROW: usize = 5;
+/// States of a motion a second.
+pub(crate) const STATES_PER_S: u32 = 200;
 /// Greatest steering-wheel angle and how fast a driver turns it.
 const STEERING_WHEEL_MAX_RAD: f64 = 3.5;
 const STEERING_WHEEL_RATE_RAD_S: f64 = 8.0;
-/// Speed control: acceleration for a speed error, 1/s, and for its integral, 1/s^2.
-const SPEED_GAIN: f64 = 1.5;
-const SPEED_INTEGRAL: f64 = 0.4;
-/// How fast a foot follows, s.
-const FOOT_S: f64 = 0.12;
 /// Path control: steering-wheel rate for an error of curvature, rad/s per 1/m.
 const CURVATURE_INTEGRAL: f64 = 100.0;
-/// Below this speed a driver who wants to stand holds the brake, m/s.
-const STANDING_M_S: f64 = 0.05;
-
 /// What the driver intends.
 pub(crate) struct Plan {
     /// How long, s.
@@ -69,9 +66,7 @@ struct Drive<'a> {
     car: Car,
     gear: SteeringGear,
     steering_wheel_rad: f64,
-    speed_integral_m: f64,
-    /// Acceleration that the pedals stand for now, m/s^2.
-    pedal_m_s2: f64,
+    pedals: Pedals,
 }
 
 /// Drives a plan and tells its states in the ground's axes, 200 a second, to its end or until the
@@ -86,8 +81,7 @@ pub(crate) fn drive(vehicle: &Vehicle, plan: &Plan) -> Result<(Vec<TruthState>, 
         car: Car::new(vehicle, plan.start_speed_m_s)?,
         gear: SteeringGear::new(vehicle),
         steering_wheel_rad: 0.0,
-        speed_integral_m: 0.0,
-        pedal_m_s2: 0.0,
+        pedals: Pedals::default(),
     };
     let rows = (plan.duration_s / STEP_S / STEPS_A_ROW as f64).round() as usize;
     let mut states = Vec::with_capacity(rows + 1);
@@ -127,7 +121,13 @@ impl Drive<'_> {
         self.steer(time_s);
         let struts = self.car.strut_lengths_m();
         commands.steer_rad = self.gear.road_wheels_rad(self.steering_wheel_rad, struts);
-        self.pedals(time_s, &mut commands);
+        let wanted = [time_s, time_s + STEP_S].map(self.plan.speed_m_s);
+        [commands.drive_n_m, commands.brake_n_m] = self.pedals.torques(
+            self.vehicle,
+            wanted,
+            self.car.speed_m_s(),
+            self.car.rolling_radius_m(),
+        );
         for wheel in Wheel::ALL {
             if let Some(line) = self.beyond_the_line(wheel) {
                 commands.friction_scale[wheel.index()] = line.friction_scale;
@@ -152,37 +152,6 @@ impl Drive<'_> {
         let turn = (wanted_rad - self.steering_wheel_rad).clamp(-most, most);
         self.steering_wheel_rad =
             (self.steering_wheel_rad + turn).clamp(-STEERING_WHEEL_MAX_RAD, STEERING_WHEEL_MAX_RAD);
-    }
-
-    fn pedals(&mut self, time_s: f64, commands: &mut Commands) {
-        let wanted = self.plan.speed_m_s;
-        let speed_m_s = self.car.speed_m_s();
-        let error_m_s = wanted(time_s) - speed_m_s;
-        let planned_m_s2 = (wanted(time_s + STEP_S) - wanted(time_s)) / STEP_S;
-        // The integral learns resistance while cruising, not the lag of a launch.
-        if planned_m_s2.abs() < 1.0 {
-            self.speed_integral_m += error_m_s * STEP_S;
-        }
-        let mass_kg = self.vehicle.body.mass_kg;
-        let radius_m = self.car.rolling_radius_m();
-        let demand_m_s2 = planned_m_s2
-            + SPEED_GAIN * error_m_s
-            + SPEED_INTEGRAL * self.speed_integral_m
-            + self.vehicle.front.tyre.rolling_resistance * STANDARD_GRAVITY_M_S2;
-        self.pedal_m_s2 += (demand_m_s2 - self.pedal_m_s2) * STEP_S / FOOT_S;
-        let torque_n_m = mass_kg * self.pedal_m_s2 * radius_m;
-        let drivetrain = &self.vehicle.drivetrain;
-        let standing = wanted(time_s) == 0.0 && speed_m_s.abs() < STANDING_M_S;
-        let (drive_n_m, brake_n_m) = if standing {
-            (0.0, 0.5 * mass_kg * radius_m)
-        } else {
-            (torque_n_m.max(0.0), (-torque_n_m).max(0.0))
-        };
-        for wheel in 0..4 {
-            let part = |front: f64| 0.5 * if wheel < 2 { front } else { 1.0 - front };
-            commands.drive_n_m[wheel] = drive_n_m * part(drivetrain.drive_split_front);
-            commands.brake_n_m[wheel] = brake_n_m * part(drivetrain.brake_split_front);
-        }
     }
 
     fn beyond_the_line(&self, wheel: Wheel) -> Option<SurfaceLine> {

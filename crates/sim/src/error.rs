@@ -180,6 +180,28 @@ pub enum SimError {
         /// What the linkage says.
         cause: model::suspension::SuspensionError,
     },
+    /// The vehicle cannot go on over the ground.
+    #[error(
+        "at {time_s} s the vehicle cannot go on over this ground: {cause}; drive more slowly, or \
+         over lower obstacles"
+    )]
+    Rough {
+        /// When.
+        time_s: f64,
+        /// What the model says.
+        cause: model::Error,
+    },
+    /// A road for a manoeuvre that has a ground of its own.
+    #[error(
+        "{manoeuvre} is not driven on the road {road}: it has a ground of its own; leave out --road \
+         or use a manoeuvre such as rough-road"
+    )]
+    OwnGround {
+        /// The manoeuvre.
+        manoeuvre: &'static str,
+        /// Name of the road.
+        road: String,
+    },
     /// An unknown manoeuvre.
     #[error("{name:?} is not a manoeuvre; use one of: {known}")]
     UnknownManoeuvre {

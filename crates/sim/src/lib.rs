@@ -40,6 +40,7 @@ mod workshop;
 
 pub use {model, sample};
 
+pub use driver::rough::{Course, Hitch, Profile, RoughPlan, drive_rough};
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;
 pub use faults::{
@@ -48,7 +49,7 @@ pub use faults::{
 pub use hidden::{Hidden, HiddenErrors};
 pub use load::{PortLoad, port_loads};
 pub use manoeuvre::Manoeuvre;
-pub use motion::{Motion, TruthState, WheelGround, WheelTruth};
+pub use motion::{Motion, TruthState, WheelGround, WheelMotion, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
 pub use truth::{Columns, optional_columns, read_columns, required_columns};
 pub use truth_params::{TruthParamsError, vehicle_from_truth_params};

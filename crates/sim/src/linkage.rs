@@ -1,15 +1,15 @@
 //! What the linkage carries, where a motion tells the tyre forces but not the link forces.
 
 use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
-    MemberForces, SuspensionError, TyreFrame, Wrench, ground_plane,
+    BodyMotion, ChannelKind, Coordinates, Corner, CornerMotion, CornerPose, CornerStatics,
+    GroundPlane, MemberForces, SuspensionError, TyreFrame, Wrench, ground_plane,
 };
 use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use crate::driver::body_rates;
-use crate::{SimError, TruthState, WheelTruth};
+use crate::{SimError, TruthState, WheelGround, WheelTruth};
 
 /// Pneumatic trail of an unslipping tyre, parts of its contact length.
 const TRAIL_OF_CONTACT_LENGTH: f64 = 0.17;
@@ -83,6 +83,7 @@ pub(crate) fn struts_alone(vehicle: &Vehicle, states: &mut [TruthState]) {
 /// How one corner stands and moves.
 struct Stance {
     pose: CornerPose,
+    frame: TyreFrame,
     statics: CornerStatics,
     wrench: Wrench,
 }
@@ -113,6 +114,23 @@ impl Stance {
     fn members(&self) -> MemberForces {
         self.statics.members(&self.wrench)
     }
+
+    /// The wheel on its ground.
+    fn ground(&self) -> WheelGround {
+        let turn = self.frame.vehicle_from_tyre;
+        let force = turn * self.wrench.force_n;
+        let arm = self.frame.contact_m - self.pose.wheel_centre_m;
+        let moment = turn * self.wrench.moment_n_m + arm.cross(&force);
+        WheelGround {
+            normal_body: self.frame.normal().into(),
+            force_body_n: force.into(),
+            moment_body_n_m: Some(moment.into()),
+            spindle_body: self.pose.spindle.into(),
+            centre_acceleration_m_s2: None,
+            unsprung_inertia_n: None,
+            ground_height_m: None,
+        }
+    }
 }
 
 impl Linkage {
@@ -134,7 +152,7 @@ impl Linkage {
     }
 
     /// Fills in what the states do not tell: strut lengths, link forces, ball-joint forces, steer
-    /// angles. Where strut lengths are missing at all wheels, roll and pitch become those at which
+    /// angles, the wheels on their ground. Where strut lengths are missing at all wheels, roll and pitch become those at which
     /// the wheels stand on the ground, since springs and linkage then carry the body.
     pub(crate) fn complete(&self, states: &mut [TruthState]) -> Result<(), SimError> {
         let told = |state: &TruthState| {
@@ -154,7 +172,11 @@ impl Linkage {
                 self.resolve_ball_force(&mut states[row], wheel);
                 let truth = &states[row].wheels[wheel];
                 let known = truth.link_force_n.iter().all(|f| f.is_finite());
-                if known && truth.ball_normal_n.is_finite() && truth.steer_rad.is_finite() {
+                if known
+                    && truth.ground.is_some()
+                    && truth.ball_normal_n.is_finite()
+                    && truth.steer_rad.is_finite()
+                {
                     continue;
                 }
                 let rate_m_s = slope(states, row, |s| s.wheels[wheel].strut_length_m);
@@ -165,8 +187,7 @@ impl Linkage {
                 let stance = self
                     .stance(state, wheel, length_m, rate_m_s, turning, kind)
                     .map_err(|cause| linkage_error(state, wheel, cause))?;
-                let (members, steer_rad) = (stance.members(), stance.pose.steer_rad());
-                fill(&mut states[row], wheel, &members, steer_rad);
+                fill(&mut states[row].wheels[wheel], &stance);
             }
         }
         Ok(())
@@ -353,7 +374,10 @@ impl Linkage {
         let pose = corner
             .corner
             .pose(length_m, corner.rack_m_rad * state.steering_wheel_rad)?;
-        let normal = state.up_body();
+        // The ground is level where the motion does not tell its normal.
+        let normal = truth
+            .ground
+            .map_or_else(|| state.up_body(), |ground| ground.normal_body.into());
         let load_n = truth.force_n[2];
         let compression_m = load_n / corner.tyre.vertical_stiffness_n_m;
         let radius_m = corner.tyre.unloaded_radius_m;
@@ -364,16 +388,9 @@ impl Linkage {
             rate_rad_s: state.rate_rad_s.into(),
             rate_dot_rad_s2: state.rate_derivative_rad_s2.into(),
         };
-        let rack = turning
-            .steering_wheel
-            .map(|of_angle| corner.rack_m_rad * of_angle);
-        let mut motion = CornerMotion::on_body(&corner.corner, &pose, &body, rate_m_s, rack);
-        if load_n > OFF_GROUND_N {
-            let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
-            let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
-            motion = motion.on_ground(&corner.corner, &pose, normal, gravity_m_s2);
-        }
-        let wrench = corner.wrench(truth, math::asin(pose.spindle.dot(&normal)));
+        let mut motion = corner.motion(state, &body, &pose, normal, rate_m_s, turning);
+        let wrench = wrench_on_ground(truth, &pose, &frame)
+            .unwrap_or_else(|| corner.wrench(truth, math::asin(pose.spindle.dot(&normal))));
         motion.spin_rad_s = truth.angular_speed_rad_s;
         motion.spin_dot_rad_s2 = turning.spin_rad_s2;
         motion.axle_torque_n_m =
@@ -388,6 +405,7 @@ impl Linkage {
         )?;
         Ok(Stance {
             pose,
+            frame,
             statics,
             wrench,
         })
@@ -452,6 +470,58 @@ impl LinkedCorner {
         }
     }
 
+    /// How the corner's parts move: with the wheel's acceleration where the motion tells it, otherwise
+    /// as on flat ground.
+    fn motion(
+        &self,
+        state: &TruthState,
+        body: &BodyMotion,
+        pose: &CornerPose,
+        normal: Vector3<f64>,
+        rate_m_s: f64,
+        turning: Turning,
+    ) -> CornerMotion {
+        let truth = &state.wheels[self.corner.wheel];
+        let load_n = truth.force_n[2];
+        let rack = turning
+            .steering_wheel
+            .map(|of_angle| self.rack_m_rad * of_angle);
+        match self.wheel_acceleration_m_s2(truth) {
+            Some(own) => {
+                let rate = Coordinates {
+                    strut: rate_m_s,
+                    rack: rack[0],
+                };
+                let force = own + state.up_body() * STANDARD_GRAVITY_M_S2;
+                let path = self.corner.path(pose).wheel;
+                let acceleration = Coordinates {
+                    strut: path.strut_acceleration_m_s2(body, rate, rack[1], force),
+                    rack: rack[1],
+                };
+                CornerMotion::on_path(&self.corner, pose, body, rate, acceleration)
+            }
+            None => {
+                let on_body = CornerMotion::on_body(&self.corner, pose, body, rate_m_s, rack);
+                if load_n > OFF_GROUND_N {
+                    let along_normal = math::cos(state.bank_rad) * math::cos(state.grade_rad);
+                    let gravity_m_s2 = STANDARD_GRAVITY_M_S2 * along_normal;
+                    on_body.on_ground(&self.corner, pose, normal, gravity_m_s2)
+                } else {
+                    on_body
+                }
+            }
+        }
+    }
+
+    /// Acceleration of the wheel centre without gravity, vehicle axes, where the motion tells it or
+    /// the inertia of wheel and upright; otherwise the wheel rolls on flat ground.
+    fn wheel_acceleration_m_s2(&self, truth: &WheelTruth) -> Option<Vector3<f64>> {
+        let ground = truth.ground?;
+        let outboard_kg = self.unsprung.wheel_mass_kg + self.unsprung.upright_mass_kg;
+        (ground.centre_acceleration_m_s2.map(Vector3::from))
+            .or_else(|| Some(Vector3::from(ground.unsprung_inertia_n?) / outboard_kg))
+    }
+
     /// Torque of the half-shaft: what spins the wheel up against force and rolling resistance,
     /// where it is not a brake on the upright.
     fn axle_torque_n_m(&self, wrench: &Wrench, compression_m: f64, spin_dot: f64) -> f64 {
@@ -467,15 +537,29 @@ impl LinkedCorner {
     }
 }
 
+/// The tyre's wrench from its force and its moment about the wheel centre in vehicle axes, where the
+/// motion tells both.
+fn wrench_on_ground(truth: &WheelTruth, pose: &CornerPose, frame: &TyreFrame) -> Option<Wrench> {
+    let ground = truth.ground?;
+    let force = Vector3::from(ground.force_body_n);
+    let moment = Vector3::from(ground.moment_body_n_m?);
+    let arm = frame.contact_m - pose.wheel_centre_m;
+    let tyre_from_vehicle = frame.vehicle_from_tyre.transpose();
+    Some(Wrench {
+        force_n: tyre_from_vehicle * force,
+        moment_n_m: tyre_from_vehicle * (moment - arm.cross(&force)),
+    })
+}
+
 fn forget_strut_lengths(states: &mut [TruthState]) {
     for wheel in states.iter_mut().flat_map(|state| &mut state.wheels.0) {
         wheel.strut_length_m = f64::NAN;
     }
 }
 
-/// Puts the member forces where the state has none.
-fn fill(state: &mut TruthState, wheel: Wheel, members: &MemberForces, steer_rad: f64) {
-    let truth = &mut state.wheels[wheel];
+/// Puts member forces, steer angle and ground where the wheel has none.
+fn fill(truth: &mut WheelTruth, stance: &Stance) {
+    let members = stance.members();
     let forces = [
         members.upper_front_n,
         members.upper_rear_n,
@@ -490,8 +574,9 @@ fn fill(state: &mut TruthState, wheel: Wheel, members: &MemberForces, steer_rad:
         truth.ball_normal_n = members.sixth_n;
     }
     if truth.steer_rad.is_nan() {
-        truth.steer_rad = steer_rad;
+        truth.steer_rad = stance.pose.steer_rad();
     }
+    truth.ground.get_or_insert_with(|| stance.ground());
 }
 
 /// Slope at a row, central where it can be.

@@ -1,3 +1,5 @@
+mod rough;
+
 use model::vehicle::Vehicle;
 
 use crate::driver::{self, Intent, Plan, SurfaceLine};
@@ -36,11 +38,29 @@ pub enum Manoeuvre {
     MixedDriving,
     /// Circles of 25 m radius on a slope of 15 %.
     Hillside,
+    /// S-curves at 8 to 12 m/s on a road of ISO 8608 class C.
+    RoughRoad,
+    /// At 3 to 6 m/s over rocks of 0.06 to 0.10 m under one wheel or an axle.
+    Rocks,
+    /// From 5 to 12 m/s over a washboard of 0.8 m, through wheel hop.
+    Washboard,
+    /// At 2 m/s through ditches in turn on the left and the right side.
+    TwistDitch,
+    /// Five jumps off ramps at 7 to 9 m/s.
+    Jump,
+    /// 90 s of classes D and E, bumps, side slope, gravel and braking.
+    Trail,
+    /// Circles of 20 m radius on a slope of 15 % of class D.
+    HillsideRough,
+    /// Forwards, then backwards, on class D.
+    Reverse,
+    /// A known force of 400 N on the hitch, on class C.
+    Tow,
 }
 
 impl Manoeuvre {
     /// All manoeuvres.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 23] = [
         Self::Circle,
         Self::SlowSine,
         Self::FastSine,
@@ -55,6 +75,15 @@ impl Manoeuvre {
         Self::TurnPlates,
         Self::MixedDriving,
         Self::Hillside,
+        Self::RoughRoad,
+        Self::Rocks,
+        Self::Washboard,
+        Self::TwistDitch,
+        Self::Jump,
+        Self::Trail,
+        Self::HillsideRough,
+        Self::Reverse,
+        Self::Tow,
     ];
 
     /// The name on the command line.
@@ -75,6 +104,15 @@ impl Manoeuvre {
             Self::TurnPlates => "turn-plates",
             Self::MixedDriving => "mixed-driving",
             Self::Hillside => "hillside",
+            Self::RoughRoad => "rough-road",
+            Self::Rocks => "rocks",
+            Self::Washboard => "washboard",
+            Self::TwistDitch => "twist-ditch",
+            Self::Jump => "jump",
+            Self::Trail => "trail",
+            Self::HillsideRough => "hillside-rough",
+            Self::Reverse => "reverse",
+            Self::Tow => "tow",
         }
     }
 
@@ -96,6 +134,15 @@ impl Manoeuvre {
             Self::TurnPlates => "on turn plates, steered from side to side, with marks",
             Self::MixedDriving => "a minute of turns, braking and acceleration, can be repeated",
             Self::Hillside => "circles of 25 m radius on a slope of 15 %",
+            Self::RoughRoad => "S-curves at 8 to 12 m/s on a road of ISO 8608 class C",
+            Self::Rocks => "at 3 to 6 m/s over rocks of 0.06 to 0.10 m under one wheel or an axle",
+            Self::Washboard => "from 5 to 12 m/s over a washboard of 0.8 m, through wheel hop",
+            Self::TwistDitch => "at 2 m/s through ditches in turn on the left and the right side",
+            Self::Jump => "five jumps off ramps at 7 to 9 m/s",
+            Self::Trail => "90 s of classes D and E, bumps, side slope, gravel and braking",
+            Self::HillsideRough => "circles of 20 m radius on a slope of 15 % of class D",
+            Self::Reverse => "forwards, then backwards, on class D",
+            Self::Tow => "a known force of 400 N on the hitch, on class C",
         }
     }
 
@@ -121,6 +168,9 @@ impl Manoeuvre {
     /// # Errors
     /// A linkage that cannot stand as the model moves it.
     pub fn drive(self, vehicle: &Vehicle) -> Result<Motion, SimError> {
+        if let Some(road) = self.road()? {
+            return self.drive_on(vehicle, &road);
+        }
         let plan = self.plan();
         let (states, tips_over) = match (self, &plan) {
             (_, Some(plan)) => driver::drive(vehicle, plan)?,
@@ -147,7 +197,7 @@ impl Manoeuvre {
         })
     }
 
-    /// What the driver intends; none where nobody drives.
+    /// What the driver intends on a plane; none where nobody drives, or on a road.
     fn plan(self) -> Option<Plan> {
         let plan = |duration_s, start_speed_m_s, speed_m_s, steering| Plan {
             duration_s,
@@ -215,9 +265,6 @@ impl Manoeuvre {
                 },
                 Intent::SteeringWheel(|_| 0.0),
             ),
-            Self::Jackstand | Self::Turned | Self::Weighed | Self::LoadRig | Self::TurnPlates => {
-                return None;
-            }
             Self::MixedDriving => plan(
                 RUN_IN_S + 60.0,
                 8.0,
@@ -233,6 +280,7 @@ impl Manoeuvre {
                     Intent::Curvature(|t| smooth((t - RUN_IN_S) / 3.0) / HILLSIDE_RADIUS_M),
                 )
             },
+            _ => return None,
         })
     }
 }

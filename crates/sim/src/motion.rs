@@ -1,3 +1,6 @@
+mod ground;
+mod wheel;
+
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{ForceSource, PerWheel, TyreForce, Wheel};
@@ -5,6 +8,10 @@ use sample::{ForceSource, PerWheel, TyreForce, Wheel};
 use crate::SimError;
 use crate::linkage::{Linkage, struts_alone};
 use crate::slope::Slope;
+
+pub use ground::WheelGround;
+pub(crate) use ground::{spindle, spindle_on_ground, unit};
+pub use wheel::WheelMotion;
 
 /// Everything that is true at one instant. `NaN` stands for what the motion does not tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,45 +74,10 @@ pub struct WheelTruth {
     pub lower_ball_m: [f64; 3],
     /// The part of that force that is normal to the lower arm's plane, upward positive, N.
     pub ball_normal_n: f64,
-    /// Ground and motion of the wheel on uneven ground, where the motion tells them.
+    /// The wheel on its ground, if the motion tells it.
     pub ground: Option<WheelGround>,
-}
-
-/// What is true at one wheel on uneven ground, chassis axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WheelGround {
-    /// Effective normal of the contact, a unit vector.
-    pub normal_body: [f64; 3],
-    /// Force of the ground on the tyre, N.
-    pub force_body_n: [f64; 3],
-    /// Moment of the ground on the tyre about the wheel centre, N m.
-    pub moment_body_n_m: Option<[f64; 3]>,
-    /// Direction of the spindle, a unit vector that points left.
-    pub spindle_body: [f64; 3],
-    /// Acceleration of the wheel centre, absolute, without gravity, m/s^2.
-    pub centre_acceleration_m_s2: Option<[f64; 3]>,
-    /// Mass times acceleration of everything outboard of the arms and the tie rod, N.
-    pub unsprung_inertia_n: Option<[f64; 3]>,
-    /// Height of the ground below the wheel centre, m.
-    pub ground_height_m: Option<f64>,
-}
-
-impl WheelGround {
-    fn between(a: &Self, b: &Self, weight: f64) -> Self {
-        let part = |a: Option<[f64; 3]>, b: Option<[f64; 3]>| Some(mix(&a?, &b?, weight));
-        Self {
-            normal_body: mix(&a.normal_body, &b.normal_body, weight),
-            force_body_n: mix(&a.force_body_n, &b.force_body_n, weight),
-            moment_body_n_m: part(a.moment_body_n_m, b.moment_body_n_m),
-            spindle_body: mix(&a.spindle_body, &b.spindle_body, weight),
-            centre_acceleration_m_s2: part(a.centre_acceleration_m_s2, b.centre_acceleration_m_s2),
-            unsprung_inertia_n: part(a.unsprung_inertia_n, b.unsprung_inertia_n),
-            ground_height_m: a
-                .ground_height_m
-                .zip(b.ground_height_m)
-                .map(|(a, b)| a + (b - a) * weight),
-        }
-    }
+    /// How the wheel moves over the earth, if the motion tells it.
+    pub motion: Option<WheelMotion>,
 }
 
 impl Default for WheelTruth {
@@ -123,6 +95,7 @@ impl Default for WheelTruth {
             lower_ball_m: [f64::NAN; 3],
             ball_normal_n: f64::NAN,
             ground: None,
+            motion: None,
         }
     }
 }
@@ -277,7 +250,10 @@ impl WheelTruth {
             lower_ball_force_n: mix(&a.lower_ball_force_n, &b.lower_ball_force_n, weight),
             lower_ball_m: mix(&a.lower_ball_m, &b.lower_ball_m, weight),
             ball_normal_n: l(a.ball_normal_n, b.ball_normal_n),
-            ground: (a.ground.zip(b.ground)).map(|(a, b)| WheelGround::between(&a, &b, weight)),
+            ground: (a.ground.as_ref().zip(b.ground.as_ref()))
+                .map(|(a, b)| WheelGround::between(a, b, weight)),
+            motion: (a.motion.as_ref().zip(b.motion.as_ref()))
+                .map(|(a, b)| WheelMotion::between(a, b, weight)),
         }
     }
 }
@@ -473,10 +449,20 @@ impl Motion {
         let turn_rad = self.lap_turn_rad() * f64::from(lap);
         if lap > 0 {
             let first = &self.states[0];
-            let own = [0, 1].map(|axis| state.position_m[axis] - first.position_m[axis]);
-            let [east_m, north_m] = ahead(self.lap_starts_m[lap as usize], turn_rad, own);
-            state.position_m[0] = east_m;
-            state.position_m[1] = north_m;
+            let place = |at: [f64; 2]| {
+                let own = [0, 1].map(|axis| at[axis] - first.position_m[axis]);
+                ahead(self.lap_starts_m[lap as usize], turn_rad, own)
+            };
+            let [east_m, north_m, _] = state.position_m;
+            [state.position_m[0], state.position_m[1]] = place([east_m, north_m]);
+            for wheel in state
+                .wheels
+                .0
+                .iter_mut()
+                .flat_map(|wheel| &mut wheel.motion)
+            {
+                wheel.on_lap(place, turn_rad);
+            }
         }
         state.yaw_rad += turn_rad;
         state.time_s += self.lap_s() * f64::from(lap);

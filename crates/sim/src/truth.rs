@@ -4,6 +4,7 @@
 //! reads it is an error.
 
 mod csv_table;
+mod ground;
 #[cfg(feature = "parquet")]
 mod parquet_table;
 #[cfg(feature = "parquet")]
@@ -42,7 +43,7 @@ const REQUIRED: [&str; 14] = [
 const REQUIRED_OF_WHEEL: [&str; 5] = ["omega[rad/s]", "Fx[N]", "Fy[N]", "Fz[N]", "spring_len[m]"];
 
 /// Columns of the whole vehicle that are used where they are found.
-const OPTIONAL: [&str; 9] = [
+const OPTIONAL: [&str; 11] = [
     "X[m]",
     "Y[m]",
     "Z[m]",
@@ -52,10 +53,12 @@ const OPTIONAL: [&str; 9] = [
     "ax_body[m/s2]",
     "ay_body[m/s2]",
     "az_body[m/s2]",
+    "bank_base[rad]",
+    "grade_base[rad]",
 ];
 
 /// Columns of each wheel that are used where they are found.
-const OPTIONAL_OF_WHEEL: [&str; 17] = [
+const OPTIONAL_OF_WHEEL: [&str; 50] = [
     "Mx[Nm]",
     "My[Nm]",
     "Mz[Nm]",
@@ -73,6 +76,39 @@ const OPTIONAL_OF_WHEEL: [&str; 17] = [
     "lbj_x[m]",
     "lbj_y[m]",
     "lbj_z[m]",
+    "camber[rad]",
+    "incl_body[rad]",
+    "n_chassis_x[-]",
+    "n_chassis_y[-]",
+    "n_chassis_z[-]",
+    "Fchassis_x[N]",
+    "Fchassis_y[N]",
+    "Fchassis_z[N]",
+    "Mchassis_x[Nm]",
+    "Mchassis_y[Nm]",
+    "Mchassis_z[Nm]",
+    "Fcar_x[N]",
+    "Fcar_y[N]",
+    "Fcar_z[N]",
+    "Mcar_x[Nm]",
+    "Mcar_y[Nm]",
+    "Mcar_z[Nm]",
+    "wc_x[m]",
+    "wc_y[m]",
+    "wc_z[m]",
+    "cp_x[m]",
+    "cp_y[m]",
+    "cp_z[m]",
+    "wcw_a_x[m/s2]",
+    "wcw_a_y[m/s2]",
+    "wcw_a_z[m/s2]",
+    "wc_acc_x[m/s2]",
+    "wc_acc_y[m/s2]",
+    "wc_acc_z[m/s2]",
+    "ma_hub_x[N]",
+    "ma_hub_y[N]",
+    "ma_hub_z[N]",
+    "ground_z[m]",
 ];
 
 impl Motion {
@@ -254,25 +290,36 @@ fn check_finite(path: &Path, name: &str, values: &[f64]) -> Result<(), SimError>
 /// The rows of columns that have been found complete.
 fn states(columns: &Columns) -> Vec<TruthState> {
     let get = |row: usize, name: &str| columns.get(name).map_or(f64::NAN, |column| column[row]);
+    let known = |name: &str, row: usize| columns.get(name).map(|column| column[row]);
     let three = |row: usize, names: [&str; 3]| names.map(|name| get(row, name));
     let rows = columns.get("t[s]").map_or(0, Vec::len);
     let mut states: Vec<TruthState> = (0..rows)
-        .map(|row| TruthState {
-            time_s: get(row, "t[s]"),
-            position_m: three(row, ["X[m]", "Y[m]", "Z[m]"]),
-            roll_rad: get(row, "roll[rad]"),
-            pitch_rad: get(row, "pitch[rad]"),
-            yaw_rad: get(row, "yaw[rad]"),
-            velocity_body_m_s: three(row, ["vx_body[m/s]", "vy_body[m/s]", "vz_body[m/s]"]),
-            rate_rad_s: three(row, ["p[rad/s]", "q[rad/s]", "r[rad/s]"]),
-            rate_derivative_rad_s2: three(row, ["pdot[rad/s2]", "qdot[rad/s2]", "rdot[rad/s2]"]),
-            specific_force_m_s2: three(row, ["fx_body[m/s2]", "fy_body[m/s2]", "fz_body[m/s2]"]),
-            acceleration_m_s2: three(row, ["ax_body[m/s2]", "ay_body[m/s2]", "az_body[m/s2]"]),
-            steering_wheel_rad: get(row, "handwheel[rad]"),
-            // A truth file's ground is level.
-            bank_rad: 0.0,
-            grade_rad: 0.0,
-            wheels: PerWheel::from_fn(|wheel| wheel_truth(wheel, |name| get(row, name))),
+        .map(|row| {
+            let mut state = TruthState {
+                time_s: get(row, "t[s]"),
+                position_m: three(row, ["X[m]", "Y[m]", "Z[m]"]),
+                roll_rad: get(row, "roll[rad]"),
+                pitch_rad: get(row, "pitch[rad]"),
+                yaw_rad: get(row, "yaw[rad]"),
+                velocity_body_m_s: three(row, ["vx_body[m/s]", "vy_body[m/s]", "vz_body[m/s]"]),
+                rate_rad_s: three(row, ["p[rad/s]", "q[rad/s]", "r[rad/s]"]),
+                rate_derivative_rad_s2: three(
+                    row,
+                    ["pdot[rad/s2]", "qdot[rad/s2]", "rdot[rad/s2]"],
+                ),
+                specific_force_m_s2: three(
+                    row,
+                    ["fx_body[m/s2]", "fy_body[m/s2]", "fz_body[m/s2]"],
+                ),
+                acceleration_m_s2: three(row, ["ax_body[m/s2]", "ay_body[m/s2]", "az_body[m/s2]"]),
+                steering_wheel_rad: get(row, "handwheel[rad]"),
+                bank_rad: known("bank_base[rad]", row).unwrap_or(0.0),
+                // The file's grade is positive uphill.
+                grade_rad: -known("grade_base[rad]", row).unwrap_or(0.0),
+                wheels: PerWheel::from_fn(|wheel| wheel_truth(wheel, |name| get(row, name))),
+            };
+            ground::tell(&mut state, |name| get(row, name));
+            state
         })
         .collect();
     fill_missing(&mut states);
@@ -301,6 +348,7 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
         lower_ball_m: ["lbj_x[m]", "lbj_y[m]", "lbj_z[m]"].map(get),
         ball_normal_n: f64::NAN,
         ground: None,
+        motion: None,
     }
 }
 

@@ -92,6 +92,12 @@ pub fn run(name: &str) -> Option<&'static Run> {
     shared(&format!("data/truth/{name}.parquet")).map(read_once)
 }
 
+/// A whole run of `../shared/data/truth-rough`; `None` where [`shared`] leaves it out.
+#[must_use]
+pub fn rough_run(name: &str) -> Option<&'static Run> {
+    shared(&format!("data/truth-rough/{name}.parquet")).map(read_once)
+}
+
 /// A window of time of a truth run, whose excerpt is in `testdata/truth`.
 pub struct Window {
     /// Folder in `../shared/data`.

@@ -109,6 +109,7 @@ fn drive_and_record(
     let drive = DriveArgs {
         manoeuvre: Some(args.manoeuvre.clone()),
         truth: None,
+        road: None,
         vehicle: "prowler".to_owned(),
         sensors: "thesis-10bit".to_owned(),
         payload: Vec::new(),

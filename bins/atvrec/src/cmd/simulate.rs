@@ -51,10 +51,12 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
 fn outputs(args: &SimulateArgs) -> anyhow::Result<(Option<Target>, Option<Target>)> {
     let drive = &args.drive;
     let named = [&drive.vehicle, &drive.sensors].map(Path::new);
+    let road = drive.road.iter().map(Path::new);
     let files = [&args.config, &drive.truth, &drive.options];
     let inputs = || {
         let files = files.into_iter().flatten();
-        files.map(|path| &**path).chain(named)
+        let files = files.map(|path| &**path).chain(named);
+        files.chain(road.clone())
     };
     let force = args.replace.force;
     let calibration = args.true_calibration.as_ref();

@@ -62,7 +62,8 @@ fn inputs(args: &VirtualArgs) -> impl Iterator<Item = &Path> {
     let drive = &args.drive;
     let files = [&drive.truth, &drive.options].into_iter().flatten();
     let named = [&drive.vehicle, &drive.sensors].map(Path::new);
-    files.map(|path| &**path).chain(named)
+    let road = drive.road.iter().map(Path::new);
+    files.map(|path| &**path).chain(named).chain(road)
 }
 
 fn open_bus(interface: &str) -> anyhow::Result<acq::CanSender> {

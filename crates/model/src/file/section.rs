@@ -309,6 +309,11 @@ impl<'t> Section<'t> {
         }
     }
 
+    /// Leaves out the fields that were not read, where an earlier error makes them meaningless.
+    pub(crate) fn forget(&mut self) {
+        self.entries.clear();
+    }
+
     /// Reports the fields that were not read as unknown.
     pub fn finish(self, collector: &mut ErrorCollector<'_>) {
         for (key, span, _) in &self.entries {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Corner, CornerPose};
+use super::{Coordinates, Corner, CornerPose, PointPath};
 
 /// Motion of the sprung body, vehicle axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,8 +70,8 @@ impl CornerMotion {
 
     /// A corner whose strut lengthens at `strut_rate_m_s` and whose rack moves at `rack[0]`, m/s, and
     /// gathers `rack[1]`, m/s^2, on a moving body. Of the relative acceleration the Coriolis part and
-    /// the rack's are in, what comes from l'' is not: on ground, [`CornerMotion::on_ground`]
-    /// replaces it.
+    /// the rack's are in, what comes from l'' is not: on flat ground [`CornerMotion::on_ground`]
+    /// replaces it, on rough ground [`CornerMotion::on_path`] has it.
     #[must_use]
     pub fn on_body(
         corner: &Corner,
@@ -118,6 +118,31 @@ impl CornerMotion {
             upright_rate_dot_rad_s2: body.rate_dot_rad_s2
                 + body.rate_rad_s.cross(&rotation)
                 + rotation_dot,
+            ..Self::default()
+        }
+    }
+
+    /// A corner whose strut and rack move at `rate` and gather `acceleration` on a moving body, all
+    /// of it told: the unsprung parts accelerate along the wheel's path, on any ground and in the
+    /// air.
+    #[must_use]
+    pub fn on_path(
+        corner: &Corner,
+        pose: &CornerPose,
+        body: &BodyMotion,
+        rate: Coordinates,
+        acceleration: Coordinates,
+    ) -> Self {
+        let path = corner.path(pose);
+        let force = |point: &PointPath| point.specific_force_m_s2(body, rate, acceleration);
+        Self {
+            wheel_specific_force_m_s2: force(&path.wheel),
+            upright_specific_force_m_s2: force(&path.wheel.at(pose.upright_cg_m)),
+            upper_arm_specific_force_m_s2: force(&path.upper_arm),
+            lower_arm_specific_force_m_s2: force(&path.lower_arm),
+            wheel_travel_m_s: path.wheel.travel.rate(rate),
+            upright_rate_rad_s: body.rate_rad_s + path.wheel.rotation.rate(rate),
+            upright_rate_dot_rad_s2: path.wheel.rate_dot_rad_s2(body, rate, acceleration),
             ..Self::default()
         }
     }

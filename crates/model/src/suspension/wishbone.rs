@@ -8,12 +8,13 @@
 //! position is kept. The thesis (2.2.4) has the lever of one arm only, and upside down.
 
 mod circle;
+mod path;
 mod points;
 
 use nalgebra::{Matrix3, Vector3};
 use sample::Wheel;
 
-use super::{SuspensionError, finite};
+use super::{PointPath, SuspensionError, finite};
 use crate::vehicle::{Axle, Vehicle};
 
 use circle::{Circle, Turn, branch};
@@ -143,6 +144,17 @@ pub struct CornerRates {
     pub lower_angle_per_strut: f64,
     /// Turn of the upper arm per metre of strut length, rad/m.
     pub upper_angle_per_strut: f64,
+}
+
+/// Paths of the moving parts of a corner, with first and second derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CornerPath {
+    /// Wheel centre, with the rotation of the upright.
+    pub wheel: PointPath,
+    /// Centre of gravity of the upper arm.
+    pub upper_arm: PointPath,
+    /// Centre of gravity of the lower arm.
+    pub lower_arm: PointPath,
 }
 
 impl CornerRates {

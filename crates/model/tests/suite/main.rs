@@ -1,6 +1,7 @@
 //! The models of the vehicle from outside.
 
 mod no_alloc;
+mod roads;
 mod three_bodies;
 mod truth;
 

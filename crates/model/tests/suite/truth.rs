@@ -3,5 +3,6 @@
 mod hanging;
 mod instant;
 mod kinematics;
+mod rough;
 mod run;
 mod statics;

@@ -128,6 +128,7 @@ def simulate(
     output: Path,
     *,
     truth: Path | None = None,
+    road: Path | None = None,
     force: bool = False,
     vehicle: Vehicle | Path = "prowler",
     sensors: Sensors | Path = "thesis-10bit",
@@ -144,6 +145,7 @@ def simulate(
 
     - ``manoeuvre`` is one of :func:`manoeuvres`; or it is None and ``truth`` is a truth file (Parquet
       or CSV)
+    - ``road`` replaces the road of the manoeuvre: ``iso8608:C``, or the path of a road file
     - ``payload`` names the payloads of the vehicle file that are on the vehicle
     - ``seed`` is that of the sensor noise
     - ``options`` is a file with hidden errors, faults and delays
@@ -158,6 +160,7 @@ def simulate(
     own_duration_s, drive, arrivals, messages = simulate_log(
         manoeuvre,
         _path(truth),
+        _path(road),
         os.fspath(output),
         force,
         _object_or_path(vehicle),

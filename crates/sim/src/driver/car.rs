@@ -43,7 +43,7 @@ impl Commands {
 
 /// Greatest product of step and decay rate; Runge and Kutta's method of fourth order loses its hold
 /// at 2.8.
-const DECAY_A_STEP: f64 = 1.5;
+pub(super) const DECAY_A_STEP: f64 = 1.5;
 /// A tyre's slip stiffness may grow by this factor with load.
 const STIFFER: f64 = 1.6;
 
@@ -135,7 +135,7 @@ impl Car {
 }
 
 /// C R^2/(I v) with the speed v below which slip is blended; zero where slip relaxes.
-fn decay_1_s(vehicle: &Vehicle) -> f64 {
+pub(super) fn decay_1_s(vehicle: &Vehicle) -> f64 {
     let parameters = Parameters::from_vehicle(vehicle);
     let axles = [
         (&parameters.front, &vehicle.front.tyre),

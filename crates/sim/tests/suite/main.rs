@@ -3,9 +3,12 @@
 mod controllers;
 mod excerpts;
 mod faults;
+mod ground;
 mod hub;
 mod manoeuvres;
 mod receivers;
+mod roads;
+mod rough;
 mod sensors;
 mod support;
 mod truth_files;

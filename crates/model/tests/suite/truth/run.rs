@@ -12,14 +12,17 @@ pub struct Run {
 
 impl Run {
     pub fn open(name: &str, stride: usize) -> Option<Self> {
-        let whole = truth::run(name)?;
+        Some(Self::of(truth::run(name)?, stride))
+    }
+
+    pub fn of(whole: &'static truth::Run, stride: usize) -> Self {
         // The first and the last row have no slope.
         let rows = (whole.rows - 2).div_ceil(stride);
-        Some(Self {
+        Self {
             whole,
             rows,
             stride,
-        })
+        }
     }
 
     pub fn get(&self, name: &str, row: usize) -> f64 {
@@ -41,5 +44,10 @@ impl Run {
     /// The vector of the columns `name` + `x`, `y`, `z` (+ `suffix`).
     pub fn vector(&self, name: &str, suffix: &str, row: usize) -> Vector3<f64> {
         Vector3::from_fn(|i, _| self.get(&format!("{name}{}{suffix}", ["x", "y", "z"][i]), row))
+    }
+
+    /// Three columns in a row.
+    pub fn three(&self, names: [&str; 3], row: usize) -> Vector3<f64> {
+        Vector3::from(names.map(|name| self.get(name, row)))
     }
 }
