@@ -15,6 +15,7 @@ use crate::virtual_drive::{Course, Drive};
 fn drive(manoeuvre: &str, seed: u64, options: Options) -> (Recording, Vec<Record>, Calibration) {
     let mut simulated = VirtualDrive::new(&Drive {
         course: Course::Manoeuvre(manoeuvre.to_owned()),
+        road: None,
         vehicle: FileSource::Path("prowler".into()),
         sensors: FileSource::Path("full-bridge-16bit-hub".into()),
         payload: Vec::new(),
@@ -157,6 +158,7 @@ fn hub_accelerations_are_recorded_and_change_no_estimate() {
     };
     let mut simulated = VirtualDrive::new(&Drive {
         course: Course::Manoeuvre("slow-sine".to_owned()),
+        road: None,
         vehicle: FileSource::Path("prowler".into()),
         sensors: FileSource::Path("full-bridge-16bit".into()),
         payload: Vec::new(),
@@ -191,6 +193,7 @@ fn with_driver() -> String {
 fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Vec<String>) {
     let mut simulated = VirtualDrive::new(&Drive {
         course: Course::Manoeuvre("slow-sine".to_owned()),
+        road: None,
         vehicle: FileSource::Text(with_driver()),
         sensors: FileSource::Path("thesis-10bit".into()),
         payload: vec!["driver".to_owned()],
