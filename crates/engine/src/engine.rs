@@ -14,8 +14,8 @@ use std::collections::BTreeSet;
 use estimator::smoother::{LAG_STEPS, Smoother};
 use estimator::{Estimator, Output};
 use sample::{
-    Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
-    Severity, SourceId,
+    Arrival, Estimate, EventKind, ForceFrame, Health, LogTime, NANOS_PER_SECOND, Notice, Payload,
+    Sample, Severity, SourceId,
 };
 use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
@@ -315,7 +315,7 @@ fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
     records.push(Record::TyreForces {
         time,
         stage,
-        frame: estimate.frame,
+        frame: ForceFrame::Contact,
         forces,
     });
 }

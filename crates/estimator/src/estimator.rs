@@ -9,8 +9,8 @@ mod stages;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, Event, ForceFrame, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
-    Sample, SourceId, Wheel,
+    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
+    SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -242,10 +242,10 @@ impl Estimator {
         let estimate = Estimate {
             time,
             motion,
+            carrier: PerWheel::default(),
             measured,
             expected,
             rollover,
-            frame: ForceFrame::Contact,
         };
         self.trace(&estimate, planar.is_none(), out);
         estimate

@@ -132,10 +132,7 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
         .collect();
     let columns = table.columns;
     columns.set_item("force_source", sources)?;
-    let frame = rows
-        .first()
-        .map_or_else(ForceFrame::default, |row| row.frame);
-    columns.set_item("force_frame", frame_name(frame))?;
+    columns.set_item("force_frame", ForceFrame::Contact.name())?;
     Ok(columns)
 }
 
@@ -185,12 +182,5 @@ const fn source_name(source: ForceSource) -> &'static str {
         ForceSource::Statics => "statics",
         ForceSource::Fusion => "fusion",
         ForceSource::Model => "model",
-    }
-}
-
-const fn frame_name(frame: ForceFrame) -> &'static str {
-    match frame {
-        ForceFrame::Contact => "contact",
-        ForceFrame::WheelCarrier => "wheel_carrier",
     }
 }

@@ -200,7 +200,7 @@ impl Drive {
                     Stage::Estimate => &mut self.measured,
                     Stage::Model => &mut self.expected,
                     Stage::Truth => &mut self.truth_forces,
-                    Stage::Smoothed => return,
+                    Stage::Smoothed | Stage::Lagged => return,
                 };
                 series.push(seconds(time), forces);
             }

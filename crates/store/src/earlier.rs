@@ -37,10 +37,20 @@ pub(crate) fn present(channel: &mut ChannelInfo) {
     {
         channel.topic = format!("/raw/{bus}");
     }
+    if channel.topic == "/truth/tyre_forces" && is_of_contact_frame(channel) {
+        channel.topic = "/truth/contact_forces".to_owned();
+    }
     if is_earlier(&channel.schema, &channel.schema_data) {
         channel.is_earlier = true;
         channel.schema_data = schema::descriptor_set(&channel.schema).into();
     }
+}
+
+/// Whether a channel of tyre forces is of a time when all forces were in the contact frame: its schema
+/// has no moments.
+fn is_of_contact_frame(channel: &ChannelInfo) -> bool {
+    let name = pb::TyreForce::NAME;
+    !has_field(&channel.schema_data, name, "moment_x_n_m").unwrap_or(true)
 }
 
 fn is_earlier(schema: &str, descriptors: &[u8]) -> bool {
@@ -48,13 +58,15 @@ fn is_earlier(schema: &str, descriptors: &[u8]) -> bool {
     let Some((_, field)) = CHANGED.iter().find(|(message, _)| *message == name) else {
         return false;
     };
-    let Ok(set) = FileDescriptorSet::decode(descriptors) else {
-        return false;
-    };
+    has_field(descriptors, name, field).unwrap_or(false)
+}
+
+/// Whether a message of a schema has a field; `None` if the schema has no such message.
+fn has_field(descriptors: &[u8], name: &str, field: &str) -> Option<bool> {
+    let set = FileDescriptorSet::decode(descriptors).ok()?;
     let mut messages = set.file.iter().flat_map(|file| &file.message_type);
-    messages
-        .find(|message| message.name() == name)
-        .is_some_and(|message| message.field.iter().any(|f| f.name() == *field))
+    let message = messages.find(|message| message.name() == name)?;
+    Some(message.field.iter().any(|f| f.name() == field))
 }
 
 /// A message of a channel of the earlier layout, in the present layout.

@@ -49,7 +49,9 @@ pub use new_name::rename_without_replacing;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };
-pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform, UtcOffset};
+pub use record::{
+    ClockFit, Ground, LogMessage, Pose, Record, Stage, Transform, UtcOffset, WheelGround,
+};
 pub use recorder::{
     Backlog, DiskState, GoneLog, Progress, Recorder, RecorderStatus, RecorderSummary,
 };

@@ -1,7 +1,7 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Comparison, InnovationScore, Lifts, Score, SurfaceChanges, compare, innovations,
+    Comparison, ForceScore, InnovationScore, Lifts, Score, SurfaceChanges, compare, innovations,
     innovations_json, score,
 };
 use sample::Wheel;
@@ -97,17 +97,8 @@ fn print_score(found: &Score) {
             optional(row.nees_inside.map(|part| part * 100.0), 0),
         );
     }
-    if let Some(forces) = &found.forces {
-        println!(
-            "all forces: nees {:.2}, {:.0} % of {} windows inside {:.2} to {:.2}, {:.0} % above",
-            forces.mean,
-            100.0 * forces.inside,
-            forces.windows,
-            forces.bounds[0],
-            forces.bounds[1],
-            100.0 * forces.above,
-        );
-    }
+    println!();
+    print_forces(&found.forces);
     println!();
     print_innovations(&found.innovations);
     println!();
@@ -118,6 +109,43 @@ fn print_score(found: &Score) {
     }
     for (kind, count) in &found.events {
         println!("events: {count} {kind}");
+    }
+}
+
+/// Prints the largest error of all wheels and the consistency, by output and frame.
+fn print_forces(found: &[ForceScore]) {
+    println!(
+        "{:<10}{:<15}{:<15}{:>7}{:>7}{:>7}{:>7}{:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
+        "output",
+        "frame",
+        "estimate's",
+        "Fx %",
+        "Fy %",
+        "Fz %",
+        "Mx %",
+        "Mz %",
+        "nees x y z",
+        "median x y z",
+        "windows",
+        "below %",
+        "median"
+    );
+    let three = |values: [Option<f64>; 3]| values.map(|value| optional(value, 1)).join(" ");
+    for row in found {
+        let [x, y, z] = row.worst_percent.map(|percent| optional(percent, 2));
+        let [roll, yaw] = row.worst_moment_percent.map(|percent| optional(percent, 2));
+        let windows = row.windows.as_ref();
+        println!(
+            "{:<10}{:<15}{:<15}{x:>7}{y:>7}{z:>7}{roll:>7}{yaw:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
+            row.output.name(),
+            row.frame.name(),
+            row.estimate_frame.name(),
+            three(row.nees),
+            three(row.nees_median),
+            windows.map_or_else(|| "-".to_owned(), |all| all.windows.to_string()),
+            optional(windows.map(|all| 100.0 * (1.0 - all.above)), 0),
+            optional(windows.map(|all| all.median), 2),
+        );
     }
 }
 
