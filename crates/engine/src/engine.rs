@@ -306,18 +306,20 @@ fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
 
 fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
     let (time, stage) = (estimate.time, Stage::Smoothed);
-    let (motion, forces) = (estimate.motion, estimate.measured);
+    let motion = estimate.motion;
     records.push(Record::Motion {
         time,
         stage,
         motion,
     });
-    records.push(Record::TyreForces {
-        time,
-        stage,
-        frame: ForceFrame::Contact,
-        forces,
-    });
+    for frame in [ForceFrame::WheelCarrier, ForceFrame::Contact] {
+        records.push(Record::TyreForces {
+            time,
+            stage,
+            frame,
+            forces: *estimate.forces(frame),
+        });
+    }
 }
 
 fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record {

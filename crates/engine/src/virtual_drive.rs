@@ -9,7 +9,7 @@ use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
 use sim::{Manoeuvre, Motion, Options, Port, TruthState, VirtualVehicle};
-use store::{Ground, Pose, Record, Session, WheelGround};
+use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
 
@@ -116,7 +116,19 @@ impl VirtualDrive {
     /// Session of a log of the drive.
     pub fn session(&self, config: &Config) -> Session {
         let run_id = format!("simulate-{}-{}", self.drive, self.seed);
-        session::simulated(config, &run_id, self.start())
+        let faults = self.options.faults.sensors().into_iter();
+        Session {
+            injected_faults: Some(
+                faults
+                    .map(|(sensor, span)| InjectedFault {
+                        sensor,
+                        from_s: span.start,
+                        to_s: span.end,
+                    })
+                    .collect(),
+            ),
+            ..session::simulated(config, &run_id, self.start())
+        }
     }
 
     /// Configuration of a simulation without ports.

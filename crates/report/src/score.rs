@@ -2,6 +2,7 @@
 //!
 //! The keys of the JSON are a contract: see `docs/score.md`.
 
+mod channels;
 mod compare;
 mod forces;
 mod innovations;
@@ -17,6 +18,7 @@ use sample::{Estimate, Event, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
+pub use channels::Channels;
 pub use compare::{Comparison, Difference, compare};
 pub use forces::ForceScore;
 pub use innovations::{InnovationScore, innovations, innovations_json};
@@ -95,6 +97,8 @@ pub struct Score {
     pub two_wheel_lifts: Lifts,
     /// Changes of the surface, where the truth tells the friction.
     pub surface_changes: Option<SurfaceChanges>,
+    /// Channels that were excluded, where the log tells the faults that its simulation injected.
+    pub channels: Option<Channels>,
     /// How many events of each kind the estimator declared.
     pub events: BTreeMap<&'static str, usize>,
 }
@@ -114,10 +118,10 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
     let loads = static_loads(&vehicle);
     let (start, pairs) = pairs(reader, stage, from_s)?;
-    let mut forces = forces::find(&pairs, stage, &loads);
+    let mut forces = forces::find(&pairs, stage.name(), &loads);
     if has_lagged(reader) {
         let (_, lagged) = self::pairs(reader, Stage::Lagged, from_s)?;
-        forces.extend(forces::find(&lagged, Stage::Lagged, &loads));
+        forces.extend(forces::find(&lagged, Stage::Lagged.name(), &loads));
     }
     let events = events(reader)?;
     let [lifts, two_wheel_lifts] = lifts::find(reader, start, from_s, &loads, &events)?;
@@ -128,9 +132,34 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
         innovations: innovations(reader, from_s)?,
         lifts,
         two_wheel_lifts,
-        surface_changes: surfaces::find(reader, start, from_s, &events)?,
+        surface_changes: surfaces::find(reader, start, from_s, &loads, &events)?,
+        channels: reader
+            .session()
+            .injected_faults
+            .as_ref()
+            .map(|injected| channels::find(injected, start, from_s, &events)),
         events: counts(&events, start.offset_seconds(from_s)),
     })
+}
+
+/// Scores the forces of other methods on the same log, by name.
+///
+/// # Errors
+/// If the log cannot be read, has no truth, or no vehicle.
+pub fn score_methods(
+    reader: &Reader,
+    methods: impl IntoIterator<Item = (&'static str, Vec<Estimate>)>,
+    from_s: f64,
+) -> Result<Vec<ForceScore>, ScoreError> {
+    let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
+    let loads = static_loads(&vehicle);
+    let truth = truth(reader)?;
+    let mut all = Vec::new();
+    for (name, estimates) in methods {
+        let pairs = paired(&truth, estimates.into_iter().map(Ok), from_s)?;
+        all.extend(forces::find(&pairs, name, &loads));
+    }
+    Ok(all)
 }
 
 fn has_lagged(reader: &Reader) -> bool {
@@ -158,15 +187,39 @@ fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
     PerWheel::from_fn(|wheel| vehicle.static_load_n(wheel))
 }
 
-fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
+/// Load of a wheel in the truth, N: in the contact frame if it is known there, otherwise in the
+/// wheel-carrier frame.
+fn contact_load_n(truth: &Estimate, wheel: Wheel) -> f64 {
+    let [contact, carrier] =
+        [ForceFrame::Contact, ForceFrame::WheelCarrier].map(|frame| truth.forces(frame)[wheel]);
+    let load_n = contact.force_n[2];
+    if load_n.is_nan() {
+        carrier.force_n[2]
+    } else {
+        load_n
+    }
+}
+
+type TruthByTime = BTreeMap<LogTime, Estimate>;
+
+fn truth(reader: &Reader) -> Result<TruthByTime, ScoreError> {
     let mut truth = BTreeMap::new();
     for state in reader.truth() {
         let state = state?;
         truth.insert(state.time, state);
     }
+    Ok(truth)
+}
+
+/// Estimates beside the truth of the same instant.
+fn paired(
+    truth: &TruthByTime,
+    estimates: impl Iterator<Item = store::Result<Estimate>>,
+    from_s: f64,
+) -> Result<Pairs, ScoreError> {
     let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
     let mut pairs = Pairs::new();
-    for estimate in reader.of_stage(stage) {
+    for estimate in estimates {
         let estimate = estimate?;
         if estimate.time.seconds_since(start) < from_s {
             continue;
@@ -178,7 +231,13 @@ fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs),
     if pairs.is_empty() {
         return Err(ScoreError::NoPair("truth"));
     }
-    Ok((start, pairs))
+    Ok(pairs)
+}
+
+fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
+    let truth = truth(reader)?;
+    let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
+    Ok((start, paired(&truth, reader.of_stage(stage), from_s)?))
 }
 
 fn events(reader: &Reader) -> Result<Vec<Event>, ScoreError> {
@@ -406,13 +465,21 @@ impl Score {
             "forces_nees": self.forces.first().and_then(|own| own.windows.as_ref()).map(consistency_json),
             "innovations": innovations_json(&self.innovations),
             "lifts": lifts(&self.lifts, "wheel"),
+            "missed_lifts": self.lifts.missed(),
+            "declared_lifts": self.lifts.declared,
             "false_lifts": self.lifts.false_lifts,
+            "lift_warnings": self.lifts.warnings,
             "false_lift_warnings": self.lifts.false_warnings,
             "two_wheel_lifts": lifts(&self.two_wheel_lifts, "side"),
+            "missed_two_wheel_lifts": self.two_wheel_lifts.missed(),
+            "declared_two_wheel_lifts": self.two_wheel_lifts.declared,
             "false_two_wheel_lifts": self.two_wheel_lifts.false_lifts,
+            "two_wheel_lift_warnings": self.two_wheel_lifts.warnings,
             "false_two_wheel_lift_warnings": self.two_wheel_lifts.false_warnings,
             "surface_changes": changes,
+            "missed_surface_changes": surfaces.map(SurfaceChanges::missed),
             "false_surface_changes": surfaces.map(|surfaces| surfaces.false_changes),
+            "channels": self.channels.as_ref().map(Channels::to_json),
             "events": self.events,
         })
     }

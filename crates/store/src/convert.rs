@@ -76,12 +76,19 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
     match record {
         Record::Sample(sample) => encode_sample(sample, &name(sample.source)),
         Record::Estimate(estimate) => {
-            let contact = ForceFrame::Contact;
-            let mut messages = vec![
-                motion_message(Stage::Estimate, estimate.time, &estimate.motion),
-                forces_message(Stage::Estimate, estimate.time, contact, &estimate.measured),
-                forces_message(Stage::Model, estimate.time, contact, &estimate.expected),
-            ];
+            let (time, contact) = (estimate.time, ForceFrame::Contact);
+            let mut messages = vec![motion_message(Stage::Estimate, time, &estimate.motion)];
+            messages.extend(
+                [ForceFrame::WheelCarrier, contact].map(|frame| {
+                    forces_message(Stage::Estimate, time, frame, estimate.forces(frame))
+                }),
+            );
+            messages.push(forces_message(
+                Stage::Model,
+                time,
+                contact,
+                &estimate.expected,
+            ));
             if !estimate.rollover.load_transfer_ratio.is_nan() {
                 messages.push(rollover_message(estimate.time, &estimate.rollover));
             }
@@ -173,8 +180,9 @@ fn motion_message(stage: Stage, time: LogTime, motion: &Motion) -> Encoded {
 /// Last element of the topic of forces in a frame.
 const fn forces_topic(stage: Stage, frame: ForceFrame) -> &'static str {
     match (stage, frame) {
-        (Stage::Truth, ForceFrame::Contact) => "contact_forces",
-        _ => "tyre_forces",
+        // The vehicle model knows the contact frame alone.
+        (Stage::Model, _) | (_, ForceFrame::WheelCarrier) => "tyre_forces",
+        (_, ForceFrame::Contact) => "contact_forces",
     }
 }
 

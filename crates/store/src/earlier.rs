@@ -9,6 +9,7 @@ use prost::{DecodeError, Message as _, Name as _};
 use prost_types::FileDescriptorSet;
 use sample::{Axle, Side, StrainChannel, Wheel};
 
+use crate::Stage;
 use crate::proto::atvrec as pb;
 use crate::proto::atvrec::earlier as old;
 use crate::reader::ChannelInfo;
@@ -37,8 +38,12 @@ pub(crate) fn present(channel: &mut ChannelInfo) {
     {
         channel.topic = format!("/raw/{bus}");
     }
-    if channel.topic == "/truth/tyre_forces" && is_of_contact_frame(channel) {
-        channel.topic = "/truth/contact_forces".to_owned();
+    if channel.schema == pb::TyreForces::full_name()
+        && is_of_contact_frame(channel)
+        && let Some(stage) = Stage::from_topic(&channel.topic)
+        && stage != Stage::Model
+    {
+        channel.topic = format!("/{}/contact_forces", stage.name());
     }
     if is_earlier(&channel.schema, &channel.schema_data) {
         channel.is_earlier = true;
@@ -175,6 +180,20 @@ fn motion(data: &[u8]) -> Result<pb::Motion, DecodeError> {
         }
     });
     Ok(message)
+}
+
+/// Whether two messages of tyre forces are the same but for the standard deviations. Those of logs whose
+/// forces are all in the contact frame do not include the unknown normal of the ground.
+#[must_use]
+pub fn same_force_values(a: &[u8], b: &[u8]) -> bool {
+    let values = |data: &[u8]| {
+        let mut message = pb::TyreForces::decode(data).ok()?;
+        for wheel in &mut message.wheels {
+            (wheel.x_sigma_n, wheel.y_sigma_n, wheel.z_sigma_n) = (0.0, 0.0, 0.0);
+        }
+        Some(message.encode_to_vec())
+    };
+    values(a).is_some_and(|own| values(b) == Some(own))
 }
 
 fn tyre_forces(data: &[u8]) -> Result<pb::TyreForces, DecodeError> {

@@ -1,8 +1,8 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Comparison, ForceScore, InnovationScore, Lifts, Score, SurfaceChanges, compare, innovations,
-    innovations_json, score,
+    Channels, Comparison, ForceScore, InnovationScore, Lifts, Score, SurfaceChanges, compare,
+    innovations, innovations_json, score, score_methods,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
@@ -41,10 +41,24 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Good);
     }
     let found = score(&reader, stage, args.from_s)?;
+    let methods = if args.methods {
+        let simple = engine::simple_methods_of(&reader)?.by_name();
+        Some(score_methods(&reader, simple, args.from_s)?)
+    } else {
+        None
+    };
     if args.json {
-        println!("{:#}", found.to_json());
+        let mut json = found.to_json();
+        if let Some(methods) = &methods {
+            json["methods"] = methods.iter().map(ForceScore::to_json).collect();
+        }
+        println!("{json:#}");
     } else {
         print_score(&found);
+        if let Some(methods) = &methods {
+            println!();
+            print_forces(methods);
+        }
     }
     Ok(Outcome::Good)
 }
@@ -107,8 +121,24 @@ fn print_score(found: &Score) {
     if let Some(surfaces) = &found.surface_changes {
         print_surface_changes(surfaces);
     }
+    if let Some(channels) = &found.channels {
+        print_channels(channels);
+    }
     for (kind, count) in &found.events {
         println!("events: {count} {kind}");
+    }
+}
+
+fn print_channels(found: &Channels) {
+    println!(
+        "{} channels excluded though healthy, {} of them used again; {} faults injected, {} missed",
+        found.healthy.len(),
+        found.healthy_recovered,
+        found.faults,
+        found.missed.len()
+    );
+    for name in &found.missed {
+        println!("missed fault of {name}");
     }
 }
 
@@ -137,7 +167,7 @@ fn print_forces(found: &[ForceScore]) {
         let windows = row.windows.as_ref();
         println!(
             "{:<10}{:<15}{:<15}{x:>7}{y:>7}{z:>7}{roll:>7}{yaw:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
-            row.output.name(),
+            row.output,
             row.frame.name(),
             row.estimate_frame.name(),
             three(row.nees),
@@ -152,11 +182,16 @@ fn print_forces(found: &[ForceScore]) {
 fn print_surface_changes(found: &SurfaceChanges) {
     for change in &found.changes {
         println!(
-            "{} axle: friction changes by the factor {:.2} at {:.2} s; detected {} s later, lateral \
-             force factor {}",
+            "{} axle: friction changes by the factor {:.2} at {:.2} s ({}); detected {} s later, \
+             lateral force factor {}",
             change.axle,
             change.friction_ratio,
             change.at_s,
+            if change.detectable {
+                "detectable"
+            } else {
+                "not detectable"
+            },
             optional(change.declared_after_s, 2),
             optional(change.declared_force_ratio, 2),
         );
@@ -170,18 +205,19 @@ fn print_surface_changes(found: &SurfaceChanges) {
 
 fn print_innovations(found: &[InnovationScore]) {
     println!(
-        "{:<20}{:>10}{:>10}{:>8}{:>10}{:>10}{:>9}  bounds",
-        "innovations", "count", "rejected", "nis", "inside %", "above %", "windows"
+        "{:<20}{:>10}{:>10}{:>8}{:>8}{:>10}{:>10}{:>9}  bounds",
+        "innovations", "count", "rejected", "nis", "median", "inside %", "below %", "windows"
     );
     for row in found {
         println!(
-            "{:<20}{:>10}{:>10}{:>8.2}{:>10.0}{:>10.0}{:>9}  {:.2} to {:.2}",
+            "{:<20}{:>10}{:>10}{:>8.2}{:>8.2}{:>10.0}{:>10.0}{:>9}  {:.2} to {:.2}",
             row.kind.name(),
             row.count,
             row.rejected,
             row.mean,
+            row.median,
             100.0 * row.inside,
-            100.0 * row.above,
+            100.0 * (1.0 - row.above),
             row.windows,
             row.bounds[0],
             row.bounds[1],
@@ -192,17 +228,21 @@ fn print_innovations(found: &[InnovationScore]) {
 fn print_lifts(name: &str, found: &Lifts) {
     for lift in &found.lifts {
         println!(
-            "{} lifts at {:.2} s: detected {} s later, warning {} s before",
+            "{} lifts at {:.2} s for {:.2} s: detected {} s later, warning {} s before",
             lift.what,
             lift.at_s,
+            lift.duration_s,
             optional(lift.declared_after_s, 2),
             optional(lift.warned_before_s, 2),
         );
     }
     println!(
-        "{} {name}, {} false detections, {} false warnings",
+        "{} {name}, {} missed; {} detections, {} false; {} warnings, {} false",
         found.lifts.len(),
+        found.missed(),
+        found.declared,
         found.false_lifts,
+        found.warnings,
         found.false_warnings
     );
 }

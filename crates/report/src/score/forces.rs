@@ -4,7 +4,6 @@ use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::score::{self, median};
 use sample::{Estimate, ForceFrame, PerWheel, TyreForce, Wheel};
 use serde_json::{Value, json};
-use store::Stage;
 
 use super::Pairs;
 
@@ -16,8 +15,8 @@ const MOMENT_AXES: [usize; 2] = [0, 2];
 /// Tyre forces of an output of the estimator against the truth of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForceScore {
-    /// Output of the estimator.
-    pub output: Stage,
+    /// Output of the estimator (`estimate`, `lagged`, `smoothed`), or a simple method.
+    pub output: &'static str,
     /// Frame of the truth.
     pub frame: ForceFrame,
     /// Frame of the estimate.
@@ -55,7 +54,7 @@ pub(super) fn frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> [[For
 }
 
 /// Scores an output in each frame of which the truth tells the forces.
-pub(super) fn find(pairs: &Pairs, output: Stage, loads: &PerWheel<f64>) -> Vec<ForceScore> {
+pub(super) fn find(pairs: &Pairs, output: &'static str, loads: &PerWheel<f64>) -> Vec<ForceScore> {
     let frames = frames(pairs.iter().map(|(estimate, _)| estimate));
     frames
         .into_iter()
@@ -65,7 +64,7 @@ pub(super) fn find(pairs: &Pairs, output: Stage, loads: &PerWheel<f64>) -> Vec<F
 
 fn in_frame(
     pairs: &Pairs,
-    output: Stage,
+    output: &'static str,
     loads: &PerWheel<f64>,
     frame: ForceFrame,
     estimate_frame: ForceFrame,
@@ -132,7 +131,7 @@ impl ForceScore {
     #[must_use]
     pub fn to_json(&self) -> Value {
         json!({
-            "output": self.output.name(),
+            "output": self.output,
             "frame": self.frame.name(),
             "estimate_frame": self.estimate_frame.name(),
             "worst_percent": self.worst_percent,
