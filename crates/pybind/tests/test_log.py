@@ -171,7 +171,8 @@ def test_a_log_of_an_earlier_layout_has_the_columns_of_the_present_one(simulated
     assert "/raw/can0" in earlier.topics
     assert "/can/can0/raw" not in earlier.topics
     for topic in earlier.topics:
-        if topic in present.topics:
+        # The columns of /control/... have the names that a configuration gives them.
+        if topic in present.topics and not topic.startswith("/control/"):
             assert list(earlier.read(topic)) == list(present.read(topic)), topic
     load = earlier.read("/estimate/contact_forces")["fl.z_n"]
     assert load.size == 400

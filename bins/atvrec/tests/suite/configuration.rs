@@ -16,7 +16,7 @@ kind = "can"
 interface = "can1"
 bitrat = 500000
 [source.can1.roles]
-steer = "Steering.steering_wheel"
+steer = "Steering.handwheel"
 deflection.FL = "nonsense"
 
 [source.gps]
