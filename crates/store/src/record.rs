@@ -8,10 +8,6 @@ use sample::{
 /// its strain and its deflection. Minus zero is read as zero, except from an optional field; NaN keeps
 /// its bits.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a hundred estimates come each second; a box for each would be as many allocations"
-)]
 pub enum Record {
     /// A measurement.
     Sample(Sample),

@@ -103,7 +103,11 @@ fn a_log_of_the_first_version_is_read_by_every_command() {
     }
     // The first version had truth and estimate in the contact frame alone.
     for score in scores {
-        assert_eq!(score["forces"].as_array().map(Vec::len), Some(1), "{score:#}");
+        assert_eq!(
+            score["forces"].as_array().map(Vec::len),
+            Some(1),
+            "{score:#}"
+        );
     }
     let compared = stdout(&run(&["score", log, "--against", "again.mcap", "--json"]).success());
     assert!(compared.contains(r#""identical": true"#), "{compared}");

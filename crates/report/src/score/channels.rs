@@ -53,11 +53,11 @@ pub(super) fn find(
     for event in events {
         let at_s = event.time.seconds_since(start);
         match &event.kind {
-            EventKind::SensorFault(name) if at_s >= from_s => {
-                if !injected.iter().any(|fault| is_of(fault, name, at_s)) {
-                    all.healthy.push(name.clone());
-                    excluded.push(name);
-                }
+            EventKind::SensorFault(name)
+                if at_s >= from_s && !injected.iter().any(|fault| is_of(fault, name, at_s)) =>
+            {
+                all.healthy.push(name.clone());
+                excluded.push(name);
             }
             EventKind::SensorRecovered(name) => {
                 if let Some(at) = excluded.iter().position(|other| *other == name) {

@@ -1,8 +1,8 @@
 //! A run with every kind of arrival and record.
 
 use atvrec_store::{
-    Attachment, ClockFit, ClockState, DynamicMessage, LogMessage, Pose, Record, Session,
-    SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset,
+    Attachment, ClockFit, ClockState, DynamicMessage, Ground, InjectedFault, LogMessage, Pose,
+    Record, Session, SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset, WheelGround,
 };
 use math::Random;
 use sample::{
@@ -25,6 +25,11 @@ pub fn session() -> Session {
         kind,
     };
     Session {
+        injected_faults: Some(vec![InjectedFault {
+            sensor: "FL lower_front".to_owned(),
+            from_s: 1.5,
+            to_s: 3.0,
+        }]),
         run_id: "test-run".to_owned(),
         started: START,
         version: "0.1.0".to_owned(),
