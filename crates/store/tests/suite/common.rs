@@ -475,7 +475,7 @@ pub fn estimate(time: LogTime) -> Estimate {
     Estimate {
         time,
         motion: motion(),
-        carrier: PerWheel::default(),
+        carrier: forces(3.0),
         measured: forces(1.0),
         expected: forces(2.0),
         rollover: Rollover {
