@@ -243,6 +243,10 @@ pub struct ScoreArgs {
     /// Print only the statistics of the filters' innovations, which need no truth.
     #[arg(long, conflicts_with_all = ["against", "smoothed"])]
     pub innovations: bool,
+    /// Score three simple methods on the same samples, too: deflection alone, the thesis's statics,
+    /// the vehicle model alone.
+    #[arg(long, conflicts_with_all = ["against", "innovations"])]
+    pub methods: bool,
     /// Ignore the first seconds, in which the estimator converges.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,

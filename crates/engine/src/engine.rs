@@ -14,8 +14,8 @@ use std::collections::BTreeSet;
 use estimator::smoother::{LAG_STEPS, Smoother};
 use estimator::{Estimator, Output};
 use sample::{
-    Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
-    Severity, SourceId,
+    Arrival, Estimate, EventKind, ForceFrame, Health, LogTime, NANOS_PER_SECOND, Notice, Payload,
+    Sample, Severity, SourceId,
 };
 use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
@@ -322,18 +322,20 @@ fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
 
 fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
     let (time, stage) = (estimate.time, Stage::Smoothed);
-    let (motion, forces) = (estimate.motion, estimate.measured);
+    let motion = estimate.motion;
     records.push(Record::Motion {
         time,
         stage,
         motion,
     });
-    records.push(Record::TyreForces {
-        time,
-        stage,
-        frame: estimate.frame,
-        forces,
-    });
+    for frame in [ForceFrame::WheelCarrier, ForceFrame::Contact] {
+        records.push(Record::TyreForces {
+            time,
+            stage,
+            frame,
+            forces: *estimate.forces(frame),
+        });
+    }
 }
 
 fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record {

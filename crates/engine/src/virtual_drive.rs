@@ -7,9 +7,9 @@ use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{ForceFrame, LogTime, StrainChannel, Wheel};
-use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
-use store::{Pose, Record, Session};
+use sample::{LogTime, PerWheel, StrainChannel, Wheel};
+use sim::{Manoeuvre, Motion, Options, Port, TruthState, VirtualVehicle};
+use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
 
@@ -132,7 +132,19 @@ impl VirtualDrive {
     /// Session of a log of the drive.
     pub fn session(&self, config: &Config) -> Session {
         let run_id = format!("simulate-{}-{}", self.drive, self.seed);
-        session::simulated(config, &run_id, self.start())
+        let faults = self.options.faults.sensors().into_iter();
+        Session {
+            injected_faults: Some(
+                faults
+                    .map(|(sensor, span)| InjectedFault {
+                        sensor,
+                        from_s: span.start,
+                        to_s: span.end,
+                    })
+                    .collect(),
+            ),
+            ..session::simulated(config, &run_id, self.start())
+        }
     }
 
     /// Configuration of a simulation without ports.
@@ -154,8 +166,9 @@ impl VirtualDrive {
         Record::Truth {
             time: self.start().offset_seconds(time_s),
             motion: state.motion(),
-            frame: ForceFrame::Contact,
-            forces: state.tyre_forces(),
+            carrier: state.carrier_forces(),
+            contact: Some(state.tyre_forces()),
+            ground: ground(&state),
             pose: Some(Pose {
                 position_enu_m: state.position_m,
                 yaw_rad: state.yaw_rad,
@@ -270,6 +283,25 @@ impl VirtualDrive {
             ],
         }
     }
+}
+
+/// The wheels of a state on their ground; `None` if the motion tells it of no wheel.
+fn ground(state: &TruthState) -> Option<Ground> {
+    let wheels = PerWheel::from_fn(|wheel| {
+        let found = state.wheels[wheel].ground;
+        found.map_or_else(WheelGround::default, |found| WheelGround {
+            normal_body: found.normal_body,
+            spindle_body: found.spindle_body,
+            centre_acceleration_m_s2: found.centre_acceleration_m_s2,
+            unsprung_inertia_n: found.unsprung_inertia_n,
+            ground_height_m: found.ground_height_m,
+        })
+    });
+    let is_known = state.wheels.0.iter().any(|wheel| wheel.ground.is_some());
+    is_known.then_some(Ground {
+        wheels,
+        road_class: None,
+    })
 }
 
 /// Location of the ports of the virtual vehicle.

@@ -3,6 +3,7 @@
 
 mod length;
 mod steering_wheel;
+mod tilt;
 
 use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
@@ -20,6 +21,7 @@ use crate::tuning::{CornerTuning, Tuning};
 
 use length::LengthFilter;
 use steering_wheel::SteeringWheel;
+use tilt::Tilt;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +90,9 @@ pub struct Corners {
     turn_over_ground: Option<[f64; 2]>,
     /// Standard deviation of the ground's slopes along x and y by leaning tyres.
     leaning: [f64; 2],
+    tilt: Tilt,
+    /// Whether the unsprung masses are taken as standing still.
+    static_unsprung: bool,
     cg_height_m: f64,
     rack_m_rad: f64,
     /// Filter of the steering wheel's angle.
@@ -150,6 +155,8 @@ impl Corners {
             seen: None,
             turn_over_ground: None,
             leaning: [0.0; 2],
+            tilt: Tilt::default(),
+            static_unsprung: false,
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
             steering_wheel: SteeringWheel::default(),
@@ -261,13 +268,20 @@ impl Corners {
             specific_force_m_s2: motion.specific_force_m_s2,
             rate_dot_rad_s2: motion.rate_dot_rad_s2,
         });
-        let body = BodyMotion {
+        let up = motion.earth_from_body.inverse() * Vector3::z();
+        let mut body = BodyMotion {
             specific_force_m_s2,
             reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
             rate_rad_s: motion.rate_rad_s,
             rate_dot_rad_s2,
         };
-        let up = motion.earth_from_body.inverse() * Vector3::z();
+        if self.static_unsprung {
+            body = BodyMotion {
+                specific_force_m_s2: up * STANDARD_GRAVITY_M_S2,
+                reference_m: body.reference_m,
+                ..BodyMotion::default()
+            };
+        }
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
         // Rate of the velocity's components along the rotating body axes. The body's rotation does
         // not spin a wheel at rest.
@@ -289,6 +303,19 @@ impl Corners {
             if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
                 self.states[i] = state;
             }
+        }
+        let along_m_s = self.states.each_ref().map(|state| {
+            let arm = state.pose.wheel_centre_m;
+            (state.travel_m_s + motion.rate_rad_s.cross(&arm)).dot(&self.normal)
+        });
+        let speed_m_s = motion.velocity_m_s.x;
+        // Without deflections the travel of the wheels is unknown.
+        if self
+            .linkages
+            .iter()
+            .all(|linkage| linkage.length.known(now))
+        {
+            self.tilt.step(dt, along_m_s, speed_m_s, &self.tuning.tilt);
         }
     }
 
@@ -327,6 +354,46 @@ impl Corners {
         self.normal.normalize_mut();
     }
 
+    /// Takes the unsprung masses as standing still from now on.
+    pub fn neglect_unsprung_inertia(&mut self) {
+        self.static_unsprung = true;
+    }
+
+    /// The forces of the contact frame with the unknown normal of the ground added to their standard
+    /// deviations. On flat ground it adds nothing.
+    #[must_use]
+    pub fn add_unknown_normal(&self, forces: &PerWheel<TyreForce>) -> PerWheel<TyreForce> {
+        let tilt = self.tilt.sigma_rad();
+        if tilt == 0.0 {
+            return *forces;
+        }
+        PerWheel::from_fn(|wheel| {
+            let force = forces[wheel];
+            let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
+            let errors = [z, z, math::hypot(x, y)].map(|n| n * tilt);
+            TyreForce {
+                sigma_n: std::array::from_fn(|i| math::hypot(force.sigma_n[i], errors[i])),
+                ..force
+            }
+        })
+    }
+
+    /// Standard deviation of the ground's normal about x and y, rad.
+    #[must_use]
+    pub fn tilt_sigma_rad(&self) -> f64 {
+        self.tilt.sigma_rad()
+    }
+
+    /// Standard deviation of a wheel's heading in the vehicle, rad.
+    #[must_use]
+    pub fn heading_sigma_rad(&self, wheel: Wheel, steer_sigma_rad: f64) -> f64 {
+        if wheel.is_front() {
+            steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
+        } else {
+            0.0
+        }
+    }
+
     /// The forces with the errors of the contact frames added to their standard deviations. Members
     /// measure a force in body axes; the ground's normal determines the part that is load, the
     /// steer angle the part that is lateral. `steer_sigma_rad` is the standard deviation of the
@@ -343,11 +410,7 @@ impl Corners {
             let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
             let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
             let [along, across] = [0, 1].map(|axis| frame.column(axis).dot(&slopes));
-            let steer = if wheel.is_front() {
-                steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
-            } else {
-                0.0
-            };
+            let steer = self.heading_sigma_rad(wheel, steer_sigma_rad);
             let tilted = [along * z, across * z, along * x + across * y];
             let turned = [steer * y, steer * x, 0.0];
             TyreForce {

@@ -10,8 +10,8 @@ mod stages;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, Event, ForceFrame, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
-    Sample, SourceId, Wheel,
+    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
+    SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -34,6 +34,7 @@ use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 use events::Divergence;
 use monitors::ConsistencyMonitors;
+use stages::MeasuredForces;
 
 /// Spacing of the instants that have parameters, ns.
 const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
@@ -247,6 +248,14 @@ impl Estimator {
         }
     }
 
+    /// The same estimator without the inertia of the unsprung masses, see [`crate::simple`].
+    pub(crate) fn without_unsprung_inertia(mut self) -> Self {
+        if let Some(corners) = &mut self.corners {
+            corners.neglect_unsprung_inertia();
+        }
+        self
+    }
+
     /// One step of the grid, as a sequence of stages.
     fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
         let settled = self.collect(time, out);
@@ -256,7 +265,12 @@ impl Estimator {
         let steer_rad = self.place_corners(time, &state);
         let mut motion = self.describe_motion(&state, planar.as_ref(), navigated);
         let expected = self.expect_forces(&state, &motion, steer_rad);
-        let measured = self.measure_forces(time, &state, &expected, out);
+        let MeasuredForces {
+            contact: measured,
+            reported,
+            carrier,
+            frames,
+        } = self.measure_forces(time, &state, &expected, out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
         let rollover = self.detect_lift(time, &state, &measured, out);
         self.complete_motion(&mut motion, &state, planar.as_ref(), steer_rad);
@@ -267,12 +281,12 @@ impl Estimator {
         let estimate = Estimate {
             time,
             motion,
-            measured,
+            carrier,
+            measured: reported,
             expected,
             rollover,
-            frame: ForceFrame::Contact,
         };
-        self.trace(&estimate, planar.is_none(), out);
+        self.trace(&estimate, frames, planar.is_none(), out);
         estimate
     }
 

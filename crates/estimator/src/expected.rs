@@ -120,6 +120,7 @@ impl ExpectedForces {
             force_n,
             sigma_n: [f64::NAN; 3],
             source: ForceSource::Model,
+            ..TyreForce::default()
         }))
     }
 }

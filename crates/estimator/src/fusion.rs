@@ -329,6 +329,7 @@ impl Fusion {
                     self.covariance.variance(at(axis)).max(0.0).sqrt()
                 }),
                 source: ForceSource::Fusion,
+                ..TyreForce::default()
             }
         }))
     }

@@ -16,7 +16,7 @@ mod planar;
 mod vertical;
 mod watch;
 
-pub use corners::{CornerTuning, SteeringWheelTuning, StrutLengthTuning};
+pub use corners::{CornerTuning, SteeringWheelTuning, StrutLengthTuning, TiltTuning};
 pub use fusion::{
     BalanceTuning, ChannelTuning, ForceNoiseTuning, FusionTuning, MemberTuning, MomentTuning,
     PotentiometerTuning,

@@ -210,6 +210,30 @@ impl Faults {
         Ok(())
     }
 
+    /// What is faulty and when, in s from the start of the motion, by the beginning of the names that an
+    /// estimator's events give the channels.
+    #[must_use]
+    pub fn sensors(&self) -> Vec<(String, Range<f64>)> {
+        let channels = self.channel.iter().map(|fault| {
+            let channel = fault.channel.map_or("deflection", StrainChannel::name);
+            let name = format!("{} {channel}", fault.wheel.abbreviation());
+            (name, fault.from_s..fault.to_s)
+        });
+        let axes = self.imu.iter().map(|fault| {
+            let name = "inertial unit".to_owned();
+            (name, fault.from_s..fault.to_s)
+        });
+        let interruptions = self.outage.iter().chain(&self.unplugged);
+        let spans = interruptions.map(|found| (found.port, found.from_s..found.to_s));
+        let chances = self.byte_noise.iter().chain(&self.dropped);
+        let chances = chances.map(|found| (found.port, found.from_s..found.to_s));
+        let ports = spans.chain(chances).flat_map(|(port, span)| {
+            let names = port.sensors().iter();
+            names.map(move |name| ((*name).to_owned(), span.clone()))
+        });
+        channels.chain(axes).chain(ports).collect()
+    }
+
     /// Whether `port` has no solution at `time_s`.
     pub(crate) fn is_out(&self, port: Port, time_s: f64) -> bool {
         self.outage

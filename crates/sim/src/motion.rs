@@ -3,7 +3,7 @@ mod wheel;
 
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sample::{ForceSource, PerWheel, TyreForce, Wheel};
+use sample::{ForceFrame, ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::SimError;
 use crate::linkage::{Linkage, struts_alone};
@@ -148,14 +148,33 @@ impl TruthState {
         }
     }
 
-    /// The tyre forces in the form that the estimator publishes, without standard deviations.
+    /// The tyre forces in the contact frame, in the form that the estimator publishes, without standard
+    /// deviations.
     #[must_use]
     pub fn tyre_forces(&self) -> PerWheel<TyreForce> {
         PerWheel::from_fn(|wheel| TyreForce {
             force_n: self.wheels[wheel].force_n,
-            sigma_n: [f64::NAN; 3],
             source: ForceSource::Model,
+            ..TyreForce::default()
         })
+    }
+
+    /// The same with the moments about the wheel centre in the wheel-carrier frame; `None` unless the
+    /// motion tells all wheels on their ground.
+    #[must_use]
+    pub fn carrier_forces(&self) -> Option<PerWheel<TyreForce>> {
+        let all = self.wheels.0.map(|wheel| {
+            let ground = wheel.ground?;
+            let moment = ground.moment_n_m(ForceFrame::WheelCarrier);
+            Some(TyreForce {
+                force_n: ground.force_n(ForceFrame::WheelCarrier),
+                moment_n_m: moment.unwrap_or([f64::NAN; 3]),
+                source: ForceSource::Model,
+                ..TyreForce::default()
+            })
+        });
+        let known: Vec<TyreForce> = all.into_iter().flatten().collect();
+        known.try_into().ok().map(PerWheel)
     }
 
     /// Friction coefficient of the ground under each wheel, where the motion tells it.

@@ -217,7 +217,9 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
     let mut waiting = marks.to_vec();
     let mut take = |entry: Entry| {
         match entry {
-            Entry::Record(Record::Truth { time, forces, .. }) => drop(truth.insert(time, forces)),
+            Entry::Record(Record::Truth { time, contact, .. }) => {
+                truth.insert(time, contact.expect("the truth in the contact frame"));
+            }
             Entry::Record(Record::Estimate(estimate)) => {
                 found.insert(estimate.time, estimate.measured);
             }

@@ -194,16 +194,25 @@ class Estimates:
     """Forces of the ground on the tyres, x, y, z in the axes of ``force_frame``, N, (n, 4, 3)."""
     force_sigma_n: Doubles
     """Standard deviations of the forces, N, (n, 4, 3)."""
+    force_moment_n_m: Doubles
+    """Moments of the ground on the tyres about the wheel centres, same axes, N m, (n, 4, 3)."""
+    force_moment_sigma_n_m: Doubles
+    """Standard deviations of the moments, N m, (n, 4, 3)."""
+    contact_force_n: Doubles
+    """The forces in the contact frame (z normal to the ground, x along the wheel's heading), N,
+    (n, 4, 3)."""
+    contact_force_sigma_n: Doubles
+    """Their standard deviations, with that of the ground's unknown normal, N, (n, 4, 3)."""
     expected_force_n: Doubles
-    """Forces that the vehicle model expects from steer angles and motion, N, (n, 4, 3)."""
+    """Forces that the vehicle model expects from steer angles and motion, contact frame, N,
+    (n, 4, 3)."""
     expected_force_sigma_n: Doubles
     """Standard deviations of the expected forces, N, (n, 4, 3)."""
     force_source: npt.NDArray[np.str_]
     """What the forces rest on: ``none``, ``deflection``, ``statics``, ``fusion`` or ``model``,
     (n, 4)."""
     force_frame: str
-    """Axes of the forces: ``contact`` (z normal to the ground, x along the wheel's heading) or
-    ``wheel_carrier``."""
+    """Axes of ``force_n``: ``wheel_carrier`` (y along the spindle, x = unit(y × z of the vehicle))."""
     load_transfer_ratio: Doubles
     """Right less left over the sum of the loads: 1 where both left wheels are off the ground, (n,)."""
     load_transfer_ratio_sigma: Doubles
