@@ -261,34 +261,15 @@ impl Corners {
             }
         });
         self.tilt(now, dt, motion, load);
-        let BodyMotionEstimate {
-            specific_force_m_s2,
-            rate_dot_rad_s2,
-        } = feedback.body_motion.unwrap_or(BodyMotionEstimate {
-            specific_force_m_s2: motion.specific_force_m_s2,
-            rate_dot_rad_s2: motion.rate_dot_rad_s2,
-        });
         let up = motion.earth_from_body.inverse() * Vector3::z();
-        let mut body = BodyMotion {
-            specific_force_m_s2,
-            reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
-            rate_rad_s: motion.rate_rad_s,
-            rate_dot_rad_s2,
-        };
-        if self.static_unsprung {
-            body = BodyMotion {
-                specific_force_m_s2: up * STANDARD_GRAVITY_M_S2,
-                reference_m: body.reference_m,
-                ..BodyMotion::default()
-            };
-        }
+        let body = self.body_motion(motion, feedback, up);
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
         // Rate of the velocity's components along the rotating body axes. The body's rotation does
         // not spin a wheel at rest.
-        let gained = specific_force_m_s2
+        let gained = body.specific_force_m_s2
             - up * STANDARD_GRAVITY_M_S2
-            - motion.rate_rad_s.cross(&motion.velocity_m_s);
-        let yaw_dot = rate_dot_rad_s2.z * motion.velocity_m_s.x.abs().min(1.0);
+            - body.rate_rad_s.cross(&motion.velocity_m_s);
+        let yaw_dot = body.rate_dot_rad_s2.z * motion.velocity_m_s.x.abs().min(1.0);
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
             let spin = readings
@@ -304,6 +285,42 @@ impl Corners {
                 self.states[i] = state;
             }
         }
+        self.measure_tilt(now, dt, motion);
+    }
+
+    /// Motion of the body, with which the unsprung masses move; `up` is the vertical in vehicle axes.
+    fn body_motion(
+        &self,
+        motion: &MotionState,
+        feedback: &EstimatorFeedback,
+        up: Vector3<f64>,
+    ) -> BodyMotion {
+        let BodyMotionEstimate {
+            specific_force_m_s2,
+            rate_dot_rad_s2,
+        } = feedback.body_motion.unwrap_or(BodyMotionEstimate {
+            specific_force_m_s2: motion.specific_force_m_s2,
+            rate_dot_rad_s2: motion.rate_dot_rad_s2,
+        });
+        let body = BodyMotion {
+            specific_force_m_s2,
+            reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
+            rate_rad_s: motion.rate_rad_s,
+            rate_dot_rad_s2,
+        };
+        if self.static_unsprung {
+            BodyMotion {
+                specific_force_m_s2: up * STANDARD_GRAVITY_M_S2,
+                reference_m: body.reference_m,
+                ..BodyMotion::default()
+            }
+        } else {
+            body
+        }
+    }
+
+    /// Takes the speeds of the wheels along the normal for the standard deviation of the ground's normals.
+    fn measure_tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState) {
         let along_m_s = self.states.each_ref().map(|state| {
             let arm = state.pose.wheel_centre_m;
             (state.travel_m_s + motion.rate_rad_s.cross(&arm)).dot(&self.normal)
@@ -384,16 +401,6 @@ impl Corners {
         self.tilt.sigma_rad()
     }
 
-    /// Standard deviation of a wheel's heading in the vehicle, rad.
-    #[must_use]
-    pub fn heading_sigma_rad(&self, wheel: Wheel, steer_sigma_rad: f64) -> f64 {
-        if wheel.is_front() {
-            steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
-        } else {
-            0.0
-        }
-    }
-
     /// The forces with the errors of the contact frames added to their standard deviations. Members
     /// measure a force in body axes; the ground's normal determines the part that is load, the
     /// steer angle the part that is lateral. `steer_sigma_rad` is the standard deviation of the
@@ -410,7 +417,11 @@ impl Corners {
             let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
             let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
             let [along, across] = [0, 1].map(|axis| frame.column(axis).dot(&slopes));
-            let steer = self.heading_sigma_rad(wheel, steer_sigma_rad);
+            let steer = if wheel.is_front() {
+                steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
+            } else {
+                0.0
+            };
             let tilted = [along * z, across * z, along * x + across * y];
             let turned = [steer * y, steer * x, 0.0];
             TyreForce {

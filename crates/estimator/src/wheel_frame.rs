@@ -20,23 +20,20 @@ pub struct WheelFrame {
     carrier_from_contact: Matrix3<f64>,
     /// Contact point from the wheel centre, wheel-carrier frame, m.
     arm_m: Vector3<f64>,
-    /// Standard deviation of the wheel's heading in the vehicle, rad.
-    heading_sigma_rad: f64,
     /// Standard deviation of the ground's normal about x and y, rad.
     tilt_sigma_rad: f64,
-    /// Variances that the frame adds to the forces in the contact frame, N^2.
+    /// Variances that the unknown normal adds to the forces in the contact frame, N^2.
     added_n2: [f64; 3],
     moment: Option<ContactMoment>,
 }
 
 impl WheelFrame {
-    /// Axes of a wheel. `own` is its force in the contact frame, `reported` the same with the errors of
-    /// that frame in its standard deviations.
+    /// Axes of a wheel. `own` is its force in the contact frame, `reported` the same with the unknown
+    /// normal in its standard deviations.
     pub fn new(
         corner: &CornerState,
         own: &TyreForce,
         reported: &TyreForce,
-        heading_sigma_rad: f64,
         tilt_sigma_rad: f64,
         moment: Option<ContactMoment>,
     ) -> Self {
@@ -46,7 +43,6 @@ impl WheelFrame {
         Self {
             carrier_from_contact: carrier_from_body * corner.frame.vehicle_from_tyre,
             arm_m: carrier_from_body * arm,
-            heading_sigma_rad,
             tilt_sigma_rad,
             added_n2: std::array::from_fn(|i| {
                 reported.sigma_n[i] * reported.sigma_n[i] - own.sigma_n[i] * own.sigma_n[i]
@@ -68,9 +64,7 @@ impl WheelFrame {
             let own_n2 = reported.sigma_n[i] * reported.sigma_n[i] - self.added_n2[i];
             part(i, own_n2.max(0.0))
         });
-        let heading = self.heading_sigma_rad;
-        let turned = Vector3::new(heading * force.y, heading * force.x, 0.0);
-        let variance = squared(turn) * variance + turned.component_mul(&turned);
+        let variance = squared(turn) * variance;
         let known = |values: Vector3<f64>| -> [f64; 3] {
             std::array::from_fn(|i| if is_known[i] { values[i] } else { f64::NAN })
         };
@@ -124,7 +118,6 @@ mod tests {
         WheelFrame {
             carrier_from_contact: Matrix3::new(1.0, 0.0, 0.0, 0.0, cos, sin, 0.0, -sin, cos),
             arm_m: Vector3::new(0.0, 0.0, -0.3),
-            heading_sigma_rad: 0.0,
             tilt_sigma_rad: 0.01,
             added_n2: [0.0, 3.0 * 3.0, 0.0],
             moment,

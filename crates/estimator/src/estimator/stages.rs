@@ -208,9 +208,8 @@ impl Estimator {
             let fusion = self.fusion.as_ref();
             WheelFrame::new(
                 corner,
-                &forces[wheel],
+                &contact[wheel],
                 &reported[wheel],
-                corners.heading_sigma_rad(wheel, steer_sigma_rad),
                 corners.tilt_sigma_rad(),
                 fusion.map(|fusion| fusion.moment(wheel.index(), corner, motion.velocity_m_s.x)),
             )
