@@ -215,6 +215,7 @@ pub fn simulate_log(
     py: Python<'_>,
     manoeuvre: Option<String>,
     truth: Option<PathBuf>,
+    road: Option<String>,
     output: PathBuf,
     force: bool,
     vehicle: File<'_>,
@@ -234,8 +235,15 @@ pub fn simulate_log(
             ));
         }
     };
+    if let (Some(road), Course::Truth(path)) = (&road, &course) {
+        return Err(errors::argument(format!(
+            "road = {road:?}: the motion of {} has its own ground; leave out road",
+            path.display()
+        )));
+    }
     let simulation = Simulation {
         course,
+        road,
         vehicle: vehicle.source("vehicle")?,
         sensors: sensors.source("sensors")?,
         seed,
@@ -257,6 +265,7 @@ pub fn simulate_log(
 /// A simulation that can be run without the GIL.
 struct Simulation {
     course: Course,
+    road: Option<String>,
     vehicle: FileSource,
     sensors: FileSource,
     seed: u64,
@@ -278,13 +287,15 @@ impl Simulation {
         });
         let files = [truth, self.options.as_ref(), self.config.as_ref()];
         let files = files.into_iter().chain(sources).flatten();
-        files.map(PathBuf::as_path)
+        let road = self.road.iter().map(Path::new);
+        files.map(PathBuf::as_path).chain(road)
     }
 
     fn run(self, log: &Target, calibration: Option<&Target>) -> Result<Simulated, Stop> {
         let options = self.options.as_deref().map(engine::read_options);
         let mut simulated = VirtualDrive::new(&Drive {
             course: self.course,
+            road: self.road,
             vehicle: self.vehicle,
             sensors: self.sensors,
             seed: self.seed,

@@ -471,6 +471,7 @@ def replay_log(
 def simulate_log(
     manoeuvre: str | None,
     truth: str | None,
+    road: str | None,
     output: str,
     force: bool,
     vehicle: Vehicle | str,

@@ -133,6 +133,7 @@ def simulate(
     duration_s: float | None = None,
     config: Path | None = None,
     true_calibration: Path | None = None,
+    road: Path | None = None,
 ) -> Simulated:
     """Drives a virtual vehicle and writes the log of its sensors, with estimates and truth.
 
@@ -140,7 +141,9 @@ def simulate(
 
     - ``manoeuvre`` is one of :func:`manoeuvres`; or it is None and ``truth`` is a truth file (Parquet
       or CSV)
-    - ``seed`` is that of the sensor noise
+    - ``road`` is ``iso8608:A`` to ``iso8608:F`` or a road file; without it the manoeuvre has its own
+      ground
+    - ``seed`` is that of the sensor noise, and of a road of a class
     - ``options`` is a file with hidden errors, faults and delays
     - ``duration_s`` ends the drive earlier; only mixed driving is repeated for longer
     - ``true_calibration`` names a file to which the calibration without errors is written
@@ -153,6 +156,7 @@ def simulate(
     own_duration_s, drive, arrivals, messages = simulate_log(
         manoeuvre,
         _path(truth),
+        _path(road),
         os.fspath(output),
         force,
         _object_or_path(vehicle),
