@@ -238,6 +238,12 @@ pub fn simulate_log(
             ));
         }
     };
+    if let (Some(road), Course::Truth(path)) = (&road, &course) {
+        return Err(errors::argument(format!(
+            "road = {road:?}: the motion of {} has its own ground; leave out road",
+            path.display()
+        )));
+    }
     let simulation = Simulation {
         course,
         road,
@@ -286,7 +292,8 @@ impl Simulation {
         });
         let files = [truth, self.options.as_ref(), self.config.as_ref()];
         let files = files.into_iter().chain(sources).flatten();
-        files.map(PathBuf::as_path)
+        let road = self.road.iter().map(Path::new);
+        files.map(PathBuf::as_path).chain(road)
     }
 
     fn run(self, log: &Target, calibration: Option<&Target>) -> Result<Simulated, Stop> {

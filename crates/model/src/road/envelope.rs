@@ -11,7 +11,7 @@
 //!    A(d) = R^2 (t - sin t cos t) with cos t = 1 - d/R.
 //! 3. The normal in the wheel plane points from the centroid of the covered area to the wheel centre.
 //!
-//! On every plane, depth and normal are exact: depth = R - h/cos(camber) with the distance h of the
+//! On every plane, up to a depth of 0.4 R on level ground, depth and normal are exact: depth = R - h/cos(camber) with the distance h of the
 //! centre from the plane, as [`crate::suspension::TyreFrame`] has it. A step shorter than the contact
 //! patch raises the depth by less than its height. The model has no dynamics of the belt and no
 //! stiffness that depends on the shape of the ground, and the ground touches only the part of the

@@ -145,9 +145,10 @@ def simulate(
 
     - ``manoeuvre`` is one of :func:`manoeuvres`; or it is None and ``truth`` is a truth file (Parquet
       or CSV)
-    - ``road`` replaces the road of the manoeuvre: ``iso8608:C``, or the path of a road file
+    - ``road`` is ``iso8608:A`` to ``iso8608:F`` or a road file; without it the manoeuvre has its own
+      ground
     - ``payload`` names the payloads of the vehicle file that are on the vehicle
-    - ``seed`` is that of the sensor noise
+    - ``seed`` is that of the sensor noise, and of a road of a class
     - ``options`` is a file with hidden errors, faults and delays
     - ``duration_s`` ends the drive earlier; only mixed driving is repeated for longer
     - ``true_calibration`` names a file to which the calibration without errors is written
