@@ -19,6 +19,9 @@ const MESSAGES_MIN: u64 = 10;
 /// Shortest time that a rate is judged by, s.
 const TIME_MIN_S: f64 = 0.5;
 
+/// Rate of the steering-wheel angle, whichever device measures it.
+const STEER: &str = "steer.rate_hz or steer_potentiometers.rate_hz";
+
 /// Decoded data of some seconds.
 #[derive(Debug, Default)]
 pub struct Listened {
@@ -67,7 +70,7 @@ impl Listened {
                     came("deflection.rate_hz");
                 }
             }
-            Measurement::Steer(_) => came("steer.rate_hz"),
+            Measurement::Steer(_) => came(STEER),
             Measurement::WheelSpeed(_) => came("wheel_speed.rate_hz"),
             Measurement::Imu(_) => came("imu.rate_hz"),
             Measurement::HubAcceleration(hub) => {
@@ -94,10 +97,16 @@ impl Listened {
         };
         let sensors = &settings.sensors;
         let hub_hz = sensors.hub_acceleration.as_ref().map(|hub| hub.rate_hz);
+        let encoder_hz = sensors.steer.as_ref().map(|encoder| encoder.rate_hz);
+        let rods_hz = sensors
+            .steer_potentiometers
+            .as_ref()
+            .map(|pots| pots.rate_hz);
+        let steer_hz = encoder_hz.or(rods_hz);
         let told = [
             ("strain.rate_hz", Some(sensors.strain.rate_hz)),
             ("deflection.rate_hz", Some(sensors.deflection.rate_hz)),
-            ("steer.rate_hz", Some(sensors.steer.rate_hz)),
+            (STEER, steer_hz),
             ("wheel_speed.rate_hz", Some(sensors.wheel_speed.rate_hz)),
             ("imu.rate_hz", Some(sensors.imu.rate_hz)),
             ("hub_acceleration.rate_hz", hub_hz),

@@ -103,6 +103,13 @@ impl VirtualDrive {
         let truth = vehicle.name.clone();
         let options = drive.options.clone();
         let vehicle = VirtualVehicle::new(motion, &vehicle, &placed, &options, drive.seed)?;
+        if !vehicle.motion().has_link_forces() {
+            tracing::warn!(
+                "the strain channels are absent: the vehicle file {vehicle_file} has no hard-points \
+                 (wishbone, strut and unsprung of both axles), and the motion does not have the forces of \
+                 all links"
+            );
+        }
         Ok(Self {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
@@ -413,7 +420,7 @@ fn true_calibration(
     }
     let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
     let (accel, gyro) = vehicle.imu_biases();
-    calibration.steer.offset_rad = hidden.steer_offset_rad;
+    calibration.steer.offset_rad = vehicle.steer_offset_rad();
     calibration.imu.accel_bias_m_s2 = accel;
     calibration.imu.gyro_bias_rad_s = gyro;
     calibration.imu.misalignment_rad = Some(sum(

@@ -147,7 +147,8 @@ pub struct ChannelCalibration {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SteerCalibration {
-    /// What the encoder reads with the wheels straight ahead, rad.
+    /// What the encoder, or the potentiometers along the tie rods as an angle of the steering wheel,
+    /// read with the wheels straight ahead, rad.
     #[serde(default)]
     pub offset_rad: f64,
     /// Play, rad, from one contact to the other.

@@ -115,7 +115,11 @@ impl Estimator {
                 found: calibration.vehicle.clone(),
             });
         }
-        let unloaded = calibration.applied(vehicle);
+        let mut unloaded = calibration.applied(vehicle);
+        if sensors.steer_potentiometers.is_some() {
+            // The play is between the steering wheel and the rack, and the rods are behind the rack.
+            unloaded.steering.lash_rad = 0.0;
+        }
         let loaded = unloaded.loaded(&settings.payload)?;
         let vehicle = &loaded.vehicle;
         let unloaded_calibration = Resolved::new(sensors, calibration)?;

@@ -19,7 +19,7 @@ pub struct Sensors {
     /// Strain bridges.
     pub strain: StrainChain,
     /// Spring potentiometers.
-    pub deflection: Deflection,
+    pub deflection: Potentiometers,
     /// Inertial unit.
     pub imu: Imu,
     /// Velocity receiver.
@@ -28,8 +28,13 @@ pub struct Sensors {
     pub gnss_attitude: GnssAttitude,
     /// Wheel-speed pick-ups.
     pub wheel_speed: WheelSpeed,
-    /// Steering-wheel encoder.
-    pub steer: Steer,
+    /// Steering-wheel encoder, if that measures the steering wheel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steer: Option<Steer>,
+    /// Potentiometers along the front tie rods, left and right, if these measure the steering wheel
+    /// (thesis, section 5.2.5). A file has one of both tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steer_potentiometers: Option<Potentiometers>,
     /// Accelerometers on the uprights, where there are some.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hub_acceleration: Option<HubAcceleration>,
@@ -147,10 +152,12 @@ pub struct BendingBridge {
     pub distance_from_ball_joint_m: f64,
 }
 
-/// Spring potentiometers.
+/// Linear potentiometers that are alike. The middle of the converter's range is the design length of a
+/// spring, or the tie rods straight ahead; the counts rise as the spring is compressed, or as the
+/// steering turns to the left.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Deflection {
+pub struct Potentiometers {
     /// Messages a second.
     pub rate_hz: f64,
     /// Travel that the converter spans, m.
@@ -159,8 +166,30 @@ pub struct Deflection {
     pub adc_bits: u8,
     /// Standard deviation of noise, counts.
     pub noise_counts: f64,
-    /// Largest offset left after the jackstand zero, counts.
+    /// Largest offset left after the zero was found, counts.
     pub zero_error_counts: f64,
+}
+
+impl Potentiometers {
+    /// The chain from travel to counts.
+    #[must_use]
+    pub fn scale(&self) -> ChannelScale {
+        let counts = 1_u32 << self.adc_bits.min(16);
+        ChannelScale {
+            zero_counts: f64::from(counts) / 2.0,
+            counts_per_unit: f64::from(counts) / self.span_m,
+            largest_count: ((counts - 1) as u16).min(ABSENT_COUNT - 1),
+        }
+    }
+
+    /// Travel of a count from the middle of the range, m; `None` where the converter is at an end of its
+    /// range.
+    #[must_use]
+    pub fn travel_m(&self, count: i32) -> Option<f64> {
+        let scale = self.scale();
+        (count > 0 && count < i32::from(scale.largest_count))
+            .then(|| (f64::from(count) - scale.zero_counts) / scale.counts_per_unit)
+    }
 }
 
 /// Inertial unit.

@@ -38,6 +38,7 @@ impl SampleEstimator {
         tuning: &Tuning,
         method: &str,
         ignore: Vec<String>,
+        payload: Vec<String>,
     ) -> PyResult<Self> {
         let settings = Settings {
             method: engine::config::method(method).map_err(errors::argument)?,
@@ -45,7 +46,7 @@ impl SampleEstimator {
                 .iter()
                 .map(|name| engine::config::input(name).map_err(errors::argument))
                 .collect::<PyResult<_>>()?,
-            payload: Vec::new(),
+            payload,
             tuning: tuning.inner,
         };
         let (sensors, calibration) = (&sensors.inner, &calibration.inner);

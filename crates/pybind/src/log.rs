@@ -6,7 +6,7 @@ use std::sync::Arc;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use report::score::{compare, innovations, innovations_json, score};
+use report::score::{ForceScore, compare, innovations, innovations_json, score, score_methods};
 use sample::LogTime;
 use store::{Reader, Stage};
 
@@ -101,14 +101,15 @@ impl LogReader {
         Ok((columns, units, missing))
     }
 
-    /// What `atvrec score --json` prints: against the truth in the log, or against another log's
-    /// estimates.
+    /// What `atvrec score --json` prints: against the truth in the log, with the simple methods or not,
+    /// or against another log's estimates.
     fn score_json(
         &self,
         py: Python<'_>,
         against: Option<&Self>,
         smoothed: bool,
         from_s: f64,
+        methods: bool,
     ) -> PyResult<String> {
         let stage = if smoothed {
             Stage::Smoothed
@@ -117,12 +118,22 @@ impl LogReader {
         };
         let reader = Arc::clone(&self.reader);
         let against = against.map(|other| Arc::clone(&other.reader));
-        let found = interrupt::detached(py, move || match against {
-            Some(other) => compare(&reader, &other, stage, from_s).map(|found| found.to_json()),
-            None => score(&reader, stage, from_s).map(|found| found.to_json()),
+        let found = interrupt::detached(py, move || {
+            let found = match against {
+                Some(other) => compare(&reader, &other, stage, from_s).map(|found| found.to_json()),
+                None => score(&reader, stage, from_s).map(|found| found.to_json()),
+            };
+            let mut json = found.map_err(|error| errors::score(&error))?;
+            if methods {
+                let simple = engine::simple_methods_of(&reader);
+                let simple = simple.map_err(|error| errors::engine(&error))?;
+                let found = score_methods(&reader, simple.by_name(), from_s);
+                let found = found.map_err(|error| errors::score(&error))?;
+                json["methods"] = found.iter().map(ForceScore::to_json).collect();
+            }
+            Ok::<_, PyErr>(json)
         })?;
-        let json = found.map_err(|error| errors::score(&error))?;
-        Ok(json.to_string())
+        Ok(found?.to_string())
     }
 
     /// The innovations of `atvrec score --innovations --json`.

@@ -117,6 +117,23 @@ def test_calibration_and_tuning_have_an_effect(simulated_log: Path) -> None:
     assert last_force(tuning=atvrec.Tuning().with_values({"motion.aiding.lateral_sigma_m_s": 5.0})) != nominal
 
 
+def test_payload_on_the_vehicle_has_an_effect(simulated_log: Path) -> None:
+    log = atvrec.open(simulated_log)
+    plain, sensors = vehicle_of(log)
+    driver = '[[payload]]\nname = "driver"\nmass_kg = 80.0\nposition_m = [-0.8, 0.3, 0.7]\n'
+    vehicle = atvrec.Vehicle.from_toml(plain.to_toml() + "\n" + driver)
+    samples = atvrec.samples(log)
+
+    def loads(payload: tuple[str, ...]) -> Any:
+        estimator = atvrec.Estimator(vehicle, sensors, payload=payload)
+        return estimator.run(samples).estimates.force_n[-1, :, 2]
+
+    assert np.array_equal(loads(()), atvrec.Estimator(plain, sensors).run(samples).estimates.force_n[-1, :, 2])
+    assert not np.array_equal(loads(("driver",)), loads(()))
+    with pytest.raises(atvrec.ArgumentError, match="driver"):
+        atvrec.Estimator(vehicle, payload=["pilot"])
+
+
 def test_errors_name_the_value_and_the_next_step() -> None:
     vehicle = atvrec.Vehicle.builtin("prowler")
     estimator = atvrec.Estimator(vehicle)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
 from pathlib import Path
 from typing import get_type_hints
 
@@ -36,6 +39,18 @@ def test_a_score_has_the_promised_keys(simulated_log: Path) -> None:
     same = atvrec.score(atvrec.open(simulated_log), from_s=2.0)
     assert same == found
     assert atvrec.score(simulated_log, from_s=3.0)["seconds"] < found["seconds"]
+
+
+def test_simple_methods_have_the_numbers_of_the_program(simulated_log: Path) -> None:
+    program = os.environ.get("ATVREC_BIN")
+    if not program:
+        pytest.skip("ATVREC_BIN names no program; scripts/test-python sets it")
+    found = atvrec.score(simulated_log, methods=True)
+    assert set(found) == set(get_type_hints(scoring.ScoreWithMethods))
+    assert {row["output"] for row in found["methods"]} == {"deflection", "statics", "model"}
+    command = [program, "score", "--methods", "--json", str(simulated_log)]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert found == json.loads(printed)
 
 
 def test_a_score_is_that_of_the_columns(simulated_log: Path) -> None:

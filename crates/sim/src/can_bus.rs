@@ -10,6 +10,7 @@ use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
 use crate::hub::HubAccelerometer;
 use crate::random::Noise;
+use crate::steering::SteeringSensor;
 use crate::{Motion, Options, SimError};
 
 /// Strain boxes by corner (thesis Table 3.2; its second "rear left" is the rear right).
@@ -29,15 +30,12 @@ const BOX_LATENCY_S: f64 = 200e-6;
 pub(crate) struct CanBus {
     corners: [Corner; 4],
     hubs: Option<Hubs>,
-    noise_steer: Noise,
     noise_wheel_speed: Noise,
     noise_bus: Noise,
-    steer_noise_rad: f64,
-    steer_offset_rad: f64,
     wheel_noise_fraction: f64,
     bit_time_s: f64,
     boxes: Ticker,
-    steer: Ticker,
+    steering: Option<SteeringSensor>,
     wheel_speed: Ticker,
     /// Converter instants of the potentiometers.
     deflection: Ticker,
@@ -104,16 +102,13 @@ impl CanBus {
             hubs: (sensors.hub_acceleration.as_ref())
                 .map(|hub| Hubs::new(motion, vehicle, hub, options, seed))
                 .transpose()?,
-            noise_steer: Noise::new(seed, "steer"),
             noise_wheel_speed: Noise::new(seed, "wheel speed"),
             noise_bus: Noise::new(seed, "can0"),
-            steer_noise_rad: sensors.steer.noise_rad,
-            steer_offset_rad: hidden.steer_offset_rad,
             wheel_noise_fraction: sensors.wheel_speed.noise_fraction,
             bit_time_s: period_s_of("can_bit_rate", f64::from(options.can_bit_rate(sensors)))?,
             boxes: Ticker::new("strain.rate_hz", sensors.strain.rate_hz)?,
             deflection: Ticker::new("deflection.rate_hz", sensors.deflection.rate_hz)?,
-            steer: Ticker::new("steer.rate_hz", sensors.steer.rate_hz)?,
+            steering: SteeringSensor::new(vehicle, sensors, hidden, seed)?,
             wheel_speed: Ticker::new("wheel_speed.rate_hz", sensors.wheel_speed.rate_hz)?,
             free_at_s: 0.0,
             end_s: motion.duration_s(),
@@ -126,6 +121,12 @@ impl CanBus {
         Some(hubs.sensors.each_ref().map(HubAccelerometer::truth))
     }
 
+    /// What the device of the steering wheel reads straight ahead, rad.
+    pub(crate) fn steer_offset_rad(&self) -> f64 {
+        let sensor = self.steering.as_ref();
+        sensor.map_or(0.0, SteeringSensor::offset_rad)
+    }
+
     /// Counts at zero of each corner's channels.
     pub(crate) fn zeros(&self) -> [([Option<f64>; StrainChannel::COUNT], f64); 4] {
         std::array::from_fn(|i| self.corners[i].zeros())
@@ -134,16 +135,12 @@ impl CanBus {
     /// The frames of the next instant, in the order in which they win the bus; none at the end.
     pub(crate) fn produce(&mut self, motion: &Motion) -> Vec<Emission> {
         let hubs = self.hubs.as_ref().map(|hubs| &hubs.ticker);
-        let time_s = [
-            &self.boxes,
-            &self.deflection,
-            &self.steer,
-            &self.wheel_speed,
-        ]
-        .into_iter()
-        .chain(hubs)
-        .map(Ticker::next_s)
-        .fold(f64::INFINITY, f64::min);
+        let time_s = [&self.boxes, &self.deflection, &self.wheel_speed]
+            .into_iter()
+            .chain(hubs)
+            .map(Ticker::next_s)
+            .chain(self.steering.as_ref().map(SteeringSensor::next_s))
+            .fold(f64::INFINITY, f64::min);
         if time_s > self.end_s {
             return Vec::new();
         }
@@ -164,12 +161,8 @@ impl CanBus {
                 frames.push(frame(0x101 + 16 * number, [None, deflection, None, None]));
             }
         }
-        if self.steer.due(time_s) {
-            let angle_rad = state.steering_wheel_rad
-                + self.steer_offset_rad
-                + self.noise_steer.normal(self.steer_noise_rad);
-            frames.push(steer_frame(angle_rad));
-        }
+        let steering = self.steering.as_mut();
+        frames.extend(steering.and_then(|sensor| sensor.frame(&state)));
         if self.wheel_speed.due(time_s) {
             let (noise, sigma) = (&mut self.noise_wheel_speed, self.wheel_noise_fraction);
             let speeds = state
@@ -217,7 +210,7 @@ pub(crate) fn frame_bits(bytes: u8) -> f64 {
 }
 
 /// A frame of four 16-bit fields, least significant byte first.
-fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
+pub(crate) fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
     let mut data = [0; 64];
     for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
         bytes.copy_from_slice(&field.unwrap_or(ABSENT_COUNT).to_le_bytes());
@@ -230,18 +223,6 @@ fn frame(id: u32, fields: [Option<u16>; 4]) -> CanFrame {
         kernel_ns: None,
         hardware_ns: None,
     }
-}
-
-/// Steering wheel, 0.01 degree.
-fn steer_frame(angle_rad: f64) -> CanFrame {
-    let hundredths = if angle_rad.is_finite() {
-        (angle_rad.to_degrees() * 100.0).round() as i32
-    } else {
-        i32::MIN
-    };
-    let mut frame = frame(0x200, [Some(0); 4]);
-    frame.data[..4].copy_from_slice(&hundredths.to_le_bytes());
-    frame
 }
 
 /// Wheel speeds, 0.01 rad/s.
@@ -260,25 +241,25 @@ fn wheel_speed_frame(speeds_rad_s: [f64; 4]) -> CanFrame {
 }
 
 /// Instants at a fixed rate, the first at zero.
-struct Ticker {
+pub(crate) struct Ticker {
     period_s: f64,
     count: u64,
 }
 
 impl Ticker {
-    fn new(name: &str, rate_hz: f64) -> Result<Self, SimError> {
+    pub(crate) fn new(name: &str, rate_hz: f64) -> Result<Self, SimError> {
         Ok(Self {
             period_s: period_s(name, rate_hz)?,
             count: 0,
         })
     }
 
-    fn next_s(&self) -> f64 {
+    pub(crate) fn next_s(&self) -> f64 {
         self.count as f64 * self.period_s
     }
 
     /// Whether an instant is due at `time_s`; if so, moves on.
-    fn due(&mut self, time_s: f64) -> bool {
+    pub(crate) fn due(&mut self, time_s: f64) -> bool {
         let due = self.next_s() <= time_s + 1e-6;
         self.count += u64::from(due);
         due

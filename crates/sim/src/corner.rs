@@ -1,7 +1,7 @@
 //! One corner's strain bridges and spring potentiometer.
 
-use model::sensors::{BendingBridge, Bridge, Deflection, Sensors, StrainChain};
-use model::strain::{ABSENT_COUNT, ChannelScale, Lag};
+use model::sensors::{BendingBridge, Bridge, Potentiometers, Sensors, StrainChain};
+use model::strain::{ChannelScale, Lag};
 use model::vehicle::Vehicle;
 use sample::{StrainChannel, Wheel};
 
@@ -66,7 +66,7 @@ impl Corner {
             strut_design_length_m: axle.strut.as_ref().map(|strut| strut.design_length_m),
             strain: [const { None }; StrainChannel::COUNT],
             strain_noise_counts: sensors.strain.noise_counts,
-            pot: deflection_scale(&sensors.deflection)?,
+            pot: potentiometer_scale("deflection", &sensors.deflection)?,
             pot_offset_counts,
             pot_noise_counts: sensors.deflection.noise_counts,
             noise,
@@ -224,26 +224,23 @@ impl Corner {
     }
 }
 
-/// A spring potentiometer: counts a metre of compression from the design length.
-fn deflection_scale(pot: &Deflection) -> Result<ChannelScale, SimError> {
-    let bad = |name: &str, value, expected| SimError::BadParameter {
-        name: name.to_owned(),
+/// Scale of potentiometers; `table` of the sensors file is named in errors.
+pub(crate) fn potentiometer_scale(
+    table: &str,
+    pots: &Potentiometers,
+) -> Result<ChannelScale, SimError> {
+    let bad = |field: &str, value, expected| SimError::BadParameter {
+        name: format!("{table}.{field}"),
         value,
         expected,
     };
-    if !(1..=16).contains(&pot.adc_bits) {
-        let bits = f64::from(pot.adc_bits);
-        return Err(bad("deflection.adc_bits", bits, "1 to 16"));
+    if !(1..=16).contains(&pots.adc_bits) {
+        return Err(bad("adc_bits", f64::from(pots.adc_bits), "1 to 16"));
     }
-    let counts = 1_u32 << pot.adc_bits;
-    if pot.span_m > 0.0 {
-        Ok(ChannelScale {
-            zero_counts: f64::from(counts) / 2.0,
-            counts_per_unit: f64::from(counts) / pot.span_m,
-            largest_count: ((counts - 1) as u16).min(ABSENT_COUNT - 1),
-        })
+    if pots.span_m > 0.0 {
+        Ok(pots.scale())
     } else {
-        Err(bad("deflection.span_m", pot.span_m, "above 0"))
+        Err(bad("span_m", pots.span_m, "above 0"))
     }
 }
 

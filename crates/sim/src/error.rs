@@ -171,7 +171,8 @@ pub enum SimError {
     },
     /// The linkage cannot stand as the motion says.
     #[error(
-        "{wheel} at {time_s} s: {cause}; check strut lengths and steering-wheel angle of the motion"
+        "{wheel} at {time_s} s: {cause}; check strut lengths and steering-wheel angle of the motion, \
+         and that the vehicle file is that of the motion's vehicle"
     )]
     Linkage {
         /// The corner.

@@ -33,6 +33,7 @@ mod options;
 mod random;
 mod serial_line;
 mod slope;
+mod steering;
 mod truth;
 mod truth_params;
 mod virtual_vehicle;

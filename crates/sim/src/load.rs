@@ -6,6 +6,7 @@ use model::sensors::Sensors;
 
 use crate::can_bus::{HUB_FRAME_BYTES, frame_bits};
 use crate::emission::Port;
+use crate::steering::RODS_FRAME_BYTES;
 use crate::{Options, SeptentrioBlocks, SimError};
 
 /// Greatest part of a CAN bus's bit rate that is used: beyond it, frames of low priority wait for
@@ -188,7 +189,12 @@ fn can_load(sensors: &Sensors, options: &Options) -> PortLoad {
         let own_hz = deflection_hz - shared_hz;
         parts.push(part("deflection.rate_hz", 4.0, own_hz, 8));
     }
-    parts.push(part("steer.rate_hz", 1.0, sensors.steer.rate_hz, 8));
+    if let Some(encoder) = &sensors.steer {
+        parts.push(part("steer.rate_hz", 1.0, encoder.rate_hz, 8));
+    } else if let Some(pots) = &sensors.steer_potentiometers {
+        let field = "steer_potentiometers.rate_hz";
+        parts.push(part(field, 1.0, pots.rate_hz, RODS_FRAME_BYTES));
+    }
     let wheel_hz = sensors.wheel_speed.rate_hz;
     parts.push(part("wheel_speed.rate_hz", 1.0, wheel_hz, 8));
     if let Some(hub) = &sensors.hub_acceleration {

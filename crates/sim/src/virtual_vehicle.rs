@@ -117,6 +117,13 @@ impl VirtualVehicle {
         self.can.hubs().map(PerWheel)
     }
 
+    /// What the device of the steering wheel reads straight ahead in this run, as an angle of the steering
+    /// wheel, rad.
+    #[must_use]
+    pub fn steer_offset_rad(&self) -> f64 {
+        self.can.steer_offset_rad()
+    }
+
     /// What each corner's converters give at zero in this run: each strain channel that there is
     /// without load, the potentiometer at the design length.
     #[must_use]

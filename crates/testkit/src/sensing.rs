@@ -289,10 +289,13 @@ fn gnss(source: &mut Source<'_>, sensors: &Sensors) {
 
 fn controls(source: &mut Source<'_>, sensors: &Sensors) {
     let run = source.run;
+    let steer_sigma_rad = sensors
+        .steer
+        .as_ref()
+        .map_or(0.0, |encoder| encoder.noise_rad);
     for row in (0..run.rows).step_by(2) {
         let time_s = row as f64 / RATE_HZ;
-        let steering_wheel_rad =
-            run.column("handwheel")[row] + source.normal() * sensors.steer.noise_rad;
+        let steering_wheel_rad = run.column("handwheel")[row] + source.normal() * steer_sigma_rad;
         source.push(
             time_s + 0.000_5,
             time_s,

@@ -1,5 +1,7 @@
 //! `[vehicle]` and `[estimator]`: configuration of the estimator.
 
+use std::ops::Range;
+
 use estimator::tuning::Group;
 use estimator::{Calibration, Input, Method, Settings, Tuning};
 use model::FileErrors;
@@ -91,6 +93,9 @@ pub fn read(
         }
         settings.payload = field.value;
     }
+    if let Some(sensors) = &sensors {
+        check_rods(&vehicle, sensors, &vehicle_span, collector);
+    }
     let calibration = match calibration {
         Some(field) => read_calibration(&field, &vehicle, files, collector)?,
         None => Calibration::nominal(&vehicle.name),
@@ -101,6 +106,25 @@ pub fn read(
         calibration,
         settings,
     })
+}
+
+/// Refuses potentiometers along the tie rods of a vehicle whose rack is not known.
+fn check_rods(
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+    span: &Range<usize>,
+    collector: &mut ErrorCollector<'_>,
+) {
+    if sensors.steer_potentiometers.is_some() && vehicle.steering.rack_m_rad.is_none() {
+        collector.add(
+            span,
+            "vehicle.sensors",
+            "the sensors file has steer_potentiometers, but the vehicle file has no steering.rack_m_rad"
+                .to_owned(),
+            "add steering.rack_m_rad, the travel of the rack for one radian of the steering wheel, to the \
+             vehicle file",
+        );
+    }
 }
 
 /// Settings without payload from their fields.

@@ -11,8 +11,8 @@ pub enum Role {
     /// Steering-wheel angle; the factor converts the signal's unit to rad.
     Steer(f64),
     /// Travel of a potentiometer along a front tie rod, left positive; the factor converts the
-    /// signal's unit to m.
-    SteerRod(Side, f64),
+    /// signal's unit to m, absent for counts.
+    SteerRod(Side, Option<f64>),
     /// Angular speed of a wheel; the factor converts the signal's unit to rad/s.
     WheelSpeed(Wheel, f64),
     /// Counts of a spring potentiometer.
@@ -53,12 +53,12 @@ pub fn read(
         angle_factor(signal).map(Role::Steer)
     });
     for side in Side::ALL {
-        let key = match side {
-            Side::Left => "steer_left",
-            Side::Right => "steer_right",
+        let (key, default) = match side {
+            Side::Left => ("steer_left", "SteerRods.left"),
+            Side::Right => ("steer_right", "SteerRods.right"),
         };
         let field = section.optional::<String>(key, collector);
-        finder.add(field, "", collector, |signal| {
+        finder.add(field, default, collector, |signal| {
             length_factor(signal).map(|factor| Role::SteerRod(side, factor))
         });
     }
@@ -222,12 +222,13 @@ fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
     }
 }
 
-/// Factor that converts the unit of a signal to m.
-fn length_factor(signal: &SignalDef) -> Result<f64, String> {
+/// Factor that converts the unit of a signal to m; none for counts.
+fn length_factor(signal: &SignalDef) -> Result<Option<f64>, String> {
     match signal.unit.trim() {
-        "m" => Ok(1.0),
-        "cm" => Ok(1e-2),
-        "mm" => Ok(1e-3),
+        "m" => Ok(Some(1.0)),
+        "cm" => Ok(Some(1e-2)),
+        "mm" => Ok(Some(1e-3)),
+        "count" | "counts" | "" => Ok(None),
         unit => Err(format!(
             "{} has the unit \"{unit}\", which is not a unit of a length",
             signal.name

@@ -1,6 +1,6 @@
 //! Decodes CAN frames to signals and measurements.
 
-use model::sensors::HubAcceleration;
+use model::sensors::{HubAcceleration, Potentiometers};
 use model::strain::ABSENT_COUNT;
 use sample::{
     CanFrame, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement,
@@ -28,6 +28,9 @@ pub struct Scales {
     /// Travel of the steering rack for an angle of the steering wheel, m/rad; without it, the
     /// potentiometers along the tie rods measure nothing.
     pub rack_m_rad: Option<f64>,
+    /// Scale of the counts of the potentiometers along the tie rods, if these measure the steering wheel
+    /// in the place of an encoder.
+    pub rods: Option<Potentiometers>,
 }
 
 struct Decodable {
@@ -125,7 +128,7 @@ impl CanDecoder {
                 measurement,
             });
         };
-        let (signals, measured) = decode(message, roles, frame, self.scales.hub.as_ref());
+        let (signals, measured) = decode(message, roles, frame, &self.scales);
         emit(Measurement::Signals(signals));
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
@@ -134,7 +137,8 @@ impl CanDecoder {
             emit(Measurement::HubAcceleration(hub));
         }
         let by_rods = measured.by_rods_rad(self.scales.rack_m_rad);
-        if let Some(steering_wheel_rad) = measured.steer_rad.or(by_rods) {
+        let by_encoder = measured.steer_rad.filter(|_| self.scales.rods.is_none());
+        if let Some(steering_wheel_rad) = by_encoder.or(by_rods) {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
         }
         if measured.speeds_rad_s.0.iter().any(Option::is_some) {
@@ -149,7 +153,7 @@ fn decode(
     message: &MessageDef,
     roles: &[Option<Role>],
     frame: &CanFrame,
-    scale: Option<&HubAcceleration>,
+    scales: &Scales,
 ) -> (SignalFrame, Measured) {
     let mut measured = Measured::default();
     let mut signals = Vec::with_capacity(message.signals.len());
@@ -162,7 +166,11 @@ fn decode(
         match roles.get(value.index).copied().flatten() {
             Some(Role::Steer(factor)) => measured.steer_rad = Some(value.physical * factor),
             Some(Role::SteerRod(side, factor)) => {
-                measured.rods_m[side as usize] = Some(value.physical * factor);
+                measured.rods_m[side as usize] = match factor {
+                    Some(factor) => Some(value.physical * factor),
+                    None => (scales.rods.as_ref().zip(counts(value.bits)))
+                        .and_then(|(pots, count)| pots.travel_m(count)),
+                };
             }
             Some(Role::WheelSpeed(wheel, factor)) => {
                 measured.speeds_rad_s[wheel] = Some(value.physical * factor);
@@ -180,7 +188,7 @@ fn decode(
                 hub.counts[axis] = counts(value.bits).filter(|_| factor.is_none());
                 hub.specific_force_m_s2[axis] = match factor {
                     Some(factor) => Some(value.physical * factor),
-                    None => scale
+                    None => (scales.hub.as_ref())
                         .zip(hub.counts[axis])
                         .and_then(|(scale, count)| scale.specific_force_m_s2(count)),
                 };

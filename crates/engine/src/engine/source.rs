@@ -75,6 +75,7 @@ impl SourceState {
         let scales = Scales {
             hub: sensors.and_then(|sensors| sensors.hub_acceleration.clone()),
             rack_m_rad: estimator.and_then(|settings| settings.vehicle.steering.rack_m_rad),
+            rods: sensors.and_then(|sensors| sensors.steer_potentiometers.clone()),
         };
         let (decoder, gnss) = match &source.meaning {
             Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can, scales)), None),

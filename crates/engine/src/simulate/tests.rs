@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use estimator::Calibration;
 use estimator::calibration::{Recording, Step};
-use model::sensors::HubAxis;
+use model::sensors::{HubAxis, Sensors};
 use model::vehicle::Vehicle;
 use sample::{EventKind, LogTime, Measurement, PerWheel, TyreForce, Wheel};
 use sim::{HubAxisFault, HubAxisFaultKind, HubFault, Options};
@@ -170,6 +170,71 @@ fn dead_and_frozen_axes_of_hub_accelerometers_are_named() {
     assert_eq!(told.len(), 4, "{told:?}");
     // Health is reported once a second.
     assert!((14..=18).contains(&left_out), "{left_out}");
+}
+
+/// Largest differences (root mean square) of the motion by potentiometers along the tie rods from that by
+/// the encoder: sideslip, yaw rate, steer angle of the front wheels, rad and rad/s.
+const BY_RODS_MAX: [f64; 3] = [5e-4, 5e-4, 2e-3];
+
+#[test]
+fn potentiometers_along_the_tie_rods_give_the_motion_of_the_encoder() {
+    let encoder = Sensors::builtin_text("thesis-10bit").expect("built-in sensors");
+    let begin = encoder.find("[steer]").expect("an encoder");
+    let end = begin + encoder[begin..].find("\n\n").expect("the table's end");
+    let rods = "[steer_potentiometers]\nrate_hz = 100.0\nspan_m = 0.1\nadc_bits = 12\n\
+                noise_counts = 1.0\nzero_error_counts = 8.0\n";
+    let by_rods = format!("{}{rods}{}", &encoder[..begin], &encoder[end..]);
+    let motions = [encoder, &by_rods].map(|sensors| {
+        let mut simulated = VirtualDrive::new(&Drive {
+            course: Course::Manoeuvre("slow-sine".to_owned()),
+            road: None,
+            vehicle: FileSource::Path("prowler".into()),
+            sensors: FileSource::Text(sensors.to_owned()),
+            payload: Vec::new(),
+            seed: 11,
+            options: Options::default(),
+            duration_s: None,
+        })
+        .expect("a drive");
+        let mut config = simulated.config().expect("a configuration");
+        let settings = config.estimator.as_mut().expect("an estimator");
+        settings.calibration = simulated.true_calibration.clone();
+        let start = simulated.start();
+        let mut motion = BTreeMap::new();
+        let mut steered = 0;
+        simulate(&mut simulated, &config, |entry| {
+            match entry {
+                Entry::Record(Record::Estimate(estimate))
+                    if estimate.time > start.offset_seconds(2.0) =>
+                {
+                    let m = estimate.motion;
+                    let steer_rad = m.steer_rad[Wheel::FrontLeft];
+                    motion.insert(estimate.time, [m.sideslip_rad, m.rate_rad_s[2], steer_rad]);
+                }
+                Entry::Record(Record::Sample(sample)) => {
+                    steered += u32::from(matches!(sample.measurement, Measurement::Steer(_)));
+                }
+                _ => {}
+            }
+            Ok::<_, Error>(())
+        })
+        .expect("a simulation");
+        assert!((2590..=2602).contains(&steered), "{steered}");
+        motion
+    });
+    let rms: [f64; 3] = std::array::from_fn(|i| {
+        let pairs = motions[0]
+            .iter()
+            .filter_map(|(time, a)| Some(a[i] - motions[1].get(time)?[i]));
+        let squares: Vec<f64> = pairs.map(|difference| difference * difference).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    });
+    eprintln!("{rms:?}");
+    let fits = rms
+        .iter()
+        .zip(BY_RODS_MAX)
+        .all(|(found, most)| *found < most);
+    assert!(fits, "{rms:?}");
 }
 
 /// The estimator and the calibration name a sensor that is mounted turned, with axis and value.

@@ -66,7 +66,8 @@ const SECTIONS: &[TableRules] = &[
             must("gnss_velocity", Table),
             must("gnss_attitude", Table),
             must("wheel_speed", Table),
-            must("steer", Table),
+            may("steer", Table),
+            may("steer_potentiometers", Table),
             may("hub_acceleration", Table),
             may("bus", Table),
         ],
@@ -107,7 +108,7 @@ const SECTIONS: &[TableRules] = &[
         ],
     },
     TableRules {
-        tables: &["deflection"],
+        tables: &["deflection", "steer_potentiometers"],
         rules: &[
             RATE,
             must("span_m", Number(Positive(5.0))),
@@ -197,6 +198,16 @@ impl Sensors {
                 "check its unit".into(),
             );
         }
+        let (encoder, rods) = (&checked.value.steer, &checked.value.steer_potentiometers);
+        if encoder.is_some() == rods.is_some() {
+            let which = if rods.is_some() { "both" } else { "none" };
+            checked.note(
+                "steer",
+                which.to_owned(),
+                format!("there must be one of the tables [steer] and [steer_potentiometers], not {which}"),
+                "keep the table of the device that measures the steering wheel".into(),
+            );
+        }
         checked.finish()
     }
 
@@ -277,6 +288,28 @@ mod tests {
             hub.position_of_m(sample::Wheel::FrontRight),
             [0.0, 0.03, 0.0]
         );
+    }
+
+    #[test]
+    fn one_device_measures_the_steering_wheel() {
+        let text = Sensors::builtin_text("thesis-10bit").unwrap();
+        let start = text.find("[steer]").unwrap();
+        let encoder = &text[start..start + text[start..].find("\n\n").unwrap()];
+        let rods = "[steer_potentiometers]\nrate_hz = 100.0\nspan_m = 0.2\nadc_bits = 12\n\
+                    noise_counts = 1.0\nzero_error_counts = 2.0\n";
+        let sensors = Sensors::from_toml(&text.replace(encoder, rods), "s.toml").unwrap();
+        let pots = sensors.steer_potentiometers.unwrap();
+        assert_eq!(sensors.steer, None);
+        assert_eq!(pots.travel_m(2048 + 1024), Some(0.05));
+        assert_eq!((pots.travel_m(0), pots.travel_m(4095)), (None, None));
+        for (other, which) in [
+            (format!("{encoder}\n{rods}"), "both"),
+            (String::new(), "none"),
+        ] {
+            let error = Sensors::from_toml(&text.replace(encoder, &other), "s.toml").unwrap_err();
+            let told = format!("[steer] and [steer_potentiometers], not {which}");
+            assert!(error.to_string().contains(&told), "{error}");
+        }
     }
 
     #[test]

@@ -58,7 +58,15 @@ from atvrec.estimation import (
 )
 from atvrec.log import Log, open
 from atvrec.replaying import Replayed, Simulated, manoeuvres, replay, simulate
-from atvrec.scoring import Comparison, Innovations, Score, compare, innovations, score
+from atvrec.scoring import (
+    Comparison,
+    Innovations,
+    Score,
+    ScoreWithMethods,
+    compare,
+    innovations,
+    score,
+)
 
 __all__ = [
     "ArgumentError",
@@ -82,6 +90,7 @@ __all__ = [
     "Ride",
     "Samples",
     "Score",
+    "ScoreWithMethods",
     "Sensors",
     "Simulated",
     "SimulationError",

@@ -300,10 +300,11 @@ class Estimator:
 
     The same samples in the same order give the same bits as the program. ``sensors`` are the built-in
     ``thesis-10bit`` by default, ``calibration`` the nominal one of the vehicle, ``tuning`` the default
-    values. ``ignore`` names inputs that are not used.
+    values. ``ignore`` names inputs that are not used, ``payload`` the payloads of the vehicle file that
+    are on the vehicle.
 
     Raises :class:`atvrec.ArgumentError` where the calibration belongs to another vehicle, or holds a
-    value that cannot be used.
+    value that cannot be used, and where the vehicle has no payload with a name.
     """
 
     def __init__(
@@ -315,6 +316,7 @@ class Estimator:
         *,
         method: Method = "fusion",
         ignore: Sequence[Input] = (),
+        payload: Sequence[str] = (),
     ) -> None:
         self._estimator = SampleEstimator(
             vehicle,
@@ -323,6 +325,7 @@ class Estimator:
             tuning or Tuning(),
             method,
             list(ignore),
+            list(payload),
         )
 
     def push(self, samples: Samples) -> None:

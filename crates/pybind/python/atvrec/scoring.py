@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
 
@@ -174,6 +174,13 @@ class Score(TypedDict):
     """How many events of each kind were declared."""
 
 
+class ScoreWithMethods(Score):
+    """A score with that of simple methods on the same samples: ``atvrec score --methods --json``."""
+
+    methods: list[Forces]
+    """By method and frame; ``output`` has the method: ``deflection``, ``statics`` or ``model``."""
+
+
 class Difference(TypedDict):
     """How one signal differs, here less there."""
 
@@ -219,17 +226,38 @@ class Comparison(TypedDict):
     events_only_there: list[LoneEvent]
 
 
+@overload
 def score(
-    log: Log | Path | Iterable[Path], *, smoothed: bool = False, from_s: float = 2.0
-) -> Score:
+    log: Log | Path | Iterable[Path],
+    *,
+    smoothed: bool = False,
+    from_s: float = 2.0,
+    methods: Literal[False] = False,
+) -> Score: ...
+@overload
+def score(
+    log: Log | Path | Iterable[Path],
+    *,
+    smoothed: bool = False,
+    from_s: float = 2.0,
+    methods: Literal[True],
+) -> ScoreWithMethods: ...
+def score(
+    log: Log | Path | Iterable[Path],
+    *,
+    smoothed: bool = False,
+    from_s: float = 2.0,
+    methods: bool = False,
+) -> Score | ScoreWithMethods:
     """Errors of a log's estimates against the truth that it carries.
 
     The first ``from_s`` seconds are left out. ``smoothed`` judges the estimates of
-    ``replay --smooth`` in the place of the causal ones.
+    ``replay --smooth`` in the place of the causal ones. ``methods`` adds the forces of simple methods
+    on the same samples, which takes about as long as a replay.
 
     Raises :class:`atvrec.LogError` where the log has no truth, estimate or vehicle.
     """
-    found: Score = _scored(log, None, smoothed, from_s)
+    found: Score | ScoreWithMethods = _scored(log, None, smoothed, from_s, methods)
     return found
 
 
@@ -244,7 +272,7 @@ def compare(
 
     Raises :class:`atvrec.LogError` where they have no instant in common.
     """
-    found: Comparison = _scored(log, other, smoothed, from_s)
+    found: Comparison = _scored(log, other, smoothed, from_s, methods=False)
     return found
 
 
@@ -265,9 +293,11 @@ def _scored(
     other: Log | Path | Iterable[Path] | None,
     smoothed: bool,
     from_s: float,
+    methods: bool,
 ) -> Any:
     against = None if other is None else opened(other)._reader
-    return json.loads(opened(log)._reader.score_json(against, smoothed, _checked(from_s)))
+    reader = opened(log)._reader
+    return json.loads(reader.score_json(against, smoothed, _checked(from_s), methods))
 
 
 def _checked(from_s: float) -> float:

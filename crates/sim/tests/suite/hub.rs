@@ -235,7 +235,7 @@ fn every_channel_has_its_own_rate() {
     for [strain_hz, deflection_hz] in rates {
         sensors.strain.rate_hz = strain_hz;
         sensors.deflection.rate_hz = deflection_hz;
-        sensors.steer.rate_hz = 40.0;
+        sensors.steer.as_mut().unwrap().rate_hz = 40.0;
         sensors.wheel_speed.rate_hz = 1000.0;
         sensors.imu.rate_hz = 1000.0;
         sensors.gnss_velocity.rate_hz = 1000.0;

@@ -138,7 +138,7 @@ fn steering_wheel_and_wheel_speeds() {
     assert_sigma(
         "steer",
         sigma,
-        sensors().steer.noise_rad.to_degrees(),
+        sensors().steer.expect("an encoder").noise_rad.to_degrees(),
         steer.len(),
     );
     let speeds = frames_of(&all, 0x210);
