@@ -227,3 +227,99 @@ fn counts(bits: u64) -> Option<i32> {
     let present = bits != u64::from(ABSENT_COUNT);
     present.then(|| i32::try_from(bits).ok()).flatten()
 }
+
+#[cfg(test)]
+mod tests {
+    use sample::{CanFlags, Side};
+
+    use super::*;
+    use crate::config::RoleOf;
+
+    const DBC: &[u8] = b"VERSION \"\"\n\nBU_: Box\n\nBO_ 1 Rods: 8 Box\n \
+        SG_ left : 0|16@1- (0.1,0) [0|0] \"mm\" Box\n SG_ right : 16|16@1+ (1,0) [0|0] \"count\" Box\n \
+        SG_ angle : 32|16@1- (0.001,0) [0|0] \"rad\" Box\n";
+
+    /// Steering-wheel angle of a frame with these roles of the signals.
+    fn angle_rad(roles: &[(usize, Role)], fields: [u16; 3], rods: bool) -> Option<f64> {
+        let roles = roles.iter().map(|&(signal, role)| RoleOf {
+            database: 0,
+            message: 0,
+            signal,
+            role,
+        });
+        let meaning = CanMeaning {
+            databases: vec![Database::parse(DBC).expect("a DBC file")],
+            roles: roles.collect(),
+        };
+        let pots = Potentiometers {
+            rate_hz: 100.0,
+            span_m: 0.1,
+            adc_bits: 10,
+            noise_counts: 1.0,
+            zero_error_counts: 0.0,
+        };
+        let scales = Scales {
+            hub: None,
+            rack_m_rad: Some(0.01),
+            rods: rods.then_some(pots),
+        };
+        let mut data = [0; 64];
+        for (bytes, field) in data.chunks_exact_mut(2).zip(fields) {
+            bytes.copy_from_slice(&field.to_le_bytes());
+        }
+        let frame = CanFrame {
+            id: 1,
+            flags: CanFlags::default(),
+            len: 8,
+            data,
+            kernel_ns: None,
+            hardware_ns: None,
+        };
+        let arrived = Arrived {
+            source: SourceId(0),
+            log_time: LogTime(1_000_000_000),
+            realtime_ns: 0,
+            transport_delay_s: 0.0,
+        };
+        let mut samples = Vec::new();
+        CanDecoder::new(&meaning, scales).push(&arrived, &frame, &mut samples);
+        samples.iter().find_map(|sample| match &sample.measurement {
+            Measurement::Steer(steer) => Some(steer.steering_wheel_rad),
+            _ => None,
+        })
+    }
+
+    #[test]
+    fn tie_rods_in_metres_and_in_counts_give_the_steering_wheel() {
+        let millimetres = (0, Role::SteerRod(Side::Left, Some(1e-3)));
+        let counts = (1, Role::SteerRod(Side::Right, None));
+        let encoder = (2, Role::Steer(1.0));
+        // 5 mm to the left; a quarter of the span, 25 mm; 0.3 rad.
+        let fields = [50, 768, 300];
+        let close = |found: Option<f64>, expected: f64| {
+            assert!(
+                (found.expect("an angle") - expected).abs() < 1e-12,
+                "{found:?}"
+            );
+        };
+        close(angle_rad(&[millimetres], fields, false), 0.5);
+        close(angle_rad(&[counts], fields, true), 2.5);
+        close(angle_rad(&[millimetres, counts], fields, true), 1.5);
+        // At an end of its range, or absent, the other one counts alone.
+        close(
+            angle_rad(&[millimetres, counts], [50, 1023, 300], true),
+            0.5,
+        );
+        close(
+            angle_rad(&[millimetres, counts], [50, ABSENT_COUNT, 300], true),
+            0.5,
+        );
+        // Counts without a scale measure nothing.
+        assert_eq!(angle_rad(&[counts], fields, false), None);
+        // The sensors file tells which device measures the steering wheel.
+        close(angle_rad(&[counts, encoder], fields, true), 2.5);
+        close(angle_rad(&[counts, encoder], fields, false), 0.3);
+        close(angle_rad(&[millimetres, encoder], fields, false), 0.3);
+        assert_eq!(angle_rad(&[encoder], fields, true), None);
+    }
+}
