@@ -74,7 +74,7 @@ fn hub_accelerometers_are_calibrated_by_rest_and_driving() {
             let axis = ["x", "y", "z"]
                 .iter()
                 .position(|axis| finding.name.ends_with(axis));
-            let error = finding.value - values.expect("is told")[axis.expect("an axis")];
+            let error = finding.value - values.expect("an axis is named")[axis.expect("an axis")];
             let kind = usize::from(finding.unit != "rad");
             largest[kind] = largest[kind].max(error.abs());
             squares += (error / finding.sigma).powi(2);
