@@ -1,12 +1,15 @@
 //! Drives on rough ground, and what follows from the wheels' accelerations.
 
-use atvrec_sim::{Course, Hitch, Motion, RoughPlan, TruthState, WheelGround, drive_rough};
+use atvrec_sim::{
+    Course, Hitch, Motion, Options, RoughPlan, TruthState, VirtualVehicle, WheelGround, drive_rough,
+};
 use model::road::{Ground, GroundContact, Plane};
+use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{ForceFrame, Wheel};
 use testkit::truth::vehicle as simulated;
 
-use crate::support::vehicle;
+use crate::support::{sensors, vehicle};
 
 /// Waves, met by the tangent plane below the wheel centre.
 struct Waves(f64);
@@ -111,6 +114,24 @@ fn rows_tell_forces_and_wheels_alike() {
         worst[0] < 1e-6 && worst[1] < 0.02 && worst[2] < 12.0,
         "{worst:?}"
     );
+}
+
+/// Sensors read a motion on rough ground, with hard-points and without; only the former has strain.
+#[test]
+fn sensors_read_rough_ground() {
+    for name in ["prowler", "prowler-chang"] {
+        let vehicle = Vehicle::builtin(name).expect("a built-in vehicle");
+        let plan = RoughPlan {
+            duration_s: 3.0,
+            ..plan(5.0, Course::Curvature(Box::new(|_| 0.03)))
+        };
+        let motion = drive_rough(name, &vehicle, &Waves(0.04), &plan).unwrap();
+        assert_eq!(motion.has_link_forces(), name == "prowler");
+        let turn = motion.at(3.0).yaw_rad;
+        assert!((0.2..0.6).contains(&turn), "{name}: {turn} rad");
+        let sensed = VirtualVehicle::new(motion, &vehicle, &sensors(), &Options::default(), 11);
+        assert!(sensed.expect("a virtual vehicle").count() > 1000);
+    }
 }
 
 /// A hitch that pulls with a known force slows the vehicle that coasts.

@@ -50,12 +50,7 @@ impl TyreForces {
         let in_plane = normal - s * lean;
         let upright = in_plane.norm();
         let closing = -normal.dot(&velocity) / upright;
-        let load_n = if contact.depth_m > 0.0 {
-            let spring = file.vertical_stiffness_n_m * contact.depth_m;
-            (spring + file.vertical_damping_n_s_m * closing).max(0.0)
-        } else {
-            0.0
-        };
+        let load_n = load_n(file, contact.depth_m, closing);
         let ahead = s.cross(&normal) / upright;
         let left = normal.cross(&ahead);
         let foot = in_plane * ((contact.depth_m - file.unloaded_radius_m) / upright);
@@ -127,6 +122,17 @@ impl Torques {
             on_chassis: by_chassis(drive, corner.drive_on_chassis)
                 + by_chassis(brake, !corner.brake_on_carrier),
         }
+    }
+}
+
+/// Load of a tyre pressed in by a depth, m, that grows at a speed, m/s: spring and damper, never
+/// negative, N.
+fn load_n(tyre: &crate::vehicle::Tyre, depth_m: f64, closing_m_s: f64) -> f64 {
+    if depth_m > 0.0 {
+        let spring = tyre.vertical_stiffness_n_m * depth_m;
+        (spring + tyre.vertical_damping_n_s_m * closing_m_s).max(0.0)
+    } else {
+        0.0
     }
 }
 
