@@ -197,8 +197,13 @@ pub struct ReplayChanges {
     /// Use this calibration file.
     #[arg(long, value_name = "FILE")]
     pub calibration: Option<PathBuf>,
+    /// Payload of the vehicle file that is on the vehicle at the start, instead of those of the log;
+    /// can be given several times.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub payload: Vec<String>,
     /// Ignore these inputs too, as if the sensors were not fitted: strain, deflection, imu,
-    /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed.
+    /// gnss_velocity, gnss_attitude, wheel_speed, steer, ground_speed,
+    /// hub_acceleration.
     #[arg(long, value_name = "INPUT", value_delimiter = ',')]
     pub without: Vec<String>,
     /// Use these inputs, although the log's configuration ignores them.
@@ -238,6 +243,10 @@ pub struct ScoreArgs {
     /// Print only the statistics of the filters' innovations, which need no truth.
     #[arg(long, conflicts_with_all = ["against", "smoothed"])]
     pub innovations: bool,
+    /// Score three simple methods on the same samples, too: deflection alone, the thesis's statics,
+    /// the vehicle model alone.
+    #[arg(long, conflicts_with_all = ["against", "innovations"])]
+    pub methods: bool,
     /// Ignore the first seconds, in which the estimator converges.
     #[arg(long = "from", default_value = "2", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
     pub from_s: f64,
@@ -294,6 +303,9 @@ pub struct DriveArgs {
     /// Sensors file, or the name of a built-in sensor set.
     #[arg(long, default_value = "thesis-10bit", value_name = "FILE")]
     pub sensors: String,
+    /// Payload of the vehicle file that is on the vehicle; can be given several times.
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub payload: Vec<String>,
     /// Seed of the sensor noise, and of a road iso8608:CLASS; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
@@ -318,6 +330,7 @@ impl DriveArgs {
             road: self.road.clone(),
             vehicle: PathBuf::from(&self.vehicle).into(),
             sensors: PathBuf::from(&self.sensors).into(),
+            payload: self.payload.clone(),
             seed: self.seed,
             options: options.transpose()?.unwrap_or_default(),
             duration_s: self.duration_s,
@@ -446,6 +459,8 @@ pub enum CalibrateCommand {
     Gnss(CalibrateArgs),
     /// Rolling radius of each wheel, from straight driving at constant speed with GNSS.
     WheelRadius(CalibrateArgs),
+    /// Bias and axes of the hub accelerometers, from rest and a drive with braking and turns.
+    Hub(CalibrateArgs),
 }
 
 impl CalibrateCommand {
@@ -455,9 +470,11 @@ impl CalibrateCommand {
             Self::Zero(args) => &args.shared,
             Self::Weight(args) => &args.shared,
             Self::Steer(args) => &args.shared,
-            Self::LoadRig(args) | Self::Imu(args) | Self::Gnss(args) | Self::WheelRadius(args) => {
-                args
-            }
+            Self::LoadRig(args)
+            | Self::Imu(args)
+            | Self::Gnss(args)
+            | Self::WheelRadius(args)
+            | Self::Hub(args) => args,
         }
     }
 }

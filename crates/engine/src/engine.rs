@@ -14,8 +14,8 @@ use std::collections::BTreeSet;
 use estimator::smoother::{LAG_STEPS, Smoother};
 use estimator::{Estimator, Output};
 use sample::{
-    Arrival, Estimate, EventKind, Health, LogTime, NANOS_PER_SECOND, Notice, Payload, Sample,
-    Severity, SourceId,
+    Arrival, Estimate, EventKind, ForceFrame, Health, LogTime, NANOS_PER_SECOND, Notice, Payload,
+    Sample, Severity, SourceId,
 };
 use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
@@ -51,14 +51,10 @@ pub struct Engine {
 impl Engine {
     /// Engine before the first arrival.
     pub fn new(config: &Config) -> Result<Self> {
-        let attitude_latency_s = config
-            .estimator
-            .as_ref()
-            .map_or(0.0, |settings| settings.sensors.gnss_attitude.latency_s);
         let sources = config
             .sources
             .iter()
-            .map(|source| SourceState::new(source, attitude_latency_s))
+            .map(|source| SourceState::new(source, config.estimator.as_ref()))
             .collect::<Result<_>>()?;
         Ok(Self {
             sources,
@@ -79,7 +75,11 @@ impl Engine {
         let mut engine = Self::new(config)?;
         engine.estimator = engine.estimator.map(Estimator::traced);
         let settings = config.estimator.as_ref();
-        engine.smoother = settings.map(|settings| Smoother::new(&settings.vehicle, LAG_STEPS));
+        if let Some(settings) = settings {
+            let loaded = settings.vehicle.loaded(&settings.settings.payload);
+            let loaded = loaded.map_err(estimator::EstimatorError::from)?;
+            engine.smoother = Some(Smoother::new(&loaded.vehicle, LAG_STEPS));
+        }
         Ok(engine)
     }
 
@@ -122,6 +122,9 @@ impl Engine {
         if let Payload::Notice(notice) = &arrival.payload {
             self.losses.add_notice(arrival.source, notice);
             self.log_notice(arrival.source, now, notice, records);
+            if let Notice::Mark(text) = notice {
+                self.mark(now, text, records);
+            }
         }
         self.estimate(now, has_data(&arrival.payload), records);
         records.extend(self.samples.drain(..).map(Record::Sample));
@@ -169,6 +172,19 @@ impl Engine {
         }
         for sample in &self.samples {
             estimator.push(sample);
+        }
+    }
+
+    /// Lets the estimator do what a mark says of a payload.
+    fn mark(&mut self, now: LogTime, text: &str, records: &mut Vec<Record>) {
+        let marked = self
+            .estimator
+            .as_mut()
+            .map(|estimator| estimator.mark(text));
+        if let Some(Err(error)) = marked {
+            let text = format!("the mark \"{text}\" has no effect: {error}");
+            let name = "estimator".to_owned();
+            records.push(log(now, Severity::Warning, name, text));
         }
     }
 
@@ -306,18 +322,20 @@ fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
 
 fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
     let (time, stage) = (estimate.time, Stage::Smoothed);
-    let (motion, forces) = (estimate.motion, estimate.measured);
+    let motion = estimate.motion;
     records.push(Record::Motion {
         time,
         stage,
         motion,
     });
-    records.push(Record::TyreForces {
-        time,
-        stage,
-        frame: estimate.frame,
-        forces,
-    });
+    for frame in [ForceFrame::WheelCarrier, ForceFrame::Contact] {
+        records.push(Record::TyreForces {
+            time,
+            stage,
+            frame,
+            forces: *estimate.forces(frame),
+        });
+    }
 }
 
 fn log(time: LogTime, severity: Severity, name: String, text: String) -> Record {

@@ -15,7 +15,7 @@ const DT_S: f64 = estimator::GRID_NANOS as f64 * 1e-9;
 const FUSION: i32 = 3;
 /// Topics of the estimates.
 const MOTION: &str = "/estimate/motion";
-const TYRE_FORCES: &str = "/estimate/tyre_forces";
+const CONTACT_FORCES: &str = "/estimate/contact_forces";
 const PARAMETERS: &str = "/estimate/parameters";
 /// Abbreviations of the wheels in the columns' names.
 const WHEELS: [&str; 4] = ["fl", "fr", "rl", "rr"];
@@ -140,13 +140,13 @@ fn require(reader: &Reader, what: &str, senses: &[Sense]) -> std::result::Result
 }
 
 fn read_forces(reader: &Reader, window: Window, motion: &Grid) -> Result<TyreForces> {
-    if !reader.info().channels.contains_key(TYRE_FORCES) {
+    if !reader.info().channels.contains_key(CONTACT_FORCES) {
         return Ok(TyreForces::default());
     }
     let forces = Grid {
         first_ns: motion.first_ns,
         rows: motion.rows,
-        ..Grid::read(reader, TYRE_FORCES, window)?
+        ..Grid::read(reader, CONTACT_FORCES, window)?
     };
     let source = forces.table.columns.iter().find(|c| c.name == "fl.source");
     let axes =

@@ -33,9 +33,12 @@ pub fn read_recording(path: &Path) -> Result<Recording> {
     let Some(estimator) = config.estimator else {
         return Err(Error::NoVehicleIn(path.to_owned()));
     };
+    let loaded = estimator.vehicle.loaded(&estimator.settings.payload);
+    let loaded = loaded.map_err(estimator::EstimatorError::from)?;
+    let sensors = loaded.sensors(&estimator.sensors);
     let start = reader.info().span.map_or(LogTime(0), |span| span.0);
     let name = path.display().to_string();
-    let mut recording = Recording::new(name, estimator.vehicle, estimator.sensors, start);
+    let mut recording = Recording::new(name, loaded.vehicle, sensors, start);
     for message in reader.messages(Selection::topics(TOPICS)) {
         let message = message?;
         match message.record()? {

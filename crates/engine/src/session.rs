@@ -43,6 +43,7 @@ pub fn replayed(config: &Config, original: &Session) -> Session {
         boot_id: original.boot_id.clone(),
         host: original.host.clone(),
         clock: original.clock,
+        injected_faults: original.injected_faults.clone(),
         ..started_at(config, original.started)
     }
 }

@@ -65,3 +65,6 @@ pub fn simulate<E: From<Error>>(
     }
     Ok(feed.arrivals())
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,9 @@ use std::io::Sink;
 
 use sample::text::printable;
 use sample::{LogTime, NANOS_PER_SECOND};
-use store::{Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection};
+use store::{
+    Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection, same_force_values,
+};
 
 use crate::Result;
 
@@ -17,14 +19,16 @@ const RAW: &str = "atvrec.Raw";
 const FOREIGN: [&str; 1] = ["/truth/"];
 /// Topics that only the log of a replay can contain.
 const SMOOTHED: &str = "/smoothed/";
-/// Topic that logs of version 0.1.0 do not contain.
-const UTC_OFFSET: &str = "/utc_offset";
+/// Forces in the wheel-carrier frame.
+const TYRE_FORCES: &str = "/estimate/tyre_forces";
+/// Topics that logs of earlier versions do not contain.
+const LATER: [&str; 3] = ["/utc_offset", TYRE_FORCES, "/smoothed/tyre_forces"];
 /// Schemas of latched messages, which every part of a run repeats at its beginning.
 const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
 /// Most differences that are reported in full.
 const REPORTED_MAX: usize = 3;
 /// Most messages of a decoded record.
-const MESSAGES_PER_RECORD_MAX: u64 = 4;
+const MESSAGES_PER_RECORD_MAX: u64 = 5;
 /// Time on the log clock for which a message waits for its counterpart: above the latency of both sides.
 const WAIT_MAX_NANOS: i64 = 10 * NANOS_PER_SECOND;
 /// Time before missing arrivals from which estimates may depend on them.
@@ -42,8 +46,8 @@ pub struct Verifier {
     settle_at: LogTime,
     /// Whether the log contains smoothed estimates.
     smoothed: bool,
-    /// Whether the log contains offsets of UTC.
-    utc_offset: bool,
+    /// Topics that the log is too old to contain.
+    absent: Vec<&'static str>,
     report: Verification,
 }
 
@@ -103,7 +107,10 @@ impl Verifier {
                 .channels
                 .keys()
                 .any(|topic| topic.starts_with(SMOOTHED)),
-            utc_offset: info.channels.contains_key(UTC_OFFSET),
+            absent: LATER
+                .into_iter()
+                .filter(|topic| !info.channels.contains_key(*topic))
+                .collect(),
             report,
         }
     }
@@ -138,13 +145,14 @@ impl Verifier {
 
     fn computed(&mut self, message: Encoded, now: LogTime) {
         if message.topic.starts_with(SMOOTHED) && !self.smoothed
-            || message.topic == UTC_OFFSET && !self.utc_offset
+            || self.absent.contains(&message.topic.as_str())
         {
             return;
         }
+        let values_alone = self.values_alone();
         let topic = self.waiting.entry(message.topic.clone()).or_default();
         let waiting = topic.entry(message.log_time).or_default();
-        let same = |recorded: &Message| is_same(recorded, &message);
+        let same = |recorded: &Message| is_same(recorded, &message, values_alone);
         match waiting.recorded.iter().position(same) {
             Some(position) => {
                 waiting.recorded.remove(position);
@@ -165,9 +173,10 @@ impl Verifier {
             return;
         }
         let name = &message.channel.topic;
+        let values_alone = self.values_alone();
         let topic = self.waiting.entry(name.clone()).or_default();
         let waiting = topic.entry(message.log_time).or_default();
-        let same = |computed: &Encoded| is_same(&message, computed);
+        let same = |computed: &Encoded| is_same(&message, computed, values_alone);
         match waiting.computed.iter().position(same) {
             Some(position) => {
                 waiting.computed.remove(position);
@@ -181,6 +190,12 @@ impl Verifier {
                 waiting.recorded.push(message);
             }
         }
+    }
+
+    /// Whether the log is of a version whose forces are all in the contact frame. Their standard
+    /// deviations do not include the unknown normal of the ground, so that only the values are compared.
+    fn values_alone(&self) -> bool {
+        self.absent.contains(&TYRE_FORCES)
     }
 
     fn identical(&mut self, topic: &str, log_time: LogTime, data: &[u8], now: LogTime) {
@@ -244,8 +259,14 @@ impl Waiting {
     }
 }
 
-fn is_same(recorded: &Message, computed: &Encoded) -> bool {
-    recorded.publish_time == computed.publish_time && recorded.data == computed.data
+/// Compares two messages of a topic. `values_alone`: forces of the contact frame without their standard
+/// deviations.
+fn is_same(recorded: &Message, computed: &Encoded, values_alone: bool) -> bool {
+    let same = recorded.data == computed.data
+        || values_alone
+            && computed.topic.ends_with("/contact_forces")
+            && same_force_values(&recorded.data, &computed.data);
+    recorded.publish_time == computed.publish_time && same
 }
 
 fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {

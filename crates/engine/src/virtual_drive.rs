@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use estimator::Calibration;
-use estimator::calibration::{ChannelCalibration, Resolved};
+use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{ForceFrame, LogTime, StrainChannel, Wheel};
-use sim::{Manoeuvre, Motion, Options, Port, VirtualVehicle};
-use store::{Pose, Record, Session};
+use sample::{LogTime, PerWheel, StrainChannel, Wheel};
+use sim::{Manoeuvre, Motion, Options, Port, TruthState, VirtualVehicle};
+use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
 
@@ -38,6 +38,8 @@ pub struct Drive {
     pub vehicle: FileSource,
     /// Sensors file, or the name of a built-in sensor set.
     pub sensors: FileSource,
+    /// Payloads of the vehicle file that are on the vehicle.
+    pub payload: Vec<String>,
     /// Seed of the sensor noise.
     pub seed: u64,
     /// Hidden errors, faults and delays.
@@ -58,9 +60,13 @@ pub struct VirtualDrive {
     vehicle_file: String,
     /// Name or path of the sensors file.
     sensors_file: String,
+    /// Payloads on the vehicle.
+    payload: Vec<String>,
     /// Files that were given as text.
     given: Vec<GivenFile>,
     options: Options,
+    /// Bit rate of the CAN bus, bit/s.
+    can_bit_rate: u32,
     seed: u64,
     duration_s: f64,
 }
@@ -79,6 +85,11 @@ impl VirtualDrive {
         let vehicle = Vehicle::from_toml(&vehicle, &vehicle_file)?;
         let sensors = files.read_text(&sensors_file, FileKind::Sensors)?;
         let sensors = Sensors::from_toml(&sensors, &sensors_file)?;
+        let loaded = vehicle
+            .loaded(&drive.payload)
+            .map_err(estimator::EstimatorError::from)?;
+        let placed = loaded.sensors(&sensors);
+        let vehicle = loaded.vehicle;
         let (motion, name) = motion(drive, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
@@ -90,14 +101,16 @@ impl VirtualDrive {
         }
         let truth = vehicle.name.clone();
         let options = drive.options.clone();
-        let vehicle = VirtualVehicle::new(motion, &vehicle, &sensors, &options, drive.seed)?;
+        let vehicle = VirtualVehicle::new(motion, &vehicle, &placed, &options, drive.seed)?;
         Ok(Self {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
             drive: name,
             vehicle_file,
             sensors_file,
+            payload: drive.payload.clone(),
             given,
+            can_bit_rate: options.can_bit_rate(&sensors),
             options,
             seed: drive.seed,
             duration_s,
@@ -119,7 +132,19 @@ impl VirtualDrive {
     /// Session of a log of the drive.
     pub fn session(&self, config: &Config) -> Session {
         let run_id = format!("simulate-{}-{}", self.drive, self.seed);
-        session::simulated(config, &run_id, self.start())
+        let faults = self.options.faults.sensors().into_iter();
+        Session {
+            injected_faults: Some(
+                faults
+                    .map(|(sensor, span)| InjectedFault {
+                        sensor,
+                        from_s: span.start,
+                        to_s: span.end,
+                    })
+                    .collect(),
+            ),
+            ..session::simulated(config, &run_id, self.start())
+        }
     }
 
     /// Configuration of a simulation without ports.
@@ -141,8 +166,9 @@ impl VirtualDrive {
         Record::Truth {
             time: self.start().offset_seconds(time_s),
             motion: state.motion(),
-            frame: ForceFrame::Contact,
-            forces: state.tyre_forces(),
+            carrier: state.carrier_forces(),
+            contact: Some(state.tyre_forces()),
+            ground: ground(&state),
             pose: Some(Pose {
                 position_enu_m: state.position_m,
                 yaw_rad: state.yaw_rad,
@@ -214,9 +240,10 @@ impl VirtualDrive {
         }
         let _ = write!(
             text,
-            "[vehicle]\nfile = {}\nsensors = {}\n\n[storage]\ndirectory = \"logs\"\n",
+            "[vehicle]\nfile = {}\nsensors = {}\n{}\n[storage]\ndirectory = \"logs\"\n",
             quoted(&self.vehicle_file),
             quoted(&self.sensors_file),
+            payload_line(&self.payload),
         );
         text
     }
@@ -252,10 +279,29 @@ impl VirtualDrive {
             None => vec![
                 ("kind", quoted("slcan")),
                 ("device", quoted(&ports.serial(Port::Can0))),
-                ("bitrate", self.options.can_bit_rate.to_string()),
+                ("bitrate", self.can_bit_rate.to_string()),
             ],
         }
     }
+}
+
+/// The wheels of a state on their ground; `None` if the motion tells it of no wheel.
+fn ground(state: &TruthState) -> Option<Ground> {
+    let wheels = PerWheel::from_fn(|wheel| {
+        let found = state.wheels[wheel].ground;
+        found.map_or_else(WheelGround::default, |found| WheelGround {
+            normal_body: found.normal_body,
+            spindle_body: found.spindle_body,
+            centre_acceleration_m_s2: found.centre_acceleration_m_s2,
+            unsprung_inertia_n: found.unsprung_inertia_n,
+            ground_height_m: found.ground_height_m,
+        })
+    });
+    let is_known = state.wheels.0.iter().any(|wheel| wheel.ground.is_some());
+    is_known.then_some(Ground {
+        wheels,
+        road_class: None,
+    })
 }
 
 /// Location of the ports of the virtual vehicle.
@@ -348,6 +394,21 @@ fn true_calibration(
             corner.strain.insert(channel, found);
         }
     }
+    if let Some(hubs) = vehicle.hub_accelerometers() {
+        for wheel in Wheel::ALL {
+            let (turn_rad, bias_m_s2) = hubs[wheel];
+            let hub = &mut calibration
+                .corner
+                .entry(wheel)
+                .or_default()
+                .hub_acceleration;
+            *hub = HubCalibration {
+                bias_m_s2: Some(bias_m_s2),
+                misalignment_rad: Some(turn_rad),
+                ..HubCalibration::default()
+            };
+        }
+    }
     let sum = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
     let (accel, gyro) = vehicle.imu_biases();
     calibration.steer.offset_rad = hidden.steer_offset_rad;
@@ -365,6 +426,15 @@ fn true_calibration(
     calibration.gnss_attitude.latency_s = Some(hidden.attitude_latency_s);
     calibration.gnss_attitude.attitude_offset_rad = hidden.attitude_offset_rad;
     Ok(calibration)
+}
+
+/// Line of a configuration with the payloads; none without any.
+fn payload_line(names: &[String]) -> String {
+    if names.is_empty() {
+        return String::new();
+    }
+    let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+    format!("payload = [{}]\n", names.join(", "))
 }
 
 fn quoted(text: &str) -> String {

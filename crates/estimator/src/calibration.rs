@@ -5,6 +5,7 @@
 //! compression from the design length.
 
 pub mod gnss;
+pub mod hub;
 pub mod imu;
 pub mod load_rig;
 mod recording;
@@ -28,7 +29,7 @@ use crate::handling::Handling;
 
 pub use recording::{Column, ImuColumns, Recording, Vectors};
 pub use recording_error::{ReadingProblem, RecordingError};
-pub use resolved::{Channel, CornerChannels, Resolved};
+pub use resolved::{Channel, CornerChannels, HubSensor, Resolved};
 pub use step::{Calibrated, Step};
 
 /// A calibration file.
@@ -78,6 +79,36 @@ pub struct CornerCalibration {
     /// Coil; absent: the vehicle file's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spring: Option<SpringCalibration>,
+    /// Hub accelerometer.
+    #[serde(default, skip_serializing_if = "HubCalibration::is_nominal")]
+    pub hub_acceleration: HubCalibration,
+}
+
+/// A hub accelerometer: f_sensor = S f_carrier + bias, with the turn S from the carrier's to the
+/// sensor's axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HubCalibration {
+    /// Bias of each axis, sensor axes, m/s^2; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias_m_s2: Option<[f64; 3]>,
+    /// Standard deviation of the bias, m/s^2; absent: that of the sensors file's `bias_m_s2`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias_sigma_m_s2: Option<[f64; 3]>,
+    /// Turns about x, then y, then z from the carrier's to the sensor's axes, rad; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misalignment_rad: Option<[f64; 3]>,
+    /// The sensor is not to be used.
+    #[serde(default)]
+    pub dead: bool,
+}
+
+impl HubCalibration {
+    /// Whether nothing is known of the sensor.
+    #[must_use]
+    pub fn is_nominal(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// A coil as it is mounted.

@@ -11,6 +11,7 @@
 //! with rho measured over the whole run about zero, so that an error that never changes sign counts
 //! as one draw. The bounds are those of chi-square over nu.
 
+use crate::score::median;
 pub use crate::statistics::chi_squared_bounds;
 
 /// Steps of a window in which an estimator is judged: one second.
@@ -31,6 +32,8 @@ pub struct Consistency {
     pub bounds: [f64; 2],
     /// Mean square over the whole run: one where the deviations hold.
     pub mean: f64,
+    /// Median of the windows' mean squares.
+    pub median: f64,
 }
 
 /// Judges the normalised errors `(estimate - truth)/sigma` of several signals, equally spaced and
@@ -52,7 +55,7 @@ pub fn consistency(normalised: &[Vec<f64>], window: usize) -> Option<Consistency
     let freedom = effective_freedom(&signals, window);
     let bounds = chi_squared_bounds(freedom);
     let count = (signals.len() * window) as f64;
-    let means: Vec<f64> = (0..steps.len() / window)
+    let mut means: Vec<f64> = (0..steps.len() / window)
         .map(|w| {
             let part = w * window..(w + 1) * window;
             let squares = signals.iter().flat_map(|z| &z[part.clone()]);
@@ -69,6 +72,7 @@ pub fn consistency(normalised: &[Vec<f64>], window: usize) -> Option<Consistency
         freedom,
         bounds,
         mean: means.iter().sum::<f64>() / means.len() as f64,
+        median: median(&mut means)?,
     })
 }
 

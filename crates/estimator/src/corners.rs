@@ -3,6 +3,7 @@
 
 mod length;
 mod steering_wheel;
+mod tilt;
 
 use model::suspension::{
     BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
@@ -20,6 +21,7 @@ use crate::tuning::{CornerTuning, Tuning};
 
 use length::LengthFilter;
 use steering_wheel::SteeringWheel;
+use tilt::Tilt;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +90,9 @@ pub struct Corners {
     turn_over_ground: Option<[f64; 2]>,
     /// Standard deviation of the ground's slopes along x and y by leaning tyres.
     leaning: [f64; 2],
+    tilt: Tilt,
+    /// Whether the unsprung masses are taken as standing still.
+    static_unsprung: bool,
     cg_height_m: f64,
     rack_m_rad: f64,
     /// Filter of the steering wheel's angle.
@@ -150,11 +155,24 @@ impl Corners {
             seen: None,
             turn_over_ground: None,
             leaning: [0.0; 2],
+            tilt: Tilt::default(),
+            static_unsprung: false,
             cg_height_m: vehicle.body.cg_height_m,
             rack_m_rad,
             steering_wheel: SteeringWheel::default(),
             turning: SteeringWheel::default(),
         }))
+    }
+
+    /// The same corners under a vehicle whose mass properties have changed.
+    pub fn load(&mut self, vehicle: &Vehicle) -> Result<(), EstimatorError> {
+        for (linkage, wheel) in self.linkages.iter_mut().zip(Wheel::ALL) {
+            linkage.corner = Corner::of(vehicle, wheel)
+                .map_err(|error| EstimatorError::Suspension(error.to_string()))?;
+            linkage.fallback_load_n = vehicle.static_load_n(wheel);
+        }
+        self.cg_height_m = vehicle.body.cg_height_m;
+        Ok(())
     }
 
     /// The corners after the last [`update`](Self::update).
@@ -243,27 +261,15 @@ impl Corners {
             }
         });
         self.tilt(now, dt, motion, load);
-        let BodyMotionEstimate {
-            specific_force_m_s2,
-            rate_dot_rad_s2,
-        } = feedback.body_motion.unwrap_or(BodyMotionEstimate {
-            specific_force_m_s2: motion.specific_force_m_s2,
-            rate_dot_rad_s2: motion.rate_dot_rad_s2,
-        });
-        let body = BodyMotion {
-            specific_force_m_s2,
-            reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
-            rate_rad_s: motion.rate_rad_s,
-            rate_dot_rad_s2,
-        };
         let up = motion.earth_from_body.inverse() * Vector3::z();
+        let body = self.body_motion(motion, feedback, up);
         let gravity = STANDARD_GRAVITY_M_S2 * self.normal.dot(&up).clamp(0.5, 1.0);
         // Rate of the velocity's components along the rotating body axes. The body's rotation does
         // not spin a wheel at rest.
-        let gained = specific_force_m_s2
+        let gained = body.specific_force_m_s2
             - up * STANDARD_GRAVITY_M_S2
-            - motion.rate_rad_s.cross(&motion.velocity_m_s);
-        let yaw_dot = rate_dot_rad_s2.z * motion.velocity_m_s.x.abs().min(1.0);
+            - body.rate_rad_s.cross(&motion.velocity_m_s);
+        let yaw_dot = body.rate_dot_rad_s2.z * motion.velocity_m_s.x.abs().min(1.0);
         for (i, linkage) in self.linkages.iter().enumerate() {
             let radius = linkage.radius_m - load[i] / linkage.tyre_stiffness_n_m;
             let spin = readings
@@ -278,6 +284,55 @@ impl Corners {
             if let Ok(state) = linkage.state(self.normal, &body, rack_motion, rolling, load[i]) {
                 self.states[i] = state;
             }
+        }
+        self.measure_tilt(now, dt, motion);
+    }
+
+    /// Motion of the body, with which the unsprung masses move; `up` is the vertical in vehicle axes.
+    fn body_motion(
+        &self,
+        motion: &MotionState,
+        feedback: &EstimatorFeedback,
+        up: Vector3<f64>,
+    ) -> BodyMotion {
+        let BodyMotionEstimate {
+            specific_force_m_s2,
+            rate_dot_rad_s2,
+        } = feedback.body_motion.unwrap_or(BodyMotionEstimate {
+            specific_force_m_s2: motion.specific_force_m_s2,
+            rate_dot_rad_s2: motion.rate_dot_rad_s2,
+        });
+        let body = BodyMotion {
+            specific_force_m_s2,
+            reference_m: Vector3::new(0.0, 0.0, self.cg_height_m),
+            rate_rad_s: motion.rate_rad_s,
+            rate_dot_rad_s2,
+        };
+        if self.static_unsprung {
+            BodyMotion {
+                specific_force_m_s2: up * STANDARD_GRAVITY_M_S2,
+                reference_m: body.reference_m,
+                ..BodyMotion::default()
+            }
+        } else {
+            body
+        }
+    }
+
+    /// Takes the speeds of the wheels along the normal for the standard deviation of the ground's normals.
+    fn measure_tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState) {
+        let along_m_s = self.states.each_ref().map(|state| {
+            let arm = state.pose.wheel_centre_m;
+            (state.travel_m_s + motion.rate_rad_s.cross(&arm)).dot(&self.normal)
+        });
+        let speed_m_s = motion.velocity_m_s.x;
+        // Without deflections the travel of the wheels is unknown.
+        if self
+            .linkages
+            .iter()
+            .all(|linkage| linkage.length.known(now))
+        {
+            self.tilt.step(dt, along_m_s, speed_m_s, &self.tuning.tilt);
         }
     }
 
@@ -314,6 +369,36 @@ impl Corners {
             self.normal = Vector3::z();
         }
         self.normal.normalize_mut();
+    }
+
+    /// Takes the unsprung masses as standing still from now on.
+    pub fn neglect_unsprung_inertia(&mut self) {
+        self.static_unsprung = true;
+    }
+
+    /// The forces of the contact frame with the unknown normal of the ground added to their standard
+    /// deviations. On flat ground it adds nothing.
+    #[must_use]
+    pub fn add_unknown_normal(&self, forces: &PerWheel<TyreForce>) -> PerWheel<TyreForce> {
+        let tilt = self.tilt.sigma_rad();
+        if tilt == 0.0 {
+            return *forces;
+        }
+        PerWheel::from_fn(|wheel| {
+            let force = forces[wheel];
+            let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
+            let errors = [z, z, math::hypot(x, y)].map(|n| n * tilt);
+            TyreForce {
+                sigma_n: std::array::from_fn(|i| math::hypot(force.sigma_n[i], errors[i])),
+                ..force
+            }
+        })
+    }
+
+    /// Standard deviation of the ground's normal about x and y, rad.
+    #[must_use]
+    pub fn tilt_sigma_rad(&self) -> f64 {
+        self.tilt.sigma_rad()
     }
 
     /// The forces with the errors of the contact frames added to their standard deviations. Members

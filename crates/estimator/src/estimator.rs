@@ -3,14 +3,15 @@
 mod aiding;
 mod events;
 mod monitors;
+mod payload;
 mod sensors;
 mod stages;
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, Event, ForceFrame, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel,
-    Sample, SourceId, Wheel,
+    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
+    SourceId, Wheel,
 };
 
 use crate::calibration::Resolved;
@@ -33,6 +34,7 @@ use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 use events::Divergence;
 use monitors::ConsistencyMonitors;
+use stages::MeasuredForces;
 
 /// Spacing of the instants that have parameters, ns.
 const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
@@ -64,6 +66,12 @@ pub enum Output {
 pub struct Estimator {
     vehicle: Vehicle,
     calibration: Resolved,
+    /// Vehicle and calibration without payload.
+    unloaded: Vehicle,
+    unloaded_calibration: Resolved,
+    /// Payloads on the vehicle.
+    payload: Vec<String>,
+    sensors: Sensors,
     settings: Settings,
     next_grid: Option<LogTime>,
     waiting: Waiting,
@@ -107,8 +115,11 @@ impl Estimator {
                 found: calibration.vehicle.clone(),
             });
         }
-        let vehicle = &calibration.applied(vehicle);
-        let calibration = Resolved::new(sensors, calibration)?;
+        let unloaded = calibration.applied(vehicle);
+        let loaded = unloaded.loaded(&settings.payload)?;
+        let vehicle = &loaded.vehicle;
+        let unloaded_calibration = Resolved::new(sensors, calibration)?;
+        let calibration = unloaded_calibration.with_cg_moved(loaded.cg_shift_m);
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let t = &settings.tuning;
         let corners = Corners::new(vehicle, pot.noise_sigma, t)?;
@@ -138,6 +149,14 @@ impl Estimator {
                 sensors.imu.accel_noise_m_s2.max(t.accel_sigma_min_m_s2),
             ],
             vehicle: vehicle.clone(),
+            unloaded,
+            unloaded_calibration,
+            payload: {
+                let mut names = settings.payload.clone();
+                names.sort();
+                names
+            },
+            sensors: sensors.clone(),
             calibration,
             settings,
             next_grid: None,
@@ -218,8 +237,23 @@ impl Estimator {
                 let speeds = speeds.angular_speed_rad_s;
                 self.waiting.push(time, Held::WheelSpeed(speeds));
             }
+            Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
+                if let Some(sensor) = &self.calibration.hubs[hub.wheel] {
+                    let axes = sensor.unbiased(hub.specific_force_m_s2);
+                    self.waiting
+                        .push(time, Held::HubAcceleration(hub.wheel, axes));
+                }
+            }
             _ => {}
         }
+    }
+
+    /// The same estimator without the inertia of the unsprung masses, see [`crate::simple`].
+    pub(crate) fn without_unsprung_inertia(mut self) -> Self {
+        if let Some(corners) = &mut self.corners {
+            corners.neglect_unsprung_inertia();
+        }
+        self
     }
 
     /// One step of the grid, as a sequence of stages.
@@ -231,7 +265,12 @@ impl Estimator {
         let steer_rad = self.place_corners(time, &state);
         let mut motion = self.describe_motion(&state, planar.as_ref(), navigated);
         let expected = self.expect_forces(&state, &motion, steer_rad);
-        let measured = self.measure_forces(time, &state, &expected, out);
+        let MeasuredForces {
+            contact: measured,
+            reported,
+            carrier,
+            frames,
+        } = self.measure_forces(time, &state, &expected, out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
         let rollover = self.detect_lift(time, &state, &measured, out);
         self.complete_motion(&mut motion, &state, planar.as_ref(), steer_rad);
@@ -242,12 +281,12 @@ impl Estimator {
         let estimate = Estimate {
             time,
             motion,
-            measured,
+            carrier,
+            measured: reported,
             expected,
             rollover,
-            frame: ForceFrame::Contact,
         };
-        self.trace(&estimate, planar.is_none(), out);
+        self.trace(&estimate, frames, planar.is_none(), out);
         estimate
     }
 

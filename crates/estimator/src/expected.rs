@@ -40,6 +40,11 @@ impl ExpectedForces {
         }
     }
 
+    /// The same model with a vehicle whose mass properties have changed.
+    pub fn load(&mut self, vehicle: &Vehicle) {
+        self.parameters = Parameters::from_vehicle(vehicle);
+    }
+
     /// Propagates the model by `dt` with measured speed and steer angles, and with longitudinal
     /// acceleration, bank and grade of the motion. These three give the sum of drive and brake
     /// forces.
@@ -115,6 +120,7 @@ impl ExpectedForces {
             force_n,
             sigma_n: [f64::NAN; 3],
             source: ForceSource::Model,
+            ..TyreForce::default()
         }))
     }
 }

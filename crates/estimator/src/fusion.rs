@@ -240,6 +240,11 @@ impl Fusion {
         self.forget(channels);
     }
 
+    /// The same filter of a vehicle whose mass properties have changed.
+    pub fn load(&mut self, vehicle: &Vehicle) {
+        self.body = Body::new(vehicle);
+    }
+
     /// One step: propagates the state by `dt`, then takes every new reading.
     pub fn step(
         &mut self,
@@ -324,6 +329,7 @@ impl Fusion {
                     self.covariance.variance(at(axis)).max(0.0).sqrt()
                 }),
                 source: ForceSource::Fusion,
+                ..TyreForce::default()
             }
         }))
     }

@@ -85,6 +85,9 @@ pub struct Readings {
     pub corners: PerWheel<CornerReadings>,
     /// Steering-wheel angle, left positive, rad.
     pub steering_wheel_rad: Option<Reading>,
+    /// Specific force along the axes of each hub accelerometer, sensor axes, biases removed, m/s^2.
+    /// [`HubSensor`](crate::calibration::HubSensor) has the axes' directions. No filter uses it yet.
+    pub hub_acceleration_m_s2: PerWheel<[Option<Reading>; 3]>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
     /// Wheel speeds that a monitor has found faulty.
@@ -154,6 +157,13 @@ impl Readings {
         let reading =
             self.wheel_speed_rad_s[wheel].filter(|_| !self.wheel_speed_faulty[wheel.index()]);
         reading.and_then(|reading| reading.fresh(now, fresh_s))
+    }
+
+    /// Takes the readings of a hub accelerometer, sensor axes, m/s^2.
+    pub fn push_hub_acceleration(&mut self, time: LogTime, wheel: Wheel, axes: [Option<f64>; 3]) {
+        for (slot, value) in self.hub_acceleration_m_s2[wheel].iter_mut().zip(axes) {
+            replace(slot, time, value);
+        }
     }
 
     /// Takes a steering-wheel angle.

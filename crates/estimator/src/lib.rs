@@ -35,6 +35,7 @@ mod process_noise;
 pub mod regression;
 pub mod score;
 mod settings;
+pub mod simple;
 pub mod smoother;
 pub mod specification;
 mod statics;
@@ -45,6 +46,7 @@ pub mod triads;
 pub mod tuning;
 mod waiting;
 mod watch;
+mod wheel_frame;
 
 pub use {model, sample};
 

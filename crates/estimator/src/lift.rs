@@ -69,6 +69,16 @@ impl LiftDetector {
         }
     }
 
+    /// The same detector for other static loads.
+    pub fn load(&mut self, static_n: PerWheel<f64>, tuning: &LiftTuning) {
+        let fresh = Self::new(static_n, tuning);
+        let states = self.wheels.iter_mut().chain(&mut self.sides);
+        for (state, fresh) in states.zip(fresh.wheels.iter().chain(&fresh.sides)) {
+            state.static_n = fresh.static_n;
+            state.thresholds_n = fresh.thresholds_n;
+        }
+    }
+
     /// Whether both wheels of a side are off the ground.
     #[must_use]
     pub fn is_tipping(&self) -> bool {

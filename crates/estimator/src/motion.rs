@@ -647,6 +647,12 @@ impl MotionFilter {
         }
     }
 
+    /// Other positions of the inertial unit and the antennas from the centre of gravity, which has
+    /// moved.
+    pub fn place(&mut self, imu_m: Vector3<f64>, antenna_m: [Vector3<f64>; 2]) {
+        (self.settings.imu_m, self.settings.antenna_m) = (imu_m, antenna_m);
+    }
+
     /// Starts recording operations for [`Self::take_operations`].
     pub fn switch_trace_on(&mut self) {
         self.trace.switch_on();

@@ -111,6 +111,17 @@ pub fn normalised_square(estimate: &[f64], truth: &[f64], sigma: &[f64]) -> Opti
     (count > 0.0).then(|| sum / count)
 }
 
+/// Median; `None` without a value. The values are put in order.
+#[must_use]
+pub fn median(values: &mut [f64]) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = values.len() / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(*median)
+}
+
 fn pairs<'a>(estimate: &'a [f64], truth: &'a [f64]) -> impl Iterator<Item = (f64, f64)> + 'a {
     let both = estimate.iter().copied().zip(truth.iter().copied());
     both.filter(|(e, t)| e.is_finite() && t.is_finite())

@@ -10,6 +10,8 @@ pub struct Settings {
     pub method: Method,
     /// Inputs that are ignored, as if they were not fitted.
     pub ignore: Vec<Input>,
+    /// Payloads of the vehicle file that are on the vehicle at the start.
+    pub payload: Vec<String>,
     /// Tuned numbers.
     pub tuning: Tuning,
 }
@@ -54,4 +56,6 @@ pub enum Input {
     Steer,
     /// Velocity over ground, body axes.
     GroundSpeed,
+    /// Hub accelerometers.
+    HubAcceleration,
 }

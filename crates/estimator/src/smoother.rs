@@ -31,6 +31,7 @@ use crate::kinematics;
 use crate::motion::{STATES, Solution};
 use crate::planar::{self, PlanarTrace};
 use crate::trace::Operation;
+use crate::wheel_frame::WheelFrame;
 use adjoint::Adjoint;
 
 /// Steps after an instant that its smoothed estimate uses at least: 10 s.
@@ -41,6 +42,8 @@ pub const LAG_STEPS: usize = 1000;
 pub struct Step {
     /// The causal estimate.
     pub estimate: Estimate,
+    /// Axes of the wheels, if the vehicle has linkages.
+    pub frames: Option<PerWheel<WheelFrame>>,
     /// State of the motion filter.
     pub solution: Solution,
     /// Operations of the motion filter since the step before.
@@ -110,6 +113,11 @@ impl Smoother {
         }
         if let Some(belief) = &step.forces {
             put_forces(&mut estimate, belief, &later.forces, step.solution.inertial);
+            if let Some(frames) = &step.frames {
+                let contact = &estimate.measured;
+                estimate.carrier =
+                    PerWheel::from_fn(|wheel| frames[wheel].carrier(&contact[wheel]));
+            }
         }
         estimate
     }

@@ -72,6 +72,7 @@ pub fn tyre_force(
             force_n: found.wrench.force_n.into(),
             sigma_n: [variance[0].sqrt(), variance[1].sqrt(), variance[2].sqrt()],
             source: ForceSource::Statics,
+            ..TyreForce::default()
         };
     }
     from_deflection(state, assumed, tuning)
@@ -101,5 +102,6 @@ fn from_deflection(
         force_n: [f64::NAN, f64::NAN, z],
         sigma_n: [f64::NAN, f64::NAN, sigma],
         source: ForceSource::Deflection,
+        ..TyreForce::default()
     }
 }

@@ -16,7 +16,7 @@ mod planar;
 mod vertical;
 mod watch;
 
-pub use corners::{CornerTuning, SteeringWheelTuning, StrutLengthTuning};
+pub use corners::{CornerTuning, SteeringWheelTuning, StrutLengthTuning, TiltTuning};
 pub use fusion::{
     BalanceTuning, ChannelTuning, ForceNoiseTuning, FusionTuning, MemberTuning, MomentTuning,
     PotentiometerTuning,
@@ -26,8 +26,8 @@ pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
 pub use vertical::{ExpectedTuning, LiftTuning, StaticsTuning};
 pub use watch::{
-    BiasWatchTuning, ImuConsistencyTuning, InertialWatchTuning, ReceiverWatchTuning,
-    SteeringWatchTuning, WatchTuning, WheelWatchTuning,
+    BiasWatchTuning, HubWatchTuning, ImuConsistencyTuning, InertialWatchTuning,
+    ReceiverWatchTuning, SteeringWatchTuning, WatchTuning, WheelWatchTuning,
 };
 
 /// Defines a group of tuned numbers once for the structure, its defaults, its documentation and the

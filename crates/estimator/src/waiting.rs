@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 
 use nalgebra::Vector3;
-use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel, SourceId};
+use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel, SourceId, Wheel};
 
 /// Capacity; a step of 10 ms has about thirty samples.
 const CAPACITY: usize = 2048;
@@ -34,6 +34,8 @@ pub enum Held {
     SteeringWheel(f64),
     /// Wheel speeds, rad/s.
     WheelSpeed(PerWheel<Option<f64>>),
+    /// Specific force along the axes of a wheel's hub accelerometer, biases removed, m/s^2.
+    HubAcceleration(Wheel, [Option<f64>; 3]),
 }
 
 /// A sample with its time of validity.
@@ -61,6 +63,7 @@ impl Entry {
             Held::Corner(corner) => 3 + corner.wheel.index() as u8,
             Held::SteeringWheel(_) => 7,
             Held::WheelSpeed(_) => 8,
+            Held::HubAcceleration(wheel, _) => 9 + wheel.index() as u8,
         }
     }
 
@@ -84,6 +87,7 @@ impl Entry {
             }
             Held::SteeringWheel(angle) => angle.to_bits(),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
+            Held::HubAcceleration(_, axes) => digest(axes.map(|axis| axis.unwrap_or(f64::NAN))),
         }
     }
 }

@@ -9,14 +9,17 @@
 //! | GNSS velocity and attitude | inertial unit, while the balances confirm it |
 //! | steering wheel | front slip angles that the measured lateral forces imply |
 //! | wheel speeds | speed over ground of a wheel without drive or brake force |
+//! | axes of the hub accelerometers | gravity |
 
 mod bias;
+mod hub;
 mod inertial;
 mod receiver;
 mod steering;
 mod wheels;
 
 pub use bias::BiasWatch;
+pub use hub::HubWatch;
 pub use inertial::InertialWatch;
 pub use receiver::ReceiverWatch;
 pub use steering::SteeringWatch;

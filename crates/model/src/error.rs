@@ -17,6 +17,16 @@ pub enum Error {
         /// The names there are.
         known: String,
     },
+    /// No payload of this name.
+    #[error("vehicle {vehicle:?} has no payload {name:?}; {known}")]
+    UnknownPayload {
+        /// The vehicle's name.
+        vehicle: String,
+        /// The name asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
     /// An argument is not finite or lies outside of its range.
     #[error("{argument} = {value} {unit}: must be {expected}")]
     Argument {

@@ -5,7 +5,10 @@ mod file;
 
 pub use file::SensorsErrors;
 
+use sample::Wheel;
 use serde::{Deserialize, Serialize};
+
+use crate::strain::{ABSENT_COUNT, ChannelScale};
 
 /// All sensors of a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +30,32 @@ pub struct Sensors {
     pub wheel_speed: WheelSpeed,
     /// Steering-wheel encoder.
     pub steer: Steer,
+    /// Accelerometers on the uprights, where there are some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hub_acceleration: Option<HubAcceleration>,
+    /// The bus that carries strain, deflection, wheel speeds, steering and hub accelerations.
+    #[serde(default)]
+    pub bus: Bus,
+}
+
+/// The CAN bus of the sensors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bus {
+    /// Name of the source in a configuration.
+    pub name: String,
+    /// Bit rate, bit/s.
+    pub bit_rate: u32,
+}
+
+impl Default for Bus {
+    /// Sensors files without the table `bus` mean this one.
+    fn default() -> Self {
+        Self {
+            name: "can0".to_owned(),
+            bit_rate: 500_000,
+        }
+    }
 }
 
 /// How the gauges of a channel are wired.
@@ -206,4 +235,78 @@ pub struct Steer {
     pub rate_hz: f64,
     /// Standard deviation, rad.
     pub noise_rad: f64,
+}
+
+/// Accelerometers on the uprights (wheel carriers), one at each wheel.
+///
+/// The nominal axes are those of the wheel carrier in the design position: y along the spindle to the
+/// left, x forward, z up, on both sides of the vehicle. A converter's mid-scale is 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HubAcceleration {
+    /// Messages a second.
+    pub rate_hz: f64,
+    /// The axes that are measured: x, y, z.
+    pub axes: Vec<HubAxis>,
+    /// Largest specific force that the converter spans, each direction, m/s^2.
+    pub range_m_s2: f64,
+    /// Resolution, bits over twice the range.
+    pub adc_bits: u8,
+    /// Corner frequency of the first-order output filter, Hz.
+    pub lag_hz: f64,
+    /// Standard deviation of one reading's noise, m/s^2.
+    pub noise_m_s2: f64,
+    /// Largest bias of each axis, m/s^2 (uniform within plus and minus).
+    pub bias_m_s2: f64,
+    /// Largest turn of the sensor about each axis of the carrier, rad (uniform within plus and
+    /// minus).
+    pub misalignment_rad: f64,
+    /// Position from the wheel centre, carrier axes, left side, m; the right side is its mirror image.
+    pub position_m: [f64; 3],
+}
+
+/// An axis of a hub accelerometer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HubAxis {
+    /// Forward.
+    X,
+    /// Along the spindle, to the left.
+    Y,
+    /// Up.
+    Z,
+}
+
+impl HubAcceleration {
+    /// Whether an axis (0 to 2) is measured.
+    #[must_use]
+    pub fn measures(&self, axis: usize) -> bool {
+        self.axes.iter().any(|measured| *measured as usize == axis)
+    }
+
+    /// The chain from specific force to counts, the same for all axes.
+    #[must_use]
+    pub fn scale(&self) -> ChannelScale {
+        let counts = math::exp2(f64::from(self.adc_bits.min(16)));
+        ChannelScale {
+            zero_counts: counts / 2.0,
+            counts_per_unit: counts / (2.0 * self.range_m_s2),
+            largest_count: ((counts - 1.0) as u16).min(ABSENT_COUNT - 1),
+        }
+    }
+
+    /// Specific force of a count, m/s^2; `None` where the converter is at an end of its range.
+    #[must_use]
+    pub fn specific_force_m_s2(&self, count: i32) -> Option<f64> {
+        let scale = self.scale();
+        (count > 0 && count < i32::from(scale.largest_count))
+            .then(|| (f64::from(count) - scale.zero_counts) / scale.counts_per_unit)
+    }
+
+    /// Position of the sensor of a wheel from the wheel centre, carrier axes, m.
+    #[must_use]
+    pub fn position_of_m(&self, wheel: Wheel) -> [f64; 3] {
+        let [x, y, z] = self.position_m;
+        [x, wheel.side() * y, z]
+    }
 }

@@ -7,6 +7,7 @@
 mod builtin;
 mod check;
 mod derived;
+mod payload;
 mod plain;
 mod rules;
 
@@ -15,6 +16,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 pub use check::Warning;
+pub use payload::{Loaded, MassProperties, Payload};
 
 /// All that is wrong with a vehicle file.
 pub type VehicleErrors = crate::file::FileErrors;
@@ -41,6 +43,9 @@ pub struct Vehicle {
     /// Where each value is from, by its dotted name, such as `body.mass_kg`.
     #[serde(default)]
     pub sources: BTreeMap<String, String>,
+    /// Masses that the vehicle carries or not; the values above are without them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub payload: Vec<Payload>,
 }
 
 /// Mass properties of the whole vehicle and of its sprung part.
@@ -55,6 +60,9 @@ pub struct Body {
     pub cg_to_rear_axle_m: f64,
     /// Height h of the whole vehicle's centre of gravity above ground, m.
     pub cg_height_m: f64,
+    /// Centre of gravity left of the middle plane, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cg_y_m: f64,
     /// Moments of inertia of the whole vehicle about its centre of gravity (roll, pitch, yaw),
     /// kg m^2.
     pub inertia_kg_m2: [f64; 3],
@@ -312,4 +320,8 @@ impl Default for Drivetrain {
 
 fn one() -> f64 {
     1.0
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }

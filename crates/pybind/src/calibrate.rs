@@ -152,5 +152,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(corners::calibrate_load_rig, module)?)?;
     module.add_function(wrap_pyfunction!(motion::calibrate_imu, module)?)?;
     module.add_function(wrap_pyfunction!(motion::calibrate_gnss, module)?)?;
+    module.add_function(wrap_pyfunction!(motion::calibrate_hub, module)?)?;
     module.add_function(wrap_pyfunction!(motion::calibrate_wheel_radius, module)?)
 }

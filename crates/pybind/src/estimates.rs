@@ -78,15 +78,21 @@ impl<'a, 'py, T> Table<'a, 'py, T> {
     }
 
     fn forces(&self, name: &str, of: impl Fn(&T) -> &PerWheel<TyreForce>) -> PyResult<()> {
-        let shape = [self.rows.len(), 4, 3];
-        let all = |value: fn(&TyreForce) -> [f64; 3]| {
-            let forces = self.rows.iter().flat_map(|row| of(row).0.iter());
-            self.shaped(&shape, forces.flat_map(value).collect())
-        };
+        self.wheels(&format!("{name}_n"), &of, |force| force.force_n)?;
+        self.wheels(&format!("{name}_sigma_n"), &of, |force| force.sigma_n)
+    }
+
+    /// A vector of each wheel.
+    fn wheels(
+        &self,
+        name: &str,
+        of: impl Fn(&T) -> &PerWheel<TyreForce>,
+        value: fn(&TyreForce) -> [f64; 3],
+    ) -> PyResult<()> {
+        let forces = self.rows.iter().flat_map(|row| of(row).0.iter());
+        let values = forces.flat_map(value).collect();
         self.columns
-            .set_item(format!("{name}_n"), all(|force| force.force_n))?;
-        self.columns
-            .set_item(format!("{name}_sigma_n"), all(|force| force.sigma_n))
+            .set_item(name, self.shaped(&[self.rows.len(), 4, 3], values))
     }
 
     fn shaped(&self, shape: &[usize], values: Vec<f64>) -> Bound<'py, PyArrayDyn<f64>> {
@@ -111,7 +117,18 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
     table.several("slip_angle_rad", |row| row.motion.slip_angle_rad.0)?;
     table.one("bank_rad", |row| row.motion.bank_rad)?;
     table.one("grade_rad", |row| row.motion.grade_rad)?;
-    table.forces("force", |row| &row.measured)?;
+    table.forces("force", |row| &row.carrier)?;
+    table.wheels(
+        "force_moment_n_m",
+        |row| &row.carrier,
+        |force| force.moment_n_m,
+    )?;
+    table.wheels(
+        "force_moment_sigma_n_m",
+        |row| &row.carrier,
+        |force| force.moment_sigma_n_m,
+    )?;
+    table.forces("contact_force", |row| &row.measured)?;
     table.forces("expected_force", |row| &row.expected)?;
     table.one("load_transfer_ratio", |row| {
         row.rollover.load_transfer_ratio
@@ -128,14 +145,11 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
     })?;
     let sources: Vec<[&str; 4]> = rows
         .iter()
-        .map(|row| row.measured.0.map(|force| source_name(force.source)))
+        .map(|row| row.carrier.0.map(|force| source_name(force.source)))
         .collect();
     let columns = table.columns;
     columns.set_item("force_source", sources)?;
-    let frame = rows
-        .first()
-        .map_or_else(ForceFrame::default, |row| row.frame);
-    columns.set_item("force_frame", frame_name(frame))?;
+    columns.set_item("force_frame", ForceFrame::WheelCarrier.name())?;
     Ok(columns)
 }
 
@@ -185,12 +199,5 @@ const fn source_name(source: ForceSource) -> &'static str {
         ForceSource::Statics => "statics",
         ForceSource::Fusion => "fusion",
         ForceSource::Model => "model",
-    }
-}
-
-const fn frame_name(frame: ForceFrame) -> &'static str {
-    match frame {
-        ForceFrame::Contact => "contact",
-        ForceFrame::WheelCarrier => "wheel_carrier",
     }
 }

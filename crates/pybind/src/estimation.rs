@@ -45,6 +45,7 @@ impl SampleEstimator {
                 .iter()
                 .map(|name| engine::config::input(name).map_err(errors::argument))
                 .collect::<PyResult<_>>()?,
+            payload: Vec::new(),
             tuning: tuning.inner,
         };
         let (sensors, calibration) = (&sensors.inner, &calibration.inner);

@@ -4,8 +4,9 @@ use numpy::{AllowTypeChange, PyArrayLikeDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sample::{
-    CornerSample, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample, ImuSample, LogTime,
-    Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel, WheelSpeedSample,
+    CornerSample, FixQuality, GnssAttitude, GnssVelocity, GroundSpeedSample, HubAccelerationSample,
+    ImuSample, LogTime, Measurement, PerWheel, Sample, SourceId, SteerSample, StrainChannel,
+    WheelSpeedSample,
 };
 
 use crate::errors;
@@ -46,10 +47,11 @@ pub fn read(samples: &Bound<'_, PyDict>) -> PyResult<Vec<Sample>> {
             "steer" => rows.steer(&mut all)?,
             "wheel_speed" => rows.wheel_speed(&mut all)?,
             "ground_speed" => rows.ground_speed(&mut all)?,
+            "hub_acceleration" => rows.hub_acceleration(&mut all)?,
             other => {
                 return Err(errors::argument(format!(
                     "samples[{other:?}]: no such kind of samples; there are imu, gnss_velocity, \
-                     gnss_attitude, corner, steer, wheel_speed, ground_speed"
+                     gnss_attitude, corner, steer, wheel_speed, ground_speed, hub_acceleration"
                 )));
             }
         }
@@ -182,6 +184,20 @@ impl<'py> Rows<'_, 'py> {
                     Some(leftward) => known(self.row("leftward_m_s", leftward, row)?),
                     None => None,
                 },
+            }))
+        })
+    }
+
+    fn hub_acceleration(&self, all: &mut Vec<Sample>) -> PyResult<()> {
+        self.check_names(&["wheel", "specific_force_m_s2"])?;
+        let wheels = self.texts("wheel")?;
+        let force = self.vectors::<3>("specific_force_m_s2")?;
+        self.fill(all, 0, |row| {
+            let wheel = input::wheel(self.text("wheel", &wheels, row)?)?;
+            let force: [f64; 3] = self.row("specific_force_m_s2", &force, row)?;
+            Ok(Measurement::HubAcceleration(HubAccelerationSample {
+                specific_force_m_s2: force.map(known),
+                ..HubAccelerationSample::empty(wheel)
             }))
         })
     }

@@ -54,7 +54,7 @@ def test_samples_of_a_log_give_its_estimates(simulated_log: Path) -> None:
     found = estimator.run(samples)
     instants = log.read("/estimate/motion")["log_time_ns"].size
     compare_with_log(found.estimates, log, least=instants - 2)
-    assert found.estimates.force_frame == "contact"
+    assert found.estimates.force_frame == "wheel_carrier"
     assert set(found.estimates.force_source[-1]) == {"fusion"}
     parameters = log.read("/estimate/parameters")
     np.testing.assert_array_equal(found.parameters.time_ns, parameters["log_time_ns"])

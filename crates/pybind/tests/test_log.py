@@ -174,7 +174,7 @@ def test_a_log_of_an_earlier_layout_has_the_columns_of_the_present_one(simulated
         # The columns of /control/... have the names that a configuration gives them.
         if topic in present.topics and not topic.startswith("/control/"):
             assert list(earlier.read(topic)) == list(present.read(topic)), topic
-    load = earlier.read("/estimate/tyre_forces")["fl.z_n"]
+    load = earlier.read("/estimate/contact_forces")["fl.z_n"]
     assert load.size == 400
     assert np.nanmin(load) > 100.0
     assert earlier.missing == []

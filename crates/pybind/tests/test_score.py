@@ -18,6 +18,14 @@ def test_a_score_has_the_promised_keys(simulated_log: Path) -> None:
     assert found["seconds"] > 1.0
     for row in found["signals"]:
         assert set(row) == set(get_type_hints(scoring.Signal))
+    carrier, contact = found["forces"]
+    assert (carrier["frame"], contact["frame"]) == ("wheel_carrier", "contact")
+    for forces in (carrier, contact):
+        assert set(forces) == set(get_type_hints(scoring.Forces))
+        assert forces["windows"] is not None
+    assert found["channels"] is not None
+    assert set(found["channels"]) == set(get_type_hints(scoring.Channels))
+    assert found["channels"]["excluded_healthy"] == []
     assert found["forces_nees"] is not None
     assert set(found["forces_nees"]) == set(get_type_hints(scoring.Consistency))
     kinds = [row["kind"] for row in found["innovations"]]

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use sample::{
-    Event, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover, Sample, TyreForce,
+    Event, ForceFrame, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover,
+    Sample, TyreForce,
 };
 use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage, UtcOffset};
 
@@ -159,8 +160,18 @@ impl Drive {
         };
         drive.facts.retain(|(_, value)| !value.trim().is_empty());
         let mut origins = BTreeMap::new();
+        // The report has the contact frame. A reference instrument has the other frame alone.
+        let is_shown = |stage: Stage, frame: ForceFrame| {
+            let contact = format!("/{}/contact_forces", stage.name());
+            frame == ForceFrame::Contact || !info.channels.contains_key(&contact)
+        };
         for message in reader.messages(Selection::topics(TOPICS)) {
             if let Some(record) = message?.record()? {
+                if let Record::TyreForces { stage, frame, .. } = &record
+                    && !is_shown(*stage, *frame)
+                {
+                    continue;
+                }
                 drive.take(record, session, &mut origins);
             }
         }
@@ -200,7 +211,7 @@ impl Drive {
                     Stage::Estimate => &mut self.measured,
                     Stage::Model => &mut self.expected,
                     Stage::Truth => &mut self.truth_forces,
-                    Stage::Smoothed => return,
+                    Stage::Smoothed | Stage::Lagged => return,
                 };
                 series.push(seconds(time), forces);
             }

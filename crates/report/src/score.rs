@@ -2,7 +2,9 @@
 //!
 //! The keys of the JSON are a contract: see `docs/score.md`.
 
+mod channels;
 mod compare;
+mod forces;
 mod innovations;
 mod lifts;
 mod surfaces;
@@ -12,11 +14,13 @@ use std::collections::BTreeMap;
 use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::score;
 use model::vehicle::Vehicle;
-use sample::{Estimate, Event, LogTime, PerWheel, Wheel};
+use sample::{Estimate, Event, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
+pub use channels::Channels;
 pub use compare::{Comparison, Difference, compare};
+pub use forces::ForceScore;
 pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use lifts::{Lift, Lifts};
 pub use surfaces::{SurfaceChange, SurfaceChanges};
@@ -62,9 +66,11 @@ pub struct SignalScore {
     pub wheel: Option<Wheel>,
     /// Unit of the errors.
     pub unit: &'static str,
+    /// Frame of the truth, of forces and moments.
+    pub frame: Option<ForceFrame>,
     /// The errors.
     pub errors: score::Errors,
-    /// 100 RMSE / max(peak of the truth, static wheel load), of forces.
+    /// 100 RMSE / max(peak of the truth, static wheel load or 50 N m), of forces and moments.
     pub normalised_percent: Option<f64>,
     /// How late the estimate is, s.
     pub delay_s: Option<f64>,
@@ -81,8 +87,8 @@ pub struct Score {
     pub seconds: f64,
     /// Signals of which both sides know something.
     pub signals: Vec<SignalScore>,
-    /// Whether the deviations of all forces together hold.
-    pub forces: Option<Consistency>,
+    /// Tyre forces of each output, by frame; first those in the frame that they are given in.
+    pub forces: Vec<ForceScore>,
     /// Whether innovations are as large as the filters expect.
     pub innovations: Vec<InnovationScore>,
     /// Lifts of wheels.
@@ -91,6 +97,8 @@ pub struct Score {
     pub two_wheel_lifts: Lifts,
     /// Changes of the surface, where the truth tells the friction.
     pub surface_changes: Option<SurfaceChanges>,
+    /// Channels that were excluded, where the log tells the faults that its simulation injected.
+    pub channels: Option<Channels>,
     /// How many events of each kind the estimator declared.
     pub events: BTreeMap<&'static str, usize>,
 }
@@ -110,18 +118,53 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
     let loads = static_loads(&vehicle);
     let (start, pairs) = pairs(reader, stage, from_s)?;
+    let mut forces = forces::find(&pairs, stage.name(), &loads);
+    if has_lagged(reader) {
+        let (_, lagged) = self::pairs(reader, Stage::Lagged, from_s)?;
+        forces.extend(forces::find(&lagged, Stage::Lagged.name(), &loads));
+    }
     let events = events(reader)?;
     let [lifts, two_wheel_lifts] = lifts::find(reader, start, from_s, &loads, &events)?;
     Ok(Score {
         seconds: pairs.len() as f64 * INTERVAL_S,
         signals: signals(&pairs, &loads),
-        forces: forces(&pairs),
+        forces,
         innovations: innovations(reader, from_s)?,
         lifts,
         two_wheel_lifts,
-        surface_changes: surfaces::find(reader, start, from_s, &events)?,
+        surface_changes: surfaces::find(reader, start, from_s, &loads, &events)?,
+        channels: reader
+            .session()
+            .injected_faults
+            .as_ref()
+            .map(|injected| channels::find(injected, start, from_s, &events)),
         events: counts(&events, start.offset_seconds(from_s)),
     })
+}
+
+/// Scores the forces of other methods on the same log, by name.
+///
+/// # Errors
+/// If the log cannot be read, has no truth, or no vehicle.
+pub fn score_methods(
+    reader: &Reader,
+    methods: impl IntoIterator<Item = (&'static str, Vec<Estimate>)>,
+    from_s: f64,
+) -> Result<Vec<ForceScore>, ScoreError> {
+    let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
+    let loads = static_loads(&vehicle);
+    let truth = truth(reader)?;
+    let mut all = Vec::new();
+    for (name, estimates) in methods {
+        let pairs = paired(&truth, estimates.into_iter().map(Ok), from_s)?;
+        all.extend(forces::find(&pairs, name, &loads));
+    }
+    Ok(all)
+}
+
+fn has_lagged(reader: &Reader) -> bool {
+    let topic = format!("/{}/tyre_forces", Stage::Lagged.name());
+    reader.info().channels.contains_key(&topic)
 }
 
 /// The vehicle of a log's configuration.
@@ -144,15 +187,39 @@ fn static_loads(vehicle: &Vehicle) -> PerWheel<f64> {
     PerWheel::from_fn(|wheel| vehicle.static_load_n(wheel))
 }
 
-fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
+/// Load of a wheel in the truth, N: in the contact frame if it is known there, otherwise in the
+/// wheel-carrier frame.
+fn contact_load_n(truth: &Estimate, wheel: Wheel) -> f64 {
+    let [contact, carrier] =
+        [ForceFrame::Contact, ForceFrame::WheelCarrier].map(|frame| truth.forces(frame)[wheel]);
+    let load_n = contact.force_n[2];
+    if load_n.is_nan() {
+        carrier.force_n[2]
+    } else {
+        load_n
+    }
+}
+
+type TruthByTime = BTreeMap<LogTime, Estimate>;
+
+fn truth(reader: &Reader) -> Result<TruthByTime, ScoreError> {
     let mut truth = BTreeMap::new();
     for state in reader.truth() {
         let state = state?;
         truth.insert(state.time, state);
     }
+    Ok(truth)
+}
+
+/// Estimates beside the truth of the same instant.
+fn paired(
+    truth: &TruthByTime,
+    estimates: impl Iterator<Item = store::Result<Estimate>>,
+    from_s: f64,
+) -> Result<Pairs, ScoreError> {
     let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
     let mut pairs = Pairs::new();
-    for estimate in reader.of_stage(stage) {
+    for estimate in estimates {
         let estimate = estimate?;
         if estimate.time.seconds_since(start) < from_s {
             continue;
@@ -164,7 +231,13 @@ fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs),
     if pairs.is_empty() {
         return Err(ScoreError::NoPair("truth"));
     }
-    Ok((start, pairs))
+    Ok(pairs)
+}
+
+fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
+    let truth = truth(reader)?;
+    let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
+    Ok((start, paired(&truth, reader.of_stage(stage), from_s)?))
 }
 
 fn events(reader: &Reader) -> Result<Vec<Event>, ScoreError> {
@@ -185,11 +258,33 @@ fn counts(events: &[Event], from: LogTime) -> BTreeMap<&'static str, usize> {
     counts
 }
 
-/// Calls `add` with each signal: name, wheel, unit, whether it is a force, and where it stands in
-/// an estimate and in a truth.
-fn each_signal(
-    mut add: impl FnMut(&'static str, Option<Wheel>, &'static str, bool, Pick<'_>, Pick<'_>),
-) {
+/// A signal that is compared.
+struct Signal<'a> {
+    name: &'static str,
+    wheel: Option<Wheel>,
+    unit: &'static str,
+    frame: Option<ForceFrame>,
+    /// The signal of an estimate.
+    estimate: Pick<'a>,
+    /// The signal of a truth.
+    truth: Pick<'a>,
+}
+
+/// Names of the forces in the frame in which they are given.
+const OWN: [&str; 3] = ["measured_force_x", "measured_force_y", "measured_force_z"];
+
+/// Calls `add` with each signal. `frames`: as [`forces::frames`] gives them.
+fn each_signal(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
+    let mut add_plain = |name, wheel, unit, estimate: Pick<'_>, truth: Pick<'_>| {
+        add(Signal {
+            name,
+            wheel,
+            unit,
+            frame: None,
+            estimate,
+            truth,
+        });
+    };
     let none = f64::NAN;
     let quick = |e: &Estimate, angle_rad: f64| {
         if e.motion.velocity_x_m_s > SLIP_SPEED_MIN_M_S {
@@ -211,7 +306,7 @@ fn each_signal(
         (angle, e.motion.sideslip_sigma_rad)
     };
     let true_sideslip = |e: &Estimate| (true_angle(e, e.motion.sideslip_rad), none);
-    add("sideslip", None, "rad", false, &sideslip, &true_sideslip);
+    add_plain("sideslip", None, "rad", &sideslip, &true_sideslip);
     let plain: [(&'static str, &'static str, Pick<'_>); 9] = [
         ("velocity_x", "m/s", &|e| (e.motion.velocity_x_m_s, none)),
         ("velocity_y", "m/s", &|e| (e.motion.velocity_y_m_s, none)),
@@ -224,45 +319,87 @@ fn each_signal(
         ("grade", "rad", &|e| (e.motion.grade_rad, none)),
     ];
     for (signal, unit, pick) in plain {
-        add(signal, None, unit, false, pick, pick);
+        add_plain(signal, None, unit, pick, pick);
     }
     for wheel in Wheel::ALL {
         let steer = |e: &Estimate| (e.motion.steer_rad[wheel], none);
-        add("steer", Some(wheel), "rad", false, &steer, &steer);
+        add_plain("steer", Some(wheel), "rad", &steer, &steer);
     }
     for wheel in Wheel::ALL {
         let slip = |e: &Estimate| (quick(e, e.motion.slip_angle_rad[wheel]), none);
         let truth = |e: &Estimate| (true_angle(e, e.motion.slip_angle_rad[wheel]), none);
-        add("slip_angle", Some(wheel), "rad", false, &slip, &truth);
+        add_plain("slip_angle", Some(wheel), "rad", &slip, &truth);
     }
-    let measured = ["measured_force_x", "measured_force_y", "measured_force_z"];
+    each_force(frames, add);
+}
+
+/// Calls `add` with the forces and moments of each wheel.
+fn each_force(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
     let expected = ["expected_force_x", "expected_force_y", "expected_force_z"];
-    for axis in 0..3 {
-        for wheel in Wheel::ALL {
-            let own = |e: &Estimate| {
-                let force = &e.measured[wheel];
-                (force.force_n[axis], force.sigma_n[axis])
-            };
-            let model = |e: &Estimate| (e.expected[wheel].force_n[axis], none);
-            add(measured[axis], Some(wheel), "N", true, &own, &own);
-            add(expected[axis], Some(wheel), "N", true, &model, &own);
+    let moments = [
+        "measured_moment_x",
+        "measured_moment_y",
+        "measured_moment_z",
+    ];
+    for (rank, [frame, own_frame]) in frames.iter().copied().enumerate() {
+        let names = match frame {
+            _ if rank == 0 => OWN,
+            ForceFrame::Contact => ["contact_force_x", "contact_force_y", "contact_force_z"],
+            ForceFrame::WheelCarrier => ["carrier_force_x", "carrier_force_y", "carrier_force_z"],
+        };
+        for axis in 0..3 {
+            for wheel in Wheel::ALL {
+                let wheel_signal = |name, unit, estimate, truth| Signal {
+                    name,
+                    wheel: Some(wheel),
+                    unit,
+                    frame: Some(frame),
+                    estimate,
+                    truth,
+                };
+                let force = |e: &Estimate, frame: ForceFrame| {
+                    let force = &e.forces(frame)[wheel];
+                    (force.force_n[axis], force.sigma_n[axis])
+                };
+                let own: Pick<'_> = &|e| force(e, own_frame);
+                let truth: Pick<'_> = &|e| force(e, frame);
+                let model: Pick<'_> = &|e| (e.expected[wheel].force_n[axis], f64::NAN);
+                let moment: Pick<'_> = &|e| {
+                    let force = &e.forces(frame)[wheel];
+                    (force.moment_n_m[axis], force.moment_sigma_n_m[axis])
+                };
+                add(wheel_signal(names[axis], "N", own, truth));
+                if frame == ForceFrame::Contact {
+                    add(wheel_signal(expected[axis], "N", model, truth));
+                }
+                if rank == 0 {
+                    add(wheel_signal(moments[axis], "N m", moment, moment));
+                }
+            }
         }
     }
 }
 
 fn signals(pairs: &Pairs, loads: &PerWheel<f64>) -> Vec<SignalScore> {
+    let frames = forces::frames(pairs.iter().map(|(estimate, _)| estimate));
     let mut all = Vec::new();
-    each_signal(|signal, wheel, unit, is_force, estimate, truth| {
-        let (values, sigmas): (Vec<f64>, Vec<f64>) = pairs.iter().map(|(e, _)| estimate(e)).unzip();
-        let truths: Vec<f64> = pairs.iter().map(|(_, t)| truth(t).0).collect();
-        let floor = wheel.filter(|_| is_force).map(|wheel| loads[wheel]);
+    each_signal(&frames, |signal| {
+        let of_estimate = pairs.iter().map(|(e, _)| (signal.estimate)(e));
+        let (values, sigmas): (Vec<f64>, Vec<f64>) = of_estimate.unzip();
+        let truths: Vec<f64> = pairs.iter().map(|(_, t)| (signal.truth)(t).0).collect();
         let Some(errors) = score::errors(&values, &truths) else {
             return;
         };
+        let floor = match (signal.unit, signal.wheel) {
+            ("N", Some(wheel)) => Some(loads[wheel]),
+            ("N m", _) => Some(forces::MOMENT_FLOOR_N_M),
+            _ => None,
+        };
         all.push(SignalScore {
-            signal,
-            wheel,
-            unit,
+            signal: signal.name,
+            wheel: signal.wheel,
+            unit: signal.unit,
+            frame: signal.frame,
             errors,
             normalised_percent: floor
                 .and_then(|floor| score::normalised_error_percent(&values, &truths, floor)),
@@ -272,21 +409,6 @@ fn signals(pairs: &Pairs, loads: &PerWheel<f64>) -> Vec<SignalScore> {
         });
     });
     all
-}
-
-/// Whether the deviations of all forces together hold, window by window.
-fn forces(pairs: &Pairs) -> Option<Consistency> {
-    let normalised: Vec<Vec<f64>> = (0..12)
-        .map(|i| {
-            let (wheel, axis) = (i / 3, i % 3);
-            let of_pair = |(estimate, truth): &(Estimate, Estimate)| {
-                let [own, truth] = [estimate, truth].map(|e| e.measured.0[wheel]);
-                (own.force_n[axis] - truth.force_n[axis]) / own.sigma_n[axis]
-            };
-            pairs.iter().map(of_pair).collect()
-        })
-        .collect();
-    consistency(&normalised, WINDOW_STEPS)
 }
 
 /// Part of one signal's windows whose mean normalised square lies within its bounds.
@@ -315,6 +437,7 @@ impl Score {
                     "signal": row.signal,
                     "wheel": row.wheel.map(Wheel::abbreviation),
                     "unit": row.unit,
+                    "frame": row.frame.map(ForceFrame::name),
                     "count": row.errors.count,
                     "mean": row.errors.mean,
                     "rmse": row.errors.rmse,
@@ -338,16 +461,25 @@ impl Score {
         json!({
             "seconds": self.seconds,
             "signals": signals,
-            "forces_nees": self.forces.as_ref().map(consistency_json),
+            "forces": self.forces.iter().map(ForceScore::to_json).collect::<Vec<_>>(),
+            "forces_nees": self.forces.first().and_then(|own| own.windows.as_ref()).map(consistency_json),
             "innovations": innovations_json(&self.innovations),
             "lifts": lifts(&self.lifts, "wheel"),
+            "missed_lifts": self.lifts.missed(),
+            "declared_lifts": self.lifts.declared,
             "false_lifts": self.lifts.false_lifts,
+            "lift_warnings": self.lifts.warnings,
             "false_lift_warnings": self.lifts.false_warnings,
             "two_wheel_lifts": lifts(&self.two_wheel_lifts, "side"),
+            "missed_two_wheel_lifts": self.two_wheel_lifts.missed(),
+            "declared_two_wheel_lifts": self.two_wheel_lifts.declared,
             "false_two_wheel_lifts": self.two_wheel_lifts.false_lifts,
+            "two_wheel_lift_warnings": self.two_wheel_lifts.warnings,
             "false_two_wheel_lift_warnings": self.two_wheel_lifts.false_warnings,
             "surface_changes": changes,
+            "missed_surface_changes": surfaces.map(SurfaceChanges::missed),
             "false_surface_changes": surfaces.map(|surfaces| surfaces.false_changes),
+            "channels": self.channels.as_ref().map(Channels::to_json),
             "events": self.events,
         })
     }
@@ -356,6 +488,7 @@ impl Score {
 fn consistency_json(found: &Consistency) -> Value {
     json!({
         "mean": found.mean,
+        "median": found.median,
         "windows": found.windows,
         "inside": found.inside,
         "above": found.above,

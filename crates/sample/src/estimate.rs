@@ -11,14 +11,15 @@ pub struct Estimate {
     pub time: LogTime,
     /// The vehicle's motion.
     pub motion: Motion,
-    /// Tyre forces of the estimator's measurement path (strain, deflection, fusion).
+    /// Tyre forces of the estimator's measurement path (strain, deflection, fusion), wheel-carrier
+    /// frame.
+    pub carrier: PerWheel<TyreForce>,
+    /// The same in the contact frame.
     pub measured: PerWheel<TyreForce>,
-    /// Tyre forces that the vehicle model expects from steer and motion alone.
+    /// Tyre forces that the vehicle model expects from steer and motion alone, contact frame.
     pub expected: PerWheel<TyreForce>,
     /// How near the measured loads are to a wheel's lift and to tipping over.
     pub rollover: Rollover,
-    /// Axes of the forces.
-    pub frame: ForceFrame,
 }
 
 /// Motion of the body at its centre of gravity. A standard deviation of `NaN` means that the
@@ -82,13 +83,39 @@ pub enum ForceFrame {
     WheelCarrier,
 }
 
-/// The force that the ground exerts on one tyre, in the axes of a [`ForceFrame`].
+impl ForceFrame {
+    /// Its name: `contact` or `wheel_carrier`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Contact => "contact",
+            Self::WheelCarrier => "wheel_carrier",
+        }
+    }
+}
+
+impl Estimate {
+    /// Tyre forces of the measurement path in a frame.
+    #[must_use]
+    pub const fn forces(&self, frame: ForceFrame) -> &PerWheel<TyreForce> {
+        match frame {
+            ForceFrame::Contact => &self.measured,
+            ForceFrame::WheelCarrier => &self.carrier,
+        }
+    }
+}
+
+/// What the ground exerts on one tyre, in the axes of a [`ForceFrame`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TyreForce {
     /// F_x, F_y, F_z in N; `NaN` where unknown.
     pub force_n: [f64; 3],
     /// Standard deviations in N; `NaN` where the method gives none.
     pub sigma_n: [f64; 3],
+    /// Moment about the wheel centre, N m; `NaN` where unknown.
+    pub moment_n_m: [f64; 3],
+    /// Its standard deviations, N m.
+    pub moment_sigma_n_m: [f64; 3],
     /// What the value rests on.
     pub source: ForceSource,
 }
@@ -98,6 +125,8 @@ impl Default for TyreForce {
         Self {
             force_n: [f64::NAN; 3],
             sigma_n: [f64::NAN; 3],
+            moment_n_m: [f64::NAN; 3],
+            moment_sigma_n_m: [f64::NAN; 3],
             source: ForceSource::None,
         }
     }

@@ -7,9 +7,9 @@
 //! - Vehicle axes (ISO 8855): x forward, y left, z up. Earth axes: x east, y north, z up.
 //! - By the right-hand rule, roll is positive with the right side down, pitch with the nose down,
 //!   and yaw to the left.
-//! - Tyre forces are the forces of the ground on the tyre, in the axes that [`ForceFrame`] names. The
-//!   estimator uses the contact frame: x along the wheel heading, y to the left of it, z up. A
-//!   positive slip angle gives a negative lateral force.
+//! - Tyre forces are the forces of the ground on the tyre, in the axes that [`ForceFrame`] names
+//!   ([`WheelAxes`] converts): the wheel-carrier frame, in which they are reported, and the contact
+//!   frame, for friction and loads. A positive slip angle gives a negative lateral force.
 //! - Specific force is the quantity that an accelerometer measures: +g along z at rest.
 //! - Values are in SI units and radians. Degrees, bytes and counts occur only in `wire` and on
 //!   screens.
@@ -34,8 +34,8 @@ pub use estimate::{
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
-    GnssVelocity, GroundSpeedSample, ImuSample, Measurement, Sample, Signal, SignalFrame,
-    SteerSample, StrainChannel, WheelSpeedSample,
+    GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement, Sample, Signal,
+    SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
 };
 pub use stamp::{LogTime, NANOS_PER_SECOND};
 pub use wheel::{Axle, PerWheel, Side, Wheel};

@@ -67,6 +67,8 @@ pub enum Measurement {
     Signals(SignalFrame),
     /// The vehicle's attitude from a device that integrates its own (not measured by GNSS).
     Attitude(Attitude),
+    /// Accelerometer on the upright of one wheel; a message may carry some of its axes only.
+    HubAcceleration(HubAccelerationSample),
 }
 
 /// Specific force and angular rate in the sensor's own axes.
@@ -247,6 +249,39 @@ pub struct CornerSample {
     pub strain_counts: [Option<i32>; StrainChannel::COUNT],
     /// Spring potentiometer counts.
     pub deflection_counts: Option<i32>,
+}
+
+/// Specific force on the upright of one wheel, along the axes of its hub accelerometer.
+///
+/// The sensor is fixed to the upright (wheel carrier). Its nominal axes are the wheel-carrier axes of
+/// the design position: y along the spindle to the left, x = unit(y × z of the chassis) forward,
+/// z = x × y up, at both sides of the vehicle. The calibration has the bias of each axis and the
+/// small turn from the carrier's to the sensor's axes. As of every accelerometer, the reading is
+/// +g along the axis that points up, at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HubAccelerationSample {
+    /// Which upright.
+    pub wheel: Wheel,
+    /// Specific force along the sensor's x, y and z axes with the nominal scale, before calibration,
+    /// m/s^2. Absent: the axis was not in the message, or its converter is at an end of its range.
+    pub specific_force_m_s2: [Option<f64>; 3],
+    /// Converter counts of the axes, where the device sends counts.
+    pub counts: [Option<i32>; 3],
+}
+
+impl HubAccelerationSample {
+    /// Names of the axes in files and topics, in the order of the sample's members.
+    pub const AXES: [&str; 3] = ["x", "y", "z"];
+
+    /// A sample without any reading.
+    #[must_use]
+    pub const fn empty(wheel: Wheel) -> Self {
+        Self {
+            wheel,
+            specific_force_m_s2: [None; 3],
+            counts: [None; 3],
+        }
+    }
 }
 
 /// Steering-wheel angle.

@@ -1,6 +1,6 @@
-//! The CAN bus: four strain boxes, wheel speeds and steering wheel.
+//! The CAN bus: four strain boxes, wheel speeds, steering wheel and hub accelerometers.
 
-use model::sensors::Sensors;
+use model::sensors::{HubAcceleration, Sensors};
 use model::strain::ABSENT_COUNT;
 use model::vehicle::Vehicle;
 use sample::{CanFlags, CanFrame, PerWheel, StrainChannel, Wheel};
@@ -8,11 +8,19 @@ use sample::{CanFlags, CanFrame, PerWheel, StrainChannel, Wheel};
 use crate::corner::Corner;
 use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
+use crate::hub::HubAccelerometer;
 use crate::random::Noise;
 use crate::{Motion, Options, SimError};
 
 /// Strain boxes by corner (thesis Table 3.2; its second "rear left" is the rear right).
 const BOX: PerWheel<u32> = PerWheel([1, 3, 4, 5]);
+
+/// First identifier of the hub accelerometers' frames; 16 times the number of the corner's box is added.
+/// They are behind all others, so that hub accelerometers delay no other frame of the same instant.
+const HUB_FRAMES: u32 = 0x300;
+
+/// Length of a hub accelerometer's frame.
+pub(crate) const HUB_FRAME_BYTES: u8 = 6;
 
 /// Time from a box's conversion to its frame's claim on the bus, s.
 const BOX_LATENCY_S: f64 = 200e-6;
@@ -20,6 +28,7 @@ const BOX_LATENCY_S: f64 = 200e-6;
 /// The bus and all devices on it.
 pub(crate) struct CanBus {
     corners: [Corner; 4],
+    hubs: Option<Hubs>,
     noise_steer: Noise,
     noise_wheel_speed: Noise,
     noise_bus: Noise,
@@ -36,6 +45,49 @@ pub(crate) struct CanBus {
     end_s: f64,
 }
 
+/// The hub accelerometers of all wheels.
+struct Hubs {
+    sensors: [HubAccelerometer; 4],
+    ticker: Ticker,
+    noise_bus: Noise,
+}
+
+impl Hubs {
+    fn new(
+        motion: &Motion,
+        vehicle: &Vehicle,
+        hub: &HubAcceleration,
+        options: &Options,
+        seed: u64,
+    ) -> Result<Self, SimError> {
+        let sensor =
+            |wheel| HubAccelerometer::new(wheel, motion, vehicle, hub, &options.faults, seed);
+        let [fl, fr, rl, rr] = Wheel::ALL;
+        Ok(Self {
+            sensors: [sensor(fl)?, sensor(fr)?, sensor(rl)?, sensor(rr)?],
+            ticker: Ticker::new("hub_acceleration.rate_hz", hub.rate_hz)?,
+            noise_bus: Noise::new(seed, "can0 hub accelerometers"),
+        })
+    }
+
+    /// The frames of an instant; none where none is due.
+    fn frames(&mut self, motion: &Motion, time_s: f64) -> Vec<CanFrame> {
+        if !self.ticker.due(time_s) {
+            return Vec::new();
+        }
+        let sensors = self.sensors.iter_mut().zip(BOX.0);
+        sensors
+            .map(|(sensor, number)| {
+                let [x, y, z] = sensor.counts(motion, time_s);
+                let mut frame = frame(HUB_FRAMES + 16 * number, [x, y, z, None]);
+                frame.len = HUB_FRAME_BYTES;
+                frame.data[usize::from(HUB_FRAME_BYTES)..].fill(0);
+                frame
+            })
+            .collect()
+    }
+}
+
 impl CanBus {
     pub(crate) fn new(
         motion: &Motion,
@@ -49,13 +101,16 @@ impl CanBus {
         let [fl, fr, rl, rr] = Wheel::ALL;
         Ok(Self {
             corners: [corner(fl)?, corner(fr)?, corner(rl)?, corner(rr)?],
+            hubs: (sensors.hub_acceleration.as_ref())
+                .map(|hub| Hubs::new(motion, vehicle, hub, options, seed))
+                .transpose()?,
             noise_steer: Noise::new(seed, "steer"),
             noise_wheel_speed: Noise::new(seed, "wheel speed"),
             noise_bus: Noise::new(seed, "can0"),
             steer_noise_rad: sensors.steer.noise_rad,
             steer_offset_rad: hidden.steer_offset_rad,
             wheel_noise_fraction: sensors.wheel_speed.noise_fraction,
-            bit_time_s: period_s_of("can_bit_rate", f64::from(options.can_bit_rate))?,
+            bit_time_s: period_s_of("can_bit_rate", f64::from(options.can_bit_rate(sensors)))?,
             boxes: Ticker::new("strain.rate_hz", sensors.strain.rate_hz)?,
             deflection: Ticker::new("deflection.rate_hz", sensors.deflection.rate_hz)?,
             steer: Ticker::new("steer.rate_hz", sensors.steer.rate_hz)?,
@@ -65,6 +120,12 @@ impl CanBus {
         })
     }
 
+    /// Turn and bias of each hub accelerometer, where there are some.
+    pub(crate) fn hubs(&self) -> Option<[([f64; 3], [f64; 3]); 4]> {
+        let hubs = self.hubs.as_ref()?;
+        Some(hubs.sensors.each_ref().map(HubAccelerometer::truth))
+    }
+
     /// Counts at zero of each corner's channels.
     pub(crate) fn zeros(&self) -> [([Option<f64>; StrainChannel::COUNT], f64); 4] {
         std::array::from_fn(|i| self.corners[i].zeros())
@@ -72,23 +133,35 @@ impl CanBus {
 
     /// The frames of the next instant, in the order in which they win the bus; none at the end.
     pub(crate) fn produce(&mut self, motion: &Motion) -> Vec<Emission> {
-        let time_s = [&self.boxes, &self.steer, &self.wheel_speed]
-            .map(Ticker::next_s)
-            .into_iter()
-            .fold(f64::INFINITY, f64::min);
+        let hubs = self.hubs.as_ref().map(|hubs| &hubs.ticker);
+        let time_s = [
+            &self.boxes,
+            &self.deflection,
+            &self.steer,
+            &self.wheel_speed,
+        ]
+        .into_iter()
+        .chain(hubs)
+        .map(Ticker::next_s)
+        .fold(f64::INFINITY, f64::min);
         if time_s > self.end_s {
             return Vec::new();
         }
         let state = motion.at(time_s);
         let mut frames = Vec::new();
+        let with_deflection = self.deflection.due(time_s);
         if self.boxes.due(time_s) {
-            let with_deflection = self.deflection.due(time_s);
             for (corner, number) in self.corners.iter_mut().zip(BOX.0) {
                 let strain = corner.strain(motion, time_s);
                 let deflection = corner.deflection(&state).filter(|_| with_deflection);
                 let [uf, ur, lf, lr, tie, front, rear] = strain;
                 frames.push(frame(0x100 + 16 * number, [uf, ur, lf, lr]));
                 frames.push(frame(0x101 + 16 * number, [tie, deflection, front, rear]));
+            }
+        } else if with_deflection {
+            for (corner, number) in self.corners.iter_mut().zip(BOX.0) {
+                let deflection = corner.deflection(&state);
+                frames.push(frame(0x101 + 16 * number, [None, deflection, None, None]));
             }
         }
         if self.steer.due(time_s) {
@@ -106,18 +179,28 @@ impl CanBus {
             frames.push(wheel_speed_frame(speeds));
         }
         frames.sort_by_key(|frame| frame.id);
-        self.send(time_s, frames)
+        let mut sent = Vec::with_capacity(frames.len() + Wheel::ALL.len());
+        if !frames.is_empty() {
+            let claim_s = time_s + BOX_LATENCY_S + self.noise_bus.delay(20e-6);
+            sent.extend(self.send(claim_s, frames));
+        }
+        let hubs = self.hubs.as_mut().map(|hubs| {
+            let frames = hubs.frames(motion, time_s);
+            (frames, time_s + BOX_LATENCY_S + hubs.noise_bus.delay(20e-6))
+        });
+        if let Some((frames, claim_s)) = hubs {
+            sent.extend(self.send(claim_s, frames));
+        }
+        sent
     }
 
     /// Puts frames on the bus one after another.
-    fn send(&mut self, time_s: f64, frames: Vec<CanFrame>) -> Vec<Emission> {
-        let claim_s = time_s + BOX_LATENCY_S + self.noise_bus.delay(20e-6);
+    fn send(&mut self, claim_s: f64, frames: Vec<CanFrame>) -> Vec<Emission> {
         frames
             .into_iter()
             .map(|frame| {
-                // 47 bits beside the data, and on average one stuff bit in ten.
-                let bits = (47.0 + 8.0 * f64::from(frame.len)) * 1.1;
-                self.free_at_s = self.free_at_s.max(claim_s) + bits * self.bit_time_s;
+                let bits_s = frame_bits(frame.len) * self.bit_time_s;
+                self.free_at_s = self.free_at_s.max(claim_s) + bits_s;
                 Emission {
                     time_s: self.free_at_s,
                     port: Port::Can0,
@@ -126,6 +209,11 @@ impl CanBus {
             })
             .collect()
     }
+}
+
+/// Bits of a frame on the bus: 47 beside the data, and on average one stuff bit in ten.
+pub(crate) fn frame_bits(bytes: u8) -> f64 {
+    (47.0 + 8.0 * f64::from(bytes)) * 1.1
 }
 
 /// A frame of four 16-bit fields, least significant byte first.

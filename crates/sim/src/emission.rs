@@ -53,6 +53,18 @@ impl Port {
         Self::Brake,
     ];
 
+    /// How the names of the channels behind the port begin in an estimator's events.
+    pub(crate) const fn sensors(self) -> &'static [&'static str] {
+        match self {
+            Self::Imu => &["inertial unit"],
+            Self::Novatel => &["GNSS velocity"],
+            Self::Septentrio => &["GNSS attitude", "GNSS velocity of the attitude receiver"],
+            Self::Can0 => &["FL ", "FR ", "RL ", "RR ", "steering wheel"],
+            Self::Steering => &["steering wheel"],
+            Self::Throttle | Self::Brake => &[],
+        }
+    }
+
     /// The name that sources have in configurations and logs.
     #[must_use]
     pub const fn name(self) -> &'static str {

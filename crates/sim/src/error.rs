@@ -151,6 +151,23 @@ pub enum SimError {
         /// What is acceptable.
         expected: &'static str,
     },
+    /// A bus or a serial line cannot carry what its devices send.
+    #[error(
+        "{arithmetic}, but at most {most_percent} % can be used; lower {rate_fields}, or raise \
+         {bit_rate_field} to at least {needed}"
+    )]
+    Overloaded {
+        /// Port, parts, sum and share.
+        arithmetic: String,
+        /// Greatest share, %.
+        most_percent: f64,
+        /// Fields that have the rates.
+        rate_fields: String,
+        /// Field that has the bit rate.
+        bit_rate_field: &'static str,
+        /// Bit rate that suffices, bit/s.
+        needed: f64,
+    },
     /// The linkage cannot stand as the motion says.
     #[error(
         "{wheel} at {time_s} s: {cause}; check strut lengths and steering-wheel angle of the motion"

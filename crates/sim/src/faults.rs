@@ -31,6 +31,8 @@ pub struct Faults {
     pub channel: Vec<ChannelFault>,
     /// Faults of the inertial unit's axes.
     pub imu: Vec<ImuFault>,
+    /// Hub accelerometers that are mounted turned.
+    pub hub: Vec<HubFault>,
     /// Intervals in which a receiver has no solution; its messages go on and say so.
     pub outage: Vec<Interruption>,
     /// Intervals in which a device is unplugged: nothing leaves, messages are cut at both ends.
@@ -90,6 +92,17 @@ pub enum ChannelFaultKind {
         /// The strain channel whose member is read.
         channel: StrainChannel,
     },
+}
+
+/// A hub accelerometer that is mounted turned, from the beginning to the end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HubFault {
+    /// The wheel.
+    pub wheel: Wheel,
+    /// Turn from the carrier's to the sensor's axes about x, then y, then z, rad; the misalignment of
+    /// the sensors file comes on top.
+    pub turned_rad: [f64; 3],
 }
 
 /// A fault of one axis of the inertial unit.
@@ -179,6 +192,11 @@ impl Faults {
                 return bad("imu.axis", fault.axis as f64, "0 to 5");
             }
         }
+        for angle in self.hub.iter().flat_map(|fault| fault.turned_rad) {
+            if !angle.is_finite() {
+                return bad("hub.turned_rad", angle, "a finite angle");
+            }
+        }
         let spikes = self.imu.iter().filter_map(|fault| match fault.kind {
             ImuFaultKind::Spikes { probability, .. } => Some(probability),
             _ => None,
@@ -192,11 +210,41 @@ impl Faults {
         Ok(())
     }
 
+    /// What is faulty and when, in s from the start of the motion, by the beginning of the names that an
+    /// estimator's events give the channels.
+    #[must_use]
+    pub fn sensors(&self) -> Vec<(String, Range<f64>)> {
+        let channels = self.channel.iter().map(|fault| {
+            let channel = fault.channel.map_or("deflection", StrainChannel::name);
+            let name = format!("{} {channel}", fault.wheel.abbreviation());
+            (name, fault.from_s..fault.to_s)
+        });
+        let axes = self.imu.iter().map(|fault| {
+            let name = "inertial unit".to_owned();
+            (name, fault.from_s..fault.to_s)
+        });
+        let interruptions = self.outage.iter().chain(&self.unplugged);
+        let spans = interruptions.map(|found| (found.port, found.from_s..found.to_s));
+        let chances = self.byte_noise.iter().chain(&self.dropped);
+        let chances = chances.map(|found| (found.port, found.from_s..found.to_s));
+        let ports = spans.chain(chances).flat_map(|(port, span)| {
+            let names = port.sensors().iter();
+            names.map(move |name| ((*name).to_owned(), span.clone()))
+        });
+        channels.chain(axes).chain(ports).collect()
+    }
+
     /// Whether `port` has no solution at `time_s`.
     pub(crate) fn is_out(&self, port: Port, time_s: f64) -> bool {
         self.outage
             .iter()
             .any(|outage| outage.port == port && (outage.from_s..outage.to_s).contains(&time_s))
+    }
+
+    /// Turn of a wheel's hub accelerometer by a wrong mounting, about x, y, z, rad.
+    pub(crate) fn hub_turn_rad(&self, wheel: Wheel) -> [f64; 3] {
+        let fault = self.hub.iter().find(|fault| fault.wheel == wheel);
+        fault.map_or([0.0; 3], |fault| fault.turned_rad)
     }
 
     /// The faults of one strain channel (`None`: potentiometer) that hold at `time_s`.

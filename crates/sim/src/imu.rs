@@ -134,7 +134,7 @@ fn specific_force_at(state: &TruthState, r: &Vector3<f64>) -> Vector3<f64> {
 
 /// The rotation of vectors from body into sensor axes: by the angles `[a, b, c]` about x, then y,
 /// then z.
-fn sensor_from_body([a, b, c]: [f64; 3]) -> Rotation3<f64> {
+pub(crate) fn sensor_from_body([a, b, c]: [f64; 3]) -> Rotation3<f64> {
     Rotation3::from_euler_angles(a, b, c)
 }
 

@@ -22,9 +22,11 @@ mod error;
 mod faults;
 mod gnss;
 mod hidden;
+mod hub;
 mod imu;
 mod jackstand;
 mod linkage;
+mod load;
 mod manoeuvre;
 mod motion;
 mod options;
@@ -42,9 +44,10 @@ pub use driver::rough::{Course, Hitch, Profile, RoughPlan, drive_rough};
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;
 pub use faults::{
-    Chance, ChannelFault, ChannelFaultKind, Faults, ImuFault, ImuFaultKind, Interruption,
+    Chance, ChannelFault, ChannelFaultKind, Faults, HubFault, ImuFault, ImuFaultKind, Interruption,
 };
 pub use hidden::{Hidden, HiddenErrors};
+pub use load::{PortLoad, port_loads};
 pub use manoeuvre::Manoeuvre;
 pub use motion::{Motion, TruthState, WheelGround, WheelMotion, WheelTruth};
 pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};

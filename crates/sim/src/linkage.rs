@@ -5,7 +5,7 @@ use model::suspension::{
     GroundPlane, MemberForces, SuspensionError, TyreFrame, Wrench, ground_plane,
 };
 use model::vehicle::{Strut, Tyre, Unsprung, Vehicle};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use sample::{PerWheel, STANDARD_GRAVITY_M_S2, Wheel};
 
 use crate::driver::body_rates;
@@ -191,6 +191,22 @@ impl Linkage {
             }
         }
         Ok(())
+    }
+
+    /// How an upright stands in a state: rotation from its axes, which are the vehicle's in the design
+    /// position, into body axes, and the wheel centre from the centre of gravity, m.
+    pub(crate) fn carrier(
+        &self,
+        state: &TruthState,
+        wheel: Wheel,
+    ) -> Result<(Matrix3<f64>, Vector3<f64>), SimError> {
+        let corner = &self.corners[wheel];
+        let length_m = state.wheels[wheel].strut_length_m;
+        let rack_m = corner.rack_m_rad * state.steering_wheel_rad;
+        let pose = (corner.corner.pose(length_m, rack_m))
+            .map_err(|cause| linkage_error(state, wheel, cause))?;
+        let up_m = Vector3::new(0.0, 0.0, self.cg_height_m);
+        Ok((pose.vehicle_from_upright, pose.wheel_centre_m - up_m))
     }
 
     /// Finds all strut lengths anew.

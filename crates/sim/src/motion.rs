@@ -3,7 +3,7 @@ mod wheel;
 
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use sample::{ForceSource, PerWheel, TyreForce, Wheel};
+use sample::{ForceFrame, ForceSource, PerWheel, TyreForce, Wheel};
 
 use crate::SimError;
 use crate::linkage::{Linkage, struts_alone};
@@ -148,14 +148,33 @@ impl TruthState {
         }
     }
 
-    /// The tyre forces in the form that the estimator publishes, without standard deviations.
+    /// The tyre forces in the contact frame, in the form that the estimator publishes, without standard
+    /// deviations.
     #[must_use]
     pub fn tyre_forces(&self) -> PerWheel<TyreForce> {
         PerWheel::from_fn(|wheel| TyreForce {
             force_n: self.wheels[wheel].force_n,
-            sigma_n: [f64::NAN; 3],
             source: ForceSource::Model,
+            ..TyreForce::default()
         })
+    }
+
+    /// The same with the moments about the wheel centre in the wheel-carrier frame; `None` unless the
+    /// motion tells all wheels on their ground.
+    #[must_use]
+    pub fn carrier_forces(&self) -> Option<PerWheel<TyreForce>> {
+        let all = self.wheels.0.map(|wheel| {
+            let ground = wheel.ground?;
+            let moment = ground.moment_n_m(ForceFrame::WheelCarrier);
+            Some(TyreForce {
+                force_n: ground.force_n(ForceFrame::WheelCarrier),
+                moment_n_m: moment.unwrap_or([f64::NAN; 3]),
+                source: ForceSource::Model,
+                ..TyreForce::default()
+            })
+        });
+        let known: Vec<TyreForce> = all.into_iter().flatten().collect();
+        known.try_into().ok().map(PerWheel)
     }
 
     /// Friction coefficient of the ground under each wheel, where the motion tells it.
@@ -189,6 +208,14 @@ impl TruthState {
     #[must_use]
     pub fn up_body(&self) -> Vector3<f64> {
         self.earth_from_body().matrix().row(2).transpose()
+    }
+
+    /// Normal of the plane that bank and grade describe, a unit vector in body axes.
+    #[must_use]
+    pub fn ground_normal_body(&self) -> Vector3<f64> {
+        let normal = Rotation3::from_euler_angles(self.bank_rad, self.grade_rad, self.yaw_rad)
+            * Vector3::z();
+        self.earth_from_body().inverse() * normal
     }
 
     /// Velocity along the heading and to its left, both in the horizontal plane, m/s.
@@ -379,19 +406,29 @@ impl Motion {
     /// The state at a time; before the start the first one, after the end the last one.
     #[must_use]
     pub fn at(&self, time_s: f64) -> TruthState {
-        // The cast takes negative numbers and NaN to 0.
-        let lap = ((time_s / self.lap_s()).floor() as u32).min(self.laps() - 1);
-        let local_s = time_s - f64::from(lap) * self.lap_s();
-        let after = self.states.partition_point(|state| state.time_s <= local_s);
-        let state = match (after.checked_sub(1), self.states.get(after)) {
-            (None, _) => self.states[0],
-            (Some(last), None) => self.states[last],
-            (Some(before), Some(b)) => {
-                let a = &self.states[before];
-                TruthState::between(a, b, (local_s - a.time_s) / (b.time_s - a.time_s))
+        let lap = self.lap_at(time_s);
+        let state = match self.place(time_s) {
+            (row, None) => self.states[row],
+            (row, Some(weight)) => {
+                TruthState::between(&self.states[row], &self.states[row + 1], weight)
             }
         };
         self.on_lap(state, lap)
+    }
+
+    /// Where a time lies among the states of a lap: the row before it, and how far to the next one;
+    /// none before the first and behind the last one.
+    pub(crate) fn place(&self, time_s: f64) -> (usize, Option<f64>) {
+        let local_s = time_s - f64::from(self.lap_at(time_s)) * self.lap_s();
+        let after = self.states.partition_point(|state| state.time_s <= local_s);
+        match (after.checked_sub(1), self.states.get(after)) {
+            (None, _) => (0, None),
+            (Some(last), None) => (last, None),
+            (Some(before), Some(b)) => {
+                let a = &self.states[before];
+                (before, Some((local_s - a.time_s) / (b.time_s - a.time_s)))
+            }
+        }
     }
 
     /// The state number `row`, counted over all laps; a lap's last state is the next one's first.
@@ -405,6 +442,12 @@ impl Motion {
             }
             _ => None,
         }
+    }
+
+    /// The lap at a time; before the start the first one, after the end the last one.
+    fn lap_at(&self, time_s: f64) -> u32 {
+        // The cast takes negative numbers and NaN to 0.
+        ((time_s / self.lap_s()).floor() as u32).min(self.laps() - 1)
     }
 
     fn lap_s(&self) -> f64 {

@@ -1,3 +1,4 @@
+use model::sensors::Sensors;
 use serde::{Deserialize, Serialize};
 
 use crate::{Faults, HiddenErrors};
@@ -23,8 +24,8 @@ pub struct Options {
     pub controller_baud: u32,
     /// Readings a second of each of these controllers.
     pub controller_rate_hz: f64,
-    /// Bit rate of the CAN bus, bit/s.
-    pub can_bit_rate: u32,
+    /// Bit rate of the CAN bus, bit/s; absent: the sensors file's.
+    pub can_bit_rate: Option<u32>,
     /// From a solution's time tag to the message's first byte, velocity receiver, s.
     pub novatel_processing_s: f64,
     /// From a solution's time tag to the message's first byte, multi-antenna receiver, s.
@@ -52,7 +53,7 @@ impl Default for Options {
             septentrio_baud: 115_200,
             controller_baud: 9_600,
             controller_rate_hz: 50.0,
-            can_bit_rate: 500_000,
+            can_bit_rate: None,
             novatel_processing_s: 0.025,
             septentrio_processing_s: 0.035,
             gnss_jitter_s: 0.002,
@@ -61,6 +62,14 @@ impl Default for Options {
             hidden: HiddenErrors::default(),
             faults: Faults::default(),
         }
+    }
+}
+
+impl Options {
+    /// Bit rate of the CAN bus, bit/s.
+    #[must_use]
+    pub fn can_bit_rate(&self, sensors: &Sensors) -> u32 {
+        self.can_bit_rate.unwrap_or(sensors.bus.bit_rate)
     }
 }
 

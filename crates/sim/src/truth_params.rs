@@ -215,6 +215,7 @@ impl Params {
                 front_axle_to_cg_m: self.a_m,
                 cg_to_rear_axle_m: self.b_m,
                 cg_height_m: self.h_cg_m,
+                cg_y_m: 0.0,
                 inertia_kg_m2: [inertia.ixx, inertia.iyy, inertia.izz],
                 inertia_xz_kg_m2: 0.0,
                 drag_n_s2_m2: self.aero_drag,
@@ -250,6 +251,7 @@ impl Params {
                 rear_brake_outboard: true,
             },
             sources: sources(),
+            payload: Vec::new(),
         }
     }
 

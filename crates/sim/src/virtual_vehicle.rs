@@ -11,6 +11,7 @@ use crate::faults::LineFaults;
 use crate::gnss::{Novatel, Septentrio};
 use crate::hidden::Hidden;
 use crate::imu::Imu;
+use crate::load::check_loads;
 use crate::serial_line::SerialLine;
 use crate::{Motion, Options, SimError, TruthState};
 
@@ -45,6 +46,7 @@ impl VirtualVehicle {
         seed: u64,
     ) -> Result<Self, SimError> {
         options.faults.check()?;
+        check_loads(sensors, options)?;
         motion.complete(vehicle)?;
         let hidden = Hidden::draw(&options.hidden, seed);
         let sensors = &hidden.applied(sensors);
@@ -64,7 +66,7 @@ impl VirtualVehicle {
                     Port::Imu => options.imu_baud,
                     Port::Novatel => options.novatel_baud,
                     Port::Septentrio => options.septentrio_baud,
-                    Port::Can0 => options.can_bit_rate,
+                    Port::Can0 => options.can_bit_rate(sensors),
                     Port::Steering | Port::Throttle | Port::Brake => options.controller_baud,
                 };
                 let faults = LineFaults::new(port, &options.faults, seed);
@@ -105,6 +107,14 @@ impl VirtualVehicle {
     #[must_use]
     pub fn hidden(&self) -> &Hidden {
         &self.hidden
+    }
+
+    /// The hub accelerometers of this run: the turn from the carrier's to the sensor's axes about x,
+    /// y, z, rad, and the bias, sensor axes, m/s^2; `None` without hub accelerometers. A fault's turn
+    /// is not in it.
+    #[must_use]
+    pub fn hub_accelerometers(&self) -> Option<PerWheel<([f64; 3], [f64; 3])>> {
+        self.can.hubs().map(PerWheel)
     }
 
     /// What each corner's converters give at zero in this run: each strain channel that there is

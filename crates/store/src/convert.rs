@@ -11,12 +11,12 @@ use sample::{
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
 use crate::wheels;
-use crate::{ClockFit, Pose, Record, Stage, UtcOffset};
+use crate::{ClockFit, Ground, Pose, Record, Stage, UtcOffset};
 use estimate::{
     clock_fit_to_proto, event_from_proto, event_to_proto, forces_from_proto, forces_to_proto,
-    health_from_proto, health_to_proto, log_from_proto, log_to_proto, motion_from_proto,
-    motion_to_proto, parameters_from_proto, parameters_to_proto, rollover_from_proto,
-    rollover_to_proto, transform_from_proto, transform_to_proto,
+    ground_from_proto, ground_to_proto, health_from_proto, health_to_proto, log_from_proto,
+    log_to_proto, motion_from_proto, motion_to_proto, parameters_from_proto, parameters_to_proto,
+    rollover_from_proto, rollover_to_proto, transform_from_proto, transform_to_proto,
 };
 use sensor::{decode_measurement, encode_sample};
 
@@ -76,12 +76,19 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
     match record {
         Record::Sample(sample) => encode_sample(sample, &name(sample.source)),
         Record::Estimate(estimate) => {
-            let frame = estimate.frame;
-            let mut messages = vec![
-                motion_message(Stage::Estimate, estimate.time, &estimate.motion),
-                forces_message(Stage::Estimate, estimate.time, frame, &estimate.measured),
-                forces_message(Stage::Model, estimate.time, frame, &estimate.expected),
-            ];
+            let (time, contact) = (estimate.time, ForceFrame::Contact);
+            let mut messages = vec![motion_message(Stage::Estimate, time, &estimate.motion)];
+            messages.extend(
+                [ForceFrame::WheelCarrier, contact].map(|frame| {
+                    forces_message(Stage::Estimate, time, frame, estimate.forces(frame))
+                }),
+            );
+            messages.push(forces_message(
+                Stage::Model,
+                time,
+                contact,
+                &estimate.expected,
+            ));
             if !estimate.rollover.load_transfer_ratio.is_nan() {
                 messages.push(rollover_message(estimate.time, &estimate.rollover));
             }
@@ -90,15 +97,21 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
         Record::Truth {
             time,
             motion,
-            frame,
-            forces,
+            carrier,
+            contact,
+            ground,
             pose,
             friction,
         } => {
-            let mut messages = vec![
-                motion_message(Stage::Truth, *time, motion),
-                forces_message(Stage::Truth, *time, *frame, forces),
-            ];
+            let mut messages = vec![motion_message(Stage::Truth, *time, motion)];
+            for (frame, forces) in [
+                (ForceFrame::WheelCarrier, carrier),
+                (ForceFrame::Contact, contact),
+            ] {
+                let message = |forces| forces_message(Stage::Truth, *time, frame, forces);
+                messages.extend(forces.as_ref().map(message));
+            }
+            messages.extend(ground.as_ref().map(|ground| ground_message(*time, ground)));
             messages.extend(pose.as_ref().map(|pose| pose_message(*time, pose)));
             messages.extend(friction.map(|friction| friction_message(*time, friction)));
             messages
@@ -116,6 +129,7 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
         } => vec![forces_message(*stage, *time, *frame, forces)],
         Record::Rollover { time, rollover } => vec![rollover_message(*time, rollover)],
         Record::Friction { time, coefficient } => vec![friction_message(*time, *coefficient)],
+        Record::Ground { time, ground } => vec![ground_message(*time, ground)],
         Record::Pose { time, pose } => vec![pose_message(*time, pose)],
         Record::Parameters(parameters) => vec![Encoded::new(
             "/estimate/parameters".to_owned(),
@@ -163,13 +177,22 @@ fn motion_message(stage: Stage, time: LogTime, motion: &Motion) -> Encoded {
     Encoded::new(topic, time, time, &motion_to_proto(motion))
 }
 
+/// Last element of the topic of forces in a frame.
+const fn forces_topic(stage: Stage, frame: ForceFrame) -> &'static str {
+    match (stage, frame) {
+        // The vehicle model knows the contact frame alone.
+        (Stage::Model, _) | (_, ForceFrame::WheelCarrier) => "tyre_forces",
+        (_, ForceFrame::Contact) => "contact_forces",
+    }
+}
+
 fn forces_message(
     stage: Stage,
     time: LogTime,
     frame: ForceFrame,
     forces: &PerWheel<TyreForce>,
 ) -> Encoded {
-    let topic = format!("/{}/tyre_forces", stage.name());
+    let topic = format!("/{}/{}", stage.name(), forces_topic(stage, frame));
     Encoded::new(topic, time, time, &forces_to_proto(frame, forces))
 }
 
@@ -187,6 +210,11 @@ fn friction_message(time: LogTime, coefficient: PerWheel<f64>) -> Encoded {
         }),
     };
     Encoded::new("/truth/friction".to_owned(), time, time, &message)
+}
+
+fn ground_message(time: LogTime, ground: &Ground) -> Encoded {
+    let topic = "/truth/ground".to_owned();
+    Encoded::new(topic, time, time, &ground_to_proto(ground))
 }
 
 fn pose_message(time: LogTime, pose: &Pose) -> Encoded {
@@ -282,6 +310,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             let coefficient = wheels::per_wheel(&friction.wheels, f64::NAN, |w| w.coefficient);
             Record::Friction { time, coefficient }
         }
+        "atvrec.Ground" => Record::Ground {
+            time,
+            ground: ground_from_proto(pb::Ground::decode(data)?),
+        },
         "atvrec.Pose" => {
             let pose = pb::Pose::decode(data)?;
             let pose = Pose {

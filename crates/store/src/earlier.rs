@@ -9,6 +9,7 @@ use prost::{DecodeError, Message as _, Name as _};
 use prost_types::FileDescriptorSet;
 use sample::{Axle, Side, StrainChannel, Wheel};
 
+use crate::Stage;
 use crate::proto::atvrec as pb;
 use crate::proto::atvrec::earlier as old;
 use crate::reader::ChannelInfo;
@@ -37,10 +38,24 @@ pub(crate) fn present(channel: &mut ChannelInfo) {
     {
         channel.topic = format!("/raw/{bus}");
     }
+    if channel.schema == pb::TyreForces::full_name()
+        && is_of_contact_frame(channel)
+        && let Some(stage) = Stage::from_topic(&channel.topic)
+        && stage != Stage::Model
+    {
+        channel.topic = format!("/{}/contact_forces", stage.name());
+    }
     if is_earlier(&channel.schema, &channel.schema_data) {
         channel.is_earlier = true;
         channel.schema_data = schema::descriptor_set(&channel.schema).into();
     }
+}
+
+/// Whether a channel of tyre forces is of a time when all forces were in the contact frame: its schema
+/// has no moments.
+fn is_of_contact_frame(channel: &ChannelInfo) -> bool {
+    let name = pb::TyreForce::NAME;
+    !has_field(&channel.schema_data, name, "moment_x_n_m").unwrap_or(true)
 }
 
 fn is_earlier(schema: &str, descriptors: &[u8]) -> bool {
@@ -48,13 +63,15 @@ fn is_earlier(schema: &str, descriptors: &[u8]) -> bool {
     let Some((_, field)) = CHANGED.iter().find(|(message, _)| *message == name) else {
         return false;
     };
-    let Ok(set) = FileDescriptorSet::decode(descriptors) else {
-        return false;
-    };
+    has_field(descriptors, name, field).unwrap_or(false)
+}
+
+/// Whether a message of a schema has a field; `None` if the schema has no such message.
+fn has_field(descriptors: &[u8], name: &str, field: &str) -> Option<bool> {
+    let set = FileDescriptorSet::decode(descriptors).ok()?;
     let mut messages = set.file.iter().flat_map(|file| &file.message_type);
-    messages
-        .find(|message| message.name() == name)
-        .is_some_and(|message| message.field.iter().any(|f| f.name() == *field))
+    let message = messages.find(|message| message.name() == name)?;
+    Some(message.field.iter().any(|f| f.name() == field))
 }
 
 /// A message of a channel of the earlier layout, in the present layout.
@@ -163,6 +180,20 @@ fn motion(data: &[u8]) -> Result<pb::Motion, DecodeError> {
         }
     });
     Ok(message)
+}
+
+/// Whether two messages of tyre forces are the same but for the standard deviations. Those of logs whose
+/// forces are all in the contact frame do not include the unknown normal of the ground.
+#[must_use]
+pub fn same_force_values(a: &[u8], b: &[u8]) -> bool {
+    let values = |data: &[u8]| {
+        let mut message = pb::TyreForces::decode(data).ok()?;
+        for wheel in &mut message.wheels {
+            (wheel.x_sigma_n, wheel.y_sigma_n, wheel.z_sigma_n) = (0.0, 0.0, 0.0);
+        }
+        Some(message.encode_to_vec())
+    };
+    values(a).is_some_and(|own| values(b) == Some(own))
 }
 
 fn tyre_forces(data: &[u8]) -> Result<pb::TyreForces, DecodeError> {

@@ -38,6 +38,7 @@ pub use sample;
 pub use convert::Encoded;
 pub use counters::WriteCounters;
 pub use dynamic::{DynamicMessage, SignalSchema};
+pub use earlier::same_force_values;
 pub use error::{Error, Result};
 pub use file::{
     ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, LOSSES_SUFFIX, UNRECOVERABLE_SUFFIX, Writer,
@@ -49,7 +50,9 @@ pub use new_name::rename_without_replacing;
 pub use reader::{
     ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
 };
-pub use record::{ClockFit, LogMessage, Pose, Record, Stage, Transform, UtcOffset};
+pub use record::{
+    ClockFit, Ground, LogMessage, Pose, Record, Stage, Transform, UtcOffset, WheelGround,
+};
 pub use recorder::{
     Backlog, DiskState, GoneLog, Progress, Recorder, RecorderStatus, RecorderSummary,
 };
@@ -59,7 +62,9 @@ pub use recovery::{
 };
 pub use rename::{RENAME_SUFFIX, finish_renames, rename_run};
 pub use scan::{DEFAULT_MAX_CHUNK, max_chunk, set_max_chunk};
-pub use session::{Attachment, ClockState, Options, Session, Source, SourceKind, utc_ns};
+pub use session::{
+    Attachment, ClockState, InjectedFault, Options, Session, Source, SourceKind, utc_ns,
+};
 pub use summary::Summary;
 pub use table::{Column, Table, Values};
 

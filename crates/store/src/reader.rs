@@ -11,9 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sample::{
-    Estimate, ForceFrame, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce,
-};
+use sample::{Estimate, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce};
 
 pub use arrivals::ArrivalIter;
 pub use messages::{Message, MessageIter, Selection};
@@ -430,16 +428,17 @@ impl Reader {
     /// Estimates of a stage. Only the causal estimates have the forces that the vehicle model expects, and
     /// the rollover indicators.
     pub fn of_stage(&self, stage: Stage) -> impl Iterator<Item = Result<Estimate>> {
-        let topics = match stage {
-            Stage::Truth => vec!["/truth/motion", "/truth/tyre_forces"],
-            Stage::Smoothed => vec!["/smoothed/motion", "/smoothed/tyre_forces"],
-            Stage::Estimate | Stage::Model => vec![
-                "/estimate/motion",
-                "/estimate/tyre_forces",
-                "/estimate/rollover",
-                "/model/tyre_forces",
-            ],
-        };
+        let of = |name: &str| format!("/{}/{name}", stage.name());
+        let mut topics = vec![of("motion"), of("tyre_forces"), of("contact_forces")];
+        if matches!(stage, Stage::Estimate | Stage::Model) {
+            topics = vec![
+                "/estimate/motion".to_owned(),
+                "/estimate/tyre_forces".to_owned(),
+                "/estimate/contact_forces".to_owned(),
+                "/estimate/rollover".to_owned(),
+                "/model/tyre_forces".to_owned(),
+            ];
+        }
         let messages = self.messages(Selection::topics(topics));
         messages::joined(messages, stage)
     }
@@ -505,9 +504,9 @@ pub(crate) fn unknown_estimate(time: LogTime) -> Estimate {
     Estimate {
         time,
         motion: Motion::default(),
+        carrier: PerWheel([TyreForce::default(); 4]),
         measured: PerWheel([TyreForce::default(); 4]),
         expected: PerWheel([TyreForce::default(); 4]),
         rollover: Rollover::default(),
-        frame: ForceFrame::default(),
     }
 }

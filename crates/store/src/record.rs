@@ -8,10 +8,6 @@ use sample::{
 /// its strain and its deflection. Minus zero is read as zero, except from an optional field; NaN keeps
 /// its bits.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a hundred estimates come each second; a box for each would be as many allocations"
-)]
 pub enum Record {
     /// A measurement.
     Sample(Sample),
@@ -23,10 +19,12 @@ pub enum Record {
         time: LogTime,
         /// Motion of the body.
         motion: Motion,
-        /// Axes of the forces.
-        frame: ForceFrame,
-        /// Forces of the ground on the tyres.
-        forces: PerWheel<TyreForce>,
+        /// Forces of the ground on the tyres, wheel-carrier frame, if they are known.
+        carrier: Option<PerWheel<TyreForce>>,
+        /// Forces of the ground on the tyres, contact frame, if they are known.
+        contact: Option<PerWheel<TyreForce>>,
+        /// The wheels on their ground, if the simulation gives it.
+        ground: Option<Ground>,
         /// Pose of the vehicle, if the simulation gives it.
         pose: Option<Pose>,
         /// Friction coefficient of the ground under each wheel, if the simulation gives it.
@@ -66,6 +64,13 @@ pub enum Record {
         /// The coefficients.
         coefficient: PerWheel<f64>,
     },
+    /// The wheels on their ground: a part of the truth.
+    Ground {
+        /// The instant.
+        time: LogTime,
+        /// The ground.
+        ground: Ground,
+    },
     /// Pose of the vehicle in the local earth frame of the truth.
     Pose {
         /// The instant.
@@ -103,6 +108,8 @@ pub enum Stage {
     Estimate,
     /// The estimator in a replay with smoothing, from later measurements, too: `/smoothed/…`.
     Smoothed,
+    /// The estimator with a fixed lag, from measurements of a short time after: `/lagged/…`.
+    Lagged,
     /// The vehicle model, from steer angle and motion alone: `/model/…`.
     Model,
     /// The simulation: `/truth/…`.
@@ -110,12 +117,22 @@ pub enum Stage {
 }
 
 impl Stage {
+    /// All stages.
+    const ALL: [Self; 5] = [
+        Self::Estimate,
+        Self::Smoothed,
+        Self::Lagged,
+        Self::Model,
+        Self::Truth,
+    ];
+
     /// First element of the topic.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Estimate => "estimate",
             Self::Smoothed => "smoothed",
+            Self::Lagged => "lagged",
             Self::Model => "model",
             Self::Truth => "truth",
         }
@@ -125,9 +142,7 @@ impl Stage {
     #[must_use]
     pub fn from_topic(topic: &str) -> Option<Self> {
         let first = topic.strip_prefix('/')?.split('/').next()?;
-        [Self::Estimate, Self::Smoothed, Self::Model, Self::Truth]
-            .into_iter()
-            .find(|stage| stage.name() == first)
+        Self::ALL.into_iter().find(|stage| stage.name() == first)
     }
 }
 
@@ -213,4 +228,40 @@ pub struct Pose {
     pub pitch_rad: f64,
     /// Right side down positive, rad.
     pub roll_rad: f64,
+}
+
+/// The wheels of a simulation on their ground.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ground {
+    /// Each wheel.
+    pub wheels: PerWheel<WheelGround>,
+    /// Class of the road by ISO 8608, `A` to `H`, where the simulation gives one.
+    pub road_class: Option<String>,
+}
+
+/// One wheel on its ground. Vectors are in vehicle axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelGround {
+    /// Normal of the ground at the contact, a unit vector; `NaN` where unknown.
+    pub normal_body: [f64; 3],
+    /// Spindle axis, a unit vector to the left; `NaN` where unknown.
+    pub spindle_body: [f64; 3],
+    /// Acceleration of the wheel centre against the earth, without gravity, m/s^2.
+    pub centre_acceleration_m_s2: Option<[f64; 3]>,
+    /// Mass times acceleration of the parts outboard of the arms and the tie rod, N.
+    pub unsprung_inertia_n: Option<[f64; 3]>,
+    /// Height of the ground below the wheel centre, m.
+    pub ground_height_m: Option<f64>,
+}
+
+impl Default for WheelGround {
+    fn default() -> Self {
+        Self {
+            normal_body: [f64::NAN; 3],
+            spindle_body: [f64::NAN; 3],
+            centre_acceleration_m_s2: None,
+            unsprung_inertia_n: None,
+            ground_height_m: None,
+        }
+    }
 }

@@ -34,6 +34,36 @@ pub struct Session {
     pub dynamic: Vec<DynamicMessage>,
     /// Configuration, vehicle, calibration and DBC files.
     pub attachments: Vec<Attachment>,
+    /// Faults of sensors that a simulation injected; `None` if the log is not of a simulation, or of
+    /// an older version.
+    pub injected_faults: Option<Vec<InjectedFault>>,
+}
+
+/// A fault of a sensor that a simulation injected.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InjectedFault {
+    /// How the names of its channels begin in events, such as `FL lower_front` or `inertial unit`.
+    pub sensor: String,
+    /// When it begins, s from the start of the run.
+    pub from_s: f64,
+    /// When it ends, s.
+    pub to_s: f64,
+}
+
+impl InjectedFault {
+    /// Its value in the metadata: begin, end, sensor.
+    fn to_text(&self) -> String {
+        format!("{} {} {}", self.from_s, self.to_s, self.sensor)
+    }
+
+    fn from_text(text: &str) -> Option<Self> {
+        let mut parts = text.splitn(3, ' ');
+        Some(Self {
+            from_s: parts.next()?.parse().ok()?,
+            to_s: parts.next()?.parse().ok()?,
+            sensor: parts.next()?.to_owned(),
+        })
+    }
 }
 
 /// State of the host's clock when the log clock was set to it.
@@ -248,6 +278,12 @@ impl Session {
         if self.clock != ClockState::Unknown {
             map.insert("clock".to_owned(), self.clock.name().to_owned());
         }
+        if let Some(faults) = &self.injected_faults {
+            map.insert("injected_faults".to_owned(), faults.len().to_string());
+            for (i, fault) in faults.iter().enumerate() {
+                map.insert(format!("injected_fault.{i:05}"), fault.to_text());
+            }
+        }
         for source in &self.sources {
             map.insert(
                 format!("source.{:05}", source.id.0),
@@ -285,6 +321,14 @@ impl Session {
             sources,
             dynamic: Vec::new(),
             attachments: Vec::new(),
+            injected_faults: map.contains_key("injected_faults").then(|| {
+                let faults = map
+                    .iter()
+                    .filter(|(key, _)| key.starts_with("injected_fault."));
+                faults
+                    .filter_map(|(_, text)| InjectedFault::from_text(text))
+                    .collect()
+            }),
         }
     }
 }
@@ -335,6 +379,11 @@ mod tests {
             let session = Session {
                 run_number: Some(42),
                 clock,
+                injected_faults: Some(vec![InjectedFault {
+                    sensor: "FL lower_front".to_owned(),
+                    from_s: 5.5,
+                    to_s: f64::INFINITY,
+                }]),
                 ..Session::default()
             };
             assert_eq!(Session::from_metadata(&session.to_metadata(3)), session);

@@ -72,7 +72,8 @@ macro_rules! wheel_entries {
 }
 
 wheel_entries!(
-    TyreForce WheelMotion WheelLiftTime WheelFriction WheelStrain WheelDeflection WheelAngularSpeed
+    TyreForce WheelMotion WheelLiftTime WheelFriction WheelGround WheelStrain WheelDeflection WheelAngularSpeed
+    WheelHubAcceleration
 );
 
 /// A value of each wheel, `absent` where the list has no entry. Entries of further axles are ignored.

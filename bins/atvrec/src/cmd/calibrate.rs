@@ -57,6 +57,7 @@ fn step(command: &CalibrateCommand) -> Step {
             plate_sigma_rad: args.plate_sigma_deg.to_radians(),
         },
         CalibrateCommand::WheelRadius(_) => Step::WheelRadius,
+        CalibrateCommand::Hub(_) => Step::Hub,
     }
 }
 

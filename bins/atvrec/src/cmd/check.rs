@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
 use engine::config::device_name;
-use engine::{Config, Engine};
+use engine::{Config, Engine, Listened, bus_warnings};
 use sample::text::printable;
 use sample::{LossPlace, SourceId};
 use serde_json::json;
@@ -56,15 +56,18 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
         Err(error) => return Err(error),
     };
     // The engine checks the configuration further.
-    Engine::new(&config)?;
-    let devices = if args.no_devices {
-        Vec::new()
+    let engine = Engine::new(&config)?;
+    let (devices, listened) = if args.no_devices {
+        (Vec::new(), Listened::default())
     } else {
-        listen(&config, Duration::from_secs_f64(args.listen_s))?
+        listen(&config, engine, Duration::from_secs_f64(args.listen_s))?
     };
     let storage = &config.storage;
     let rate = retention::last_rate(&storage.directory);
-    let warnings = retention::warnings(&storage.directory, storage.limits, &storage.options, rate);
+    let mut warnings =
+        retention::warnings(&storage.directory, storage.limits, &storage.options, rate);
+    warnings.extend(bus_warnings(&config));
+    warnings.extend(listened.warnings(&config));
     if args.json {
         println!("{:#}", as_json(&devices, &warnings));
     } else {
@@ -88,18 +91,31 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     })
 }
 
-fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<DeviceCheck>> {
+fn listen(
+    config: &Config,
+    mut engine: Engine,
+    time: Duration,
+) -> anyhow::Result<(Vec<DeviceCheck>, Listened)> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
         .build()?;
-    let (counters, losses) = runtime.block_on(async {
+    let (counters, losses, listened) = runtime.block_on(async {
         let sizes = QueueSizes {
             estimator: 0,
             ..QueueSizes::default()
         };
         let (sequencer, mut streams) = Sequencer::new(LogClock::start(), sizes);
-        let drain = tokio::spawn(async move { while streams.recorder.recv().await.is_some() {} });
+        let drain = tokio::spawn(async move {
+            let (mut listened, mut records) = (Listened::default(), Vec::new());
+            while let Some(arrival) = streams.recorder.recv().await {
+                engine.push(&arrival, &mut records);
+                for record in records.drain(..) {
+                    listened.push(&record);
+                }
+            }
+            listened
+        });
         let mut supervisor = Supervisor::new(sequencer.clone());
         for source in &config.sources {
             supervisor.spawn(source.spec.clone());
@@ -110,10 +126,10 @@ fn listen(config: &Config, time: Duration) -> anyhow::Result<Vec<DeviceCheck>> {
             tracing::warn!(%stuck, "sources did not end in time and were aborted");
         }
         sequencer.finish();
-        drain.await?;
-        anyhow::Ok((counters, sequencer.ledger().losses()))
+        let listened = drain.await?;
+        anyhow::Ok((counters, sequencer.ledger().losses(), listened))
     })?;
-    Ok(results(config, &counters, &losses))
+    Ok((results(config, &counters, &losses), listened))
 }
 
 fn results(

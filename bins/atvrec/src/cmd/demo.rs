@@ -112,6 +112,7 @@ fn drive_and_record(
         road: None,
         vehicle: "prowler".to_owned(),
         sensors: "thesis-10bit".to_owned(),
+        payload: Vec::new(),
         seed: args.seed,
         options: None,
         duration_s: Some(args.duration_s),

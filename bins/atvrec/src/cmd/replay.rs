@@ -66,6 +66,7 @@ fn changes(args: &ReplayChanges) -> Changes {
         overrides: args.overrides.iter().cloned().map(Into::into).collect(),
         sensors: args.sensors.clone().map(Into::into),
         calibration: args.calibration.clone().map(Into::into),
+        payload: (!args.payload.is_empty()).then(|| args.payload.clone()),
         without: args.without.clone(),
         with: args.with.clone(),
         method: args.method.clone(),

@@ -1,8 +1,8 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Comparison, InnovationScore, Lifts, Score, SurfaceChanges, compare, innovations,
-    innovations_json, score,
+    Channels, Comparison, ForceScore, InnovationScore, Lifts, Score, SurfaceChanges, compare,
+    innovations, innovations_json, score, score_methods,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
@@ -41,10 +41,24 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Good);
     }
     let found = score(&reader, stage, args.from_s)?;
+    let methods = if args.methods {
+        let simple = engine::simple_methods_of(&reader)?.by_name();
+        Some(score_methods(&reader, simple, args.from_s)?)
+    } else {
+        None
+    };
     if args.json {
-        println!("{:#}", found.to_json());
+        let mut json = found.to_json();
+        if let Some(methods) = &methods {
+            json["methods"] = methods.iter().map(ForceScore::to_json).collect();
+        }
+        println!("{json:#}");
     } else {
         print_score(&found);
+        if let Some(methods) = &methods {
+            println!();
+            print_forces(methods);
+        }
     }
     Ok(Outcome::Good)
 }
@@ -97,17 +111,8 @@ fn print_score(found: &Score) {
             optional(row.nees_inside.map(|part| part * 100.0), 0),
         );
     }
-    if let Some(forces) = &found.forces {
-        println!(
-            "all forces: nees {:.2}, {:.0} % of {} windows inside {:.2} to {:.2}, {:.0} % above",
-            forces.mean,
-            100.0 * forces.inside,
-            forces.windows,
-            forces.bounds[0],
-            forces.bounds[1],
-            100.0 * forces.above,
-        );
-    }
+    println!();
+    print_forces(&found.forces);
     println!();
     print_innovations(&found.innovations);
     println!();
@@ -116,19 +121,77 @@ fn print_score(found: &Score) {
     if let Some(surfaces) = &found.surface_changes {
         print_surface_changes(surfaces);
     }
+    if let Some(channels) = &found.channels {
+        print_channels(channels);
+    }
     for (kind, count) in &found.events {
         println!("events: {count} {kind}");
+    }
+}
+
+fn print_channels(found: &Channels) {
+    println!(
+        "{} channels excluded though healthy, {} of them used again; {} faults injected, {} missed",
+        found.healthy.len(),
+        found.healthy_recovered,
+        found.faults,
+        found.missed.len()
+    );
+    for name in &found.missed {
+        println!("missed fault of {name}");
+    }
+}
+
+/// Prints the largest error of all wheels and the consistency, by output and frame.
+fn print_forces(found: &[ForceScore]) {
+    println!(
+        "{:<10}{:<15}{:<15}{:>7}{:>7}{:>7}{:>7}{:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
+        "output",
+        "frame",
+        "estimate's",
+        "Fx %",
+        "Fy %",
+        "Fz %",
+        "Mx %",
+        "Mz %",
+        "nees x y z",
+        "median x y z",
+        "windows",
+        "below %",
+        "median"
+    );
+    let three = |values: [Option<f64>; 3]| values.map(|value| optional(value, 1)).join(" ");
+    for row in found {
+        let [x, y, z] = row.worst_percent.map(|percent| optional(percent, 2));
+        let [roll, yaw] = row.worst_moment_percent.map(|percent| optional(percent, 2));
+        let windows = row.windows.as_ref();
+        println!(
+            "{:<10}{:<15}{:<15}{x:>7}{y:>7}{z:>7}{roll:>7}{yaw:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
+            row.output,
+            row.frame.name(),
+            row.estimate_frame.name(),
+            three(row.nees),
+            three(row.nees_median),
+            windows.map_or_else(|| "-".to_owned(), |all| all.windows.to_string()),
+            optional(windows.map(|all| 100.0 * (1.0 - all.above)), 0),
+            optional(windows.map(|all| all.median), 2),
+        );
     }
 }
 
 fn print_surface_changes(found: &SurfaceChanges) {
     for change in &found.changes {
         println!(
-            "{} axle: friction changes by the factor {:.2} at {:.2} s; detected {} s later, lateral \
-             force factor {}",
+            "{} axle: friction changes by the factor {:.2} at {:.2} s ({}); detected {} s later, \
+             lateral force factor {}",
             change.axle,
             change.friction_ratio,
             change.at_s,
+            if change.detectable {
+                "detectable"
+            } else {
+                "not detectable"
+            },
             optional(change.declared_after_s, 2),
             optional(change.declared_force_ratio, 2),
         );
@@ -142,18 +205,19 @@ fn print_surface_changes(found: &SurfaceChanges) {
 
 fn print_innovations(found: &[InnovationScore]) {
     println!(
-        "{:<20}{:>10}{:>10}{:>8}{:>10}{:>10}{:>9}  bounds",
-        "innovations", "count", "rejected", "nis", "inside %", "above %", "windows"
+        "{:<20}{:>10}{:>10}{:>8}{:>8}{:>10}{:>10}{:>9}  bounds",
+        "innovations", "count", "rejected", "nis", "median", "inside %", "below %", "windows"
     );
     for row in found {
         println!(
-            "{:<20}{:>10}{:>10}{:>8.2}{:>10.0}{:>10.0}{:>9}  {:.2} to {:.2}",
+            "{:<20}{:>10}{:>10}{:>8.2}{:>8.2}{:>10.0}{:>10.0}{:>9}  {:.2} to {:.2}",
             row.kind.name(),
             row.count,
             row.rejected,
             row.mean,
+            row.median,
             100.0 * row.inside,
-            100.0 * row.above,
+            100.0 * (1.0 - row.above),
             row.windows,
             row.bounds[0],
             row.bounds[1],
@@ -164,17 +228,21 @@ fn print_innovations(found: &[InnovationScore]) {
 fn print_lifts(name: &str, found: &Lifts) {
     for lift in &found.lifts {
         println!(
-            "{} lifts at {:.2} s: detected {} s later, warning {} s before",
+            "{} lifts at {:.2} s for {:.2} s: detected {} s later, warning {} s before",
             lift.what,
             lift.at_s,
+            lift.duration_s,
             optional(lift.declared_after_s, 2),
             optional(lift.warned_before_s, 2),
         );
     }
     println!(
-        "{} {name}, {} false detections, {} false warnings",
+        "{} {name}, {} missed; {} detections, {} false; {} warnings, {} false",
         found.lifts.len(),
+        found.missed(),
+        found.declared,
         found.false_lifts,
+        found.warnings,
         found.false_warnings
     );
 }

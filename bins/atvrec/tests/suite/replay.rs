@@ -36,6 +36,7 @@ fn a_replay_is_bit_identical_and_so_is_the_replay_of_its_output() {
     for topic in [
         "/estimate/motion",
         "/estimate/tyre_forces",
+        "/estimate/contact_forces",
         "/model/tyre_forces",
     ] {
         let count = compared[topic].as_u64().unwrap_or_default();
@@ -134,7 +135,7 @@ fn a_smoothing_replay_adds_better_estimates_and_changes_none() {
         .success();
     let result: serde_json::Value = serde_json::from_str(&stdout(&assert)).expect("JSON");
     let compared = &result["verify"]["compared"];
-    for topic in ["motion", "tyre_forces"] {
+    for topic in ["motion", "tyre_forces", "contact_forces"] {
         let [causal, smoothed] =
             ["estimate", "smoothed"].map(|stage| compared[format!("/{stage}/{topic}")].as_u64());
         assert!(causal.is_some_and(|count| count > 1000), "{compared:#}");

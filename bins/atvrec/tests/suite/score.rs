@@ -54,7 +54,8 @@ fn every_key_is_promised_and_every_promise_kept() {
         let promised = promised(section);
         let found = scored(directory.path(), &arguments);
         let mut all = keys(&found);
-        for row in found["signals"].as_array().expect("a list") {
+        let lists = ["signals", "forces"].map(|list| found[list].as_array());
+        for row in lists.into_iter().flatten().flatten() {
             let mut of_row: BTreeSet<_> = keys(row).iter().map(|key| format!(".{key}")).collect();
             all.append(&mut of_row);
         }
@@ -70,6 +71,75 @@ fn every_key_is_promised_and_every_promise_kept() {
         assert!((0.1..2.0).contains(&mean), "{row}");
     }
     let lift = &found["lifts"][0];
-    let promised = ["wheel", "at_s", "declared_after_s", "warned_before_s"];
+    let promised = [
+        "wheel",
+        "at_s",
+        "duration_s",
+        "declared_after_s",
+        "warned_before_s",
+    ];
     assert_eq!(keys(lift), promised.map(str::to_owned).into());
+}
+
+/// A flat and a rough excerpt of an independent simulator's runs, with the largest errors in per cent
+/// (10 bit, worst wheel): F_x, F_y, F_z in the wheel-carrier frame, and the same in the contact frame.
+const EXCERPTS: [(&str, [[f64; 3]; 2]); 2] = [
+    ("c_sine03", [[0.8; 3], [0.8; 3]]),
+    ("r2_iso_e_a", [[11.0, 14.0, 28.0], [11.0, 14.0, 28.0]]),
+];
+
+/// Forces are scored in both frames, each with its own truth, and on flat ground they are better than by
+/// each simple method.
+#[test]
+fn forces_of_excerpts_are_scored_in_both_frames() {
+    for (name, most) in EXCERPTS {
+        let directory = tempfile::tempdir().expect("a directory");
+        let truth = testkit::project().join(format!("testdata/truth/{name}.parquet"));
+        let truth = truth.to_str().expect("UTF-8");
+        atvrec(directory.path())
+            .args([
+                "-q",
+                "simulate",
+                "--truth",
+                truth,
+                "--seed",
+                "11",
+                "-o",
+                "drive.mcap",
+            ])
+            .assert()
+            .success();
+        let found = scored(directory.path(), &["--methods"]);
+        let forces = found["forces"].as_array().expect("a list");
+        for (row, (frame, most)) in forces
+            .iter()
+            .zip(["wheel_carrier", "contact"].iter().zip(most))
+        {
+            testkit::report(&format!("{name}, {frame}: {}", row["worst_percent"]));
+            assert_eq!(
+                [&row["frame"], &row["estimate_frame"]],
+                [frame, frame],
+                "{row}"
+            );
+            for (axis, most) in most.into_iter().enumerate() {
+                let percent = row["worst_percent"][axis].as_f64().expect("a number");
+                assert!(percent < most, "{name}: {row}");
+            }
+        }
+        let methods = found["methods"].as_array().expect("a list");
+        let names: BTreeSet<_> = methods
+            .iter()
+            .filter_map(|row| row["output"].as_str())
+            .collect();
+        assert_eq!(names, ["deflection", "model", "statics"].into());
+        for row in methods.iter().filter(|row| row["frame"] == "wheel_carrier") {
+            testkit::report(&format!(
+                "{name}, {}: {}",
+                row["output"], row["worst_percent"]
+            ));
+            let [simple, own] = [row, &forces[0]].map(|row| row["worst_percent"][2].as_f64());
+            assert!(simple > own || name.starts_with('r'), "{row}");
+        }
+        assert_eq!(found["channels"]["injected_faults"], 0);
+    }
 }

@@ -13,7 +13,7 @@ use model::file::{ErrorCollector, Field, NumberOrList, Section, closest};
 /// Names of the methods in the file.
 const METHODS: [(&str, Method); 2] = [("thesis", Method::Thesis), ("fusion", Method::Fusion)];
 /// Names of the inputs in the file.
-const INPUTS: [(&str, Input); 8] = [
+const INPUTS: [(&str, Input); 9] = [
     ("strain", Input::Strain),
     ("deflection", Input::Deflection),
     ("imu", Input::Imu),
@@ -22,6 +22,7 @@ const INPUTS: [(&str, Input); 8] = [
     ("wheel_speed", Input::WheelSpeed),
     ("steer", Input::Steer),
     ("ground_speed", Input::GroundSpeed),
+    ("hub_acceleration", Input::HubAcceleration),
 ];
 
 /// Configuration of the estimator.
@@ -57,10 +58,11 @@ pub fn read(
     let sensors = vehicle.optional::<String>("sensors", collector);
     let calibration = vehicle.optional::<String>("calibration", collector);
     let overrides = vehicle.optional::<Vec<String>>("overrides", collector);
+    let payload = vehicle.optional::<Vec<String>>("payload", collector);
     let vehicle_span = vehicle.span();
     vehicle.finish(collector);
 
-    let settings = Settings {
+    let mut settings = Settings {
         method: method.map_or(Method::default(), |field| {
             by_name(&field, &field.value, &METHODS, collector).unwrap_or_default()
         }),
@@ -71,6 +73,7 @@ pub fn read(
                 .filter_map(|name| by_name(&field, name, &INPUTS, collector))
                 .collect()
         }),
+        payload: Vec::new(),
         tuning,
     };
     if enabled.as_ref().is_some_and(|field| !field.value) {
@@ -94,6 +97,13 @@ pub fn read(
     let sensors = text_of(&sensors, FileKind::Sensors, files, collector)
         .and_then(|text| value_of(Sensors::from_toml(&text, &sensors.value), collector));
     let vehicle = vehicle?;
+    if let Some(field) = payload {
+        if let Err(error) = vehicle.loaded(&field.value) {
+            let help = "docs/configuration.md describes payloads";
+            collector.add(&field.span, &field.name, error.to_string(), help);
+        }
+        settings.payload = field.value;
+    }
     let calibration = match calibration {
         Some(field) => read_calibration(&field, &vehicle, files, collector)?,
         None => Calibration::nominal(&vehicle.name),

@@ -1,6 +1,6 @@
 //! Roles of DBC signals as measurements: `[source.<name>.roles]`.
 
-use sample::{StrainChannel, Wheel};
+use sample::{HubAccelerationSample, STANDARD_GRAVITY_M_S2, Side, StrainChannel, Wheel};
 use wire::dbc::{Database, SignalDef};
 
 use model::file::{ErrorCollector, Field, Section, closest};
@@ -10,12 +10,18 @@ use model::file::{ErrorCollector, Field, Section, closest};
 pub enum Role {
     /// Steering-wheel angle; the factor converts the signal's unit to rad.
     Steer(f64),
+    /// Travel of a potentiometer along a front tie rod, left positive; the factor converts the
+    /// signal's unit to m.
+    SteerRod(Side, f64),
     /// Angular speed of a wheel; the factor converts the signal's unit to rad/s.
     WheelSpeed(Wheel, f64),
     /// Counts of a spring potentiometer.
     Deflection(Wheel),
     /// Counts of a strain channel.
     Strain(Wheel, StrainChannel),
+    /// Axis of a hub accelerometer, 0 to 2; the factor converts the signal's unit to m/s^2, absent
+    /// for counts.
+    HubAcceleration(Wheel, usize, Option<f64>),
 }
 
 /// A signal and its role.
@@ -46,9 +52,20 @@ pub fn read(
     finder.add(field, "Steering.hand_wheel_angle", collector, |signal| {
         angle_factor(signal).map(Role::Steer)
     });
+    for side in Side::ALL {
+        let key = match side {
+            Side::Left => "steer_left",
+            Side::Right => "steer_right",
+        };
+        let field = section.optional::<String>(key, collector);
+        finder.add(field, "", collector, |signal| {
+            length_factor(signal).map(|factor| Role::SteerRod(side, factor))
+        });
+    }
     let mut speeds = section.section("wheel_speed", collector);
     let mut deflections = section.section("deflection", collector);
     let mut strains = section.section("strain", collector);
+    let mut hubs = section.section("hub_acceleration", collector);
     for wheel in Wheel::ALL {
         let (key, corner) = (key(wheel), wheel.abbreviation());
         let field = speeds.optional::<String>(key, collector);
@@ -68,8 +85,18 @@ pub fn read(
             });
         }
         channels.finish(collector);
+        let mut axes = hubs.section(key, collector);
+        for (axis, name) in HubAccelerationSample::AXES.into_iter().enumerate() {
+            let field = axes.optional::<String>(name, collector);
+            let default = format!("Hub_{corner}.{name}");
+            finder.add(field, &default, collector, |signal| {
+                let factor = acceleration_factor(signal)?;
+                Ok(Role::HubAcceleration(wheel, axis, factor))
+            });
+        }
+        axes.finish(collector);
     }
-    for section in [speeds, deflections, strains, section] {
+    for section in [speeds, deflections, strains, hubs, section] {
         section.finish(collector);
     }
     finder.roles
@@ -190,6 +217,32 @@ fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
         "deg" | "degree" | "degrees" | "°" => Ok(1.0_f64.to_radians()),
         unit => Err(format!(
             "{} has the unit \"{unit}\", which is not a unit of an angle",
+            signal.name
+        )),
+    }
+}
+
+/// Factor that converts the unit of a signal to m.
+fn length_factor(signal: &SignalDef) -> Result<f64, String> {
+    match signal.unit.trim() {
+        "m" => Ok(1.0),
+        "cm" => Ok(1e-2),
+        "mm" => Ok(1e-3),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of a length",
+            signal.name
+        )),
+    }
+}
+
+/// Factor that converts the unit of a signal to m/s^2; none for counts.
+fn acceleration_factor(signal: &SignalDef) -> Result<Option<f64>, String> {
+    match signal.unit.trim() {
+        "m/s^2" | "m/s2" | "m/s²" => Ok(Some(1.0)),
+        "g" => Ok(Some(STANDARD_GRAVITY_M_S2)),
+        "count" | "counts" | "" => Ok(None),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of an acceleration",
             signal.name
         )),
     }

@@ -1,9 +1,11 @@
 //! Decodes CAN frames to signals and measurements.
 
+use model::sensors::HubAcceleration;
 use model::strain::ABSENT_COUNT;
 use sample::{
-    CanFrame, CornerSample, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, PerWheel, Sample,
-    Signal, SignalFrame, SourceId, SteerSample, StrainChannel, Wheel, WheelSpeedSample,
+    CanFrame, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement,
+    NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample, StrainChannel,
+    Wheel, WheelSpeedSample,
 };
 use wire::dbc::{Database, MessageDef};
 
@@ -15,6 +17,17 @@ const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
 /// Decodes the frames of one bus.
 pub struct CanDecoder {
     databases: Vec<Decodable>,
+    scales: Scales,
+}
+
+/// What turns signals into measurements, beside the DBC files.
+#[derive(Clone, Debug, Default)]
+pub struct Scales {
+    /// Scale of the hub accelerometers' counts; without it, there are counts alone.
+    pub hub: Option<HubAcceleration>,
+    /// Travel of the steering rack for an angle of the steering wheel, m/rad; without it, the
+    /// potentiometers along the tie rods measure nothing.
+    pub rack_m_rad: Option<f64>,
 }
 
 struct Decodable {
@@ -54,13 +67,16 @@ impl Arrived {
 #[derive(Default)]
 struct Measured {
     steer_rad: Option<f64>,
+    /// Travel of the tie rods, left and right, m.
+    rods_m: [Option<f64>; 2],
     speeds_rad_s: PerWheel<Option<f64>>,
     corners: PerWheel<Option<CornerSample>>,
+    hubs: PerWheel<Option<HubAccelerationSample>>,
 }
 
 impl CanDecoder {
     /// Decoder with the DBC files and roles of a bus.
-    pub fn new(meaning: &CanMeaning) -> Self {
+    pub fn new(meaning: &CanMeaning, scales: Scales) -> Self {
         let mut databases: Vec<Decodable> = meaning
             .databases
             .iter()
@@ -82,7 +98,7 @@ impl CanDecoder {
                 *slot = Some(role.role);
             }
         }
-        Self { databases }
+        Self { databases, scales }
     }
 
     /// Decodes a frame and appends its samples.
@@ -109,12 +125,16 @@ impl CanDecoder {
                 measurement,
             });
         };
-        let (signals, measured) = decode(message, roles, frame);
+        let (signals, measured) = decode(message, roles, frame, self.scales.hub.as_ref());
         emit(Measurement::Signals(signals));
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
         }
-        if let Some(steering_wheel_rad) = measured.steer_rad {
+        for hub in measured.hubs.0.into_iter().flatten() {
+            emit(Measurement::HubAcceleration(hub));
+        }
+        let by_rods = measured.by_rods_rad(self.scales.rack_m_rad);
+        if let Some(steering_wheel_rad) = measured.steer_rad.or(by_rods) {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
         }
         if measured.speeds_rad_s.0.iter().any(Option::is_some) {
@@ -129,6 +149,7 @@ fn decode(
     message: &MessageDef,
     roles: &[Option<Role>],
     frame: &CanFrame,
+    scale: Option<&HubAcceleration>,
 ) -> (SignalFrame, Measured) {
     let mut measured = Measured::default();
     let mut signals = Vec::with_capacity(message.signals.len());
@@ -140,6 +161,9 @@ fn decode(
         });
         match roles.get(value.index).copied().flatten() {
             Some(Role::Steer(factor)) => measured.steer_rad = Some(value.physical * factor),
+            Some(Role::SteerRod(side, factor)) => {
+                measured.rods_m[side as usize] = Some(value.physical * factor);
+            }
             Some(Role::WheelSpeed(wheel, factor)) => {
                 measured.speeds_rad_s[wheel] = Some(value.physical * factor);
             }
@@ -150,6 +174,16 @@ fn decode(
             Some(Role::Strain(wheel, channel)) => {
                 let corner = measured.corner(wheel);
                 corner.strain_counts[channel.index()] = counts(value.bits);
+            }
+            Some(Role::HubAcceleration(wheel, axis, factor)) => {
+                let hub = measured.hubs[wheel].get_or_insert(HubAccelerationSample::empty(wheel));
+                hub.counts[axis] = counts(value.bits).filter(|_| factor.is_none());
+                hub.specific_force_m_s2[axis] = match factor {
+                    Some(factor) => Some(value.physical * factor),
+                    None => scale
+                        .zip(hub.counts[axis])
+                        .and_then(|(scale, count)| scale.specific_force_m_s2(count)),
+                };
             }
             None => {}
         }
@@ -163,6 +197,15 @@ fn decode(
 }
 
 impl Measured {
+    /// Steering-wheel angle by the mean travel of the tie rods in the frame, rad. Both rods hang on the
+    /// rack, so that their inner ends travel alike.
+    fn by_rods_rad(&self, rack_m_rad: Option<f64>) -> Option<f64> {
+        let known = || self.rods_m.into_iter().flatten();
+        let count = known().count();
+        let rack_m_rad = rack_m_rad.filter(|rack| *rack != 0.0 && count > 0)?;
+        Some(known().sum::<f64>() / count as f64 / rack_m_rad)
+    }
+
     fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {
         self.corners[wheel].get_or_insert(CornerSample {
             wheel,

@@ -8,11 +8,11 @@ use store::{ClockFit as ClockRecord, Losses, UtcOffset};
 use wire::gps_time::{GPS_EPOCH_UNIX_S, SECONDS_PER_DAY};
 use wire::{Item, Protocol, Statistics};
 
-use super::can::{Arrived, CanDecoder};
+use super::can::{Arrived, CanDecoder, Scales};
 use super::clock::{ClockFit, Scale};
 use super::utc::UtcClock;
 use crate::Result;
-use crate::config::{GnssMeaning, Meaning, Source};
+use crate::config::{self, GnssMeaning, Meaning, Source};
 
 /// Largest time between two velocity records that is used as their interval, s.
 const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
@@ -67,10 +67,17 @@ pub enum SilenceChange {
 impl SourceState {
     /// State before the first arrival.
     ///
-    /// `attitude_latency_s` is the latency of receivers without one in their configuration.
-    pub fn new(source: &Source, attitude_latency_s: f64) -> Result<Self> {
+    /// `estimator` has the latency of receivers without one in their configuration, and the scales of
+    /// hub accelerometers and tie rods.
+    pub fn new(source: &Source, estimator: Option<&config::Estimator>) -> Result<Self> {
+        let sensors = estimator.map(|settings| &settings.sensors);
+        let attitude_latency_s = sensors.map_or(0.0, |sensors| sensors.gnss_attitude.latency_s);
+        let scales = Scales {
+            hub: sensors.and_then(|sensors| sensors.hub_acceleration.clone()),
+            rack_m_rad: estimator.and_then(|settings| settings.vehicle.steering.rack_m_rad),
+        };
         let (decoder, gnss) = match &source.meaning {
-            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can)), None),
+            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can, scales)), None),
             Meaning::Crossbow440(rate) => {
                 let decoder = wire::crossbow440::Decoder::new(*rate);
                 (Decoder::Crossbow440(Box::new(decoder)), None)

@@ -23,6 +23,8 @@ pub struct Changes {
     pub without: Vec<String>,
     /// Inputs that are no longer ignored.
     pub with: Vec<String>,
+    /// Payloads on the vehicle at the start, instead of those of the log.
+    pub payload: Option<Vec<String>>,
     /// Method; value of `estimator.method`.
     pub method: Option<String>,
 }
@@ -77,6 +79,7 @@ impl Changes {
             && self.without.is_empty()
             && self.with.is_empty()
             && self.method.is_none()
+            && self.payload.is_none()
     }
 
     /// The attachments with the changes: additional files, and a configuration that names them.
@@ -96,6 +99,10 @@ impl Changes {
             let Some(file) = file else { continue };
             let name = attach(&mut attachments, file, kind)?;
             section(&mut configuration, "vehicle")?.insert(key.to_owned(), Value::String(name));
+        }
+        if let Some(names) = &self.payload {
+            let names = Value::Array(names.iter().cloned().map(Value::String).collect());
+            section(&mut configuration, "vehicle")?.insert("payload".to_owned(), names);
         }
         for (number, file) in self.overrides.iter().enumerate() {
             let name = attach(&mut attachments, file, &format!("overrides-{}", number + 1))?;

@@ -14,7 +14,7 @@ mod lean;
 mod level;
 mod straight;
 mod turns;
-mod windows;
+pub(super) mod windows;
 
 use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector, Vector3};

@@ -107,6 +107,8 @@ pub struct Recording {
     pub strain: PerWheel<[Column; StrainChannel::COUNT]>,
     /// Potentiometer counts.
     pub deflection: PerWheel<Column>,
+    /// Readings of the hub accelerometers in their own axes before calibration, m/s^2.
+    pub hub_acceleration: PerWheel<Vectors>,
     /// Wheel speeds, rad/s.
     pub wheel_speed: PerWheel<Column>,
     /// Measured steering-wheel angle, rad.
@@ -133,6 +135,7 @@ impl Recording {
             start,
             strain: PerWheel::default(),
             deflection: PerWheel::default(),
+            hub_acceleration: PerWheel::default(),
             wheel_speed: PerWheel::default(),
             steer: Column::default(),
             imu: ImuColumns::default(),
@@ -174,6 +177,10 @@ impl Recording {
                         self.wheel_speed[wheel].push(time_s, speed);
                     }
                 }
+            }
+            Measurement::HubAcceleration(hub) => {
+                let value = hub.specific_force_m_s2.map(|axis| axis.unwrap_or(f64::NAN));
+                self.hub_acceleration[hub.wheel].push(time_s, value);
             }
             Measurement::Steer(steer) => self.steer.push(time_s, steer.steering_wheel_rad),
             Measurement::Imu(imu) => {
@@ -217,6 +224,40 @@ impl Recording {
     /// Returns an error if the log has no data of an inertial unit.
     pub(super) fn require_imu(&self) -> Result<(), RecordingError> {
         self.require("inertial unit", !self.imu.time_s.is_empty())
+    }
+
+    /// Whether a hub accelerometer was recorded.
+    #[must_use]
+    pub fn has_hub_acceleration(&self) -> bool {
+        let wheels = self.hub_acceleration.0.iter();
+        wheels.into_iter().any(|vectors| !vectors.time_s.is_empty())
+    }
+
+    /// Compression of each strut from its design length, m; empty for a dead potentiometer.
+    #[must_use]
+    pub fn compression_m(&self, calibration: &Resolved) -> PerWheel<Column> {
+        PerWheel::from_fn(|wheel| {
+            let pot = &calibration.corners[wheel].deflection;
+            let counts = &self.deflection[wheel];
+            if pot.dead {
+                return Column::default();
+            }
+            let value = |counts: &f64| pot.gain * (counts - pot.offset_counts);
+            Column {
+                time_s: counts.time_s.clone(),
+                value: counts.value.iter().map(value).collect(),
+            }
+        })
+    }
+
+    /// Steering wheel from straight ahead, rad.
+    #[must_use]
+    pub fn steering_wheel_rad(&self, calibration: &Resolved) -> Column {
+        let value = |angle: &f64| angle - calibration.steer_offset_rad;
+        Column {
+            time_s: self.steer.time_s.clone(),
+            value: self.steer.value.iter().map(value).collect(),
+        }
     }
 
     /// Readings of the inertial unit in its own axes.

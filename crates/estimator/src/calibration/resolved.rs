@@ -13,6 +13,8 @@ use crate::handling::Handling;
 pub struct Resolved {
     /// Channels of each corner.
     pub corners: PerWheel<CornerChannels>,
+    /// Hub accelerometers; none where the sensors file has none or the calibration calls one dead.
+    pub hubs: PerWheel<Option<HubSensor>>,
     /// Speed over wheel speed, rolling freely, m, where it was measured.
     pub rolling_radius_m: PerWheel<Option<f64>>,
     /// Steering wheel, straight ahead, rad.
@@ -53,6 +55,36 @@ pub struct CornerChannels {
     pub strain: [Channel; StrainChannel::COUNT],
     /// Compression of the strut from its design length, m.
     pub deflection: Channel,
+}
+
+/// A hub accelerometer as calibrated: what a filter needs to use its readings. The reading of axis i
+/// without its bias is row i of `sensor_from_carrier` times the specific force at the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HubSensor {
+    /// Rotation of vectors from the upright's axes (those of the vehicle in the design position) into
+    /// sensor axes.
+    pub sensor_from_carrier: Matrix3<f64>,
+    /// Bias, sensor axes, m/s^2.
+    pub bias_m_s2: Vector3<f64>,
+    /// Standard deviation of the bias, sensor axes, m/s^2.
+    pub bias_sigma_m_s2: Vector3<f64>,
+    /// Position from the wheel centre, carrier axes, m.
+    pub position_m: Vector3<f64>,
+    /// Standard deviation of one reading, converter's rounding included, m/s^2.
+    pub noise_sigma_m_s2: f64,
+    /// Corner frequency of the sensor's first-order filter, Hz.
+    pub lag_hz: f64,
+}
+
+impl HubSensor {
+    /// Readings of the axes without their biases, sensor axes, m/s^2.
+    #[must_use]
+    pub fn unbiased(&self, reading_m_s2: [Option<f64>; 3]) -> [Option<f64>; 3] {
+        std::array::from_fn(|axis| {
+            let value = reading_m_s2[axis]? - self.bias_m_s2[axis];
+            value.is_finite().then_some(value)
+        })
+    }
 }
 
 /// One converter channel: value = gain (counts - offset).
@@ -100,6 +132,7 @@ impl Resolved {
         let velocity = &calibration.gnss_velocity;
         Ok(Self {
             corners: PerWheel(std::array::from_fn(|i| corners[i])),
+            hubs: hubs(sensors, calibration)?,
             rolling_radius_m: rolling_radii(calibration)?,
             steer_offset_rad: finite("steer.offset_rad", calibration.steer.offset_rad)?,
             accel_bias_m_s2: finite3("imu.accel_bias_m_s2", imu.accel_bias_m_s2)?,
@@ -141,6 +174,54 @@ impl Resolved {
             handling: plausible(calibration.handling)?,
         })
     }
+}
+
+impl Resolved {
+    /// Positions from a centre of gravity that has moved by `shift_m`, vehicle axes, m.
+    #[must_use]
+    pub fn with_cg_moved(&self, shift_m: Vector3<f64>) -> Self {
+        Self {
+            imu_m: self.imu_m - shift_m,
+            plain_imu_ahead_m: self.plain_imu_ahead_m - shift_m.x,
+            velocity_antenna_m: self.velocity_antenna_m - shift_m,
+            attitude_antenna_m: self.attitude_antenna_m - shift_m,
+            ..self.clone()
+        }
+    }
+}
+
+fn hubs(
+    sensors: &Sensors,
+    calibration: &Calibration,
+) -> Result<PerWheel<Option<HubSensor>>, EstimatorError> {
+    let mut hubs = PerWheel::default();
+    let Some(hub) = &sensors.hub_acceleration else {
+        return Ok(hubs);
+    };
+    for wheel in Wheel::ALL {
+        let given = calibration.corner.get(&wheel);
+        let given = given.map(|c| c.hub_acceleration).unwrap_or_default();
+        let name = |field| format!("corner.{}.hub_acceleration.{field}", wheel_key(wheel));
+        let turn = finite3(
+            &name("misalignment_rad"),
+            given.misalignment_rad.unwrap_or_default(),
+        )?;
+        let bias = finite3(&name("bias_m_s2"), given.bias_m_s2.unwrap_or_default())?;
+        // Uniform within plus and minus.
+        let drawn = hub.bias_m_s2 / 3.0_f64.sqrt();
+        let sigma = given.bias_sigma_m_s2.unwrap_or([drawn; 3]);
+        let rounding = 1.0 / hub.scale().counts_per_unit / 12.0_f64.sqrt();
+        let turned = nalgebra::Rotation3::from_euler_angles(turn.x, turn.y, turn.z);
+        hubs[wheel] = (!given.dead).then_some(HubSensor {
+            sensor_from_carrier: turned.into_inner(),
+            bias_m_s2: bias,
+            bias_sigma_m_s2: finite3(&name("bias_sigma_m_s2"), sigma)?,
+            position_m: hub.position_of_m(wheel).into(),
+            noise_sigma_m_s2: math::hypot(hub.noise_m_s2, rounding),
+            lag_hz: hub.lag_hz,
+        });
+    }
+    Ok(hubs)
 }
 
 fn rolling_radii(calibration: &Calibration) -> Result<PerWheel<Option<f64>>, EstimatorError> {

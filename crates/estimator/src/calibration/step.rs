@@ -1,6 +1,7 @@
 //! The steps of a calibration, each from recordings and from what the steps before it found.
 
 mod gnss;
+mod hub;
 mod imu;
 mod marked;
 mod zero;
@@ -37,6 +38,8 @@ pub enum Step {
     },
     /// Rolling radii.
     WheelRadius,
+    /// Biases and axes of the hub accelerometers.
+    Hub,
 }
 
 /// What a step found.
@@ -60,6 +63,7 @@ impl Step {
             Self::LoadRig => "load-rig",
             Self::Steer { .. } => "steer",
             Self::WheelRadius => "wheel-radius",
+            Self::Hub => "hub",
         }
     }
 
@@ -83,6 +87,7 @@ impl Step {
                 marked::steer(self.one(recordings)?, known, *plate_sigma_rad)
             }
             Self::WheelRadius => gnss::wheel_radius(self.one(recordings)?, known),
+            Self::Hub => hub::hub(recordings, known),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use sample::{Event, EventKind, LogTime, StrainChannel, Wheel};
 
+use crate::calibration::hub::WrongAxes;
 use crate::fusion::ChannelChange;
 use crate::inputs::FrozenChange;
 use crate::watch::{CONTRADICTS, FROZEN, SensorChange};
@@ -10,6 +11,13 @@ use super::Output;
 
 pub(super) fn motion_event(now: LogTime, change: SensorChange) -> Event {
     sensor_event(now, change.faulty, change.name.to_owned(), change.why)
+}
+
+/// A hub accelerometer that was found to be mounted turned, or that is right again.
+pub(super) fn hub_event(now: LogTime, wheel: Wheel, wrong: Option<WrongAxes>) -> Event {
+    let name = format!("{} hub acceleration", wheel.abbreviation());
+    let why = wrong.map(|wrong| format!("has wrong axes: {wrong}"));
+    sensor_event(now, why.is_some(), name, why.as_deref().unwrap_or_default())
 }
 
 /// State of a filter that can diverge, from its restart to its recovery.

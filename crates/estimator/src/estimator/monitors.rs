@@ -10,7 +10,8 @@ use crate::kinematics;
 use crate::motion::MotionState;
 use crate::tuning::WatchTuning;
 use crate::watch::{
-    BiasWatch, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch, WheelWatch,
+    BiasWatch, HubWatch, InertialWatch, ReceiverWatch, Rolling, SensorChange, SteeringWatch,
+    WheelWatch,
 };
 
 /// Monitors of the motion sensors.
@@ -22,6 +23,7 @@ pub(super) struct ConsistencyMonitors {
     pub(super) bias: BiasWatch,
     pub(super) velocity: [ReceiverWatch; 2],
     pub(super) attitude: ReceiverWatch,
+    pub(super) hub: HubWatch,
     wheels: WheelWatch,
     /// Part of the recent time in which the inertial unit contradicted the balances.
     inconsistent: f64,
@@ -39,6 +41,7 @@ impl ConsistencyMonitors {
             velocity: ["GNSS velocity", "GNSS velocity of the attitude receiver"]
                 .map(ReceiverWatch::new),
             attitude: ReceiverWatch::new("GNSS attitude"),
+            hub: HubWatch::default(),
             wheels: WheelWatch::default(),
             inconsistent: 1.0,
             rear_slips: false,

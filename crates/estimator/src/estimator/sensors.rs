@@ -1,8 +1,9 @@
 //! Stage 1: the motion sensors. A monitor judges each reading, then the motion filter takes it.
 
 use nalgebra::Vector3;
-use sample::{GnssAttitude, GnssVelocity, ImuSample, LogTime, SourceId};
+use sample::{GnssAttitude, GnssVelocity, ImuSample, LogTime, SourceId, Wheel};
 
+use super::events::hub_event;
 use super::monitors::report;
 use super::{Estimator, Output};
 use crate::grid::GRID_S;
@@ -90,6 +91,21 @@ impl Estimator {
         let angle = self.column.follow(angle_rad);
         let angle = (self.monitors.steering).judge(time, angle, expected, &mut report(now, out));
         self.readings.push_steering_wheel(time, angle);
+    }
+
+    /// Readings of a hub accelerometer, sensor axes, biases removed, m/s^2.
+    pub(super) fn take_hub_acceleration(
+        &mut self,
+        time: LogTime,
+        wheel: Wheel,
+        axes_m_s2: [Option<f64>; 3],
+        now: LogTime,
+        out: &mut impl FnMut(Output),
+    ) {
+        self.readings.push_hub_acceleration(time, wheel, axes_m_s2);
+        let tuning = &self.monitors.tuning.hub;
+        let mut changes = |wheel, wrong| out(Output::Event(hub_event(now, wheel, wrong)));
+        (self.monitors.hub).judge(time, wheel, axes_m_s2, tuning, &mut changes);
     }
 
     /// The antenna of a source's velocity: the receiver of attitude has an antenna of its own.

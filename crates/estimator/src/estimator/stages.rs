@@ -16,6 +16,20 @@ use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held};
+use crate::wheel_frame::WheelFrame;
+
+/// Forces of the tyres by the measurement path.
+#[derive(Default)]
+pub(super) struct MeasuredForces {
+    /// In the contact frame, as the stages after this one use them.
+    pub(super) contact: PerWheel<TyreForce>,
+    /// The same with the unknown normal of the ground in the standard deviations.
+    pub(super) reported: PerWheel<TyreForce>,
+    /// In the wheel-carrier frame.
+    pub(super) carrier: PerWheel<TyreForce>,
+    /// Axes of the wheels, if the vehicle has linkages.
+    pub(super) frames: Option<PerWheel<WheelFrame>>,
+}
 
 impl Estimator {
     /// Stage 1: takes all waiting samples in the order of their own time. Inertial readings
@@ -44,7 +58,11 @@ impl Estimator {
         while let Some(Entry { time, held }) = self.waiting.take() {
             let fresh = now.seconds_since(time) <= self.settings.tuning.fresh_s;
             match held {
-                Held::Corner(_) | Held::SteeringWheel(_) | Held::WheelSpeed(_) if !fresh => {}
+                Held::Corner(_)
+                | Held::SteeringWheel(_)
+                | Held::WheelSpeed(_)
+                | Held::HubAcceleration(..)
+                    if !fresh => {}
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
                 Held::NoInertial => self.take_invalid_inertial(now, out),
                 Held::Velocity(source, gnss) => {
@@ -59,6 +77,9 @@ impl Estimator {
                     self.settings.uses(Input::Deflection),
                 ),
                 Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
+                Held::HubAcceleration(wheel, axes) => {
+                    self.take_hub_acceleration(time, wheel, axes, now, out);
+                }
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {
@@ -151,9 +172,9 @@ impl Estimator {
         motion: &MotionState,
         expected: &PerWheel<TyreForce>,
         out: &mut impl FnMut(Output),
-    ) -> PerWheel<TyreForce> {
+    ) -> MeasuredForces {
         let Some(corners) = &self.corners else {
-            return PerWheel::default();
+            return MeasuredForces::default();
         };
         let forces = if let Some(fusion) = &mut self.fusion {
             let input = StepInput {
@@ -179,7 +200,26 @@ impl Estimator {
         } else {
             self.statics_of_corners(now, motion, expected)
         };
-        corners.add_frame_uncertainty(&forces, self.grip.steer_offset().1)
+        let steer_sigma_rad = self.grip.steer_offset().1;
+        let contact = corners.add_frame_uncertainty(&forces, steer_sigma_rad);
+        let reported = corners.add_unknown_normal(&contact);
+        let frames = PerWheel::from_fn(|wheel| {
+            let corner = &corners.states()[wheel.index()];
+            let fusion = self.fusion.as_ref();
+            WheelFrame::new(
+                corner,
+                &contact[wheel],
+                &reported[wheel],
+                corners.tilt_sigma_rad(),
+                fusion.map(|fusion| fusion.moment(wheel.index(), corner, motion.velocity_m_s.x)),
+            )
+        });
+        MeasuredForces {
+            carrier: PerWheel::from_fn(|wheel| frames[wheel].carrier(&reported[wheel])),
+            contact,
+            reported,
+            frames: Some(frames),
+        }
     }
 
     fn statics_of_corners(
@@ -301,12 +341,14 @@ impl Estimator {
     pub(super) fn trace(
         &mut self,
         estimate: &Estimate,
+        frames: Option<PerWheel<WheelFrame>>,
         navigated: bool,
         out: &mut impl FnMut(Output),
     ) {
         if self.traced {
             out(Output::Step(Box::new(Step {
                 estimate: estimate.clone(),
+                frames,
                 solution: self.motion.solution(),
                 operations: self.motion.take_operations(),
                 navigated,

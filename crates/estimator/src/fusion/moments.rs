@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 
 use super::Fusion;
 use super::body::Body;
-use super::layout::FORCE;
+use super::layout::{FORCE, MOMENT};
 use crate::corners::CornerState;
+use crate::gaussian::Gaussian;
 use crate::tuning::MomentTuning;
 
 /// A tyre's moment, contact frame.
@@ -31,6 +32,25 @@ impl Body {
 }
 
 impl Fusion {
+    /// Moment of the ground on a tyre about the contact point, contact frame: of tread, trail and rolling
+    /// resistance, with the estimated rest of M_x and M_z.
+    #[must_use]
+    pub fn moment(&self, wheel: usize, corner: &CornerState, speed_m_s: f64) -> [Gaussian; 3] {
+        let known = self.known_moment(wheel, corner, speed_m_s).moment_n_m;
+        let load_n = self.state[FORCE + 3 * wheel + 2];
+        let rolling = -self.body.rolling[wheel] * speed_m_s.clamp(-1.0, 1.0) * load_n;
+        let with_rest = |known: f64, i: usize| {
+            let at = MOMENT + 2 * wheel + i;
+            let variance = self.covariance.variance(at).max(0.0);
+            Gaussian::new(known + self.state[at], variance)
+        };
+        [
+            with_rest(known.x, 0),
+            Gaussian::new(known.y + rolling, rolling * rolling),
+            with_rest(known.z, 1),
+        ]
+    }
+
     /// Moment that belongs to the force of the last step: M_x of the cambered tread, and M_z = -n
     /// F_y of a rolling wheel with a trail n of one sixth of the contact length that vanishes as
     /// the tyre begins to slide (brush model).

@@ -24,8 +24,24 @@ tuning! {
         steer_sigma_max_rad: f64 = 0.003, "rad";
         /// Largest load that enters the geometry, in multiples of the static load.
         load_max: f64 = 20.0, "1";
+        group tilt: TiltTuning;
         group strut_length: StrutLengthTuning;
         group steering_wheel: SteeringWheelTuning;
+    }
+}
+
+tuning! {
+    /// Unknown normal of the ground (`corners/tilt.rs`).
+    TiltTuning {
+        /// Standard deviation of the normal per slope of a wheel's path. Measured on seven rough runs
+        /// of an independent simulator: 1.0 to 1.6.
+        factor: f64 = 1.3, "1";
+        /// Speed of the wheels along the normal on flat ground, by tyres and sensors.
+        flat_m_s: f64 = 0.06, "m/s";
+        /// Memory of the mean square.
+        memory_s: f64 = 1.0, "s";
+        /// Least speed of the vehicle by which the wheels' speeds are divided.
+        speed_min_m_s: f64 = 1.0, "m/s";
     }
 }
 

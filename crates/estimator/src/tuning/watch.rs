@@ -11,6 +11,7 @@ tuning! {
         group receiver: ReceiverWatchTuning;
         group steering: SteeringWatchTuning;
         group wheels: WheelWatchTuning;
+        group hub: HubWatchTuning;
     }
 }
 
@@ -124,5 +125,16 @@ tuning! {
         faulty_s: f64 = 0.5, "s";
         /// Time of agreement after which the sensor is used again.
         good_s: f64 = 0.5, "s";
+    }
+}
+
+tuning! {
+    /// Axes of the hub accelerometers against gravity (`watch/hub.rs`).
+    HubWatchTuning {
+        /// Time over which the specific force is averaged: a jump of 0.5 s changes the mean by a
+        /// sixth.
+        block_s: f64 = 3.0, "s";
+        /// Fewest readings of an axis in that time.
+        readings_min: f64 = 20.0, "1";
     }
 }

@@ -56,6 +56,10 @@ pub(crate) enum Kind {
     Vector(usize, Range),
     Pairs,
     Choice(&'static [&'static str]),
+    /// One to all of these, each once.
+    Choices(&'static [&'static str]),
+    /// An array of tables, each under the rules of the table with the array's name.
+    Tables,
 }
 
 /// One field of a file.
@@ -238,6 +242,8 @@ struct Walk<'a, 't> {
 
 impl Walk<'_, '_> {
     fn rules(&self, table: &str) -> impl Iterator<Item = &'static Rule> + use<> {
+        // `payload[0]` is under the rules of `payload`.
+        let table = table.split('[').next().unwrap_or_default();
         self.sections
             .iter()
             .filter(|section| section.tables.contains(&table))
@@ -317,6 +323,19 @@ impl Walk<'_, '_> {
             (Kind::Pairs, DeValue::Array(items)) => pairs_complaint(items),
             (Kind::Choice(choices), DeValue::String(text)) => (!choices.contains(&text.as_ref()))
                 .then(|| "is not one of the kinds known".to_owned()),
+            (Kind::Choices(choices), DeValue::Array(items)) => choices_complaint(items, choices),
+            (Kind::Tables, DeValue::Array(items)) => {
+                let mut wrong = None;
+                for (number, item) in items.iter().enumerate() {
+                    match item.get_ref() {
+                        DeValue::Table(table) => self.table(&format!("{field}[{number}]"), table),
+                        other => {
+                            wrong = Some(format!("holds an entry of type {}", other.type_str()));
+                        }
+                    }
+                }
+                wrong
+            }
             _ => Some(format!("is of the wrong type ({})", value.type_str())),
         };
         if let Some(message) = complaint {
@@ -324,6 +343,19 @@ impl Walk<'_, '_> {
             self.problem(field, shown, message, format!("give {}", wanted(kind)));
         }
     }
+}
+
+fn choices_complaint(items: &toml::de::DeArray<'_>, choices: &[&str]) -> Option<String> {
+    let mut chosen = Vec::new();
+    for item in items {
+        let text = item.get_ref().as_str().filter(|t| choices.contains(t));
+        match text {
+            Some(text) if !chosen.contains(&text) => chosen.push(text),
+            Some(text) => return Some(format!("has {text} twice")),
+            None => return Some("has an entry that is not one of the kinds known".to_owned()),
+        }
+    }
+    chosen.is_empty().then(|| "is empty".to_owned())
 }
 
 fn pairs_complaint(items: &toml::de::DeArray<'_>) -> Option<String> {
@@ -355,6 +387,8 @@ fn wanted(kind: Kind) -> String {
         }
         Kind::Pairs => "pairs such as [[-1.0, -0.1], [1.0, 0.1]]".into(),
         Kind::Choice(choices) => format!("one of {}", choices.join(", ")),
+        Kind::Choices(choices) => format!("an array of some of {}", choices.join(", ")),
+        Kind::Tables => "an array of tables".into(),
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::Sensors;
 use crate::Error;
 use crate::file::FileErrors;
-use crate::file::rules::Kind::{Choice, Integer, Number, Table, Text, Vector};
+use crate::file::rules::Kind::{Choice, Choices, Integer, Number, Table, Text, Vector};
 use crate::file::rules::Range::{NonNegative, Positive, Within};
 use crate::file::rules::{self, Checked, Kind, Rule, TableRules, may, must};
 
@@ -24,6 +24,22 @@ const FILES: &[(&str, &str)] = &[
     (
         "full-bridge-16bit-bending",
         include_str!("../../sensors/full-bridge-16bit-bending.toml"),
+    ),
+    (
+        "thesis-10bit-hub",
+        include_str!("../../sensors/thesis-10bit-hub.toml"),
+    ),
+    (
+        "full-bridge-16bit-hub",
+        include_str!("../../sensors/full-bridge-16bit-hub.toml"),
+    ),
+    (
+        "full-bridge-16bit-bending-hub",
+        include_str!("../../sensors/full-bridge-16bit-bending-hub.toml"),
+    ),
+    (
+        "full-bridge-16bit-bending-500hz-hub",
+        include_str!("../../sensors/full-bridge-16bit-bending-500hz-hub.toml"),
     ),
 ];
 
@@ -51,6 +67,8 @@ const SECTIONS: &[TableRules] = &[
             must("gnss_attitude", Table),
             must("wheel_speed", Table),
             must("steer", Table),
+            may("hub_acceleration", Table),
+            may("bus", Table),
         ],
     },
     TableRules {
@@ -139,6 +157,27 @@ const SECTIONS: &[TableRules] = &[
         tables: &["steer"],
         rules: &[RATE, must("noise_rad", Number(NonNegative(3.2)))],
     },
+    TableRules {
+        tables: &["hub_acceleration"],
+        rules: &[
+            RATE,
+            must("axes", Choices(&["x", "y", "z"])),
+            must("range_m_s2", Number(Within(1.0, 1e5))),
+            must("adc_bits", Integer(4, 16)),
+            must("lag_hz", Number(Positive(1e6))),
+            must("noise_m_s2", Number(NonNegative(100.0))),
+            must("bias_m_s2", Number(NonNegative(100.0))),
+            must("misalignment_rad", Number(NonNegative(0.5))),
+            must("position_m", Vector(3, Within(-1.0, 1.0))),
+        ],
+    },
+    TableRules {
+        tables: &["bus"],
+        rules: &[
+            must("name", Text),
+            must("bit_rate", Integer(5_000, 1_000_000)),
+        ],
+    },
 ];
 
 impl Sensors {
@@ -205,6 +244,64 @@ mod tests {
         assert!(full.bending.is_none());
         let bending = read("full-bridge-16bit-bending").bending.unwrap();
         assert_eq!(bending.bridge, Bridge::FullBending);
+    }
+
+    /// A set with hub accelerometers is the set without them otherwise, and all have the same ones.
+    #[test]
+    fn hub_sets_differ_by_their_accelerometers_alone() {
+        let all: Vec<_> = Sensors::builtin_names()
+            .filter_map(|name| Some((name, name.strip_suffix("-hub")?)))
+            .map(|(name, base)| (Sensors::builtin(name).unwrap(), base))
+            .collect();
+        assert_eq!(all.len(), 4);
+        for (hub, base) in &all {
+            assert_eq!(hub.hub_acceleration, all[0].0.hub_acceleration, "{base}");
+            let fast = base.strip_suffix("-500hz");
+            let mut base = Sensors::builtin(fast.unwrap_or(base)).unwrap();
+            base.name.clone_from(&hub.name);
+            base.hub_acceleration.clone_from(&hub.hub_acceleration);
+            if fast.is_some() {
+                (base.strain.rate_hz, base.strain.lag_hz) = (500.0, 100.0);
+                base.bus.bit_rate = 1_000_000;
+            }
+            assert_eq!(*hub, base);
+        }
+        let hub = all[0].0.hub_acceleration.as_ref().unwrap();
+        assert!((hub.range_m_s2 / sample::STANDARD_GRAVITY_M_S2 - 32.0).abs() < 1e-9);
+        assert_eq!(hub.specific_force_m_s2(32_768), Some(0.0));
+        assert_eq!(
+            (hub.specific_force_m_s2(0), hub.specific_force_m_s2(65_534)),
+            (None, None)
+        );
+        assert_eq!(
+            hub.position_of_m(sample::Wheel::FrontRight),
+            [0.0, 0.03, 0.0]
+        );
+    }
+
+    #[test]
+    fn axes_are_named_once_each() {
+        let text = Sensors::builtin_text("thesis-10bit-hub").unwrap();
+        let told = |axes: &str| {
+            let text = text.replace(r#"axes = ["x", "y", "z"]"#, axes);
+            Sensors::from_toml(&text, "s.toml").map_err(|e| e.to_string())
+        };
+        assert!(
+            told(r#"axes = ["z"]"#)
+                .unwrap()
+                .hub_acceleration
+                .unwrap()
+                .measures(2)
+        );
+        for wrong in [
+            r#"axes = ["z", "z"]"#,
+            "axes = []",
+            r#"axes = ["up"]"#,
+            "axes = 3",
+        ] {
+            let error = told(wrong).unwrap_err();
+            assert!(error.contains("hub_acceleration.axes"), "{error}");
+        }
     }
 
     /// Sensors files and logs from before the table existed mean the thesis's amplifier.

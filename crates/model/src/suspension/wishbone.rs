@@ -179,11 +179,13 @@ impl Corner {
     /// # Errors
     /// When the axle has no hard-points, or degenerate ones.
     pub fn of(vehicle: &Vehicle, wheel: Wheel) -> Result<Self, SuspensionError> {
-        if wheel.is_front() {
-            Self::new(&vehicle.front, vehicle.body.front_axle_to_cg_m, wheel)
+        let body = &vehicle.body;
+        let ahead_m = if wheel.is_front() {
+            body.front_axle_to_cg_m
         } else {
-            Self::new(&vehicle.rear, -vehicle.body.cg_to_rear_axle_m, wheel)
-        }
+            -body.cg_to_rear_axle_m
+        };
+        Self::placed(vehicle.axle(wheel), [ahead_m, -body.cg_y_m], wheel)
     }
 
     /// The corner of `wheel` on `axle`, whose frame's origin is `axle_x_m` ahead of the centre of
@@ -192,12 +194,27 @@ impl Corner {
     /// # Errors
     /// When the axle has no hard-points, or degenerate ones.
     pub fn new(axle: &Axle, axle_x_m: f64, wheel: Wheel) -> Result<Self, SuspensionError> {
+        Self::placed(axle, [axle_x_m, 0.0], wheel)
+    }
+
+    /// The corner of `wheel` on `axle`, whose frame's origin is `axle_m` ahead and left of the centre
+    /// of gravity.
+    fn placed(
+        axle: &Axle,
+        [axle_x_m, axle_y_m]: [f64; 2],
+        wheel: Wheel,
+    ) -> Result<Self, SuspensionError> {
         let name = if wheel.is_front() { "front" } else { "rear" };
         let wishbone = axle.wishbone.as_ref().ok_or(SuspensionError::Missing {
             axle: name,
             table: "wishbone",
         })?;
-        let points = HardPoints::new(axle, wishbone, finite("axle x", axle_x_m, "m")?, wheel);
+        let points = HardPoints::new(
+            axle,
+            wishbone,
+            [finite("axle x", axle_x_m, "m")?, axle_y_m],
+            wheel,
+        );
         points.check()?;
         Ok(Self::from_points(points, wheel))
     }

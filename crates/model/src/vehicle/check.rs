@@ -110,9 +110,25 @@ const SPRUNG_CG_M: f64 = 0.05;
 
 type Contradiction = (String, String, String, String);
 
+/// Names that two payloads have.
+fn payloads(vehicle: &Vehicle, found: &mut Vec<Contradiction>) {
+    for (number, payload) in vehicle.payload.iter().enumerate() {
+        let earlier = &vehicle.payload[..number];
+        if earlier.iter().any(|other| other.name == payload.name) {
+            found.push((
+                format!("payload[{number}].name"),
+                payload.name.clone(),
+                "is the name of an earlier payload".into(),
+                "give each payload a name of its own".into(),
+            ));
+        }
+    }
+}
+
 fn contradictions(vehicle: &Vehicle) -> Vec<Contradiction> {
     let mut found = Vec::new();
     let body = &vehicle.body;
+    payloads(vehicle, &mut found);
     triangle("body", body.inertia_kg_m2, &mut found);
     product(
         "body",

@@ -45,7 +45,8 @@ impl Vehicle {
 
     /// Load of a wheel of the vehicle at rest on level ground, N: m g b/(2 L) at the front and
     /// m g a/(2 L) at the rear, with a and b the distances of the front and the rear axle from the
-    /// centre of gravity.
+    /// centre of gravity. A centre of gravity left of the middle plane adds
+    /// m g y K_phi/(t sum K_phi) to the left wheel of an axle and takes it off the right one.
     #[must_use]
     pub fn static_load_n(&self, wheel: Wheel) -> f64 {
         let arm_m = if wheel.is_front() {
@@ -53,7 +54,15 @@ impl Vehicle {
         } else {
             self.body.front_axle_to_cg_m
         };
-        0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 / self.wheelbase_m() * arm_m
+        let middle_n = 0.5 * self.body.mass_kg * STANDARD_GRAVITY_M_S2 / self.wheelbase_m() * arm_m;
+        if self.body.cg_y_m == 0.0 {
+            return middle_n;
+        }
+        let moment_n_m = self.body.mass_kg * STANDARD_GRAVITY_M_S2 * self.body.cg_y_m;
+        let axle = self.axle(wheel);
+        let stiffness = self.front.roll_stiffness_n_m_rad + self.rear.roll_stiffness_n_m_rad;
+        let share = axle.roll_stiffness_n_m_rad / stiffness;
+        middle_n + wheel.side() * moment_n_m * share / axle.track_m
     }
 
     /// The axle of a wheel.
@@ -75,7 +84,8 @@ impl Vehicle {
         } else {
             -self.body.cg_to_rear_axle_m
         };
-        [ahead_m, 0.5 * wheel.side() * self.axle(wheel).track_m]
+        let left_m = 0.5 * wheel.side() * self.axle(wheel).track_m;
+        [ahead_m, left_m - self.body.cg_y_m]
     }
 
     /// Roll angle of a rigid vehicle whose centre of gravity stands above the outer wheels of the
@@ -130,14 +140,15 @@ impl Vehicle {
         };
         let centre = [
             -moment(&|x, _| x) / mass,
-            0.0,
+            body.cg_y_m * unsprung / mass,
             (body.mass_kg * body.cg_height_m - moment(&|_, axle| axle.tyre.unloaded_radius_m))
                 / mass,
         ];
-        let [x, _, z] = centre;
+        let [x, y, z] = centre;
         let rise = z - body.cg_height_m;
         let height = |axle: &Axle| axle.tyre.unloaded_radius_m - body.cg_height_m;
-        let half = |axle: &Axle| 0.5 * axle.track_m;
+        // Mean square of both wheels' places across.
+        let across = |axle: &Axle| (0.5 * axle.track_m).powi(2) + body.cg_y_m.powi(2);
         let spin = |axle: &Axle| {
             axle.unsprung.as_ref().map_or([0.0; 3], |corner| {
                 let flat = 2.0 * corner.wheel_diametral_inertia_kg_m2;
@@ -152,13 +163,15 @@ impl Vehicle {
             cg_m: centre,
             inertia_kg_m2: [
                 roll - own[0]
-                    - moment(&|_, axle| half(axle).powi(2) + height(axle).powi(2))
-                    - mass * rise.powi(2),
+                    - moment(&|_, axle| across(axle) + height(axle).powi(2))
+                    - mass * (y.powi(2) + rise.powi(2)),
                 pitch
                     - own[1]
                     - moment(&|x, axle| x.powi(2) + height(axle).powi(2))
                     - mass * (x.powi(2) + rise.powi(2)),
-                yaw - own[2] - moment(&|x, axle| x.powi(2) + half(axle).powi(2)) - mass * x.powi(2),
+                yaw - own[2]
+                    - moment(&|x, axle| x.powi(2) + across(axle))
+                    - mass * (x.powi(2) + y.powi(2)),
             ],
             inertia_xz_kg_m2: body.inertia_xz_kg_m2
                 - moment(&|x, axle| x * height(axle))

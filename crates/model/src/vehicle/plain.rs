@@ -115,6 +115,7 @@ impl From<Plain> for Vehicle {
             front_axle_to_cg_m: a,
             cg_to_rear_axle_m: b,
             cg_height_m: height_m,
+            cg_y_m: 0.0,
             inertia_kg_m2: known
                 .inertia_kg_m2
                 .unwrap_or(INERTIA_OVER_YAW.map(|part| part * known.mass_kg * a * b)),
@@ -150,6 +151,7 @@ impl From<Plain> for Vehicle {
                 roll_steer: [0.0; 2],
             },
             drivetrain: plain.drivetrain,
+            payload: Vec::new(),
             sources,
         }
     }

@@ -1,6 +1,6 @@
 //! What each field of a vehicle file may hold.
 
-use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Text, Texts, Vector};
+use crate::file::rules::Kind::{Flag, Number, Pairs, Table, Tables, Text, Texts, Vector};
 use crate::file::rules::Range::{Finite, NonNegative, Positive, Within};
 use crate::file::rules::{Kind, Rule, TableRules, may, must};
 
@@ -56,6 +56,10 @@ pub(super) const SECTIONS: &[TableRules] = &[
         tables: &["drivetrain"],
         rules: DRIVETRAIN,
     },
+    TableRules {
+        tables: &["payload"],
+        rules: PAYLOAD,
+    },
 ];
 
 const TOP: &[Rule] = &[
@@ -67,6 +71,14 @@ const TOP: &[Rule] = &[
     must("steering", Table),
     may("drivetrain", Table),
     may("sources", Texts),
+    may("payload", Tables),
+];
+
+const PAYLOAD: &[Rule] = &[
+    must("name", Text),
+    must("mass_kg", Number(Positive(MASS))),
+    must("position_m", POINT),
+    may("inertia_kg_m2", Vector(3, NonNegative(1e7))),
 ];
 
 const BODY: &[Rule] = &[
@@ -74,6 +86,7 @@ const BODY: &[Rule] = &[
     must("front_axle_to_cg_m", Number(Positive(LENGTH))),
     must("cg_to_rear_axle_m", Number(Positive(LENGTH))),
     must("cg_height_m", Number(Positive(LENGTH))),
+    may("cg_y_m", Number(Within(-LENGTH, LENGTH))),
     must("inertia_kg_m2", Vector(3, Positive(1e7))),
     may("inertia_xz_kg_m2", Number(Within(-1e7, 1e7))),
     may("drag_n_s2_m2", Number(NonNegative(100.0))),

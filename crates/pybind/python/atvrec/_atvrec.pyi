@@ -10,6 +10,7 @@ from atvrec.calibrate import (
     Calibrated,
     Counts,
     Inertial,
+    HubLog,
     InertialLog,
     LoadRig,
     Rest,
@@ -51,6 +52,7 @@ __all__ = [
     "ackermann_rad",
     "amplifier_gain",
     "calibrate_gnss",
+    "calibrate_hub",
     "calibrate_imu",
     "calibrate_load_rig",
     "calibrate_rest",
@@ -462,6 +464,7 @@ def replay_log(
     overrides: Sequence[str],
     sensors: Sensors | str | None,
     calibration: Calibration | str | None,
+    payload: Sequence[str] | None,
     without: Sequence[str],
     with_inputs: Sequence[str],
     method: str | None,
@@ -476,6 +479,7 @@ def simulate_log(
     force: bool,
     vehicle: Vehicle | str,
     sensors: Sensors | str,
+    payload: Sequence[str],
     seed: int,
     options: str | None,
     duration_s: float | None,
@@ -629,6 +633,13 @@ def calibrate_load_rig(
 ) -> LoadRig: ...
 def calibrate_imu(
     vehicle: Vehicle, logs: Sequence[InertialLog], *, imu_m: Sequence[float] = ...
+) -> Calibrated: ...
+def calibrate_hub(
+    vehicle: Vehicle,
+    sensors: Sensors,
+    logs: Sequence[HubLog],
+    *,
+    imu_m: Sequence[float] | None = None,
 ) -> Calibrated: ...
 def calibrate_gnss(
     sensors: Sensors,

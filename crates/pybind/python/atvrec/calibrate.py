@@ -8,11 +8,13 @@ of the calibration file; :func:`wheel_radius` returns findings alone. ``known_ca
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypedDict
 
 import numpy.typing as npt
 
 from atvrec._atvrec import calibrate_gnss as gnss
+from atvrec._atvrec import calibrate_hub as hub
 from atvrec._atvrec import calibrate_imu as imu
 from atvrec._atvrec import calibrate_load_rig as load_rig
 from atvrec._atvrec import calibrate_rest as rest
@@ -26,6 +28,7 @@ __all__ = [
     "Antennas",
     "Calibrated",
     "Counts",
+    "HubLog",
     "SteeringWheel",
     "Inertial",
     "InertialLog",
@@ -33,6 +36,7 @@ __all__ = [
     "Rest",
     "Zeros",
     "gnss",
+    "hub",
     "imu",
     "load_rig",
     "rest",
@@ -88,6 +92,26 @@ class InertialLog(SteeringWheel):
     """Instants of the compressions, s, (k,); empty where they are not measured."""
     compression_m: npt.ArrayLike
     """Compression of the four springs from their design length, m, (k, 4)."""
+
+
+class HubLog(SteeringWheel):
+    """What :func:`hub` reads of a log."""
+
+    imu: Inertial
+    """The inertial unit in body axes, bias and misalignment taken off."""
+    hub_time_s: npt.ArrayLike
+    """Instants of the hub accelerometers, s, (n,)."""
+    hub_m_s2: Sequence[npt.ArrayLike]
+    """Specific force along the axes of each of the four sensors before calibration, m/s^2, four times
+    (n, 3); NaN where an axis is not measured."""
+    compression_time_s: npt.ArrayLike
+    """Instants of the compressions, s, (k,)."""
+    compression_m: npt.ArrayLike
+    """Compression of the four springs from their design length, m, (k, 4)."""
+    wheel_time_s: npt.ArrayLike
+    """Instants of the wheel speeds, s, (m,)."""
+    wheel_rad_s: npt.ArrayLike
+    """Angular speeds of the wheels, rad/s, (m, 4)."""
 
 
 class Calibrated(Findings):

@@ -25,6 +25,7 @@ Input: TypeAlias = Literal[
     "wheel_speed",
     "steer",
     "ground_speed",
+    "hub_acceleration",
 ]
 Method: TypeAlias = Literal["fusion", "thesis"]
 
@@ -132,6 +133,16 @@ class GroundSpeedSamples(_GroundSpeed, total=False):
     """Leftward velocity, body axes, m/s, (n,); NaN where there is none."""
 
 
+class HubAccelerationSamples(Times):
+    """Samples of the accelerometers on the uprights."""
+
+    wheel: str | Sequence[str]
+    """``fl``, ``fr``, ``rl`` or ``rr``, one for all or one each."""
+    specific_force_m_s2: npt.ArrayLike
+    """Specific force along the sensor's own axes before calibration, m/s^2, (n, 3): x forward, y
+    along the spindle to the left, z up; NaN where an axis is not measured."""
+
+
 class Samples(TypedDict, total=False):
     """Samples of all kinds. Those with the same log time are taken in the order of the keys."""
 
@@ -142,6 +153,7 @@ class Samples(TypedDict, total=False):
     steer: SteerSamples
     wheel_speed: WheelSpeedSamples
     ground_speed: GroundSpeedSamples
+    hub_acceleration: HubAccelerationSamples
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,16 +194,25 @@ class Estimates:
     """Forces of the ground on the tyres, x, y, z in the axes of ``force_frame``, N, (n, 4, 3)."""
     force_sigma_n: Doubles
     """Standard deviations of the forces, N, (n, 4, 3)."""
+    force_moment_n_m: Doubles
+    """Moments of the ground on the tyres about the wheel centres, same axes, N m, (n, 4, 3)."""
+    force_moment_sigma_n_m: Doubles
+    """Standard deviations of the moments, N m, (n, 4, 3)."""
+    contact_force_n: Doubles
+    """The forces in the contact frame (z normal to the ground, x along the wheel's heading), N,
+    (n, 4, 3)."""
+    contact_force_sigma_n: Doubles
+    """Their standard deviations, with that of the ground's unknown normal, N, (n, 4, 3)."""
     expected_force_n: Doubles
-    """Forces that the vehicle model expects from steer angles and motion, N, (n, 4, 3)."""
+    """Forces that the vehicle model expects from steer angles and motion, contact frame, N,
+    (n, 4, 3)."""
     expected_force_sigma_n: Doubles
     """Standard deviations of the expected forces, N, (n, 4, 3)."""
     force_source: npt.NDArray[np.str_]
     """What the forces rest on: ``none``, ``deflection``, ``statics``, ``fusion`` or ``model``,
     (n, 4)."""
     force_frame: str
-    """Axes of the forces: ``contact`` (z normal to the ground, x along the wheel's heading) or
-    ``wheel_carrier``."""
+    """Axes of ``force_n``: ``wheel_carrier`` (y along the spindle, x = unit(y × z of the vehicle))."""
     load_transfer_ratio: Doubles
     """Right less left over the sum of the loads: 1 where both left wheels are off the ground, (n,)."""
     load_transfer_ratio_sigma: Doubles
@@ -448,6 +469,23 @@ class Estimator:
             leftward_m_s=None if leftward_m_s is None else [leftward_m_s],
         )
 
+    def push_hub_acceleration(
+        self,
+        log_time_ns: int,
+        wheel: str,
+        specific_force_m_s2: npt.ArrayLike,
+        *,
+        valid_time_ns: int | None = None,
+    ) -> None:
+        """Takes one sample of a hub accelerometer; see :class:`HubAccelerationSamples`."""
+        self._push_one(
+            "hub_acceleration",
+            log_time_ns,
+            valid_time_ns,
+            wheel=wheel,
+            specific_force_m_s2=[specific_force_m_s2],
+        )
+
     def _push_one(
         self, kind: str, log_time_ns: int, valid_time_ns: int | None, **values: Any
     ) -> None:
@@ -526,7 +564,30 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
                 columns = log.read(topic)
                 speeds = {name: columns[name] for name in ("forward_m_s", "leftward_m_s")}
                 found.setdefault("ground_speed", []).append(_times(columns) | speeds)
+            case ["hub_acceleration"]:
+                rows = _hubs(log.read(topic))
+                found.setdefault("hub_acceleration", []).extend(rows)
     return cast(Samples, {kind: _merged(tables) for kind, tables in found.items()})
+
+
+def _hubs(columns: _Columns) -> list[_Columns]:
+    """A table for each wheel, of the messages that have it."""
+    tables = []
+    for wheel in _WHEELS:
+        axes = [columns.get(f"{wheel}.{axis}.specific_force_m_s2") for axis in "xyz"]
+        if all(axis is None for axis in axes):
+            continue
+        times = _times(columns)
+        unknown = np.full(len(times["log_time_ns"]), np.nan)
+        force = np.stack([unknown if axis is None else axis for axis in axes], axis=1)
+        present = ~np.isnan(force).all(axis=1)
+        table = {name: column[present] for name, column in times.items()}
+        table |= {
+            "wheel": np.full(int(present.sum()), wheel),
+            "specific_force_m_s2": force[present],
+        }
+        tables.append(table)
+    return tables
 
 
 def _times(columns: _Columns) -> _Columns:

@@ -87,7 +87,7 @@ class Findings(TypedDict):
 
 def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Drive:
     """The drive of a log's ``/estimate/motion``, from ``start_s`` to ``end_s`` of the log, with the
-    wheel loads of ``/estimate/tyre_forces`` where the log has them.
+    wheel loads of ``/estimate/contact_forces`` where the log has them.
 
     Accelerations are turned from the body's axes into the horizontal. The steer angle is the
     encoder's, without what the estimator has learnt of its zero. Estimates that are missing from
@@ -109,8 +109,8 @@ def drive_of(log: Log, start_s: float = 2.0, end_s: float | None = None) -> Driv
         return grid_of(columns, name)
 
     load = None
-    if "/estimate/tyre_forces" in log.topics:
-        forces = log.read("/estimate/tyre_forces", start_s, end_s)
+    if "/estimate/contact_forces" in log.topics:
+        forces = log.read("/estimate/contact_forces", start_s, end_s)
         wheels = ("fl", "fr", "rl", "rr")
         load = np.column_stack([grid_of(forces, f"{wheel}.z_n") for wheel in wheels])
     learnt = np.zeros(length)

@@ -70,6 +70,7 @@ def replay(
     sensors: Sensors | Path | None = None,
     calibration: Calibration | Path | None = None,
     overrides: Sequence[Path] = (),
+    payload: Sequence[str] | None = None,
     without: Sequence[Input] = (),
     with_inputs: Sequence[Input] = (),
     method: Method | None = None,
@@ -84,6 +85,7 @@ def replay(
 
     - ``vehicle``, ``sensors``, ``calibration`` replace those of the log: an object, a file, or the
       name of one that ships with the package; ``overrides`` are files of ``atvrec identify -o``
+    - ``payload`` names the payloads on the vehicle at the start, in place of those of the log
     - ``without`` names inputs that are not used, ``with_inputs`` those that are used although the log's
       configuration ignores them
     - ``config`` replaces the log's configuration, and excludes the above
@@ -94,11 +96,11 @@ def replay(
     :class:`atvrec.LogError` where the log cannot be read, :class:`atvrec.ArgumentError` where a name
     or a configuration has errors.
     """
-    changes = (vehicle, sensors, calibration, method, *overrides, *without, *with_inputs)
+    changes = (vehicle, sensors, calibration, payload, method, *overrides, *without, *with_inputs)
     if config is not None and any(change is not None for change in changes):
         raise ArgumentError(
             f"config = {os.fspath(config)}: excludes vehicle, sensors, calibration, overrides, "
-            "without, with_inputs and method; write them into the configuration"
+            "payload, without, with_inputs and method; write them into the configuration"
         )
     if smooth and output is None:
         raise ArgumentError("smooth = True: needs output, the log for the smoothed estimates")
@@ -111,6 +113,7 @@ def replay(
         [os.fspath(path) for path in overrides],
         _object_or_path(sensors),
         _object_or_path(calibration),
+        None if payload is None else list(payload),
         list(without),
         list(with_inputs),
         method,
@@ -125,15 +128,16 @@ def simulate(
     output: Path,
     *,
     truth: Path | None = None,
+    road: Path | None = None,
     force: bool = False,
     vehicle: Vehicle | Path = "prowler",
     sensors: Sensors | Path = "thesis-10bit",
+    payload: Sequence[str] = (),
     seed: int = 1,
     options: Path | None = None,
     duration_s: float | None = None,
     config: Path | None = None,
     true_calibration: Path | None = None,
-    road: Path | None = None,
 ) -> Simulated:
     """Drives a virtual vehicle and writes the log of its sensors, with estimates and truth.
 
@@ -143,6 +147,7 @@ def simulate(
       or CSV)
     - ``road`` is ``iso8608:A`` to ``iso8608:F`` or a road file; without it the manoeuvre has its own
       ground
+    - ``payload`` names the payloads of the vehicle file that are on the vehicle
     - ``seed`` is that of the sensor noise, and of a road of a class
     - ``options`` is a file with hidden errors, faults and delays
     - ``duration_s`` ends the drive earlier; only mixed driving is repeated for longer
@@ -161,6 +166,7 @@ def simulate(
         force,
         _object_or_path(vehicle),
         _object_or_path(sensors),
+        list(payload),
         seed,
         _path(options),
         duration_s,

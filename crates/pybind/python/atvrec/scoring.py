@@ -20,7 +20,9 @@ class Signal(TypedDict):
     wheel: str | None
     """``FL``, ``FR``, ``RL``, ``RR``; None for what no wheel has."""
     unit: str
-    """Unit of the errors: ``rad``, ``rad/s``, ``m/s`` or ``N``."""
+    """Unit of the errors: ``rad``, ``rad/s``, ``m/s``, ``N`` or ``N m``."""
+    frame: str | None
+    """Forces and moments: axes of the truth, ``wheel_carrier`` or ``contact``."""
     count: int
     """Instants that were compared."""
     mean: float
@@ -30,7 +32,7 @@ class Signal(TypedDict):
     peak: float
     """The same."""
     normalised_percent: float | None
-    """Forces: 100 RMSE / max(peak of the truth, static wheel load)."""
+    """Forces: 100 RMSE / max(peak of the truth, static wheel load); moments: with 50 N m."""
     delay_s: float | None
     """How late the estimate is; None where the series have no common peak."""
     nees: float | None
@@ -44,6 +46,8 @@ class Consistency(TypedDict):
 
     mean: float
     """Mean of ((estimate - truth)/sigma)^2."""
+    median: float
+    """Median of the windows' means."""
     windows: int
     inside: float
     """Part of the windows whose mean lies within the 95 % bounds."""
@@ -51,6 +55,39 @@ class Consistency(TypedDict):
     freedom: float
     """Effective degrees of freedom of a window."""
     bounds: list[float]
+
+
+class Forces(TypedDict):
+    """Tyre forces of an output of the estimator in one frame."""
+
+    output: str
+    """``estimate``, ``lagged`` or ``smoothed``."""
+    frame: str
+    """Axes of the truth: ``wheel_carrier`` or ``contact``."""
+    estimate_frame: str
+    """Axes of the estimate."""
+    worst_percent: list[float | None]
+    """100 RMSE / max(peak of the truth, static load) of F_x, F_y, F_z: the largest of all wheels."""
+    worst_moment_percent: list[float | None]
+    """100 RMSE / max(peak of the truth, 50 N m) of M_x, M_z: the largest of all wheels."""
+    nees: list[float | None]
+    """Mean of ((estimate - truth)/sigma)^2 of F_x, F_y, F_z over all wheels."""
+    nees_median: list[float | None]
+    """Median of the same."""
+    windows: Consistency | None
+    """Windows of all twelve forces together."""
+
+
+class Channels(TypedDict):
+    """Channels that the estimator excluded."""
+
+    excluded_healthy: list[str]
+    """Exclusions of channels without a fault, in the order of time."""
+    excluded_healthy_recovered: int
+    """How many of them were used again."""
+    injected_faults: int
+    missed_faults: list[str]
+    """Injected faults without an exclusion."""
 
 
 class Innovations(TypedDict):
@@ -65,6 +102,8 @@ class Innovations(TypedDict):
     """Those that were left out because they contradicted the state."""
     mean: float
     """Mean of y^2/S over those taken in."""
+    median: float
+    """Median of the windows' means."""
     windows: int
     """Seconds in which any was taken in."""
     inside: float
@@ -81,7 +120,9 @@ class Lift(TypedDict, total=False):
     side: str
     at_s: float
     """From the start of the truth."""
+    duration_s: float
     declared_after_s: float | None
+    """None: missed."""
     warned_before_s: float | None
 
 
@@ -94,6 +135,8 @@ class SurfaceChange(TypedDict):
     """From the start of the truth."""
     friction_ratio: float
     """After over before."""
+    detectable: bool
+    """Whether the tyres used enough of the lower friction."""
     declared_after_s: float | None
     declared_force_ratio: float | None
     """Part of the lateral force that was declared to be left."""
@@ -105,16 +148,28 @@ class Score(TypedDict):
     seconds: float
     """Time that was compared."""
     signals: list[Signal]
+    forces: list[Forces]
+    """By output and frame; first the frame that the estimate is given in."""
     forces_nees: Consistency | None
     innovations: list[Innovations]
     lifts: list[Lift]
+    missed_lifts: int
+    declared_lifts: int
     false_lifts: int
+    lift_warnings: int
     false_lift_warnings: int
     two_wheel_lifts: list[Lift]
+    missed_two_wheel_lifts: int
+    declared_two_wheel_lifts: int
     false_two_wheel_lifts: int
+    two_wheel_lift_warnings: int
     false_two_wheel_lift_warnings: int
     surface_changes: list[SurfaceChange] | None
+    missed_surface_changes: int | None
+    """Detectable changes that were not declared."""
     false_surface_changes: int | None
+    channels: Channels | None
+    """None if the log does not tell the faults that its simulation injected."""
     events: dict[str, int]
     """How many events of each kind were declared."""
 

@@ -2,6 +2,7 @@
 
 use estimator::calibration::Calibration;
 use estimator::calibration::gnss::{GnssInput, Vectors, gnss, sigma_of};
+use estimator::calibration::hub::{HubLog, hub};
 use estimator::calibration::imu::{ImuLog, ImuSignal, Lean, Leaning, imu};
 use estimator::calibration::rest::{Signal, Stretch, stretches};
 use estimator::calibration::wheel_radius::{RadiusInput, wheel_radius};
@@ -304,4 +305,138 @@ pub fn calibrate_wheel_radius<'py>(
         }),
     });
     dict(py, &found.map_err(|e| refusal(&e))?.findings)
+}
+
+/// A log for the hub accelerometers' calibration, as a dict.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct HubAccelerationLog<'py> {
+    imu: Inertial<'py>,
+    hub_time_s: Doubles<'py>,
+    hub_m_s2: [Doubles<'py>; 4],
+    compression_time_s: Doubles<'py>,
+    compression_m: Doubles<'py>,
+    wheel_time_s: Doubles<'py>,
+    wheel_rad_s: Doubles<'py>,
+    #[pyo3(default)]
+    steering_wheel_time_s: Option<Doubles<'py>>,
+    #[pyo3(default)]
+    steering_wheel_rad: Option<Doubles<'py>>,
+}
+
+/// The same as columns.
+struct HubColumns {
+    imu: Columns,
+    hub_s: Vec<f64>,
+    hub: [Vec<[f64; 3]>; 4],
+    compression_s: Vec<f64>,
+    compression: [Vec<f64>; 4],
+    steering_wheel: [Vec<f64>; 2],
+    rest: Vec<Stretch>,
+}
+
+impl HubColumns {
+    fn of(log: &HubAccelerationLog<'_>) -> PyResult<Self> {
+        let imu = Columns::of("imu", &log.imu)?;
+        let hub_s = column("hub_time_s", Some(&log.hub_time_s))?;
+        let mut hub: [Vec<[f64; 3]>; 4] = Default::default();
+        for (rows, readings) in hub.iter_mut().zip(&log.hub_m_s2) {
+            *rows = vectors("hub_m_s2", readings)?;
+            same_length(&[("hub_time_s", hub_s.len()), ("hub_m_s2", rows.len())])?;
+        }
+        let compression_s = column("compression_time_s", Some(&log.compression_time_s))?;
+        let compression = vectors::<4>("compression_m", &log.compression_m)?;
+        let wheel_s = column("wheel_time_s", Some(&log.wheel_time_s))?;
+        let wheels = vectors::<4>("wheel_rad_s", &log.wheel_rad_s)?;
+        let steering_wheel = [
+            column("steering_wheel_time_s", log.steering_wheel_time_s.as_ref())?,
+            column("steering_wheel_rad", log.steering_wheel_rad.as_ref())?,
+        ];
+        same_length(&[
+            ("compression_time_s", compression_s.len()),
+            ("compression_m", compression.len()),
+        ])?;
+        same_length(&[
+            ("wheel_time_s", wheel_s.len()),
+            ("wheel_rad_s", wheels.len()),
+        ])?;
+        same_length(&[
+            ("steering_wheel_time_s", steering_wheel[0].len()),
+            ("steering_wheel_rad", steering_wheel[1].len()),
+        ])?;
+        let each = |rows: &[[f64; 4]]| -> [Vec<f64>; 4] {
+            std::array::from_fn(|i| rows.iter().map(|row| row[i]).collect())
+        };
+        let compression = each(&compression);
+        let rates: [Vec<f64>; 3] =
+            std::array::from_fn(|i| imu.rate_rad_s.iter().map(|rate| rate[i]).collect());
+        let signal = |time_s, value| Signal { time_s, value };
+        let steady: Vec<Signal<'_>> = (compression.iter().map(|c| signal(&compression_s, c)))
+            .chain(rates.iter().map(|rate| signal(&imu.time_s, rate)))
+            .collect();
+        let turning = each(&wheels);
+        let turning: Vec<_> = turning
+            .iter()
+            .map(|value| signal(&wheel_s, value))
+            .collect();
+        let rest = stretches(&steady, &turning);
+        Ok(Self {
+            imu,
+            hub_s,
+            hub,
+            compression_s,
+            compression,
+            steering_wheel,
+            rest,
+        })
+    }
+
+    fn log(&self, imu_m: [f64; 3]) -> HubLog<'_> {
+        HubLog {
+            imu: self.imu.signal(),
+            imu_m,
+            hub: PerWheel(self.hub.each_ref().map(|value| Vectors {
+                time_s: &self.hub_s,
+                value,
+            })),
+            compression_m: PerWheel(self.compression.each_ref().map(|value| Signal {
+                time_s: &self.compression_s,
+                value,
+            })),
+            steering_wheel_rad: Signal {
+                time_s: &self.steering_wheel[0],
+                value: &self.steering_wheel[1],
+            },
+            rest: &self.rest,
+        }
+    }
+}
+
+/// Biases and axes of the hub accelerometers from rest and driving: the inertial unit in body axes,
+/// bias and misalignment taken off.
+#[pyfunction]
+#[pyo3(signature = (vehicle, sensors, logs, *, imu_m=None))]
+#[allow(clippy::needless_pass_by_value)]
+pub fn calibrate_hub<'py>(
+    py: Python<'py>,
+    vehicle: &Vehicle,
+    sensors: &Sensors,
+    logs: Vec<HubAccelerationLog<'py>>,
+    imu_m: Option<[f64; 3]>,
+) -> Found<'py> {
+    let spec = sensors.inner.hub_acceleration.as_ref().ok_or_else(|| {
+        errors::argument("sensors: the file has no table [hub_acceleration]; add it")
+    })?;
+    let imu_m = imu_m.unwrap_or(sensors.inner.imu.position_m);
+    let columns = logs.iter().map(HubColumns::of);
+    let columns = columns.collect::<PyResult<Vec<_>>>()?;
+    let logs: Vec<HubLog<'_>> = columns.iter().map(|c| c.log(imu_m)).collect();
+    let found = py
+        .detach(|| hub(&vehicle.inner, spec, &logs))
+        .map_err(|e| refusal(&e))?;
+    let tables: std::collections::BTreeMap<_, _> = sample::Wheel::ALL
+        .into_iter()
+        .filter_map(|wheel| Some((wheel, found.calibration[wheel]?)))
+        .collect();
+    with_table(py, dict(py, &found.findings)?, &tables)
 }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use sample::{Estimate, Event, LogTime, Parameters, Wheel};
+use sample::{Estimate, Event, ForceFrame, LogTime, Parameters, Wheel};
 use serde_json::{Value, json};
 use store::{Reader, Record, Selection, Stage};
 
-use super::{Pairs, ScoreError, each_signal, events};
+use super::{Pairs, ScoreError, each_signal, events, forces};
 
 /// Events of the same kind this near each other are the same, s.
 const SAME_EVENT_S: f64 = 0.1;
@@ -101,14 +101,27 @@ pub fn compare(
     }
     let start = start.ok_or(ScoreError::NoPair("estimate of the other log"))?;
     let mut signals = Vec::new();
-    each_signal(|signal, wheel, unit, _, pick, _| {
+    // A log of an earlier version has no forces in the wheel-carrier frame to compare with.
+    let frames = [
+        forces::frames(pairs.iter().map(|(a, _)| a)),
+        forces::frames(pairs.iter().map(|(_, b)| b)),
+    ];
+    let is_common = |frame| frames.iter().all(|own| own[0][0] == frame);
+    let both = [[ForceFrame::WheelCarrier; 2], [ForceFrame::Contact; 2]];
+    let own = if is_common(ForceFrame::WheelCarrier) {
+        &both[..]
+    } else {
+        &both[1..]
+    };
+    each_signal(own, |signal| {
+        let pick = signal.estimate;
         let values = pairs
             .iter()
             .map(|(a, b)| (a.time.seconds_since(start), pick(a), pick(b)));
         signals.extend(difference(values).map(|found| Difference {
-            signal,
-            wheel,
-            unit,
+            signal: signal.name,
+            wheel: signal.wheel,
+            unit: signal.unit,
             ..found
         }));
     });

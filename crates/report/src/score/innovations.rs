@@ -1,6 +1,7 @@
 //! Whether innovations are as large as the filters expect, second by second. No truth is needed.
 
 use estimator::consistency::chi_squared_bounds;
+use estimator::score::median;
 use sample::{InnovationKind, Innovations, LogTime};
 use serde_json::{Value, json};
 use store::{Reader, Record, Selection};
@@ -20,6 +21,8 @@ pub struct InnovationScore {
     pub mean: f64,
     /// Windows: the seconds in which any was taken in.
     pub windows: usize,
+    /// Median of the windows' means.
+    pub median: f64,
     /// Part of them whose mean lies within the 95 % bounds of chi-square.
     pub inside: f64,
     /// Part of them above the upper bound: the filter is too sure of itself.
@@ -56,25 +59,29 @@ fn judge(
     reports: impl Iterator<Item = Innovations>,
 ) -> Option<InnovationScore> {
     let (mut count, mut rejected, mut sum) = (0, 0, 0.0);
-    let (mut windows, mut inside, mut above) = (0_usize, 0_usize, 0_usize);
+    let (mut inside, mut above) = (0_usize, 0_usize);
+    let mut means = Vec::new();
     for found in reports {
         rejected += u64::from(found.rejected);
         if found.count == 0 {
             continue;
         }
         let [low, high] = chi_squared_bounds(f64::from(found.count));
-        windows += 1;
+        means.push(found.mean_square);
         inside += usize::from((low..=high).contains(&found.mean_square));
         above += usize::from(found.mean_square > high);
         count += u64::from(found.count);
         sum += f64::from(found.count) * found.mean_square;
     }
+    let windows = means.len();
     let part = |some: usize| some as f64 / windows as f64;
-    (windows > 0).then(|| InnovationScore {
+    let median = median(&mut means)?;
+    Some(InnovationScore {
         kind,
         count,
         rejected,
         mean: sum / count as f64,
+        median,
         windows,
         inside: part(inside),
         above: part(above),
@@ -91,6 +98,7 @@ pub fn innovations_json(found: &[InnovationScore]) -> Value {
             "count": found.count,
             "rejected": found.rejected,
             "mean": found.mean,
+            "median": found.median,
             "windows": found.windows,
             "inside": found.inside,
             "above": found.above,

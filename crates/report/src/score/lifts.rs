@@ -4,13 +4,21 @@ use sample::{Event, EventKind, LogTime, PerWheel, Side, Wheel};
 use serde_json::{Value, json};
 use store::Reader;
 
-use super::ScoreError;
+use super::{ScoreError, contact_load_n};
 
-/// A wheel has left the ground when its load is below this part of its static load, and is back
-/// above the second.
-const LIFTED: [f64; 2] = [0.02, 0.1];
-/// A declaration belongs to a lift if it is this near, s.
-const NEAR_S: f64 = 2.0;
+/// A wheel is off the ground while the load in the contact frame is below this part of its static load.
+const LIFTED: f64 = 0.02;
+/// A wheel is off the ground for at least this time, s.
+const LIFT_MIN_S: f64 = 0.1;
+/// A declared lift is false if the load does not fall below this part of the static load ...
+const NEARLY_LIFTED: f64 = 0.1;
+/// ... within this time of the declaration, s. A lift is missed if it is not declared within this time
+/// of its beginning and end.
+const NEAR_S: f64 = 0.1;
+/// A warning is false if the load stays above this part of the static load ...
+const LIGHT: f64 = 0.15;
+/// ... for this time after the warning, s.
+const WARNING_S: f64 = 2.0;
 /// A warning belongs to a lift that follows within this time, s.
 const WARNING_LEAD_MAX_S: f64 = 10.0;
 
@@ -21,7 +29,9 @@ pub struct Lift {
     pub what: &'static str,
     /// When, s from the start of the truth.
     pub at_s: f64,
-    /// How long after it was declared, s.
+    /// How long, s.
+    pub duration_s: f64,
+    /// How long after it was declared, s; `None`: it was missed.
     pub declared_after_s: Option<f64>,
     /// How long before it was warned of, s.
     pub warned_before_s: Option<f64>,
@@ -32,10 +42,23 @@ pub struct Lift {
 pub struct Lifts {
     /// Those of the truth.
     pub lifts: Vec<Lift>,
+    /// Number of declared ones.
+    pub declared: usize,
     /// Declared ones that the truth does not have.
     pub false_lifts: usize,
-    /// Warnings that no lift followed.
+    /// Number of warnings.
+    pub warnings: usize,
+    /// Warnings without a wheel that became light.
     pub false_warnings: usize,
+}
+
+impl Lifts {
+    /// Number of lifts of the truth that were not declared.
+    #[must_use]
+    pub fn missed(&self) -> usize {
+        let missed = |lift: &&Lift| lift.declared_after_s.is_none();
+        self.lifts.iter().filter(missed).count()
+    }
 }
 
 impl Lift {
@@ -45,17 +68,107 @@ impl Lift {
         json!({
             key: self.what,
             "at_s": self.at_s,
+            "duration_s": self.duration_s,
             "declared_after_s": self.declared_after_s,
             "warned_before_s": self.warned_before_s,
         })
     }
 }
 
-/// What the estimator said: of whom and when, s from the start of the truth.
-#[derive(Default)]
-struct Said {
-    lifts: Vec<(&'static str, f64)>,
-    warnings: Vec<(&'static str, f64)>,
+/// What the truth and the estimator say of one wheel or side; times in s from the start of the truth.
+struct Course {
+    what: &'static str,
+    /// Load as a part of the static load; of a side, that of its more loaded wheel.
+    loads: Vec<(f64, f64)>,
+    /// Declared lifts, each until the touchdown that was declared after it.
+    declared: Vec<[f64; 2]>,
+    warnings: Vec<f64>,
+}
+
+impl Course {
+    fn new(what: &'static str) -> Self {
+        Self {
+            what,
+            loads: Vec::new(),
+            declared: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    fn lift(&mut self, at_s: f64) {
+        self.touch_down(at_s);
+        self.declared.push([at_s, f64::INFINITY]);
+    }
+
+    fn touch_down(&mut self, at_s: f64) {
+        if let Some([_, end_s]) = self.declared.last_mut() {
+            *end_s = end_s.min(at_s);
+        }
+    }
+
+    /// Begin and end of each lift of the truth. What begins in the air does not count.
+    fn lifts(&self) -> Vec<[f64; 2]> {
+        let mut lifts: Vec<[f64; 2]> = Vec::new();
+        let (mut up, mut since_s) = (true, None);
+        for &(at_s, part) in &self.loads {
+            if part.is_nan() {
+                continue;
+            }
+            if part >= LIFTED {
+                up = false;
+                lifts.extend(since_s.take().map(|since_s| [since_s, at_s]));
+            } else if !up {
+                since_s.get_or_insert(at_s);
+            }
+        }
+        let last_s = self.loads.last().map_or(0.0, |load| load.0);
+        lifts.extend(since_s.map(|since_s| [since_s, last_s]));
+        lifts.retain(|[from_s, to_s]| to_s - from_s >= LIFT_MIN_S - 1e-9);
+        lifts
+    }
+
+    /// Least load between two times.
+    fn least(&self, from_s: f64, to_s: f64) -> f64 {
+        let first = self.loads.partition_point(|load| load.0 < from_s - 1e-9);
+        let within = self.loads[first..]
+            .iter()
+            .take_while(|load| load.0 <= to_s + 1e-9);
+        within.map(|load| load.1).fold(f64::INFINITY, f64::min)
+    }
+
+    fn judge(&self, from_s: f64, all: &mut Lifts) {
+        let mut earlier_s = f64::NEG_INFINITY;
+        for [at_s, end_s] in self.lifts() {
+            let mut declared = self.declared.iter();
+            let found =
+                declared.find(|[up_s, down_s]| *up_s <= end_s + NEAR_S && *down_s >= at_s - NEAR_S);
+            // A warning is of the next lift.
+            let mut warnings = self.warnings.iter().map(|warned_s| at_s - warned_s);
+            let lead_s = warnings.find(|lead_s| {
+                at_s - lead_s > earlier_s && (0.0..WARNING_LEAD_MAX_S).contains(lead_s)
+            });
+            earlier_s = at_s;
+            if at_s >= from_s {
+                all.lifts.push(Lift {
+                    what: self.what,
+                    at_s,
+                    duration_s: end_s - at_s,
+                    declared_after_s: found.map(|[up_s, _]| up_s - at_s),
+                    warned_before_s: lead_s,
+                });
+            }
+        }
+        for [at_s, _] in self.declared.iter().filter(|lift| lift[0] >= from_s) {
+            all.declared += 1;
+            let least = self.least(at_s - NEAR_S, at_s + NEAR_S);
+            all.false_lifts += usize::from(least >= NEARLY_LIFTED);
+        }
+        for at_s in self.warnings.iter().filter(|at_s| **at_s >= from_s) {
+            all.warnings += 1;
+            let least = self.least(*at_s, at_s + WARNING_S);
+            all.false_warnings += usize::from(least > LIGHT);
+        }
+    }
 }
 
 /// Finds the lifts of a log's truth, of wheels and of sides, without the first `from_s` seconds.
@@ -66,91 +179,96 @@ pub(super) fn find(
     loads: &PerWheel<f64>,
     events: &[Event],
 ) -> Result<[Lifts; 2], ScoreError> {
-    let (mut of_wheels, mut of_sides) = (Said::default(), Said::default());
-    for event in events {
-        let at_s = event.time.seconds_since(start);
-        let (said, what) = match event.kind {
-            EventKind::Lift(wheel) => (&mut of_wheels.lifts, wheel.abbreviation()),
-            EventKind::LiftWarning(wheel, _) => (&mut of_wheels.warnings, wheel.abbreviation()),
-            EventKind::TwoWheelLift(side) => (&mut of_sides.lifts, side.name()),
-            EventKind::TwoWheelLiftWarning(side, _) => (&mut of_sides.warnings, side.name()),
-            _ => continue,
-        };
-        said.push((what, at_s));
-    }
-    let (mut wheels, mut sides) = (Vec::new(), Vec::new());
-    let mut up = PerWheel([true; 4]);
-    let mut side_up = [true; 2];
+    let mut wheels = Wheel::ALL.map(|wheel| Course::new(wheel.abbreviation()));
+    let mut sides = Side::ALL.map(|side| Course::new(side.name()));
     for truth in reader.truth() {
         let truth = truth?;
         let at_s = truth.time.seconds_since(start);
-        let part = PerWheel::from_fn(|wheel| truth.measured[wheel].force_n[2] / loads[wheel]);
+        let part = PerWheel::from_fn(|wheel| contact_load_n(&truth, wheel) / loads[wheel]);
         for wheel in Wheel::ALL {
-            if begins(&mut up[wheel], part[wheel]) {
-                wheels.push((wheel.abbreviation(), at_s));
-            }
+            wheels[wheel.index()].loads.push((at_s, part[wheel]));
         }
         for side in Side::ALL {
             let [front, rear] = side.wheels().map(|wheel| part[wheel]);
-            if begins(&mut side_up[side.index()], front.max(rear)) {
-                sides.push((side.name(), at_s));
+            sides[side.index()].loads.push((at_s, front.max(rear)));
+        }
+    }
+    for event in events {
+        let at_s = event.time.seconds_since(start);
+        match event.kind {
+            EventKind::Lift(wheel) => wheels[wheel.index()].lift(at_s),
+            EventKind::Touchdown(wheel) => {
+                wheels[wheel.index()].touch_down(at_s);
+                let of_wheel = Side::ALL
+                    .into_iter()
+                    .filter(|side| side.wheels().contains(&wheel));
+                of_wheel.for_each(|side| sides[side.index()].touch_down(at_s));
             }
+            EventKind::LiftWarning(wheel, _) => wheels[wheel.index()].warnings.push(at_s),
+            EventKind::TwoWheelLift(side) => sides[side.index()].lift(at_s),
+            EventKind::TwoWheelLiftWarning(side, _) => sides[side.index()].warnings.push(at_s),
+            _ => {}
         }
     }
-    Ok([
-        judged(&wheels, &of_wheels, from_s),
-        judged(&sides, &of_sides, from_s),
-    ])
+    Ok([judged(&wheels, from_s), judged(&sides, from_s)])
 }
 
-/// Whether a lift begins, with hysteresis. What begins in the air does not count.
-fn begins(up: &mut bool, part: f64) -> bool {
-    if *up {
-        *up = part < LIFTED[1];
-        false
-    } else {
-        *up = part < LIFTED[0];
-        *up
+fn judged(courses: &[Course], from_s: f64) -> Lifts {
+    let mut all = Lifts::default();
+    for course in courses {
+        course.judge(from_s, &mut all);
     }
+    all.lifts.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+    all
 }
 
-fn judged(true_lifts: &[(&'static str, f64)], said: &Said, from_s: f64) -> Lifts {
-    let lift = |(i, (what, at_s)): (usize, &(&'static str, f64))| {
-        let mut earlier = true_lifts[..i].iter().rev();
-        let earlier_s = earlier.find(|(other, _)| other == what);
-        let since_s = earlier_s.map_or(f64::NEG_INFINITY, |(_, earlier_s)| *earlier_s);
-        let after_s = |list: &[(&'static str, f64)]| -> Vec<f64> {
-            let mine = list.iter().filter(|(other, _)| other == what);
-            mine.map(|(_, said_s)| said_s - at_s).collect()
-        };
-        Lift {
-            what,
-            at_s: *at_s,
-            declared_after_s: after_s(&said.lifts)
-                .into_iter()
-                .find(|after_s| after_s.abs() < NEAR_S),
-            // A warning is of the next lift.
-            warned_before_s: after_s(&said.warnings)
-                .into_iter()
-                .map(|after_s| -after_s)
-                .filter(|before_s| at_s - before_s > since_s)
-                .find(|before_s| (0.0..WARNING_LEAD_MAX_S).contains(before_s)),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A load that is `part` in each of the intervals and 1 elsewhere, for 20 s.
+    fn course(light: &[(f64, f64, f64)]) -> Course {
+        let loads = (0..2000).map(|k| {
+            let at_s = f64::from(k) * 0.01;
+            let within = |(from_s, to_s, _): &&(f64, f64, f64)| (*from_s..*to_s).contains(&at_s);
+            (at_s, light.iter().find(within).map_or(1.0, |light| light.2))
+        });
+        Course {
+            loads: loads.collect(),
+            ..Course::new("FL")
         }
-    };
-    let without = |said: &[(&'static str, f64)], most_s: f64| {
-        let has_none = |(what, said_s): &&(&'static str, f64)| {
-            let of_it = |(other, at_s): &(&'static str, f64)| {
-                other == what && (-NEAR_S..=most_s).contains(&(at_s - said_s))
-            };
-            *said_s >= from_s && !true_lifts.iter().any(of_it)
-        };
-        said.iter().filter(has_none).count()
-    };
-    Lifts {
-        lifts: (true_lifts.iter().enumerate().map(lift))
-            .filter(|lift| lift.at_s >= from_s)
-            .collect(),
-        false_lifts: without(&said.lifts, NEAR_S),
-        false_warnings: without(&said.warnings, WARNING_LEAD_MAX_S),
+    }
+
+    #[test]
+    fn a_lift_lasts_a_tenth_of_a_second_and_is_found_or_missed() {
+        let mut wheel = course(&[
+            (0.0, 1.0, 0.0),
+            (4.0, 4.105, 0.0),
+            (6.0, 6.05, 0.0),
+            (8.0, 9.0, 0.01),
+        ]);
+        wheel.lift(7.0);
+        wheel.touch_down(8.5);
+        let found = judged(&[wheel], 2.0);
+        let lifts: Vec<_> = (found.lifts.iter())
+            .map(|lift| (lift.at_s, lift.declared_after_s))
+            .collect();
+        // That of the start does not count, and that of 50 ms is none.
+        assert_eq!(lifts, [(4.0, None), (8.0, Some(-1.0))]);
+        assert_eq!((found.missed(), found.declared), (1, 1));
+        // A second before, the wheel carried its load.
+        assert_eq!(found.false_lifts, 1);
+    }
+
+    #[test]
+    fn a_declared_lift_of_a_light_wheel_is_not_false() {
+        let mut wheel = course(&[(5.0, 5.02, 0.09), (10.0, 10.02, 0.14)]);
+        for at_s in [4.91, 5.1, 5.2, 10.0] {
+            wheel.lift(at_s);
+        }
+        wheel.warnings = vec![3.5, 5.5, 8.5];
+        let found = judged(&[wheel], 2.0);
+        assert_eq!((found.declared, found.false_lifts), (4, 2));
+        assert_eq!((found.warnings, found.false_warnings), (3, 1));
     }
 }

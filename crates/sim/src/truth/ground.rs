@@ -23,7 +23,9 @@ pub(super) fn tell(state: &mut TruthState, get: impl Fn(&str) -> f64) {
             let axis = |axis: &str| one(&format!("{stem}_{axis}[{unit}]"));
             Some([axis("x")?, axis("y")?, axis("z")?])
         };
-        let normal_body = three("n_chassis", "-").map_or(up, unit);
+        // A wheel in the air may have no normal.
+        let is_normal = |n: &[f64; 3]| n.iter().map(|part| part * part).sum::<f64>() > 0.25;
+        let normal_body = three("n_chassis", "-").filter(is_normal).map_or(up, unit);
         let spindle_body = || {
             let steer_rad = one("steer[rad]")?;
             match one("incl_body[rad]") {

@@ -4,6 +4,7 @@ mod controllers;
 mod excerpts;
 mod faults;
 mod ground;
+mod hub;
 mod manoeuvres;
 mod receivers;
 mod roads;

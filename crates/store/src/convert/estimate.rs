@@ -10,7 +10,7 @@ use super::{array, narrow, timestamp, vector};
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
 use crate::wheels::{axle, axle_number, entries, per_wheel, position, side, wheel};
-use crate::{ClockFit, LogMessage, Transform};
+use crate::{ClockFit, Ground, LogMessage, Transform, WheelGround};
 
 pub(super) fn motion_to_proto(motion: &Motion) -> pb::Motion {
     let [roll_rate_rad_s, pitch_rate_rad_s, yaw_rate_rad_s] = motion.rate_rad_s;
@@ -74,6 +74,10 @@ fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
     };
     let [x_n, y_n, z_n] = force.force_n;
     let [x_sigma_n, y_sigma_n, z_sigma_n] = force.sigma_n;
+    let known = |values: [f64; 3]| values.map(|value| (!value.is_nan()).then_some(value));
+    let [moment_x_n_m, moment_y_n_m, moment_z_n_m] = known(force.moment_n_m);
+    let [moment_x_sigma_n_m, moment_y_sigma_n_m, moment_z_sigma_n_m] =
+        known(force.moment_sigma_n_m);
     pb::TyreForce {
         axle,
         side,
@@ -83,6 +87,12 @@ fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
         x_sigma_n,
         y_sigma_n,
         z_sigma_n,
+        moment_x_n_m,
+        moment_y_n_m,
+        moment_z_n_m,
+        moment_x_sigma_n_m,
+        moment_y_sigma_n_m,
+        moment_z_sigma_n_m,
         source: source.into(),
     }
 }
@@ -92,9 +102,16 @@ pub(super) fn forces_from_proto(message: &pb::TyreForces) -> (ForceFrame, PerWhe
         pb::ForceFrame::Unspecified | pb::ForceFrame::Contact => ForceFrame::Contact,
         pb::ForceFrame::WheelCarrier => ForceFrame::WheelCarrier,
     };
+    let known = |values: [Option<f64>; 3]| values.map(|value| value.unwrap_or(f64::NAN));
     let forces = per_wheel(&message.wheels, TyreForce::default(), |f| TyreForce {
         force_n: [f.x_n, f.y_n, f.z_n],
         sigma_n: [f.x_sigma_n, f.y_sigma_n, f.z_sigma_n],
+        moment_n_m: known([f.moment_x_n_m, f.moment_y_n_m, f.moment_z_n_m]),
+        moment_sigma_n_m: known([
+            f.moment_x_sigma_n_m,
+            f.moment_y_sigma_n_m,
+            f.moment_z_sigma_n_m,
+        ]),
         source: match pb::ForceSource::try_from(f.source).unwrap_or_default() {
             pb::ForceSource::None => ForceSource::None,
             pb::ForceSource::Deflection => ForceSource::Deflection,
@@ -104,6 +121,39 @@ pub(super) fn forces_from_proto(message: &pb::TyreForces) -> (ForceFrame, PerWhe
         },
     });
     (frame, forces)
+}
+
+pub(super) fn ground_to_proto(ground: &Ground) -> pb::Ground {
+    pb::Ground {
+        wheels: entries(|wheel, axle, side| {
+            let found = &ground.wheels[wheel];
+            pb::WheelGround {
+                axle,
+                side,
+                normal: Some(vector(found.normal_body)),
+                spindle: Some(vector(found.spindle_body)),
+                centre_acceleration_m_s2: found.centre_acceleration_m_s2.map(vector),
+                unsprung_inertia_n: found.unsprung_inertia_n.map(vector),
+                ground_height_m: found.ground_height_m,
+            }
+        }),
+        road_class: ground.road_class.clone(),
+    }
+}
+
+pub(super) fn ground_from_proto(message: pb::Ground) -> Ground {
+    let vector = |v: Option<pb::Vector3>| v.map(|v| [v.x, v.y, v.z]);
+    let known = |v| vector(v).unwrap_or([f64::NAN; 3]);
+    Ground {
+        wheels: per_wheel(&message.wheels, WheelGround::default(), |w| WheelGround {
+            normal_body: known(w.normal),
+            spindle_body: known(w.spindle),
+            centre_acceleration_m_s2: vector(w.centre_acceleration_m_s2),
+            unsprung_inertia_n: vector(w.unsprung_inertia_n),
+            ground_height_m: w.ground_height_m,
+        }),
+        road_class: message.road_class,
+    }
 }
 
 pub(super) fn rollover_to_proto(rollover: &Rollover) -> pb::Rollover {

@@ -3,8 +3,8 @@
 use prost::Message as _;
 use sample::{
     Attitude, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, ImuSample, LogTime, Measurement, Sample, SteerSample, StrainChannel, Wheel,
-    WheelSpeedSample,
+    GroundSpeedSample, HubAccelerationSample, ImuSample, LogTime, Measurement, Sample, SteerSample,
+    StrainChannel, Wheel, WheelSpeedSample,
 };
 
 use super::{Encoded, array, enu_array, narrow, timestamp, vector};
@@ -86,6 +86,10 @@ pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
                 leftward_m_s: speed.leftward_m_s,
                 device_time,
             }
+        )],
+        Measurement::HubAcceleration(hub) => vec![message!(
+            "/hub_acceleration".to_owned(),
+            &hub_to_proto(hub, device_time)
         )],
         Measurement::Control(_) | Measurement::Signals(_) => Vec::new(),
     }
@@ -313,6 +317,47 @@ fn deflection_from_proto(message: &pb::Deflection) -> Result<Option<CornerSample
     }))
 }
 
+fn hub_to_proto(
+    hub: &HubAccelerationSample,
+    device_time: Option<pb::DeviceTime>,
+) -> pb::HubAcceleration {
+    let (axle, side) = position(hub.wheel);
+    let axis = |i: usize| {
+        let (force, raw_counts) = (hub.specific_force_m_s2[i], hub.counts[i]);
+        (force.is_some() || raw_counts.is_some()).then_some(pb::HubAxis {
+            specific_force_m_s2: force,
+            raw_counts,
+            valid: force.is_some(),
+        })
+    };
+    pb::HubAcceleration {
+        wheels: vec![pb::WheelHubAcceleration {
+            axle,
+            side,
+            x: axis(0),
+            y: axis(1),
+            z: axis(2),
+        }],
+        device_time,
+    }
+}
+
+/// The first wheel of the message; `None` if all of its wheels are of further axles.
+fn hub_from_proto(
+    message: &pb::HubAcceleration,
+) -> Result<Option<HubAccelerationSample>, MessageError> {
+    let found = first(&message.wheels)?;
+    Ok(found.map(|(wheel, entry)| {
+        let axes = [&entry.x, &entry.y, &entry.z].map(Option::as_ref);
+        HubAccelerationSample {
+            wheel,
+            specific_force_m_s2: axes
+                .map(|axis| axis.and_then(|a| a.specific_force_m_s2.filter(|_| a.valid))),
+            counts: axes.map(|axis| axis.and_then(|a| a.raw_counts)),
+        }
+    }))
+}
+
 fn speeds_to_proto(speed: &WheelSpeedSample) -> Vec<pb::WheelAngularSpeed> {
     let speeds = entries(|wheel, axle, side| {
         Some(pb::WheelAngularSpeed {
@@ -404,6 +449,13 @@ pub(super) fn decode_measurement(schema: &str, data: &[u8]) -> Result<Measured, 
                 return Ok(None);
             };
             (Measurement::Corner(corner), m.device_time)
+        }
+        "atvrec.HubAcceleration" => {
+            let m = pb::HubAcceleration::decode(data)?;
+            let Some(hub) = hub_from_proto(&m)? else {
+                return Ok(None);
+            };
+            (Measurement::HubAcceleration(hub), m.device_time)
         }
         "atvrec.Steer" => {
             let m = pb::Steer::decode(data)?;

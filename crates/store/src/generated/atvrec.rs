@@ -381,6 +381,73 @@ impl ::prost::Name for WheelDeflection {
         "/atvrec.WheelDeflection".into()
     }
 }
+/// Specific force on the uprights of the wheels that one frame held, along the sensor's own axes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct HubAcceleration {
+    #[prost(message, repeated, tag = "1")]
+    pub wheels: ::prost::alloc::vec::Vec<WheelHubAcceleration>,
+    #[prost(message, optional, tag = "15")]
+    pub device_time: ::core::option::Option<DeviceTime>,
+}
+impl ::prost::Name for HubAcceleration {
+    const NAME: &'static str = "HubAcceleration";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.HubAcceleration".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.HubAcceleration".into()
+    }
+}
+/// Specific force on the upright of one wheel. The nominal axes are those of the wheel carrier in the
+/// design position: y along the spindle to the left, x forward, z up.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WheelHubAcceleration {
+    #[prost(uint32, tag = "1")]
+    pub axle: u32,
+    #[prost(string, tag = "2")]
+    pub side: ::prost::alloc::string::String,
+    #[prost(message, optional, tag = "3")]
+    pub x: ::core::option::Option<HubAxis>,
+    #[prost(message, optional, tag = "4")]
+    pub y: ::core::option::Option<HubAxis>,
+    #[prost(message, optional, tag = "5")]
+    pub z: ::core::option::Option<HubAxis>,
+}
+impl ::prost::Name for WheelHubAcceleration {
+    const NAME: &'static str = "WheelHubAcceleration";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.WheelHubAcceleration".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.WheelHubAcceleration".into()
+    }
+}
+/// One axis of a hub accelerometer.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct HubAxis {
+    /// With the nominal scale, before calibration: +g along the axis that points up, at rest. Absent
+    /// if the converter is at an end of its range.
+    #[prost(double, optional, tag = "1")]
+    pub specific_force_m_s2: ::core::option::Option<f64>,
+    /// Converter counts as sent, if the device sends counts: the scale may change later.
+    #[prost(sint32, optional, tag = "2")]
+    pub raw_counts: ::core::option::Option<i32>,
+    /// The value is within the range of the sensor.
+    #[prost(bool, tag = "3")]
+    pub valid: bool,
+}
+impl ::prost::Name for HubAxis {
+    const NAME: &'static str = "HubAxis";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.HubAxis".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.HubAxis".into()
+    }
+}
 /// Steering wheel.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Steer {
@@ -648,6 +715,20 @@ pub struct TyreForce {
     pub z_sigma_n: f64,
     #[prost(enumeration = "ForceSource", tag = "7")]
     pub source: i32,
+    /// Moment about the wheel centre, in the axes of the message, with standard deviations; absent where
+    /// it is unknown.
+    #[prost(double, optional, tag = "10")]
+    pub moment_x_n_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "11")]
+    pub moment_y_n_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "12")]
+    pub moment_z_n_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "13")]
+    pub moment_x_sigma_n_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "14")]
+    pub moment_y_sigma_n_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "15")]
+    pub moment_z_sigma_n_m: ::core::option::Option<f64>,
 }
 impl ::prost::Name for TyreForce {
     const NAME: &'static str = "TyreForce";
@@ -659,7 +740,7 @@ impl ::prost::Name for TyreForce {
         "/atvrec.TyreForce".into()
     }
 }
-/// Rollover indicators from the loads of /estimate/tyre_forces. No message if the loads are unknown.
+/// Rollover indicators from the loads of /estimate/contact_forces. No message if the loads are unknown.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Rollover {
     /// Right less left over the sum of the loads: 1 where both left wheels are off the ground, -1 where
@@ -1068,6 +1149,59 @@ impl ::prost::Name for WheelFriction {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/atvrec.WheelFriction".into()
+    }
+}
+/// The wheels of a simulation on their ground. Vectors are in vehicle axes.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Ground {
+    #[prost(message, repeated, tag = "1")]
+    pub wheels: ::prost::alloc::vec::Vec<WheelGround>,
+    /// Class of the road by ISO 8608, "A" to "H", where the simulation gives one.
+    #[prost(string, optional, tag = "2")]
+    pub road_class: ::core::option::Option<::prost::alloc::string::String>,
+}
+impl ::prost::Name for Ground {
+    const NAME: &'static str = "Ground";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.Ground".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.Ground".into()
+    }
+}
+/// One wheel of a simulation on its ground.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WheelGround {
+    #[prost(uint32, tag = "1")]
+    pub axle: u32,
+    #[prost(string, tag = "2")]
+    pub side: ::prost::alloc::string::String,
+    /// Normal of the ground at the contact, a unit vector.
+    #[prost(message, optional, tag = "3")]
+    pub normal: ::core::option::Option<Vector3>,
+    /// Spindle axis, a unit vector to the left.
+    #[prost(message, optional, tag = "4")]
+    pub spindle: ::core::option::Option<Vector3>,
+    /// Acceleration of the wheel centre against the earth, without gravity; absent where it is unknown.
+    #[prost(message, optional, tag = "5")]
+    pub centre_acceleration_m_s2: ::core::option::Option<Vector3>,
+    /// Mass times acceleration of the parts outboard of the arms and the tie rod; absent where it is
+    /// unknown.
+    #[prost(message, optional, tag = "6")]
+    pub unsprung_inertia_n: ::core::option::Option<Vector3>,
+    /// Height of the ground below the wheel centre.
+    #[prost(double, optional, tag = "7")]
+    pub ground_height_m: ::core::option::Option<f64>,
+}
+impl ::prost::Name for WheelGround {
+    const NAME: &'static str = "WheelGround";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.WheelGround".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.WheelGround".into()
     }
 }
 /// Pose of the vehicle's centre of gravity in the truth's local earth frame (east, north, up).

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::sync::Arc;
 
 use mcap::records::op;
-use sample::{Estimate, LogTime, Measurement, Sample, Signal, SignalFrame, SourceId};
+use sample::{Estimate, ForceFrame, LogTime, Measurement, Sample, Signal, SignalFrame, SourceId};
 
 use super::{ChannelInfo, LogFile, Missing, unknown_estimate};
 use crate::convert::{self, Envelope};
@@ -343,14 +343,11 @@ pub(super) fn joined(
                     frame,
                     stage: of,
                     ..
-                }) => {
-                    estimate.frame = frame;
-                    if of == stage {
-                        estimate.measured = forces;
-                    } else {
-                        estimate.expected = forces;
-                    }
-                }
+                }) => match frame {
+                    _ if of != stage => estimate.expected = forces,
+                    ForceFrame::Contact => estimate.measured = forces,
+                    ForceFrame::WheelCarrier => estimate.carrier = forces,
+                },
                 _ => {}
             }
             if let Some(done) = done {

@@ -1,8 +1,8 @@
 //! A run with every kind of arrival and record.
 
 use atvrec_store::{
-    Attachment, ClockFit, ClockState, DynamicMessage, LogMessage, Pose, Record, Session,
-    SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset,
+    Attachment, ClockFit, ClockState, DynamicMessage, Ground, InjectedFault, LogMessage, Pose,
+    Record, Session, SignalSchema, Source, SourceKind, Stage, Transform, UtcOffset, WheelGround,
 };
 use math::Random;
 use sample::{
@@ -25,6 +25,11 @@ pub fn session() -> Session {
         kind,
     };
     Session {
+        injected_faults: Some(vec![InjectedFault {
+            sensor: "FL lower_front".to_owned(),
+            from_s: 1.5,
+            to_s: 3.0,
+        }]),
         run_id: "test-run".to_owned(),
         started: START,
         version: "0.1.0".to_owned(),
@@ -168,6 +173,19 @@ pub fn records(time: LogTime) -> Vec<Record> {
         Record::Friction {
             time,
             coefficient: PerWheel([0.9, 0.8, 0.7, 0.6]),
+        },
+        Record::Ground {
+            time,
+            ground: Ground {
+                wheels: PerWheel::from_fn(|wheel| WheelGround {
+                    normal_body: [0.01, 0.02, 0.99],
+                    spindle_body: [0.03, 0.98, 0.04],
+                    centre_acceleration_m_s2: wheel.is_front().then_some([1.0, 2.0, 3.0]),
+                    unsprung_inertia_n: wheel.is_left().then_some([4.0, 5.0, 6.0]),
+                    ground_height_m: Some(0.25),
+                }),
+                road_class: Some("C".to_owned()),
+            },
         },
         Record::Pose {
             time,
@@ -441,6 +459,8 @@ pub fn forces(scale: f64) -> PerWheel<TyreForce> {
     PerWheel::from_fn(|wheel| TyreForce {
         force_n: [1.0, 2.0, 3.0].map(|n| n * scale + wheel.index() as f64 * 100.0),
         sigma_n: [4.0, 5.0, 6.0],
+        moment_n_m: [7.0, 8.0, 9.0],
+        moment_sigma_n_m: [0.7, 0.8, 0.9],
         source: [
             ForceSource::Deflection,
             ForceSource::Statics,
@@ -455,6 +475,7 @@ pub fn estimate(time: LogTime) -> Estimate {
     Estimate {
         time,
         motion: motion(),
+        carrier: forces(3.0),
         measured: forces(1.0),
         expected: forces(2.0),
         rollover: Rollover {
@@ -464,7 +485,6 @@ pub fn estimate(time: LogTime) -> Estimate {
             time_to_lift_s: PerWheel([0.0, f64::INFINITY, 2.0, 3.0]),
             time_to_two_wheel_lift_s: [1.5, f64::INFINITY],
         },
-        frame: ForceFrame::Contact,
     }
 }
 

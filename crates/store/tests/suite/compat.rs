@@ -78,6 +78,8 @@ fn messages_of_the_earlier_layout_are_those_of_the_present_one() {
         "/estimate/parameters",
         "/estimate/rollover",
         "/model/tyre_forces",
+        "/estimate/contact_forces",
+        "/truth/contact_forces",
     ] {
         assert!(before.contains_key(topic), "{topic}");
     }
@@ -88,7 +90,7 @@ fn columns_of_the_earlier_layout_are_those_of_the_present_one() {
     let old = earlier();
     let all = (LogTime(0), LogTime(u64::MAX));
     let forces = old
-        .table("/truth/tyre_forces", all.0, all.1)
+        .table("/truth/contact_forces", all.0, all.1)
         .expect("columns");
     let load = forces.columns.iter().find(|column| column.name == "rr.z_n");
     let Some(Values::F64(loads_n)) = load.map(|column| &column.values) else {

@@ -605,6 +605,6 @@ fn decoded_records_are_in_the_log_too() {
             .messages(Selection::topics(["/estimate/*"]))
             .filter_map(Result::ok)
             .count(),
-        600
+        800
     );
 }

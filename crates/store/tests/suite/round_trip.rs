@@ -112,7 +112,8 @@ fn schemas_and_metadata_are_documented() {
     for (name, record) in reader.metadata() {
         assert!(contract.contains(&format!("`{name}`")), "{name}");
         for key in record.keys() {
-            let generic = key.starts_with("source.") || key.starts_with("lost.");
+            let lists = ["source.", "lost.", "injected_fault."];
+            let generic = lists.iter().any(|list| key.starts_with(list));
             let known = generic || contract.contains(&format!("`{key}`"));
             assert!(known, "{key} of {name} is not documented");
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use estimator::GRID_NANOS;
-use sample::{ForceFrame, LogTime, Motion, PerWheel, TyreForce, Wheel};
+use sample::{LogTime, Motion, PerWheel, TyreForce, Wheel};
 use store::Record;
 use wire::column::Truth;
 
@@ -97,8 +97,9 @@ impl TruthPoint {
         Record::Truth {
             time: self.time,
             motion,
-            frame: ForceFrame::Contact,
-            forces,
+            carrier: Some(forces),
+            contact: None,
+            ground: None,
             pose: None,
             friction: None,
         }
@@ -119,7 +120,12 @@ mod tests {
         let points = reference.on_grid();
         let found: Vec<u64> = points.iter().map(|p| p.time.0 / 1_000_000).collect();
         assert_eq!(found, [10, 20, 30, 40, 600, 610, 620]);
-        let Record::Truth { motion, forces, .. } = points[0].record() else {
+        let Record::Truth {
+            motion,
+            carrier: Some(forces),
+            ..
+        } = points[0].record()
+        else {
             panic!("a truth");
         };
         assert!((motion.sideslip_rad - 1.0).abs() < 1e-12);

@@ -6,7 +6,7 @@ use super::{ImuLog, ImuSignal};
 use crate::finding::Span;
 
 /// Readings at each end of a window that its change is taken from.
-pub(super) const END_READINGS: usize = 10;
+pub(in crate::calibration) const END_READINGS: usize = 10;
 
 impl ImuSignal<'_> {
     pub(super) fn rows(&self, from_s: f64, to_s: f64) -> Range<usize> {
@@ -17,7 +17,7 @@ impl ImuSignal<'_> {
 }
 
 /// Windows of a log between its rests, gapless and of full length.
-pub(super) fn windows(log: &ImuLog<'_>, length_s: f64) -> Vec<Range<usize>> {
+pub(in crate::calibration) fn windows(log: &ImuLog<'_>, length_s: f64) -> Vec<Range<usize>> {
     let imu = &log.imu;
     let count = imu
         .time_s
@@ -45,7 +45,7 @@ pub(super) fn windows(log: &ImuLog<'_>, length_s: f64) -> Vec<Range<usize>> {
     windows
 }
 
-pub(super) fn extend(span: &mut Span, from_s: f64, to_s: f64, rows: usize) {
+pub(in crate::calibration) fn extend(span: &mut Span, from_s: f64, to_s: f64, rows: usize) {
     if span.rows == 0 {
         span.from_s = from_s;
     }

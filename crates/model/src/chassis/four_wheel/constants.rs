@@ -35,7 +35,7 @@ pub(super) struct Constants {
     pub transfer_by_rolling: [f64; 4],
     /// and by felt acceleration in steady turning.
     pub steady_transfer: [f64; 4],
-    /// Share of the weight on each axle.
+    /// Twice the share of the weight on each wheel.
     pub share: [f64; 4],
     /// Load that a wheel has more by pitch, pitch rate and longitudinal force.
     pub pitch_transfer: [[f64; 4]; 3],
@@ -60,6 +60,20 @@ impl Constants {
             |value: fn(&AxleParameters) -> f64| each(|i| value(p.axle(i)) / p.axle(i).track_m);
         let shares = [-p.rear.ahead_m, p.front.ahead_m].map(|arm| arm / p.wheelbase_m());
         let share = each(|i| shares[i / 2]);
+        // A centre of gravity aside of the middle loads the wheels of its side, each axle by its roll
+        // stiffness.
+        let stiffness = p.front.roll_stiffness_n_m_rad + p.rear.roll_stiffness_n_m_rad;
+        let offset = each(|i| {
+            let axle = p.axle(i);
+            let side = if i.is_multiple_of(2) { 2.0 } else { -2.0 };
+            let part = axle.roll_stiffness_n_m_rad / stiffness / axle.track_m;
+            // Without roll stiffness nothing says which axle takes it.
+            if p.cg_left_m == 0.0 {
+                0.0
+            } else {
+                side * p.cg_left_m * part
+            }
+        });
         let inverse = p.inverse_mass_matrix();
         let row = |i: usize| [inverse[(i, 0)], inverse[(i, 1)], inverse[(i, 2)]];
         let [felt, yaw, roll] = [row(0), row(1), row(2)];
@@ -103,7 +117,7 @@ impl Constants {
             transfer: [height, unsprung],
             transfer_by_rolling: each(|i| unsprung[i] * felt[2]),
             steady_transfer: each(|i| share[i] * p.mass_kg * height[i] + unsprung[i]),
-            share,
+            share: each(|i| share[i] + offset[i]),
             pitch_transfer: [
                 onto_front(p.pitch_stiffness_n_m_rad),
                 onto_front(p.pitch_damping_n_m_s_rad),

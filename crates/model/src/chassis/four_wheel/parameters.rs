@@ -45,6 +45,8 @@ pub struct Parameters {
     pub sprung_mass_kg: f64,
     /// Height h of the whole vehicle's centre of gravity, m.
     pub cg_height_m: f64,
+    /// Centre of gravity left of the middle plane, m.
+    pub cg_left_m: f64,
     /// Yaw inertia I_z of the whole, kg m^2.
     pub yaw_inertia_kg_m2: f64,
     /// Roll inertia I_x of the sprung part about its centre of gravity, kg m^2.
@@ -123,6 +125,7 @@ impl Parameters {
             mass_kg: body.mass_kg,
             sprung_mass_kg: sprung.mass_kg,
             cg_height_m: body.cg_height_m,
+            cg_left_m: body.cg_y_m,
             yaw_inertia_kg_m2: body.inertia_kg_m2[2],
             roll_inertia_kg_m2: sprung.inertia_kg_m2[0],
             pitch_inertia_kg_m2: sprung.inertia_kg_m2[1],
@@ -233,7 +236,7 @@ impl Parameters {
     pub fn wheel_position_m(&self, wheel: usize) -> [f64; 2] {
         let axle = self.axle(wheel);
         let side = if wheel.is_multiple_of(2) { 0.5 } else { -0.5 };
-        [axle.ahead_m, side * axle.track_m]
+        [axle.ahead_m, side * axle.track_m - self.cg_left_m]
     }
 
     /// Wheelbase L, m.

@@ -200,7 +200,7 @@ fn corner(
     let side = wheel.side();
     let mut centre = [
         ahead_m,
-        0.5 * side * axle.track_m,
+        0.5 * side * axle.track_m - vehicle.body.cg_y_m,
         tyre.unloaded_radius_m - squeeze,
     ];
     let mut path = [

@@ -31,8 +31,9 @@ pub struct HardPoints {
 }
 
 impl HardPoints {
-    pub(super) fn new(axle: &Axle, w: &Wishbone, axle_x_m: f64, wheel: Wheel) -> Self {
-        let place = |p: [f64; 3]| Vector3::new(axle_x_m + p[0], wheel.side() * p[1], p[2]);
+    pub(super) fn new(axle: &Axle, w: &Wishbone, axle_m: [f64; 2], wheel: Wheel) -> Self {
+        let [ahead_m, left_m] = axle_m;
+        let place = |p: [f64; 3]| Vector3::new(ahead_m + p[0], wheel.side() * p[1] + left_m, p[2]);
         let centroid = |a: [f64; 3], b: [f64; 3], ball: [f64; 3]| {
             std::array::from_fn(|i| 0.25 * (a[i] + b[i]) + 0.5 * ball[i])
         };

@@ -1,0 +1,285 @@
+use std::collections::BTreeMap;
+
+use estimator::Calibration;
+use estimator::calibration::{Recording, Step};
+use model::vehicle::Vehicle;
+use sample::{EventKind, Measurement, Wheel};
+use sim::{HubFault, Options};
+use store::Record;
+
+use super::*;
+use crate::FileSource;
+use crate::virtual_drive::{Course, Drive};
+
+/// A drive with hub accelerometers: what was recorded, the records, and the true calibration.
+fn drive(manoeuvre: &str, seed: u64, options: Options) -> (Recording, Vec<Record>, Calibration) {
+    let mut simulated = VirtualDrive::new(&Drive {
+        course: Course::Manoeuvre(manoeuvre.to_owned()),
+        road: None,
+        vehicle: FileSource::Path("prowler".into()),
+        sensors: FileSource::Path("full-bridge-16bit-hub".into()),
+        payload: Vec::new(),
+        seed,
+        options,
+        duration_s: Some(40.0),
+    })
+    .expect("a drive");
+    let config = simulated.config().expect("a configuration");
+    let settings = config.estimator.clone().expect("an estimator");
+    let start = simulated.start();
+    let mut recording = Recording::new(
+        manoeuvre.to_owned(),
+        settings.vehicle.clone(),
+        settings.sensors.clone(),
+        start,
+    );
+    let mut records = Vec::new();
+    simulate(&mut simulated, &config, |entry| {
+        if let Entry::Record(record) = entry {
+            if let Record::Sample(sample) = &record {
+                let source = &config.sources[usize::from(sample.source.0)].spec.name;
+                recording.push(source, sample);
+            }
+            records.push(record);
+        }
+        Ok::<_, Error>(())
+    })
+    .expect("a simulation");
+    (recording, records, simulated.true_calibration)
+}
+
+/// Biases and turns that a drive from rest with braking and turns gives hold the truth.
+#[test]
+fn hub_accelerometers_are_calibrated_by_rest_and_driving() {
+    let (mut squares, mut count, mut largest) = (0.0, 0.0, [0.0_f64; 2]);
+    for seed in [11, 12, 13] {
+        let drives = ["turned", "launch-brake", "mixed-driving"];
+        let mut logs = Vec::new();
+        let mut known = Calibration::default();
+        for name in drives {
+            let (recording, _, truth) = drive(name, seed, Options::default());
+            logs.push(recording);
+            known = truth;
+        }
+        let truth = known.clone();
+        for corner in known.corner.values_mut() {
+            corner.hub_acceleration = Default::default();
+        }
+        let found = Step::Hub.calibrate(&logs, &known).expect("a calibration");
+        assert_eq!(found.findings[0].findings.len(), 4 * 6);
+        for finding in &found.findings[0].findings {
+            let wheel = Wheel::from_abbreviation(&finding.name[..2]).expect("a wheel");
+            let hub = truth.corner[&wheel].hub_acceleration;
+            let values = [hub.misalignment_rad, hub.bias_m_s2][usize::from(finding.unit != "rad")];
+            let axis = ["x", "y", "z"]
+                .iter()
+                .position(|axis| finding.name.ends_with(axis));
+            let error = finding.value - values.expect("is told")[axis.expect("an axis")];
+            let kind = usize::from(finding.unit != "rad");
+            largest[kind] = largest[kind].max(error.abs());
+            squares += (error / finding.sigma).powi(2);
+            count += 1.0;
+        }
+    }
+    let consistency = squares / count;
+    assert!(
+        (0.05..2.0).contains(&consistency),
+        "{consistency} {largest:?}"
+    );
+    // Of 17 mrad and 0.3 m/s^2.
+    assert!(
+        largest[0] < 0.003 && largest[1] < 0.03,
+        "{largest:?} {consistency}"
+    );
+}
+
+/// The estimator and the calibration name a sensor that is mounted turned, with axis and value.
+#[test]
+fn a_turned_hub_accelerometer_is_named() {
+    let mut options = Options::default();
+    options.faults.hub = vec![HubFault {
+        wheel: Wheel::RearRight,
+        turned_rad: [-std::f64::consts::FRAC_PI_2, 0.0, 0.0],
+    }];
+    let (recording, records, known) = drive("turned", 11, options);
+    let mut faults = records.iter().filter_map(|record| match record {
+        Record::Event(event) => match &event.kind {
+            EventKind::SensorFault(name) if name.contains("hub") => Some(event.text.clone()),
+            _ => None,
+        },
+        _ => None,
+    });
+    let text = faults.next().expect("an event");
+    assert!(
+        text.starts_with("channel RR hub acceleration has wrong axes"),
+        "{text}"
+    );
+    assert!(
+        text.contains("m/s^2 on y instead of +9.8 m/s^2 on z"),
+        "{text}"
+    );
+    assert_eq!(faults.next(), None);
+    let error = Step::Hub
+        .calibrate(&[recording], &known)
+        .expect_err("is turned");
+    assert!(
+        error.to_string().contains("hub RR: mean of y at rest"),
+        "{error}"
+    );
+}
+
+/// Hub accelerations reach the log with counts and the nominal scale, and change no estimate.
+#[test]
+fn hub_accelerations_are_recorded_and_change_no_estimate() {
+    let (recording, records, _) = drive("slow-sine", 11, Options::default());
+    let scale = recording
+        .sensors
+        .hub_acceleration
+        .as_ref()
+        .expect("has hubs");
+    let hubs = records.iter().filter_map(|record| match record {
+        Record::Sample(sample) => match &sample.measurement {
+            Measurement::HubAcceleration(hub) => Some(hub),
+            _ => None,
+        },
+        _ => None,
+    });
+    let mut count = 0;
+    for hub in hubs {
+        for (force, counts) in hub.specific_force_m_s2.into_iter().zip(hub.counts) {
+            assert_eq!(scale.specific_force_m_s2(counts.expect("counts")), force);
+        }
+        count += 1;
+    }
+    assert!(count > 4000, "{count}");
+    let estimates = |records: &[Record]| -> Vec<String> {
+        let estimates = records.iter().filter(|r| matches!(r, Record::Estimate(_)));
+        estimates.map(|record| format!("{record:?}")).collect()
+    };
+    let mut simulated = VirtualDrive::new(&Drive {
+        course: Course::Manoeuvre("slow-sine".to_owned()),
+        road: None,
+        vehicle: FileSource::Path("prowler".into()),
+        sensors: FileSource::Path("full-bridge-16bit".into()),
+        payload: Vec::new(),
+        seed: 11,
+        options: Options::default(),
+        duration_s: Some(40.0),
+    })
+    .expect("a drive");
+    let config = simulated.config().expect("a configuration");
+    let mut without = Vec::new();
+    simulate(&mut simulated, &config, |entry| {
+        if let Entry::Record(record) = entry {
+            without.push(record);
+        }
+        Ok::<_, Error>(())
+    })
+    .expect("a simulation");
+    assert_eq!(estimates(&records), estimates(&without));
+}
+
+/// The Prowler with a driver of 80 kg, 0.3 m left of the middle.
+fn with_driver() -> String {
+    let text = Vehicle::builtin_text("prowler").expect("a built-in vehicle");
+    format!(
+        "{text}\n[[payload]]\nname = \"driver\"\nmass_kg = 80.0\nposition_m = [-0.8, 0.3, 0.7]\n\
+         \n[[payload]]\nname = \"ballast\"\nmass_kg = 80.0\nposition_m = [-0.8, 0.0, 0.7]\n"
+    )
+}
+
+/// Errors of the lateral forces of a drive with the driver, 100 RMS / max(peak, static load), worst
+/// wheel, after `from_s`. The estimator knows of `known` at the start and gets `marks`.
+fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Vec<String>) {
+    let mut simulated = VirtualDrive::new(&Drive {
+        course: Course::Manoeuvre("slow-sine".to_owned()),
+        road: None,
+        vehicle: FileSource::Text(with_driver()),
+        sensors: FileSource::Path("thesis-10bit".into()),
+        payload: vec!["driver".to_owned()],
+        seed: 11,
+        options: Options::default(),
+        duration_s: None,
+    })
+    .expect("a drive");
+    let text = simulated.configuration(&crate::Ports {
+        directory: std::path::Path::new("virtual"),
+        can: None,
+    });
+    assert!(text.contains("payload = [\"driver\"]"), "{text}");
+    let mut config = simulated.config().expect("a configuration");
+    let settings = config.estimator.as_mut().expect("an estimator");
+    settings.settings.payload = known.iter().map(|name| (*name).to_owned()).collect();
+    settings.calibration = simulated.true_calibration.clone();
+    let start = simulated.start();
+    let mut feed = Feed::new(&config).expect("an engine");
+    let (mut truth, mut found, mut notes) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
+    let mut waiting = marks.to_vec();
+    let mut take = |entry: Entry| {
+        match entry {
+            Entry::Record(Record::Truth { time, contact, .. }) => {
+                truth.insert(time, contact.expect("the truth in the contact frame"));
+            }
+            Entry::Record(Record::Estimate(estimate)) => {
+                found.insert(estimate.time, estimate.measured);
+            }
+            Entry::Record(Record::Log(message)) if message.name == "estimator" => {
+                notes.push(message.text);
+            }
+            _ => {}
+        }
+        Ok::<_, Error>(())
+    };
+    simulate(&mut simulated, &config, |entry| {
+        if let Entry::Arrival(arrival) = &entry {
+            let now_s = arrival.log_time.seconds_since(start);
+            while let Some((at_s, text)) = waiting.first().copied().filter(|m| m.0 <= now_s) {
+                waiting.remove(0);
+                let mark = Payload::Notice(Notice::Mark(text.to_owned()));
+                feed.push(SourceId::HOST, start.offset_seconds(at_s), mark, &mut take)?;
+            }
+            let arrival = arrival.clone();
+            feed.push(arrival.source, arrival.log_time, arrival.payload, &mut take)?;
+            return Ok(());
+        }
+        match entry {
+            Entry::Record(Record::Truth { .. }) => take(entry),
+            _ => Ok(()),
+        }
+    })
+    .expect("a simulation");
+    let worst = Wheel::ALL.map(|wheel| {
+        let (mut square, mut peak, mut count) = (0.0, 1500.0_f64, 0.0);
+        for (time, forces) in &truth {
+            let Some(estimate) = found
+                .get(time)
+                .filter(|_| time.seconds_since(start) > from_s)
+            else {
+                continue;
+            };
+            square += (estimate[wheel].force_n[1] - forces[wheel].force_n[1]).powi(2);
+            peak = peak.max(forces[wheel].force_n[1].abs());
+            count += 1.0;
+        }
+        100.0 * (square / f64::max(count, 1.0)).sqrt() / peak
+    });
+    (worst.into_iter().fold(0.0, f64::max), notes)
+}
+
+#[test]
+fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
+    let (without, _) = lateral_error(&[], &[], 2.0);
+    let (aside, _) = lateral_error(&["ballast"], &[], 2.0);
+    let (with, _) = lateral_error(&["driver"], &[], 2.0);
+    let (marked, notes) = lateral_error(&[], &[(1.0, "payload driver on")], 4.0);
+    assert!(notes.is_empty(), "{notes:?}");
+    let (after, _) = lateral_error(&["driver"], &[], 4.0);
+    let told = format!("{without} {aside} {with} {marked} {after}");
+    assert!(
+        (3.5..7.5).contains(&without) && (3.0..6.0).contains(&aside),
+        "{told}"
+    );
+    assert!(with < 1.2 && (marked - after).abs() < 0.05, "{told}");
+    let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
+    assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
+}
