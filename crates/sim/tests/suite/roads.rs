@@ -90,11 +90,7 @@ fn wheels_sink_into_sand() {
     let at = |time_s: f64| motion.at(time_s).wheels.0[0];
     let height = |time_s: f64| at(time_s).ground.and_then(|ground| ground.ground_height_m);
     assert_eq!(height(1.0), Some(0.0));
-<<<<<<< HEAD
     let sunk = height(20.0).expect("a ground height");
-=======
-    let sunk = height(20.0).expect("the motion has the ground");
->>>>>>> rb
     assert!((-0.08..-0.01).contains(&sunk), "{sunk}");
     assert!(at(20.0).friction < at(1.0).friction);
 }
