@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
+use model::road::RoadClass;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
@@ -168,7 +169,7 @@ impl VirtualDrive {
             motion: state.motion(),
             carrier: state.carrier_forces(),
             contact: Some(state.tyre_forces()),
-            ground: ground(&state),
+            ground: ground(&state, self.vehicle.motion().road_class()),
             pose: Some(Pose {
                 position_enu_m: state.position_m,
                 yaw_rad: state.yaw_rad,
@@ -285,8 +286,9 @@ impl VirtualDrive {
     }
 }
 
-/// The wheels of a state on their ground; `None` if the motion tells it of no wheel.
-fn ground(state: &TruthState) -> Option<Ground> {
+/// The wheels of a state on their ground, and the class of the road; `None` if the motion tells the
+/// ground of no wheel.
+fn ground(state: &TruthState, road_class: Option<RoadClass>) -> Option<Ground> {
     let wheels = PerWheel::from_fn(|wheel| {
         let found = state.wheels[wheel].ground;
         found.map_or_else(WheelGround::default, |found| WheelGround {
@@ -300,7 +302,7 @@ fn ground(state: &TruthState) -> Option<Ground> {
     let is_known = state.wheels.0.iter().any(|wheel| wheel.ground.is_some());
     is_known.then_some(Ground {
         wheels,
-        road_class: None,
+        road_class: road_class.map(|class| class.letter().to_string()),
     })
 }
 

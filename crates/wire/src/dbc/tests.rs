@@ -214,7 +214,11 @@ fn the_projects_own_file_holds_every_channel_of_every_corner() {
         }
         assert!(rest.position("deflection").is_some());
         let hub = database.by_name(&format!("Hub_{wheel}")).expect("hub");
-        assert!(["x", "y", "z"].iter().all(|axis| hub.position(axis).is_some()));
+        assert!(
+            ["x", "y", "z"]
+                .iter()
+                .all(|axis| hub.position(axis).is_some())
+        );
         let speeds = database.by_name("WheelSpeed").expect("speeds");
         assert!(speeds.position(wheel.abbreviation()).is_some());
     }
