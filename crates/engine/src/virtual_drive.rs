@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
+use model::road::Road;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
@@ -52,6 +53,8 @@ pub struct Drive {
 pub struct VirtualDrive {
     /// Vehicle that performs the motion.
     pub vehicle: VirtualVehicle,
+    /// Road of the manoeuvre, unless it is a plane.
+    road: Option<Road>,
     /// Name of the drive, for people.
     pub drive: String,
     /// True calibration.
@@ -90,7 +93,7 @@ impl VirtualDrive {
             .map_err(estimator::EstimatorError::from)?;
         let placed = loaded.sensors(&sensors);
         let vehicle = loaded.vehicle;
-        let (motion, name) = motion(drive, &vehicle)?;
+        let (motion, name, road) = motion(drive, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
         let duration_s = drive.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
@@ -105,6 +108,7 @@ impl VirtualDrive {
         Ok(Self {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
+            road,
             drive: name,
             vehicle_file,
             sensors_file,
@@ -168,7 +172,7 @@ impl VirtualDrive {
             motion: state.motion(),
             carrier: state.carrier_forces(),
             contact: Some(state.tyre_forces()),
-            ground: ground(&state),
+            ground: ground(&state, self.road.as_ref()),
             pose: Some(Pose {
                 position_enu_m: state.position_m,
                 yaw_rad: state.yaw_rad,
@@ -286,7 +290,7 @@ impl VirtualDrive {
 }
 
 /// The wheels of a state on their ground; `None` if the motion tells it of no wheel.
-fn ground(state: &TruthState) -> Option<Ground> {
+fn ground(state: &TruthState, road: Option<&Road>) -> Option<Ground> {
     let wheels = PerWheel::from_fn(|wheel| {
         let found = state.wheels[wheel].ground;
         found.map_or_else(WheelGround::default, |found| WheelGround {
@@ -298,9 +302,11 @@ fn ground(state: &TruthState) -> Option<Ground> {
         })
     });
     let is_known = state.wheels.0.iter().any(|wheel| wheel.ground.is_some());
-    is_known.then_some(Ground {
+    let [east_m, north_m, _] = state.position_m;
+    let class = road.and_then(|road| road.class(east_m, north_m));
+    is_known.then(|| Ground {
         wheels,
-        road_class: None,
+        road_class: class.map(|class| class.letter().to_string()),
     })
 }
 
@@ -328,18 +334,23 @@ fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
     }
 }
 
-fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String)> {
+/// The motion, its name, and its road unless it is a plane.
+fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String, Option<Road>)> {
     let name = match &drive.course {
         Course::Manoeuvre(name) => name,
         Course::Truth(path) => {
             let motion = Motion::open(path)?;
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            return Ok((motion, format!("truth-{name}")));
+            return Ok((motion, format!("truth-{name}"), None));
         }
     };
     let manoeuvre = Manoeuvre::by_name(name)?;
-    let driven = match &drive.road {
-        Some(road) => manoeuvre.drive_on(vehicle, &crate::road::read(road, drive.seed)?),
+    let road = match &drive.road {
+        Some(name) => Some(crate::road::read(name, drive.seed)?),
+        None => manoeuvre.road()?,
+    };
+    let driven = match &road {
+        Some(road) => manoeuvre.drive_on(vehicle, road),
         None => manoeuvre.drive(vehicle),
     };
     let motion = driven.map_err(|source| Error::Manoeuvre {
@@ -350,7 +361,7 @@ fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String)> {
         let end_s = motion.duration_s();
         tracing::warn!("the vehicle rolls over after {end_s:.1} s, which ends {name}");
     }
-    Ok((motion, name.clone()))
+    Ok((motion, name.clone(), road))
 }
 
 /// Reads the options of a virtual vehicle from a file.

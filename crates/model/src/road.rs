@@ -135,6 +135,18 @@ impl Road {
         factors.product()
     }
 
+    /// ISO 8608 class at a place: that of the roughest part; none where the road has no roughness.
+    #[must_use]
+    pub fn class(&self, x_m: f64, y_m: f64) -> Option<RoadClass> {
+        let classes = self.parts.iter().filter_map(|part| match &part.shape {
+            Shape::Roughness(field) => {
+                (part.extent.weight(x_m, y_m) > 0.0).then_some(field.class)
+            }
+            _ => None,
+        });
+        classes.max()
+    }
+
     /// Soil at a place; none on firm ground.
     #[must_use]
     pub fn soil(&self, x_m: f64, y_m: f64) -> Option<&SoftLayer> {

@@ -48,7 +48,7 @@ pub enum Manoeuvre {
     TwistDitch,
     /// Five jumps off ramps at 7 to 9 m/s.
     Jump,
-    /// 90 s of classes D and E, bumps, side slope, gravel and braking.
+    /// 90 s of class D and rougher, bumps, side slope, gravel and braking.
     Trail,
     /// Circles of 20 m radius on a slope of 15 % of class D.
     HillsideRough,
@@ -139,7 +139,7 @@ impl Manoeuvre {
             Self::Washboard => "from 5 to 12 m/s over a washboard of 0.8 m, through wheel hop",
             Self::TwistDitch => "at 2 m/s through ditches in turn on the left and the right side",
             Self::Jump => "five jumps off ramps at 7 to 9 m/s",
-            Self::Trail => "90 s of classes D and E, bumps, side slope, gravel and braking",
+            Self::Trail => "90 s of class D and rougher, bumps, side slope, gravel and braking",
             Self::HillsideRough => "circles of 20 m radius on a slope of 15 % of class D",
             Self::Reverse => "forwards, then backwards, on class D",
             Self::Tow => "a known force of 400 N on the hitch, on class C",

@@ -283,3 +283,26 @@ fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
     let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
     assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
 }
+
+#[test]
+fn the_truth_names_the_class_of_the_road() {
+    let class = |manoeuvre: &str, road: Option<&str>| {
+        let drive = VirtualDrive::new(&Drive {
+            course: Course::Manoeuvre(manoeuvre.to_owned()),
+            road: road.map(str::to_owned),
+            vehicle: FileSource::Path("prowler".into()),
+            sensors: FileSource::Path("thesis-10bit".into()),
+            payload: Vec::new(),
+            seed: 11,
+            options: Options::default(),
+            duration_s: None,
+        });
+        match drive.expect("a drive").truth(5.0) {
+            Record::Truth { ground, .. } => ground.and_then(|ground| ground.road_class),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(class("tow", None).as_deref(), Some("C"));
+    assert_eq!(class("step-steer", Some("iso8608:B")).as_deref(), Some("B"));
+    assert_eq!(class("washboard", None), None);
+}

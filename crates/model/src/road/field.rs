@@ -32,6 +32,7 @@ const WAVES: usize = SIDE / POINTS_A_WAVE;
 /// tiles.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Field {
+    pub(super) class: RoadClass,
     tiles: Vec<Tile>,
 }
 
@@ -55,7 +56,7 @@ impl Field {
             tiles.push(Tile::new(class, [longer_m, shorter_m], &mut random));
             longer_m = shorter_m;
         }
-        Self { tiles }
+        Self { class, tiles }
     }
 
     /// Height, m.

@@ -16,7 +16,9 @@ fn problem_with(text: &str, other: &str) -> Problem {
     let read = |_: &str| Ok(other.to_owned());
     let errors = Road::from_toml(text, "trail.toml", &read).expect_err("a problem");
     assert_eq!(errors.problems.len(), 1, "{errors}");
-    errors.problems[0].clone()
+    let problem = errors.problems[0].clone();
+    assert!(errors.to_string().starts_with(&problem.file), "{errors}");
+    problem
 }
 
 fn problem(text: &str) -> Problem {
@@ -122,6 +124,14 @@ fn a_slope_sets_in_softly_and_ends_level() {
     // The presence of 50 m with soft ends of 10 m.
     let rise_m = math::tan(0.05) * 40.0;
     assert!((road.height_m(70.0, 3.0) - rise_m).abs() < 1e-9);
+}
+
+#[test]
+fn the_class_is_that_of_the_roughest_part() {
+    let road = road("[part.all]\nkind = \"iso8608\"\nclass = \"B\"\nx_m = [0, 100]\n\
+                     [part.field]\nkind = \"iso8608\"\nclass = \"D\"\nx_m = [40, 60]\n");
+    let classes = [-5.0, 20.0, 50.0].map(|x| road.class(x, 0.0));
+    assert_eq!(classes, [None, Some(RoadClass::B), Some(RoadClass::D)]);
 }
 
 /// Rows from north to south; the value of the south-west cell is 1.
