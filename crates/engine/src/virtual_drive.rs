@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use estimator::Calibration;
 use estimator::calibration::{ChannelCalibration, HubCalibration, Resolved};
-use model::road::Road;
+use model::road::RoadClass;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
@@ -53,8 +53,6 @@ pub struct Drive {
 pub struct VirtualDrive {
     /// Vehicle that performs the motion.
     pub vehicle: VirtualVehicle,
-    /// Road of the manoeuvre, unless it is a plane.
-    road: Option<Road>,
     /// Name of the drive, for people.
     pub drive: String,
     /// True calibration.
@@ -93,7 +91,7 @@ impl VirtualDrive {
             .map_err(estimator::EstimatorError::from)?;
         let placed = loaded.sensors(&sensors);
         let vehicle = loaded.vehicle;
-        let (motion, name, road) = motion(drive, &vehicle)?;
+        let (motion, name) = motion(drive, &vehicle)?;
         let motion = repeated(motion, drive.duration_s);
         let own_s = motion.duration_s();
         let duration_s = drive.duration_s.map_or(own_s, |asked_s| asked_s.min(own_s));
@@ -108,7 +106,6 @@ impl VirtualDrive {
         Ok(Self {
             true_calibration: true_calibration(&truth, &sensors, &vehicle)?,
             vehicle,
-            road,
             drive: name,
             vehicle_file,
             sensors_file,
@@ -172,7 +169,7 @@ impl VirtualDrive {
             motion: state.motion(),
             carrier: state.carrier_forces(),
             contact: Some(state.tyre_forces()),
-            ground: ground(&state, self.road.as_ref()),
+            ground: ground(&state, self.vehicle.motion().road_class()),
             pose: Some(Pose {
                 position_enu_m: state.position_m,
                 yaw_rad: state.yaw_rad,
@@ -289,8 +286,9 @@ impl VirtualDrive {
     }
 }
 
-/// The wheels of a state on their ground; `None` if the motion tells it of no wheel.
-fn ground(state: &TruthState, road: Option<&Road>) -> Option<Ground> {
+/// The wheels of a state on their ground, and the class of the road; `None` if the motion tells the
+/// ground of no wheel.
+fn ground(state: &TruthState, road_class: Option<RoadClass>) -> Option<Ground> {
     let wheels = PerWheel::from_fn(|wheel| {
         let found = state.wheels[wheel].ground;
         found.map_or_else(WheelGround::default, |found| WheelGround {
@@ -302,11 +300,9 @@ fn ground(state: &TruthState, road: Option<&Road>) -> Option<Ground> {
         })
     });
     let is_known = state.wheels.0.iter().any(|wheel| wheel.ground.is_some());
-    let [east_m, north_m, _] = state.position_m;
-    let class = road.and_then(|road| road.class(east_m, north_m));
-    is_known.then(|| Ground {
+    is_known.then_some(Ground {
         wheels,
-        road_class: class.map(|class| class.letter().to_string()),
+        road_class: road_class.map(|class| class.letter().to_string()),
     })
 }
 
@@ -334,23 +330,18 @@ fn repeated(motion: Motion, asked_s: Option<f64>) -> Motion {
     }
 }
 
-/// The motion, its name, and its road unless it is a plane.
-fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String, Option<Road>)> {
+fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String)> {
     let name = match &drive.course {
         Course::Manoeuvre(name) => name,
         Course::Truth(path) => {
             let motion = Motion::open(path)?;
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            return Ok((motion, format!("truth-{name}"), None));
+            return Ok((motion, format!("truth-{name}")));
         }
     };
     let manoeuvre = Manoeuvre::by_name(name)?;
-    let road = match &drive.road {
-        Some(name) => Some(crate::road::read(name, drive.seed)?),
-        None => manoeuvre.road()?,
-    };
-    let driven = match &road {
-        Some(road) => manoeuvre.drive_on(vehicle, road),
+    let driven = match &drive.road {
+        Some(road) => manoeuvre.drive_on(vehicle, &crate::road::read(road, drive.seed)?),
         None => manoeuvre.drive(vehicle),
     };
     let motion = driven.map_err(|source| Error::Manoeuvre {
@@ -361,7 +352,7 @@ fn motion(drive: &Drive, vehicle: &Vehicle) -> Result<(Motion, String, Option<Ro
         let end_s = motion.duration_s();
         tracing::warn!("the vehicle rolls over after {end_s:.1} s, which ends {name}");
     }
-    Ok((motion, name.clone(), road))
+    Ok((motion, name.clone()))
 }
 
 /// Reads the options of a virtual vehicle from a file.

@@ -238,11 +238,7 @@ impl Estimator {
                 self.waiting.push(time, Held::WheelSpeed(speeds));
             }
             Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
-                if let Some(sensor) = &self.calibration.hubs[hub.wheel] {
-                    let axes = sensor.unbiased(hub.specific_force_m_s2);
-                    self.waiting
-                        .push(time, Held::HubAcceleration(hub.wheel, axes));
-                }
+                self.waiting.push(time, Held::HubAcceleration(*hub));
             }
             _ => {}
         }

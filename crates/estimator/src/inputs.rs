@@ -1,42 +1,61 @@
 //! The last valid reading of each channel, with calibration applied.
 
 use nalgebra::Vector3;
-use sample::{CornerSample, LogTime, PerWheel, StrainChannel, Wheel};
+use sample::{CornerSample, HubAccelerationSample, LogTime, PerWheel, StrainChannel, Wheel};
 
-use crate::calibration::{Channel, CornerChannels};
+use crate::calibration::{Channel, CornerChannels, HubSensor, Resolved};
 
 /// Position of the spring potentiometer among a corner's channels, after the strain channels.
 pub const POTENTIOMETER: usize = StrainChannel::COUNT;
 
-/// Repeats of a channel's count.
+/// Names of a hub accelerometer's axes in events.
+const HUB_CHANNELS: [&str; 3] = [
+    "hub acceleration x",
+    "hub acceleration y",
+    "hub acceleration z",
+];
+
+/// Repeats of a channel's reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Liveness {
-    counts: i32,
+    /// The last reading: counts, or the bits of a number.
+    reading: u64,
     repeats: u32,
     reported: bool,
 }
 
 impl Liveness {
-    fn frozen(self, channel: &Channel) -> bool {
-        channel
-            .frozen_after
-            .is_some_and(|repeats| self.repeats >= repeats)
+    fn frozen(self, frozen_after: Option<u32>) -> bool {
+        frozen_after.is_some_and(|repeats| self.repeats >= repeats)
     }
 
-    /// The channel's value; `None` while its counts are frozen.
-    fn take(&mut self, counts: i32, channel: &Channel) -> Option<f64> {
-        self.repeats = if counts == self.counts {
+    /// Takes a reading; whether the channel is alive.
+    fn is_alive(&mut self, reading: u64, frozen_after: Option<u32>) -> bool {
+        self.repeats = if reading == self.reading {
             self.repeats.saturating_add(1)
         } else {
             0
         };
-        self.counts = counts;
-        if self.frozen(channel) {
-            None
-        } else {
-            channel.value(counts)
-        }
+        self.reading = reading;
+        !self.frozen(frozen_after)
     }
+
+    /// The channel's value; `None` while its counts are frozen.
+    fn take(&mut self, counts: i32, channel: &Channel) -> Option<f64> {
+        let alive = self.is_alive(bits_of(counts), channel.frozen_after);
+        alive.then(|| channel.value(counts)).flatten()
+    }
+
+    /// The change of the channel since the last call, if it froze or changed again.
+    fn change(&mut self, frozen: bool) -> Option<bool> {
+        let changed = frozen != self.reported;
+        self.reported = frozen;
+        changed.then_some(frozen)
+    }
+}
+
+fn bits_of(counts: i32) -> u64 {
+    u64::from(counts.cast_unsigned())
 }
 
 /// A channel that froze or changed again.
@@ -44,8 +63,8 @@ impl Liveness {
 pub struct FrozenChange {
     /// Which corner.
     pub wheel: Wheel,
-    /// Position among the strain channels, or [`POTENTIOMETER`].
-    pub channel: usize,
+    /// Name of the channel.
+    pub channel: &'static str,
     /// Frozen from now on.
     pub frozen: bool,
 }
@@ -93,6 +112,7 @@ pub struct Readings {
     /// Wheel speeds that a monitor has found faulty.
     pub wheel_speed_faulty: [bool; 4],
     liveness: [[Liveness; POTENTIOMETER + 1]; 4],
+    hub_liveness: PerWheel<[Liveness; 3]>,
 }
 
 impl Readings {
@@ -123,24 +143,29 @@ impl Readings {
     }
 
     /// Reports the channels that froze or changed again since the last call.
-    pub fn frozen_changes(
-        &mut self,
-        channels: &PerWheel<CornerChannels>,
-        out: &mut impl FnMut(FrozenChange),
-    ) {
+    pub fn frozen_changes(&mut self, calibration: &Resolved, out: &mut impl FnMut(FrozenChange)) {
         for wheel in Wheel::ALL {
-            let corner = &channels[wheel];
-            for (i, liveness) in self.liveness[wheel.index()].iter_mut().enumerate() {
-                let channel = corner.strain.get(i).unwrap_or(&corner.deflection);
-                let frozen = liveness.frozen(channel) && !channel.dead;
-                if frozen != liveness.reported {
-                    liveness.reported = frozen;
+            let mut report = |channel, change: Option<bool>| {
+                if let Some(frozen) = change {
                     out(FrozenChange {
                         wheel,
-                        channel: i,
+                        channel,
                         frozen,
                     });
                 }
+            };
+            let corner = &calibration.corners[wheel];
+            for (i, liveness) in self.liveness[wheel.index()].iter_mut().enumerate() {
+                let channel = corner.strain.get(i).unwrap_or(&corner.deflection);
+                let name = StrainChannel::ALL.get(i).map_or("deflection", |c| c.name());
+                let frozen = liveness.frozen(channel.frozen_after) && !channel.dead;
+                report(name, liveness.change(frozen));
+            }
+            let Some(hub) = &calibration.hubs[wheel] else {
+                continue;
+            };
+            for (liveness, name) in self.hub_liveness[wheel].iter_mut().zip(HUB_CHANNELS) {
+                report(name, liveness.change(liveness.frozen(hub.frozen_after)));
             }
         }
     }
@@ -159,11 +184,26 @@ impl Readings {
         reading.and_then(|reading| reading.fresh(now, fresh_s))
     }
 
-    /// Takes the readings of a hub accelerometer, sensor axes, m/s^2.
-    pub fn push_hub_acceleration(&mut self, time: LogTime, wheel: Wheel, axes: [Option<f64>; 3]) {
-        for (slot, value) in self.hub_acceleration_m_s2[wheel].iter_mut().zip(axes) {
-            replace(slot, time, value);
+    /// Takes the readings of a hub accelerometer. Returns those of the axes that are alive, sensor axes,
+    /// biases removed, m/s^2.
+    pub fn push_hub_acceleration(
+        &mut self,
+        time: LogTime,
+        hub: &HubAccelerationSample,
+        sensor: &HubSensor,
+    ) -> [Option<f64>; 3] {
+        let mut axes = sensor.unbiased(hub.specific_force_m_s2);
+        for (axis, liveness) in self.hub_liveness[hub.wheel].iter_mut().enumerate() {
+            let number = hub.specific_force_m_s2[axis].map(f64::to_bits);
+            let reading = hub.counts[axis].map(bits_of).or(number);
+            let alive = reading.is_none_or(|bits| liveness.is_alive(bits, sensor.frozen_after));
+            if !alive {
+                axes[axis] = None;
+            }
+            let slot = &mut self.hub_acceleration_m_s2[hub.wheel][axis];
+            replace(slot, time, axes[axis]);
         }
+        axes
     }
 
     /// Takes a steering-wheel angle.

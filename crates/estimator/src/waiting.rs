@@ -7,7 +7,9 @@
 use std::cmp::Ordering;
 
 use nalgebra::Vector3;
-use sample::{CornerSample, GnssAttitude, GnssVelocity, LogTime, PerWheel, SourceId, Wheel};
+use sample::{
+    CornerSample, GnssAttitude, GnssVelocity, HubAccelerationSample, LogTime, PerWheel, SourceId,
+};
 
 /// Capacity; a step of 10 ms has about thirty samples.
 const CAPACITY: usize = 2048;
@@ -34,8 +36,8 @@ pub enum Held {
     SteeringWheel(f64),
     /// Wheel speeds, rad/s.
     WheelSpeed(PerWheel<Option<f64>>),
-    /// Specific force along the axes of a wheel's hub accelerometer, biases removed, m/s^2.
-    HubAcceleration(Wheel, [Option<f64>; 3]),
+    /// Readings of a wheel's hub accelerometer.
+    HubAcceleration(HubAccelerationSample),
 }
 
 /// A sample with its time of validity.
@@ -63,7 +65,7 @@ impl Entry {
             Held::Corner(corner) => 3 + corner.wheel.index() as u8,
             Held::SteeringWheel(_) => 7,
             Held::WheelSpeed(_) => 8,
-            Held::HubAcceleration(wheel, _) => 9 + wheel.index() as u8,
+            Held::HubAcceleration(hub) => 9 + hub.wheel.index() as u8,
         }
     }
 
@@ -87,7 +89,10 @@ impl Entry {
             }
             Held::SteeringWheel(angle) => angle.to_bits(),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
-            Held::HubAcceleration(_, axes) => digest(axes.map(|axis| axis.unwrap_or(f64::NAN))),
+            Held::HubAcceleration(hub) => {
+                let axes = hub.specific_force_m_s2;
+                digest(axes.map(|axis| axis.unwrap_or(f64::NAN)))
+            }
         }
     }
 }

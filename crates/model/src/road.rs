@@ -114,6 +114,26 @@ impl Road {
         &self.description
     }
 
+    /// Class of the road in a rectangle (from and to, m), if the road is a plane with the roughness of
+    /// one ISO 8608 class there: slope, friction and soil do not change the class, any other shape
+    /// in the road file does.
+    #[must_use]
+    pub fn class_in(&self, x_m: [f64; 2], y_m: [f64; 2]) -> Option<RoadClass> {
+        let mut found = None;
+        for part in &self.parts {
+            match &part.shape {
+                Shape::Roughness(field) if found.is_none() => found = Some((field, part.extent)),
+                Shape::Slope { .. } | Shape::Friction(_) | Shape::Soil(_) => {}
+                _ => return None,
+            }
+        }
+        let (field, extent) = found?;
+        let whole = x_m
+            .iter()
+            .all(|&x| y_m.iter().all(|&y| extent.weight(x, y) == 1.0));
+        whole.then(|| field.class())
+    }
+
     /// Height at a place, m.
     #[must_use]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
@@ -133,18 +153,6 @@ impl Road {
             _ => None,
         });
         factors.product()
-    }
-
-    /// ISO 8608 class at a place: that of the roughest part; none where the road has no roughness.
-    #[must_use]
-    pub fn class(&self, x_m: f64, y_m: f64) -> Option<RoadClass> {
-        let classes = self.parts.iter().filter_map(|part| match &part.shape {
-            Shape::Roughness(field) => {
-                (part.extent.weight(x_m, y_m) > 0.0).then_some(field.class)
-            }
-            _ => None,
-        });
-        classes.max()
     }
 
     /// Soil at a place; none on firm ground.

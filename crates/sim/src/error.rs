@@ -64,7 +64,8 @@ pub enum SimError {
     },
     /// Columns that the virtual vehicle cannot do without.
     #[error(
-        "truth file {path} does not have the column(s) {}; docs/truth-files.md lists all columns",
+        "truth file {path} does not have the column(s) {}; docs/truth-files.md lists all columns \
+         and what replaces them",
         columns.join(", ")
     )]
     MissingColumns {

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use sample::{StrainChannel, Wheel};
+use model::sensors::HubAxis;
+use sample::{HubAccelerationSample, StrainChannel, Wheel};
 use serde::{Deserialize, Serialize};
 
 use crate::SimError;
@@ -33,6 +34,8 @@ pub struct Faults {
     pub imu: Vec<ImuFault>,
     /// Hub accelerometers that are mounted turned.
     pub hub: Vec<HubFault>,
+    /// Axes of hub accelerometers that are dead or frozen.
+    pub hub_axis: Vec<HubAxisFault>,
     /// Intervals in which a receiver has no solution; its messages go on and say so.
     pub outage: Vec<Interruption>,
     /// Intervals in which a device is unplugged: nothing leaves, messages are cut at both ends.
@@ -103,6 +106,34 @@ pub struct HubFault {
     /// Turn from the carrier's to the sensor's axes about x, then y, then z, rad; the misalignment of
     /// the sensors file comes on top.
     pub turned_rad: [f64; 3],
+}
+
+/// A fault of one axis of a hub accelerometer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HubAxisFault {
+    /// The wheel.
+    pub wheel: Wheel,
+    /// The axis of the sensor.
+    pub axis: HubAxis,
+    /// What happens to it.
+    pub kind: HubAxisFaultKind,
+    /// When it begins, s.
+    #[serde(default)]
+    pub from_s: f64,
+    /// When it ends, s.
+    #[serde(default = "for_ever")]
+    pub to_s: f64,
+}
+
+/// What happens to an axis of a hub accelerometer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HubAxisFaultKind {
+    /// Torn off: the converter sits at zero.
+    Dead,
+    /// The count stays as it was when the fault began.
+    Frozen,
 }
 
 /// A fault of one axis of the inertial unit.
@@ -219,6 +250,16 @@ impl Faults {
             let name = format!("{} {channel}", fault.wheel.abbreviation());
             (name, fault.from_s..fault.to_s)
         });
+        // A turned sensor shows on all its axes.
+        let turned = self.hub.iter().map(|fault| {
+            let name = format!("{} hub acceleration", fault.wheel.abbreviation());
+            (name, 0.0..f64::INFINITY)
+        });
+        let hub_axes = self.hub_axis.iter().map(|fault| {
+            let axis = HubAccelerationSample::AXES[fault.axis as usize];
+            let name = format!("{} hub acceleration {axis}", fault.wheel.abbreviation());
+            (name, fault.from_s..fault.to_s)
+        });
         let axes = self.imu.iter().map(|fault| {
             let name = "inertial unit".to_owned();
             (name, fault.from_s..fault.to_s)
@@ -231,7 +272,8 @@ impl Faults {
             let names = port.sensors().iter();
             names.map(move |name| ((*name).to_owned(), span.clone()))
         });
-        channels.chain(axes).chain(ports).collect()
+        let hubs = turned.chain(hub_axes);
+        channels.chain(hubs).chain(axes).chain(ports).collect()
     }
 
     /// Whether `port` has no solution at `time_s`.
@@ -245,6 +287,22 @@ impl Faults {
     pub(crate) fn hub_turn_rad(&self, wheel: Wheel) -> [f64; 3] {
         let fault = self.hub.iter().find(|fault| fault.wheel == wheel);
         fault.map_or([0.0; 3], |fault| fault.turned_rad)
+    }
+
+    /// The fault of an axis (0 to 2) of a wheel's hub accelerometer that holds at `time_s`.
+    pub(crate) fn of_hub_axis(
+        &self,
+        wheel: Wheel,
+        axis: usize,
+        time_s: f64,
+    ) -> Option<HubAxisFaultKind> {
+        let mut all = self.hub_axis.iter();
+        let found = all.find(|fault| {
+            fault.wheel == wheel
+                && fault.axis as usize == axis
+                && (fault.from_s..fault.to_s).contains(&time_s)
+        });
+        found.map(|fault| fault.kind)
     }
 
     /// The faults of one strain channel (`None`: potentiometer) that hold at `time_s`.

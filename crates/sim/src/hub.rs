@@ -13,7 +13,7 @@ use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{STANDARD_GRAVITY_M_S2, Wheel};
 
-use crate::faults::Faults;
+use crate::faults::{Faults, HubAxisFaultKind};
 use crate::imu::sensor_from_body;
 use crate::linkage::Linkage;
 use crate::random::Noise;
@@ -32,6 +32,10 @@ pub(crate) struct HubAccelerometer {
     lags: [Option<Lag>; 3],
     sensor_from_carrier: Rotation3<f64>,
     noise: Noise,
+    wheel: Wheel,
+    faults: Faults,
+    /// Last count of each axis.
+    held: [Option<u16>; 3],
     time_s: f64,
     next_row: usize,
 }
@@ -59,6 +63,9 @@ impl HubAccelerometer {
             lags: [None; 3],
             sensor_from_carrier: sensor_from_body(turn) * sensor_from_body(turned),
             noise: Noise::new(seed, &format!("hub accelerometer {wheel}")),
+            wheel,
+            faults: faults.clone(),
+            held: [None; 3],
             time_s: 0.0,
             next_row: 1,
             force_m_s2,
@@ -92,7 +99,14 @@ impl HubAccelerometer {
             let error = self.noise.normal(self.noise_m_s2);
             let lag = self.lags[axis].as_ref()?;
             let level = self.scale.level(lag.output() + error);
-            Some(self.scale.convert(level))
+            let count = self.scale.convert(level);
+            let count = match self.faults.of_hub_axis(self.wheel, axis, time_s) {
+                None => count,
+                Some(HubAxisFaultKind::Dead) => 0,
+                Some(HubAxisFaultKind::Frozen) => self.held[axis].unwrap_or(count),
+            };
+            self.held[axis] = Some(count);
+            Some(count)
         })
     }
 

@@ -44,7 +44,8 @@ pub use driver::rough::{Course, Hitch, Profile, RoughPlan, drive_rough};
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;
 pub use faults::{
-    Chance, ChannelFault, ChannelFaultKind, Faults, HubFault, ImuFault, ImuFaultKind, Interruption,
+    Chance, ChannelFault, ChannelFaultKind, Faults, HubAxisFault, HubAxisFaultKind, HubFault,
+    ImuFault, ImuFaultKind, Interruption,
 };
 pub use hidden::{Hidden, HiddenErrors};
 pub use load::{PortLoad, port_loads};

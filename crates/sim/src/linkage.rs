@@ -580,7 +580,7 @@ fn fill(truth: &mut WheelTruth, stance: &Stance) {
 }
 
 /// Slope at a row, central where it can be.
-fn slope(states: &[TruthState], row: usize, value: impl Fn(&TruthState) -> f64) -> f64 {
+pub(crate) fn slope(states: &[TruthState], row: usize, value: impl Fn(&TruthState) -> f64) -> f64 {
     let before = &states[row.saturating_sub(1)];
     let after = &states[(row + 1).min(states.len() - 1)];
     let span_s = after.time_s - before.time_s;

@@ -48,7 +48,7 @@ pub enum Manoeuvre {
     TwistDitch,
     /// Five jumps off ramps at 7 to 9 m/s.
     Jump,
-    /// 90 s of class D and rougher, bumps, side slope, gravel and braking.
+    /// 90 s of class D, bumps, side slope, gravel and braking.
     Trail,
     /// Circles of 20 m radius on a slope of 15 % of class D.
     HillsideRough,
@@ -139,7 +139,7 @@ impl Manoeuvre {
             Self::Washboard => "from 5 to 12 m/s over a washboard of 0.8 m, through wheel hop",
             Self::TwistDitch => "at 2 m/s through ditches in turn on the left and the right side",
             Self::Jump => "five jumps off ramps at 7 to 9 m/s",
-            Self::Trail => "90 s of class D and rougher, bumps, side slope, gravel and braking",
+            Self::Trail => "90 s of class D, bumps, side slope, gravel and braking",
             Self::HillsideRough => "circles of 20 m radius on a slope of 15 % of class D",
             Self::Reverse => "forwards, then backwards, on class D",
             Self::Tow => "a known force of 400 N on the hitch, on class C",
@@ -199,14 +199,9 @@ impl Manoeuvre {
 
     /// What the driver intends on a plane; none where nobody drives, or on a road.
     fn plan(self) -> Option<Plan> {
-        let plan = |duration_s, start_speed_m_s, speed_m_s, steering| Plan {
-            duration_s,
-            start_speed_m_s,
-            speed_m_s,
-            steering,
-            surface_line: None,
-            slope: None,
-        };
+        if let Some(plan) = self.steering_test() {
+            return Some(plan);
+        }
         Some(match self {
             Self::Circle => Plan {
                 surface_line: Some(FRESH_ASPHALT),
@@ -217,33 +212,6 @@ impl Manoeuvre {
                     Intent::Curvature(|t| smooth(t / 3.0) / CIRCLE_RADIUS_M),
                 )
             },
-            Self::SlowSine => plan(
-                26.0,
-                8.0,
-                |_| 8.0,
-                Intent::SteeringWheel(|t| 1.9 * sine(t - 1.0, 0.3, 7.0)),
-            ),
-            Self::FastSine => plan(
-                16.0,
-                8.0,
-                |_| 8.0,
-                Intent::SteeringWheel(|t| 2.0 * sine(t - 1.0, 0.7, 9.0)),
-            ),
-            Self::SteerSweep => plan(
-                3.0 * SWEEP_S + 2.0,
-                10.0,
-                |_| 10.0,
-                Intent::SteeringWheel(|t| 0.7 * sweep(t - 1.0)),
-            ),
-            Self::StepSteer => plan(
-                14.0,
-                8.0,
-                |_| 8.0,
-                Intent::SteeringWheel(|t| {
-                    let step = |at: f64| smooth((t - at) / STEP_TIME_S);
-                    1.6 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
-                }),
-            ),
             Self::AsphaltToGravel => Plan {
                 surface_line: Some(GRAVEL),
                 ..plan(
@@ -282,6 +250,57 @@ impl Manoeuvre {
             },
             _ => return None,
         })
+    }
+
+    /// Tests with a given steering wheel at constant speed on level ground of one surface.
+    fn steering_test(self) -> Option<Plan> {
+        Some(match self {
+            Self::SlowSine => plan(
+                26.0,
+                8.0,
+                |_| 8.0,
+                Intent::SteeringWheel(|t| 1.9 * sine(t - 1.0, 0.3, 7.0)),
+            ),
+            Self::FastSine => plan(
+                16.0,
+                8.0,
+                |_| 8.0,
+                Intent::SteeringWheel(|t| 2.0 * sine(t - 1.0, 0.7, 9.0)),
+            ),
+            Self::SteerSweep => plan(
+                3.0 * SWEEP_S + 2.0,
+                10.0,
+                |_| 10.0,
+                Intent::SteeringWheel(|t| 0.7 * sweep(t - 1.0)),
+            ),
+            Self::StepSteer => plan(
+                14.0,
+                8.0,
+                |_| 8.0,
+                Intent::SteeringWheel(|t| {
+                    let step = |at: f64| smooth((t - at) / STEP_TIME_S);
+                    1.6 * (step(2.0) - step(5.0) - step(8.0) + step(11.0))
+                }),
+            ),
+            _ => return None,
+        })
+    }
+}
+
+/// A plan on level ground of one surface.
+fn plan(
+    duration_s: f64,
+    start_speed_m_s: f64,
+    speed_m_s: fn(f64) -> f64,
+    steering: Intent,
+) -> Plan {
+    Plan {
+        duration_s,
+        start_speed_m_s,
+        speed_m_s,
+        steering,
+        surface_line: None,
+        slope: None,
     }
 }
 

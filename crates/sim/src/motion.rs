@@ -1,6 +1,7 @@
 mod ground;
 mod wheel;
 
+use model::road::RoadClass;
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use sample::{ForceFrame, ForceSource, PerWheel, TyreForce, Wheel};
@@ -291,6 +292,7 @@ pub struct Motion {
     /// What a person notes on the way: seconds from the start, text.
     marks: Vec<(f64, String)>,
     tips_over: bool,
+    road_class: Option<RoadClass>,
 }
 
 impl Motion {
@@ -329,6 +331,7 @@ impl Motion {
             lap_starts_m: vec![[east_m, north_m]],
             marks: Vec::new(),
             tips_over: false,
+            road_class: None,
         })
     }
 
@@ -383,6 +386,18 @@ impl Motion {
     #[must_use]
     pub fn tips_over(&self) -> bool {
         self.tips_over
+    }
+
+    /// The same motion on a road of this class, if the road has one.
+    pub(crate) fn with_road_class(mut self, class: Option<RoadClass>) -> Self {
+        self.road_class = class;
+        self
+    }
+
+    /// Class of the road by ISO 8608, if the whole way has one.
+    #[must_use]
+    pub fn road_class(&self) -> Option<RoadClass> {
+        self.road_class
     }
 
     /// The manoeuvre's or the file's name.

@@ -7,6 +7,7 @@ mod csv_table;
 mod ground;
 #[cfg(feature = "parquet")]
 mod parquet_table;
+mod substitute;
 #[cfg(feature = "parquet")]
 mod thrift;
 
@@ -21,7 +22,8 @@ use sample::{PerWheel, Wheel};
 
 use crate::{Motion, SimError, TruthState, WheelTruth};
 
-/// Columns of the whole vehicle that a truth file must have.
+/// Columns of the whole vehicle that a truth file must have; [`substitute`] tells which of them other
+/// columns replace.
 const REQUIRED: [&str; 14] = [
     "t[s]",
     "roll[rad]",
@@ -115,8 +117,9 @@ impl Motion {
     /// Reads a truth file, Parquet or CSV by its name's end. The columns are those of
     /// `docs/truth-files.md`; others are left alone.
     ///
-    /// Position that is missing is integrated from the velocity, angular acceleration that is
-    /// missing is the difference quotient of the rate.
+    /// Velocity that is missing is the derivative of the position, position that is missing the
+    /// integral of the velocity, angular acceleration that is missing the difference quotient of the
+    /// rate, and a contact force that is missing that in vehicle axes or in the wheel-carrier frame.
     ///
     /// # Errors
     /// A file that cannot be read, columns missing or in another unit (all missing ones are named
@@ -127,9 +130,7 @@ impl Motion {
         for (name, values) in &columns {
             check_finite(path, name, values)?;
         }
-        let missing: Vec<String> = required_columns()
-            .filter(|name| !columns.contains_key(name))
-            .collect();
+        let missing = substitute::missing(&columns, required_columns());
         if !missing.is_empty() {
             return Err(SimError::MissingColumns {
                 path: path.to_owned(),
@@ -153,7 +154,8 @@ impl Motion {
     }
 }
 
-/// All columns that a truth file must have, as `name[unit]`.
+/// All columns that a truth file must have, as `name[unit]`. Other columns replace some of them
+/// (`docs/truth-files.md`).
 pub fn required_columns() -> impl Iterator<Item = String> {
     with_wheels(&REQUIRED, &REQUIRED_OF_WHEEL)
 }
@@ -352,9 +354,11 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
     }
 }
 
-/// Integrates a missing position, differentiates rates where their derivative is missing, and
-/// takes gravity off the specific force where the acceleration is missing.
+/// Differentiates the position where the velocity is missing and the other way round, differentiates
+/// rates where their derivative is missing, and takes gravity off the specific force where the
+/// acceleration is missing.
 pub(crate) fn fill_missing(states: &mut [TruthState]) {
+    substitute::velocities(states);
     for row in 0..states.len() {
         let (before, after) = (row.saturating_sub(1), (row + 1).min(states.len() - 1));
         let span_s = states[after].time_s - states[before].time_s;

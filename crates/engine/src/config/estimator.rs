@@ -62,20 +62,7 @@ pub fn read(
     let vehicle_span = vehicle.span();
     vehicle.finish(collector);
 
-    let mut settings = Settings {
-        method: method.map_or(Method::default(), |field| {
-            by_name(&field, &field.value, &METHODS, collector).unwrap_or_default()
-        }),
-        ignore: ignore.map_or_else(Vec::new, |field| {
-            field
-                .value
-                .iter()
-                .filter_map(|name| by_name(&field, name, &INPUTS, collector))
-                .collect()
-        }),
-        payload: Vec::new(),
-        tuning,
-    };
+    let mut settings = read_settings(method, ignore, tuning, collector);
     if enabled.as_ref().is_some_and(|field| !field.value) {
         return None;
     }
@@ -114,6 +101,28 @@ pub fn read(
         calibration,
         settings,
     })
+}
+
+/// Settings without payload from their fields.
+fn read_settings(
+    method: Option<Field<String>>,
+    ignore: Option<Field<Vec<String>>>,
+    tuning: Tuning,
+    collector: &mut ErrorCollector<'_>,
+) -> Settings {
+    Settings {
+        method: method.map_or(Method::default(), |field| {
+            by_name(&field, &field.value, &METHODS, collector).unwrap_or_default()
+        }),
+        ignore: ignore.map_or_else(Vec::new, |field| {
+            let names = field.value.iter();
+            names
+                .filter_map(|name| by_name(&field, name, &INPUTS, collector))
+                .collect()
+        }),
+        payload: Vec::new(),
+        tuning,
+    }
 }
 
 /// The first built-in sensor set, for a vehicle without sensors in the configuration.

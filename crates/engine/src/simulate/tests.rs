@@ -2,9 +2,10 @@ use std::collections::BTreeMap;
 
 use estimator::Calibration;
 use estimator::calibration::{Recording, Step};
+use model::sensors::HubAxis;
 use model::vehicle::Vehicle;
-use sample::{EventKind, Measurement, Wheel};
-use sim::{HubFault, Options};
+use sample::{EventKind, LogTime, Measurement, PerWheel, TyreForce, Wheel};
+use sim::{HubAxisFault, HubAxisFaultKind, HubFault, Options};
 use store::Record;
 
 use super::*;
@@ -74,7 +75,7 @@ fn hub_accelerometers_are_calibrated_by_rest_and_driving() {
             let axis = ["x", "y", "z"]
                 .iter()
                 .position(|axis| finding.name.ends_with(axis));
-            let error = finding.value - values.expect("is told")[axis.expect("an axis")];
+            let error = finding.value - values.expect("values")[axis.expect("an axis")];
             let kind = usize::from(finding.unit != "rad");
             largest[kind] = largest[kind].max(error.abs());
             squares += (error / finding.sigma).powi(2);
@@ -91,6 +92,84 @@ fn hub_accelerometers_are_calibrated_by_rest_and_driving() {
         largest[0] < 0.003 && largest[1] < 0.03,
         "{largest:?} {consistency}"
     );
+}
+
+/// Time after which a dead or frozen axis must be named, s: 30 repeats at 100 Hz, and one step.
+const NAMED_WITHIN_S: f64 = 0.35;
+
+/// Dead and frozen axes are named while they are, the same names are in the metadata of the log, and no
+/// axis is named without a fault.
+#[test]
+fn dead_and_frozen_axes_of_hub_accelerometers_are_named() {
+    let fault = |wheel, axis, kind, from_s, to_s| HubAxisFault {
+        wheel,
+        axis,
+        kind,
+        from_s,
+        to_s,
+    };
+    let mut options = Options::default();
+    options.faults.hub_axis = vec![
+        fault(
+            Wheel::FrontLeft,
+            HubAxis::X,
+            HubAxisFaultKind::Dead,
+            8.0,
+            16.0,
+        ),
+        fault(
+            Wheel::RearRight,
+            HubAxis::Z,
+            HubAxisFaultKind::Frozen,
+            12.0,
+            20.0,
+        ),
+    ];
+    let expected = options.faults.sensors();
+    let (_, records, _) = drive("slow-sine", 11, options);
+    let start = records.iter().find_map(|record| match record {
+        Record::Truth { time, .. } => Some(*time),
+        _ => None,
+    });
+    let start = start.expect("the truth");
+    let mut told: Vec<(String, bool, f64)> = Vec::new();
+    let mut left_out = 0;
+    for record in &records {
+        match record {
+            Record::Event(event) => {
+                let at_s = event.time.seconds_since(start);
+                match &event.kind {
+                    EventKind::SensorFault(name) => told.push((name.clone(), true, at_s)),
+                    EventKind::SensorRecovered(name) => told.push((name.clone(), false, at_s)),
+                    _ => {}
+                }
+            }
+            Record::Health(health) => {
+                let sensors = health.faulty_sensors.iter();
+                left_out += sensors
+                    .filter(|name| name.contains("hub acceleration"))
+                    .count();
+            }
+            _ => {}
+        }
+    }
+    let told_of = |name: &str, faulty: bool| {
+        let mut all = told.iter().filter(|t| t.0 == name && t.1 == faulty);
+        let at_s = all.next().map_or(f64::NAN, |t| t.2);
+        assert!(all.next().is_none(), "{told:?}");
+        at_s
+    };
+    for (name, span) in &expected {
+        let late_s = [
+            told_of(name, true) - span.start,
+            told_of(name, false) - span.end,
+        ];
+        assert!((0.0..NAMED_WITHIN_S).contains(&late_s[0]), "{told:?}");
+        assert!((0.0..0.05).contains(&late_s[1]), "{told:?}");
+    }
+    assert_eq!(told.len(), 4, "{told:?}");
+    // Health is reported once a second.
+    assert!((14..=18).contains(&left_out), "{left_out}");
 }
 
 /// The estimator and the calibration name a sensor that is mounted turned, with axis and value.
@@ -188,6 +267,8 @@ fn with_driver() -> String {
     )
 }
 
+type Forces = BTreeMap<LogTime, PerWheel<TyreForce>>;
+
 /// Errors of the lateral forces of a drive with the driver, 100 RMS / max(peak, static load), worst
 /// wheel, after `from_s`. The estimator knows of `known` at the start and gets `marks`.
 fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Vec<String>) {
@@ -213,7 +294,7 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
     settings.calibration = simulated.true_calibration.clone();
     let start = simulated.start();
     let mut feed = Feed::new(&config).expect("an engine");
-    let (mut truth, mut found, mut notes) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
+    let (mut truth, mut found, mut notes) = (Forces::new(), Forces::new(), Vec::new());
     let mut waiting = marks.to_vec();
     let mut take = |entry: Entry| {
         match entry {
@@ -248,13 +329,16 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
         }
     })
     .expect("a simulation");
+    truth.retain(|time, _| time.seconds_since(start) > from_s);
+    (worst_percent(&truth, &found), notes)
+}
+
+/// Error of the lateral force of the worst wheel, 100 RMS / max(peak, static load).
+fn worst_percent(truth: &Forces, found: &Forces) -> f64 {
     let worst = Wheel::ALL.map(|wheel| {
         let (mut square, mut peak, mut count) = (0.0, 1500.0_f64, 0.0);
-        for (time, forces) in &truth {
-            let Some(estimate) = found
-                .get(time)
-                .filter(|_| time.seconds_since(start) > from_s)
-            else {
+        for (time, forces) in truth {
+            let Some(estimate) = found.get(time) else {
                 continue;
             };
             square += (estimate[wheel].force_n[1] - forces[wheel].force_n[1]).powi(2);
@@ -263,7 +347,7 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
         }
         100.0 * (square / f64::max(count, 1.0)).sqrt() / peak
     });
-    (worst.into_iter().fold(0.0, f64::max), notes)
+    worst.into_iter().fold(0.0, f64::max)
 }
 
 #[test]
@@ -282,27 +366,4 @@ fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
     assert!(with < 1.2 && (marked - after).abs() < 0.05, "{told}");
     let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
     assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
-}
-
-#[test]
-fn the_truth_names_the_class_of_the_road() {
-    let class = |manoeuvre: &str, road: Option<&str>| {
-        let drive = VirtualDrive::new(&Drive {
-            course: Course::Manoeuvre(manoeuvre.to_owned()),
-            road: road.map(str::to_owned),
-            vehicle: FileSource::Path("prowler".into()),
-            sensors: FileSource::Path("thesis-10bit".into()),
-            payload: Vec::new(),
-            seed: 11,
-            options: Options::default(),
-            duration_s: None,
-        });
-        match drive.expect("a drive").truth(5.0) {
-            Record::Truth { ground, .. } => ground.and_then(|ground| ground.road_class),
-            other => panic!("{other:?}"),
-        }
-    };
-    assert_eq!(class("tow", None).as_deref(), Some("C"));
-    assert_eq!(class("step-steer", Some("iso8608:B")).as_deref(), Some("B"));
-    assert_eq!(class("washboard", None), None);
 }

@@ -394,7 +394,7 @@ impl Fitted {
         for column in (0..3).filter(|column| !self.columns.contains(column)) {
             let axis = HubAccelerationSample::AXES[column];
             findings.notes.push(format!(
-                "{corner} misalignment about {axis} is not told by these axes and this drive and is \
+                "{corner} misalignment about {axis} does not follow from these axes and this drive and is \
                  taken as 0"
             ));
         }

@@ -149,8 +149,8 @@ pub fn imu(
     let sigma = [about_x, about_y, straight.fit.sigma(1)];
     let intervals = [
         turns.intervals[1]
-            .map(|[low, high]| doubted([roll_0 - high, roll_0 - low], LEAN_DOUBT_RAD)),
-        turns.intervals[0].map(|ends| doubted(ends.map(|end| end + pitch_0), LEAN_DOUBT_RAD)),
+            .map(|[low, high]| widened([roll_0 - high, roll_0 - low], LEAN_DOUBT_RAD)),
+        turns.intervals[0].map(|ends| widened(ends.map(|end| end + pitch_0), LEAN_DOUBT_RAD)),
         straight.interval,
     ];
     let mut findings = Findings {
@@ -247,7 +247,7 @@ fn interval(design: &DMatrix<f64>, response: &DVector<f64>, fit: &Fit) -> Option
 }
 
 /// A 95 % interval widened by a doubt of this deviation.
-fn doubted([low, high]: [f64; 2], sigma: f64) -> [f64; 2] {
+fn widened([low, high]: [f64; 2], sigma: f64) -> [f64; 2] {
     let half = 0.5 * (high - low);
     let more = math::hypot(half, SIGMAS_95 * sigma) - half;
     [low - more, high + more]

@@ -74,6 +74,8 @@ pub struct HubSensor {
     pub noise_sigma_m_s2: f64,
     /// Corner frequency of the sensor's first-order filter, Hz.
     pub lag_hz: f64,
+    /// Repeats of a reading after which an axis is frozen; `None` if its noise allows many.
+    pub frozen_after: Option<u32>,
 }
 
 impl HubSensor {
@@ -219,6 +221,7 @@ fn hubs(
             position_m: hub.position_of_m(wheel).into(),
             noise_sigma_m_s2: math::hypot(hub.noise_m_s2, rounding),
             lag_hz: hub.lag_hz,
+            frozen_after: frozen_after(hub.noise_m_s2 * hub.scale().counts_per_unit),
         });
     }
     Ok(hubs)

@@ -1,6 +1,6 @@
 //! Events about sensors and filters.
 
-use sample::{Event, EventKind, LogTime, StrainChannel, Wheel};
+use sample::{Event, EventKind, LogTime, Wheel};
 
 use crate::calibration::hub::WrongAxes;
 use crate::fusion::ChannelChange;
@@ -92,10 +92,7 @@ pub(super) fn channel_event(now: LogTime, change: ChannelChange) -> Event {
 }
 
 pub(super) fn frozen_event(now: LogTime, change: FrozenChange) -> Event {
-    let channel = StrainChannel::ALL
-        .get(change.channel)
-        .map_or("deflection", |channel| channel.name());
-    let name = format!("{} {channel}", change.wheel);
+    let name = format!("{} {}", change.wheel, change.channel);
     sensor_event(now, change.frozen, name, FROZEN)
 }
 

@@ -1,7 +1,7 @@
 //! Stage 1: the motion sensors. A monitor judges each reading, then the motion filter takes it.
 
 use nalgebra::Vector3;
-use sample::{GnssAttitude, GnssVelocity, ImuSample, LogTime, SourceId, Wheel};
+use sample::{GnssAttitude, GnssVelocity, HubAccelerationSample, ImuSample, LogTime, SourceId};
 
 use super::events::hub_event;
 use super::monitors::report;
@@ -93,19 +93,20 @@ impl Estimator {
         self.readings.push_steering_wheel(time, angle);
     }
 
-    /// Readings of a hub accelerometer, sensor axes, biases removed, m/s^2.
     pub(super) fn take_hub_acceleration(
         &mut self,
         time: LogTime,
-        wheel: Wheel,
-        axes_m_s2: [Option<f64>; 3],
+        hub: &HubAccelerationSample,
         now: LogTime,
         out: &mut impl FnMut(Output),
     ) {
-        self.readings.push_hub_acceleration(time, wheel, axes_m_s2);
+        let Some(sensor) = &self.calibration.hubs[hub.wheel] else {
+            return;
+        };
+        let axes_m_s2 = self.readings.push_hub_acceleration(time, hub, sensor);
         let tuning = &self.monitors.tuning.hub;
         let mut changes = |wheel, wrong| out(Output::Event(hub_event(now, wheel, wrong)));
-        (self.monitors.hub).judge(time, wheel, axes_m_s2, tuning, &mut changes);
+        (self.monitors.hub).judge(time, hub.wheel, axes_m_s2, tuning, &mut changes);
     }
 
     /// The antenna of a source's velocity: the receiver of attitude has an antenna of its own.

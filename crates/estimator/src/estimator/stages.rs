@@ -47,7 +47,7 @@ impl Estimator {
             self.moving_since = None;
         }
         self.readings
-            .frozen_changes(&self.calibration.corners, &mut |change| {
+            .frozen_changes(&self.calibration, &mut |change| {
                 out(Output::Event(frozen_event(time, change)));
             });
         settled(*self.moving_since.get_or_insert(time))
@@ -77,8 +77,8 @@ impl Estimator {
                     self.settings.uses(Input::Deflection),
                 ),
                 Held::SteeringWheel(angle) => self.take_steering_wheel(time, angle, now, out),
-                Held::HubAcceleration(wheel, axes) => {
-                    self.take_hub_acceleration(time, wheel, axes, now, out);
+                Held::HubAcceleration(hub) => {
+                    self.take_hub_acceleration(time, &hub, now, out);
                 }
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {

@@ -323,7 +323,7 @@ fn doubt(
 ) -> DMatrix<f64> {
     let size = fits.iter().map(|fit| fit.fit.coefficients.len()).sum();
     let mut sum = DMatrix::zeros(size, size);
-    for body in body.doubted() {
+    for body in body.varied() {
         let rows = rows_of(&body);
         let [front, rear] = [0, 1].map(|axle| fits[axle].moved(&body, axle, &rows[axle]));
         let moved = DVector::from_iterator(size, front.iter().chain(rear.iter()).copied());

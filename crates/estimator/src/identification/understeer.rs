@@ -83,7 +83,7 @@ impl Body {
     }
 
     /// The same with a value off by its doubt: the ground's grip, the tyres' trail, the load's transfer.
-    fn doubted(&self) -> [Self; 3] {
+    fn varied(&self) -> [Self; 3] {
         let with = |change: &dyn Fn(&mut cornering::Body)| {
             let mut body = *self;
             change(&mut body.axles);
@@ -208,8 +208,8 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
         .collect();
     let both_sides = steady.to_both_sides();
     let own = bent(*body);
-    let others = body.doubted().map(bent);
-    let main = Gradient::doubted(&steady.lateral_m_s2, &steer, &own, &others, both_sides)?;
+    let others = body.varied().map(bent);
+    let main = Gradient::varied(&steady.lateral_m_s2, &steer, &own, &others, both_sides)?;
     let mut found = Findings {
         what: WHAT.to_owned(),
         ..Findings::default()
@@ -228,8 +228,8 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
             .map(|(sideslip, curvature)| sideslip - math::atan(rear_m * curvature))
             .collect();
         let own = bent_rear(*body);
-        let others = body.doubted().map(bent_rear);
-        let fit = Gradient::doubted(&steady.lateral_m_s2, &turned, &own, &others, both_sides)?;
+        let others = body.varied().map(bent_rear);
+        let fit = Gradient::varied(&steady.lateral_m_s2, &turned, &own, &others, both_sides)?;
         let unit = "rad/(m/s^2)";
         found
             .findings
@@ -374,7 +374,7 @@ impl<'a> Gradient<'a> {
     }
 
     /// The same, its deviations widened by what each other bend makes of it.
-    fn doubted(
+    fn varied(
         lateral: &[f64],
         values: &[f64],
         bent: &'a dyn Fn(f64) -> f64,

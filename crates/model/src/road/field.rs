@@ -32,7 +32,7 @@ const WAVES: usize = SIDE / POINTS_A_WAVE;
 /// tiles.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Field {
-    pub(super) class: RoadClass,
+    class: RoadClass,
     tiles: Vec<Tile>,
 }
 
@@ -57,6 +57,11 @@ impl Field {
             longer_m = shorter_m;
         }
         Self { class, tiles }
+    }
+
+    /// Its class.
+    pub(super) const fn class(&self) -> RoadClass {
+        self.class
     }
 
     /// Height, m.

@@ -107,27 +107,7 @@ const VALUES_MAX: f64 = 4e6;
 
 impl Header {
     fn read(text: &str, file: &str) -> Result<Self, Vec<Problem>> {
-        let mut known: [Option<f64>; 8] = [None; 8];
-        const NAMES: [&str; 8] = [
-            "ncols",
-            "nrows",
-            "xllcorner",
-            "yllcorner",
-            "xllcenter",
-            "yllcenter",
-            "cellsize",
-            "nodata_value",
-        ];
-        let mut lines = 0;
-        for line in text.lines() {
-            let mut words = line.split_whitespace();
-            let name = words.next().unwrap_or_default().to_ascii_lowercase();
-            let Some(index) = NAMES.iter().position(|known| *known == name) else {
-                break;
-            };
-            known[index] = words.next().and_then(|word| word.parse().ok());
-            lines += 1;
-        }
+        let (known, lines) = Self::fields(text);
         let [
             columns,
             rows,
@@ -177,6 +157,32 @@ impl Header {
             missing,
             lines,
         })
+    }
+
+    /// The numbers at the top of a grid in the order of the names, and the count of their lines.
+    fn fields(text: &str) -> ([Option<f64>; 8], usize) {
+        let mut known: [Option<f64>; 8] = [None; 8];
+        const NAMES: [&str; 8] = [
+            "ncols",
+            "nrows",
+            "xllcorner",
+            "yllcorner",
+            "xllcenter",
+            "yllcenter",
+            "cellsize",
+            "nodata_value",
+        ];
+        let mut lines = 0;
+        for line in text.lines() {
+            let mut words = line.split_whitespace();
+            let name = words.next().unwrap_or_default().to_ascii_lowercase();
+            let Some(index) = NAMES.iter().position(|known| *known == name) else {
+                break;
+            };
+            known[index] = words.next().and_then(|word| word.parse().ok());
+            lines += 1;
+        }
+        (known, lines)
     }
 
     /// One row of values; holes are problems.

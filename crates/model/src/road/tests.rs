@@ -126,14 +126,6 @@ fn a_slope_sets_in_softly_and_ends_level() {
     assert!((road.height_m(70.0, 3.0) - rise_m).abs() < 1e-9);
 }
 
-#[test]
-fn the_class_is_that_of_the_roughest_part() {
-    let road = road("[part.all]\nkind = \"iso8608\"\nclass = \"B\"\nx_m = [0, 100]\n\
-                     [part.field]\nkind = \"iso8608\"\nclass = \"D\"\nx_m = [40, 60]\n");
-    let classes = [-5.0, 20.0, 50.0].map(|x| road.class(x, 0.0));
-    assert_eq!(classes, [None, Some(RoadClass::B), Some(RoadClass::D)]);
-}
-
 /// Rows from north to south; the value of the south-west cell is 1.
 const GRID: &str = "ncols 3\nnrows 2\nxllcorner -0.5\nyllcorner -0.5\ncellsize 1\n\
                     NODATA_value -9999\n0.4 0.5 0.6\n0.1 0.2 0.3\n";

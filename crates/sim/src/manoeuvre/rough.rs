@@ -61,7 +61,15 @@ impl Manoeuvre {
         let radius_m = tyres[0].unloaded_radius_m.min(tyres[1].unloaded_radius_m);
         (road.check_climb(radius_m)).map_err(|errors| SimError::Model(errors.into()))?;
         let ground = SoftGround::new(road, vehicle);
-        drive_rough(self.name(), vehicle, &ground, &plan)
+        let motion = drive_rough(self.name(), vehicle, &ground, &plan)?;
+        let ends = |axis: usize| {
+            let places = motion.states().iter().map(|state| state.position_m[axis]);
+            places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| {
+                [low.min(at), high.max(at)]
+            })
+        };
+        let class = road.class_in(ends(0), ends(1));
+        Ok(motion.with_road_class(class))
     }
 
     /// What the driver intends on rough ground; none for manoeuvres on a plane.

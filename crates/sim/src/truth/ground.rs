@@ -9,8 +9,8 @@ use crate::{TruthState, WheelGround};
 /// Tells a state where its wheels stand, as far as the columns of its row go (`NaN`: no such column).
 ///
 /// Without a normal of the ground, the ground is level. A force in vehicle axes that is missing is
-/// that of the contact frame or of the wheel-carrier frame. A wheel whose spindle is not told stays
-/// untold.
+/// that of the contact frame or of the wheel-carrier frame, and a contact force that is missing follows
+/// from it. A wheel whose spindle is not told stays untold.
 pub(super) fn tell(state: &mut TruthState, get: impl Fn(&str) -> f64) {
     let up = state.up_body().into();
     let earth_from_body = state.earth_from_body();
@@ -45,6 +45,12 @@ pub(super) fn tell(state: &mut TruthState, get: impl Fn(&str) -> f64) {
         let force_body_n = three("Fchassis", "N")
             .or_else(|| Some(carrier.to_body(three("Fcar", "N")?)))
             .unwrap_or_else(|| contact.to_body(truth.force_n));
+        let contact_n = contact.resolve(force_body_n);
+        for (force_n, derived_n) in truth.force_n.iter_mut().zip(contact_n) {
+            if force_n.is_nan() {
+                *force_n = derived_n;
+            }
+        }
         let about_contact = || {
             let arm_m = Vector3::from(three("cp", "m")?) - Vector3::from(three("wc", "m")?);
             let known = truth.moment_n_m.iter().all(|m| m.is_finite());

@@ -164,6 +164,48 @@ fn a_sensor_mounted_on_its_side_reads_gravity_on_another_axis() {
 }
 
 /// Hub accelerometers draw from generators of their own, and their frames come last.
+/// A dead axis sits at zero, a frozen one keeps its count; the other axes and wheels are as without the
+/// faults, which have the names of the estimator's events.
+#[test]
+fn axes_die_and_freeze() {
+    let text = "[[hub_axis]]\nwheel = \"front_left\"\naxis = \"x\"\nkind = \"dead\"\nfrom_s = 2.0\n\
+                to_s = 4.0\n[[hub_axis]]\nwheel = \"rear_right\"\naxis = \"z\"\nkind = \"frozen\"\n\
+                from_s = 3.0\n[[hub]]\nwheel = \"rear_left\"\nturned_rad = [0.0, 0.0, 0.0]\n";
+    let options = Options {
+        faults: toml::from_str(text).expect("faults"),
+        ..Options::default()
+    };
+    let names: Vec<_> = options.faults.sensors().into_iter().collect();
+    assert_eq!(
+        names,
+        [
+            ("RL hub acceleration".to_owned(), 0.0..f64::INFINITY),
+            ("FL hub acceleration x".to_owned(), 2.0..4.0),
+            ("RR hub acceleration z".to_owned(), 3.0..f64::INFINITY),
+        ]
+    );
+    let sensors = hub_sensors();
+    let frames = |options: &Options| {
+        let (_, emissions) = run(circle(0.0, 15.0, 6.0), &sensors, options);
+        Wheel::ALL.map(|wheel| crate::support::frames_of(&emissions, frame_of(wheel)))
+    };
+    let (good, bad) = (frames(&Options::default()), frames(&options));
+    for wheel in Wheel::ALL {
+        let i = wheel.index();
+        assert_eq!(good[i].len(), 601);
+        for (k, (good_now, now)) in good[i].iter().zip(&bad[i]).enumerate() {
+            let mut expected = *good_now;
+            if wheel == Wheel::FrontLeft && (200..400).contains(&k) {
+                expected[0] = 0;
+            }
+            if wheel == Wheel::RearRight && k >= 300 {
+                expected[2] = good[i][299][2];
+            }
+            assert_eq!(now[..3], expected[..3], "{wheel} {k}");
+        }
+    }
+}
+
 #[test]
 fn frames_of_a_set_are_the_same_with_hub_accelerometers() {
     for name in ["thesis-10bit", "full-bridge-16bit-bending"] {

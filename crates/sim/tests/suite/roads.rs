@@ -60,6 +60,7 @@ fn flat_manoeuvres_are_driven_on_roads() {
     let motion = Manoeuvre::FastSine.drive_on(&prowler(), &rough);
     let motion = motion.expect("driven");
     assert!((motion.duration_s() - 16.0).abs() < 1e-9);
+    assert_eq!(motion.road_class(), Some(RoadClass::C));
     let roll = motion.states().iter().map(|state| state.roll_rad.abs());
     assert!(roll.fold(0.0, f64::max) > 0.02);
     let error = Manoeuvre::Circle.drive_on(&prowler(), &rough);
@@ -69,6 +70,22 @@ fn flat_manoeuvres_are_driven_on_roads() {
         "{error}"
     );
     assert!(Manoeuvre::Weighed.drive_on(&prowler(), &rough).is_err());
+}
+
+/// A slope and its friction leave the class of the roughness, other shapes and the end of the roughness
+/// on the way do not.
+#[test]
+fn a_motion_has_the_class_of_a_road_that_has_one() {
+    let rough = "[part.a]\nkind = \"iso8608\"\nclass = \"B\"\n";
+    let class = |more: &str| {
+        let motion = Manoeuvre::FastSine.drive_on(&prowler(), &road(&format!("{rough}{more}")));
+        motion.expect("driven").road_class()
+    };
+    let slope = "[part.b]\nkind = \"slope\"\nbank_rad = 0.02\n";
+    assert_eq!(class(slope), Some(RoadClass::B));
+    assert_eq!(class("x_m = [-50, 60]\n"), None);
+    let bump = "[part.b]\nkind = \"half-rounds\"\nat_x_m = [900]\nheight_m = 0.03\n";
+    assert_eq!(class(bump), None);
 }
 
 #[test]
@@ -90,7 +107,7 @@ fn wheels_sink_into_sand() {
     let at = |time_s: f64| motion.at(time_s).wheels.0[0];
     let height = |time_s: f64| at(time_s).ground.and_then(|ground| ground.ground_height_m);
     assert_eq!(height(1.0), Some(0.0));
-    let sunk = height(20.0).expect("the ground is told");
+    let sunk = height(20.0).expect("the height of the ground");
     assert!((-0.08..-0.01).contains(&sunk), "{sunk}");
     assert!(at(20.0).friction < at(1.0).friction);
 }

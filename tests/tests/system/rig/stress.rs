@@ -213,7 +213,7 @@ fn sources_come_back_and_time_never_turns() {
 
     babble_is_counted(&log);
     let reports = health_reports(&logs);
-    garbage_is_counted(&log, reports.last().expect("health is told"));
+    garbage_is_counted(&log, reports.last().expect("a health message"));
 
     let far_s = log.steps_s("clock to 2002", "clock right again");
     assert!(far_s[0] < -20.0 * YEAR_S, "{far_s:?}");

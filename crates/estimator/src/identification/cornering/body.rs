@@ -114,7 +114,7 @@ impl Body {
 
     /// The same vehicle with one of its values off, for each value that the axles' forces and slips
     /// hang on and that a drive does not tell.
-    pub(super) fn doubted(&self) -> [Self; 4] {
+    pub(super) fn varied(&self) -> [Self; 4] {
         let grown = |pair: [f64; 2], doubt: f64| pair.map(|value| value * (1.0 + doubt));
         [
             Self {
