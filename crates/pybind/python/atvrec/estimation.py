@@ -565,8 +565,7 @@ def samples(log: Log | Path | Iterable[Path]) -> Samples:
                 speeds = {name: columns[name] for name in ("forward_m_s", "leftward_m_s")}
                 found.setdefault("ground_speed", []).append(_times(columns) | speeds)
             case ["hub_acceleration"]:
-                rows = _hubs(log.read(topic))
-                found.setdefault("hub_acceleration", []).extend(rows)
+                found.setdefault("hub_acceleration", []).extend(_hubs(log.read(topic)))
     return cast(Samples, {kind: _merged(tables) for kind, tables in found.items()})
 
 
