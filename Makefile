@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python rig rig-full bench kills campaigns golden bless excerpts ratchet links docs licences fuzz deb clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -46,6 +46,9 @@ ratchet: venv ## Listed words, long functions and constants outside Tuning do no
 links: venv
 	@scripts/check-links
 
+pictures: setup ## Draw the pictures of docs/rough-ground.md again
+	scripts/ground-pictures
+
 docs: setup venv ## The pages of docs/ as a web site, target/book/index.html, with all links checked
 	@scripts/setup tool mdbook --no-default-features --features search
 	target/tools/bin/mdbook build docs
@@ -77,12 +80,12 @@ kills: venv ## 200 kills of the recorder under load (KILLS, SEED): what each cos
 fuzz: ## Fuzz every decoder for half a minute each (RUNS=50000000 for the whole of it)
 	@scripts/fuzz
 
-campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved? Forces of all truth runs, seeds 1 to 4 (target/forces.md)
+campaigns: setup ## Seeded drives: do the intervals of calibrate and identify hold, how good is the sideslip of five cars, do random faults upset the estimator? Damage to a log: is all of the rest saved? Forces of all truth runs, seeds 1 to 4 (target/forces.md, target/forces-compact.md)
 	$(CARGO) test --locked -p atvrec-estimator --test suite -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) test --locked -p atvrec-store --test suite campaign_of -- --ignored --nocapture
 	$(CARGO) build --locked --release -p atvrec
-	scripts/score-runs -o target/forces.md ../shared/data/truth/[bcdf]_*.parquet ../shared/data/truth-rough/*.parquet
+	scripts/score-runs -o target/forces.md --compact target/forces-compact.md ../shared/data/truth/[bcdf]_*.parquet ../shared/data/truth-rough/*.parquet
 
 golden: ## Write the golden estimates again (testdata/golden); review the difference
 	ATVREC_BLESS=1 $(CARGO) test --locked --quiet -p atvrec-estimator --test suite golden::

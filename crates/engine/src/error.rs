@@ -129,7 +129,7 @@ pub enum Error {
         /// Why.
         source: Box<sim::SimError>,
     },
-    /// A vehicle or sensors file has errors.
+    /// A vehicle, sensors or road file has errors.
     #[error(transparent)]
     VehicleFile(#[from] model::FileErrors),
     /// The configured decoder of a source is not possible.
@@ -221,6 +221,9 @@ impl Error {
             | Self::File(_)
             | Self::OtherSources(_)
             | Self::NoVehicleNamed
+            | Self::RoadClass { .. }
+            | Self::RoadUnreadable { .. }
+            | Self::VehicleFile(_)
             | Self::Options { .. }
             | Self::Target(_) => true,
             Self::InLog { source, .. } => source.is_usage(),

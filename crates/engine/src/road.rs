@@ -53,8 +53,9 @@ mod tests {
             ),
             ("gone.toml", "cannot read the road gone.toml"),
         ] {
-            let error = read(name, 11).expect_err("no road").to_string();
-            assert!(error.contains(words), "{error}");
+            let error = read(name, 11).expect_err("no road");
+            assert!(error.is_usage(), "{error}");
+            assert!(error.to_string().contains(words), "{error}");
         }
     }
 

@@ -104,7 +104,8 @@ impl fmt::Display for FileErrors {
             if index > 0 {
                 writeln!(f)?;
             }
-            write!(f, "{}", self.path.display())?;
+            // A road file names further files, whose problems stand beside its own.
+            write!(f, "{}", problem.file)?;
             if problem.line > 0 {
                 write!(f, ":{}", problem.line)?;
             }

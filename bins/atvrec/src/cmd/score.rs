@@ -145,7 +145,7 @@ fn print_channels(found: &Channels) {
 /// Prints the largest error of all wheels and the consistency, by output and frame.
 fn print_forces(found: &[ForceScore]) {
     println!(
-        "{:<10}{:<15}{:<15}{:>7}{:>7}{:>7}{:>7}{:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
+        "{:<11}{:<15}{:<15}{:>8}{:>8}{:>8}{:>8}{:>8}{:>21}{:>20}{:>9}{:>9}{:>9}",
         "output",
         "frame",
         "estimate's",
@@ -166,7 +166,7 @@ fn print_forces(found: &[ForceScore]) {
         let [roll, yaw] = row.worst_moment_percent.map(|percent| optional(percent, 2));
         let windows = row.windows.as_ref();
         println!(
-            "{:<10}{:<15}{:<15}{x:>7}{y:>7}{z:>7}{roll:>7}{yaw:>7}{:>20}{:>18}{:>9}{:>9}{:>8}",
+            "{:<11}{:<15}{:<15}{x:>8}{y:>8}{z:>8}{roll:>8}{yaw:>8}{:>21}{:>20}{:>9}{:>9}{:>9}",
             row.output,
             row.frame.name(),
             row.estimate_frame.name(),

@@ -16,7 +16,9 @@ fn problem_with(text: &str, other: &str) -> Problem {
     let read = |_: &str| Ok(other.to_owned());
     let errors = Road::from_toml(text, "trail.toml", &read).expect_err("a problem");
     assert_eq!(errors.problems.len(), 1, "{errors}");
-    errors.problems[0].clone()
+    let problem = errors.problems[0].clone();
+    assert!(errors.to_string().starts_with(&problem.file), "{errors}");
+    problem
 }
 
 fn problem(text: &str) -> Problem {
