@@ -2,24 +2,24 @@
 //! between member forces and tyre forces.
 
 mod length;
+mod linkage;
 mod steering_wheel;
 mod tilt;
 
 use model::suspension::{
-    BodyMotion, ChannelKind, Corner, CornerMotion, CornerPose, CornerStatics, GroundPlane,
-    SuspensionError, TyreFrame, ground_plane,
+    BodyMotion, Corner, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
 };
-use model::vehicle::{Strut, Unsprung, Vehicle};
+use model::vehicle::Vehicle;
 use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
-use crate::feedback::{BodyMotionEstimate, EstimatorFeedback, StrutEstimate};
-use crate::inputs::{Reading, Readings};
+use crate::feedback::{BodyMotionEstimate, EstimatorFeedback};
+use crate::inputs::Readings;
 use crate::motion::MotionState;
 use crate::tuning::{CornerTuning, Tuning};
 
-use length::LengthFilter;
+use linkage::Linkage;
 use steering_wheel::SteeringWheel;
 use tilt::Tilt;
 
@@ -60,20 +60,6 @@ pub struct StrutReading {
     pub force_n: f64,
     /// Standard deviation, N.
     pub sigma_n: f64,
-}
-
-#[derive(Clone, Debug)]
-struct Linkage {
-    tuning: CornerTuning,
-    corner: Corner,
-    strut: Strut,
-    unsprung: Unsprung,
-    radius_m: f64,
-    tyre_stiffness_n_m: f64,
-    length: LengthFilter,
-    stands_at_m: f64,
-    pose: CornerPose,
-    fallback_load_n: f64,
 }
 
 /// All four corners.
@@ -483,152 +469,6 @@ fn along_heading(
     let x = gained_m_s2.x - yaw_dot_rad_s2 * at.y;
     let y = gained_m_s2.y + yaw_dot_rad_s2 * at.x;
     x * spindle.y - y * spindle.x
-}
-
-impl Linkage {
-    fn new(
-        vehicle: &Vehicle,
-        wheel: Wheel,
-        deflection_sigma_m: f64,
-        tuning: &Tuning,
-    ) -> Result<Option<Self>, SuspensionError> {
-        let axle = vehicle.axle(wheel);
-        let (Some(strut), Some(unsprung), true) =
-            (&axle.strut, &axle.unsprung, axle.wishbone.is_some())
-        else {
-            return Ok(None);
-        };
-        let corner = Corner::of(vehicle, wheel)?;
-        let pose = corner.pose(corner.design_strut_length_m(), 0.0)?;
-        Ok(Some(Self {
-            tuning: tuning.corners,
-            length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m, tuning),
-            stands_at_m: corner.design_strut_length_m(),
-            corner,
-            strut: strut.clone(),
-            unsprung: unsprung.clone(),
-            radius_m: axle.tyre.unloaded_radius_m,
-            tyre_stiffness_n_m: axle.tyre.vertical_stiffness_n_m.max(1.0),
-            pose,
-            fallback_load_n: vehicle.static_load_n(wheel),
-        }))
-    }
-
-    fn measure(
-        &mut self,
-        now: LogTime,
-        dt: f64,
-        rack_m: f64,
-        reading: &mut Option<Reading>,
-        belief: StrutEstimate,
-    ) {
-        self.length.predict(dt);
-        self.length.jolt(belief.jolt_m_s2);
-        if let Some(reading) = reading
-            && !reading.taken
-        {
-            reading.taken = true;
-            let design = self.corner.design_strut_length_m();
-            self.length
-                .update(now, reading.time, design - reading.value);
-        }
-        let rack = if self.corner.wheel.is_front() {
-            rack_m
-        } else {
-            0.0
-        };
-        if self.length.known(now) {
-            self.stands_at_m = self.length.value()[0] + belief.longer_m;
-        } else if let Some(force) = belief.force_n.filter(|force| force.is_finite()) {
-            self.stands_at_m += self.step_to_force(force);
-        }
-        // Length out of reach: the linkage keeps its pose.
-        if let Ok(pose) = self.corner.pose(self.stands_at_m, rack) {
-            self.pose = pose;
-        }
-    }
-
-    /// Without a potentiometer the spring force determines the length. Part of the way to it, m:
-    /// the damper's share of the force is unknown.
-    fn step_to_force(&self, force_n: f64) -> f64 {
-        let length = self.stands_at_m + self.design_shift_m();
-        let surplus = self.strut.force(length, 0.0).total_n() - force_n;
-        let step = self.tuning.forced_part * surplus / self.strut.stiffness_at(length);
-        let most = self.tuning.forced_step_max_m;
-        step.clamp(-most, most)
-    }
-
-    /// The force uses the measured spring length, the pose the hard-points: a hard-point error of 1
-    /// mm must not become 65 N.
-    fn design_shift_m(&self) -> f64 {
-        self.strut.design_length_m - self.corner.design_strut_length_m()
-    }
-
-    /// `rack`: its rate and acceleration; `rolling`: spin and its rate, gravity along the normal.
-    fn state(
-        &self,
-        normal: Vector3<f64>,
-        body: &BodyMotion,
-        rack: [f64; 2],
-        rolling: [f64; 3],
-        load_n: f64,
-    ) -> Result<CornerState, SuspensionError> {
-        let [spin, spin_dot, gravity] = rolling;
-        let [length, rate] = self.length.value();
-        let length = length + self.design_shift_m();
-        let pose = &self.pose;
-        let frame = TyreFrame::new(
-            pose,
-            normal,
-            self.radius_m,
-            load_n / self.tyre_stiffness_n_m,
-        );
-        let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
-        if load_n > self.tuning.contact_n {
-            motion = motion.on_ground(&self.corner, pose, normal, gravity);
-        }
-        motion.spin_rad_s = spin;
-        motion.spin_dot_rad_s2 = spin_dot;
-        let statics = CornerStatics::new(
-            &self.corner,
-            pose,
-            &frame,
-            &self.unsprung,
-            &motion,
-            ChannelKind::Strut,
-        )?;
-        let stiffness = self.strut.stiffness_at(length);
-        let damping = self.strut.damping_n_s_m;
-        let strut_n = self.strut.force(length, rate).total_n();
-        let strut_read = self.length.reading().map(|read| {
-            let spring = stiffness * stiffness * read.variance;
-            let damper = self.tuning.rate_correlation * damping * damping * read.rate_variance;
-            let variance = spring + damper + self.tuning.reading_sigma_n.powi(2);
-            StrutReading {
-                force_n: strut_n - stiffness * read.longer_m,
-                sigma_n: variance.sqrt(),
-            }
-        });
-        Ok(CornerState {
-            pose: *pose,
-            frame,
-            statics,
-            strut_stiffness_n_m: stiffness,
-            strut_jumped: self.length.jumped(),
-            strut_n,
-            strut_read,
-            strut_sigma_n: self
-                .length
-                .force_variance(stiffness, damping)
-                .map_or(f64::INFINITY, |variance| {
-                    (variance + self.tuning.strut_sigma_n.powi(2)).sqrt()
-                }),
-            spin_rad_s: spin,
-            spin_dot_rad_s2: spin_dot,
-            travel_m_s: motion.wheel_travel_m_s,
-            turn_rad_s: motion.upright_rate_rad_s - body.rate_rad_s,
-        })
-    }
 }
 
 #[cfg(test)]

@@ -101,7 +101,7 @@ fn a_thousand_drives_with_random_faults_do_not_diverge() {
 }
 
 /// A heading that is adopted although it hangs, a balance of moments that runs away without struts or
-/// the gyro to hold it, one that counts for too short a time, a state that is vouched for before
+/// the gyro to hold it, one that counts for too short a time, a state that counts as consistent before
 /// GNSS has confirmed it, a steering wheel that is followed although it jumps, an accelerometer that is
 /// good again after a moment's agreement, or a jack under a vehicle that moves, is late in one of
 /// these.

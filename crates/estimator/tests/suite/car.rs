@@ -205,8 +205,8 @@ fn a_spin_is_one_event_and_the_filter_finds_back() {
     assert!(smoothed.rmse < 0.3, "{smoothed:?}");
 }
 
-/// Spikes and what is not a number cost little, the order of arrival nothing; what is unknown is told
-/// as unknown, and found back.
+/// Spikes and what is not a number cost little, the order of arrival nothing; an unknown value is
+/// reported as unknown and is estimated again later.
 #[test]
 fn bad_samples_upset_nothing() {
     let case = &cars::SPORT;

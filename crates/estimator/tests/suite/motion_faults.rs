@@ -24,7 +24,7 @@ const RECOVERED_WITHIN_S: f64 = 1.0;
 const FORCE_MORE: f64 = 0.1;
 const ANGLE_MORE_DEG: f64 = 0.25;
 
-/// Channels of one device that fail together, the name that they are told by, and the runs on which
+/// Channels of one device that fail together, the name in the event, and the runs on which
 /// they cannot be: what hangs says nothing wrong where nothing changes.
 struct Case {
     channels: &'static [(Channel, Kind)],
@@ -355,7 +355,7 @@ fn jumping(good: &[Sample], channel: Channel, by: f64) -> Vec<Sample> {
     spoil(good, &[(channel, Kind::Shifted(by / channel.range()))])
 }
 
-/// Without strain nothing vouches for the inertial unit, and a receiver that contradicts it for long
+/// Without strain nothing confirms the inertial unit, and a receiver that contradicts it for long
 /// is adopted; but not one that hangs.
 #[test]
 fn what_hangs_is_not_adopted_though_nothing_vouches() {
@@ -381,7 +381,7 @@ fn what_hangs_is_not_adopted_though_nothing_vouches() {
 }
 
 /// An attitude receiver that tells velocity, too, has an antenna of its own; where it contradicts the
-/// other receiver and the inertial unit it is left out, also where nothing else vouches for them.
+/// other receiver and the inertial unit it is left out, also where nothing else confirms them.
 #[test]
 fn of_two_receivers_the_wrong_one_is_left_out() {
     let vehicle = truth::vehicle();

@@ -270,8 +270,8 @@ fn forces_and_deviations_hold_on_a_long_drive() {
     assert!(result.events.is_empty(), "{:?}", result.events);
 }
 
-/// Circles on a slope of 15 %: bank and grade go round with the heading and are told from the body's
-/// own roll and pitch, and no force or event mistakes them for anything else.
+/// Circles on a slope of 15 %: bank and grade change with the heading and are separated from the body's
+/// own roll and pitch. They cause no force error and no event.
 #[test]
 fn a_hillside_is_no_roll_and_no_force() {
     let vehicle = Vehicle::builtin("prowler").unwrap();

@@ -79,7 +79,7 @@ fn true_friction(name: &str, found: &Parameters) -> f64 {
     }
 }
 
-/// No bound is above the friction; utilisation, and a coefficient that is told, are right.
+/// No bound is above the friction; utilisation, and a reported coefficient, are right.
 fn judge_friction(name: &str, found: &Parameters) {
     let truth = true_friction(name, found);
     for grip in [found.front, found.rear] {

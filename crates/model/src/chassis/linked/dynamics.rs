@@ -1,6 +1,6 @@
 //! Equations of motion.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 use super::parameters::Outboard;
 use super::tyres::{Torques, TyreForces};
@@ -60,21 +60,8 @@ pub struct Outputs {
 
 /// Rotation of vectors from vehicle axes into earth axes: yaw, then pitch, then roll.
 pub(super) fn earth_from_vehicle(state: &State) -> Matrix3<f64> {
-    let [[sr, cr], [sp, cp], [sy, cy]] = [0, 1, 2].map(|axis: usize| {
-        let (sin, cos) = math::sin_cos(state.attitude_rad[axis]);
-        [sin, cos]
-    });
-    Matrix3::new(
-        cy * cp,
-        cy * sp * sr - sy * cr,
-        cy * sp * cr + sy * sr,
-        sy * cp,
-        sy * sp * sr + cy * cr,
-        sy * sp * cr - cy * sr,
-        -sp,
-        cp * sr,
-        cp * cr,
-    )
+    let a = state.attitude_rad;
+    Rotation3::from_euler_angles(a.x, a.y, a.z).into_inner()
 }
 
 /// Place and rates of one corner.
