@@ -5,6 +5,8 @@
 mod columns;
 mod estimator;
 mod files;
+mod live;
+mod output;
 mod overrides;
 mod roles;
 mod source;
@@ -20,7 +22,9 @@ use store::Attachment;
 pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::{Estimator, input, method};
 pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, read_text};
+pub use live::Live;
 pub use model::file::{Problem, TOML_MAX};
+pub use output::{CanOutput, CanPort, Output, UdpOutput};
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::{Limits, Storage};
@@ -56,6 +60,10 @@ pub struct Config {
     pub storage: Storage,
     /// Configuration of the estimator; `None` switches it off.
     pub estimator: Option<Estimator>,
+    /// What is made of the estimates for viewers and controllers.
+    pub output: Output,
+    /// The live process.
+    pub live: Live,
     /// Path of the control socket; `None` leaves the choice to the recorder.
     pub control: Option<PathBuf>,
     /// Text of the configuration and of every file that it names, which are attached to a log.
@@ -74,6 +82,7 @@ impl Config {
         let mut config = Self::resolve(&path.display().to_string(), &text, files)?;
         config.storage.directory = directory.join(&config.storage.directory);
         config.control = config.control.map(|socket| directory.join(socket));
+        config.live.look_from(&directory);
         for source in &mut config.sources {
             source.look_from(&directory);
         }
@@ -139,6 +148,9 @@ impl Config {
         let vehicle = top.section("vehicle", &mut collector);
         let section = top.section("estimator", &mut collector);
         let estimator = estimator::read(section, vehicle, &mut files, &mut collector);
+        let section = top.section("output", &mut collector);
+        let output = Output::read(section, &sources, &mut collector);
+        let live = Live::read(top.section("live", &mut collector), &mut collector);
         let mut control = top.section("control", &mut collector);
         let socket = control.optional::<String>("socket", &mut collector);
         control.finish(&mut collector);
@@ -156,6 +168,8 @@ impl Config {
             sources,
             storage,
             estimator,
+            output,
+            live,
             control: socket.map(|field| PathBuf::from(field.value)),
             attachments,
         })

@@ -21,6 +21,7 @@ use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
 use crate::Result;
 use crate::config::{self, Config};
+use crate::scene::SceneMaker;
 use source::{SilenceChange, SourceState};
 
 /// Time between two health reports.
@@ -46,6 +47,7 @@ pub struct Engine {
     next_watch: Option<LogTime>,
     next_health: Option<LogTime>,
     utc_offset: Option<UtcOffset>,
+    scene: Option<SceneMaker>,
 }
 
 impl Engine {
@@ -67,6 +69,7 @@ impl Engine {
             next_watch: None,
             next_health: None,
             utc_offset: None,
+            scene: config.output.scene.then(SceneMaker::default),
         })
     }
 
@@ -136,6 +139,7 @@ impl Engine {
         let Some(estimator) = &mut self.estimator else {
             return;
         };
+        let first = records.len();
         let smoother = &mut self.smoother;
         let faulty = &mut self.faulty_sensors;
         let silent_from = self.silence.begins(now, has_data);
@@ -169,6 +173,10 @@ impl Engine {
                 }
             }
             _ => estimator.advance(now, &mut take),
+        }
+        if let Some(scene) = &mut self.scene {
+            scene.advance(estimator, first, records);
+            self.samples.iter().for_each(|sample| scene.sample(sample));
         }
         for sample in &self.samples {
             estimator.push(sample);

@@ -22,6 +22,7 @@ mod recorded;
 mod recording;
 mod replay;
 mod road;
+mod scene;
 pub mod session;
 mod simple;
 mod simulate;

@@ -22,7 +22,13 @@ const SMOOTHED: &str = "/smoothed/";
 /// Forces in the wheel-carrier frame.
 const TYRE_FORCES: &str = "/estimate/tyre_forces";
 /// Topics that logs of earlier versions do not contain.
-const LATER: [&str; 3] = ["/utc_offset", TYRE_FORCES, "/smoothed/tyre_forces"];
+const LATER: [&str; 5] = [
+    "/utc_offset",
+    TYRE_FORCES,
+    "/smoothed/tyre_forces",
+    "/tf",
+    "/scene",
+];
 /// Schemas of latched messages, which every part of a run repeats at its beginning.
 const REPEATED: [&str; 3] = ["atvrec.Health", "atvrec.ClockFit", "atvrec.UtcOffset"];
 /// Most differences that are reported in full.

@@ -4,6 +4,7 @@ mod aiding;
 mod events;
 mod monitors;
 mod payload;
+mod placement;
 mod sensors;
 mod stages;
 
@@ -31,6 +32,8 @@ use crate::steering_column::SteeringColumn;
 use crate::tuning::Tuning;
 use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
+
+pub use placement::WheelPlacement;
 
 use events::Divergence;
 use monitors::ConsistencyMonitors;

@@ -52,7 +52,7 @@ pub use {model, sample};
 
 pub use calibration::Calibration;
 pub use error::EstimatorError;
-pub use estimator::{Estimator, Output};
+pub use estimator::{Estimator, Output, WheelPlacement};
 pub use grid::GRID_NANOS;
 pub use settings::{Input, Method, Settings};
 pub use tuning::Tuning;

@@ -1,6 +1,7 @@
 //! Conversion between the types of `sample` and the messages of the log.
 
 mod estimate;
+mod scene;
 mod sensor;
 
 use prost::{Message, Name};
@@ -16,7 +17,7 @@ use estimate::{
     clock_fit_to_proto, event_from_proto, event_to_proto, forces_from_proto, forces_to_proto,
     ground_from_proto, ground_to_proto, health_from_proto, health_to_proto, log_from_proto,
     log_to_proto, motion_from_proto, motion_to_proto, parameters_from_proto, parameters_to_proto,
-    rollover_from_proto, rollover_to_proto, transform_from_proto, transform_to_proto,
+    rollover_from_proto, rollover_to_proto, transforms_from_proto, transforms_to_proto,
 };
 use sensor::{decode_measurement, encode_sample};
 
@@ -166,8 +167,11 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
         Record::Log(log) => one("/log".to_owned(), log.time, &|topic, time| {
             Encoded::new(topic, time, time, &log_to_proto(log))
         }),
-        Record::Transform(transform) => one("/tf".to_owned(), transform.time, &|topic, time| {
-            Encoded::new(topic, time, time, &transform_to_proto(transform))
+        Record::Transforms { time, transforms } => one("/tf".to_owned(), *time, &|topic, time| {
+            Encoded::new(topic, time, time, &transforms_to_proto(time, transforms))
+        }),
+        Record::Scene(scene) => one("/scene".to_owned(), scene.time, &|topic, time| {
+            Encoded::new(topic, time, time, &scene::to_proto(scene))
         }),
     }
 }
@@ -272,7 +276,8 @@ pub(crate) struct Envelope<'a> {
     pub publish_time: LogTime,
 }
 
-/// The record of a message; `None` for schemas that are derived (`foxglove.LocationFix`), raw or
+/// The record of a message; `None` for schemas that are derived (`foxglove.LocationFix`,
+/// `foxglove.SceneUpdate`), raw or
 /// foreign.
 pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Record>, MessageError> {
     let time = envelope.log_time;
@@ -356,10 +361,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             text: pb::Mark::decode(data)?.text,
         },
         "foxglove.Log" => Record::Log(log_from_proto(time, foxglove::Log::decode(data)?)),
-        "foxglove.FrameTransforms" => Record::Transform(transform_from_proto(
+        "foxglove.FrameTransforms" => Record::Transforms {
             time,
-            foxglove::FrameTransforms::decode(data)?,
-        )?),
+            transforms: transforms_from_proto(foxglove::FrameTransforms::decode(data)?),
+        },
         _ => return Ok(None),
     }))
 }

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use prost::Message as _;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
-use sample::Signal;
+use sample::{Measurement, Sample, Signal};
+
+use crate::convert::Encoded;
 
 /// A message whose signals are known at run time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -113,6 +115,46 @@ impl DynamicMessage {
         }
         bytes
     }
+}
+
+/// Message of a sample whose fields are known at run time only, and whether its schema has new fields;
+/// `None` for other samples. `known` has the messages by topic.
+pub(crate) fn encode(
+    known: &mut BTreeMap<String, DynamicMessage>,
+    sample: &Sample,
+    source: &str,
+) -> Option<(Encoded, bool)> {
+    let (topic, name, can_id, signals): (String, &str, Option<u32>, &[Signal]) =
+        match &sample.measurement {
+            Measurement::Signals(frame) => (
+                format!("/can/{source}/{}", frame.message),
+                &frame.message,
+                Some(frame.id),
+                &frame.signals,
+            ),
+            Measurement::Control(control) => {
+                (format!("/control/{source}"), source, None, &control.values)
+            }
+            _ => return None,
+        };
+    let message = known
+        .entry(topic.clone())
+        .or_insert_with(|| DynamicMessage {
+            topic: topic.clone(),
+            name: name.to_owned(),
+            can_id,
+            signals: Vec::new(),
+        });
+    let grew = message.extend(signals);
+    let encoded = Encoded {
+        schema: message.schema_name(),
+        source: Some(sample.source),
+        log_time: sample.log_time,
+        publish_time: sample.valid_time,
+        data: message.encode(signals),
+        topic,
+    };
+    Some((encoded, grew))
 }
 
 /// Field numbers in order, without those that protobuf keeps for itself.

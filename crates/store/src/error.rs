@@ -11,6 +11,11 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
+    /// The bytes of a connection are not those of a tap.
+    #[error(
+        "the tap of the recorder sent data that is not valid: {0}; both sides must be of the same version of atvrec"
+    )]
+    Tap(String),
     /// The operating system refused an operation on a file.
     #[error("cannot {action} {}: {cause}", path.display())]
     File {

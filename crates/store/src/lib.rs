@@ -27,10 +27,12 @@ mod recorder;
 mod recovery;
 mod rename;
 mod scan;
+mod scene;
 mod schema;
 mod session;
 mod summary;
 mod table;
+mod tap;
 mod wheels;
 
 pub use sample;
@@ -62,11 +64,13 @@ pub use recovery::{
 };
 pub use rename::{RENAME_SUFFIX, finish_renames, rename_run};
 pub use scan::{DEFAULT_MAX_CHUNK, max_chunk, set_max_chunk};
+pub use scene::{Form, Scene, SceneEntity, Shape};
 pub use session::{
     Attachment, ClockState, InjectedFault, Options, Session, Source, SourceKind, utc_ns,
 };
 pub use summary::Summary;
-pub use table::{Column, Table, Values};
+pub use table::{Column, RowDecoder, Table, Values};
+pub use tap::{TapChannel, TapDecoder, TapEncoder, TapFrame, TapMessage};
 
 /// Types generated from the schemas in `proto/` (`make bless` writes them).
 pub mod proto {

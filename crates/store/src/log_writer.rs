@@ -5,11 +5,11 @@ use std::io::{BufWriter, Write};
 
 use mcap::records::MessageHeader;
 use mcap::write::{Metadata, NoSeek, WriteOptions};
-use sample::{Arrival, LogTime, Measurement, Sample, Signal, SourceId};
+use sample::{Arrival, LogTime, Sample, SourceId};
 
 use crate::convert::{self, Encoded};
 use crate::counters::WriteCounters;
-use crate::dynamic::DynamicMessage;
+use crate::dynamic::{self, DynamicMessage};
 use crate::proto::atvrec as pb;
 use crate::session::{COUNTERS_METADATA, RESERVED_TOPIC, RUN_METADATA, UTC_METADATA};
 use crate::{Error, Losses, Options, Record, Result, Session, raw, schema};
@@ -242,42 +242,13 @@ impl<W: Write> LogWriter<W> {
 
     fn encode_dynamic(&mut self, sample: &Sample) -> Option<Encoded> {
         let name = self.session.source_name(sample.source);
-        let (topic, name, can_id, signals): (String, &str, Option<u32>, &[Signal]) =
-            match &sample.measurement {
-                Measurement::Signals(frame) => (
-                    format!("/can/{name}/{}", frame.message),
-                    &frame.message,
-                    Some(frame.id),
-                    &frame.signals,
-                ),
-                Measurement::Control(control) => {
-                    (format!("/control/{name}"), &name, None, &control.values)
-                }
-                _ => return None,
-            };
-        let message = self
-            .latched
-            .dynamic
-            .entry(topic.clone())
-            .or_insert_with(|| DynamicMessage {
-                topic: topic.clone(),
-                name: name.to_owned(),
-                can_id,
-                signals: Vec::new(),
-            });
-        if message.extend(signals) {
+        let (message, grew) = dynamic::encode(&mut self.latched.dynamic, sample, &name)?;
+        if grew {
             // The schema has new fields: the topic continues in a new channel.
-            self.channels.retain(|(known, _, _), _| *known != topic);
+            self.channels
+                .retain(|(known, _, _), _| *known != message.topic);
         }
-        let encoded = Encoded {
-            schema: message.schema_name(),
-            source: Some(sample.source),
-            log_time: sample.log_time,
-            publish_time: sample.valid_time,
-            data: message.encode(signals),
-            topic,
-        };
-        Some(encoded)
+        Some(message)
     }
 
     /// Closes the group or the decoded chunk if they are older than they may be at `now`.

@@ -3,6 +3,8 @@ use sample::{
     Severity, SourceId, TyreForce,
 };
 
+use crate::Scene;
+
 /// One decoded datum of a log. It is read as it was written, with these exceptions:
 /// [`Record::Estimate`] and [`Record::Truth`] are read as their parts, and the sample of a corner as
 /// its strain and its deflection. Minus zero is read as zero, except from an optional field; NaN keeps
@@ -97,8 +99,15 @@ pub enum Record {
     },
     /// A message for people.
     Log(LogMessage),
-    /// Pose of a child frame in its parent frame.
-    Transform(Transform),
+    /// Poses of frames in their parent frames, all at one instant.
+    Transforms {
+        /// The instant.
+        time: LogTime,
+        /// The poses.
+        transforms: Vec<Transform>,
+    },
+    /// Change of a three-dimensional scene for viewers; [`crate::Reader`] does not read it back.
+    Scene(Scene),
 }
 
 /// Origin of a motion or a force.
@@ -205,8 +214,6 @@ pub struct LogMessage {
 /// Pose of a child frame in its parent frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transform {
-    /// When.
-    pub time: LogTime,
     /// Parent frame, such as `earth`.
     pub parent: String,
     /// Child frame, such as `vehicle`.

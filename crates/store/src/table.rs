@@ -90,6 +90,45 @@ impl Table {
     }
 }
 
+/// Decodes messages of one channel one by one into the columns of a [`Table`].
+pub struct RowDecoder {
+    plan: Plan,
+    table: Table,
+}
+
+impl RowDecoder {
+    /// Decoder of a channel.
+    ///
+    /// # Errors
+    /// If the schema of the channel is no protobuf schema.
+    pub fn new(channel: &ChannelInfo) -> Result<Self> {
+        let mut table = Table::default();
+        let plan = Plan::new(channel, 0, &mut table.columns).map_err(|what| Error::Schema {
+            topic: channel.topic.clone(),
+            schema: channel.schema.clone(),
+            what,
+        })?;
+        Ok(Self { plan, table })
+    }
+
+    /// Columns that can be numbers.
+    pub fn numeric(&self) -> impl Iterator<Item = &str> {
+        let columns = self.table.columns.iter();
+        let is_number = |column: &&Column| column.values.is_numeric();
+        columns.filter(is_number).map(|column| column.name.as_str())
+    }
+
+    /// Numbers of a message: name of the column and value. Damaged messages have none.
+    pub fn numbers(&mut self, data: &[u8]) -> impl Iterator<Item = (&str, f64)> {
+        for column in &mut self.table.columns {
+            column.truncate(0);
+        }
+        let _ = self.table.push(&mut self.plan, data);
+        let columns = self.table.columns.iter();
+        columns.filter_map(|column| Some((column.name.as_str(), column.values.first_number()?)))
+    }
+}
+
 impl Reader {
     /// A topic as columns, from `start` to `end`, both included.
     ///

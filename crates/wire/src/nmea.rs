@@ -1,9 +1,6 @@
-//! NMEA 0183 sentences of GNSS receivers: GGA, RMC, VTG and HDT through the `nmea` crate, ZDA, and
-//! Septentrio's attitude sentence `$PSSN,HRP`.
+//! NMEA 0183 sentences of GNSS receivers: GGA, RMC, VTG, HDT, ZDA, and Septentrio's
+//! attitude sentence `$PSSN,HRP`.
 
-use ::nmea::ParseResult;
-use ::nmea::sentences::FixType;
-use ::nmea::sentences::rmc::RmcStatusOfFix;
 use sample::{DeviceTime, FixQuality, GnssAttitude, GnssPosition, GnssVelocity, Measurement};
 
 use crate::Measurements;
@@ -158,62 +155,134 @@ pub(crate) fn decode(bytes: &[u8]) -> Decoded {
             None => Decoded::Malformed,
         };
     }
-    if !matches!(text.get(3..6), Some("GGA" | "RMC" | "VTG" | "HDT")) || text.starts_with("$P") {
+    if text.starts_with("$P") {
         return Decoded::Unknown;
     }
-    match ::nmea::parse_str(text) {
-        Ok(ParseResult::GGA(d)) => {
-            let sentence = Sentence::Gga {
-                utc_s: d.fix_time.map(seconds_of_day),
-                quality: quality_of(d.fix_type),
-                position_deg: pair(d.latitude, d.longitude),
-                height_msl_m: d.altitude.map(f64::from),
-                undulation_m: d.geoid_separation.map(f64::from),
-                satellites: d.fix_satellites.and_then(|n| u8::try_from(n).ok()),
-            };
-            Decoded::Sentence("GGA", sentence)
-        }
-        Ok(ParseResult::RMC(d)) => {
-            let sentence = Sentence::Rmc {
-                utc_s: d.fix_time.map(seconds_of_day),
-                valid: d.status_of_fix != RmcStatusOfFix::Invalid,
-                position_deg: pair(d.lat, d.lon),
-                speed_m_s: d.speed_over_ground.map(|k| f64::from(k) * M_S_PER_KNOT),
-                course_deg: d.true_course.map(f64::from),
-                date: d.fix_date.and_then(date),
-            };
-            Decoded::Sentence("RMC", sentence)
-        }
-        Ok(ParseResult::VTG(d)) => {
-            let sentence = Sentence::Vtg {
-                speed_m_s: d.speed_over_ground.map(|k| f64::from(k) * M_S_PER_KNOT),
-                course_deg: d.true_course.map(f64::from),
-            };
-            Decoded::Sentence("VTG", sentence)
-        }
-        Ok(ParseResult::HDT(d)) => {
-            let heading_deg = d.heading.map(f64::from);
-            Decoded::Sentence("HDT", Sentence::Hdt { heading_deg })
-        }
-        _ => Decoded::Malformed,
+    let (name, parse): (_, fn(&[&str]) -> Option<Sentence>) = match text.get(3..6) {
+        Some("GGA") => ("GGA", parse_gga),
+        Some("RMC") => ("RMC", parse_rmc),
+        Some("VTG") => ("VTG", parse_vtg),
+        Some("HDT") => ("HDT", parse_hdt),
+        _ => return Decoded::Unknown,
+    };
+    let body = text[6..].split_once('*').map_or("", |(body, _)| body);
+    let fields: Vec<&str> = body.split(',').skip(1).collect();
+    match parse(&fields) {
+        Some(sentence) => Decoded::Sentence(name, sentence),
+        None => Decoded::Malformed,
     }
 }
 
-fn seconds_of_day(time: impl std::fmt::Display) -> f64 {
-    // `HH:MM:SS.fraction`, the one form in which a time of day prints.
-    let text = time.to_string();
-    text.split(':')
-        .filter_map(|part| part.parse::<f64>().ok())
-        .fold(0.0, |sum, part| sum * 60.0 + part)
+fn parse_gga(fields: &[&str]) -> Option<Sentence> {
+    let [
+        utc,
+        lat,
+        ns,
+        lon,
+        ew,
+        quality,
+        satellites,
+        _,
+        msl,
+        _,
+        undulation,
+        ..,
+    ] = fields
+    else {
+        return None;
+    };
+    Some(Sentence::Gga {
+        utc_s: time_of_day(utc),
+        quality: match *quality {
+            "1" | "3" => FixQuality::Single,
+            "2" => FixQuality::Differential,
+            "4" => FixQuality::Fixed,
+            "5" => FixQuality::Float,
+            "6" => FixQuality::DeadReckoning,
+            "0" | "7" | "8" => FixQuality::None,
+            _ => return None,
+        },
+        position_deg: position([lat, ns, lon, ew])?,
+        height_msl_m: number(msl),
+        undulation_m: number(undulation),
+        satellites: satellites.parse().ok(),
+    })
 }
 
-/// Year, month and day of a date that prints as `YYYY-MM-DD`.
-fn date(date: impl std::fmt::Display) -> Option<(u16, u8, u8)> {
-    let text = date.to_string();
-    let mut parts = text.split('-');
-    let year = parts.next()?.parse().ok()?;
-    let month = parts.next()?.parse().ok()?;
-    Some((year, month, parts.next()?.parse().ok()?))
+fn parse_rmc(fields: &[&str]) -> Option<Sentence> {
+    let [utc, status, lat, ns, lon, ew, speed, course, date, ..] = fields else {
+        return None;
+    };
+    let part = |range: std::ops::Range<usize>| date.get(range)?.parse::<u8>().ok();
+    let date = part(0..2).zip(part(2..4)).zip(part(4..6));
+    let date = date.map(|((day, month), year)| {
+        // The standard was released in 1983.
+        let century = if year >= 83 { 1900 } else { 2000 };
+        (century + u16::from(year), month, day)
+    });
+    let exists =
+        |&(_, month, day): &(u16, u8, u8)| (1..=12).contains(&month) && (1..=31).contains(&day);
+    Some(Sentence::Rmc {
+        utc_s: time_of_day(utc),
+        valid: match *status {
+            "A" | "D" => true,
+            "V" => false,
+            _ => return None,
+        },
+        position_deg: position([lat, ns, lon, ew])?,
+        speed_m_s: number(speed).map(|knots| knots * M_S_PER_KNOT),
+        course_deg: number(course),
+        date: date.filter(exists),
+    })
+}
+
+fn parse_vtg(fields: &[&str]) -> Option<Sentence> {
+    let [course, _, _, _, speed, ..] = fields else {
+        return None;
+    };
+    Some(Sentence::Vtg {
+        speed_m_s: number(speed).map(|knots| knots * M_S_PER_KNOT),
+        course_deg: number(course),
+    })
+}
+
+fn parse_hdt(fields: &[&str]) -> Option<Sentence> {
+    let heading_deg = number(fields.first()?);
+    Some(Sentence::Hdt { heading_deg })
+}
+
+/// A number with the precision of single floats, as in every version of the program: existing logs
+/// replay to the same bits.
+fn number(field: &str) -> Option<f64> {
+    let number: f32 = field.parse().ok()?;
+    number.is_finite().then(|| number.into())
+}
+
+/// Seconds of `hhmmss.ss` with the resolution of a nanosecond.
+fn time_of_day(field: &str) -> Option<f64> {
+    let part = |range: std::ops::Range<usize>| field.get(range)?.parse::<f64>().ok();
+    let (hours, minutes, seconds) = (part(0..2)?, part(2..4)?, part(4..field.len().max(4))?);
+    let exists = hours < 24.0 && minutes < 60.0 && (0.0..60.0).contains(&seconds);
+    let nanos = (seconds * 1e9).round();
+    exists.then_some((hours * 60.0 + minutes) * 60.0 + nanos / 1e9)
+}
+
+/// Latitude and longitude, degrees; without them `Some(None)`. `None`: not a position.
+fn position([lat, ns, lon, ew]: [&str; 4]) -> Option<Option<[f64; 2]>> {
+    if [lat, ns, lon, ew] == [""; 4] {
+        return Some(None);
+    }
+    let degrees = |field: &str, digits: usize| {
+        let whole: u8 = field.get(..digits)?.parse().ok()?;
+        Some(f64::from(whole) + field.get(digits..)?.parse::<f64>().ok()? / 60.0)
+    };
+    let signed = |value: f64, side: &str, sides: [&str; 2]| match side {
+        _ if side == sides[0] => Some(value),
+        _ if side == sides[1] => Some(-value),
+        _ => None,
+    };
+    let latitude = signed(degrees(lat, 2)?, ns, ["N", "S"])?;
+    Some(Some([latitude, signed(degrees(lon, 3)?, ew, ["E", "W"])?]))
 }
 
 /// `,hhmmss.ss,dd,mm,yyyy,zone,zone*…`; a receiver without the time leaves the fields empty.
@@ -237,21 +306,6 @@ fn parse_zda(fields: &str) -> Option<Sentence> {
         utc_s,
         date: date.map(|((year, month), day)| (year, month, day)),
     })
-}
-
-fn pair(latitude: Option<f64>, longitude: Option<f64>) -> Option<[f64; 2]> {
-    Some([latitude?, longitude?])
-}
-
-fn quality_of(fix: Option<FixType>) -> FixQuality {
-    match fix {
-        Some(FixType::Gps | FixType::Pps) => FixQuality::Single,
-        Some(FixType::DGps) => FixQuality::Differential,
-        Some(FixType::Rtk) => FixQuality::Fixed,
-        Some(FixType::FloatRtk) => FixQuality::Float,
-        Some(FixType::Estimated) => FixQuality::DeadReckoning,
-        _ => FixQuality::None,
-    }
 }
 
 fn parse_hrp(fields: &str) -> Option<Sentence> {

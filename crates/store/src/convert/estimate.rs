@@ -455,19 +455,25 @@ pub(super) fn log_to_proto(log: &LogMessage) -> foxglove::Log {
     }
 }
 
-pub(super) fn transform_to_proto(transform: &Transform) -> foxglove::FrameTransforms {
-    let [x, y, z] = transform.translation_m;
-    let translation = foxglove::Vector3 { x, y, z };
-    let [x, y, z, w] = transform.rotation_xyzw;
-    let rotation = foxglove::Quaternion { x, y, z, w };
-    foxglove::FrameTransforms {
-        transforms: vec![foxglove::FrameTransform {
-            timestamp: Some(timestamp(transform.time)),
+pub(super) fn transforms_to_proto(
+    time: LogTime,
+    transforms: &[Transform],
+) -> foxglove::FrameTransforms {
+    let transforms = transforms.iter().map(|transform| {
+        let [x, y, z] = transform.translation_m;
+        let translation = foxglove::Vector3 { x, y, z };
+        let [x, y, z, w] = transform.rotation_xyzw;
+        let rotation = foxglove::Quaternion { x, y, z, w };
+        foxglove::FrameTransform {
+            timestamp: Some(timestamp(time)),
             parent_frame_id: transform.parent.clone(),
             child_frame_id: transform.child.clone(),
             translation: Some(translation),
             rotation: Some(rotation),
-        }],
+        }
+    });
+    foxglove::FrameTransforms {
+        transforms: transforms.collect(),
     }
 }
 
@@ -485,22 +491,16 @@ pub(super) fn log_from_proto(time: LogTime, log: foxglove::Log) -> LogMessage {
     }
 }
 
-pub(super) fn transform_from_proto(
-    time: LogTime,
-    message: foxglove::FrameTransforms,
-) -> Result<Transform, MessageError> {
-    let transform = message
-        .transforms
-        .into_iter()
-        .next()
-        .ok_or(MessageError::Absent("a transform"))?;
-    let t = transform.translation.unwrap_or_default();
-    let r = transform.rotation.unwrap_or_default();
-    Ok(Transform {
-        time,
-        parent: transform.parent_frame_id,
-        child: transform.child_frame_id,
-        translation_m: [t.x, t.y, t.z],
-        rotation_xyzw: [r.x, r.y, r.z, r.w],
-    })
+pub(super) fn transforms_from_proto(message: foxglove::FrameTransforms) -> Vec<Transform> {
+    let transforms = message.transforms.into_iter().map(|transform| {
+        let t = transform.translation.unwrap_or_default();
+        let r = transform.rotation.unwrap_or_default();
+        Transform {
+            parent: transform.parent_frame_id,
+            child: transform.child_frame_id,
+            translation_m: [t.x, t.y, t.z],
+            rotation_xyzw: [r.x, r.y, r.z, r.w],
+        }
+    });
+    transforms.collect()
 }

@@ -73,6 +73,24 @@ impl Values {
         self.len() == 0
     }
 
+    /// Whether each row is one number.
+    pub(super) fn is_numeric(&self) -> bool {
+        !matches!(self, Self::Text(_) | Self::Bytes(_) | Self::List { .. })
+    }
+
+    /// The number of the first row.
+    pub(super) fn first_number(&self) -> Option<f64> {
+        Some(match self {
+            Self::F64(list) => *list.first()?,
+            Self::I32(list) => (*list.first()?).into(),
+            Self::I64(list) => *list.first()? as f64,
+            Self::U32(list) => (*list.first()?).into(),
+            Self::U64(list) => *list.first()? as f64,
+            Self::Bool(list) => u8::from(*list.first()?).into(),
+            Self::Text(_) | Self::Bytes(_) | Self::List { .. } => return None,
+        })
+    }
+
     /// The values themselves, of a list or not.
     pub(super) fn innermost(&self) -> &Self {
         match self {

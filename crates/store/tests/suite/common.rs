@@ -224,13 +224,23 @@ pub fn records(time: LogTime) -> Vec<Record> {
             name: "novatel".to_owned(),
             text: "silent for 1 s".to_owned(),
         }),
-        Record::Transform(Transform {
+        Record::Transforms {
             time,
-            parent: "earth".to_owned(),
-            child: "vehicle".to_owned(),
-            translation_m: [1.0, -2.0, 0.5],
-            rotation_xyzw: [0.0, 0.0, 0.6, 0.8],
-        }),
+            transforms: vec![
+                Transform {
+                    parent: "earth".to_owned(),
+                    child: "vehicle".to_owned(),
+                    translation_m: [1.0, -2.0, 0.5],
+                    rotation_xyzw: [0.0, 0.0, 0.6, 0.8],
+                },
+                Transform {
+                    parent: "vehicle".to_owned(),
+                    child: "wheel_fl".to_owned(),
+                    translation_m: [1.0, 0.5, -0.25],
+                    rotation_xyzw: [0.0, 0.0, 0.0, 1.0],
+                },
+            ],
+        },
     ]);
     records
 }

@@ -7,7 +7,7 @@ use prost::Message as _;
 /// Messages of an earlier layout, which no log carries any more.
 const EARLIER: &str = "earlier/layout.proto";
 
-const PROTOS: [&str; 9] = [
+const PROTOS: [&str; 10] = [
     EARLIER,
     "atvrec/raw.proto",
     "atvrec/sensor.proto",
@@ -17,6 +17,7 @@ const PROTOS: [&str; 9] = [
     "foxglove/LocationFix.proto",
     "foxglove/Log.proto",
     "foxglove/FrameTransforms.proto",
+    "foxglove/SceneUpdate.proto",
 ];
 
 const FILES: [&str; 4] = [
