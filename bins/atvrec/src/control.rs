@@ -21,7 +21,8 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
 pub use crate::status::{RecorderStatus, Writing};
-pub use socket::{Listener, paths};
+use crate::tap::Tap;
+pub use socket::{Listener, paths, tap_paths};
 
 /// Longest request, bytes: a mark of [`MARK_MAX`] characters, each escaped.
 const REQUEST_MAX: u64 = 16_384;
@@ -72,6 +73,8 @@ pub struct ControlHandler {
     pub status: Arc<RecorderStatus>,
     /// Queue of commands to the pipeline, each with the channel of its result.
     pub commands: mpsc::Sender<(Command, oneshot::Sender<CommandResult>)>,
+    /// Tap of the live process.
+    pub tap: Tap,
 }
 
 impl ControlHandler {
@@ -125,32 +128,37 @@ fn mark(sequencer: &Sequencer, text: &str) -> Value {
     json!({ "time_ns": sequencer.mark(text).0 })
 }
 
-fn status(handler: &ControlHandler) -> Value {
+/// State of the recorder as JSON.
+pub fn status(handler: &ControlHandler) -> Value {
     let losses = handler.sequencer.ledger().losses();
+    let now = handler.sequencer.clock().now();
     let sources: Vec<Value> = handler
         .sequencer
         .counters()
         .into_iter()
         .map(|(id, counters)| {
+            let name = handler.status.source_name(id);
             json!({
                 "source": id,
-                "name": handler.status.source_name(id),
                 "open": counters.open,
                 "state": counters.state,
                 "items": counters.items,
                 "bytes": counters.bytes,
                 "lost": losses.of(id),
                 "last_data_ns": counters.last_data.map(|time| time.0),
+                "age_s": counters.last_data.map(|time| now.seconds_since(time)),
+                "rate_hz": handler.status.rate_hz(&name),
+                "name": name,
             })
         })
         .collect();
-    let now = handler.sequencer.clock().now();
     let kept_s = handler
         .sequencer
         .kept_since()
         .map(|since| now.seconds_since(since));
-    json!({
+    let mut status = json!({
         "now_ns": now.0,
+        "version": env!("CARGO_PKG_VERSION"),
         "arrivals": handler.sequencer.next_sequence(),
         "writing": handler.status.writing().to_string(),
         "memory_s": kept_s,
@@ -159,7 +167,10 @@ fn status(handler: &ControlHandler) -> Value {
         "faulty_sensors": handler.status.faulty_sensors(),
         "disk": disk(&handler.status),
         "retention": handler.status.retention(),
-    })
+        "tap": { "clients": handler.tap.clients(), "lost": handler.tap.dropped() },
+    });
+    handler.status.add_to(&mut status);
+    status
 }
 
 fn disk(status: &RecorderStatus) -> Value {

@@ -15,11 +15,14 @@ mod devices;
 mod exit;
 mod folder;
 mod messages;
+mod output_can;
 mod pipeline;
 mod progress;
 mod retention;
 mod session;
 mod status;
+mod tap;
+mod values;
 
 use std::process::ExitCode;
 
@@ -47,7 +50,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
     store::set_max_chunk(cli.max_chunk << 20);
     let quiet = cli.quiet;
     match cli.command {
-        Command::Record(args) => cmd::record::run(&args),
+        Command::Record(args) => cmd::record::run(&args, quiet),
         Command::Replay(args) => cmd::replay::run(&args, quiet),
         Command::Report(args) => cmd::report::run(&args),
         Command::Score(args) => cmd::score::run(&args),

@@ -27,7 +27,7 @@ use anyhow::Context;
 use engine::config::Trigger;
 use engine::{Config, Engine};
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
-use store::{ClockState, Losses, RecorderSummary};
+use store::{ClockState, Losses, Record, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinSet};
@@ -36,7 +36,10 @@ use crate::control::{
     self, Command, CommandResult, ControlHandler, Listener, RecorderStatus, Writing,
 };
 use crate::folder::{Folder, Protected};
-use crate::{retention, session};
+use crate::output_can::CanSink;
+use crate::progress::StatusLine;
+use crate::tap::Tap;
+use crate::{retention, session, values};
 use heartbeat::{Heartbeats, extend_stop, notify};
 use run::{Files, LiveEngine, Progress, RecordSink, Run, TriggerEvent, join, watch_for_triggers};
 
@@ -50,6 +53,10 @@ const MEMORY_SLACK: Duration = Duration::from_secs(2);
 const LISTENER_QUEUE: usize = 8_192;
 /// Most trigger events that wait.
 const TRIGGER_QUEUE: usize = 256;
+/// Longest time for the truth of a simulation at the end.
+const TRUTH_DEADLINE: Duration = Duration::from_secs(2);
+/// Period of the line on the terminal.
+const LINE_PERIOD: Duration = Duration::from_millis(500);
 /// Most commands that wait.
 const COMMAND_QUEUE: usize = 8;
 
@@ -99,10 +106,23 @@ impl Summary {
 /// Function that reads the configuration again.
 pub type Reload<'a> = &'a dyn Fn() -> anyhow::Result<Config>;
 
+/// What a recording does beside recording.
+#[derive(Default)]
+pub struct Extras<'a> {
+    /// Reads the configuration again.
+    pub reload: Option<Reload<'a>>,
+    /// Control sockets at which the recorder is found too, if no other recorder has them.
+    pub also_found_at: Vec<PathBuf>,
+    /// Truth of a simulation, each with the instant at which it is true.
+    pub truth: Option<mpsc::Receiver<(Instant, Record)>>,
+    /// Whether the state is shown as a line on the terminal.
+    pub shows_line: bool,
+}
+
 /// Records until `stop` is ready, then stops sources, stream, threads and files in this order.
 pub async fn record(
     config: Config,
-    reload: Option<Reload<'_>>,
+    extras: Extras<'_>,
     stop: impl Future<Output = ()>,
 ) -> anyhow::Result<Summary> {
     let begin = Instant::now();
@@ -112,10 +132,15 @@ pub async fn record(
     let sockets = control::paths(&config);
     let (commands, mut received) = mpsc::channel(COMMAND_QUEUE);
     let (trigger_events, mut triggers) = mpsc::channel(TRIGGER_QUEUE);
-    let mut controller = RecordingController::new(config, reload, trigger_events, folder);
+    let mut controller = RecordingController::new(config, extras.reload, trigger_events, folder)?;
     controller.start().await?;
-    // The socket is opened after the start: a client that finds it finds a recorder that records.
+    // The sockets are opened after the start: a client that finds them finds a recorder that records.
     let listener = open_control(&sockets);
+    let also = match extras.also_found_at.is_empty() {
+        true => None,
+        false => Listener::open(&extras.also_found_at).ok(),
+    };
+    let tap = tokio::spawn(serve_tap(controller.tap.clone(), control::tap_paths(&sockets)));
     notify(&[sd_notify::NotifyState::Ready]);
     controller.check_folder();
 
@@ -123,8 +148,13 @@ pub async fn record(
         sequencer: controller.sequencer.clone(),
         status: Arc::clone(&controller.status),
         commands,
+        tap: controller.tap.clone(),
     };
-    let mut serving = Box::pin(serve(listener, handler));
+    let truth = tokio::spawn(write_truth(extras.truth, handler.clone()));
+    let line = tokio::spawn(show_line(extras.shows_line, handler.clone()));
+    let mut serving = Box::pin(async {
+        tokio::join!(serve(listener, handler.clone()), serve(also, handler.clone()));
+    });
     let watchdog = tokio::spawn(controller.heartbeats.clone().watch());
     let mut stop = std::pin::pin!(stop);
     let mut retention = Box::pin(controller.retention());
@@ -156,6 +186,11 @@ pub async fn record(
         }
     }
     watchdog.abort();
+    tap.abort();
+    line.abort();
+    // A simulation has ended before the recording: all of its truth waits.
+    let _ = tokio::time::timeout(TRUTH_DEADLINE, truth).await;
+    controller.tap.close();
     notify(&[sd_notify::NotifyState::Stopping]);
     drop(serving);
     drop(triggers);
@@ -178,6 +213,52 @@ fn open_control(paths: &[PathBuf]) -> Option<Listener> {
             );
             None
         }
+    }
+}
+
+/// Serves the tap; without it, recording continues.
+async fn serve_tap(tap: Tap, paths: Vec<PathBuf>) {
+    match Listener::open(&paths) {
+        Ok(listener) => {
+            tracing::debug!(path = %listener.path().display(), "opened the tap");
+            tap.serve(listener).await;
+        }
+        Err(error) => tracing::warn!(
+            "cannot open the tap; recording continues, but `atvrec live` cannot show it: {error:#}"
+        ),
+    }
+}
+
+/// Writes the truth of a simulation at its time on the log clock.
+async fn write_truth(
+    truth: Option<mpsc::Receiver<(Instant, Record)>>,
+    handler: ControlHandler,
+) {
+    let Some(mut truth) = truth else {
+        return;
+    };
+    while let Some((instant, mut record)) = truth.recv().await {
+        if let Record::Truth { time, .. } = &mut record {
+            let ago_s = instant.elapsed().as_secs_f64();
+            *time = handler.sequencer.clock().now().offset_seconds(-ago_s);
+        }
+        handler.tap.push(&record);
+        if let Some(recorder) = handler.status.recorder() {
+            recorder.record(record);
+        }
+    }
+}
+
+/// Shows the state of the recorder on one line of the terminal.
+async fn show_line(shows: bool, handler: ControlHandler) {
+    if !shows {
+        return std::future::pending().await;
+    }
+    let line = StatusLine::new();
+    let mut interval = tokio::time::interval(LINE_PERIOD);
+    loop {
+        interval.tick().await;
+        line.show(&values::line(&control::status(&handler)));
     }
 }
 
@@ -223,6 +304,10 @@ struct RecordingController<'a> {
     protected: Protected,
     /// State of the host's clock when the log clock was set from it.
     clock: ClockState,
+    /// Tap of the live process.
+    tap: Tap,
+    /// Output to controllers.
+    can: Option<CanSink>,
 }
 
 type Closed = anyhow::Result<(RecorderSummary, Engine, Progress)>;
@@ -233,12 +318,18 @@ impl<'a> RecordingController<'a> {
         reload: Option<Reload<'a>>,
         trigger_events: mpsc::Sender<TriggerEvent>,
         folder: Folder,
-    ) -> Self {
+    ) -> anyhow::Result<Self> {
         let log_clock = LogClock::start();
         let clock = session::clock_state(log_clock.now());
         let sequencer = Sequencer::idle(log_clock);
-        Self {
-            status: Arc::new(RecorderStatus::new(&config)),
+        let (session, hello) = session::tap(&config, log_clock.now());
+        let can = CanSink::start(&config, log_clock)?;
+        let status = Arc::new(RecorderStatus::new(&config));
+        status.set_can(can.clone());
+        Ok(Self {
+            tap: Tap::new(log_clock, session, hello),
+            can,
+            status,
             config: Arc::new(config),
             reload,
             supervisor: Supervisor::new(sequencer.clone()),
@@ -256,6 +347,21 @@ impl<'a> RecordingController<'a> {
             folders: vec![folder],
             protected: Protected::default(),
             clock,
+        })
+    }
+
+    /// Sink of the records of an engine.
+    fn sink(
+        &self,
+        shows: bool,
+        events: Option<(Arc<Trigger>, mpsc::Sender<TriggerEvent>)>,
+    ) -> RecordSink {
+        RecordSink {
+            status: Arc::clone(&self.status),
+            shows,
+            tap: self.tap.clone(),
+            can: self.can.clone(),
+            events,
         }
     }
 
@@ -330,14 +436,11 @@ impl<'a> RecordingController<'a> {
     ) -> anyhow::Result<()> {
         let started = since.unwrap_or_else(|| self.sequencer.clock().now());
         let engine = Engine::new(&config)?;
-        let sink = RecordSink {
-            status: Arc::clone(&self.status),
-            prints: match numbers {
-                Some(_) => config.storage.trigger.is_none(),
-                None => self.live.is_none(),
-            },
-            events: None,
+        let shows = match numbers {
+            Some(_) => config.storage.trigger.is_none(),
+            None => self.live.is_none(),
         };
+        let sink = self.sink(shows, None);
         let (clock, protected) = (self.clock, self.protected.clone());
         let ledger = self.sequencer.ledger();
         let open = move || Files::open(&config, started, clock, &protected, &ledger);
@@ -453,11 +556,7 @@ impl<'a> RecordingController<'a> {
                 next_sequence: progress.next_sequence,
                 engine,
                 queue,
-                sink: RecordSink {
-                    status: Arc::clone(&self.status),
-                    prints: true,
-                    events: None,
-                },
+                sink: self.sink(true, None),
             };
             self.live = Some(live.start(&self.heartbeats)?);
         }
@@ -481,15 +580,12 @@ impl<'a> RecordingController<'a> {
                 .spawn(watch_for_triggers(Arc::clone(trigger), queue, events));
         }
         if trigger.is_some() || self.run.is_none() {
+            let events = trigger.map(|trigger| (trigger, self.trigger_events.clone()));
             let live = LiveEngine {
                 next_sequence: 0,
                 engine: Engine::new(&self.config)?,
                 queue: self.listen(),
-                sink: RecordSink {
-                    status: Arc::clone(&self.status),
-                    prints: true,
-                    events: trigger.map(|trigger| (trigger, self.trigger_events.clone())),
-                },
+                sink: self.sink(true, events),
             };
             self.live = Some(live.start(&self.heartbeats)?);
         }
@@ -530,6 +626,13 @@ impl<'a> RecordingController<'a> {
         if control::paths(&config) != control::paths(&self.config) {
             tracing::warn!("the new path of the control socket is used from the next start on");
         }
+        let clock = *self.sequencer.clock();
+        if config.output.can != self.config.output.can {
+            self.can = CanSink::start(&config, clock)?;
+            self.status.set_can(self.can.clone());
+        }
+        let (session, hello) = session::tap(&config, clock.now());
+        self.tap.restart(session, hello);
         let specs = specs(&config);
         let numbers = self.supervisor.numbers(&specs);
         let stopped = self.run.is_none() && self.config.storage.trigger.is_none();

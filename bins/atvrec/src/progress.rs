@@ -48,3 +48,29 @@ impl Progress {
         self.bar.finish_and_clear();
     }
 }
+
+/// One line of text on standard error, if it is a terminal.
+pub struct StatusLine(ProgressBar);
+
+impl StatusLine {
+    /// Empty line.
+    pub fn new() -> Self {
+        let bar = ProgressBar::new_spinner();
+        if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+            bar.set_style(style);
+        }
+        Self(bar)
+    }
+
+    /// Shows a text.
+    pub fn show(&self, text: &str) {
+        self.0.set_message(text.to_owned());
+        self.0.tick();
+    }
+}
+
+impl Drop for StatusLine {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -20,6 +20,20 @@ pub fn live(config: &Config, started: LogTime, run_number: u64, clock: ClockStat
     }
 }
 
+/// Session of the tap, and what the tap says of the recorder.
+pub fn tap(config: &Config, now: LogTime) -> (Session, String) {
+    let estimator = config.estimator.as_ref();
+    let hello = serde_json::json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "vehicle": estimator.map(|estimator| &estimator.vehicle.name),
+        "configuration": config.attachments.first().map(|own| String::from_utf8_lossy(&own.data)),
+        "static_load_n": estimator.map(|estimator| {
+            sample::Wheel::ALL.map(|wheel| estimator.vehicle.static_load_n(wheel))
+        }),
+    });
+    (started_at(config, now), hello.to_string())
+}
+
 /// State of the host's clock, which was at `anchor` when the log clock was set from it.
 pub fn clock_state(anchor: LogTime) -> ClockState {
     if anchor < build_time() {

@@ -1,15 +1,17 @@
 //! State of a running recorder: whether it writes, where, and how long the free space lasts.
 
+use std::collections::VecDeque;
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use engine::Config;
-use sample::SourceId;
+use sample::{Estimate, Event, Health, Parameters, SourceId};
 use serde_json::{Value, json};
-use store::Recorder;
+use store::{Record, Recorder};
 
+use crate::output_can::CanSink;
 use crate::retention::{self, Limits, Outcome, Removed};
 
 /// Age of a run from which its data rate is measured.
@@ -51,10 +53,57 @@ struct State {
     /// Data rate of the newest log at the start of the program, bytes/s.
     last_rate: Option<f64>,
     source_names: Vec<String>,
-    faulty_sensors: Vec<String>,
     removed: Removals,
+    found: Found,
+    can: Option<CanSink>,
     /// Limits of the log directory that are exceeded, and why.
     exceeded: Vec<String>,
+}
+
+/// Most events that are kept.
+const EVENTS_MAX: usize = 10;
+
+/// What the engine has found last.
+#[derive(Default)]
+struct Found {
+    estimate: Option<Estimate>,
+    parameters: Option<Parameters>,
+    /// The last events, the newest last.
+    events: VecDeque<Event>,
+    health: Health,
+    /// Messages of each source in the last second, 1/s.
+    rates_hz: Vec<f64>,
+}
+
+impl Found {
+    fn take(&mut self, record: &Record) {
+        match record {
+            Record::Estimate(estimate) => self.estimate = Some(estimate.clone()),
+            Record::Parameters(parameters) => self.parameters = Some(*parameters),
+            Record::Event(event) => {
+                if self.events.len() == EVENTS_MAX {
+                    self.events.pop_front();
+                }
+                self.events.push_back(event.clone());
+            }
+            Record::Health(health) => {
+                let seconds = health.time.seconds_since(self.health.time);
+                let before = &self.health.sources;
+                let counts = health.sources.iter().enumerate();
+                self.rates_hz = counts
+                    .map(|(n, source)| {
+                        let before = before.get(n).map_or(0, |before| before.messages);
+                        source.messages.saturating_sub(before) as f64 / seconds.max(1e-3)
+                    })
+                    .collect();
+                if before.is_empty() {
+                    self.rates_hz.clear();
+                }
+                self.health.clone_from(health);
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Logs that retention has removed since the start.
@@ -77,8 +126,9 @@ impl RecorderStatus {
             directory,
             limits: config.storage.limits,
             source_names: source_names(config),
-            faulty_sensors: Vec::new(),
             removed: Removals::default(),
+            found: Found::default(),
+            can: None,
             exceeded: Vec::new(),
         }))
     }
@@ -90,17 +140,48 @@ impl RecorderStatus {
         state.limits = config.storage.limits;
         state.exceeded.clear();
         state.source_names = source_names(config);
-        state.faulty_sensors.clear();
+        state.found = Found::default();
     }
 
-    /// Sets the sensors that the estimator excludes.
-    pub fn set_faulty_sensors(&self, names: Vec<String>) {
-        self.lock().faulty_sensors = names;
+    /// Takes what an engine has found.
+    pub fn take(&self, record: &Record) {
+        use Record::{Estimate, Event, Health, Parameters};
+        // Samples are many, and change nothing here.
+        if matches!(record, Estimate(_) | Parameters(_) | Event(_) | Health(_)) {
+            self.lock().found.take(record);
+        }
+    }
+
+    /// Sets the output to controllers.
+    pub fn set_can(&self, can: Option<CanSink>) {
+        self.lock().can = can;
     }
 
     /// Sensors that the estimator excludes.
     pub fn faulty_sensors(&self) -> Vec<String> {
-        self.lock().faulty_sensors.clone()
+        self.lock().found.health.faulty_sensors.clone()
+    }
+
+    /// Messages of a source in the last second, 1/s.
+    pub fn rate_hz(&self, name: &str) -> Option<f64> {
+        let found = &self.lock().found;
+        let mut sources = found.health.sources.iter();
+        let index = sources.position(|source| source.name == name)?;
+        found.rates_hz.get(index).copied()
+    }
+
+    /// Adds the estimate, the last events, the start of the run and the output to controllers.
+    pub fn add_to(&self, status: &mut Value) {
+        let state = self.lock();
+        let is_running = state.recorder.strong_count() > 0;
+        status["since_s"] = is_running
+            .then(|| state.run_start.elapsed().as_secs_f64())
+            .into();
+        status["directory"] = state.directory.display().to_string().into();
+        status["estimate"] = json!(state.found.estimate);
+        status["parameters"] = json!(state.found.parameters);
+        status["events"] = json!(state.found.events);
+        status["output_can"] = state.can.as_ref().map(CanSink::state).into();
     }
 
     /// Adds the result of a retention check.

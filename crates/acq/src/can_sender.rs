@@ -27,21 +27,25 @@ impl CanSender {
     /// # Errors
     /// If the frame is no classic data frame, or the interface fails.
     pub fn send(&mut self, frame: &CanFrame) -> io::Result<()> {
-        let id = if frame.flags.extended {
-            ExtendedId::new(frame.id).map(Id::Extended)
-        } else {
-            u16::try_from(frame.id)
-                .ok()
-                .and_then(StandardId::new)
-                .map(Id::Standard)
-        };
-        let made = id.and_then(|id| socketcan::CanFrame::new(id, frame.bytes()));
-        let Some(made) = made else {
-            return Err(io::Error::new(
-                io::ErrorKind::InvalidInput,
-                format!("{frame:?} is no classic data frame"),
-            ));
-        };
-        self.socket.write_frame_insist(&made)
+        self.socket.write_frame_insist(&classic(frame)?)
     }
+}
+
+/// The frame for the socket.
+pub(crate) fn classic(frame: &CanFrame) -> io::Result<socketcan::CanFrame> {
+    let id = if frame.flags.extended {
+        ExtendedId::new(frame.id).map(Id::Extended)
+    } else {
+        u16::try_from(frame.id)
+            .ok()
+            .and_then(StandardId::new)
+            .map(Id::Standard)
+    };
+    let made = id.and_then(|id| socketcan::CanFrame::new(id, frame.bytes()));
+    made.ok_or_else(|| {
+        io::Error::new(
+            io::ErrorKind::InvalidInput,
+            format!("{frame:?} is no classic data frame"),
+        )
+    })
 }

@@ -19,6 +19,7 @@ mod clock;
 mod context;
 mod datagram;
 mod dialogue;
+mod frame_sender;
 pub mod link;
 mod pace;
 mod port;
@@ -35,6 +36,7 @@ mod virtual_port;
 pub use sample;
 
 pub use can_sender::CanSender;
+pub use frame_sender::FrameSender;
 pub use clock::{LogClock, Reading};
 pub use link::LinkSpec;
 pub use sequencer::{QueueSizes, RingLimits, Sequencer, SourceCounters, Streams};

@@ -5,7 +5,7 @@ use crate::{
 };
 
 /// What the estimator publishes at one instant.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     /// Log clock of the instant that the estimate is for.
     pub time: LogTime,

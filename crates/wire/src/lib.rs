@@ -13,6 +13,7 @@
 //! - [`mod@line`]: text devices that the configuration describes (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
 //! - [`slcan`], [`candump`]: CAN frames as text.
+//! - [`output`]: estimates for controllers, as CAN frames with [`e2e`] and as datagrams.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
 //!
 //! Each protocol has its encoder in the module of its decoder. The virtual vehicle uses the encoders.
@@ -29,12 +30,14 @@ pub mod column;
 pub mod crossbow440;
 pub mod csv;
 pub mod dbc;
+pub mod e2e;
 pub mod geodesy;
 pub mod gnss;
 pub mod gps_time;
 pub mod line;
 pub mod nmea;
 pub mod novatel;
+pub mod output;
 pub mod sbf;
 pub mod slcan;
 

@@ -12,7 +12,7 @@ use super::{record, replay};
 use crate::cli::{DemoArgs, DriveArgs, Replace, ReplayArgs, ReplayChanges};
 use crate::devices::{Devices, Sent};
 use crate::exit::Outcome;
-use crate::pipeline::Summary;
+use crate::pipeline::{Extras, Summary};
 use engine::output::{Kind, Target};
 
 /// Default directory.
@@ -144,7 +144,7 @@ fn drive_and_record(
             anyhow::Ok(devices.sent())
         })
         .context("cannot start the thread of the virtual vehicle")?;
-    let summary = record::block_on(config, None, Some(limit));
+    let summary = record::block_on(config, Extras::default(), Some(limit));
     stop.store(true, Ordering::Relaxed);
     let sent = driver.join().map_err(|_| {
         anyhow::anyhow!("the virtual vehicle panicked; its message is printed above")

@@ -1,6 +1,7 @@
 //! `atvrec record`: record the configured sources.
 
 use std::fmt::Write as _;
+use std::io::IsTerminal;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -12,10 +13,10 @@ use tokio::signal::unix::{SignalKind, signal};
 use crate::cli::RecordArgs;
 use crate::control;
 use crate::exit::Outcome;
-use crate::pipeline::{self, Reload, Summary};
+use crate::pipeline::{self, Extras, Summary};
 
 /// Runs the command.
-pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
+pub fn run(args: &RecordArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let with_directory = |mut config: Config| {
         if let Some(directory) = &args.directory {
             config.storage.directory.clone_from(directory);
@@ -24,8 +25,26 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
     };
     let reload = || Ok(with_directory(Config::load_again(&args.config)?));
     let limit = args.duration_s.map(Duration::from_secs_f64);
-    let config = with_directory(Config::load(&args.config)?);
-    let summary = block_on(config, Some(&reload), limit)?;
+    let config = Config::load(&args.config)?;
+    let extras = Extras {
+        reload: Some(&reload),
+        // Commands without --directory find the recorder too.
+        also_found_at: match &args.directory {
+            Some(_) => control::paths(&config),
+            None => Vec::new(),
+        },
+        shows_line: !quiet && std::io::stderr().is_terminal(),
+        truth: None,
+    };
+    let config = with_directory(config);
+    let extras = Extras {
+        also_found_at: match control::paths(&config) == extras.also_found_at {
+            true => Vec::new(),
+            false => extras.also_found_at,
+        },
+        ..extras
+    };
+    let summary = block_on(config, extras, limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));
     } else {
@@ -34,11 +53,11 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
     Ok(outcome(&summary))
 }
 
-/// Records with `config` until SIGINT, SIGTERM or the end of `limit`. At SIGHUP, `reload` reads the
-/// configuration again.
+/// Records with `config` until SIGINT, SIGTERM or the end of `limit`. At SIGHUP, the configuration is
+/// read again.
 pub fn block_on(
     config: Config,
-    reload: Option<Reload<'_>>,
+    extras: Extras<'_>,
     limit: Option<Duration>,
 ) -> anyhow::Result<Summary> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -57,7 +76,7 @@ pub fn block_on(
                 () = after(limit) => {}
             }
         };
-        pipeline::record(config, reload, stop).await
+        pipeline::record(config, extras, stop).await
     })
 }
 

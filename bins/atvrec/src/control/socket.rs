@@ -51,6 +51,16 @@ pub fn paths(config: &Config) -> Vec<PathBuf> {
     paths
 }
 
+/// Possible paths of the tap beside the control sockets.
+pub fn tap_paths(control: &[PathBuf]) -> Vec<PathBuf> {
+    let beside = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let stem = name.strip_suffix(".socket").unwrap_or(&name);
+        path.with_file_name(format!("{stem}.tap"))
+    };
+    control.iter().map(beside).collect()
+}
+
 /// `<name of the directory>-<hash of its whole path>.socket`
 fn name_for(directory: &Path) -> String {
     let whole = directory
@@ -129,6 +139,11 @@ impl Listener {
     /// Path of the socket.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Accepts the next client.
+    pub async fn accept(&self) -> io::Result<UnixStream> {
+        Ok(self.listener.accept().await?.0)
     }
 
     /// Serves clients until the future is dropped.

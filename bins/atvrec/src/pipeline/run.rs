@@ -16,8 +16,10 @@ use tokio::sync::mpsc;
 
 use super::heartbeat::{Heartbeat, Heartbeats};
 use crate::folder::{self, Protected, RunGuard, RunName};
+use crate::output_can::CanSink;
 use crate::session;
 use crate::status::RecorderStatus;
+use crate::tap::Tap;
 
 /// Most arrivals and records that wait for the writer while a backlog is written.
 const BACKLOG_WAITING_MAX: usize = 8_192;
@@ -385,28 +387,40 @@ pub struct TriggerEvent {
 }
 
 /// Receives the records of an engine, in addition to the log: prints messages and events, sets the
-/// recorder's state, and finds events that are triggers.
+/// recorder's state, feeds tap and outputs, and finds events that are triggers.
 #[derive(Clone)]
 pub struct RecordSink {
     /// State of the recorder: receives the faulty sensors.
     pub status: Arc<RecorderStatus>,
-    /// Whether messages and events are also printed.
-    pub prints: bool,
+    /// Whether the engine is the one whose records are shown: messages and events are printed, and
+    /// status, tap and outputs get the records.
+    pub shows: bool,
+    /// Tap of the live process.
+    pub tap: Tap,
+    /// Output to controllers.
+    pub can: Option<CanSink>,
     /// Triggers, and the queue of trigger events.
     pub events: Option<(Arc<Trigger>, mpsc::Sender<TriggerEvent>)>,
 }
 
 impl RecordSink {
     fn append(&self, record: &Record, arrival: &Arrival) {
+        if self.shows {
+            self.tap.push(record);
+            self.status.take(record);
+            if let Some(can) = &self.can {
+                can.push(record, arrival.log_time);
+            }
+        }
         match record {
             // A source prints its own notices.
             Record::Log(message)
-                if self.prints && !matches!(arrival.payload, Payload::Notice(_)) =>
+                if self.shows && !matches!(arrival.payload, Payload::Notice(_)) =>
             {
                 log_message(message);
             }
             Record::Event(event) => {
-                if self.prints {
+                if self.shows {
                     log_event(event);
                 }
                 let Some((trigger, trigger_events)) = &self.events else {
@@ -419,10 +433,6 @@ impl RecordSink {
                         reason: event.text.clone(),
                     });
                 }
-            }
-            Record::Health(health) if self.prints => {
-                self.status
-                    .set_faulty_sensors(health.faulty_sensors.clone());
             }
             _ => {}
         }

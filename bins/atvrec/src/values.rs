@@ -1,0 +1,176 @@
+//! Values of a running recorder as text: for `status`, `top` and the line of `record`. All read the
+//! JSON of the control socket.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+use sample::Wheel;
+use sample::text::printable;
+use serde_json::Value;
+
+/// Age from which an estimate is shown as stale, s.
+const STALE_S: f64 = 0.5;
+
+/// A text of the status in one line.
+pub fn text(value: &Value) -> Cow<'_, str> {
+    printable(value.as_str().unwrap_or_default())
+}
+
+/// Duration in the largest fitting unit.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => format!("{:.0} ms", s * 1000.0),
+        s if s < 120.0 => format!("{s:.1} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+/// Seconds since the instant of a log time in the status.
+pub fn age_s(status: &Value, time: &Value) -> Option<f64> {
+    let now = status["now_ns"].as_u64()?;
+    Some((now as f64 - time.as_u64()? as f64) / 1e9)
+}
+
+/// The estimate, if it is recent.
+pub fn recent(status: &Value) -> Option<&Value> {
+    let estimate = &status["estimate"];
+    let age = age_s(status, &estimate["time"])?;
+    (age < STALE_S).then_some(estimate)
+}
+
+/// A number; `–` where it is unknown.
+pub fn number(value: &Value, decimals: usize) -> String {
+    value
+        .as_f64()
+        .map_or_else(|| "–".to_owned(), |value| format!("{value:.decimals$}"))
+}
+
+/// An angle in degrees.
+pub fn degrees(value: &Value) -> String {
+    value
+        .as_f64()
+        .map_or_else(|| "–".to_owned(), |value| format!("{:.1}", value.to_degrees()))
+}
+
+/// Least time until a wheel lifts and which wheel; `None` if none falls.
+pub fn least_lift(estimate: &Value) -> Option<(Wheel, f64)> {
+    let times = &estimate["rollover"]["time_to_lift_s"];
+    let wheels = Wheel::ALL.into_iter();
+    let known = wheels.filter_map(|wheel| Some((wheel, times[wheel.index()].as_f64()?)));
+    known.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Size in bytes as text.
+pub fn size(bytes: f64) -> String {
+    match bytes {
+        b if b < 1e6 => format!("{:.1} kB", b / 1e3),
+        b if b < 1e9 => format!("{:.1} MB", b / 1e6),
+        b => format!("{:.2} GB", b / 1e9),
+    }
+}
+
+/// Name of an event's kind.
+pub fn event_text(event: &Value) -> Cow<'_, str> {
+    text(&event["text"])
+}
+
+/// The state in one line.
+pub fn line(status: &Value) -> String {
+    let mut line = text(&status["writing"]).into_owned();
+    if let Some(since_s) = status["since_s"].as_f64() {
+        let _ = write!(line, " {}", duration(since_s));
+    }
+    let disk = &status["disk"];
+    let _ = write!(line, " | {}", size(disk["bytes"].as_f64().unwrap_or(0.0)));
+    if let Some(lasts_s) = disk["lasts_s"].as_f64() {
+        let _ = write!(line, ", disk {}", duration(lasts_s));
+    }
+    let sources = status["sources"].as_array();
+    let silent: Vec<_> = sources
+        .into_iter()
+        .flatten()
+        .filter(|source| source["age_s"].as_f64().is_none_or(|age| age > 1.0))
+        .map(|source| text(&source["name"]))
+        .filter(|name| name != "recorder")
+        .collect();
+    if !silent.is_empty() {
+        let _ = write!(line, " | silent: {}", silent.join(", "));
+    }
+    match recent(status) {
+        Some(estimate) => {
+            let load = |wheel: usize| number(&estimate["carrier"][wheel]["force_n"][2], 0);
+            let motion = &estimate["motion"];
+            let _ = write!(
+                line,
+                " | F_z {} {} {} {} N, LTR {}, {} m/s",
+                load(0),
+                load(1),
+                load(2),
+                load(3),
+                number(&estimate["rollover"]["load_transfer_ratio"], 2),
+                number(&motion["velocity_x_m_s"], 1),
+            );
+        }
+        None => line.push_str(" | no estimate"),
+    }
+    let lost = status["lost"].as_object().into_iter().flatten();
+    let lost: u64 = lost.filter_map(|(_, count)| count.as_u64()).sum();
+    if lost > 0 {
+        let _ = write!(line, " | {lost} lost");
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn status() -> Value {
+        json!({
+            "now_ns": 10_000_000_000_u64,
+            "writing": "recording",
+            "since_s": 75.0,
+            "sources": [
+                {"name": "imu", "age_s": 0.01},
+                {"name": "can0", "age_s": 3.0},
+                {"name": "recorder", "age_s": null},
+            ],
+            "lost": {"device": 0},
+            "disk": {"bytes": 2_500_000, "lasts_s": 36_000.0},
+            "estimate": {
+                "time": 9_990_000_000_u64,
+                "motion": {"velocity_x_m_s": 8.04},
+                "carrier": [
+                    {"force_n": [0.0, 0.0, 1000.4]}, {"force_n": [0.0, 0.0, 1100.0]},
+                    {"force_n": [0.0, 0.0, 900.0]}, {"force_n": [null, null, null]},
+                ],
+                "rollover": {
+                    "load_transfer_ratio": 0.05,
+                    "time_to_lift_s": [2.0, null, 0.5, null],
+                },
+            },
+        })
+    }
+
+    #[test]
+    fn the_line_has_state_size_silence_and_forces() {
+        let mut status = status();
+        assert_eq!(
+            line(&status),
+            "recording 75.0 s | 2.5 MB, disk 10.0 h | silent: can0 | F_z 1000 1100 900 – N, LTR \
+             0.05, 8.0 m/s"
+        );
+        status["now_ns"] = json!(12_000_000_000_u64);
+        assert!(line(&status).ends_with("| no estimate"));
+    }
+
+    #[test]
+    fn the_first_wheel_to_lift_is_found() {
+        let status = status();
+        let found = least_lift(&status["estimate"]);
+        assert_eq!(found, Some((Wheel::RearLeft, 0.5)));
+    }
+}
