@@ -97,6 +97,15 @@ pub enum Command {
     Mark(MarkArgs),
     /// Show the state of the running recorder.
     Status(StatusArgs),
+    /// Show the running recorder in a browser, in Foxglove and in Lichtblick.
+    ///
+    /// The process listens on the network; the recorder does not. It also sends the datagrams of
+    /// output.udp.
+    #[cfg(feature = "live")]
+    Live(LiveArgs),
+    /// Show the running recorder in the terminal.
+    #[cfg(feature = "live")]
+    Top(TopArgs),
     /// Start writing logs in the running recorder.
     Start(ControlArgs),
     /// Stop writing logs in the running recorder.
@@ -168,6 +177,15 @@ pub struct ReplayArgs {
     /// Replay at this multiple of real time instead of at full speed.
     #[arg(long, value_name = "FACTOR", value_parser = number::rate, allow_negative_numbers = true)]
     pub rate: Option<f64>,
+    /// Play the log to a browser, Foxglove and Lichtblick, with pause, position and speed, until the
+    /// program is stopped. The speed at the beginning is --rate [default: 1].
+    #[cfg(feature = "live")]
+    #[arg(long, conflicts_with_all = ["output", "verify", "smooth", "json"])]
+    pub live: bool,
+    /// Address and port of the server with --live.
+    #[cfg(feature = "live")]
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
+    pub listen: Option<std::net::SocketAddr>,
     /// Compare every message that was decoded or estimated while recording with the repeated one,
     /// bit by bit. The exit code is 1 if one differs.
     #[arg(long)]
@@ -271,6 +289,10 @@ pub struct DemoArgs {
     /// Seed of the sensor noise.
     #[arg(long, default_value_t = 1, value_parser = number::seed, allow_negative_numbers = true)]
     pub seed: u64,
+    /// Do not serve the live page.
+    #[cfg(feature = "live")]
+    #[arg(long)]
+    pub no_live: bool,
     /// Whether outputs may replace files.
     #[command(flatten)]
     pub replace: Replace,
@@ -600,6 +622,34 @@ pub struct StatusArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `atvrec live`.
+#[cfg(feature = "live")]
+#[derive(Debug, Args)]
+pub struct LiveArgs {
+    /// Recorder.
+    #[command(flatten)]
+    pub socket: SocketArgs,
+    /// Listen on this address and port instead of live.address of the configuration. Other addresses
+    /// than those of loopback need a token.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<std::net::SocketAddr>,
+    /// File with the token, instead of live.token_file of the configuration.
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+}
+
+/// `atvrec top`.
+#[cfg(feature = "live")]
+#[derive(Debug, Args)]
+pub struct TopArgs {
+    /// Recorder.
+    #[command(flatten)]
+    pub socket: SocketArgs,
+    /// Show the state once and exit.
+    #[arg(long)]
+    pub once: bool,
 }
 
 /// `atvrec link`.

@@ -11,6 +11,8 @@ pub mod identify;
 pub mod import;
 pub mod info;
 pub mod link;
+#[cfg(feature = "live")]
+pub mod live;
 pub mod man;
 pub mod record;
 pub mod recover;
@@ -18,4 +20,6 @@ pub mod replay;
 pub mod report;
 pub mod score;
 pub mod simulate;
+#[cfg(feature = "live")]
+pub mod top;
 pub mod virtual_;

@@ -65,6 +65,10 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Identify(command) => cmd::identify::run(&command),
         Command::Mark(args) => cmd::control::mark(&args),
         Command::Status(args) => cmd::control::status(&args),
+        #[cfg(feature = "live")]
+        Command::Live(args) => cmd::live::run(&args),
+        #[cfg(feature = "live")]
+        Command::Top(args) => cmd::top::run(&args),
         Command::Start(args) => cmd::control::command(&args, &Request::Start),
         Command::Stop(args) => cmd::control::command(&args, &Request::Stop),
         Command::Reload(args) => cmd::control::command(&args, &Request::Reload),

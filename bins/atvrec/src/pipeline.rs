@@ -199,6 +199,12 @@ pub async fn record(
     Ok(summary)
 }
 
+/// Tells the service manager that the program is ready.
+#[cfg(feature = "live")]
+pub fn ready() {
+    notify(&[sd_notify::NotifyState::Ready]);
+}
+
 /// Opens the control socket. If that fails, the recording continues without a socket.
 fn open_control(paths: &[PathBuf]) -> Option<Listener> {
     match Listener::open(paths) {

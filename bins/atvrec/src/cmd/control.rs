@@ -1,6 +1,5 @@
 //! `atvrec mark`, `status`, `start`, `stop` and `reload`: requests to the running recorder.
 
-use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
@@ -8,12 +7,14 @@ use std::time::Duration;
 
 use anyhow::Context;
 use engine::Config;
+use sample::Wheel;
 use sample::text::{printable, printable_lines};
 use serde_json::Value;
 
 use crate::cli::{ControlArgs, MarkArgs, SocketArgs, StatusArgs};
 use crate::control::{self, Request};
 use crate::exit::Outcome;
+use crate::values::{self, text};
 
 /// Timeout of a response.
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -57,7 +58,8 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<Outcome> {
     })
 }
 
-fn send(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
+/// Sends a request and returns the response.
+pub fn send(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
     let mut stream = connect(socket)?;
     let timeout = match request {
         Request::Mark { .. } | Request::Status => TIMEOUT,
@@ -87,19 +89,27 @@ fn send(socket: &SocketArgs, request: &Request) -> anyhow::Result<Value> {
     Ok(response)
 }
 
+/// Possible control sockets of the recorder.
+pub fn control_paths(socket: &SocketArgs) -> anyhow::Result<Vec<PathBuf>> {
+    match &socket.socket {
+        Some(path) => Ok(vec![path.clone()]),
+        None => Ok(control::paths(&with_socket(socket)?)),
+    }
+}
+
+/// Configuration of the recorder.
+pub fn with_socket(socket: &SocketArgs) -> anyhow::Result<Config> {
+    let mut config = Config::load(&configuration(socket))
+        .context("cannot find the running recorder; select it with --config or --socket")?;
+    if let Some(directory) = &socket.directory {
+        config.storage.directory.clone_from(directory);
+    }
+    Ok(config)
+}
+
 /// Connects to the first of the recorder's possible sockets that accepts the connection.
 fn connect(socket: &SocketArgs) -> anyhow::Result<UnixStream> {
-    let paths = match &socket.socket {
-        Some(path) => vec![path.clone()],
-        None => {
-            let mut config = Config::load(&configuration(socket))
-                .context("cannot find the running recorder; select it with --config or --socket")?;
-            if let Some(directory) = &socket.directory {
-                config.storage.directory.clone_from(directory);
-            }
-            control::paths(&config)
-        }
-    };
+    let paths = control_paths(socket)?;
     let mut reasons = Vec::new();
     for path in &paths {
         match UnixStream::connect(path) {
@@ -123,15 +133,14 @@ fn configuration(socket: &SocketArgs) -> PathBuf {
     }
 }
 
-/// A text of the response in one line.
-fn text(value: &Value) -> Cow<'_, str> {
-    printable(value.as_str().unwrap_or_default())
-}
-
 fn print(response: &Value) {
+    print!("{}", text(&response["writing"]));
+    if let Some(since_s) = response["since_s"].as_f64() {
+        print!(" for {}", values::duration(since_s));
+    }
     println!(
-        "{}, {} arrivals",
-        text(&response["writing"]),
+        ", in {}, {} arrivals",
+        text(&response["directory"]),
         response["arrivals"]
     );
     if let Some(kept_s) = response["memory_s"].as_f64() {
@@ -140,22 +149,95 @@ fn print(response: &Value) {
     print_disk(&response["disk"]);
     print_losses(response);
     print_retention(&response["retention"]);
-    for source in response["sources"].as_array().into_iter().flatten() {
+    print_sources(response);
+    print_estimate(response);
+    for name in response["faulty_sensors"].as_array().into_iter().flatten() {
+        println!("  excluded by the estimator: {}", text(name));
+    }
+    print_outputs(response);
+    for event in response["events"].as_array().into_iter().flatten() {
+        let age = values::age_s(response, &event["time"]).unwrap_or_default();
+        println!("  {} ago: {}", values::duration(age), text(&event["text"]));
+    }
+}
+
+fn print_sources(response: &Value) {
+    let sources = response["sources"].as_array();
+    for source in sources.into_iter().flatten() {
+        let rate = &source["rate_hz"];
+        let age = source["age_s"].as_f64();
         println!(
-            "  {:<14}{:<10}{:>10} items {:>12} bytes  {}",
+            "  {:<14}{:<8}{:>8}/s {:>9} old {:>10} items {:>12} bytes  {}",
             text(&source["name"]),
             if source["open"] == true {
                 "open"
             } else {
                 "closed"
             },
+            values::number(rate, 0),
+            age.map_or_else(|| "–".to_owned(), values::duration),
             source["items"],
             source["bytes"],
             text(&source["state"]),
         );
     }
-    for name in response["faulty_sensors"].as_array().into_iter().flatten() {
-        println!("  excluded by the estimator: {}", text(name));
+}
+
+fn print_estimate(response: &Value) {
+    let Some(estimate) = values::recent(response) else {
+        println!("no estimate at present");
+        return;
+    };
+    let motion = &estimate["motion"];
+    println!(
+        "speed {} m/s, roll {}°, pitch {}°, load-transfer ratio {} ± {}",
+        values::number(&motion["velocity_x_m_s"], 1),
+        values::degrees(&motion["roll_rad"]),
+        values::degrees(&motion["pitch_rad"]),
+        values::number(&estimate["rollover"]["load_transfer_ratio"], 3),
+        values::number(&estimate["rollover"]["load_transfer_ratio_sigma"], 3),
+    );
+    if let Some((wheel, time_s)) = values::least_lift(estimate) {
+        println!("  {wheel} lifts in {time_s:.2} s if its load keeps falling");
+    }
+    for wheel in Wheel::ALL {
+        let force = &estimate["carrier"][wheel.index()];
+        let axis = |n: usize| {
+            let value = values::number(&force["force_n"][n], 0);
+            format!("{value:>6} ± {:>4}", values::number(&force["sigma_n"][n], 0))
+        };
+        println!(
+            "  {wheel}  F_x {} N   F_y {} N   F_z {} N",
+            axis(0),
+            axis(1),
+            axis(2)
+        );
+    }
+}
+
+fn print_outputs(response: &Value) {
+    let can = &response["output_can"];
+    if can.is_object() {
+        println!(
+            "output.can: {} sets of frames sent, {} of them stale, {} frames lost, latency {} ms \
+             (99 %: {} ms){}",
+            can["sets"],
+            can["stale_sets"],
+            can["lost_frames"],
+            values::number(&can["latency_median_ms"], 1),
+            values::number(&can["latency_99_ms"], 1),
+            match &*text(&can["problem"]) {
+                "" => String::new(),
+                problem => format!("; it does not send at present: {problem}"),
+            }
+        );
+    }
+    let tap = &response["tap"];
+    if tap["clients"].as_u64().is_some_and(|count| count > 0) || tap["lost"] != 0 {
+        println!(
+            "live: {} clients of the tap, {} records left out for slow ones",
+            tap["clients"], tap["lost"]
+        );
     }
 }
 
@@ -171,6 +253,7 @@ fn print_disk(disk: &Value) {
     );
     println!("  {}", text(&disk["estimate"]));
 }
+
 fn print_retention(retention: &Value) {
     if retention["removed"].as_u64().is_some_and(|count| count > 0) {
         println!(

@@ -162,6 +162,10 @@ fn replay_args(files: &[PathBuf]) -> ReplayArgs {
         changes: ReplayChanges::default(),
         smooth: false,
         verify: true,
+        #[cfg(feature = "live")]
+        live: false,
+        #[cfg(feature = "live")]
+        listen: None,
         json: false,
     }
 }

@@ -21,6 +21,11 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Some(path) => Config::load(path)?,
         None => changes(&args.changes).configuration(reader.attachments()?)?,
     };
+    #[cfg(feature = "live")]
+    if args.live {
+        let rate = args.rate.unwrap_or(1.0);
+        return super::live::replay(args.logs.clone(), config, rate, args.listen);
+    }
     let begin = Instant::now();
     let options = ReplayOptions {
         smooth: args.smooth,

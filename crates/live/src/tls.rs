@@ -1,0 +1,215 @@
+//! Connections with and without TLS, and their limits.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use rustls_pki_types::pem::PemObject;
+use rustls_pki_types::{CertificateDer, PrivateKeyDer};
+use tokio::io::{AsyncRead, AsyncWrite, AsyncWriteExt, ReadBuf};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, Sleep, sleep, timeout};
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::ServerConfig;
+use tokio_rustls::server::TlsStream;
+
+use crate::server::Error;
+
+/// Time for a TLS handshake.
+const HANDSHAKE: Duration = Duration::from_secs(5);
+/// Time without a byte of the client after which a connection is closed. The server pings clients of
+/// websockets, so that these send more often.
+const SILENCE: Duration = Duration::from_secs(30);
+/// Answer to a connection above the limit.
+const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\nconnection: close\r\n\r\nthe server has as many connections as it may have; close another page or raise live.clients_max\n";
+
+/// TLS with a certificate chain and its key.
+///
+/// # Errors
+/// If the files cannot be read, or do not fit together.
+pub(crate) fn acceptor(certificate: &PathBuf, key: &PathBuf) -> Result<TlsAcceptor, Error> {
+    let error = |path: &PathBuf, cause: String| Error::Certificate {
+        path: path.clone(),
+        cause,
+    };
+    let chain: Vec<CertificateDer<'static>> = CertificateDer::pem_file_iter(certificate)
+        .and_then(Iterator::collect)
+        .map_err(|cause| error(certificate, cause.to_string()))?;
+    let private =
+        PrivateKeyDer::from_pem_file(key).map_err(|cause| error(key, cause.to_string()))?;
+    let mut config = ServerConfig::builder()
+        .with_no_client_auth()
+        .with_single_cert(chain, private)
+        .map_err(|cause| error(certificate, cause.to_string()))?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(TlsAcceptor::from(Arc::new(config)))
+}
+
+/// Accepts connections up to a limit.
+pub(crate) struct Listener {
+    address: SocketAddr,
+    ready: mpsc::Receiver<(Connection, SocketAddr)>,
+}
+
+impl Listener {
+    /// Accepts from `tcp`, at most `limit` connections at the same time.
+    pub(crate) fn start(
+        tcp: TcpListener,
+        tls: Option<TlsAcceptor>,
+        limit: usize,
+    ) -> io::Result<Self> {
+        let address = tcp.local_addr()?;
+        let (sender, ready) = mpsc::channel(8);
+        tokio::spawn(accept(tcp, tls, limit, sender));
+        Ok(Self { address, ready })
+    }
+}
+
+async fn accept(
+    tcp: TcpListener,
+    tls: Option<TlsAcceptor>,
+    limit: usize,
+    sender: mpsc::Sender<(Connection, SocketAddr)>,
+) {
+    let open = Arc::new(AtomicUsize::new(0));
+    loop {
+        let (mut stream, peer) = match tcp.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                tracing::warn!(%error, "cannot accept a connection; the next attempt is in 1 s");
+                sleep(Duration::from_secs(1)).await;
+                continue;
+            }
+        };
+        let place = Place::take(&open, limit);
+        let (tls, sender) = (tls.clone(), sender.clone());
+        tokio::spawn(async move {
+            let Some(place) = place else {
+                // The client may have left.
+                let _ = timeout(HANDSHAKE, stream.write_all(BUSY)).await;
+                return;
+            };
+            // Without it, small messages wait for acknowledgements.
+            let _ = stream.set_nodelay(true);
+            let stream = match tls {
+                None => Stream::Plain(stream),
+                Some(tls) => match timeout(HANDSHAKE, tls.accept(stream)).await {
+                    Ok(Ok(stream)) => Stream::Tls(Box::new(stream)),
+                    _ => return,
+                },
+            };
+            let connection = Connection {
+                stream,
+                silence: Box::pin(sleep(SILENCE)),
+                _place: place,
+            };
+            // Fails only when the server ends.
+            let _ = sender.send((connection, peer)).await;
+        });
+    }
+}
+
+impl axum::serve::Listener for Listener {
+    type Io = Connection;
+    type Addr = SocketAddr;
+
+    async fn accept(&mut self) -> (Self::Io, Self::Addr) {
+        match self.ready.recv().await {
+            Some(accepted) => accepted,
+            None => std::future::pending().await,
+        }
+    }
+
+    fn local_addr(&self) -> io::Result<Self::Addr> {
+        Ok(self.address)
+    }
+}
+
+/// One of the limited places of connections.
+struct Place(Arc<AtomicUsize>);
+
+impl Place {
+    fn take(open: &Arc<AtomicUsize>, limit: usize) -> Option<Self> {
+        let taken = open.fetch_update(Ordering::AcqRel, Ordering::Acquire, |count| {
+            (count < limit).then_some(count + 1)
+        });
+        taken.ok().map(|_| Self(Arc::clone(open)))
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// A connection, which ends if the client is silent.
+pub(crate) struct Connection {
+    stream: Stream,
+    silence: Pin<Box<Sleep>>,
+    _place: Place,
+}
+
+enum Stream {
+    Plain(TcpStream),
+    Tls(Box<TlsStream<TcpStream>>),
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let polled = match &mut self.stream {
+            Stream::Plain(stream) => Pin::new(stream).poll_read(context, buffer),
+            Stream::Tls(stream) => Pin::new(stream).poll_read(context, buffer),
+        };
+        if polled.is_ready() {
+            self.silence.as_mut().reset(Instant::now() + SILENCE);
+            return polled;
+        }
+        match self.silence.as_mut().poll(context) {
+            Poll::Ready(()) => Poll::Ready(Err(io::ErrorKind::TimedOut.into())),
+            Poll::Pending => Poll::Pending,
+        }
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let polled = match &mut self.stream {
+            Stream::Plain(stream) => Pin::new(stream).poll_write(context, bytes),
+            Stream::Tls(stream) => Pin::new(stream).poll_write(context, bytes),
+        };
+        // A client that does not read is silent, too.
+        if polled.is_pending() && self.silence.as_mut().poll(context).is_ready() {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
+        polled
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        match &mut self.stream {
+            Stream::Plain(stream) => Pin::new(stream).poll_flush(context),
+            Stream::Tls(stream) => Pin::new(stream).poll_flush(context),
+        }
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        match &mut self.stream {
+            Stream::Plain(stream) => Pin::new(stream).poll_shutdown(context),
+            Stream::Tls(stream) => Pin::new(stream).poll_shutdown(context),
+        }
+    }
+}
