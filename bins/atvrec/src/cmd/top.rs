@@ -88,7 +88,7 @@ fn screen(status: &Value, (width, height): (u16, u16)) -> anyhow::Result<String>
 }
 
 fn draw(frame: &mut Frame<'_>, status: &Value) {
-    let sources = status["sources"].as_array().map_or(0, Vec::len) as u16;
+    let sources = sources(status).count() as u16;
     let [head, wheels, motion, table, events] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(6),
@@ -182,35 +182,45 @@ fn motion_lines(status: &Value) -> Vec<Line<'static>> {
     };
     let (motion, rollover) = (&estimate["motion"], &estimate["rollover"]);
     let parameters = &status["parameters"];
-    let grip = |axle: &str| {
+    let used = |axle: &str| {
         format!(
-            "{} ± {}, at least {}",
+            "{} ± {}",
             values::number(&parameters[axle]["utilisation"], 2),
             values::number(&parameters[axle]["utilisation_sigma"], 2),
-            values::number(&parameters[axle]["friction_min"], 2)
         )
     };
+    let least = |axle: &str| values::number(&parameters[axle]["friction_min"], 2);
     vec![
         Line::raw(format!(
-            "speed {} m/s  roll {}°  pitch {}°  sideslip {}°  load-transfer ratio {} ± {}",
+            "speed {} m/s   roll {}°   pitch {}°   sideslip {}°",
             values::number(&motion["velocity_x_m_s"], 1),
             values::degrees(&motion["roll_rad"]),
             values::degrees(&motion["pitch_rad"]),
             values::degrees(&motion["sideslip_rad"]),
-            values::number(&rollover["load_transfer_ratio"], 2),
-            values::number(&rollover["load_transfer_ratio_sigma"], 2),
         )),
         Line::raw(format!(
-            "friction used: front {}",
-            grip("front")
+            "load-transfer ratio {} ± {}   grip at least: front {}, rear {}",
+            values::number(&rollover["load_transfer_ratio"], 2),
+            values::number(&rollover["load_transfer_ratio_sigma"], 2),
+            least("front"),
+            least("rear"),
         )),
-        Line::raw(format!("               rear  {}", grip("rear"))),
+        Line::raw(format!(
+            "friction used: front {}, rear {}",
+            used("front"),
+            used("rear")
+        )),
     ]
 }
 
+/// The sources, without the recorder itself.
+fn sources(status: &Value) -> impl Iterator<Item = &Value> {
+    let all = status["sources"].as_array().into_iter().flatten();
+    all.filter(|source| source["name"] != "recorder")
+}
+
 fn draw_sources(frame: &mut Frame<'_>, area: Rect, status: &Value) {
-    let sources = status["sources"].as_array().into_iter().flatten();
-    let rows = sources.map(|source| {
+    let rows = sources(status).map(|source| {
         let age = source["age_s"].as_f64();
         Row::new([
             text(&source["name"]).into_owned(),
