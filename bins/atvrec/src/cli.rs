@@ -281,7 +281,7 @@ pub struct DemoArgs {
     #[arg(short, long, value_name = "DIR")]
     pub directory: Option<PathBuf>,
     /// Manoeuvre of the drive.
-    #[arg(long, default_value = "slow-sine", value_name = "NAME", value_parser = manoeuvres())]
+    #[arg(long, default_value = "trail", value_name = "NAME", value_parser = manoeuvres())]
     pub manoeuvre: String,
     /// Duration of the drive in real time.
     #[arg(long = "for", default_value = "25", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]

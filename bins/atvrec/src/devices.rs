@@ -6,16 +6,20 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use acq::{Heard, VirtualPort};
+use acq::{Heard, LogClock, VirtualPort};
 use anyhow::Context;
 use engine::VirtualDrive;
-use sample::CanFrame;
+use engine::estimator::GRID_NANOS;
+use sample::{CanFrame, LogTime};
 use sim::{Output, Port};
+use store::Record;
 use wire::crossbow440::{Field, encode_packet};
 use wire::slcan;
 
 /// Longest time between two reads of the recorder's commands.
 const POLL_PERIOD: Duration = Duration::from_millis(2);
+/// Delay of the program from which the computer has stalled.
+const STALL: Duration = Duration::from_millis(20);
 /// Bytes of a read.
 const READ_BYTES: usize = 512;
 /// Longest command to the inertial unit, bytes.
@@ -65,6 +69,69 @@ struct Adapter {
     stamps: bool,
 }
 
+/// Times at which the computer did not run this program.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stalls {
+    /// Number of stalls.
+    pub count: u64,
+    /// The longest one.
+    pub longest: Duration,
+    is_late: bool,
+}
+
+impl Stalls {
+    fn add(&mut self, late: Duration) {
+        let is_late = late >= STALL;
+        self.count += u64::from(is_late && !self.is_late);
+        self.is_late = is_late;
+        if is_late {
+            self.longest = self.longest.max(late);
+        }
+    }
+}
+
+/// Passes the truth to a recording, at the instants of its estimates.
+pub struct TruthSink {
+    /// Clock of the recording.
+    pub clock: LogClock,
+    /// Queue of the records.
+    pub queue: tokio::sync::mpsc::Sender<Record>,
+    start: LogTime,
+    next: LogTime,
+}
+
+impl TruthSink {
+    /// Sink of a recording.
+    pub const fn new(clock: LogClock, queue: tokio::sync::mpsc::Sender<Record>) -> Self {
+        Self {
+            clock,
+            queue,
+            start: LogTime(0),
+            next: LogTime(0),
+        }
+    }
+
+    fn begin(&mut self) {
+        self.start = self.clock.now();
+        let spacing = GRID_NANOS;
+        self.next = LogTime(self.start.0.div_ceil(spacing) * spacing);
+    }
+
+    /// Passes the truth up to a time of the drive.
+    fn until(&mut self, time_s: f64, simulated: &VirtualDrive) {
+        let until = self.start.offset_seconds(time_s);
+        while self.next <= until {
+            let mut record = simulated.truth(self.next.seconds_since(self.start));
+            if let Record::Truth { time, .. } = &mut record {
+                *time = self.next;
+            }
+            // Fails only when the recording ends.
+            let _ = self.queue.try_send(record);
+            self.next = LogTime(self.next.0 + GRID_NANOS);
+        }
+    }
+}
+
 /// Counters of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sent {
@@ -109,23 +176,29 @@ impl Devices {
     }
 
     /// Sends the data of the virtual drive in real time until its end or until `stop` is set. Frames
-    /// without a device are passed to `bus`.
+    /// without a device are passed to `bus`, and the truth to `truth`, if there is a place for it.
+    /// Returns how long the computer has stalled.
     pub fn drive(
         &mut self,
         simulated: &mut VirtualDrive,
         stop: &AtomicBool,
         bus: &mut dyn FnMut(&CanFrame) -> anyhow::Result<()>,
-    ) -> anyhow::Result<()> {
+        mut truth: Option<TruthSink>,
+    ) -> anyhow::Result<Stalls> {
         let start = Instant::now();
         let duration_s = simulated.duration_s();
-        for emission in simulated.vehicle.by_ref() {
+        let mut stalls = Stalls::default();
+        if let Some(truth) = &mut truth {
+            truth.begin();
+        }
+        while let Some(emission) = simulated.vehicle.next() {
             if emission.time_s > duration_s {
                 break;
             }
             let due = start + Duration::from_secs_f64(emission.time_s);
             loop {
                 if stop.load(Ordering::Relaxed) {
-                    return Ok(());
+                    return Ok(stalls);
                 }
                 self.poll()?;
                 let remaining = due.saturating_duration_since(Instant::now());
@@ -133,6 +206,10 @@ impl Devices {
                     break;
                 }
                 std::thread::sleep(remaining.min(POLL_PERIOD));
+            }
+            stalls.add(due.elapsed());
+            if let Some(truth) = &mut truth {
+                truth.until(emission.time_s, simulated);
             }
             let device = self
                 .devices
@@ -144,7 +221,7 @@ impl Devices {
                 (None, Output::Bytes(_)) => {}
             }
         }
-        Ok(())
+        Ok(stalls)
     }
 
     /// Reads and answers the commands of recorders.

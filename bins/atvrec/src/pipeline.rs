@@ -113,8 +113,10 @@ pub struct Extras<'a> {
     pub reload: Option<Reload<'a>>,
     /// Control sockets at which the recorder is found too, if no other recorder has them.
     pub also_found_at: Vec<PathBuf>,
-    /// Truth of a simulation, each with the instant at which it is true.
-    pub truth: Option<mpsc::Receiver<(Instant, Record)>>,
+    /// Truth of a simulation, with times of the log clock.
+    pub truth: Option<mpsc::Receiver<Record>>,
+    /// Receives the log clock at the start.
+    pub clock: Option<std::sync::mpsc::Sender<LogClock>>,
     /// Whether the state is shown as a line on the terminal.
     pub shows_line: bool,
 }
@@ -134,6 +136,10 @@ pub async fn record(
     let (trigger_events, mut triggers) = mpsc::channel(TRIGGER_QUEUE);
     let mut controller = RecordingController::new(config, extras.reload, trigger_events, folder)?;
     controller.start().await?;
+    if let Some(clock) = &extras.clock {
+        // A receiver that has gone needs no clock.
+        let _ = clock.send(*controller.sequencer.clock());
+    }
     // The sockets are opened after the start: a client that finds them finds a recorder that records.
     let listener = open_control(&sockets);
     let also = match extras.also_found_at.is_empty() {
@@ -235,19 +241,12 @@ async fn serve_tap(tap: Tap, paths: Vec<PathBuf>) {
     }
 }
 
-/// Writes the truth of a simulation at its time on the log clock.
-async fn write_truth(
-    truth: Option<mpsc::Receiver<(Instant, Record)>>,
-    handler: ControlHandler,
-) {
+/// Writes the truth of a simulation.
+async fn write_truth(truth: Option<mpsc::Receiver<Record>>, handler: ControlHandler) {
     let Some(mut truth) = truth else {
         return;
     };
-    while let Some((instant, mut record)) = truth.recv().await {
-        if let Record::Truth { time, .. } = &mut record {
-            let ago_s = instant.elapsed().as_secs_f64();
-            *time = handler.sequencer.clock().now().offset_seconds(-ago_s);
-        }
+    while let Some(record) = truth.recv().await {
         handler.tap.push(&record);
         if let Some(recorder) = handler.status.recorder() {
             recorder.record(record);

@@ -4,6 +4,7 @@
 //! and the same arrivals give the same records, bit for bit. Its time is the log time of the arrivals,
 //! among which are ticks, so that time also advances without data.
 
+mod adapter;
 mod can;
 mod clock;
 mod source;

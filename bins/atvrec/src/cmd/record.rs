@@ -34,7 +34,7 @@ pub fn run(args: &RecordArgs, quiet: bool) -> anyhow::Result<Outcome> {
             None => Vec::new(),
         },
         shows_line: !quiet && std::io::stderr().is_terminal(),
-        truth: None,
+        ..Extras::default()
     };
     let config = with_directory(config);
     let extras = Extras {

@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Context;
 use engine::{Ports, VirtualDrive};
 
+use sample::CanFrame;
+
 use crate::cli::VirtualArgs;
 use crate::devices::Devices;
 use crate::exit::Outcome;
@@ -43,10 +45,11 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
     let stop = Arc::new(AtomicBool::new(false));
     stop_on_signals(Arc::clone(&stop))?;
     loop {
-        devices.drive(&mut simulated, &stop, &mut |frame| match &mut bus {
+        let mut send = |frame: &CanFrame| match &mut bus {
             Some(bus) => Ok(bus.send(frame)?),
             None => Ok(()),
-        })?;
+        };
+        devices.drive(&mut simulated, &stop, &mut send, None)?;
         if !args.repeat || stop.load(Ordering::Relaxed) {
             break;
         }

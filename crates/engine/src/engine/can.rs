@@ -50,16 +50,19 @@ pub struct Arrived {
     pub realtime_ns: i64,
     /// Delay from the end of a frame on the bus to its kernel stamp, s.
     pub transport_delay_s: f64,
+    /// How late the frame is by the stamps of the adapter, ns.
+    pub late_ns: i64,
 }
 
 impl Arrived {
-    /// Time of a frame: the kernel's stamp, converted from the wall clock to the log clock.
+    /// Time of a frame: the kernel's stamp, converted from the wall clock to the log clock. Without
+    /// one, the arrival, or of a late frame its own time by the adapter's stamp.
     fn instant_of(&self, frame: &CanFrame) -> LogTime {
         let delay_ns = frame
             .kernel_ns
             .map(|kernel_ns| self.realtime_ns - kernel_ns)
             .filter(|delay_ns| (0..=KERNEL_DELAY_MAX_NS).contains(delay_ns))
-            .unwrap_or(0);
+            .unwrap_or(self.late_ns);
         self.log_time
             .offset_nanos(-delay_ns)
             .offset_seconds(-self.transport_delay_s)
@@ -280,6 +283,7 @@ mod tests {
             log_time: LogTime(1_000_000_000),
             realtime_ns: 0,
             transport_delay_s: 0.0,
+            late_ns: 0,
         };
         let mut samples = Vec::new();
         CanDecoder::new(&meaning, scales).push(&arrived, &frame, &mut samples);

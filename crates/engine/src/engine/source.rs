@@ -8,6 +8,7 @@ use store::{ClockFit as ClockRecord, Losses, UtcOffset};
 use wire::gps_time::{GPS_EPOCH_UNIX_S, SECONDS_PER_DAY};
 use wire::{Item, Protocol, Statistics};
 
+use super::adapter::AdapterClock;
 use super::can::{Arrived, CanDecoder, Scales};
 use super::clock::{ClockFit, Scale};
 use super::utc::UtcClock;
@@ -33,6 +34,7 @@ pub struct SourceState {
     opened: u64,
     bytes: u64,
     frames: u64,
+    adapter: AdapterClock,
 }
 
 enum Decoder {
@@ -111,6 +113,7 @@ impl SourceState {
             opened: 0,
             bytes: 0,
             frames: 0,
+            adapter: AdapterClock::default(),
         })
     }
 
@@ -139,10 +142,15 @@ impl SourceState {
             log_time: arrival.log_time,
             realtime_ns: arrival.realtime_ns,
             transport_delay_s: self.timing.transport_delay_s,
+            late_ns: 0,
         };
         if let Decoder::Can(decoder) = &self.decoder {
             for frame in frames {
-                decoder.push(&arrived, frame, sink);
+                let stamp_ns = frame.hardware_ns.filter(|_| frame.kernel_ns.is_none());
+                let late_ns = stamp_ns.map_or(0, |stamp_ns| {
+                    self.adapter.lateness_ns(arrival.log_time, stamp_ns)
+                });
+                decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
             }
         }
     }
