@@ -146,7 +146,10 @@ pub async fn record(
         true => None,
         false => Listener::open(&extras.also_found_at).ok(),
     };
-    let tap = tokio::spawn(serve_tap(controller.tap.clone(), control::tap_paths(&sockets)));
+    let tap = tokio::spawn(serve_tap(
+        controller.tap.clone(),
+        control::tap_paths(&sockets),
+    ));
     notify(&[sd_notify::NotifyState::Ready]);
     controller.check_folder();
 
@@ -159,7 +162,10 @@ pub async fn record(
     let truth = tokio::spawn(write_truth(extras.truth, handler.clone()));
     let line = tokio::spawn(show_line(extras.shows_line, handler.clone()));
     let mut serving = Box::pin(async {
-        tokio::join!(serve(listener, handler.clone()), serve(also, handler.clone()));
+        tokio::join!(
+            serve(listener, handler.clone()),
+            serve(also, handler.clone())
+        );
     });
     let watchdog = tokio::spawn(controller.heartbeats.clone().watch());
     let mut stop = std::pin::pin!(stop);

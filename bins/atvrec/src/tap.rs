@@ -124,7 +124,10 @@ impl Tap {
 
     fn admit(&self, stream: UnixStream) -> anyhow::Result<()> {
         if self.clients() >= CLIENTS_MAX {
-            tracing::warn!(limit = CLIENTS_MAX, "tap: a client is refused: too many clients");
+            tracing::warn!(
+                limit = CLIENTS_MAX,
+                "tap: a client is refused: too many clients"
+            );
             return Ok(());
         }
         stream.set_nonblocking(false)?;

@@ -48,9 +48,10 @@ pub fn number(value: &Value, decimals: usize) -> String {
 
 /// An angle in degrees.
 pub fn degrees(value: &Value) -> String {
-    value
-        .as_f64()
-        .map_or_else(|| "–".to_owned(), |value| format!("{:.1}", value.to_degrees()))
+    value.as_f64().map_or_else(
+        || "–".to_owned(),
+        |value| format!("{:.1}", value.to_degrees()),
+    )
 }
 
 /// Least time until a wheel lifts and which wheel; `None` if none falls.

@@ -36,8 +36,8 @@ mod virtual_port;
 pub use sample;
 
 pub use can_sender::CanSender;
-pub use frame_sender::FrameSender;
 pub use clock::{LogClock, Reading};
+pub use frame_sender::FrameSender;
 pub use link::LinkSpec;
 pub use sequencer::{QueueSizes, RingLimits, Sequencer, SourceCounters, Streams};
 pub use spec::{

@@ -64,7 +64,9 @@ impl Refusal {
                 "open the page once with ?token=TOKEN behind its address; the token is in the file \
                  live.token_file of the configuration\n"
             }
-            Self::WrongToken => "the token is wrong; see the file live.token_file of the configuration\n",
+            Self::WrongToken => {
+                "the token is wrong; see the file live.token_file of the configuration\n"
+            }
         }
     }
 }
@@ -186,7 +188,10 @@ fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
 
 /// Compares in a time that does not depend on where the texts differ.
 fn same(a: &str, b: &str) -> bool {
-    let differences = a.bytes().zip(b.bytes()).fold(0, |sum, (a, b)| sum | (a ^ b));
+    let differences = a
+        .bytes()
+        .zip(b.bytes())
+        .fold(0, |sum, (a, b)| sum | (a ^ b));
     a.len() == b.len() && differences == 0
 }
 
@@ -208,7 +213,11 @@ mod tests {
 
     fn check(address: &str, headers: &[(&str, &str)], uri: &str) -> Result<Permission, Refusal> {
         let address = address.parse().expect("an address");
-        let access = Access::new(address, vec!["vehicle.local".to_owned()], Some(TOKEN.to_owned()));
+        let access = Access::new(
+            address,
+            vec!["vehicle.local".to_owned()],
+            Some(TOKEN.to_owned()),
+        );
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             let name: header::HeaderName = name.parse().expect("a name");
@@ -225,7 +234,11 @@ mod tests {
             (vec![("host", local)], "/", Ok(Permission::Read)),
             (vec![("host", "localhost:8765")], "/", Ok(Permission::Read)),
             (vec![("host", "[::1]:8765")], "/", Ok(Permission::Read)),
-            (vec![("host", "vehicle.local:8765")], "/", Ok(Permission::Read)),
+            (
+                vec![("host", "vehicle.local:8765")],
+                "/",
+                Ok(Permission::Read),
+            ),
             (vec![], "/", Err(Refusal::Host)),
             (vec![("host", "evil.example:8765")], "/", Err(Refusal::Host)),
             (vec![("host", "127.0.0.1:80")], "/", Err(Refusal::Host)),

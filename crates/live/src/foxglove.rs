@@ -109,9 +109,13 @@ impl Client {
     async fn advertise(&mut self, socket: &mut WebSocket) -> Result<()> {
         let channels = self.shared.hub.channels();
         let ended = self.advertised.keys();
-        let ended: Vec<u64> = ended.filter(|n| !channels.contains_key(n)).copied().collect();
+        let ended: Vec<u64> = ended
+            .filter(|n| !channels.contains_key(n))
+            .copied()
+            .collect();
         if !ended.is_empty() {
-            self.subscriptions.retain(|_, channel| !ended.contains(channel));
+            self.subscriptions
+                .retain(|_, channel| !ended.contains(channel));
             socket.send(text(&Unadvertise::new(ended))).await?;
         }
         let known = &self.advertised;
@@ -281,16 +285,14 @@ impl Client {
             did_seek,
             request_id,
         };
-        socket.send(Message::Binary(message.to_bytes().into())).await
+        socket
+            .send(Message::Binary(message.to_bytes().into()))
+            .await
     }
 }
 
 fn channel(number: u64, info: &ChannelInfo) -> Option<Channel<'static>> {
-    let schema = Schema::new(
-        info.schema.clone(),
-        "protobuf",
-        info.schema_data.to_vec(),
-    );
+    let schema = Schema::new(info.schema.clone(), "protobuf", info.schema_data.to_vec());
     let channel = Channel::builder(number, info.topic.clone(), "protobuf").with_schema(schema);
     channel
         .with_metadata(info.metadata.clone())

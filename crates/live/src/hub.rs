@@ -107,9 +107,9 @@ impl Hub {
                 let number = state.connection * NUMBERS + u64::from(channel.id);
                 let topic = &channel.info.topic;
                 // A topic whose schema has grown continues in a new channel.
-                state
-                    .channels
-                    .retain(|_, known| known.topic != *topic || known.source != channel.info.source);
+                state.channels.retain(|_, known| {
+                    known.topic != *topic || known.source != channel.info.source
+                });
                 state.channels.insert(number, channel.info);
                 wake(&state);
             }

@@ -131,7 +131,9 @@ impl Page {
                     continue;
                 }
             };
-            socket.send(Message::Text(message.to_string().into())).await?;
+            socket
+                .send(Message::Text(message.to_string().into()))
+                .await?;
         }
     }
 
@@ -239,7 +241,8 @@ impl Page {
             return Ok(());
         }
         self.listed = numbers;
-        self.decoders.retain(|number, _| channels.contains_key(number));
+        self.decoders
+            .retain(|number, _| channels.contains_key(number));
         let mut topics: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
         for info in channels.values() {
             topics.entry(&info.topic).or_default().extend(fields(info));

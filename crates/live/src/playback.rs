@@ -110,13 +110,17 @@ impl Playback {
             }
             let (reached, at) = state.reached;
             let due_s = time.seconds_since(reached) / state.speed;
-            let ahead = Duration::from_secs_f64(due_s.clamp(0.0, 3600.0))
-                .saturating_sub(at.elapsed());
+            let ahead =
+                Duration::from_secs_f64(due_s.clamp(0.0, 3600.0)).saturating_sub(at.elapsed());
             if state.is_playing && ahead.is_zero() {
                 state.reached = (time, at + Duration::from_secs_f64(due_s.max(0.0)));
                 return Step::Play;
             }
-            let wait = if state.is_playing { ahead.min(WAIT_MAX) } else { WAIT_MAX };
+            let wait = if state.is_playing {
+                ahead.min(WAIT_MAX)
+            } else {
+                WAIT_MAX
+            };
             let waited = self.0.1.wait_timeout(state, wait);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;
             if !state.is_playing {

@@ -15,6 +15,8 @@ use crate::hub::Topics;
 
 /// Pause before the next attempt to connect.
 const PAUSE: Duration = Duration::from_millis(300);
+/// Number of failures after which a recorder is reported as absent.
+const FAILURES_REPORTED: u32 = 5;
 /// Time without a frame after which the connection is closed; a recorder sends the time ten times a
 /// second.
 const SILENCE: Duration = Duration::from_secs(5);
@@ -25,23 +27,27 @@ const RESPONSE_MAX: u64 = 16 << 20;
 
 /// Reads the tap at the first of `paths` that has one, for ever, and gives its frames to the hub.
 pub async fn follow(paths: Vec<PathBuf>, hub: Hub) {
-    let mut is_reported = false;
+    let mut failures = 0;
     loop {
         match connect(&paths).await {
             Ok(stream) => {
-                is_reported = false;
+                failures = 0;
                 tracing::info!("connected to the recorder");
                 hub.connected();
                 let ended = read(stream, &hub).await;
                 hub.disconnected();
-                let reason = ended.err().map_or_else(String::new, |error| error.to_string());
+                let reason = ended
+                    .err()
+                    .map_or_else(String::new, |error| error.to_string());
                 tracing::warn!(%reason, "the connection to the recorder has ended; trying again");
             }
-            Err(error) if !is_reported => {
-                is_reported = true;
-                tracing::warn!(%error, "cannot connect to the recorder; trying again until it runs");
+            Err(error) => {
+                failures += 1;
+                // A recorder that starts at the same time needs a moment.
+                if failures == FAILURES_REPORTED {
+                    tracing::warn!(%error, "cannot connect to the recorder; trying again until it runs");
+                }
             }
-            Err(_) => {}
         }
         sleep(PAUSE).await;
     }
@@ -86,10 +92,7 @@ async fn read(stream: UnixStream, hub: &Hub) -> io::Result<()> {
     }
 }
 
-async fn send_topics(
-    writer: &mut (impl AsyncWriteExt + Unpin),
-    topics: &Topics,
-) -> io::Result<()> {
+async fn send_topics(writer: &mut (impl AsyncWriteExt + Unpin), topics: &Topics) -> io::Result<()> {
     let line = format!("{}\n", json!({ "topics": topics }));
     writer.write_all(line.as_bytes()).await
 }
@@ -146,9 +149,7 @@ impl Control {
 
     async fn exchange(&self, request: &Value) -> io::Result<Value> {
         let mut stream = connect(&self.paths).await?;
-        stream
-            .write_all(format!("{request}\n").as_bytes())
-            .await?;
+        stream.write_all(format!("{request}\n").as_bytes()).await?;
         let mut line = String::new();
         BufReader::new(stream.take(RESPONSE_MAX))
             .read_line(&mut line)

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::WebSocketUpgrade;
@@ -15,7 +16,6 @@ use axum::http::{HeaderValue, StatusCode, Uri, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::{get, post};
-use axum::Extension;
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
@@ -173,7 +173,10 @@ impl Server {
         tokio::spawn(async move {
             loop {
                 if shared.status.receiver_count() > 0 {
-                    let answer = shared.control.request(&json!({ "command": "status" })).await;
+                    let answer = shared
+                        .control
+                        .request(&json!({ "command": "status" }))
+                        .await;
                     let status = answer.unwrap_or_else(|error| json!({ "error": error }));
                     shared.status.send_replace(Arc::new(status));
                 }
@@ -189,8 +192,14 @@ fn router(shared: &Arc<Shared>) -> Router {
         .route("/", get(root))
         .route("/ws", get(page_data))
         .route("/api/mark", post(mark))
-        .route("/api/start", post(|s: Shares, p: Permits| command(s, p, "start")))
-        .route("/api/stop", post(|s: Shares, p: Permits| command(s, p, "stop")))
+        .route(
+            "/api/start",
+            post(|s: Shares, p: Permits| command(s, p, "start")),
+        )
+        .route(
+            "/api/stop",
+            post(|s: Shares, p: Permits| command(s, p, "stop")),
+        )
         .fallback(get(file))
         .layer(DefaultBodyLimit::max(BODY_MAX))
         .layer(from_fn_with_state(Arc::clone(shared), check))
@@ -283,7 +292,8 @@ where
 {
     let Ok(place) = Arc::clone(&shared.clients).try_acquire_owned() else {
         tracing::warn!("refused a client: live.clients_max clients are connected");
-        let text = "as many clients are connected as may be; close one, or raise live.clients_max\n";
+        let text =
+            "as many clients are connected as may be; close one, or raise live.clients_max\n";
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
     upgrade

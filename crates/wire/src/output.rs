@@ -105,7 +105,11 @@ impl OutputState {
             EventKind::Touchdown(wheel) => {
                 lift.lifted[*wheel] = false;
                 self.warned_until[wheel.index()] = None;
-                let side = if wheel.is_left() { Side::Left } else { Side::Right };
+                let side = if wheel.is_left() {
+                    Side::Left
+                } else {
+                    Side::Right
+                };
                 lift.side_lifted[side.index()] = false;
                 self.side_warned_until[side.index()] = None;
             }
@@ -235,7 +239,10 @@ pub(crate) mod tests {
     fn lifts_last_until_touchdown_and_warnings_for_their_lead_time() {
         let start = LogTime(1_000_000_000);
         let mut state = OutputState::default();
-        state.event(&event(start, EventKind::LiftWarning(Wheel::FrontRight, 0.4)));
+        state.event(&event(
+            start,
+            EventKind::LiftWarning(Wheel::FrontRight, 0.4),
+        ));
         state.event(&event(start, EventKind::Lift(Wheel::FrontRight)));
         state.event(&event(start, EventKind::TwoWheelLift(Side::Right)));
         state.event(&event(start, EventKind::SensorFault("imu".to_owned())));

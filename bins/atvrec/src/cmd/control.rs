@@ -204,7 +204,10 @@ fn print_estimate(response: &Value) {
         let force = &estimate["carrier"][wheel.index()];
         let axis = |n: usize| {
             let value = values::number(&force["force_n"][n], 0);
-            format!("{value:>6} ± {:>4}", values::number(&force["sigma_n"][n], 0))
+            format!(
+                "{value:>6} ± {:>4}",
+                values::number(&force["sigma_n"][n], 0)
+            )
         };
         println!(
             "  {wheel}  F_x {} N   F_y {} N   F_z {} N",

@@ -114,7 +114,9 @@ fn accuracy(summary: &Summary) -> anyhow::Result<String> {
         forces.output == Stage::Estimate.name() && forces.frame == ForceFrame::WheelCarrier
     });
     let percent = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.1}"));
-    let [x, y, z] = carrier.map_or([None; 3], |forces| forces.worst_percent).map(percent);
+    let [x, y, z] = carrier
+        .map_or([None; 3], |forces| forces.worst_percent)
+        .map(percent);
     Ok(format!(
         "accuracy: root mean square errors of F_x {x}, F_y {y}, F_z {z} % of the larger of peak force \
          and static load (worst wheel, wheel-carrier frame)"
@@ -212,7 +214,10 @@ fn drive_and_record(
     let driver = std::thread::Builder::new()
         .name("virtual".to_owned())
         .spawn(move || {
-            let sink = clock_set.recv().ok().map(|clock| TruthSink::new(clock, queue));
+            let sink = clock_set
+                .recv()
+                .ok()
+                .map(|clock| TruthSink::new(clock, queue));
             std::thread::sleep(MARGIN);
             let stalls = devices.drive(&mut simulated, &stopped, &mut |_| Ok(()), sink)?;
             // The ports are kept until the recorder has closed them.
@@ -241,10 +246,7 @@ fn drive_and_record(
 
 /// Serves the live page while the returned runtime exists.
 #[cfg(feature = "live")]
-fn live_page(
-    args: &DemoArgs,
-    config: &Config,
-) -> anyhow::Result<Option<tokio::runtime::Runtime>> {
+fn live_page(args: &DemoArgs, config: &Config) -> anyhow::Result<Option<tokio::runtime::Runtime>> {
     if args.no_live {
         return Ok(None);
     }

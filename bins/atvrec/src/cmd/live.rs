@@ -27,7 +27,9 @@ pub fn run(args: &LiveArgs) -> anyhow::Result<Outcome> {
         None => Some(with_socket(&args.socket)?),
     };
     let sockets = control_paths(&args.socket)?;
-    let live = config.as_ref().map_or_else(Live::default, |c| c.live.clone());
+    let live = config
+        .as_ref()
+        .map_or_else(Live::default, |c| c.live.clone());
     let settings = settings(live, args.listen, args.token_file.as_deref())?;
     let udp = config.and_then(|config| config.output.udp);
     let hub = Hub::default();
@@ -93,7 +95,10 @@ pub fn block_on(
     runtime.block_on(async {
         let (token, scheme) = (settings.token.clone(), scheme(&settings));
         let server = Server::open(settings, hub.clone(), control, playback).await?;
-        println!("{}", address_text(server.address(), scheme, token.as_deref()));
+        println!(
+            "{}",
+            address_text(server.address(), scheme, token.as_deref())
+        );
         let server = tokio::spawn(server.run());
         tokio::spawn(source);
         if let Some(udp) = udp {

@@ -48,11 +48,7 @@ pub fn run(args: &TopArgs) -> anyhow::Result<Outcome> {
     result
 }
 
-fn show(
-    terminal: &mut DefaultTerminal,
-    args: &TopArgs,
-    first: Value,
-) -> anyhow::Result<Outcome> {
+fn show(terminal: &mut DefaultTerminal, args: &TopArgs, first: Value) -> anyhow::Result<Outcome> {
     let mut status = Ok(first);
     loop {
         terminal.draw(|frame| match &status {
@@ -241,7 +237,10 @@ fn draw_sources(frame: &mut Frame<'_>, area: Rect, status: &Value) {
 fn event_lines(status: &Value) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     for name in status["faulty_sensors"].as_array().into_iter().flatten() {
-        lines.push(Line::raw(format!("excluded by the estimator: {}", text(name))));
+        lines.push(Line::raw(format!(
+            "excluded by the estimator: {}",
+            text(name)
+        )));
     }
     let events = status["events"].as_array().into_iter().flatten().rev();
     lines.extend(events.map(|event| {
@@ -262,12 +261,21 @@ mod tests {
     use super::*;
 
     fn status() -> Value {
-        let force = |load: f64| json!({"force_n": [12.0, -340.0, load], "sigma_n": [9.0, 8.0, 7.0]});
+        let force =
+            |load: f64| json!({"force_n": [12.0, -340.0, load], "sigma_n": [9.0, 8.0, 7.0]});
         let source = |name: &str| {
             json!({"name": name, "open": true, "rate_hz": 100.0, "age_s": 0.004,
                    "state": "/dev/ttyS0 at 115200 baud"})
         };
-        let names = ["imu", "novatel", "septentrio", "can0", "steering", "throttle", "brake"];
+        let names = [
+            "imu",
+            "novatel",
+            "septentrio",
+            "can0",
+            "steering",
+            "throttle",
+            "brake",
+        ];
         json!({
             "now_ns": 10_000_000_000_u64,
             "writing": "recording",
@@ -292,15 +300,33 @@ mod tests {
     fn everything_is_visible_on_80_by_24() {
         let screen = screen(&status(), ONCE).expect("drawn");
         for word in [
-            "RECORDING", "75.0 s", "disk lasts 10.0 h", "0 lost", "/var/lib/atvrec", "FL", "RR",
-            "-340±8", "1000±7", "0.05", "8.0 m/s", "roll 5.7°", "friction used: front 0.40", "imu",
-            "brake", "100/s", "4 ms", "excluded by the estimator: FL deflection",
+            "RECORDING",
+            "75.0 s",
+            "disk lasts 10.0 h",
+            "0 lost",
+            "/var/lib/atvrec",
+            "FL",
+            "RR",
+            "-340±8",
+            "1000±7",
+            "0.05",
+            "8.0 m/s",
+            "roll 5.7°",
+            "friction used: front 0.40",
+            "imu",
+            "brake",
+            "100/s",
+            "4 ms",
+            "excluded by the estimator: FL deflection",
             "1.0 s ago: FR lifts in 0.4 s",
         ] {
             assert!(screen.contains(word), "{word} is missing:\n{screen}");
         }
         assert_eq!(screen.lines().count(), 24);
-        assert!(screen.lines().all(|line| line.chars().count() <= 80), "{screen}");
+        assert!(
+            screen.lines().all(|line| line.chars().count() <= 80),
+            "{screen}"
+        );
     }
 
     #[test]

@@ -61,7 +61,10 @@ mod tests {
         for ms in 1_000..1_050 {
             let late = clock.lateness_ns(at(1_050), ms * MS);
             let expected = (1_050 - ms) * MS;
-            assert!(late == 0 && expected <= LATE_NS || (late - expected).abs() < MS, "{ms}: {late}");
+            assert!(
+                late == 0 && expected <= LATE_NS || (late - expected).abs() < MS,
+                "{ms}: {late}"
+            );
         }
         assert_eq!(clock.lateness_ns(at(1_051), 1_051 * MS), 0);
     }

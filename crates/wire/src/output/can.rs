@@ -16,7 +16,6 @@ const SIGMAS: usize = 4;
 const ROLLOVER: usize = 8;
 const LIFT_TIMES: usize = 9;
 
-
 /// Unit of load-transfer ratio and its standard deviation.
 const RATIO: f64 = 1e-4;
 /// Unit of the age, s.
@@ -86,7 +85,13 @@ fn payload(output: &ControllerOutput, index: usize) -> [u8; 8] {
             put(2, &[bits(lift.lifted) | bits(lift.warned) << 4]);
             put(3, &[sides(lift.side_lifted) | sides(lift.side_warned) << 2]);
             put(4, &lift.surface_changes);
-            put(6, &[lift.events, byte(output.motion.velocity_x_m_s.abs(), SPEED_M_S)]);
+            put(
+                6,
+                &[
+                    lift.events,
+                    byte(output.motion.velocity_x_m_s.abs(), SPEED_M_S),
+                ],
+            );
         }
     }
     data
@@ -276,7 +281,9 @@ mod tests {
             ("atvrec_events.validity", 0.0),
             ("atvrec_force_fl.counter", 7.0),
         ] {
-            let found = values.get(name).unwrap_or_else(|| panic!("{name}: {values:?}"));
+            let found = values
+                .get(name)
+                .unwrap_or_else(|| panic!("{name}: {values:?}"));
             assert!((found - expected).abs() < 1e-9, "{name}: {found}");
         }
     }

@@ -33,7 +33,9 @@ pub fn encode_datagram(output: &ControllerOutput, sequence: u32) -> [u8; DATAGRA
     for value in numbers(output) {
         bytes.extend((value as f32).to_le_bytes());
     }
-    bytes.try_into().expect("the fields have the size of the record")
+    bytes
+        .try_into()
+        .expect("the fields have the size of the record")
 }
 
 /// The 36 numbers of a record.

@@ -44,7 +44,14 @@ pub fn run(
             tracing::error!("the replay has ended: {error:#}");
         }
     };
-    block_on(settings, hub, Control::default(), Some(playback), None, source)?;
+    block_on(
+        settings,
+        hub,
+        Control::default(),
+        Some(playback),
+        None,
+        source,
+    )?;
     Ok(Outcome::Good)
 }
 
@@ -102,7 +109,9 @@ impl Player {
                         }
                     }
                     if self.wanted.has_changed().unwrap_or(false) {
-                        stream.encoder.select(Some(self.wanted.borrow_and_update().clone()));
+                        stream
+                            .encoder
+                            .select(Some(self.wanted.borrow_and_update().clone()));
                     }
                     stream.time(now, &self.hub);
                 }
