@@ -3,7 +3,7 @@ SHELL := /bin/bash
 CARGO ?= cargo
 PYTHON := target/venv/bin/python
 
-.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb clean
+.PHONY: help setup venv demo test test-all check fmt clippy unit doc deny python browser screenshots rig rig-full bench kills campaigns golden bless excerpts ratchet links pictures docs licences fuzz deb clean
 
 help: ## List these targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -23,7 +23,7 @@ TESTS := setup check python rig
 test: export ATVREC_REQUIRE_DATA ?= 0
 test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on two quiet cores
 
-test-all: $(TESTS) ## The same with the recordings in ../shared, as CI runs it: 70 minutes
+test-all: $(TESTS) browser ## The same with the recordings in ../shared, as CI runs it: 70 minutes
 
 check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
 
@@ -64,6 +64,12 @@ licences: setup ## Licences, sources and bans of all dependencies; installs carg
 
 python: venv ## Reference readers on our logs, and the Python package's tests
 	@scripts/test-python
+
+browser: setup ## The live page in a real browser, and Foxglove's own client
+	@scripts/test-browser
+
+screenshots: setup ## Draw the pictures of the live page again (docs/live*.png); look at them
+	@scripts/test-browser screenshots
 
 rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel
 	@scripts/test-rig

@@ -142,32 +142,15 @@ pub async fn record(
     }
     // The sockets are opened after the start: a client that finds them finds a recorder that records.
     let listener = open_control(&sockets);
-    let also = match extras.also_found_at.is_empty() {
-        true => None,
-        false => Listener::open(&extras.also_found_at).ok(),
-    };
-    let tap = tokio::spawn(serve_tap(
-        controller.tap.clone(),
-        control::tap_paths(&sockets),
-    ));
-    notify(&[sd_notify::NotifyState::Ready]);
-    controller.check_folder();
-
     let handler = ControlHandler {
         sequencer: controller.sequencer.clone(),
         status: Arc::clone(&controller.status),
         commands,
         tap: controller.tap.clone(),
     };
-    let truth = tokio::spawn(write_truth(extras.truth, handler.clone()));
-    let line = tokio::spawn(show_line(extras.shows_line, handler.clone()));
-    let mut serving = Box::pin(async {
-        tokio::join!(
-            serve(listener, handler.clone()),
-            serve(also, handler.clone())
-        );
-    });
     let watchdog = tokio::spawn(controller.heartbeats.clone().watch());
+    let views = Views::start(&handler, &sockets, extras.truth, extras.shows_line);
+    let mut serving = Box::pin(serve_both(listener, &extras.also_found_at, handler));
     let mut stop = std::pin::pin!(stop);
     let mut retention = Box::pin(controller.retention());
     loop {
@@ -198,11 +181,7 @@ pub async fn record(
         }
     }
     watchdog.abort();
-    tap.abort();
-    line.abort();
-    // A simulation has ended before the recording: all of its truth waits.
-    let _ = tokio::time::timeout(TRUTH_DEADLINE, truth).await;
-    controller.tap.close();
+    views.stop().await;
     notify(&[sd_notify::NotifyState::Stopping]);
     drop(serving);
     drop(triggers);
@@ -232,6 +211,48 @@ fn open_control(paths: &[PathBuf]) -> Option<Listener> {
             None
         }
     }
+}
+
+/// Tasks that show the recording, beside it.
+struct Views {
+    tap: Tap,
+    serving: tokio::task::JoinHandle<()>,
+    line: tokio::task::JoinHandle<()>,
+    truth: tokio::task::JoinHandle<()>,
+}
+
+impl Views {
+    fn start(
+        handler: &ControlHandler,
+        sockets: &[PathBuf],
+        truth: Option<mpsc::Receiver<Record>>,
+        shows_line: bool,
+    ) -> Self {
+        let tap = handler.tap.clone();
+        Self {
+            serving: tokio::spawn(serve_tap(tap.clone(), control::tap_paths(sockets))),
+            line: tokio::spawn(show_line(shows_line, handler.clone())),
+            truth: tokio::spawn(write_truth(truth, handler.clone())),
+            tap,
+        }
+    }
+
+    async fn stop(self) {
+        self.serving.abort();
+        self.line.abort();
+        // A simulation has ended before the recording: all of its truth waits.
+        let _ = tokio::time::timeout(TRUTH_DEADLINE, self.truth).await;
+        self.tap.close();
+    }
+}
+
+/// Serves the control socket, and the first of the other sockets that no recorder has.
+async fn serve_both(listener: Option<Listener>, also: &[PathBuf], handler: ControlHandler) {
+    let other = match also {
+        [] => None,
+        paths => Listener::open(paths).ok(),
+    };
+    tokio::join!(serve(listener, handler.clone()), serve(other, handler));
 }
 
 /// Serves the tap; without it, recording continues.

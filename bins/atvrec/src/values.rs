@@ -71,11 +71,6 @@ pub fn size(bytes: f64) -> String {
     }
 }
 
-/// Name of an event's kind.
-pub fn event_text(event: &Value) -> Cow<'_, str> {
-    text(&event["text"])
-}
-
 /// The state in one line.
 pub fn line(status: &Value) -> String {
     let mut line = text(&status["writing"]).into_owned();

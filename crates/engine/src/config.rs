@@ -83,6 +83,7 @@ impl Config {
         config.storage.directory = directory.join(&config.storage.directory);
         config.control = config.control.map(|socket| directory.join(socket));
         config.live.look_from(&directory);
+        config.output.look_from(&directory);
         for source in &mut config.sources {
             source.look_from(&directory);
         }

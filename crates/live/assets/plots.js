@@ -92,12 +92,14 @@ function add(topic, field) {
 
 function build(chart) {
   chart.plot?.destroy();
-  const width = Math.max(element("charts").clientWidth, 200);
+  const width = widthOf(chart);
   chart.plot = new uPlot(options(width), [chart.times, chart.values], chart.node);
 }
 
+const widthOf = (chart) => Math.max(chart.node.clientWidth, 200);
+
 function fit(chart) {
-  const width = Math.max(element("charts").clientWidth, 200);
+  const width = widthOf(chart);
   if (chart.plot.width !== width) chart.plot.setSize({ width, height: HEIGHT });
 }
 

@@ -1,4 +1,8 @@
 #![doc = include_str!("../README.md")]
+#![allow(
+    clippy::disallowed_types,
+    reason = "the age of what is shown, and the pace of a replay, need a clock"
+)]
 
 mod auth;
 mod foxglove;

@@ -305,7 +305,7 @@ impl Parts {
                 if let Some(body) = body.find(|transform| transform.child == "vehicle") {
                     let [east, north, _] = body.translation_m;
                     let [x, y, z, w] = body.rotation_xyzw;
-                    let yaw = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
+                    let yaw = math::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
                     self.place = Some([east, north, yaw]);
                 }
             }

@@ -21,7 +21,7 @@ const CRC: crc::Crc<u8> = crc::Crc::<u8>::new(&crc::Algorithm {
 
 /// Writes counter and checksum into a frame.
 pub fn protect(data: &mut [u8; 8], data_id: u16, counter: u8) {
-    data[1] = data[1] & 0xF0 | counter % COUNTER_VALUES;
+    data[1] = (data[1] & 0xF0) | (counter % COUNTER_VALUES);
     data[0] = checksum(data, data_id);
 }
 

@@ -158,7 +158,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Decoded {
     if text.starts_with("$P") {
         return Decoded::Unknown;
     }
-    let (name, parse): (_, fn(&[&str]) -> Option<Sentence>) = match text.get(3..6) {
+    let (name, parse): (_, Parse) = match text.get(3..6) {
         Some("GGA") => ("GGA", parse_gga),
         Some("RMC") => ("RMC", parse_rmc),
         Some("VTG") => ("VTG", parse_vtg),
@@ -172,6 +172,9 @@ pub(crate) fn decode(bytes: &[u8]) -> Decoded {
         None => Decoded::Malformed,
     }
 }
+
+/// Reads the fields of a sentence behind its name.
+type Parse = fn(&[&str]) -> Option<Sentence>;
 
 fn parse_gga(fields: &[&str]) -> Option<Sentence> {
     let [

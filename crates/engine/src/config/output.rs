@@ -1,7 +1,7 @@
 //! `[output]`: what is made of the estimates for viewers and controllers.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use model::file::{ErrorCollector, Field, Section};
 
@@ -85,6 +85,16 @@ impl Output {
         let udp = udp.and_then(|section| read_udp(section, collector));
         section.finish(collector);
         Self { scene, can, udp }
+    }
+}
+
+impl Output {
+    /// Resolves the port from the directory of the configuration.
+    pub(super) fn look_from(&mut self, directory: &Path) {
+        let port = self.can.as_mut().map(|can| &mut can.port);
+        if let Some(CanPort::Slcan { device, .. }) = port {
+            *device = directory.join(&*device);
+        }
     }
 }
 
@@ -227,14 +237,12 @@ fn read_udp(mut section: Section<'_>, collector: &mut ErrorCollector<'_>) -> Opt
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
     use crate::Config;
 
     const SOURCE: &str = "[source.bus]\nkind = \"slcan\"\ndevice = \"/dev/ttyACM0\"\n";
 
-    fn output(text: &str) -> std::result::Result<Output, String> {
+    fn output(text: &str) -> Result<Output, String> {
         let text = format!("{SOURCE}{text}");
         let config = Config::from_text(&text, Path::new("."));
         config.map(|c| c.output).map_err(|error| error.to_string())
