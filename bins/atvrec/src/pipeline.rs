@@ -142,6 +142,9 @@ pub async fn record(
     }
     // The sockets are opened after the start: a client that finds them finds a recorder that records.
     let listener = open_control(&sockets);
+    notify(&[sd_notify::NotifyState::Ready]);
+    controller.check_folder();
+
     let handler = ControlHandler {
         sequencer: controller.sequencer.clone(),
         status: Arc::clone(&controller.status),

@@ -402,10 +402,10 @@ mod tests {
         for step in 0..=steps {
             scene.reckon(LogTime(step * 10_000_000), &motion(10.0, 0.5));
             let [x, y] = scene.place_m;
-            farthest = farthest.max(x.hypot(y));
+            farthest = farthest.max(math::hypot(x, y));
         }
         let [x, y] = scene.place_m;
-        assert!(x.hypot(y) < 0.2, "{x} {y}");
+        assert!(math::hypot(x, y) < 0.2, "{x} {y}");
         assert!((farthest - 40.0).abs() < 0.2, "{farthest}");
         assert!(scene.path.len() > 100);
     }
