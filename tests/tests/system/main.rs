@@ -4,3 +4,4 @@ mod kills;
 mod layering;
 #[cfg(feature = "rig")]
 mod rig;
+mod units;

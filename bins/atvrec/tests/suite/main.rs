@@ -15,6 +15,8 @@ mod folder;
 mod hostile;
 mod identify;
 mod import;
+#[cfg(feature = "live")]
+mod live;
 #[cfg(target_os = "linux")]
 mod losses;
 mod outputs;

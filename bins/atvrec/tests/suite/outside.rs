@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 use crate::support::{atvrec, stderr, stdout};
 
 /// A recorder of one absent device; killed with this.
-struct Recorder {
+pub struct Recorder {
     child: Child,
     directory: PathBuf,
 }
 
 impl Recorder {
-    fn start(directory: &Path, config: &str) -> Self {
+    pub fn start(directory: &Path, config: &str) -> Self {
         Self::start_until(directory, config, "recording;")
     }
 
@@ -50,7 +50,7 @@ impl Recorder {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    fn wait_for(&self, text: &str) {
+    pub fn wait_for(&self, text: &str) {
         let start = Instant::now();
         while !self.errors().contains(text) {
             let waited = start.elapsed();
@@ -63,7 +63,7 @@ impl Recorder {
         }
     }
 
-    fn ask(&self, arguments: &[&str]) -> assert_cmd::Command {
+    pub fn ask(&self, arguments: &[&str]) -> assert_cmd::Command {
         let mut command = atvrec(&self.directory);
         command
             .args(arguments)
@@ -72,7 +72,7 @@ impl Recorder {
     }
 
     /// Ends it as systemd does and gives the exit code.
-    fn stop(mut self) -> Option<i32> {
+    pub fn stop(mut self) -> Option<i32> {
         let id = self.child.id().to_string();
         let kill = Command::new("kill").args(["-TERM", &id]).status();
         assert!(kill.expect("kill runs").success());
@@ -483,4 +483,42 @@ fn absurd_files_that_a_configuration_names_are_refused_in_time() {
         check.code(2);
         println!("{:.2} s: {shown}", start.elapsed().as_secs_f64());
     }
+}
+
+#[test]
+fn a_recorder_of_another_directory_is_found_without_it() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    fs::write(here.join("atvrec.toml"), SOURCE).expect("written");
+    let runtime = here.join("run");
+    fs::create_dir_all(&runtime).expect("made");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_atvrec"))
+        .args(["record", "--for", "60", "--directory", "elsewhere"])
+        .current_dir(here)
+        .env("XDG_RUNTIME_DIR", &runtime)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the recorder starts");
+    let ask = |arguments: &[&str]| {
+        let mut command = atvrec(here);
+        command.args(arguments).env("XDG_RUNTIME_DIR", &runtime);
+        command
+    };
+    let start = Instant::now();
+    while ask(&["status"])
+        .output()
+        .is_ok_and(|output| !output.status.success())
+    {
+        assert!(start.elapsed() < Duration::from_secs(20), "no status");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let assert = ask(&["status"]).assert().success();
+    assert!(stdout(&assert).contains("elsewhere"), "{}", stdout(&assert));
+    ask(&["mark", "gravel"]).assert().success();
+    ask(&["status", "--directory", "elsewhere"])
+        .assert()
+        .success();
+    child.kill().expect("killed");
+    child.wait().expect("ended");
 }
