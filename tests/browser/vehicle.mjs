@@ -2,7 +2,7 @@
 
 import { spawn, spawnSync } from "node:child_process";
 import { once } from "node:events";
-import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -11,6 +11,14 @@ export const ATVREC = process.env.ATVREC;
 export const TOKEN = "0123456789abcdef0123456789abcdef";
 
 export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+async function until(condition, text, seconds = 60) {
+  const end = Date.now() + 1000 * seconds;
+  while (!condition()) {
+    if (Date.now() > end) throw new Error(text);
+    await pause(50);
+  }
+}
 
 async function freePort() {
   const server = createServer().listen(0, "127.0.0.1");
@@ -30,13 +38,15 @@ export class Vehicle {
     vehicle.token = join(vehicle.directory, "token");
     writeFileSync(vehicle.token, `${TOKEN}\n`);
     vehicle.run("virtual", "--manoeuvre", manoeuvre, "--repeat", "--directory", vehicle.ports);
-    await pause(1500);
-    vehicle.run("record", "--config", vehicle.config);
-    await pause(1500);
+    await until(() => existsSync(vehicle.config), "the virtual vehicle made no ports");
+    const recorder = vehicle.run("record", "--config", vehicle.config);
+    await until(() => recorder.text.includes("opened the control socket"), "the recorder did not start");
+    await pause(1000);
     vehicle.port = await freePort();
     vehicle.address = `http://127.0.0.1:${vehicle.port}`;
     vehicle.live = vehicle.startLive();
-    await pause(1000);
+    await until(() => vehicle.live.text.includes("live page"), "the server did not start");
+    await pause(500);
     return vehicle;
   }
 
