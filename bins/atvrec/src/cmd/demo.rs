@@ -193,6 +193,7 @@ fn drive_and_record(
         options: None,
         duration_s: Some(args.duration_s),
     };
+    println!("  compute the drive");
     let mut simulated = VirtualDrive::new(&drive.as_drive()?)?;
     let ports_directory = directory.join("ports");
     let mut devices = Devices::new(&ports_directory, true)?;
