@@ -2,6 +2,7 @@
 
 mod aiding;
 mod events;
+mod lagged;
 mod monitors;
 mod payload;
 mod sensors;
@@ -33,6 +34,8 @@ use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 use events::Divergence;
+pub use lagged::LAG_STEPS;
+use lagged::Past;
 use monitors::ConsistencyMonitors;
 use stages::MeasuredForces;
 
@@ -48,6 +51,9 @@ const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
 pub enum Output {
     /// The estimate of one instant of the grid.
     Estimate(Estimate),
+    /// The estimate of [`LAG_STEPS`] steps before, with what was measured since, after the estimate of an
+    /// instant.
+    Lagged(Estimate),
     /// Estimated parameters, at each full second of the log clock, after the estimate.
     Parameters(Parameters),
     /// An event.
@@ -95,6 +101,8 @@ pub struct Estimator {
     divergences: [Divergence; 3],
     /// Standard deviations of gyros, rad/s, and accelerometers, m/s².
     imu_sigma: [f64; 2],
+    /// Estimates of the last steps.
+    past: Past,
     traced: bool,
 }
 
@@ -126,9 +134,15 @@ impl Estimator {
         let calibration = unloaded_calibration.with_cg_moved(loaded.cg_shift_m);
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let t = &settings.tuning;
-        let corners = Corners::new(vehicle, pot.noise_sigma, t)?;
-        let fusion = (settings.method == Method::Fusion && corners.is_some())
-            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners, t));
+        let mut corners = Corners::new(vehicle, pot.noise_sigma, t)?;
+        let fuses = settings.method == Method::Fusion;
+        if fuses {
+            corners = corners.map(|corners| corners.on_paths(&calibration.hubs));
+        }
+        let fusion = (fuses && corners.is_some()).then(|| {
+            let (channels, hubs) = (&calibration.corners, &calibration.hubs);
+            Fusion::new(vehicle, &sensors.strain, channels, hubs, t)
+        });
         Ok(Self {
             motion: MotionFilter::new(motion_settings(sensors, &calibration, t), &t.motion),
             planar: corners
@@ -168,6 +182,7 @@ impl Estimator {
             attitude_source: None,
             column: SteeringColumn::new(vehicle)?,
             readings: Readings::default(),
+            past: Past::default(),
             traced: false,
         })
     }
@@ -192,8 +207,11 @@ impl Estimator {
     /// time.
     pub fn advance(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         for time in grid(&mut self.next_grid, now) {
-            let estimate = self.step(time, out);
+            let (estimate, lagged) = self.step(time, out);
             out(Output::Estimate(estimate));
+            if let Some(lagged) = lagged {
+                out(Output::Lagged(lagged));
+            }
             if time.0.is_multiple_of(PARAMETERS_NANOS) {
                 out(Output::Parameters(self.parameters(time)));
             }
@@ -257,7 +275,11 @@ impl Estimator {
     }
 
     /// One step of the grid, as a sequence of stages.
-    fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
+    fn step(
+        &mut self,
+        time: LogTime,
+        out: &mut impl FnMut(Output),
+    ) -> (Estimate, Option<Estimate>) {
         let settled = self.collect(time, out);
         let mut state = self.propagate(time);
         let navigated = self.is_navigated(time);
@@ -269,6 +291,7 @@ impl Estimator {
             contact: measured,
             reported,
             carrier,
+            lagged,
             frames,
         } = self.measure_forces(time, &state, &expected, out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
@@ -286,8 +309,9 @@ impl Estimator {
             expected,
             rollover,
         };
+        let lagged = self.past.pass(&estimate, frames.as_ref(), lagged.as_ref());
         self.trace(&estimate, frames, planar.is_none(), out);
-        estimate
+        (estimate, lagged)
     }
 
     fn parameters(&mut self, time: LogTime) -> Parameters {

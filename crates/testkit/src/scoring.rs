@@ -48,7 +48,7 @@ pub fn estimate(
         estimator.advance(sample.log_time, &mut |output| match output {
             Output::Estimate(estimate) => result.estimates.push(estimate),
             Output::Event(event) => result.events.push(event),
-            Output::Parameters(_) | Output::Step(_) => {}
+            Output::Lagged(_) | Output::Parameters(_) | Output::Step(_) => {}
         });
         estimator.push(sample);
     }

@@ -27,6 +27,8 @@ pub(super) struct MeasuredForces {
     pub(super) reported: PerWheel<TyreForce>,
     /// In the wheel-carrier frame.
     pub(super) carrier: PerWheel<TyreForce>,
+    /// Two steps before, by the force filter, wheel-carrier frame.
+    pub(super) lagged: Option<PerWheel<TyreForce>>,
     /// Axes of the wheels, if the vehicle has linkages.
     pub(super) frames: Option<PerWheel<WheelFrame>>,
 }
@@ -176,6 +178,7 @@ impl Estimator {
         let Some(corners) = &self.corners else {
             return MeasuredForces::default();
         };
+        let mut lagged = None;
         let forces = if let Some(fusion) = &mut self.fusion {
             let input = StepInput {
                 now,
@@ -191,33 +194,37 @@ impl Estimator {
                 used: self.monitors.inertial.used(),
                 turn_over_ground: corners.turn_over_ground(),
             };
-            let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
+            let forces = fusion.step(&input, &mut self.readings, &mut |change| {
                 out(Output::Event(channel_event(now, change)));
             });
             self.divergences[1].step(now, fusion.resets().into(), false, out);
             self.monitors.update_imu_consistency(fusion.imu_agrees());
-            forces
+            lagged = Some(forces.lagged);
+            forces.now
         } else {
             self.statics_of_corners(now, motion, expected)
         };
         let steer_sigma_rad = self.grip.steer_offset().1;
-        let contact = corners.add_frame_uncertainty(&forces, steer_sigma_rad);
-        let reported = corners.add_unknown_normal(&contact);
+        let fusion = self.fusion.as_ref();
         let frames = PerWheel::from_fn(|wheel| {
             let corner = &corners.states()[wheel.index()];
-            let fusion = self.fusion.as_ref();
-            WheelFrame::new(
-                corner,
-                &contact[wheel],
-                &reported[wheel],
-                corners.tilt_sigma_rad(),
-                fusion.map(|fusion| fusion.moment(wheel.index(), corner, motion.velocity_m_s.x)),
-            )
+            let moment =
+                fusion.map(|fusion| fusion.moment(wheel.index(), corner, motion.velocity_m_s.x));
+            let errors = corners.frame_errors(wheel, steer_sigma_rad);
+            WheelFrame::new(corner, errors, moment)
+        });
+        let all = PerWheel::from_fn(|wheel| {
+            if fusion.is_some() {
+                frames[wheel].of_carrier(&forces[wheel])
+            } else {
+                frames[wheel].of_contact(&forces[wheel])
+            }
         });
         MeasuredForces {
-            carrier: PerWheel::from_fn(|wheel| frames[wheel].carrier(&reported[wheel])),
-            contact,
-            reported,
+            carrier: PerWheel::from_fn(|wheel| all[wheel].carrier),
+            contact: PerWheel::from_fn(|wheel| all[wheel].contact),
+            reported: PerWheel::from_fn(|wheel| all[wheel].reported),
+            lagged,
             frames: Some(frames),
         }
     }
