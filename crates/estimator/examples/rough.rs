@@ -27,9 +27,7 @@ fn main() {
             } else if k == "events" {
                 events = true;
             } else {
-                let mut parts: Vec<&str> = k.split('.').collect();
-                let name = parts.pop().unwrap();
-                tuning += &format!("[{}]\n{name} = {v}\n", parts.join("."));
+                tuning += &format!("{k} = {v}\n");
             }
         } else if "ABab".contains(a.as_str()) {
             sets.push(a.clone());

@@ -2,7 +2,7 @@
 
 use sample::{InnovationKind, StrainChannel};
 
-use super::forms::{AT_LENGTH, AT_SPEED, CORNER, CornerForms, Form, MEASURED, measured_states};
+use super::forms::{AT_LENGTH, Back, CornerForms, Form, MEASURED, measured_states};
 use super::joint::{Joint, NO_OWN, Rows};
 use super::layout::{FORCE, HUB_BIAS, LENGTH_ERROR, OFFSET};
 use super::{Change, ChannelChange, Fusion, StepInput, StepModel};
@@ -48,18 +48,18 @@ impl Fusion {
     ) {
         let measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
         let mut joint = self.covariance.project(&measured.rows, &self.state);
-        self.judge_channels(&joint, &measured, wheel, changes);
+        let limit = self.judge_channels(&joint, &measured, wheel, changes);
         if let Some(length) = measured.length {
-            self.take_length(&mut joint, &length, wheel);
+            self.take_length(&mut joint, &length, wheel, limit);
         }
         for channel in StrainChannel::ALL {
             if let Some(strain) = measured.strain[channel.index()] {
-                self.take_channel(&mut joint, &strain, wheel, channel);
+                self.take_channel(&mut joint, &strain, wheel, channel, limit);
             }
         }
         for (axis, hub) in measured.hub.into_iter().enumerate() {
             if let Some(hub) = hub {
-                self.take_limited(&mut joint, HUB + axis, hub.value, hub.variance);
+                self.take_limited(&mut joint, HUB + axis, hub.value, hub.variance, limit);
             }
         }
         self.covariance
@@ -84,13 +84,11 @@ impl Fusion {
             let age = self.age_s(input, &read);
             let mut form = Form::default();
             form.gains[AT_LENGTH] = 1.0;
-            form.gains[AT_SPEED] = -age;
-            let mut gains = [0.0; MEASURED];
-            gains[..CORNER].copy_from_slice(&form.gains);
-            rows.set(LENGTH_ROW, gains, (LENGTH_ERROR + wheel, -1.0));
+            let form = forms.ago(&form, Back::at(age));
+            rows.set(LENGTH_ROW, form.gains, (LENGTH_ERROR + wheel, -1.0));
             let noise = 1e3 * input.channels.0[wheel].deflection.noise_sigma;
             length = Some(RowMeasurement {
-                value: 1e3 * read.value,
+                value: 1e3 * read.value - form.constant,
                 variance: noise * noise / f64::from(read.count),
                 tolerance: 0.0,
             });
@@ -132,9 +130,9 @@ impl Fusion {
             let reading = *reading;
             let c = &input.channels.0[wheel].strain[i];
             let unlagged = self.strain_lag[wheel][i].invert(&reading, self.lag_s);
-            let back_s = self.age_s(input, &reading) + unlagged.delay_s;
+            let back = unlagged.delay.earlier(self.age_s(input, &reading));
             let form = if axial {
-                forms.member(i, back_s)
+                forms.member(i, back.mean_s)
             } else {
                 let statics = &corner.statics;
                 let form = forms.strut.times(arm * statics.ball_normal_per_strut);
@@ -142,7 +140,7 @@ impl Fusion {
                 form.constant += arm * statics.ball_normal_offset_n;
                 form
             };
-            let form = form.ago(back_s, input.dt, &forms.acceleration);
+            let form = forms.ago(&form, back);
             let own = if axial {
                 (OFFSET + 5 * wheel + i, 1.0)
             } else {
@@ -188,9 +186,8 @@ impl Fusion {
             }
             let reading = *reading;
             let unlagged = self.hub_lag[wheel][axis].invert(&reading, lag_s);
-            let back_s = self.age_s(input, &reading) + unlagged.delay_s;
-            let form = forms.acceleration.times(unit[axis]);
-            let form = form.ago(back_s, input.dt, &forms.acceleration);
+            let back = unlagged.delay.earlier(self.age_s(input, &reading));
+            let form = forms.ago(&forms.acceleration.times(unit[axis]), back);
             let own = (HUB_BIAS + 3 * wheel + axis, 1.0);
             rows.set(HUB + axis, form.gains, own);
             let noise = unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2;
@@ -210,16 +207,17 @@ impl Fusion {
             .clamp(-0.01, input.fresh_s)
     }
 
-    /// Judges each strain channel by what the state before any reading of this step expects.
+    /// Judges each strain channel by what the state before any reading of this step expects. Returns the
+    /// innovation beyond which a reading weighs less: several channels at once show an event on the road.
     fn judge_channels(
         &mut self,
         joint: &Joint,
         measured: &CornerMeasurements,
         wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
-    ) {
+    ) -> f64 {
         if self.settling() {
-            return;
+            return f64::INFINITY;
         }
         let t = self.tuning;
         let squares = StrainChannel::ALL.map(|channel| {
@@ -236,6 +234,11 @@ impl Fusion {
         let limit = t.channels.gate_sigma * t.channels.gate_sigma;
         let outside = squares.iter().flatten().filter(|square| **square > limit);
         let is_evidence = (outside.count() as u32) < t.channels.event_channels;
+        let limit = if is_evidence {
+            t.members.limit_sigma
+        } else {
+            f64::INFINITY
+        };
         for channel in StrainChannel::ALL {
             let i = channel.index();
             let Some(square) = squares[i] else { continue };
@@ -248,13 +251,20 @@ impl Fusion {
                 });
             }
         }
+        limit
     }
 
     /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level.
-    fn take_length(&mut self, joint: &mut Joint, length: &RowMeasurement, wheel: usize) {
+    fn take_length(
+        &mut self,
+        joint: &mut Joint,
+        length: &RowMeasurement,
+        wheel: usize,
+        limit: f64,
+    ) {
         let t = self.tuning;
         let innovation_mm = length.value - joint.value(LENGTH_ROW);
-        let z = self.take_limited(joint, LENGTH_ROW, length.value, length.variance);
+        let z = self.take_limited(joint, LENGTH_ROW, length.value, length.variance, limit);
         if self.settling() {
             return;
         }
@@ -279,6 +289,7 @@ impl Fusion {
         strain: &RowMeasurement,
         wheel: usize,
         channel: StrainChannel,
+        limit: f64,
     ) {
         let t = self.tuning;
         let i = channel.index();
@@ -296,7 +307,7 @@ impl Fusion {
         }
         let innovation = strain.value - joint.value(m);
         let total = joint.variance(m) + variance;
-        let z = self.take_limited(joint, m, strain.value, variance);
+        let z = self.take_limited(joint, m, strain.value, variance, limit);
         if self.settling() {
             return;
         }
@@ -307,16 +318,17 @@ impl Fusion {
 
     /// Takes a row's value; an innovation beyond the limit weighs as one at the limit. Returns the
     /// normalised innovation.
-    fn take_limited(&self, joint: &mut Joint, m: usize, value: f64, variance: f64) -> f64 {
+    fn take_limited(
+        &self,
+        joint: &mut Joint,
+        m: usize,
+        value: f64,
+        variance: f64,
+        limit: f64,
+    ) -> f64 {
         let total = joint.variance(m) + variance;
         let z = (value - joint.value(m)) / total.sqrt();
-        let limit = self.tuning.members.limit_sigma;
-        let beyond = if self.settling() {
-            1.0
-        } else {
-            (z.abs() / limit).max(1.0)
-        };
-        joint.take(m, value, total * beyond);
+        joint.take(m, value, total * (z.abs() / limit).max(1.0));
         z
     }
 

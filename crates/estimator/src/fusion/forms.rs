@@ -78,25 +78,31 @@ impl Form {
         let terms = corner_states(wheel).into_iter().zip(self.gains);
         terms.map(|(i, gain)| gain * state[i]).sum::<f64>() + self.constant
     }
+}
 
-    /// The form as it was `back_s` ago: the forces between those of now and of one step before, the
-    /// strut moved back along its motion.
-    pub(super) fn ago(&self, back_s: f64, step_s: f64, acceleration: &Self) -> MeasuredForm {
-        let part = (back_s / step_s).clamp(0.0, 1.5);
-        let moved = 1e3 * back_s * self.gains[AT_SPEED];
-        let mut now = self.plus(-moved, acceleration);
-        now.gains[AT_SPEED] -= back_s * self.gains[AT_LENGTH];
-        let mut gains = [0.0; MEASURED];
-        gains[..CORNER].copy_from_slice(&now.gains);
-        for axis in 0..3 {
-            let force = self.gains[axis];
-            gains[axis] = now.gains[axis] - part * force;
-            gains[CORNER + axis] = part * force;
+/// When a reading shows the signal: a mean over the time before an instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Back {
+    /// Mean time before the instant, s.
+    pub(super) mean_s: f64,
+    /// Mean square of that time, s^2.
+    pub(super) square_s2: f64,
+}
+
+impl Back {
+    /// The same, seen from `age_s` later.
+    pub(super) fn earlier(self, age_s: f64) -> Self {
+        Self {
+            mean_s: self.mean_s + age_s,
+            square_s2: self.square_s2 + age_s * (2.0 * self.mean_s + age_s),
         }
-        gains[CORNER + 3] = self.gains[2];
-        MeasuredForm {
-            gains,
-            constant: now.constant,
+    }
+
+    /// A single instant.
+    pub(super) fn at(mean_s: f64) -> Self {
+        Self {
+            mean_s,
+            square_s2: mean_s * mean_s,
         }
     }
 }
@@ -111,11 +117,48 @@ pub(super) struct CornerForms {
     pub(super) strut: Form,
     /// The strut's acceleration, m/s^2.
     pub(super) acceleration: Form,
+    /// Force that 1 m more of strut presses the tyre with less the road's movement, N/m.
+    pub(super) pressing_n_m: f64,
     step_s: f64,
     steps_back_max: f64,
 }
 
 impl CornerForms {
+    /// A form as it was before the instant. The forces lie between those of now and of one step before;
+    /// the load bends from the line between them as the wheel's travel presses the tyre. The strut's
+    /// acceleration lies between both steps' likewise.
+    pub(super) fn ago(&self, form: &Form, back: Back) -> MeasuredForm {
+        let Back { mean_s, square_s2 } = back;
+        let part = (mean_s / self.step_s).clamp(-1.0, 1.5);
+        let [of_speed, of_length] = [AT_SPEED, AT_LENGTH].map(|at| form.gains[at]);
+        let bent = 0.5 * square_s2 / self.step_s;
+        // Of the acceleration now and one step before.
+        let now = 1e3 * (of_speed * (bent - mean_s) + 0.5 * of_length * square_s2)
+            + 0.5 * form.gains[2] * (mean_s * self.step_s - square_s2) * self.pressing_n_m;
+        let before = -1e3 * of_speed * bent;
+        let mut sum = form.plus(now, &self.acceleration);
+        sum.gains[AT_SPEED] -= of_length * mean_s;
+        // One step before: the struts' states of then, by the motion since.
+        let acceleration = &self.acceleration;
+        sum = sum.plus(before, acceleration).plus(
+            -1e3 * before * acceleration.gains[AT_SPEED] * self.step_s,
+            acceleration,
+        );
+        sum.gains[AT_SPEED] -= before * acceleration.gains[AT_LENGTH] * self.step_s;
+        let mut gains = [0.0; MEASURED];
+        gains[..CORNER].copy_from_slice(&sum.gains);
+        for axis in 0..3 {
+            let moved = part * form.gains[axis] + before * acceleration.gains[axis];
+            gains[axis] -= moved;
+            gains[CORNER + axis] = moved;
+        }
+        gains[CORNER + 3] = form.gains[2];
+        MeasuredForm {
+            gains,
+            constant: sum.constant,
+        }
+    }
+
     /// Force of member `i` with the linkage of `back_s` ago, N.
     pub(super) fn member(&self, i: usize, back_s: f64) -> Form {
         let back = (back_s / self.step_s).clamp(0.0, self.steps_back_max);
@@ -171,6 +214,8 @@ impl Fusion {
             per_acceleration: travel.members,
             strut,
             acceleration,
+            pressing_n_m: self.body.tyres[wheel].vertical_stiffness_n_m
+                * corner.frame.normal().dot(&travel.path),
             step_s: input.dt,
             steps_back_max: self.tuning.members.steps_back_max,
         }

@@ -7,6 +7,7 @@
 
 use sample::LogTime;
 
+use super::forms::Back;
 use crate::inputs::Reading;
 
 /// Longest time between readings over which a lag is undone, s.
@@ -20,8 +21,8 @@ pub(super) struct Lag(Option<(LogTime, f64)>);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unlagged {
     pub(super) value: f64,
-    /// How long before the reading the signal had this value, s.
-    pub(super) delay_s: f64,
+    /// How long before the reading the signal had this value.
+    pub(super) delay: Back,
     /// Factor on the variance of a single reading.
     pub(super) noise: f64,
 }
@@ -35,7 +36,7 @@ impl Lag {
         let Some((time, value)) = near else {
             return Unlagged {
                 value: reading.value,
-                delay_s: tau_s,
+                delay: Back::at(tau_s),
                 noise: 1.0 / count,
             };
         };
@@ -43,7 +44,11 @@ impl Lag {
         let kept = math::exp(-gap_s / tau_s);
         Unlagged {
             value: (reading.value - kept * value) / (1.0 - kept),
-            delay_s: tau_s - gap_s * kept / (1.0 - kept),
+            delay: Back {
+                mean_s: tau_s - gap_s * kept / (1.0 - kept),
+                square_s2: 2.0 * tau_s * tau_s
+                    - gap_s * (gap_s + 2.0 * tau_s) * kept / (1.0 - kept),
+            },
             noise: (1.0 + kept * kept) / ((1.0 - kept) * (1.0 - kept) * count),
         }
     }

@@ -90,11 +90,15 @@ impl Fusion {
             added[index] = dt * turn.constant;
         }
         let propagations: [Propagation; 4] = std::array::from_fn(|wheel| {
-            let corner = &input.corners[wheel];
-            let lowering = corner.frame.normal().dot(&corner.travel.path);
-            let pressing = 1e-3 * self.body.tyres[wheel].vertical_stiffness_n_m * lowering;
-            let acceleration = &model.forms[wheel].acceleration;
-            Propagation::new(wheel, acceleration, pressing, self.tuning.load_rate_time_s, dt)
+            let forms = &model.forms[wheel];
+            let time_s = self.tuning.load_rate_time_s;
+            Propagation::new(
+                wheel,
+                &forms.acceleration,
+                1e-3 * forms.pressing_n_m,
+                time_s,
+                dt,
+            )
         });
         for (wheel, propagation) in propagations.iter().enumerate() {
             for (index, terms, by) in propagation.rows() {

@@ -93,7 +93,7 @@ tuning! {
         gain_tolerance: f64 = 0.02, "1";
         /// Innovation beyond which a reading weighs less: so that its innovation is this many standard
         /// deviations.
-        limit_sigma: f64 = 5.0, "σ";
+        limit_sigma: f64 = 12.0, "σ";
         /// Innovations of a potentiometer beyond that, one after another, after which it has jumped.
         jump_readings: u32 = 5, "1";
         /// Innovation of a potentiometer that can be a jump.
@@ -123,7 +123,7 @@ tuning! {
         /// being.
         alone: f64 = 0.1, "1";
         /// Channels of one corner outside the gate in one step that are an event on the road, not faults.
-        event_channels: u32 = 3, "1";
+        event_channels: u32 = 2, "1";
         /// Fraction below which a faulty channel is used again.
         good: f64 = 0.05, "1";
         /// Weight of one innovation in that fraction: about half a second at 100 Hz until exclusion.
@@ -168,7 +168,7 @@ tuning! {
         /// Limit of one innovation.
         innovation_max: f64 = 5.0, "σ";
         /// White noise of F_x and F_y as a part of that of the load: a rock also pushes along and across.
-        road_along: f64 = 0.1, "1";
+        road_along: f64 = 0.2, "1";
         /// Part of the density times the step that is the variance of the load between two steps: 1/12 for a
         /// random walk.
         road_between: f64 = 1.0 / 12.0, "1";
