@@ -39,26 +39,28 @@ fn main() {
     if sets.is_empty() {
         sets = vec!["A".into()];
     }
-    let mut worst = std::collections::BTreeMap::<String, [f64; 6]>::new();
+    let mut worst = std::collections::BTreeMap::<String, [f64; 18]>::new();
     for name in &runs {
         let folder = if name.starts_with('r') { "truth-rough" } else { "truth" };
         let run = Run::read(Path::new(&format!("../shared/data/{folder}/{name}.parquet")));
         for set in &sets {
             for seed in &seeds {
                 let found = one(&run, set, *seed, tuning, events);
-                let w = worst.entry(set.clone()).or_default();
+                let w = worst.entry(set.clone()).or_insert([0.0,0.0,0.0,0.0,0.0,0.0, 1e9,1e9,1e9,1e9,1e9,1e9,0.0,0.0,0.0,0.0,0.0,0.0]);
                 for k in 0..6 {
                     w[k] = w[k].max(found[k]);
+                    w[6 + k] = w[6 + k].min(found[6 + k]);
+                    w[12 + k] = w[12 + k].max(found[6 + k]);
                 }
             }
         }
     }
     for (set, w) in worst {
-        println!("WORST {set} causal {:.2} {:.2} {:.2} lag {:.2} {:.2} {:.2}", w[0], w[1], w[2], w[3], w[4], w[5]);
+        println!("WORST {set} causal {:.2} {:.2} {:.2} lag {:.2} {:.2} {:.2}  nees {:.2}-{:.2} {:.2}-{:.2} {:.2}-{:.2} lag {:.2}-{:.2} {:.2}-{:.2} {:.2}-{:.2}", w[0], w[1], w[2], w[3], w[4], w[5], w[6],w[12],w[7],w[13],w[8],w[14],w[9],w[15],w[10],w[16],w[11],w[17]);
     }
 }
 
-fn one(run: &Run, set: &str, seed: u64, tuning: atvrec_estimator::tuning::Tuning, events: bool) -> [f64; 6] {
+fn one(run: &Run, set: &str, seed: u64, tuning: atvrec_estimator::tuning::Tuning, events: bool) -> [f64; 12] {
     let vehicle = truth::vehicle();
     let hub = "ab".contains(set) && run.columns.contains_key("FL_wcw_a_x");
     let file = if "Aa".contains(set) { "thesis-10bit" } else { "full-bridge-16bit-bending" };
@@ -91,7 +93,7 @@ fn one(run: &Run, set: &str, seed: u64, tuning: atvrec_estimator::tuning::Tuning
     let elapsed = start.elapsed().as_secs_f64();
     let truth = carrier_truth(run);
     let mut line = format!("{:14} {} {:3}", run.name, set, seed);
-    let mut result = [0.0; 6];
+    let mut result = [0.0; 12];
     for (k, all) in [&causal, &lagged].into_iter().enumerate() {
         let mut worst = [0.0f64; 3];
         let mut nees = [0.0; 3];
@@ -110,7 +112,7 @@ fn one(run: &Run, set: &str, seed: u64, tuning: atvrec_estimator::tuning::Tuning
                 nees[axis] += z2 / n / 4.0;
             }
         }
-        for a in 0..3 { result[3 * k + a] = worst[a]; }
+        for a in 0..3 { result[3 * k + a] = worst[a]; result[6 + 3 * k + a] = nees[a]; }
         line += &format!(" | {:5.2} {:5.2} {:5.2} nees {:5.2} {:5.2} {:6.2}", worst[0], worst[1], worst[2], nees[0], nees[1], nees[2]);
     }
     let result_motion = testkit::scoring::Estimated { estimates: causal.into_iter().map(|c| c.1).collect(), events: vec![] };

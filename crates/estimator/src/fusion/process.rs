@@ -11,6 +11,7 @@ use super::propagation::{Noises, Propagation};
 use super::transition::Transition;
 use super::{Fusion, StepInput, StepModel, lengths};
 use crate::calibration::CornerChannels;
+use crate::feedback::BodyMotionEstimate;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
 use crate::tuning::{FusionTuning, ProcessNoiseTuning};
@@ -126,8 +127,19 @@ impl Fusion {
         let up = input.motion.earth_from_body.inverse() * Vector3::z();
         let arm = input.corners[wheel].pose.wheel_centre_m - Vector3::z() * self.body.cg_height_m;
         let rate = input.motion.rate_rad_s;
-        let force = self.ahead.specific_force_m_s2
-            + self.ahead.rate_dot_rad_s2.cross(&arm)
+        // Stands can carry a vehicle whose inertial unit is silent.
+        let of_centre = if input.motion.inertial {
+            BodyMotionEstimate {
+                specific_force_m_s2: input.motion.specific_force_m_s2,
+                rate_dot_rad_s2: self.ahead.rate_dot_rad_s2,
+            }
+        } else if let Some(ahead) = self.body_motion {
+            ahead
+        } else {
+            return 0.0;
+        };
+        let force = of_centre.specific_force_m_s2
+            + of_centre.rate_dot_rad_s2.cross(&arm)
             + rate.cross(&rate.cross(&arm));
         force.dot(&up) - STANDARD_GRAVITY_M_S2
     }

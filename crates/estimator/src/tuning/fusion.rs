@@ -29,7 +29,7 @@ tuning! {
         /// Time constant of the rate of the load that the wheel's travel does not explain.
         load_rate_time_s: f64 = 0.4, "s";
         /// Error of the strut's model.
-        strut_sigma_n: f64 = 15.0, "N";
+        strut_sigma_n: f64 = 30.0, "N";
         /// Its time constant.
         strut_time_s: f64 = 0.1, "s";
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
