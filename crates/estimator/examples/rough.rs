@@ -79,6 +79,7 @@ fn one(run: &Run, set: &str, seed: u64, tuning: atvrec_estimator::tuning::Tuning
     let mut causal: Vec<(usize, Estimate)> = vec![];
     let mut lagged: Vec<(usize, Estimate)> = vec![];
     let mut lines = vec![];
+    let bias_on = std::env::var("BIAS").is_ok();
     let mut innovations = None;
     for sample in &samples {
         estimator.advance(sample.log_time, &mut |output| match output {
@@ -100,20 +101,28 @@ fn one(run: &Run, set: &str, seed: u64, tuning: atvrec_estimator::tuning::Tuning
         for (w, wheel) in Wheel::ALL.into_iter().enumerate() {
             for axis in 0..3 {
                 let peak = truth.iter().map(|r| r[w][axis].abs()).fold(vehicle.static_load_n(wheel), f64::max);
-                let (mut sum, mut n, mut z2) = (0.0, 0.0, 0.0);
+                let (mut sum, mut n, mut z2, mut mean, mut sig) = (0.0, 0.0, 0.0, 0.0, 0.0);
                 for (row, x) in all {
                     if *row < 400 || *row >= run.rows { continue; }
                     let e = x.carrier[wheel].force_n[axis] - truth[*row][w][axis];
-                    sum += e * e;
+                    sum += e * e; mean += e; sig += x.carrier[wheel].sigma_n[axis];
                     z2 += (e / x.carrier[wheel].sigma_n[axis]).powi(2);
                     n += 1.0;
                 }
+                if bias_on { println!("  {k} {wheel:?} {axis} rms {:.1} mean {:.1} sigma {:.1} peak {:.0}", (sum / n as f64).sqrt(), mean / n, sig / n, peak); }
                 worst[axis] = worst[axis].max(100.0 * (sum / n).sqrt() / peak);
                 nees[axis] += z2 / n / 4.0;
             }
         }
         for a in 0..3 { result[3 * k + a] = worst[a]; result[6 + 3 * k + a] = nees[a]; }
         line += &format!(" | {:5.2} {:5.2} {:5.2} nees {:5.2} {:5.2} {:6.2}", worst[0], worst[1], worst[2], nees[0], nees[1], nees[2]);
+    }
+    if std::env::var("TRACE").is_ok() {
+        for (row, x) in causal.iter().step_by(std::env::var("TRACE").unwrap().parse().unwrap()) {
+            if *row >= run.rows { continue; }
+            let t = truth[*row];
+            println!("t {:.2} {}", *row as f64 / 200.0, (0..4).map(|w| format!("{:.0}/{:.0}", x.carrier.0[w].force_n[2], t[w][2])).collect::<Vec<_>>().join(" "));
+        }
     }
     let result_motion = testkit::scoring::Estimated { estimates: causal.into_iter().map(|c| c.1).collect(), events: vec![] };
     let m = testkit::scoring::motion_errors(run, &result_motion);

@@ -322,6 +322,7 @@ impl Fusion {
         let model = self.model(input);
         self.predict(input, &model);
         let rates = self.estimates::<12>(RATE);
+        let loads = self.estimates::<12>(FORCE);
         let torques = [0, 2].map(|part| self.estimates::<2>(TORQUE + part));
         let accels = self.estimates::<3>(ACCEL_BIAS);
         self.agreed = false;
@@ -343,6 +344,7 @@ impl Fusion {
             self.force_noise.learn(
                 corrections(&rates, &self.estimates(RATE)),
                 self.length_measured,
+                { let c = corrections(&loads, &self.estimates::<12>(FORCE)); [c[2], c[5], c[8], c[11]] },
             );
             for (part, torques) in torques.iter().enumerate() {
                 let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));

@@ -49,6 +49,13 @@ impl Fusion {
         let measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
         let mut joint = self.covariance.project(&measured.rows, &self.state);
         let limit = self.judge_channels(&joint, &measured, wheel, changes);
+        if limit == f64::INFINITY && !self.settling() {
+            for (axis, sigma_n) in self.tuning.members.surprise_n.into_iter().enumerate() {
+                let force = FORCE + 3 * wheel + axis;
+                self.covariance.add_noise(force, sigma_n * sigma_n);
+            }
+            joint = self.covariance.project(&measured.rows, &self.state);
+        }
         if let Some(length) = measured.length {
             self.take_length(&mut joint, &length, wheel, limit);
         }

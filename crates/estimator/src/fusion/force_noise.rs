@@ -21,9 +21,8 @@ pub struct ForceNoise {
     road: [f64; 4],
     /// Mean square of the potentiometer's normalised innovation.
     square: [f64; 4],
-    /// Correlation of one innovation with the one before.
-    product: [f64; 4],
-    before: [f64; 4],
+    /// Mean square of the normalised correction of each wheel's load.
+    load_square: [f64; 4],
 }
 
 impl ForceNoise {
@@ -36,8 +35,7 @@ impl ForceNoise {
             noise: [lateral, lateral, noise(tuning.load_density_bounds)],
             road: [tuning.road_start; 4],
             square: [1.0; 4],
-            product: [0.0; 4],
-            before: [0.0; 4],
+            load_square: [1.0; 4],
         }
     }
 
@@ -63,20 +61,24 @@ impl ForceNoise {
         let t = &self.tuning;
         let z = innovation.clamp(-t.innovation_max, t.innovation_max);
         self.square[wheel] += t.road_memory * (z * z - self.square[wheel]);
-        self.product[wheel] += t.road_memory * (z * self.before[wheel] - self.product[wheel]);
-        self.before[wheel] = z;
     }
 
     /// Adapts the densities at the end of a step to the normalised corrections of the twelve rates; the
     /// road's for wheels with a potentiometer.
-    pub fn learn(&mut self, corrections: [f64; 12], measured: [bool; 4]) {
+    pub fn learn(&mut self, corrections: [f64; 12], measured: [bool; 4], loads: [f64; 4]) {
         for (axis, noise) in self.noise.iter_mut().enumerate() {
             noise.learn(std::array::from_fn(|wheel| corrections[3 * wheel + axis]));
         }
+        if std::env::var("QZ").is_ok() { eprintln!("QZ {:?} sq {:.2?} pr {:.2?}", self.road.map(|x| x.log10()), self.square, self.load_square); }
         let t = &self.tuning;
         let count = measured.iter().filter(|is| **is).count().max(1) as f64;
         let surplus: [f64; 4] = std::array::from_fn(|wheel| {
-            self.square[wheel] - t.road_square + t.road_colour * self.product[wheel]
+            let z = loads[wheel].clamp(-t.innovation_max, t.innovation_max);
+            self.load_square[wheel] += t.load_memory * (z * z - self.load_square[wheel]);
+            let [low, high] = t.load_square;
+            let load = self.load_square[wheel];
+            self.square[wheel] - t.road_square + t.load_gain[0] * (load - low).min(0.0)
+                + t.load_gain[1] * (load - high).max(0.0)
         });
         let known = |wheel: &usize| measured[*wheel];
         let mean = (0..4).filter(known).map(|w| surplus[w]).sum::<f64>() / count;

@@ -119,6 +119,8 @@ pub(super) struct CornerForms {
     pub(super) acceleration: Form,
     /// Force that 1 m more of strut presses the tyre with less the road's movement, N/m.
     pub(super) pressing_n_m: f64,
+    /// 1 for a tyre on the ground, 0 for a wheel in the air, by the load before the step.
+    pub(super) touching: f64,
     step_s: f64,
     steps_back_max: f64,
 }
@@ -209,12 +211,16 @@ impl Fusion {
         strut.constant = line.constant_n();
         let needed: Form = members[5][0];
         let acceleration = strut.plus(-1.0, &needed).times(1.0 / travel.members[5]);
+        let light_n = self.tuning.light_part * self.body.static_load[wheel];
+        let touching = (self.state[FORCE + 3 * wheel + 2] / light_n).clamp(0.0, 1.0);
         CornerForms {
             members,
             per_acceleration: travel.members,
             strut,
             acceleration,
-            pressing_n_m: self.body.tyres[wheel].vertical_stiffness_n_m
+            touching,
+            pressing_n_m: touching
+                * self.body.tyres[wheel].vertical_stiffness_n_m
                 * corner.frame.normal().dot(&travel.path),
             step_s: input.dt,
             steps_back_max: self.tuning.members.steps_back_max,

@@ -96,7 +96,7 @@ impl Fusion {
             Propagation::new(
                 wheel,
                 &forms.acceleration,
-                1e-3 * forms.pressing_n_m,
+                [forms.touching, 1e-3 * forms.pressing_n_m],
                 time_s,
                 dt,
             )
@@ -204,7 +204,9 @@ impl Fusion {
             let noises = Noises {
                 force: [along * road, along * road, road],
                 rate,
-                speed: 1e6 * t.strut_rate_density * t.strut_rate_density,
+                speed: 1e6
+                    * (t.strut_rate_density * t.strut_rate_density
+                        + n.road_strut_rate * n.road_strut_rate * road),
             };
             propagation.noise(&noises, dt, &mut |i, j, value| c.add_covariance(i, j, value));
             c.add_noise(BETWEEN + wheel, road * dt * n.road_between);
@@ -220,7 +222,8 @@ impl Fusion {
             } else {
                 0.0
             };
-            let strut = t.strut_sigma_n * t.strut_sigma_n + stop * stop;
+            let rough = n.road_strut * n.road_strut * road;
+            let strut = t.strut_sigma_n * t.strut_sigma_n + stop * stop + rough;
             c.add_noise(STRUT + wheel, gains.strut * strut);
             c.add_noise(LENGTH_ERROR + wheel, gains.length_mm2[wheel]);
         }

@@ -51,17 +51,17 @@ pub(super) fn global(wheel: usize, local: usize) -> usize {
 }
 
 impl Propagation {
-    /// With the acceleration of the strut, m/s^2, the tyre's stiffness along the strut, N/mm of its
-    /// length, and the time constant of the load's rate, s.
+    /// With the acceleration of the strut, m/s^2, the part of the tyre that touches the ground, the tyre's
+    /// stiffness along the strut, N/mm of its length, and the time constant of the load's rate, s.
     pub(super) fn new(
         wheel: usize,
         acceleration: &Form,
-        pressing_n_mm: f64,
+        [touching, pressing_n_mm]: [f64; 2],
         load_rate_time_s: f64,
         dt: f64,
     ) -> Self {
         let mut equations = [[0.0; LOCAL]; 3];
-        equations[0][AT_RATE + 2] = 1.0;
+        equations[0][AT_RATE + 2] = touching;
         equations[0][AT_SPEED] = -pressing_n_mm;
         for (k, gain) in acceleration.gains.iter().enumerate() {
             equations[1][k] = 1e3 * gain;

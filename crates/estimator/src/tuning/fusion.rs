@@ -27,15 +27,18 @@ tuning! {
         /// Time constants of mean and difference.
         torque_time_s: [f64; 2] = [50.0, 1.0], "s";
         /// Time constant of the rate of the load that the wheel's travel does not explain.
-        load_rate_time_s: f64 = 0.4, "s";
+        load_rate_time_s: f64 = 1.0, "s";
+        /// Part of the static load up to which a tyre counts as lifting off: its wheel's travel presses it in
+        /// proportion.
+        light_part: f64 = 0.1, "1";
         /// Error of the strut's model.
-        strut_sigma_n: f64 = 30.0, "N";
+        strut_sigma_n: f64 = 3.0, "N";
         /// Its time constant.
         strut_time_s: f64 = 0.1, "s";
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
         stop_sigma_n_s_m: f64 = 0.0, "N s/m";
         /// Density of the noise of a strut's rate.
-        strut_rate_density: f64 = 0.02, "m/s²/√Hz";
+        strut_rate_density: f64 = 0.003, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
         torque_density: [f64; 2] = [1.0e4, 2.0], "(N m)²/s";
         /// Bounds of the density of the mean.
@@ -94,6 +97,8 @@ tuning! {
         /// Innovation beyond which a reading weighs less: so that its innovation is this many standard
         /// deviations.
         limit_sigma: f64 = 12.0, "σ";
+        /// Standard deviation that an event on the road adds to each force of its wheel.
+        surprise_n: [f64; 3] = [60.0, 60.0, 60.0], "N";
         /// Innovations of a potentiometer beyond that, one after another, after which it has jumped.
         jump_readings: u32 = 5, "1";
         /// Innovation of a potentiometer that can be a jump.
@@ -145,35 +150,45 @@ tuning! {
         /// Initial density.
         start_density: f64 = 3.0e3 * 3.0e3, "(N/s)²/s";
         /// Bounds of the density.
-        density_bounds: [f64; 2] = [15.0 * 15.0, 4.0e4 * 4.0e4], "(N/s)²/s";
+        density_bounds: [f64; 2] = [300.0 * 300.0, 4.0e4 * 4.0e4], "(N/s)²/s";
         /// Each axis keeps at least this part of the largest axis' density: a tyre that is steered or
         /// braked pushes along all axes.
         shared: f64 = 0.02, "1";
         /// Bounds of the density of the rate of the load that the wheel's travel does not explain.
         load_density_bounds: [f64; 2] = [15.0 * 15.0, 6.0e3 * 6.0e3], "(N/s)²/s";
         /// Initial density of the white noise of the load, from the road.
-        road_start: f64 = 1.0e6, "N²/s";
+        road_start: f64 = 1.0e5, "N²/s";
         /// Bounds of that density.
-        road_bounds: [f64; 2] = [1.0, 3.0e7], "N²/s";
+        road_bounds: [f64; 2] = [300.0, 3.0e7], "N²/s";
         /// Weight of one innovation in the mean square that adapts the density: a fifth of a second.
         road_memory: f64 = 0.05, "1";
         /// Mean square of the potentiometer's normalised innovations at which the density stays.
         road_square: f64 = 0.93, "σ²";
-        /// Weight of the correlation of successive innovations beside their mean square.
-        road_colour: f64 = 0.0, "1";
+        /// Weight of one correction of a load in the mean square that shows a density that is too large or far
+        /// too small.
+        load_memory: f64 = 0.02, "1";
+        /// Mean square of the corrections of a load below which the density is too large, and above which it is
+        /// far too small.
+        load_square: [f64; 2] = [0.9, 3.0], "σ²";
+        /// Weights of a mean square beyond these beside that of the potentiometer's innovations.
+        load_gain: [f64; 2] = [1.0, 1.0], "1";
         /// Relative change of the density in one step for a surplus of one.
-        road_gain: f64 = 0.02, "1";
+        road_gain: f64 = 0.04, "1";
         /// Largest surplus down and up.
-        road_step: [f64; 2] = [0.3, 2.0], "σ²";
+        road_step: [f64; 2] = [0.2, 2.5], "σ²";
         /// Limit of one innovation.
         innovation_max: f64 = 5.0, "σ";
         /// White noise of F_x and F_y as a part of that of the load: a rock also pushes along and across.
         road_along: f64 = 0.2, "1";
         /// Part of the density times the step that is the variance of the load between two steps: 1/12 for a
         /// random walk.
-        road_between: f64 = 1.0 / 12.0, "1";
+        road_between: f64 = 0.03, "1";
         /// Standard deviation of a member's force from roughness, for a density of one.
-        road_member: f64 = 0.001, "√s";
+        road_member: f64 = 0.002, "√s";
+        /// The same of a strut's force.
+        road_strut: f64 = 0.03, "√s";
+        /// The same of a strut's acceleration.
+        road_strut_rate: f64 = 1.0e-5, "m/s²/N";
         /// The same of the tyre's moments.
         road_moment_m: f64 = 0.008, "m √s";
         /// The same of the sum of all forces.
