@@ -517,9 +517,9 @@ mod tests {
             sigma_n: [1.0; 3],
             ..TyreForce::default()
         };
-        let widened = corners.add_frame_uncertainty(&PerWheel([force; 4]), 2e-3);
+        let widened = |wheel| corners.frame_errors(wheel, 2e-3).widen(&force);
         let near = |sigma: f64, error: f64| (sigma - math::hypot(1.0_f64, error)).abs() < 0.01;
-        let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| widened[wheel].sigma_n);
+        let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| widened(wheel).sigma_n);
         assert!(
             near(front[0], 2e-3 * 500.0) && near(rear[0], 0.0),
             "{front:?} {rear:?}"
@@ -535,8 +535,8 @@ mod tests {
             sigma_n: [f64::NAN, f64::NAN, 5.0],
             ..TyreForce::default()
         };
-        let widened = corners.add_frame_uncertainty(&PerWheel([load; 4]), 1.0);
-        assert_eq!(widened[Wheel::FrontLeft].sigma_n[2], 5.0);
+        let widened = corners.frame_errors(Wheel::FrontLeft, 1.0).widen(&load);
+        assert_eq!(widened.sigma_n[2], 5.0);
     }
 
     #[test]

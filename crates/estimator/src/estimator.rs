@@ -34,7 +34,6 @@ use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
 use events::Divergence;
-pub use lagged::LAG_STEPS;
 use lagged::Past;
 use monitors::ConsistencyMonitors;
 use stages::MeasuredForces;
@@ -51,7 +50,7 @@ const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
 pub enum Output {
     /// The estimate of one instant of the grid.
     Estimate(Estimate),
-    /// The estimate of [`LAG_STEPS`] steps before, with what was measured since, after the estimate of an
+    /// The estimate of two steps before, with what was measured since, after the estimate of an
     /// instant.
     Lagged(Estimate),
     /// Estimated parameters, at each full second of the log clock, after the estimate.
@@ -295,7 +294,7 @@ impl Estimator {
             frames,
         } = self.measure_forces(time, &state, &expected, out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
-        let rollover = self.detect_lift(time, &state, &measured, out);
+        let rollover = self.detect_lift(time, &state, &measured, lagged.as_ref(), out);
         self.complete_motion(&mut motion, &state, planar.as_ref(), steer_rad);
         if navigated && settled {
             self.learn_grip(time, &state, &motion, &measured, out);

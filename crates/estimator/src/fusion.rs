@@ -57,9 +57,7 @@ use model::sensors::StrainChain;
 use model::suspension::CornerStatics;
 use model::vehicle::Vehicle;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use sample::{
-    ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce, WheelAxes,
-};
+use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce, WheelAxes};
 
 use crate::calibration::{CornerChannels, HubSensor};
 use crate::corners::CornerState;
@@ -77,9 +75,9 @@ use body::Body;
 use channel::{Change, ChannelHealth};
 use covariance::Covariance;
 use force_noise::ForceNoise;
-use joint::Joint;
 use forms::CornerForms;
 use inertial::Balance;
+use joint::Joint;
 use lag::Lag;
 use layout::{
     ACCEL_BIAS, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, RATE, SIZE, SPEED, State, TORQUE,
@@ -320,6 +318,7 @@ impl Fusion {
             self.forget(input.channels);
         }
         let model = self.model(input);
+        self.force_noise.drive(input.motion.velocity_m_s.x);
         self.predict(input, &model);
         let rates = self.estimates::<12>(RATE);
         let loads = self.estimates::<12>(FORCE);
@@ -344,7 +343,10 @@ impl Fusion {
             self.force_noise.learn(
                 corrections(&rates, &self.estimates(RATE)),
                 self.length_measured,
-                { let c = corrections(&loads, &self.estimates::<12>(FORCE)); [c[2], c[5], c[8], c[11]] },
+                {
+                    let c = corrections(&loads, &self.estimates::<12>(FORCE));
+                    [c[2], c[5], c[8], c[11]]
+                },
             );
             for (part, torques) in torques.iter().enumerate() {
                 let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));
@@ -377,12 +379,9 @@ impl Fusion {
     /// The equations of the step, linear in the states.
     fn model(&self, input: &StepInput<'_>) -> StepModel {
         let speed_m_s = input.motion.velocity_m_s.x;
-        let known = std::array::from_fn(|wheel| {
-            self.known_moment(wheel, &input.corners[wheel], speed_m_s)
-        });
-        let forms = std::array::from_fn(|wheel| {
-            self.forms(input, wheel, &known[wheel].moment_n_m)
-        });
+        let known =
+            std::array::from_fn(|wheel| self.known_moment(wheel, &input.corners[wheel], speed_m_s));
+        let forms = std::array::from_fn(|wheel| self.forms(input, wheel, &known[wheel].moment_n_m));
         StepModel {
             balance: self.balance(input, &known, &forms),
             known,
@@ -526,10 +525,10 @@ impl Fusion {
         &mut self.innovations
     }
 
-    /// Rate of a wheel's load, N/s.
+    /// Density of the white noise of the loads at 10 m/s, mean of the wheels, N^2/s: how rough the ground is.
     #[must_use]
-    pub fn load_rate_n_s(&self, wheel: usize) -> f64 {
-        self.state[RATE + 3 * wheel + 2]
+    pub fn roughness(&self) -> f64 {
+        self.force_noise.roughness()
     }
 
     /// Takes a row's value unless its innovation is beyond the gate (standard deviations). Returns

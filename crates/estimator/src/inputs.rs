@@ -240,7 +240,9 @@ fn gather(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
     let part = 1.0 / f64::from(count);
     *slot = Some(Reading {
         value: held.value + part * (value - held.value),
-        time: held.time.offset_seconds(part * time.seconds_since(held.time)),
+        time: held
+            .time
+            .offset_seconds(part * time.seconds_since(held.time)),
         taken: false,
         count,
     });

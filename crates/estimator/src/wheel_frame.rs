@@ -52,7 +52,9 @@ impl WheelFrame {
     /// A force that was estimated in the wheel-carrier frame.
     #[must_use]
     pub fn of_carrier(&self, own: &TyreForce) -> InFrames {
-        let contact = self.errors.widen(&turned(&self.carrier_from_contact.transpose(), own));
+        let contact = self
+            .errors
+            .widen(&turned(&self.carrier_from_contact.transpose(), own));
         InFrames {
             carrier: self.with_moment(&self.errors.turn(own)),
             contact,
@@ -166,11 +168,17 @@ mod tests {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
         let lateral = (16.0 * cos * cos + 4.0 * sin * sin).sqrt();
-        assert!((found.carrier.sigma_n[1] - lateral).abs() < 1e-9, "{found:?}");
+        assert!(
+            (found.carrier.sigma_n[1] - lateral).abs() < 1e-9,
+            "{found:?}"
+        );
         // In the contact frame the lateral force is sure to the tilt of a load of 1000 N as well.
         assert!((found.reported.sigma_n[1] - math::hypot(4.0, 10.0)).abs() < 1e-9);
         assert!((found.carrier.moment_n_m[0] - (1.0 + 0.3 * expected[1])).abs() < 1e-9);
-        assert!(found.carrier.moment_sigma_n_m[0] > 0.3 * 0.01 * 990.0, "{found:?}");
+        assert!(
+            found.carrier.moment_sigma_n_m[0] > 0.3 * 0.01 * 990.0,
+            "{found:?}"
+        );
         let back = frame.of_carrier(&found.carrier);
         for (found, expected) in back.contact.force_n.into_iter().zip(force.force_n) {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");

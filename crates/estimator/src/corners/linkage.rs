@@ -9,8 +9,8 @@ use model::vehicle::{Strut, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{LogTime, Wheel};
 
-use super::length::LengthFilter;
 use super::CornerState;
+use super::length::LengthFilter;
 use super::travel::{OnPath, Travel};
 use crate::calibration::HubSensor;
 use crate::feedback::StrutEstimate;
@@ -100,8 +100,7 @@ impl Linkage {
         };
         self.moved = belief.moved;
         let known = self.length.known(now).then(|| self.length.value());
-        let [length_m, _] = (self.moved.or(known))
-            .unwrap_or([self.pose.strut_length_m, 0.0]);
+        let [length_m, _] = (self.moved.or(known)).unwrap_or([self.pose.strut_length_m, 0.0]);
         // Length out of reach: the linkage keeps its pose.
         if let Ok(pose) = self.corner.pose(length_m, rack) {
             self.pose = pose;

@@ -106,8 +106,8 @@ impl Linkage {
         let members = unit_statics.members_offset - statics.members_offset;
         let fixed = CornerMotion::fixed_to(body, pose);
         let about_m = body.reference_m;
-        let [of_still, of_unit_at_hub] = [still, unit]
-            .map(|acceleration| self.at_hub_sensor(&path, body, rate, acceleration));
+        let [of_still, of_unit_at_hub] =
+            [still, unit].map(|acceleration| self.at_hub_sensor(&path, body, rate, acceleration));
         let travel = Travel {
             members: members.into(),
             ball_normal: unit_statics.ball_normal_offset_n - statics.ball_normal_offset_n,
@@ -134,13 +134,15 @@ impl Linkage {
         rate: Coordinates,
         acceleration: Coordinates,
     ) -> Vector3<f64> {
-        self.hub.as_ref().map_or_else(Vector3::zeros, |hub: &HubSensor| {
-            let upright = &self.pose.vehicle_from_upright;
-            let place_m = self.pose.wheel_centre_m + upright * hub.position_m;
-            let force = path.wheel.at(place_m);
-            let force = force.specific_force_m_s2(body, rate, acceleration);
-            hub.sensor_from_carrier * upright.transpose() * force
-        })
+        self.hub
+            .as_ref()
+            .map_or_else(Vector3::zeros, |hub: &HubSensor| {
+                let upright = &self.pose.vehicle_from_upright;
+                let place_m = self.pose.wheel_centre_m + upright * hub.position_m;
+                let force = path.wheel.at(place_m);
+                let force = force.specific_force_m_s2(body, rate, acceleration);
+                hub.sensor_from_carrier * upright.transpose() * force
+            })
     }
 
     fn strut_line(&self, rate_m_s: f64) -> StrutLine {

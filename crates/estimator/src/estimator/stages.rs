@@ -3,6 +3,7 @@
 use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
 
 use super::events::{channel_event, frozen_event};
+use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
 use crate::Input;
 use crate::feedback::EstimatorFeedback;
@@ -11,6 +12,7 @@ use crate::gaussian::Gaussian;
 use crate::grid::GRID_S;
 use crate::grip::GripInput;
 use crate::kinematics;
+use crate::lift::LiftInput;
 use crate::motion::MotionState;
 use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
@@ -264,14 +266,24 @@ impl Estimator {
         time: LogTime,
         state: &MotionState,
         measured: &PerWheel<TyreForce>,
+        lagged: Option<&PerWheel<TyreForce>>,
         out: &mut impl FnMut(Output),
     ) -> Rollover {
         let speed_m_s = math::hypot(state.velocity_m_s.x, state.velocity_m_s.y);
-        let moving = speed_m_s > self.settings.tuning.lift_speed_min_m_s;
-        self.lift
-            .step(time, GRID_S, moving, measured, &mut |event| {
-                out(Output::Event(event));
-            })
+        let t = &self.settings.tuning;
+        let roughness = self.fusion.as_ref().map_or(0.0, Fusion::roughness);
+        let input = LiftInput {
+            now: time,
+            dt: GRID_S,
+            moving: speed_m_s > t.lift_speed_min_m_s,
+            rough: roughness > t.lift.rough_density,
+            forces: measured,
+            lagged,
+            lag_s: LAG_STEPS as f64 * GRID_S,
+        };
+        self.lift.step(&input, &mut |event| {
+            out(Output::Event(event));
+        })
     }
 
     /// Stage 10: completes the reported motion by the force filter's angular rate, steer angles and

@@ -178,7 +178,13 @@ impl Covariance {
             self.complete(usize::from(*i));
         }
         let mut between = [[0.0; TOGETHER]; TOGETHER];
-        kernels::project(&mut self.projected, &mut between, &self.p, &view, self.active);
+        kernels::project(
+            &mut self.projected,
+            &mut between,
+            &self.p,
+            &view,
+            self.active,
+        );
         Joint::new(view.times(state), between)
     }
 

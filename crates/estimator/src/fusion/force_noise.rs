@@ -17,8 +17,10 @@ use crate::tuning::{ForceNoiseTuning, ProcessNoiseTuning};
 pub struct ForceNoise {
     tuning: ForceNoiseTuning,
     noise: [ProcessNoise<4>; 3],
-    /// Density of the load's white noise of each wheel, N^2/s.
+    /// Density of the load's white noise of each wheel at [`ForceNoiseTuning::road_speed_m_s`], N^2/s.
     road: [f64; 4],
+    /// Speed by that speed: the road passes in proportion.
+    pace: f64,
     /// Mean square of the potentiometer's normalised innovation.
     square: [f64; 4],
     /// Mean square of the normalised correction of each wheel's load.
@@ -34,6 +36,7 @@ impl ForceNoise {
             tuning,
             noise: [lateral, lateral, noise(tuning.load_density_bounds)],
             road: [tuning.road_start; 4],
+            pace: 1.0,
             square: [1.0; 4],
             load_square: [1.0; 4],
         }
@@ -48,11 +51,22 @@ impl ForceNoise {
 
     /// Density of the load's white noise of a wheel, N^2/s.
     pub fn road(&self, wheel: usize) -> f64 {
-        self.road[wheel]
+        self.road[wheel] * self.pace
+    }
+
+    /// Sets the vehicle's speed.
+    pub fn drive(&mut self, speed_m_s: f64) {
+        let t = &self.tuning;
+        self.pace = speed_m_s.abs().max(t.road_speed_min_m_s) / t.road_speed_m_s;
     }
 
     /// Its mean over the wheels.
     pub fn mean_road(&self) -> f64 {
+        self.pace * self.roughness()
+    }
+
+    /// Its mean at the speed of reference.
+    pub fn roughness(&self) -> f64 {
         self.road.iter().sum::<f64>() / 4.0
     }
 
@@ -69,7 +83,6 @@ impl ForceNoise {
         for (axis, noise) in self.noise.iter_mut().enumerate() {
             noise.learn(std::array::from_fn(|wheel| corrections[3 * wheel + axis]));
         }
-        if std::env::var("QZ").is_ok() { eprintln!("QZ {:?} sq {:.2?} pr {:.2?}", self.road.map(|x| x.log10()), self.square, self.load_square); }
         let t = &self.tuning;
         let count = measured.iter().filter(|is| **is).count().max(1) as f64;
         let surplus: [f64; 4] = std::array::from_fn(|wheel| {
@@ -77,7 +90,8 @@ impl ForceNoise {
             self.load_square[wheel] += t.load_memory * (z * z - self.load_square[wheel]);
             let [low, high] = t.load_square;
             let load = self.load_square[wheel];
-            self.square[wheel] - t.road_square + t.load_gain[0] * (load - low).min(0.0)
+            self.square[wheel] - t.road_square
+                + t.load_gain[0] * (load - low).min(0.0)
                 + t.load_gain[1] * (load - high).max(0.0)
         });
         let known = |wheel: &usize| measured[*wheel];

@@ -183,7 +183,11 @@ impl Fusion {
         let corner = &input.corners[wheel];
         let axes = super::carrier(corner);
         let arm = axes.transpose() * (corner.frame.contact_m - corner.pose.wheel_centre_m);
-        let left = if Wheel::ALL[wheel].is_left() { 1.0 } else { -1.0 };
+        let left = if Wheel::ALL[wheel].is_left() {
+            1.0
+        } else {
+            -1.0
+        };
         let statics = [&corner.statics, &input.statics_before[wheel]];
         let members = std::array::from_fn(|i| {
             statics.map(|statics| {
@@ -212,7 +216,7 @@ impl Fusion {
         let needed: Form = members[5][0];
         let acceleration = strut.plus(-1.0, &needed).times(1.0 / travel.members[5]);
         let light_n = self.tuning.light_part * self.body.static_load[wheel];
-        let touching = (self.state[FORCE + 3 * wheel + 2] / light_n).clamp(0.0, 1.0);
+        let touching = (self.state[FORCE + 3 * wheel + 2] / light_n - 1.0).clamp(0.0, 1.0);
         CornerForms {
             members,
             per_acceleration: travel.members,

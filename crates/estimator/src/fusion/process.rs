@@ -87,7 +87,10 @@ impl Fusion {
             let turn = &model.balance.turn[axis];
             let gains = turn.gains.iter().enumerate();
             let index = BODY_RATE + axis;
-            transition.mix(index, gains.map(|(j, gain)| (j, dt * gain)).chain([(index, 1.0)]));
+            transition.mix(
+                index,
+                gains.map(|(j, gain)| (j, dt * gain)).chain([(index, 1.0)]),
+            );
             added[index] = dt * turn.constant;
         }
         let propagations: [Propagation; 4] = std::array::from_fn(|wheel| {
@@ -145,12 +148,7 @@ impl Fusion {
     }
 
     /// Decay of load rates, moments, strut errors, torques, biases, offsets and length errors over `dt`.
-    fn decay(
-        &self,
-        dt: f64,
-        channels: &PerWheel<CornerChannels>,
-        keep: &mut State,
-    ) -> DecayGains {
+    fn decay(&self, dt: f64, channels: &PerWheel<CornerChannels>, keep: &mut State) -> DecayGains {
         let t = self.tuning;
         let mut fade = |first: usize, count: usize, time_s: f64| {
             let kept = math::exp(-dt / time_s);
@@ -208,7 +206,9 @@ impl Fusion {
                     * (t.strut_rate_density * t.strut_rate_density
                         + n.road_strut_rate * n.road_strut_rate * road),
             };
-            propagation.noise(&noises, dt, &mut |i, j, value| c.add_covariance(i, j, value));
+            propagation.noise(&noises, dt, &mut |i, j, value| {
+                c.add_covariance(i, j, value)
+            });
             c.add_noise(BETWEEN + wheel, road * dt * n.road_between);
             let rough = n.road_moment_m * n.road_moment_m * road;
             for i in 0..2 {

@@ -136,8 +136,7 @@ impl Propagation {
             let weight = density * dt / 6.0;
             for i in 0..6 {
                 for j in i..6 {
-                    let product =
-                        begin[i] * begin[j] + 4.0 * half[i] * half[j] + full[i] * full[j];
+                    let product = begin[i] * begin[j] + 4.0 * half[i] * half[j] + full[i] * full[j];
                     if product != 0.0 && (own || j < 5) {
                         let (a, b) = (place(i), place(j));
                         add(a.min(b), a.max(b), weight * product);

@@ -30,7 +30,7 @@ tuning! {
         load_rate_time_s: f64 = 1.0, "s";
         /// Part of the static load up to which a tyre counts as lifting off: its wheel's travel presses it in
         /// proportion.
-        light_part: f64 = 0.1, "1";
+        light_part: f64 = 0.03, "1";
         /// Error of the strut's model.
         strut_sigma_n: f64 = 3.0, "N";
         /// Its time constant.
@@ -157,9 +157,13 @@ tuning! {
         /// Bounds of the density of the rate of the load that the wheel's travel does not explain.
         load_density_bounds: [f64; 2] = [15.0 * 15.0, 6.0e3 * 6.0e3], "(N/s)²/s";
         /// Initial density of the white noise of the load, from the road.
-        road_start: f64 = 1.0e5, "N²/s";
+        road_start: f64 = 2.0e5, "N²/s";
+        /// Speed for which that density holds: the road passes in proportion.
+        road_speed_m_s: f64 = 10.0, "m/s";
+        /// Least speed with which it passes.
+        road_speed_min_m_s: f64 = 0.5, "m/s";
         /// Bounds of that density.
-        road_bounds: [f64; 2] = [300.0, 3.0e7], "N²/s";
+        road_bounds: [f64; 2] = [300.0, 1.0e8], "N²/s";
         /// Weight of one innovation in the mean square that adapts the density: a fifth of a second.
         road_memory: f64 = 0.05, "1";
         /// Mean square of the potentiometer's normalised innovations at which the density stays.

@@ -233,7 +233,7 @@ fn judge(
             Output::Event(event) => {
                 outcome.resets += usize::from(event.kind == EventKind::FilterReset);
             }
-            Output::Parameters(_) | Output::Step(_) => {}
+            Output::Lagged(_) | Output::Parameters(_) | Output::Step(_) => {}
         });
         estimator.push(sample);
     }

@@ -138,7 +138,8 @@ impl CornerStatics {
         let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
 
         let strut_gain = -lower.lever(pose.strut_arm_m, pose.strut_direction);
-        let (known, lower_weight) = known_wrench(pose, contact, [&upper, &lower], unsprung, motion, sixth);
+        let (known, lower_weight) =
+            known_wrench(pose, contact, [&upper, &lower], unsprung, motion, sixth);
         let sixth_gain = match sixth {
             ChannelKind::Strut => strut_gain,
             ChannelKind::BallNormal => 1.0,
