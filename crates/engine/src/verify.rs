@@ -116,10 +116,7 @@ impl Verifier {
                 .channels
                 .keys()
                 .any(|topic| topic.starts_with(SMOOTHED)),
-            lagged: info
-                .channels
-                .keys()
-                .any(|topic| topic.starts_with(LAGGED)),
+            lagged: info.channels.keys().any(|topic| topic.starts_with(LAGGED)),
             absent: LATER
                 .into_iter()
                 .filter(|topic| !info.channels.contains_key(*topic))

@@ -260,6 +260,12 @@ impl Estimator {
         })
     }
 
+    /// Whether the road shakes the wheels.
+    fn is_rough(&self) -> bool {
+        let roughness = self.fusion.as_ref().map_or(0.0, Fusion::roughness);
+        roughness > self.settings.tuning.lift.rough_density
+    }
+
     /// Stage 9: warnings, lift and touchdown of wheels and sides.
     pub(super) fn detect_lift(
         &mut self,
@@ -271,12 +277,11 @@ impl Estimator {
     ) -> Rollover {
         let speed_m_s = math::hypot(state.velocity_m_s.x, state.velocity_m_s.y);
         let t = &self.settings.tuning;
-        let roughness = self.fusion.as_ref().map_or(0.0, Fusion::roughness);
         let input = LiftInput {
             now: time,
             dt: GRID_S,
             moving: speed_m_s > t.lift_speed_min_m_s,
-            rough: roughness > t.lift.rough_density,
+            rough: self.is_rough(),
             forces: measured,
             lagged,
             lag_s: LAG_STEPS as f64 * GRID_S,
@@ -332,6 +337,7 @@ impl Estimator {
             corrected_rad: self.feedback.steer_offset_rad,
             sideslip_sigma_rad: state.sideslip_sigma_rad,
             forces: measured,
+            rough: self.is_rough(),
         };
         self.grip
             .step(&input, &mut |event| out(Output::Event(event)));

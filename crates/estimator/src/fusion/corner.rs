@@ -48,12 +48,14 @@ impl Fusion {
     ) {
         let measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
         let mut joint = self.covariance.project(&measured.rows, &self.state);
-        let limit = self.judge_channels(&joint, &measured, wheel, changes);
-        if limit == f64::INFINITY && !self.settling() {
-            for (axis, sigma_n) in self.tuning.members.surprise_n.into_iter().enumerate() {
-                let force = FORCE + 3 * wheel + axis;
-                self.covariance.add_noise(force, sigma_n * sigma_n);
-            }
+        let event = self.judge_channels(&joint, &measured, wheel, changes);
+        let limit = if event.is_some() || self.settling() {
+            f64::INFINITY
+        } else {
+            self.tuning.members.limit_sigma
+        };
+        if let Some(z) = event {
+            self.surprise(wheel, z);
             joint = self.covariance.project(&measured.rows, &self.state);
         }
         if let Some(length) = measured.length {
@@ -214,17 +216,31 @@ impl Fusion {
             .clamp(-0.01, input.fresh_s)
     }
 
-    /// Judges each strain channel by what the state before any reading of this step expects. Returns the
-    /// innovation beyond which a reading weighs less: several channels at once show an event on the road.
+    /// An event on the road: the forces of the wheel have changed by more than their noise tells. `z` is the
+    /// largest normalised innovation.
+    fn surprise(&mut self, wheel: usize, z: f64) {
+        let t = self.tuning;
+        let part = (z / t.channels.gate_sigma).min(t.members.surprise_max);
+        for (axis, sigma_n) in t.members.surprise_n.into_iter().enumerate() {
+            let sigma_n = part * sigma_n;
+            self.covariance
+                .add_noise(FORCE + 3 * wheel + axis, sigma_n * sigma_n);
+        }
+        self.force_noise.surprise(wheel);
+    }
+
+    /// Judges each strain channel by what the state before any reading of this step expects. Several
+    /// channels that are outside their gates at once, the potentiometer among them, show an event on the
+    /// road: then returns the largest normalised innovation.
     fn judge_channels(
         &mut self,
         joint: &Joint,
         measured: &CornerMeasurements,
         wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
-    ) -> f64 {
+    ) -> Option<f64> {
         if self.settling() {
-            return f64::INFINITY;
+            return None;
         }
         let t = self.tuning;
         let squares = StrainChannel::ALL.map(|channel| {
@@ -239,13 +255,17 @@ impl Fusion {
             Some(innovation * innovation / total)
         });
         let limit = t.channels.gate_sigma * t.channels.gate_sigma;
-        let outside = squares.iter().flatten().filter(|square| **square > limit);
-        let is_evidence = (outside.count() as u32) < t.channels.event_channels;
-        let limit = if is_evidence {
-            t.members.limit_sigma
-        } else {
-            f64::INFINITY
-        };
+        let length = measured.length.map(|length| {
+            let innovation = length.value - joint.value(LENGTH_ROW);
+            innovation * innovation / (joint.variance(LENGTH_ROW) + length.variance)
+        });
+        let all = squares.iter().chain([&length]).flatten();
+        let (mut outside, mut largest) = (0, 0.0_f64);
+        for square in all.filter(|square| **square > limit) {
+            outside += 1;
+            largest = largest.max(*square);
+        }
+        let is_evidence = outside < t.channels.event_channels;
         for channel in StrainChannel::ALL {
             let i = channel.index();
             let Some(square) = squares[i] else { continue };
@@ -258,7 +278,7 @@ impl Fusion {
                 });
             }
         }
-        limit
+        (!is_evidence).then(|| largest.sqrt())
     }
 
     /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level.
@@ -278,8 +298,11 @@ impl Fusion {
         self.count(InnovationKind::Strut, z, t.members.jump_sigma);
         self.force_noise.take_length(wheel, z);
         self.length_measured[wheel] = true;
-        self.lengths[wheel].learn(z, innovation_mm, &t.potentiometers);
-        self.jumps[wheel] = if z.abs() > t.members.jump_sigma {
+        if limit.is_finite() {
+            self.lengths[wheel].learn(z, innovation_mm, &t.potentiometers);
+        }
+        let alone = limit.is_finite();
+        self.jumps[wheel] = if alone && z.abs() > t.members.jump_sigma {
             self.jumps[wheel] + 1
         } else {
             0

@@ -70,6 +70,13 @@ impl ForceNoise {
         self.road.iter().sum::<f64>() / 4.0
     }
 
+    /// Raises the density of a wheel after an event on the road.
+    pub fn surprise(&mut self, wheel: usize) {
+        let t = &self.tuning;
+        let raised = self.road[wheel] * t.surprise;
+        self.road[wheel] = raised.min(t.surprise_max.max(self.road[wheel]));
+    }
+
     /// Takes the normalised innovation of a wheel's potentiometer.
     pub fn take_length(&mut self, wheel: usize, innovation: f64) {
         let t = &self.tuning;

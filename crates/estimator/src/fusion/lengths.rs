@@ -21,6 +21,8 @@ pub struct LengthWatch {
     mean_mm: f64,
     suspect: bool,
     faulty: bool,
+    /// Steps with an error beyond the limit of a fault.
+    beyond: u32,
     calm: u32,
 }
 
@@ -76,7 +78,9 @@ impl Fusion {
             let error = self.state[LENGTH_ERROR + wheel].abs();
             let variance = self.covariance.variance(LENGTH_ERROR + wheel);
             watch.calm = if error < t.good_mm { watch.calm + 1 } else { 0 };
-            if !watch.faulty && error - t.faulty_sigma * variance.max(0.0).sqrt() > t.faulty_mm {
+            let beyond = error - t.faulty_sigma * variance.max(0.0).sqrt() > t.faulty_mm;
+            watch.beyond = if beyond { watch.beyond + 1 } else { 0 };
+            if !watch.faulty && watch.beyond > t.faulty_steps {
                 watch.faulty = true;
                 changes(ChannelChange {
                     wheel,

@@ -36,7 +36,7 @@ tuning! {
         /// Its time constant.
         strut_time_s: f64 = 0.1, "s";
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
-        stop_sigma_n_s_m: f64 = 0.0, "N s/m";
+        stop_sigma_n_s_m: f64 = 300.0, "N s/m";
         /// Density of the noise of a strut's rate.
         strut_rate_density: f64 = 0.003, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
@@ -98,7 +98,9 @@ tuning! {
         /// deviations.
         limit_sigma: f64 = 12.0, "σ";
         /// Standard deviation that an event on the road adds to each force of its wheel.
-        surprise_n: [f64; 3] = [60.0, 60.0, 60.0], "N";
+        surprise_n: [f64; 3] = [30.0, 30.0, 30.0], "N";
+        /// It grows with the largest normalised innovation by the gate, up to this factor.
+        surprise_max: f64 = 10.0, "1";
         /// Innovations of a potentiometer beyond that, one after another, after which it has jumped.
         jump_readings: u32 = 5, "1";
         /// Innovation of a potentiometer that can be a jump.
@@ -180,6 +182,10 @@ tuning! {
         road_gain: f64 = 0.04, "1";
         /// Largest surplus down and up.
         road_step: [f64; 2] = [0.2, 2.5], "σ²";
+        /// Factor on the density after an event on the road.
+        surprise: f64 = 3.0, "1";
+        /// The density up to which that factor acts.
+        surprise_max: f64 = 3.0e6, "N²/s";
         /// Limit of one innovation.
         innovation_max: f64 = 5.0, "σ";
         /// White noise of F_x and F_y as a part of that of the load: a rock also pushes along and across.
@@ -254,6 +260,8 @@ tuning! {
         good_mm: f64 = 1.5, "mm";
         /// Standard deviations by which the error must exceed the faulty limit.
         faulty_sigma: f64 = 3.0, "σ";
+        /// Steps for which the error must exceed that limit.
+        faulty_steps: u32 = 50, "1";
         /// Steps for which it must be good.
         good_steps: u32 = 100, "1";
         /// Weight of one innovation in the means below.
