@@ -230,9 +230,14 @@ fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
     }
 }
 
-/// Takes a value into the mean of those that no filter has used.
+/// Readings whose mean time is longer ago do not belong to the same step, s.
+const TOGETHER_S: f64 = 0.006;
+
+/// Takes a value into the mean of those of the same step that no filter has used.
 fn gather(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
-    let waiting = slot.filter(|held| !held.taken && time > held.time);
+    let waiting = slot.filter(|held| {
+        !held.taken && time > held.time && time.seconds_since(held.time) < TOGETHER_S
+    });
     let (Some(held), Some(value)) = (waiting, value.filter(|value| value.is_finite())) else {
         return replace(slot, time, value);
     };

@@ -38,7 +38,7 @@ tuning! {
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
         stop_sigma_n_s_m: f64 = 300.0, "N s/m";
         /// Density of the noise of a strut's rate.
-        strut_rate_density: f64 = 0.003, "m/s²/√Hz";
+        strut_rate_density: f64 = 0.006, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
         torque_density: [f64; 2] = [1.0e4, 2.0], "(N m)²/s";
         /// Bounds of the density of the mean.
