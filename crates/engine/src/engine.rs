@@ -112,7 +112,7 @@ impl Engine {
     /// Appends the records that were waiting for more arrivals.
     pub fn finish(&mut self, records: &mut Vec<Record>) {
         if let Some(smoother) = &mut self.smoother {
-            smoother.finish(&mut |estimate| push_smoothed(records, &estimate));
+            smoother.finish(&mut |estimate| push_stage(records, Stage::Smoothed, &estimate));
         }
     }
 
@@ -160,9 +160,12 @@ impl Engine {
                 }
                 records.push(Record::Event(event));
             }
+            Output::Lagged(estimate) => push_stage(records, Stage::Lagged, &estimate),
             Output::Step(step) => {
                 if let Some(smoother) = smoother {
-                    smoother.push(*step, &mut |estimate| push_smoothed(records, &estimate));
+                    smoother.push(*step, &mut |estimate| {
+                        push_stage(records, Stage::Smoothed, &estimate);
+                    });
                 }
             }
         };
@@ -329,9 +332,9 @@ fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
     Ok(estimator)
 }
 
-fn push_smoothed(records: &mut Vec<Record>, estimate: &Estimate) {
-    let (time, stage) = (estimate.time, Stage::Smoothed);
-    let motion = estimate.motion;
+/// Motion and forces of a later stage.
+fn push_stage(records: &mut Vec<Record>, stage: Stage, estimate: &Estimate) {
+    let (time, motion) = (estimate.time, estimate.motion);
     records.push(Record::Motion {
         time,
         stage,

@@ -21,6 +21,11 @@ const FOREIGN: [&str; 1] = ["/truth/"];
 const SMOOTHED: &str = "/smoothed/";
 /// Forces in the wheel-carrier frame.
 const TYRE_FORCES: &str = "/estimate/tyre_forces";
+/// Topics of the estimate with a lag. A vehicle with a force filter has them; a log without them is of an
+/// earlier filter, whose numbers are others.
+const LAGGED: &str = "/lagged/";
+/// Topics of the estimator.
+const ESTIMATED: [&str; 4] = ["/estimate/", "/model/", SMOOTHED, LAGGED];
 /// Topics that logs of earlier versions do not contain.
 const LATER: [&str; 5] = [
     "/utc_offset",
@@ -52,6 +57,8 @@ pub struct Verifier {
     settle_at: LogTime,
     /// Whether the log contains smoothed estimates.
     smoothed: bool,
+    /// Whether the log contains estimates with a lag.
+    lagged: bool,
     /// Topics that the log is too old to contain.
     absent: Vec<&'static str>,
     report: Verification,
@@ -80,6 +87,8 @@ pub struct Verification {
     /// Lost decoded records by the counters of the log.
     lost_records: u64,
     unfinished: bool,
+    /// The estimates of the log are of an earlier force filter: they are not compared.
+    earlier_filter: bool,
     differences: Vec<String>,
 }
 
@@ -113,6 +122,7 @@ impl Verifier {
                 .channels
                 .keys()
                 .any(|topic| topic.starts_with(SMOOTHED)),
+            lagged: info.channels.keys().any(|topic| topic.starts_with(LAGGED)),
             absent: LATER
                 .into_iter()
                 .filter(|topic| !info.channels.contains_key(*topic))
@@ -149,7 +159,21 @@ impl Verifier {
         Ok(())
     }
 
+    /// From the first estimate with a lag on that only the replay has, estimates are not compared.
+    fn leave_out_estimates(&mut self) {
+        self.report.earlier_filter = true;
+        let (waiting, report) = (&mut self.waiting, &mut self.report);
+        waiting.retain(|topic, _| !is_estimated(topic));
+        report.compared.retain(|topic, _| !is_estimated(topic));
+    }
+
     fn computed(&mut self, message: Encoded, now: LogTime) {
+        if !self.lagged && !self.report.earlier_filter && message.topic.starts_with(LAGGED) {
+            self.leave_out_estimates();
+        }
+        if self.report.earlier_filter && is_estimated(&message.topic) {
+            return;
+        }
         if message.topic.starts_with(SMOOTHED) && !self.smoothed
             || self.absent.contains(&message.topic.as_str())
         {
@@ -175,7 +199,8 @@ impl Verifier {
     }
 
     fn recorded(&mut self, message: Message, now: LogTime) {
-        if self.is_repeated(&message) {
+        let name = &message.channel.topic;
+        if self.report.earlier_filter && is_estimated(name) || self.is_repeated(&message) {
             return;
         }
         let name = &message.channel.topic;
@@ -275,6 +300,10 @@ fn is_same(recorded: &Message, computed: &Encoded, values_alone: bool) -> bool {
     recorded.publish_time == computed.publish_time && same
 }
 
+fn is_estimated(topic: &str) -> bool {
+    ESTIMATED.iter().any(|prefix| topic.starts_with(prefix))
+}
+
 fn hash_of(topic: &str, log_time: LogTime, data: &[u8]) -> u64 {
     let mut hasher = DefaultHasher::new();
     (topic, log_time.0, data).hash(&mut hasher);
@@ -286,12 +315,14 @@ impl Verification {
     /// states as lost are no differences. In a log that was cut short, messages on one side only are no
     /// differences either, because decoded messages are written later or earlier than the raw data.
     pub fn is_identical(&self) -> bool {
-        !self.has_differences() && self.uncertain == 0 && !self.compared.is_empty()
+        let whole = self.uncertain == 0 && !self.earlier_filter;
+        !self.has_differences() && whole && !self.compared.is_empty()
     }
 
-    /// Whether there is no difference, but raw data of the recording is missing.
+    /// Whether there is no difference, but raw data of the recording is missing or its estimates are of an
+    /// earlier force filter.
     pub fn is_partial(&self) -> bool {
-        !self.has_differences() && self.uncertain > 0
+        !self.has_differences() && (self.uncertain > 0 || self.earlier_filter)
     }
 
     fn has_differences(&self) -> bool {
@@ -350,6 +381,7 @@ impl Verification {
             "only_recorded": self.only_recorded,
             "only_computed": self.only_computed,
             "uncertain": self.uncertain,
+            "earlier_filter": self.earlier_filter,
             "first_missing_arrival": self.gap.map(|(first, _)| first),
             "lost_records": self.lost_records,
             "first_differences": self.differences,
@@ -389,6 +421,14 @@ impl fmt::Display for Verification {
                  verified, because they depend on arrivals from number {first} on, which are \
                  missing in the log",
                 self.uncertain
+            )?;
+        } else if self.earlier_filter {
+            writeln!(
+                f,
+                "VERIFIED IN PART: {compared} messages on {} topics are bit-identical; the estimates in \
+                 the log are those of an earlier force filter and are not compared (`replay -o` writes \
+                 new ones)",
+                self.compared.len()
             )?;
         } else {
             writeln!(

@@ -5,6 +5,7 @@ mod length;
 mod linkage;
 mod steering_wheel;
 mod tilt;
+mod travel;
 
 use model::suspension::{
     BodyMotion, Corner, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
@@ -14,14 +15,16 @@ use nalgebra::Vector3;
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
+use crate::calibration::HubSensor;
 use crate::feedback::{BodyMotionEstimate, EstimatorFeedback};
-use crate::inputs::Readings;
+use crate::inputs::{Reading, Readings};
 use crate::motion::MotionState;
 use crate::tuning::{CornerTuning, Tuning};
 
 use linkage::Linkage;
 use steering_wheel::SteeringWheel;
 use tilt::Tilt;
+pub use travel::Travel;
 
 /// One corner at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -30,19 +33,17 @@ pub struct CornerState {
     pub pose: CornerPose,
     /// The tyre's contact frame.
     pub frame: TyreFrame,
-    /// The map between members and tyre.
+    /// The map between members and tyre: in the wheel-carrier frame for the force filter, else in the
+    /// contact frame.
     pub statics: CornerStatics,
     /// Force of spring, damper and stops, N.
     pub strut_n: f64,
     /// Its standard deviation, N; infinite while no deflection is measured.
     pub strut_sigma_n: f64,
-    /// The same force from a new reading of the potentiometer alone, whose noise is independent of
-    /// earlier readings; `None` without a new reading.
-    pub strut_read: Option<StrutReading>,
-    /// Stiffness of the spring at the present length, N/m.
-    pub strut_stiffness_n_m: f64,
-    /// Whether its potentiometer has just jumped.
-    pub strut_jumped: bool,
+    /// A new reading of the potentiometer as a length of the strut by the hard-points, m.
+    pub length_read: Option<Reading>,
+    /// What the strut's acceleration changes, for the force filter; zero for the methods of flat ground.
+    pub travel: Travel,
     /// Spin of the wheel, rad/s.
     pub spin_rad_s: f64,
     /// Its rate, rad/s^2, as rolling gives it.
@@ -53,13 +54,60 @@ pub struct CornerState {
     pub turn_rad_s: Vector3<f64>,
 }
 
-/// Strut force from one reading of the potentiometer.
-#[derive(Clone, Copy, Debug)]
-pub struct StrutReading {
-    /// Force, N.
-    pub force_n: f64,
-    /// Standard deviation, N.
-    pub sigma_n: f64,
+/// Standard deviations of the axes in which a wheel's forces are given.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameErrors {
+    /// Slope of the ground along and across the wheel by leaning tyres.
+    pub slopes: [f64; 2],
+    /// Heading of the wheel, rad.
+    pub steer_rad: f64,
+    /// The ground's normal about x and y, rad: unknown on rough ground.
+    pub tilt_rad: f64,
+}
+
+impl FrameErrors {
+    /// A force with the errors of the wheel's heading.
+    #[must_use]
+    pub fn turn(&self, force: &TyreForce) -> TyreForce {
+        let [x, y, _] = known(force);
+        with_errors(force, [[self.steer_rad * y, self.steer_rad * x, 0.0]])
+    }
+
+    /// A force of the contact frame with the errors of heading and slopes.
+    #[must_use]
+    pub fn widen(&self, force: &TyreForce) -> TyreForce {
+        let [x, y, z] = known(force);
+        let [along, across] = self.slopes;
+        let tilted = [along * z, across * z, along * x + across * y];
+        let turned = [self.steer_rad * y, self.steer_rad * x, 0.0];
+        with_errors(force, [tilted, turned])
+    }
+
+    /// A force of the contact frame with the unknown normal in its standard deviations. On flat ground it
+    /// adds nothing.
+    #[must_use]
+    pub fn tilt(&self, force: &TyreForce) -> TyreForce {
+        let [x, y, z] = known(force);
+        let tilted = [z, z, math::hypot(x, y)].map(|n| n * self.tilt_rad);
+        with_errors(force, [tilted])
+    }
+}
+
+/// The parts of a force, zero where unknown.
+fn known(force: &TyreForce) -> [f64; 3] {
+    force.force_n.map(|n| if n.is_finite() { n } else { 0.0 })
+}
+
+fn with_errors<const N: usize>(force: &TyreForce, errors: [[f64; 3]; N]) -> TyreForce {
+    let sigma = |axis: usize| {
+        let own = force.sigma_n[axis];
+        let squares = errors.iter().map(|error| error[axis] * error[axis]);
+        (own * own + squares.sum::<f64>()).sqrt()
+    };
+    TyreForce {
+        sigma_n: std::array::from_fn(sigma),
+        ..*force
+    }
 }
 
 /// All four corners.
@@ -357,71 +405,36 @@ impl Corners {
         self.normal.normalize_mut();
     }
 
+    /// Moves the unsprung parts along the wheels' paths from now on, and gives the maps in wheel-carrier
+    /// frames, with these hub accelerometers.
+    #[must_use]
+    pub fn on_paths(mut self, hubs: &PerWheel<Option<HubSensor>>) -> Self {
+        for (linkage, wheel) in self.linkages.iter_mut().zip(Wheel::ALL) {
+            linkage.on_path = true;
+            linkage.hub = hubs[wheel];
+        }
+        self
+    }
+
     /// Takes the unsprung masses as standing still from now on.
     pub fn neglect_unsprung_inertia(&mut self) {
         self.static_unsprung = true;
     }
 
-    /// The forces of the contact frame with the unknown normal of the ground added to their standard
-    /// deviations. On flat ground it adds nothing.
+    /// Errors of a wheel's frames: `steer_sigma_rad` is the standard deviation of the steering wheel's zero.
     #[must_use]
-    pub fn add_unknown_normal(&self, forces: &PerWheel<TyreForce>) -> PerWheel<TyreForce> {
-        let tilt = self.tilt.sigma_rad();
-        if tilt == 0.0 {
-            return *forces;
-        }
-        PerWheel::from_fn(|wheel| {
-            let force = forces[wheel];
-            let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
-            let errors = [z, z, math::hypot(x, y)].map(|n| n * tilt);
-            TyreForce {
-                sigma_n: std::array::from_fn(|i| math::hypot(force.sigma_n[i], errors[i])),
-                ..force
-            }
-        })
-    }
-
-    /// Standard deviation of the ground's normal about x and y, rad.
-    #[must_use]
-    pub fn tilt_sigma_rad(&self) -> f64 {
-        self.tilt.sigma_rad()
-    }
-
-    /// The forces with the errors of the contact frames added to their standard deviations. Members
-    /// measure a force in body axes; the ground's normal determines the part that is load, the
-    /// steer angle the part that is lateral. `steer_sigma_rad` is the standard deviation of the
-    /// steering wheel's zero at the front wheels.
-    #[must_use]
-    pub fn add_frame_uncertainty(
-        &self,
-        forces: &PerWheel<TyreForce>,
-        steer_sigma_rad: f64,
-    ) -> PerWheel<TyreForce> {
+    pub fn frame_errors(&self, wheel: Wheel, steer_sigma_rad: f64) -> FrameErrors {
         let slopes = Vector3::new(self.leaning[0], self.leaning[1], 0.0);
-        PerWheel::from_fn(|wheel| {
-            let force = forces[wheel];
-            let [x, y, z] = force.force_n.map(|n| if n.is_finite() { n } else { 0.0 });
-            let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
-            let [along, across] = [0, 1].map(|axis| frame.column(axis).dot(&slopes));
-            let steer = if wheel.is_front() {
+        let frame = self.states[wheel.index()].frame.vehicle_from_tyre;
+        FrameErrors {
+            slopes: [0, 1].map(|axis| frame.column(axis).dot(&slopes)),
+            steer_rad: if wheel.is_front() {
                 steer_sigma_rad.min(self.tuning.steer_sigma_max_rad)
             } else {
                 0.0
-            };
-            let tilted = [along * z, across * z, along * x + across * y];
-            let turned = [steer * y, steer * x, 0.0];
-            TyreForce {
-                sigma_n: std::array::from_fn(|axis| {
-                    let errors = [force.sigma_n, tilted, turned].map(|error| error[axis]);
-                    errors
-                        .into_iter()
-                        .map(|error| error * error)
-                        .sum::<f64>()
-                        .sqrt()
-                }),
-                ..force
-            }
-        })
+            },
+            tilt_rad: self.tilt.sigma_rad(),
+        }
     }
 }
 
@@ -504,9 +517,9 @@ mod tests {
             sigma_n: [1.0; 3],
             ..TyreForce::default()
         };
-        let widened = corners.add_frame_uncertainty(&PerWheel([force; 4]), 2e-3);
+        let widened = |wheel| corners.frame_errors(wheel, 2e-3).widen(&force);
         let near = |sigma: f64, error: f64| (sigma - math::hypot(1.0_f64, error)).abs() < 0.01;
-        let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| widened[wheel].sigma_n);
+        let [front, rear] = [Wheel::FrontLeft, Wheel::RearLeft].map(|wheel| widened(wheel).sigma_n);
         assert!(
             near(front[0], 2e-3 * 500.0) && near(rear[0], 0.0),
             "{front:?} {rear:?}"
@@ -522,8 +535,8 @@ mod tests {
             sigma_n: [f64::NAN, f64::NAN, 5.0],
             ..TyreForce::default()
         };
-        let widened = corners.add_frame_uncertainty(&PerWheel([load; 4]), 1.0);
-        assert_eq!(widened[Wheel::FrontLeft].sigma_n[2], 5.0);
+        let widened = corners.frame_errors(Wheel::FrontLeft, 1.0).widen(&load);
+        assert_eq!(widened.sigma_n[2], 5.0);
     }
 
     #[test]

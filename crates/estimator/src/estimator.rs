@@ -2,6 +2,7 @@
 
 mod aiding;
 mod events;
+mod lagged;
 mod monitors;
 mod payload;
 mod placement;
@@ -36,6 +37,7 @@ use crate::{Calibration, EstimatorError, Input, Method, Settings};
 pub use placement::WheelPlacement;
 
 use events::Divergence;
+use lagged::Past;
 use monitors::ConsistencyMonitors;
 use stages::MeasuredForces;
 
@@ -51,6 +53,9 @@ const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
 pub enum Output {
     /// The estimate of one instant of the grid.
     Estimate(Estimate),
+    /// The estimate of two steps before, with what was measured since, after the estimate of an
+    /// instant.
+    Lagged(Estimate),
     /// Estimated parameters, at each full second of the log clock, after the estimate.
     Parameters(Parameters),
     /// An event.
@@ -98,6 +103,8 @@ pub struct Estimator {
     divergences: [Divergence; 3],
     /// Standard deviations of gyros, rad/s, and accelerometers, m/s².
     imu_sigma: [f64; 2],
+    /// Estimates of the last steps.
+    past: Past,
     traced: bool,
 }
 
@@ -129,9 +136,15 @@ impl Estimator {
         let calibration = unloaded_calibration.with_cg_moved(loaded.cg_shift_m);
         let pot = &calibration.corners[Wheel::FrontLeft].deflection;
         let t = &settings.tuning;
-        let corners = Corners::new(vehicle, pot.noise_sigma, t)?;
-        let fusion = (settings.method == Method::Fusion && corners.is_some())
-            .then(|| Fusion::new(vehicle, &sensors.strain, &calibration.corners, t));
+        let mut corners = Corners::new(vehicle, pot.noise_sigma, t)?;
+        let fuses = settings.method == Method::Fusion;
+        if fuses {
+            corners = corners.map(|corners| corners.on_paths(&calibration.hubs));
+        }
+        let fusion = (fuses && corners.is_some()).then(|| {
+            let (channels, hubs) = (&calibration.corners, &calibration.hubs);
+            Fusion::new(vehicle, &sensors.strain, channels, hubs, t)
+        });
         Ok(Self {
             motion: MotionFilter::new(motion_settings(sensors, &calibration, t), &t.motion),
             planar: corners
@@ -171,6 +184,7 @@ impl Estimator {
             attitude_source: None,
             column: SteeringColumn::new(vehicle)?,
             readings: Readings::default(),
+            past: Past::default(),
             traced: false,
         })
     }
@@ -195,8 +209,11 @@ impl Estimator {
     /// time.
     pub fn advance(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
         for time in grid(&mut self.next_grid, now) {
-            let estimate = self.step(time, out);
+            let (estimate, lagged) = self.step(time, out);
             out(Output::Estimate(estimate));
+            if let Some(lagged) = lagged {
+                out(Output::Lagged(lagged));
+            }
             if time.0.is_multiple_of(PARAMETERS_NANOS) {
                 out(Output::Parameters(self.parameters(time)));
             }
@@ -260,7 +277,11 @@ impl Estimator {
     }
 
     /// One step of the grid, as a sequence of stages.
-    fn step(&mut self, time: LogTime, out: &mut impl FnMut(Output)) -> Estimate {
+    fn step(
+        &mut self,
+        time: LogTime,
+        out: &mut impl FnMut(Output),
+    ) -> (Estimate, Option<Estimate>) {
         let settled = self.collect(time, out);
         let mut state = self.propagate(time);
         let navigated = self.is_navigated(time);
@@ -272,10 +293,11 @@ impl Estimator {
             contact: measured,
             reported,
             carrier,
+            lagged,
             frames,
         } = self.measure_forces(time, &state, &expected, out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
-        let rollover = self.detect_lift(time, &state, &measured, out);
+        let rollover = self.detect_lift(time, &state, &measured, lagged.as_ref(), out);
         self.complete_motion(&mut motion, &state, planar.as_ref(), steer_rad);
         if navigated && settled {
             self.learn_grip(time, &state, &motion, &measured, out);
@@ -289,8 +311,9 @@ impl Estimator {
             expected,
             rollover,
         };
+        let lagged = self.past.pass(&estimate, frames.as_ref(), lagged.as_ref());
         self.trace(&estimate, frames, planar.is_none(), out);
-        estimate
+        (estimate, lagged)
     }
 
     fn parameters(&mut self, time: LogTime) -> Parameters {

@@ -27,13 +27,9 @@ pub struct EstimatorFeedback {
 /// Estimate of a strut beside its potentiometer, for the pose of the linkage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StrutEstimate {
-    /// How much longer the strut is than a faulty potentiometer reads, m; zero while the
-    /// potentiometer is good.
-    pub longer_m: f64,
-    /// Strut force, N; `None` before the force filter has settled.
-    pub force_n: Option<f64>,
-    /// Standard deviation of a sudden change of the strut's acceleration in the last step, m/s².
-    pub jolt_m_s2: f64,
+    /// Length by the hard-points, m, and rate, m/s, that the force filter expects at the next step; `None`
+    /// before it has settled.
+    pub moved: Option<[f64; 2]>,
 }
 
 /// Acceleration of the body as the sum of all tyre forces gives it for the next step, body axes.

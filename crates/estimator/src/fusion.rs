@@ -3,23 +3,33 @@
 //!
 //! | states | content | frame, unit |
 //! |---|---|---|
-//! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | contact frame, N |
-//! | [`layout::RATE`] | their rates | N/s |
-//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond tread and trail | contact frame, N m |
-//! | [`layout::TORQUE`] | torques of the half-shafts, front and rear: mean and half the difference | N m |
+//! | [`layout::FORCE`] | F_x, F_y, F_z of each tyre | wheel-carrier frame, N |
+//! | [`layout::RATE`] | their rates; of F_z what the wheel's travel does not explain | N/s |
+//! | [`layout::MOMENT`] | M_x, M_z of each tyre beyond tread and trail | wheel-carrier frame, N m |
+//! | [`layout::SPEED`], [`layout::LENGTH`] | rate and length of each strut | mm/s, mm |
+//! | [`layout::STRUT`] | error of each strut's force | N |
+//! | [`layout::TORQUE`] | moment of the wheels on their spindles, front and rear: mean and half the difference | N m |
 //! | [`layout::BODY_RATE`] | angular rate of the body | body axes, rad/s |
 //! | [`layout::ACCEL_BIAS`] | remaining accelerometer bias | body axes, m/s^2 |
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
-//! | [`layout::STRUT_LENGTH`] | strut length less the potentiometer's reading | mm |
+//! | [`layout::LENGTH_ERROR`] | strut length less the potentiometer's reading | mm |
+//! | [`layout::BETWEEN`] | mean load since the step before, less that of the line between | N |
+//! | [`layout::BEFORE`], [`layout::LAGGED`] | the forces one and two steps before | N |
+//! | [`layout::HUB_BIAS`] | remaining bias of each hub accelerometer | m/s^2 |
 //!
-//! The forces are integrated white noise; moments, torques, biases and offsets are Gauss-Markov
-//! processes. The moments of all tyres about the centre of gravity turn the body:
+//! The unsprung masses accelerate. The row of the strut in a corner's statics ties the strut's
+//! acceleration to its force and to the tyre's, so that l'' needs no state:
 //!
-//! I w' = sum(r_i x R_i F_i + R_i M_i) - w x (I w + h) - h'
+//! l'' = (F_s(l, l') + e - A_6 F - B_6 M - c_6)/(dF_6/dl'')
 //!
-//! with the wheels' spin momentum h. A member's force is A F + B M + c_0 from [`CornerStatics`]. A
-//! bridge with a first-order lag tau that was read `age` ago measures y = A (F - (age + tau) F') +
-//! B M + c_0 + offset, with A, B and c_0 of the linkage `age` + tau ago.
+//! A member's force is then A F + B M + c + (dF/dl'') l'', from [`CornerStatics`]. The tyre is a spring
+//! that the wheel's travel presses, on a road whose height is a random walk. The moments of all tyres about
+//! the centre of gravity turn the body:
+//!
+//! I w' = sum(r_i x R_i F_i + R_i M_i) - (moments of the unsprung masses against the body) - w x (I w + h) - h'
+//!
+//! with the wheels' spin momentum h. The forces of one and two steps before are states: readings are older
+//! than the step, and the forces of two steps before are the estimate with a lag.
 //!
 //! Every equation is linear in the states, because geometry, attitude and inertia forces come from
 //! the motion filter; no iteration is needed. Measurements are scalars. Each has its own innovation
@@ -32,25 +42,29 @@ mod channel;
 mod corner;
 mod covariance;
 mod force_noise;
+mod forms;
 mod inertial;
 mod joint;
+mod lag;
 pub mod layout;
 mod lengths;
 mod moments;
 mod process;
+mod propagation;
+mod transition;
 
 use model::sensors::StrainChain;
 use model::suspension::CornerStatics;
 use model::vehicle::Vehicle;
-use nalgebra::{SMatrix, SVector, Vector3};
-use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use sample::{ForceSource, InnovationKind, LogTime, PerWheel, StrainChannel, TyreForce, WheelAxes};
 
-use crate::calibration::CornerChannels;
+use crate::calibration::{CornerChannels, HubSensor};
 use crate::corners::CornerState;
 use crate::feedback::{BodyMotionEstimate, StrutEstimate};
 use crate::gaussian::{Gaussian, within};
 use crate::innovation::InnovationTally;
-use crate::inputs::CornerReadings;
+use crate::inputs::Readings;
 use crate::motion::MotionState;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
@@ -61,9 +75,15 @@ use body::Body;
 use channel::{Change, ChannelHealth};
 use covariance::Covariance;
 use force_noise::ForceNoise;
+use forms::CornerForms;
+use inertial::Balance;
 use joint::Joint;
-use layout::{ACCEL_BIAS, BODY_RATE, FORCE, MOMENT, OFFSET, RATE, SIZE, STRUT_LENGTH, TORQUE};
+use lag::Lag;
+use layout::{
+    ACCEL_BIAS, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, RATE, SIZE, SPEED, State, TORQUE,
+};
 use lengths::LengthWatch;
+use moments::KnownMoment;
 use process::{accel_noise, torque_noise};
 
 /// Axes of the moments that are states.
@@ -74,7 +94,7 @@ const MOMENT_AXES: [usize; 2] = [0, 2];
 pub struct Fusion {
     tuning: FusionTuning,
     process_noise: ProcessNoiseTuning,
-    state: [f64; SIZE],
+    state: State,
     covariance: Box<Covariance>,
     body: Body,
     lag_s: f64,
@@ -84,7 +104,17 @@ pub struct Fusion {
     torque: [ProcessNoise<2>; 2],
     accel: ProcessNoise<3>,
     lengths: [LengthWatch; 4],
-    strut_n: [f64; 4],
+    /// Consecutive innovations of each potentiometer that no strut makes.
+    jumps: [u32; 4],
+    /// Potentiometers that have jumped in this step.
+    suspected: [bool; 4],
+    /// Potentiometers with a reading in this step.
+    length_measured: [bool; 4],
+    strain_lag: [[Lag; StrainChannel::COUNT]; 4],
+    hub_lag: [[Lag; 3]; 4],
+    hubs: [Option<HubSensor>; 4],
+    /// Length, m, and rate, m/s, of each strut at the next step.
+    moved: [[f64; 2]; 4],
     body_motion: Option<BodyMotionEstimate>,
     /// Acceleration of the body from the sum of all tyre forces, also while the inertial unit
     /// disagrees.
@@ -95,8 +125,6 @@ pub struct Fusion {
     accel_variance: [f64; 3],
     /// Whether the inertial unit agreed with the balances in this step.
     agreed: bool,
-    /// Whether a sudden drive or brake force was found in this step.
-    pushed: bool,
     /// Whether stands or a jack carry a part of the weight.
     held: bool,
     blind: bool,
@@ -166,6 +194,29 @@ pub const OUTPUTS: [usize; 15] = [
     BODY_RATE + 2,
 ];
 
+/// The equations of one step.
+struct StepModel {
+    /// The tyres' moments that belong to the forces of the last step.
+    known: [KnownMoment; 4],
+    forms: [CornerForms; 4],
+    balance: Balance,
+}
+
+/// Axes of the wheel-carrier frame, vehicle axes.
+fn carrier(corner: &CornerState) -> Matrix3<f64> {
+    let axes = WheelAxes::carrier(corner.pose.spindle.into());
+    Matrix3::from_fn(|row, column| axes.rows()[column][row])
+}
+
+/// Forces of the tyres, wheel-carrier frame, by one step.
+#[derive(Clone, Copy, Debug)]
+pub struct Forces {
+    /// At the instant.
+    pub now: PerWheel<TyreForce>,
+    /// Two steps before, by what was measured since.
+    pub lagged: PerWheel<TyreForce>,
+}
+
 /// Record of one step for a smoother.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FusionTrace {
@@ -184,6 +235,7 @@ impl Fusion {
         vehicle: &Vehicle,
         strain: &StrainChain,
         channels: &PerWheel<CornerChannels>,
+        hubs: &PerWheel<Option<HubSensor>>,
         tuning: &Tuning,
     ) -> Self {
         let (t, process_noise) = (&tuning.fusion, tuning.process_noise);
@@ -193,7 +245,7 @@ impl Fusion {
             state: [0.0; SIZE],
             covariance: Box::default(),
             body: Body::new(vehicle),
-            lag_s: 1.0 / (std::f64::consts::TAU * strain.lag_hz.max(0.1)),
+            lag_s: corner::time_constant_s(strain.lag_hz),
             bending_distance_m: strain
                 .bending
                 .as_ref()
@@ -203,13 +255,18 @@ impl Fusion {
             torque: torque_noise(t, process_noise),
             accel: accel_noise(t, process_noise),
             lengths: [LengthWatch::default(); 4],
-            strut_n: [f64::NAN; 4],
+            jumps: [0; 4],
+            suspected: [false; 4],
+            length_measured: [false; 4],
+            strain_lag: Default::default(),
+            hub_lag: Default::default(),
+            hubs: hubs.0,
+            moved: [[0.0; 2]; 4],
             body_motion: None,
             ahead: BodyMotionEstimate::default(),
             gyro_rejections: [0; 3],
             accel_variance: [0.0; 3],
             agreed: false,
-            pushed: false,
             held: false,
             blind: false,
             rolling: false,
@@ -217,6 +274,9 @@ impl Fusion {
             resets: 0,
             innovations: InnovationTally::default(),
         };
+        if fusion.hubs.iter().all(Option::is_none) {
+            fusion.covariance.leave_out_from(HUB_BIAS);
+        }
         fusion.restart(channels);
         fusion
     }
@@ -249,34 +309,45 @@ impl Fusion {
     pub fn step(
         &mut self,
         input: &StepInput<'_>,
-        readings: &mut PerWheel<CornerReadings>,
+        readings: &mut Readings,
         changes: &mut impl FnMut(ChannelChange),
-    ) -> PerWheel<TyreForce> {
-        if self.steps == self.tuning.settling_steps / 2 {
+    ) -> Forces {
+        if self.steps == 0 || self.steps == self.tuning.settling_steps / 2 {
             // The first steps used struts and poses that had not settled.
+            self.place(input);
             self.forget(input.channels);
         }
-        let balance = self.balance(input);
-        self.predict(input.dt, &balance, input.channels);
-        let measured: [_; 4] = std::array::from_fn(|wheel| {
-            self.measure_corner(input, &balance, wheel, &mut readings.0[wheel])
-        });
-        if !self.settling() {
-            self.inflate_on_multi_channel_innovation(&measured);
-        }
+        let model = self.model(input);
+        self.force_noise.drive(input.motion.velocity_m_s.x);
+        self.predict(input, &model);
         let rates = self.estimates::<12>(RATE);
+        let loads = self.estimates::<12>(FORCE);
         let torques = [0, 2].map(|part| self.estimates::<2>(TORQUE + part));
         let accels = self.estimates::<3>(ACCEL_BIAS);
-        (self.pushed, self.agreed) = (false, false);
+        self.agreed = false;
         let inertial = input.motion.inertial && !self.settling();
-        let balanced = inertial && self.take_inertial(input, &balance);
+        if inertial {
+            self.take_inertial(input, &model.balance);
+        }
         self.blind = false;
-        for (wheel, measured) in measured.iter().enumerate() {
-            self.take_corner(input, measured, wheel, changes);
+        self.length_measured = [false; 4];
+        for wheel in 0..4 {
+            self.take_corner(input, &model, wheel, readings, changes);
+        }
+        for wheel in 0..4 {
+            if std::mem::take(&mut self.suspected[wheel]) {
+                self.suspect_length(wheel);
+            }
         }
         if !self.settling() {
-            self.force_noise
-                .learn(corrections(&rates, &self.estimates(RATE)));
+            self.force_noise.learn(
+                corrections(&rates, &self.estimates(RATE)),
+                self.length_measured,
+                {
+                    let c = corrections(&loads, &self.estimates::<12>(FORCE));
+                    [c[2], c[5], c[8], c[11]]
+                },
+            );
             for (part, torques) in torques.iter().enumerate() {
                 let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));
                 self.torque[part].learn(corrected);
@@ -288,14 +359,52 @@ impl Fusion {
         if !self.sound() {
             self.resets += 1;
             self.restart(input.channels);
+            self.place(input);
         }
         // On jackstands the tyre forces are not the only ones that move the body.
         self.rolling = input.motion.velocity_m_s.x.abs() > self.tuning.rolling_speed_m_s;
         let alone = !input.motion.inertial && self.rolling;
-        self.ahead = self.body_motion_ahead(input, &balance);
-        self.body_motion = (balanced || alone && !self.settling()).then_some(self.ahead);
+        self.ahead = self.body_motion_ahead(&model.balance);
+        self.body_motion = (alone && !self.settling()).then_some(self.ahead);
+        for wheel in 0..4 {
+            self.moved[wheel] = self.strut_ahead(&model, wheel, input.dt);
+        }
         self.steps = self.steps.saturating_add(1);
-        self.output()
+        Forces {
+            now: self.forces(FORCE),
+            lagged: self.forces(LAGGED),
+        }
+    }
+
+    /// The equations of the step, linear in the states.
+    fn model(&self, input: &StepInput<'_>) -> StepModel {
+        let speed_m_s = input.motion.velocity_m_s.x;
+        let known =
+            std::array::from_fn(|wheel| self.known_moment(wheel, &input.corners[wheel], speed_m_s));
+        let forms = std::array::from_fn(|wheel| self.forms(input, wheel, &known[wheel].moment_n_m));
+        StepModel {
+            balance: self.balance(input, &known, &forms),
+            known,
+            forms,
+        }
+    }
+
+    /// Sets the struts to where the linkages stand.
+    fn place(&mut self, input: &StepInput<'_>) {
+        for (wheel, corner) in input.corners.iter().enumerate() {
+            self.state[LENGTH + wheel] = 1e3 * corner.pose.strut_length_m;
+            self.state[SPEED + wheel] = 0.0;
+        }
+    }
+
+    /// Length, m, and rate, m/s, of a strut `dt` ahead.
+    fn strut_ahead(&self, model: &StepModel, wheel: usize, dt: f64) -> [f64; 2] {
+        let acceleration = model.forms[wheel].acceleration.value(wheel, &self.state);
+        let [length, rate] = [LENGTH, SPEED].map(|at| 1e-3 * self.state[at + wheel]);
+        [
+            length + dt * (rate + 0.5 * dt * acceleration),
+            rate + dt * acceleration,
+        ]
     }
 
     /// Estimates of `N` states from `first` on.
@@ -320,9 +429,9 @@ impl Fusion {
             && self.covariance.sound()
     }
 
-    fn output(&self) -> PerWheel<TyreForce> {
+    fn forces(&self, first: usize) -> PerWheel<TyreForce> {
         PerWheel(std::array::from_fn(|wheel| {
-            let at = |axis: usize| FORCE + 3 * wheel + axis;
+            let at = |axis: usize| first + 3 * wheel + axis;
             TyreForce {
                 force_n: std::array::from_fn(|axis| self.state[at(axis)]),
                 sigma_n: std::array::from_fn(|axis| {
@@ -393,26 +502,14 @@ impl Fusion {
     /// all corners and without a sudden drive or brake force.
     #[must_use]
     pub fn imu_agrees(&self) -> bool {
-        self.agreed && !self.blind && !self.pushed
+        self.agreed && !self.blind
     }
 
     /// Estimate of a wheel's strut beside its potentiometer.
     #[must_use]
     pub fn strut(&self, wheel: usize) -> StrutEstimate {
         StrutEstimate {
-            longer_m: if self.lengths[wheel].faulty() {
-                1e-3 * self.state[STRUT_LENGTH + wheel]
-            } else {
-                0.0
-            },
-            force_n: (!self.settling()).then_some(self.strut_n[wheel]),
-            jolt_m_s2: if self.force_noise.open() {
-                self.tuning.blow_m_s2
-            } else if self.pushed {
-                self.tuning.push_m_s2
-            } else {
-                0.0
-            },
+            moved: (!self.settling()).then_some(self.moved[wheel]),
         }
     }
 
@@ -428,10 +525,10 @@ impl Fusion {
         &mut self.innovations
     }
 
-    /// Rate of a wheel's load, N/s.
+    /// Density of the white noise of the loads at 10 m/s, mean of the wheels, N^2/s: how rough the ground is.
     #[must_use]
-    pub fn load_rate_n_s(&self, wheel: usize) -> f64 {
-        self.state[RATE + 3 * wheel + 2]
+    pub fn roughness(&self) -> f64 {
+        self.force_noise.roughness()
     }
 
     /// Takes a row's value unless its innovation is beyond the gate (standard deviations). Returns

@@ -119,6 +119,8 @@ pub struct GripInput<'a> {
     pub sideslip_sigma_rad: f64,
     /// Measured forces.
     pub forces: &'a PerWheel<TyreForce>,
+    /// Whether the ground is rough: what it does to the forces is no other surface.
+    pub rough: bool,
 }
 
 impl Grip {
@@ -231,6 +233,9 @@ impl Grip {
                     .is_some_and(|time| input.now.seconds_since(time) < t.follows_s);
             let part = if follows { t.follows_part } else { 1.0 };
             if let Some(change) = axle.take(&block, span_s, input.sideslip_sigma_rad, part) {
+                if input.rough {
+                    continue;
+                }
                 if i == 0 {
                     self.front_changed = Some(input.now);
                 }

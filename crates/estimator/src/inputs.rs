@@ -78,6 +78,8 @@ pub struct Reading {
     pub time: LogTime,
     /// Whether a filter has used it.
     pub taken: bool,
+    /// Number of readings whose mean it is.
+    pub count: u32,
 }
 
 impl Reading {
@@ -105,7 +107,7 @@ pub struct Readings {
     /// Steering-wheel angle, left positive, rad.
     pub steering_wheel_rad: Option<Reading>,
     /// Specific force along the axes of each hub accelerometer, sensor axes, biases removed, m/s^2.
-    /// [`HubSensor`](crate::calibration::HubSensor) has the axes' directions. No filter uses it yet.
+    /// [`HubSensor`](crate::calibration::HubSensor) has the axes' directions.
     pub hub_acceleration_m_s2: PerWheel<[Option<Reading>; 3]>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
@@ -131,14 +133,14 @@ impl Readings {
         if use_strain {
             for (i, counts) in corner.strain_counts.iter().enumerate() {
                 let value = counts.and_then(|counts| liveness[i].take(counts, &channels.strain[i]));
-                replace(&mut readings.strain[i], time, value);
+                gather(&mut readings.strain[i], time, value);
             }
         }
         if use_deflection {
             let value = corner
                 .deflection_counts
                 .and_then(|counts| liveness[POTENTIOMETER].take(counts, &channels.deflection));
-            replace(&mut readings.compression_m, time, value);
+            gather(&mut readings.compression_m, time, value);
         }
     }
 
@@ -201,7 +203,7 @@ impl Readings {
                 axes[axis] = None;
             }
             let slot = &mut self.hub_acceleration_m_s2[hub.wheel][axis];
-            replace(slot, time, axes[axis]);
+            gather(slot, time, axes[axis]);
         }
         axes
     }
@@ -223,8 +225,32 @@ fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
             value,
             time,
             taken: false,
+            count: 1,
         });
     }
+}
+
+/// Readings whose mean time is longer ago do not belong to the same step, s.
+const TOGETHER_S: f64 = 0.006;
+
+/// Takes a value into the mean of those of the same step that no filter has used.
+fn gather(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
+    let waiting = slot.filter(|held| {
+        !held.taken && time > held.time && time.seconds_since(held.time) < TOGETHER_S
+    });
+    let (Some(held), Some(value)) = (waiting, value.filter(|value| value.is_finite())) else {
+        return replace(slot, time, value);
+    };
+    let count = held.count.saturating_add(1);
+    let part = 1.0 / f64::from(count);
+    *slot = Some(Reading {
+        value: held.value + part * (value - held.value),
+        time: held
+            .time
+            .offset_seconds(part * time.seconds_since(held.time)),
+        taken: false,
+        count,
+    });
 }
 
 /// The three numbers, if all are finite.

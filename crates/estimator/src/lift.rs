@@ -2,14 +2,16 @@
 //! load-transfer ratios and times to lift.
 //!
 //! The rules for a wheel apply to both wheels of a side with the sum of their loads: a side off the
-//! ground is a vehicle that tips over. A wheel is *up* when its load is below a fraction of the
-//! static load, and *down* again above a higher fraction. A fading-memory filter of value and slope
-//! follows the load; a steady fall causes no lag, so a slow lift is not detected late. A fast lift
-//! is detected by the raw load, which must stay below the limit for a number of steps. A warning is
-//! given when the load, extrapolated at its slope, reaches zero within the lead time while most of
-//! it is gone already. The numbers of steps set the false-alarm rate: p^n for independent errors
-//! with probability p in one step. The filter's errors are correlated over about five steps, so the
-//! numbers are larger than that.
+//! ground is a vehicle that tips over. A wheel is *up* when its load, by the estimate with a lag where there
+//! is one, stays below a limit for a tenth of a second, and *down* again above a higher one. The limit is a
+//! fraction of the static load that grows with the standard deviation of the load up to a tenth: a load that
+//! is known to a newton need not be given a margin.
+//!
+//! A fading-memory filter of value, slope and curvature follows the load. A warning is given when the load,
+//! extrapolated along its parabola, reaches zero within the lead time while most of it is gone already. The
+//! load of a wheel on the inner side of a sine or a slalom turns before it reaches zero, and its curvature
+//! shows that ahead. On rough ground the wheels lift for moments without any trend of the load: there only
+//! sides are warned of.
 
 use sample::{Event, EventKind, LogTime, PerWheel, Rollover, Side, TyreForce, Wheel};
 
@@ -32,9 +34,10 @@ struct LoadState {
     thresholds_n: [f64; 2],
     load_n: f64,
     rate_n_s: f64,
+    curvature_n_s2: f64,
     up: bool,
     warned: bool,
-    below: [u32; 2],
+    below: u32,
     falling: u32,
     calm: u32,
 }
@@ -87,39 +90,45 @@ impl LiftDetector {
 
     /// Takes the loads of one instant. Only lifts of a moving vehicle are reported: wheels of a
     /// vehicle on jacks hang.
-    pub fn step(
-        &mut self,
-        now: LogTime,
-        dt: f64,
-        moving: bool,
-        forces: &PerWheel<TyreForce>,
-        out: &mut impl FnMut(Event),
-    ) -> Rollover {
+    pub fn step(&mut self, input: &LiftInput<'_>, out: &mut impl FnMut(Event)) -> Rollover {
+        let dt = input.dt;
         self.age_s += dt;
-        let judged = self.age_s >= self.settling_s && moving;
-        let loads = Wheel::ALL.map(|wheel| Load::of_wheel(&forces[wheel]));
-        let of_side = |side: Side| {
-            let [front, rear] = side.wheels().map(|wheel| loads[wheel.index()]);
-            front.and(rear)
+        let judged = self.age_s >= self.settling_s && input.moving;
+        let of_all = |forces: &PerWheel<TyreForce>| {
+            let loads = Wheel::ALL.map(|wheel| Load::of_wheel(&forces[wheel]));
+            let [left, right] = Side::ALL.map(|side| {
+                let [front, rear] = side.wheels().map(|wheel| loads[wheel.index()]);
+                front.and(rear)
+            });
+            let [fl, fr, rl, rr] = loads;
+            [fl, fr, rl, rr, left, right]
         };
-        let [left, right] = Side::ALL.map(of_side);
+        let loads = of_all(input.forces);
+        let lagged = of_all(input.lagged.unwrap_or(input.forces));
+        let [fl, fr, rl, rr, left, right] = loads;
         let (ratio, ratio_sigma) = transfer_ratio(left, right);
         let states = self.wheels.iter_mut().chain(&mut self.sides);
-        for (state, load) in states.zip(loads.into_iter().chain([left, right])) {
+        for (state, (load, lagged)) in states.zip(loads.into_iter().zip(lagged)) {
             if !load.value_n.is_finite() {
                 continue;
             }
             state.follow(load.value_n, dt);
             if judged {
                 let instant = Instant {
-                    now,
+                    now: input.now,
+                    lag_s: if input.lagged.is_some() {
+                        input.lag_s
+                    } else {
+                        0.0
+                    },
                     load,
+                    lagged,
+                    rough: input.rough,
                     transfer: ratio,
                 };
                 state.judge(&instant, out);
             }
         }
-        let [fl, fr, rl, rr] = loads;
         let known = ratio.is_finite();
         let time_s = |state: &LoadState| {
             if known {
@@ -136,6 +145,24 @@ impl LiftDetector {
             time_to_two_wheel_lift_s: self.sides.each_ref().map(time_s),
         }
     }
+}
+
+/// Loads of one instant.
+pub struct LiftInput<'a> {
+    /// The instant.
+    pub now: LogTime,
+    /// Time since the instant before, s.
+    pub dt: f64,
+    /// Whether the vehicle moves.
+    pub moving: bool,
+    /// Whether the ground is rough.
+    pub rough: bool,
+    /// Forces, contact or wheel-carrier frame.
+    pub forces: &'a PerWheel<TyreForce>,
+    /// Forces of `lag_s` ago, by what was measured since.
+    pub lagged: Option<&'a PerWheel<TyreForce>>,
+    /// The lag, s.
+    pub lag_s: f64,
 }
 
 /// A load with its standard deviation.
@@ -162,7 +189,11 @@ impl Load {
 /// One load at one instant.
 struct Instant {
     now: LogTime,
+    /// How much earlier the lagged load is, s.
+    lag_s: f64,
     load: Load,
+    lagged: Load,
+    rough: bool,
     /// Load-transfer ratio of the vehicle.
     transfer: f64,
 }
@@ -206,21 +237,32 @@ impl LoadState {
             thresholds_n: [tuning.up * part_of_n, tuning.down * part_of_n],
             load_n: static_n,
             rate_n_s: 0.0,
+            curvature_n_s2: 0.0,
             up: false,
             warned: false,
-            below: [0; 2],
+            below: 0,
             falling: 0,
             calm: 0,
         }
     }
 
-    /// Value and slope by least squares with the fading memory `keep` per step.
+    /// Value, slope and curvature by least squares with the fading memory `keep` per step (N. Morrison,
+    /// Introduction to Sequential Smoothing and Prediction, 1969, fading-memory polynomial of degree 2).
     fn follow(&mut self, load_n: f64, dt: f64) {
-        self.load_n += self.rate_n_s * dt;
+        self.load_n += dt * (self.rate_n_s + 0.5 * dt * self.curvature_n_s2);
+        self.rate_n_s += dt * self.curvature_n_s2;
         let error = load_n - self.load_n;
         let keep = self.tuning.keep;
-        self.load_n += (1.0 - keep * keep) * error;
-        self.rate_n_s += (1.0 - keep).powi(2) * error / dt;
+        let fresh = 1.0 - keep;
+        self.load_n += (1.0 - keep * keep * keep) * error;
+        self.rate_n_s += 1.5 * fresh * fresh * (1.0 + keep) * error / dt;
+        self.curvature_n_s2 += fresh * fresh * fresh * error / (dt * dt);
+    }
+
+    /// Whether the load on its parabola reaches zero at all.
+    fn reaches_zero(&self) -> bool {
+        let turns = self.curvature_n_s2 > 0.0;
+        !turns || self.rate_n_s * self.rate_n_s > 2.0 * self.curvature_n_s2 * self.load_n
     }
 
     fn is_falling(&self) -> bool {
@@ -242,28 +284,22 @@ impl LoadState {
         self.warn(at, out);
         let t = self.tuning;
         let [least, back] = self.thresholds_n;
-        // A filtered load within its error of the limit has reached it.
-        let reached = least + (t.filtered_sigma * at.load.sigma_n).min(least);
-        let judged = [(at.load.value_n, least), (self.load_n, reached)];
-        for (count, (load, least)) in self.below.iter_mut().zip(judged) {
-            *count = if load < least { *count + 1 } else { 0 };
-        }
-        let [raw, followed] = self.below;
-        if !self.up && (raw >= t.raw_steps || followed >= t.filtered_steps) {
+        let margin = (t.margin_sigma * at.lagged.sigma_n).min((t.up_max / t.up - 1.0) * least);
+        let limit = least + margin.max(0.0);
+        let back = back.max(t.down_by * limit);
+        let load_n = at.lagged.value_n;
+        self.below = if load_n < limit { self.below + 1 } else { 0 };
+        if !self.up && self.below >= t.steps {
             self.up = true;
-            let steps = if raw >= t.raw_steps {
-                t.raw_steps
-            } else {
-                t.filtered_steps
-            };
-            let onset = at.now.offset_seconds(-0.01 * f64::from(steps - 1));
-            let chance = probability(back - self.load_n, t.filtered_sigma * at.load.sigma_n);
+            let onset_s = at.lag_s + 0.01 * f64::from(t.steps - 1);
+            let onset = at.now.offset_seconds(-onset_s);
+            let chance = probability(back - load_n, at.lagged.sigma_n);
             let text = match self.place {
                 Place::Wheel(wheel) => format!("the {wheel} wheel is off the ground"),
                 Place::Side(side) => format!("both {side} wheels are off the ground"),
             };
             out(at.event(onset, self.place.lift(), Some(chance), text));
-        } else if self.up && at.load.value_n > back && self.load_n > back {
+        } else if self.up && load_n > back {
             self.up = false;
             if let Place::Wheel(wheel) = self.place {
                 let text = format!("the {wheel} wheel is on the ground again");
@@ -274,7 +310,11 @@ impl LoadState {
 
     fn warn(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
         let t = self.tuning;
-        let light = self.load_n < t.light * self.static_n && self.is_falling();
+        let trends = !at.rough || matches!(self.place, Place::Side(_));
+        let light = trends
+            && self.load_n < t.light * self.static_n
+            && self.is_falling()
+            && self.reaches_zero();
         let left_s = self.load_n / -self.rate_n_s;
         self.falling = if light && left_s < t.lead_s && !self.up {
             self.falling + 1

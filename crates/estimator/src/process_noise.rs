@@ -48,11 +48,6 @@ impl<const N: usize> ProcessNoise<N> {
         (self.slow * self.boost).min(self.bounds[1])
     }
 
-    /// Raises the density to `least`.
-    pub fn raise(&mut self, least: f64) {
-        self.slow = self.slow.max(least);
-    }
-
     /// Takes the normalised corrections of one step.
     pub fn learn(&mut self, corrections: [f64; N]) {
         let t = &self.tuning;

@@ -114,9 +114,10 @@ impl Smoother {
         if let Some(belief) = &step.forces {
             put_forces(&mut estimate, belief, &later.forces, step.solution.inertial);
             if let Some(frames) = &step.frames {
-                let contact = &estimate.measured;
-                estimate.carrier =
-                    PerWheel::from_fn(|wheel| frames[wheel].carrier(&contact[wheel]));
+                let own = estimate.carrier;
+                let all = PerWheel::from_fn(|wheel| frames[wheel].of_carrier(&own[wheel]));
+                estimate.carrier = PerWheel::from_fn(|wheel| all[wheel].carrier);
+                estimate.measured = PerWheel::from_fn(|wheel| all[wheel].reported);
             }
         }
         estimate
@@ -199,10 +200,10 @@ fn put_forces(
                 estimate.motion.rate_rad_s[axis] = value;
             }
         } else {
-            let force = &mut estimate.measured.0[state / 3];
-            let sigma = &mut force.sigma_n[state % 3];
+            let force = &mut estimate.carrier.0[state / 3];
+            let known = belief.covariance[(k, state)];
             force.force_n[state % 3] = value;
-            *sigma = (*sigma * *sigma - shrinkage[(k, k)]).max(0.0).sqrt();
+            force.sigma_n[state % 3] = (known - shrinkage[(k, k)]).max(0.0).sqrt();
         }
     }
 }

@@ -22,6 +22,8 @@ const FORCES: [&str; 3] = ["Fx", "Fy", "Fz"];
 pub struct Estimated {
     /// One estimate each 10 ms.
     pub estimates: Vec<Estimate>,
+    /// Estimates with a lag of 20 ms.
+    pub lagged: Vec<Estimate>,
     /// Events in their order.
     pub events: Vec<Event>,
 }
@@ -42,12 +44,14 @@ pub fn estimate(
         .expect("the estimator takes this vehicle and these sensors");
     let mut result = Estimated {
         estimates: Vec::new(),
+        lagged: Vec::new(),
         events: Vec::new(),
     };
     for sample in samples {
         estimator.advance(sample.log_time, &mut |output| match output {
             Output::Estimate(estimate) => result.estimates.push(estimate),
             Output::Event(event) => result.events.push(event),
+            Output::Lagged(estimate) => result.lagged.push(estimate),
             Output::Parameters(_) | Output::Step(_) => {}
         });
         estimator.push(sample);
@@ -137,6 +141,25 @@ pub fn force_errors(run: &Run, vehicle: &Vehicle, result: &Estimated) -> [f64; 3
                 * rms_of_judged(run, result, |estimate, row| {
                     Some(estimate.measured[wheel].force_n[axis] - truth[row])
                 })
+        };
+        Wheel::ALL.into_iter().map(of_wheel).fold(0.0, f64::max)
+    })
+}
+
+/// The same in the wheel-carrier frame, of causal or of lagged estimates.
+#[must_use]
+pub fn carrier_errors(run: &Run, vehicle: &Vehicle, estimates: &[Estimate]) -> [f64; 3] {
+    let truth: Vec<[[f64; 3]; 4]> = (0..run.rows).map(|row| run.carrier_forces(row)).collect();
+    std::array::from_fn(|axis| {
+        let of_wheel = |wheel: Wheel| {
+            let at = |row: usize| truth[row][wheel.index()][axis];
+            let loads = (0..run.rows).map(|row| at(row).abs());
+            let peak = loads.fold(vehicle.static_load_n(wheel), f64::max);
+            let judged = estimates.iter().map(|estimate| (estimate, row(estimate)));
+            let errors = judged
+                .filter(|(_, row)| (SETTLING_ROWS..run.rows).contains(row))
+                .map(|(estimate, row)| estimate.carrier[wheel].force_n[axis] - at(row));
+            100.0 / peak * rms(errors)
         };
         Wheel::ALL.into_iter().map(of_wheel).fold(0.0, f64::max)
     })

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::Sample;
+use nalgebra::{Rotation3, Vector3};
+use sample::{Sample, Wheel, WheelAxes};
 
 use crate::once::Once;
 use crate::{project, sensing, shared};
@@ -58,6 +59,35 @@ impl Run {
     #[must_use]
     pub fn vector(&self, names: [&str; 3], row: usize) -> [f64; 3] {
         names.map(|name| self.column(name)[row])
+    }
+
+    /// Forces of the four tyres in the wheel-carrier frame, N: those of the ground on the tyre, resolved along
+    /// the spindle that steer and inclination angle give.
+    #[must_use]
+    pub fn carrier_forces(&self, row: usize) -> [[f64; 3]; 4] {
+        Wheel::ALL.map(|wheel| {
+            let at = |name: &str| self.column(&format!("{}_{name}", wheel.abbreviation()))[row];
+            let three = |name: &str| Vector3::from(["x", "y", "z"].map(|a| at(&format!("{name}_{a}"))));
+            let has = |name: &str| {
+                let name = format!("{}_{name}_x", wheel.abbreviation());
+                self.columns.contains_key(&name)
+            };
+            let normal = if has("n_chassis") {
+                three("n_chassis").normalize()
+            } else {
+                let [roll, pitch, yaw] = self.vector(["roll", "pitch", "yaw"], row);
+                Rotation3::from_euler_angles(roll, pitch, yaw).inverse() * Vector3::z()
+            };
+            let spindle = spindle(at("steer"), at("camber"), &normal);
+            let force = if has("Fchassis") {
+                three("Fchassis")
+            } else {
+                let x = spindle.cross(&normal).normalize();
+                x * at("Fx") + normal.cross(&x) * at("Fy") + normal * at("Fz")
+            };
+            let axes = WheelAxes::carrier(spindle.into());
+            axes.rows().map(|axis| Vector3::from(axis).dot(&force))
+        })
     }
 
     /// Time of the first row, s: an excerpt keeps the times of its run.
@@ -195,4 +225,15 @@ pub fn vehicle() -> &'static Vehicle {
         let text = std::fs::read_to_string(path).expect("the parameters of the vehicle");
         sim::vehicle_from_truth_params(&text).expect("the parameters of a vehicle")
     })
+}
+
+/// The spindle's direction in vehicle axes: turned by the steer angle about z, and inclined by the angle
+/// against the ground with this normal.
+fn spindle(steer_rad: f64, inclination_rad: f64, normal: &Vector3<f64>) -> Vector3<f64> {
+    let (sin, cos) = math::sin_cos(steer_rad);
+    let along = cos * normal.y - sin * normal.x;
+    let lean = math::asin(math::sin(inclination_rad) / math::hypot(along, normal.z))
+        - math::atan2(along, normal.z);
+    let (up, level) = math::sin_cos(lean);
+    Vector3::new(-sin * level, cos * level, up)
 }

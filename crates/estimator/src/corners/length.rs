@@ -20,20 +20,7 @@ pub struct LengthFilter {
     time: Option<LogTime>,
     silent_s: f64,
     rejections: u32,
-    jumped: bool,
     jerk: ProcessNoise<1>,
-    longer_m: Option<f64>,
-}
-
-/// A reading of the potentiometer by itself.
-#[derive(Clone, Copy, Debug)]
-pub struct NewReading {
-    /// Length by the reading less the filtered length, m.
-    pub longer_m: f64,
-    /// Variance of the reading's noise, m^2.
-    pub variance: f64,
-    /// Variance of the filtered strut rate, m^2/s^2.
-    pub rate_variance: f64,
 }
 
 impl LengthFilter {
@@ -50,17 +37,13 @@ impl LengthFilter {
             time: None,
             silent_s: 0.0,
             rejections: 0,
-            jumped: false,
             jerk: ProcessNoise::new(t.jerk_density, t.jerk_density_bounds, tuning.process_noise),
-            longer_m: None,
         }
     }
 
     /// Propagates the length; without readings it is held.
     pub fn predict(&mut self, dt: f64) {
         self.silent_s += dt;
-        self.jumped = false;
-        self.longer_m = None;
         if self.silent_s > self.tuning.silence_s {
             if self.time.is_none() {
                 self.state = Vector3::new(self.design_m, 0.0, 0.0);
@@ -88,11 +71,6 @@ impl LengthFilter {
         self.covariance = f * self.covariance * f.transpose() + noise * q;
     }
 
-    /// Adds a sudden change of the acceleration with this standard deviation, m/s^2.
-    pub fn jolt(&mut self, jolt_m_s2: f64) {
-        self.covariance[(2, 2)] += jolt_m_s2 * jolt_m_s2;
-    }
-
     /// Takes a length that was valid at `valid`.
     pub fn update(&mut self, now: LogTime, valid: LogTime, length_m: f64) {
         if !length_m.is_finite() || (length_m - self.design_m).abs() > 1.0 {
@@ -109,7 +87,6 @@ impl LengthFilter {
             if self.rejections < t.rejections_max {
                 return;
             }
-            self.jumped = self.time.is_some();
             self.state = Vector3::new(length_m, 0.0, 0.0);
             let [_, rate, acceleration] = t.start_variance;
             let variance = Vector3::new(t.adopted_variance_m2, rate, acceleration);
@@ -117,7 +94,6 @@ impl LengthFilter {
         } else {
             self.jerk.learn([innovation / total.sqrt()]);
             self.state += ph * (innovation / total);
-            self.longer_m = Some(length_m - h.dot(&self.state));
             self.covariance -= ph * ph.transpose() / total;
             self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
         }
@@ -131,24 +107,10 @@ impl LengthFilter {
         [self.state[0], self.state[1]]
     }
 
-    /// Whether the last reading was a jump that no strut makes.
-    pub fn jumped(&self) -> bool {
-        self.jumped
-    }
-
     /// Whether the length at `now` is measured.
     pub fn known(&self, now: LogTime) -> bool {
         self.time
             .is_some_and(|time| now.seconds_since(time) <= self.tuning.silence_s)
-    }
-
-    /// The reading since the last prediction, if it was used.
-    pub fn reading(&self) -> Option<NewReading> {
-        self.longer_m.map(|longer_m| NewReading {
-            longer_m,
-            variance: self.variance,
-            rate_variance: self.covariance[(1, 1)],
-        })
     }
 
     /// Variance of -k l - c l', N^2; `None` while nothing is measured.
@@ -156,30 +118,5 @@ impl LengthFilter {
         let gain = Vector3::new(stiffness_n_m, damping_n_s_m, 0.0);
         (self.time.is_some() && self.silent_s <= self.tuning.silence_s)
             .then(|| (gain.transpose() * self.covariance * gain)[0])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_reading_counts_once_and_stands_where_the_potentiometer_put_it() {
-        let mut filter = LengthFilter::new(0.4, 1e-4, &Tuning::default());
-        let mut length_m = 0.0;
-        for k in 0..200 {
-            let now = LogTime(10_000_000 * k);
-            filter.predict(0.01);
-            assert!(filter.reading().is_none());
-            length_m = 0.4 + if k % 2 == 0 { 1e-4 } else { -1e-4 };
-            filter.update(now, now, length_m);
-        }
-        let read = filter.reading().unwrap();
-        assert!((filter.value()[0] + read.longer_m - length_m).abs() < 1e-12);
-        // What is smoothed follows noise by little; the reading alone has all of it.
-        assert!(read.longer_m < -0.5e-4, "{read:?}");
-        assert_eq!(read.variance, 1e-8);
-        filter.predict(0.01);
-        assert!(filter.reading().is_none());
     }
 }

@@ -9,8 +9,10 @@ use model::vehicle::{Strut, Unsprung, Vehicle};
 use nalgebra::Vector3;
 use sample::{LogTime, Wheel};
 
+use super::CornerState;
 use super::length::LengthFilter;
-use super::{CornerState, StrutReading};
+use super::travel::{OnPath, Travel};
+use crate::calibration::HubSensor;
 use crate::feedback::StrutEstimate;
 use crate::inputs::Reading;
 use crate::tuning::{CornerTuning, Tuning};
@@ -25,7 +27,13 @@ pub(super) struct Linkage {
     pub(super) radius_m: f64,
     pub(super) tyre_stiffness_n_m: f64,
     pub(super) length: LengthFilter,
-    pub(super) stands_at_m: f64,
+    /// A new reading of the potentiometer as a length, m.
+    pub(super) read: Option<Reading>,
+    /// Length and rate that the force filter expects, if it runs.
+    pub(super) moved: Option<[f64; 2]>,
+    /// Whether the unsprung parts move along the wheel's path, or as on flat ground.
+    pub(super) on_path: bool,
+    pub(super) hub: Option<HubSensor>,
     pub(super) pose: CornerPose,
     pub(super) fallback_load_n: f64,
 }
@@ -48,8 +56,11 @@ impl Linkage {
         let pose = corner.pose(corner.design_strut_length_m(), 0.0)?;
         Ok(Some(Self {
             tuning: tuning.corners,
+            read: None,
             length: LengthFilter::new(corner.design_strut_length_m(), deflection_sigma_m, tuning),
-            stands_at_m: corner.design_strut_length_m(),
+            moved: None,
+            on_path: false,
+            hub: None,
             corner,
             strut: strut.clone(),
             unsprung: unsprung.clone(),
@@ -70,44 +81,35 @@ impl Linkage {
         belief: StrutEstimate,
     ) {
         self.length.predict(dt);
-        self.length.jolt(belief.jolt_m_s2);
+        self.read = None;
         if let Some(reading) = reading
             && !reading.taken
         {
             reading.taken = true;
-            let design = self.corner.design_strut_length_m();
-            self.length
-                .update(now, reading.time, design - reading.value);
+            let length_m = self.corner.design_strut_length_m() - reading.value;
+            self.length.update(now, reading.time, length_m);
+            self.read = Some(Reading {
+                value: length_m,
+                ..*reading
+            });
         }
         let rack = if self.corner.wheel.is_front() {
             rack_m
         } else {
             0.0
         };
-        if self.length.known(now) {
-            self.stands_at_m = self.length.value()[0] + belief.longer_m;
-        } else if let Some(force) = belief.force_n.filter(|force| force.is_finite()) {
-            self.stands_at_m += self.step_to_force(force);
-        }
+        self.moved = belief.moved;
+        let known = self.length.known(now).then(|| self.length.value());
+        let [length_m, _] = (self.moved.or(known)).unwrap_or([self.pose.strut_length_m, 0.0]);
         // Length out of reach: the linkage keeps its pose.
-        if let Ok(pose) = self.corner.pose(self.stands_at_m, rack) {
+        if let Ok(pose) = self.corner.pose(length_m, rack) {
             self.pose = pose;
         }
     }
 
-    /// Without a potentiometer the spring force determines the length. Part of the way to it, m:
-    /// the damper's share of the force is unknown.
-    fn step_to_force(&self, force_n: f64) -> f64 {
-        let length = self.stands_at_m + self.design_shift_m();
-        let surplus = self.strut.force(length, 0.0).total_n() - force_n;
-        let step = self.tuning.forced_part * surplus / self.strut.stiffness_at(length);
-        let most = self.tuning.forced_step_max_m;
-        step.clamp(-most, most)
-    }
-
     /// The force uses the measured spring length, the pose the hard-points: a hard-point error of 1
     /// mm must not become 65 N.
-    fn design_shift_m(&self) -> f64 {
+    pub(super) fn design_shift_m(&self) -> f64 {
         self.strut.design_length_m - self.corner.design_strut_length_m()
     }
 
@@ -121,8 +123,7 @@ impl Linkage {
         load_n: f64,
     ) -> Result<CornerState, SuspensionError> {
         let [spin, spin_dot, gravity] = rolling;
-        let [length, rate] = self.length.value();
-        let length = length + self.design_shift_m();
+        let [length, rate] = self.moved.unwrap_or_else(|| self.length.value());
         let pose = &self.pose;
         let frame = TyreFrame::new(
             pose,
@@ -130,40 +131,43 @@ impl Linkage {
             self.radius_m,
             load_n / self.tyre_stiffness_n_m,
         );
-        let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
-        if load_n > self.tuning.contact_n {
-            motion = motion.on_ground(&self.corner, pose, normal, gravity);
-        }
-        motion.spin_rad_s = spin;
-        motion.spin_dot_rad_s2 = spin_dot;
-        let statics = CornerStatics::new(
-            &self.corner,
-            pose,
-            &frame,
-            &self.unsprung,
-            &motion,
-            ChannelKind::Strut,
-        )?;
+        let OnPath {
+            motion,
+            statics,
+            travel,
+        } = if self.on_path {
+            self.on_path(body, &frame, [rate, rack[0], rack[1]], spin)?
+        } else {
+            let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
+            if load_n > self.tuning.contact_n {
+                motion = motion.on_ground(&self.corner, pose, normal, gravity);
+            }
+            motion.spin_rad_s = spin;
+            motion.spin_dot_rad_s2 = spin_dot;
+            let statics = CornerStatics::new(
+                &self.corner,
+                pose,
+                &frame,
+                &self.unsprung,
+                &motion,
+                ChannelKind::Strut,
+            )?;
+            OnPath {
+                motion,
+                statics,
+                travel: Travel::default(),
+            }
+        };
+        let length = length + self.design_shift_m();
         let stiffness = self.strut.stiffness_at(length);
         let damping = self.strut.damping_n_s_m;
-        let strut_n = self.strut.force(length, rate).total_n();
-        let strut_read = self.length.reading().map(|read| {
-            let spring = stiffness * stiffness * read.variance;
-            let damper = self.tuning.rate_correlation * damping * damping * read.rate_variance;
-            let variance = spring + damper + self.tuning.reading_sigma_n.powi(2);
-            StrutReading {
-                force_n: strut_n - stiffness * read.longer_m,
-                sigma_n: variance.sqrt(),
-            }
-        });
         Ok(CornerState {
             pose: *pose,
             frame,
             statics,
-            strut_stiffness_n_m: stiffness,
-            strut_jumped: self.length.jumped(),
-            strut_n,
-            strut_read,
+            travel,
+            length_read: self.read,
+            strut_n: self.strut.force(length, rate).total_n(),
             strut_sigma_n: self
                 .length
                 .force_variance(stiffness, damping)

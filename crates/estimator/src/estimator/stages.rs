@@ -3,6 +3,7 @@
 use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
 
 use super::events::{channel_event, frozen_event};
+use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
 use crate::Input;
 use crate::feedback::EstimatorFeedback;
@@ -11,6 +12,7 @@ use crate::gaussian::Gaussian;
 use crate::grid::GRID_S;
 use crate::grip::GripInput;
 use crate::kinematics;
+use crate::lift::LiftInput;
 use crate::motion::MotionState;
 use crate::planar::{Planar, PlanarMotion};
 use crate::smoother::Step;
@@ -27,6 +29,8 @@ pub(super) struct MeasuredForces {
     pub(super) reported: PerWheel<TyreForce>,
     /// In the wheel-carrier frame.
     pub(super) carrier: PerWheel<TyreForce>,
+    /// Two steps before, by the force filter, wheel-carrier frame.
+    pub(super) lagged: Option<PerWheel<TyreForce>>,
     /// Axes of the wheels, if the vehicle has linkages.
     pub(super) frames: Option<PerWheel<WheelFrame>>,
 }
@@ -176,6 +180,7 @@ impl Estimator {
         let Some(corners) = &self.corners else {
             return MeasuredForces::default();
         };
+        let mut lagged = None;
         let forces = if let Some(fusion) = &mut self.fusion {
             let input = StepInput {
                 now,
@@ -191,33 +196,37 @@ impl Estimator {
                 used: self.monitors.inertial.used(),
                 turn_over_ground: corners.turn_over_ground(),
             };
-            let forces = fusion.step(&input, &mut self.readings.corners, &mut |change| {
+            let forces = fusion.step(&input, &mut self.readings, &mut |change| {
                 out(Output::Event(channel_event(now, change)));
             });
             self.divergences[1].step(now, fusion.resets().into(), false, out);
             self.monitors.update_imu_consistency(fusion.imu_agrees());
-            forces
+            lagged = Some(forces.lagged);
+            forces.now
         } else {
             self.statics_of_corners(now, motion, expected)
         };
         let steer_sigma_rad = self.grip.steer_offset().1;
-        let contact = corners.add_frame_uncertainty(&forces, steer_sigma_rad);
-        let reported = corners.add_unknown_normal(&contact);
+        let fusion = self.fusion.as_ref();
         let frames = PerWheel::from_fn(|wheel| {
             let corner = &corners.states()[wheel.index()];
-            let fusion = self.fusion.as_ref();
-            WheelFrame::new(
-                corner,
-                &contact[wheel],
-                &reported[wheel],
-                corners.tilt_sigma_rad(),
-                fusion.map(|fusion| fusion.moment(wheel.index(), corner, motion.velocity_m_s.x)),
-            )
+            let moment =
+                fusion.map(|fusion| fusion.moment(wheel.index(), corner, motion.velocity_m_s.x));
+            let errors = corners.frame_errors(wheel, steer_sigma_rad);
+            WheelFrame::new(corner, errors, moment)
+        });
+        let all = PerWheel::from_fn(|wheel| {
+            if fusion.is_some() {
+                frames[wheel].of_carrier(&forces[wheel])
+            } else {
+                frames[wheel].of_contact(&forces[wheel])
+            }
         });
         MeasuredForces {
-            carrier: PerWheel::from_fn(|wheel| frames[wheel].carrier(&reported[wheel])),
-            contact,
-            reported,
+            carrier: PerWheel::from_fn(|wheel| all[wheel].carrier),
+            contact: PerWheel::from_fn(|wheel| all[wheel].contact),
+            reported: PerWheel::from_fn(|wheel| all[wheel].reported),
+            lagged,
             frames: Some(frames),
         }
     }
@@ -251,20 +260,35 @@ impl Estimator {
         })
     }
 
+    /// Whether the road shakes the wheels.
+    fn is_rough(&self) -> bool {
+        let roughness = self.fusion.as_ref().map_or(0.0, Fusion::roughness);
+        roughness > self.settings.tuning.lift.rough_density
+    }
+
     /// Stage 9: warnings, lift and touchdown of wheels and sides.
     pub(super) fn detect_lift(
         &mut self,
         time: LogTime,
         state: &MotionState,
         measured: &PerWheel<TyreForce>,
+        lagged: Option<&PerWheel<TyreForce>>,
         out: &mut impl FnMut(Output),
     ) -> Rollover {
         let speed_m_s = math::hypot(state.velocity_m_s.x, state.velocity_m_s.y);
-        let moving = speed_m_s > self.settings.tuning.lift_speed_min_m_s;
-        self.lift
-            .step(time, GRID_S, moving, measured, &mut |event| {
-                out(Output::Event(event));
-            })
+        let t = &self.settings.tuning;
+        let input = LiftInput {
+            now: time,
+            dt: GRID_S,
+            moving: speed_m_s > t.lift_speed_min_m_s,
+            rough: self.is_rough(),
+            forces: measured,
+            lagged,
+            lag_s: LAG_STEPS as f64 * GRID_S,
+        };
+        self.lift.step(&input, &mut |event| {
+            out(Output::Event(event));
+        })
     }
 
     /// Stage 10: completes the reported motion by the force filter's angular rate, steer angles and
@@ -313,6 +337,7 @@ impl Estimator {
             corrected_rad: self.feedback.steer_offset_rad,
             sideslip_sigma_rad: state.sideslip_sigma_rad,
             forces: measured,
+            rough: self.is_rough(),
         };
         self.grip
             .step(&input, &mut |event| out(Output::Event(event)));

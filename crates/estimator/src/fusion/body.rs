@@ -1,7 +1,7 @@
 //! The vehicle's parameters in the balances of forces and moments.
 
 use model::vehicle::{Tyre, Vehicle};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use sample::Wheel;
 
 /// Parameters of the vehicle in the balances.
@@ -21,28 +21,10 @@ pub(super) struct Body {
 impl Body {
     pub(super) fn new(vehicle: &Vehicle) -> Self {
         let body = &vehicle.body;
-        let sprung = vehicle.sprung();
-        let to_cg = Vector3::new(
-            sprung.cg_m[0],
-            sprung.cg_m[1],
-            sprung.cg_m[2] - body.cg_height_m,
-        );
-        // Wheels and uprights do not roll or pitch with the body, but they yaw with it.
-        let away = sprung.mass_kg * to_cg.norm_squared();
-        let roll = sprung.inertia_kg_m2[0] + away - sprung.mass_kg * to_cg.x * to_cg.x;
-        let pitch = sprung.inertia_kg_m2[1] + away - sprung.mass_kg * to_cg.y * to_cg.y;
         let xz = -body.inertia_xz_kg_m2;
-        let inertia = Matrix3::new(
-            roll,
-            0.0,
-            xz,
-            0.0,
-            pitch,
-            0.0,
-            xz,
-            0.0,
-            body.inertia_kg_m2[2],
-        );
+        // Of the whole vehicle: what moves against the frame is in the balances by itself.
+        let [roll, pitch, yaw] = body.inertia_kg_m2;
+        let inertia = Matrix3::new(roll, 0.0, xz, 0.0, pitch, 0.0, xz, 0.0, yaw);
         let axles = [&vehicle.front, &vehicle.front, &vehicle.rear, &vehicle.rear];
         Self {
             mass_kg: body.mass_kg,

@@ -20,9 +20,8 @@ pub struct ChannelHealth {
     mean: f64,
     /// Factor on the variance of the model's tolerance.
     tolerance: f64,
-    /// Variance of the last innovation: after the channels before it were taken, and before any was
-    /// taken.
-    variance: [f64; 2],
+    /// Variance of the last innovation, after the channels before it were taken.
+    variance: f64,
     faulty: bool,
 }
 
@@ -32,7 +31,7 @@ impl Default for ChannelHealth {
             outside: 0.0,
             mean: 0.0,
             tolerance: 1.0,
-            variance: [0.0; 2],
+            variance: 0.0,
             faulty: false,
         }
     }
@@ -45,25 +44,21 @@ impl ChannelHealth {
         self.tolerance * tolerance_n.powi(2) + (tuning.mean_factor * self.mean).powi(2)
     }
 
-    /// Normalised innovation squared before any reading of the step is taken, with the variance of
-    /// the last step. `None` for a channel that is faulty or was a single outlier.
-    pub fn predicted_square(&self, innovation: f64, tuning: &ChannelTuning) -> Option<f64> {
-        let [_, before] = self.variance;
-        (!self.faulty && self.outside < tuning.alone && before > 0.0)
-            .then(|| innovation * innovation / before)
+    /// Stores the variance of an innovation after the channels before it were taken.
+    pub fn expect(&mut self, variance: f64) {
+        self.variance = variance;
     }
 
-    /// Stores the variance of an innovation: after the channels before it were taken, and before
-    /// any was taken.
-    pub fn expect(&mut self, variance: [f64; 2]) {
-        self.variance = variance;
+    /// Whether the channel is used: it is not faulty and was not outside its gate for several readings.
+    pub fn is_used(&self, tuning: &ChannelTuning) -> bool {
+        !self.faulty && self.outside < tuning.alone
     }
 
     /// Updates the mean and the tolerance factor by the innovation of a used reading; the factor by
     /// the model's share in the variance.
     pub fn learn(&mut self, innovation: f64, tolerance_n: f64, tuning: &ChannelTuning) {
         self.mean += tuning.mean_learning * (innovation - self.mean);
-        let [after, _] = self.variance;
+        let after = self.variance;
         let share = (self.tolerance * tolerance_n.powi(2) / after).min(1.0);
         let surplus =
             (innovation * innovation / after).min(tuning.gate_sigma * tuning.gate_sigma) - 1.0;
@@ -74,15 +69,16 @@ impl ChannelHealth {
         }
     }
 
-    /// Judges an innovation by its normalised square: whether to use the reading, and what changed.
-    /// While the gate is `open` only the reading of a faulty channel or of a single outlier is
-    /// rejected.
-    pub fn judge(&mut self, square: f64, open: bool, tuning: &ChannelTuning) -> (bool, Change) {
-        let alone = self.outside >= tuning.alone;
+    /// Judges an innovation by its normalised square, before any reading of the step was taken. What the
+    /// road does to several channels at once is no evidence.
+    pub fn judge(&mut self, square: f64, is_evidence: bool, tuning: &ChannelTuning) -> Change {
         let gate = tuning.gate_sigma;
         let outside = square.is_nan() || square > gate * gate;
+        if outside && !is_evidence {
+            return Change::None;
+        }
         self.outside += tuning.learning * (f64::from(outside) - self.outside);
-        let change = if !self.faulty && self.outside > tuning.faulty {
+        if !self.faulty && self.outside > tuning.faulty {
             self.faulty = true;
             Change::Faulty
         } else if self.faulty && self.outside < tuning.good {
@@ -90,7 +86,6 @@ impl ChannelHealth {
             Change::Recovered
         } else {
             Change::None
-        };
-        ((!outside || open && !alone) && !self.faulty, change)
+        }
     }
 }

@@ -1,72 +1,128 @@
-//! Measurement equations of strut and strain channels.
+//! Measurement equations of the sensors of one corner: potentiometer, strain channels, hub accelerometer.
 
-use model::suspension::CornerStatics;
-use nalgebra::Vector3;
-use sample::{InnovationKind, StrainChannel, Wheel};
+use sample::{InnovationKind, StrainChannel};
 
-use super::inertial::Balance;
-use super::joint::{Joint, NO_OWN, Rows, TOGETHER};
-use super::{
-    Change, ChannelChange, FORCE, Fusion, MOMENT, MOMENT_AXES, OFFSET, RATE, STRUT_LENGTH,
-    StepInput, TORQUE,
-};
-use crate::inputs::{CornerReadings, Reading};
+use super::forms::{AT_LENGTH, Back, CornerForms, Form, MEASURED, measured_states};
+use super::joint::{Joint, NO_OWN, Rows};
+use super::layout::{FORCE, HUB_BIAS, LENGTH_ERROR, OFFSET};
+use super::{Change, ChannelChange, Fusion, StepInput, StepModel};
+use crate::inputs::{Reading, Readings};
 use crate::statics::AXIAL;
 use crate::tuning::MemberTuning;
 
-/// States of one corner: force, rate, moments and torques.
-const CORNER: usize = 10;
-type CornerRows = Rows<CORNER>;
-/// Rows of a corner's strut and of its first strain channel.
-const STRUT: usize = 0;
+type CornerRows = Rows<MEASURED>;
+/// Rows of a corner's potentiometer, of its first strain channel and of its hub accelerometer's first axis.
+const LENGTH_ROW: usize = 0;
 const STRAIN: usize = 1;
+const HUB: usize = STRAIN + StrainChannel::COUNT;
+
+/// Measurements of one corner with a new reading.
+struct CornerMeasurements {
+    rows: CornerRows,
+    length: Option<RowMeasurement>,
+    strain: [Option<RowMeasurement>; StrainChannel::COUNT],
+    hub: [Option<RowMeasurement>; 3],
+    /// Number of axial channels with a recent reading.
+    alive: usize,
+}
+
+/// Measured value of a row.
+#[derive(Clone, Copy)]
+struct RowMeasurement {
+    value: f64,
+    /// Variance of the converter's noise.
+    variance: f64,
+    /// Standard deviation of the model, which is adapted.
+    tolerance: f64,
+}
 
 impl Fusion {
-    /// Age of the force that a strain channel's lagged reading shows, s.
-    fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
-        let age_s = input.now.seconds_since(reading.time);
-        age_s.clamp(-0.01, input.fresh_s) + self.lag_s
-    }
-
-    /// Maps from the states to the members of a corner.
-    fn members<'a>(&self, input: &StepInput<'a>, balance: &Balance, wheel: usize) -> Members<'a> {
-        let corner = &input.corners[wheel];
-        Members {
-            wheel,
-            statics: [&corner.statics, &input.statics_before[wheel]],
-            step_s: input.dt,
-            steps_back_max: self.tuning.members.steps_back_max,
-            known_n_m: balance.known[wheel].moment_n_m,
-            rolling_m: -self.body.rolling[wheel] * input.motion.velocity_m_s.x.clamp(-1.0, 1.0),
-            spindle: corner.frame.vehicle_from_tyre.transpose() * corner.pose.spindle,
+    /// Takes the new readings of one corner.
+    pub(super) fn take_corner(
+        &mut self,
+        input: &StepInput<'_>,
+        model: &StepModel,
+        wheel: usize,
+        readings: &mut Readings,
+        changes: &mut impl FnMut(ChannelChange),
+    ) {
+        let measured = self.measure_corner(input, &model.forms[wheel], wheel, readings);
+        let mut joint = self.covariance.project(&measured.rows, &self.state);
+        let event = self.judge_channels(&joint, &measured, wheel, changes);
+        let limit = if event.is_some() || self.settling() {
+            f64::INFINITY
+        } else {
+            self.tuning.members.limit_sigma
+        };
+        if let Some(z) = event {
+            self.surprise(wheel, z);
+            joint = self.covariance.project(&measured.rows, &self.state);
+        }
+        if let Some(length) = measured.length {
+            self.take_length(&mut joint, &length, wheel, limit);
+        }
+        for channel in StrainChannel::ALL {
+            if let Some(strain) = measured.strain[channel.index()] {
+                self.take_channel(&mut joint, &strain, wheel, channel, limit);
+            }
+        }
+        for (axis, hub) in measured.hub.into_iter().enumerate() {
+            if let Some(hub) = hub {
+                self.take_limited(&mut joint, HUB + axis, hub.value, hub.variance, limit);
+            }
+        }
+        self.covariance
+            .apply(&measured.rows, &joint, &mut self.state);
+        if measured.alive < 4 {
+            self.blind = true;
+            self.take_expected(input, wheel);
         }
     }
 
-    /// Measurements of strut and strain channels of a corner with a new reading.
-    pub(super) fn measure_corner(
-        &self,
+    /// Measurements of a corner.
+    fn measure_corner(
+        &mut self,
         input: &StepInput<'_>,
-        balance: &Balance,
+        forms: &CornerForms,
         wheel: usize,
-        readings: &mut CornerReadings,
+        readings: &mut Readings,
     ) -> CornerMeasurements {
-        let t = &self.tuning.members;
+        let mut rows = CornerRows::new(measured_states(wheel));
+        let mut length = None;
+        if let Some(read) = input.corners[wheel].length_read {
+            let age = self.age_s(input, &read);
+            let mut form = Form::default();
+            form.gains[AT_LENGTH] = 1.0;
+            let form = forms.ago(&form, Back::at(age));
+            rows.set(LENGTH_ROW, form.gains, (LENGTH_ERROR + wheel, -1.0));
+            let noise = 1e3 * input.channels.0[wheel].deflection.noise_sigma;
+            length = Some(RowMeasurement {
+                value: 1e3 * read.value - form.constant,
+                variance: noise * noise / f64::from(read.count),
+                tolerance: 0.0,
+            });
+        }
+        let (strain, alive) = self.measure_strain(input, forms, wheel, readings, &mut rows);
+        CornerMeasurements {
+            length,
+            strain,
+            alive,
+            hub: self.measure_hub(input, forms, wheel, readings, &mut rows),
+            rows,
+        }
+    }
+
+    /// Measurements of the strain channels, and the number of axial channels with a recent reading.
+    fn measure_strain(
+        &mut self,
+        input: &StepInput<'_>,
+        forms: &CornerForms,
+        wheel: usize,
+        readings: &mut Readings,
+        rows: &mut CornerRows,
+    ) -> ([Option<RowMeasurement>; StrainChannel::COUNT], usize) {
+        let t = self.tuning.members;
         let corner = &input.corners[wheel];
-        let members = self.members(input, balance, wheel);
-        let of_strut = members.force(5, 0.0);
-        let mut rows = CornerRows::new(members.states());
-        // F = k (l_0 - l) - c l' of a strut that is longer than it seems.
-        let stiffness_n_mm = 1e-3 * corner.strut_stiffness_n_m;
-        rows.set(
-            STRUT,
-            of_strut.gains,
-            (STRUT_LENGTH + wheel, stiffness_n_mm),
-        );
-        let strut = corner.strut_read.map(|read| RowMeasurement {
-            value: read.force_n - of_strut.offset_n,
-            variance: read.sigma_n * read.sigma_n,
-            tolerance: 0.0,
-        });
         let posed = corner.strut_sigma_n.is_finite();
         // Each tube of the lower arm carries half of the ball-normal force, so its bending gauges
         // measure M = F_n d/2, independent of spring and damper.
@@ -74,108 +130,146 @@ impl Fusion {
         let mut alive = 0;
         let strain = StrainChannel::ALL.map(|channel| {
             let i = channel.index();
-            let reading = readings.strain[i].as_mut()?;
+            let reading = readings.corners.0[wheel].strain[i].as_mut()?;
             let axial = i < AXIAL.len();
             alive += usize::from(axial && reading.fresh(input.now, input.fresh_s).is_some());
             if std::mem::replace(&mut reading.taken, true) || !axial && arm == 0.0 {
                 return None;
             }
-            let age = self.age_s(input, reading);
+            let reading = *reading;
             let c = &input.channels.0[wheel].strain[i];
-            if axial {
-                let force = members.force(i, age);
-                rows.set(STRAIN + i, force.gains, (OFFSET + 5 * wheel + i, 1.0));
-                Some(RowMeasurement {
-                    value: reading.value - force.offset_n,
-                    variance: c.noise_sigma.powi(2),
-                    tolerance: member_tolerance_n(posed, reading.value, t),
-                })
+            let unlagged = self.strain_lag[wheel][i].invert(&reading, self.lag_s);
+            let back = unlagged.delay.earlier(self.age_s(input, &reading));
+            let form = if axial {
+                forms.member(i, back.mean_s)
             } else {
-                let [per_strut, without] = members.ball_normal_n(age);
-                let bending = arm * per_strut;
-                let of_strut = members.force(5, age);
-                let gains = of_strut.gains.map(|gain| bending * gain);
-                rows.set(STRAIN + i, gains, NO_OWN);
-                let known = bending * of_strut.offset_n + arm * without;
-                Some(RowMeasurement {
-                    value: reading.value - known,
-                    variance: c.noise_sigma.powi(2) + c.offset_sigma.powi(2),
-                    tolerance: arm * t.bending_sigma_n,
-                })
-            }
+                let statics = &corner.statics;
+                let form = forms.strut.times(arm * statics.ball_normal_per_strut);
+                let mut form = form.plus(arm * corner.travel.ball_normal, &forms.acceleration);
+                form.constant += arm * statics.ball_normal_offset_n;
+                form
+            };
+            let form = forms.ago(&form, back);
+            let own = if axial {
+                (OFFSET + 5 * wheel + i, 1.0)
+            } else {
+                NO_OWN
+            };
+            rows.set(STRAIN + i, form.gains, own);
+            let noise = unlagged.noise * c.noise_sigma.powi(2);
+            let (extra, tolerance) = if axial {
+                let n = &self.tuning.force_noise;
+                let rough = n.road_member * n.road_member * self.force_noise.road(wheel);
+                (rough, member_tolerance_n(posed, unlagged.value, &t))
+            } else {
+                (c.offset_sigma.powi(2), arm * t.bending_sigma_n)
+            };
+            Some(RowMeasurement {
+                value: unlagged.value - form.constant,
+                variance: noise + extra,
+                tolerance,
+            })
         });
-        CornerMeasurements {
-            rows,
-            strut,
-            strut_offset_n: of_strut.offset_n,
-            strain,
-            alive,
-        }
+        (strain, alive)
     }
 
-    /// Inflates the covariance of forces and rates if the strain channels together contradict the
-    /// predicted state, before the readings are taken.
-    pub(super) fn inflate_on_multi_channel_innovation(
-        &mut self,
-        measured: &[CornerMeasurements; 4],
-    ) {
-        let t = self.tuning;
-        for (wheel, corner) in measured.iter().enumerate() {
-            let predicted = corner.rows.view().times(&self.state);
-            for i in 0..AXIAL.len() {
-                let square = corner.strain[i].and_then(|measured| {
-                    let innovation = measured.value - predicted[STRAIN + i];
-                    self.health[wheel][i].predicted_square(innovation, &t.channels)
-                });
-                if let Some(square) = square {
-                    self.force_noise.add_innovation(wheel, square);
-                }
-            }
-        }
-        if self.force_noise.exceeded() {
-            let [force, rate] = [t.members.surprise_n, t.members.surprise_n_s];
-            for i in 0..12 {
-                self.covariance.add_noise(FORCE + i, force * force);
-                self.covariance.add_noise(RATE + i, rate * rate);
-            }
-        }
-    }
-
-    /// Takes strut and strain channels of one corner.
-    pub(super) fn take_corner(
+    /// Measurements of the hub accelerometer.
+    fn measure_hub(
         &mut self,
         input: &StepInput<'_>,
-        of_corner: &CornerMeasurements,
+        forms: &CornerForms,
+        wheel: usize,
+        readings: &mut Readings,
+        rows: &mut CornerRows,
+    ) -> [Option<RowMeasurement>; 3] {
+        let Some(hub) = self.hubs[wheel] else {
+            return [None; 3];
+        };
+        let [still, unit] = input.corners[wheel].travel.hub;
+        let lag_s = time_constant_s(hub.lag_hz);
+        let floor = self.tuning.members.hub_sigma_m_s2;
+        std::array::from_fn(|axis| {
+            let reading = readings.hub_acceleration_m_s2.0[wheel][axis].as_mut()?;
+            if std::mem::replace(&mut reading.taken, true) {
+                return None;
+            }
+            let reading = *reading;
+            let unlagged = self.hub_lag[wheel][axis].invert(&reading, lag_s);
+            let back = unlagged.delay.earlier(self.age_s(input, &reading));
+            let form = forms.ago(&forms.acceleration.times(unit[axis]), back);
+            let own = (HUB_BIAS + 3 * wheel + axis, 1.0);
+            rows.set(HUB + axis, form.gains, own);
+            let noise = unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2;
+            Some(RowMeasurement {
+                value: unlagged.value - form.constant - still[axis],
+                variance: noise + floor * floor,
+                tolerance: 0.0,
+            })
+        })
+    }
+
+    /// Age of a reading, s.
+    fn age_s(&self, input: &StepInput<'_>, reading: &Reading) -> f64 {
+        input
+            .now
+            .seconds_since(reading.time)
+            .clamp(-0.01, input.fresh_s)
+    }
+
+    /// An event on the road: the forces of the wheel have changed by more than their noise tells. `z` is the
+    /// largest normalised innovation.
+    fn surprise(&mut self, wheel: usize, z: f64) {
+        let t = self.tuning;
+        let part = (z / t.channels.gate_sigma).min(t.members.surprise_max);
+        for (axis, sigma_n) in t.members.surprise_n.into_iter().enumerate() {
+            let sigma_n = part * sigma_n;
+            self.covariance
+                .add_noise(FORCE + 3 * wheel + axis, sigma_n * sigma_n);
+        }
+        self.force_noise.surprise(wheel);
+    }
+
+    /// Judges each strain channel by what the state before any reading of this step expects. Several
+    /// channels that are outside their gates at once, the potentiometer among them, show an event on the
+    /// road: then returns the largest normalised innovation.
+    fn judge_channels(
+        &mut self,
+        joint: &Joint,
+        measured: &CornerMeasurements,
         wheel: usize,
         changes: &mut impl FnMut(ChannelChange),
-    ) {
+    ) -> Option<f64> {
+        if self.settling() {
+            return None;
+        }
         let t = self.tuning;
-        let corner = &input.corners[wheel];
-        if corner.strut_jumped {
-            self.suspect_length(wheel);
+        let squares = StrainChannel::ALL.map(|channel| {
+            let i = channel.index();
+            let strain = measured.strain[i]?;
+            let m = STRAIN + i;
+            let health = &self.health[wheel][i];
+            let own = health.model_variance(strain.tolerance, &t.channels);
+            let doubt = t.members.gain_tolerance * strain.value;
+            let total = joint.variance(m) + strain.variance + own + doubt * doubt;
+            let innovation = strain.value - joint.value(m);
+            Some(innovation * innovation / total)
+        });
+        let limit = t.channels.gate_sigma * t.channels.gate_sigma;
+        let length = measured.length.map(|length| {
+            let innovation = length.value - joint.value(LENGTH_ROW);
+            innovation * innovation / (joint.variance(LENGTH_ROW) + length.variance)
+        });
+        let all = squares.iter().chain([&length]).flatten();
+        let (mut outside, mut largest) = (0, 0.0_f64);
+        for square in all.filter(|square| **square > limit) {
+            outside += 1;
+            largest = largest.max(*square);
         }
-        let mut joint = self.covariance.project(&of_corner.rows, &self.state);
-        let before: [f64; TOGETHER] = std::array::from_fn(|m| joint.variance(m));
-        if let Some(measured) = of_corner.strut {
-            let blind = if of_corner.alive < 4 {
-                t.members.blind_strut_n
-            } else {
-                0.0
-            };
-            let length_mm =
-                1e3 * (measured.value - joint.value(STRUT)) / corner.strut_stiffness_n_m;
-            let variance = measured.variance + blind * blind;
-            let gate = t.members.strut_gate_sigma;
-            let innovation = self.take(&mut joint, STRUT, measured.value, variance, gate);
-            self.count(InnovationKind::Strut, innovation, gate);
-            if !self.settling() {
-                self.lengths[wheel].learn(innovation, length_mm, &t.potentiometers);
-            }
-        }
-        for (channel, measured) in StrainChannel::ALL.into_iter().zip(&of_corner.strain) {
-            let Some(measured) = measured else { continue };
-            let known = before[STRAIN + channel.index()];
-            let change = self.take_channel(&mut joint, measured, known, wheel, channel);
+        let is_evidence = outside < t.channels.event_channels;
+        for channel in StrainChannel::ALL {
+            let i = channel.index();
+            let Some(square) = squares[i] else { continue };
+            let change = self.health[wheel][i].judge(square, is_evidence, &t.channels);
             if change != Change::None {
                 changes(ChannelChange {
                     wheel,
@@ -184,14 +278,88 @@ impl Fusion {
                 });
             }
         }
-        self.covariance
-            .apply(&of_corner.rows, &joint, &mut self.state);
-        self.strut_n[wheel] =
-            of_corner.rows.view().of_shared(&self.state)[STRUT] + of_corner.strut_offset_n;
-        if of_corner.alive < 4 {
-            self.blind = true;
-            self.take_expected(input, wheel);
+        (!is_evidence).then(|| largest.sqrt())
+    }
+
+    /// Takes a potentiometer. Several innovations that no strut makes are a jump of its level.
+    fn take_length(
+        &mut self,
+        joint: &mut Joint,
+        length: &RowMeasurement,
+        wheel: usize,
+        limit: f64,
+    ) {
+        let t = self.tuning;
+        let innovation_mm = length.value - joint.value(LENGTH_ROW);
+        let z = self.take_limited(joint, LENGTH_ROW, length.value, length.variance, limit);
+        if self.settling() {
+            return;
         }
+        self.count(InnovationKind::Strut, z, t.members.jump_sigma);
+        self.force_noise.take_length(wheel, z);
+        self.length_measured[wheel] = true;
+        if limit.is_finite() {
+            self.lengths[wheel].learn(z, innovation_mm, &t.potentiometers);
+        }
+        let alone = limit.is_finite();
+        self.jumps[wheel] = if alone && z.abs() > t.members.jump_sigma {
+            self.jumps[wheel] + 1
+        } else {
+            0
+        };
+        if self.jumps[wheel] == t.members.jump_readings {
+            self.suspected[wheel] = true;
+        }
+    }
+
+    /// Takes one strain channel.
+    fn take_channel(
+        &mut self,
+        joint: &mut Joint,
+        strain: &RowMeasurement,
+        wheel: usize,
+        channel: StrainChannel,
+        limit: f64,
+    ) {
+        let t = self.tuning;
+        let i = channel.index();
+        let m = STRAIN + i;
+        let model = self.health[wheel][i].model_variance(strain.tolerance, &t.channels);
+        let variance = strain.variance + model;
+        let kind = if i < AXIAL.len() {
+            InnovationKind::Strain
+        } else {
+            InnovationKind::Bending
+        };
+        if !self.settling() && !self.health[wheel][i].is_used(&t.channels) {
+            self.innovations.rejected(kind);
+            return;
+        }
+        let innovation = strain.value - joint.value(m);
+        let total = joint.variance(m) + variance;
+        let z = self.take_limited(joint, m, strain.value, variance, limit);
+        if self.settling() {
+            return;
+        }
+        self.health[wheel][i].expect(total);
+        self.health[wheel][i].learn(innovation, strain.tolerance, &t.channels);
+        self.count(kind, z, f64::INFINITY);
+    }
+
+    /// Takes a row's value; an innovation beyond the limit weighs as one at the limit. Returns the
+    /// normalised innovation.
+    fn take_limited(
+        &self,
+        joint: &mut Joint,
+        m: usize,
+        value: f64,
+        variance: f64,
+        limit: f64,
+    ) -> f64 {
+        let total = joint.variance(m) + variance;
+        let z = (value - joint.value(m)) / total.sqrt();
+        joint.take(m, value, total * (z.abs() / limit).max(1.0));
+        z
     }
 
     /// Takes the vehicle model's forces where strain is missing: without strain the forces of one
@@ -222,150 +390,11 @@ impl Fusion {
         }
         self.covariance.apply(&rows, &joint, &mut self.state);
     }
-
-    /// Takes one channel. `known` is the variance of its row before any row of the corner was
-    /// taken.
-    fn take_channel(
-        &mut self,
-        joint: &mut Joint,
-        measured: &RowMeasurement,
-        known: f64,
-        wheel: usize,
-        channel: StrainChannel,
-    ) -> Change {
-        let t = self.tuning;
-        let i = channel.index();
-        let m = STRAIN + i;
-        let model = self.health[wheel][i].model_variance(measured.tolerance, &t.channels);
-        let total = joint.variance(m) + measured.variance + model;
-        let innovation = measured.value - joint.value(m);
-        let doubt = t.members.gain_tolerance * measured.value;
-        let square = innovation * innovation / (total + doubt * doubt);
-        if self.settling() {
-            joint.take(m, measured.value, total);
-            return Change::None;
-        }
-        let (good, change) =
-            self.health[wheel][i].judge(square, self.force_noise.open(), &t.channels);
-        self.health[wheel][i].expect([total, known + measured.variance + model]);
-        let kind = if i < AXIAL.len() {
-            InnovationKind::Strain
-        } else {
-            InnovationKind::Bending
-        };
-        if good {
-            self.innovations.used(kind, innovation * innovation / total);
-            self.health[wheel][i].learn(innovation, measured.tolerance, &t.channels);
-            joint.take(m, measured.value, total);
-        } else {
-            self.innovations.rejected(kind);
-        }
-        change
-    }
 }
 
-/// The members' forces of one corner, A (F - age F') + B (M, with rolling resistance and half-shaft
-/// torque) + offset, with A, B and offset of the linkage `age` ago. A strut that moves at 0.1 m/s
-/// turns the members by 6 mrad in the 8 ms of a bridge's lag, 12 N at a wheel's static load.
-struct Members<'a> {
-    wheel: usize,
-    /// The linkage's map now and a step before.
-    statics: [&'a CornerStatics; 2],
-    step_s: f64,
-    steps_back_max: f64,
-    /// The tyre's moment that belongs to its force.
-    known_n_m: Vector3<f64>,
-    /// M_y of a newton of load.
-    rolling_m: f64,
-    /// The spindle in the contact frame.
-    spindle: Vector3<f64>,
-}
-
-impl Members<'_> {
-    fn states(&self) -> [usize; CORNER] {
-        let wheel = self.wheel;
-        std::array::from_fn(|i| match i {
-            0..3 => FORCE + 3 * wheel + i,
-            3..6 => RATE + 3 * wheel + i - 3,
-            6..8 => MOMENT + 2 * wheel + i - 6,
-            8 => TORQUE + wheel / 2,
-            _ => TORQUE + 2 + wheel / 2,
-        })
-    }
-
-    /// Numbers of the linkage's map `age` ago, extrapolated by the change of the last step.
-    fn ago<const N: usize>(
-        &self,
-        age: f64,
-        numbers: impl Fn(&CornerStatics) -> [f64; N],
-    ) -> [f64; N] {
-        let back = (age / self.step_s).clamp(0.0, self.steps_back_max);
-        let [now, before] = self.statics.map(numbers);
-        std::array::from_fn(|k| now[k] + (before[k] - now[k]) * back)
-    }
-
-    /// Ball-normal force of a newton in the strut, and without any.
-    fn ball_normal_n(&self, age: f64) -> [f64; 2] {
-        self.ago(age, |s| [s.ball_normal_per_strut, s.ball_normal_offset_n])
-    }
-
-    /// The force of member `i` as it was `age` ago.
-    fn force(&self, i: usize, age: f64) -> MemberForce {
-        let [wrench @ .., offset_n]: [f64; 7] = self.ago(age, |statics| {
-            let of_wrench = |k| statics.members_from_wrench[(i, k)];
-            std::array::from_fn(|k| {
-                if k < 6 {
-                    of_wrench(k)
-                } else {
-                    statics.members_offset[i]
-                }
-            })
-        });
-        let of_known: f64 = (0..3).map(|k| wrench[3 + k] * self.known_n_m[k]).sum();
-        let mut gains = [0.0; CORNER];
-        gains[..3].copy_from_slice(&wrench[..3]);
-        gains[8] = (0..3).map(|k| wrench[3 + k] * self.spindle[k]).sum();
-        gains[2] += self.rolling_m * wrench[4];
-        for k in 0..3 {
-            gains[3 + k] = -age * gains[k];
-        }
-        for (k, about) in MOMENT_AXES.into_iter().enumerate() {
-            gains[6 + k] = wrench[3 + about];
-        }
-        let left = Wheel::ALL[self.wheel].is_left();
-        gains[9] = if left { gains[8] } else { -gains[8] };
-        MemberForce {
-            gains,
-            offset_n: offset_n + of_known,
-        }
-    }
-}
-
-/// A member's force: gains of [`Members::states`] and the force without any tyre force.
-struct MemberForce {
-    gains: [f64; CORNER],
-    offset_n: f64,
-}
-
-/// Measurements of one corner with a new reading.
-pub(super) struct CornerMeasurements {
-    rows: CornerRows,
-    strut: Option<RowMeasurement>,
-    /// Strut force without any tyre force.
-    strut_offset_n: f64,
-    strain: [Option<RowMeasurement>; StrainChannel::COUNT],
-    /// Number of axial channels with a recent reading.
-    alive: usize,
-}
-
-/// Measured value of a row.
-#[derive(Clone, Copy)]
-struct RowMeasurement {
-    value: f64,
-    /// Variance of the converter's noise.
-    variance: f64,
-    /// Standard deviation of the model.
-    tolerance: f64,
+/// Time constant of a first-order lag, s.
+pub(super) fn time_constant_s(corner_hz: f64) -> f64 {
+    1.0 / (std::f64::consts::TAU * corner_hz.max(0.1))
 }
 
 /// Error of the linkage's model on a member's force, N. Without a deflection the design position

@@ -7,7 +7,8 @@ use std::ops::{Deref, DerefMut};
 use nalgebra::SVector;
 
 use super::joint::{Joint, Rows, TOGETHER};
-use super::layout::{BODY_RATE, FORCE, MOMENT, RATE, SIZE, State, TORQUE};
+use super::layout::{FORCE, RATE, SIZE, State};
+use super::transition::Transition;
 use crate::trace::{Operation, Restart, Term, Trace, Update};
 
 /// Largest variance of any state; keeps numbers finite while nothing is measured.
@@ -46,6 +47,8 @@ impl DerefMut for Column {
 pub struct Covariance {
     p: Matrix,
     whole: u128,
+    /// Number of states in use, from the first.
+    active: usize,
     /// P h' of the rows that were projected last.
     projected: [Column; TOGETHER],
     /// Every change of the matrix.
@@ -64,6 +67,7 @@ impl Default for Covariance {
         Self {
             p: [Column::ZERO; SIZE],
             whole: 0,
+            active: SIZE,
             projected: [Column::ZERO; TOGETHER],
             trace: Trace::default(),
         }
@@ -71,6 +75,11 @@ impl Default for Covariance {
 }
 
 impl Covariance {
+    /// Leaves out the states from `count` on.
+    pub fn leave_out_from(&mut self, count: usize) {
+        self.active = count;
+    }
+
     /// A diagonal matrix, around the state.
     pub fn reset(&mut self, variance: &[f64; SIZE], state: &[f64; SIZE]) {
         self.trace.note(|| {
@@ -130,17 +139,14 @@ impl Covariance {
         }
     }
 
-    /// Integrated white noise of density `q` over `dt`.
-    pub fn add_noise_pair(&mut self, value: usize, rate: usize, q: f64, dt: f64) {
-        if self.p[value][value] < VARIANCE_MAX {
-            let [of_value, between, of_rate] = [q * dt * dt * dt / 3.0, q * dt * dt / 2.0, q * dt];
-            self.p[value][value] += of_value;
-            self.p[value][rate] += between;
-            self.p[rate][value] += between;
-            self.p[rate][rate] += of_rate;
-            self.note_noise(value, value, of_value);
-            self.note_noise(value, rate, between);
-            self.note_noise(rate, rate, of_rate);
+    /// Adds to a covariance of the upper half.
+    pub fn add_covariance(&mut self, row: usize, column: usize, value: f64) {
+        if self.p[row][row] < VARIANCE_MAX && self.p[column][column] < VARIANCE_MAX {
+            self.p[row][column] += value;
+            if row != column {
+                self.p[column][row] += value;
+            }
+            self.note_noise(row, column, value);
         }
     }
 
@@ -149,59 +155,18 @@ impl Covariance {
             .note(|| Operation::Noise(Term { row, column, value }));
     }
 
-    /// F += dt F' of all forces.
-    pub fn integrate(&mut self, dt: f64) {
-        self.trace.note(|| {
-            let terms = (0..RATE - FORCE).map(|k| Term {
-                row: FORCE + k,
-                column: RATE + k,
-                value: dt,
-            });
-            Operation::Mix(terms.collect())
-        });
-        // Of the rates' rows what the forces take from them.
-        for i in RATE..2 * RATE {
-            for j in RATE..i {
-                self.p[i][j] = self.p[j][i];
+    /// P ← F P F'.
+    pub fn propagate(&mut self, transition: &Transition) {
+        self.trace.note(|| Operation::Mix(transition.change()));
+        for row in transition.rows() {
+            for (i, _) in row.terms() {
+                self.complete(i);
             }
         }
-        kernels::integrate(&mut self.p, dt);
-        self.whole = 0;
-    }
-
-    /// x[i] *= keep[i].
-    pub fn scale(&mut self, keep: &[f64; SIZE]) {
-        self.trace.note(|| {
-            let fading = keep.iter().enumerate().filter(|(_, keep)| **keep != 1.0);
-            let terms = fading.map(|(i, keep)| Term {
-                row: i,
-                column: i,
-                value: keep - 1.0,
-            });
-            Operation::Mix(terms.collect())
-        });
-        let mut of_column = Column::ZERO;
-        of_column[..SIZE].copy_from_slice(keep);
-        kernels::scale(&mut self.p, &of_column);
-        self.whole = 0;
-    }
-
-    /// Rates of the body += dt J (F, M).
-    pub fn turn(&mut self, jacobian: &[[f64; BALANCED]; 3], dt: f64) {
-        self.trace.note(|| {
-            let terms = jacobian.iter().enumerate().flat_map(|(axis, gains)| {
-                gains.iter().enumerate().map(move |(j, gain)| Term {
-                    row: BODY_RATE + axis,
-                    column: position(j),
-                    value: dt * gain,
-                })
-            });
-            Operation::Mix(terms.collect())
-        });
-        for j in 0..BALANCED {
-            self.complete(position(j));
+        for i in FORCE..RATE {
+            self.complete(i);
         }
-        kernels::turn(&mut self.p, jacobian, dt);
+        kernels::propagate(&mut self.p, transition, self.active);
         self.whole = 0;
     }
 
@@ -213,7 +178,13 @@ impl Covariance {
             self.complete(usize::from(*i));
         }
         let mut between = [[0.0; TOGETHER]; TOGETHER];
-        kernels::project(&mut self.projected, &mut between, &self.p, &view);
+        kernels::project(
+            &mut self.projected,
+            &mut between,
+            &self.p,
+            &view,
+            self.active,
+        );
         Joint::new(view.times(state), between)
     }
 
@@ -257,21 +228,8 @@ impl Covariance {
                 *x += gain * p;
             }
         }
-        kernels::reduce(&mut self.p, &self.projected, &weight, count);
+        kernels::reduce(&mut self.p, &self.projected, &weight, count, self.active);
         self.whole = 0;
-    }
-}
-
-/// Number of forces and moments, which the balance of moments sums.
-pub const BALANCED: usize = RATE - FORCE + TORQUE - MOMENT;
-
-/// Position of the j-th of forces and moments.
-pub fn position(j: usize) -> usize {
-    let force = j < RATE - FORCE;
-    if force {
-        FORCE + j
-    } else {
-        MOMENT + j - (RATE - FORCE)
     }
 }
 
@@ -288,11 +246,22 @@ mod tests {
         rows
     }
 
+    /// A force that takes half of its rate, and rates that decay.
+    fn transition() -> Transition {
+        let mut transition = Transition::new();
+        transition.mix(FORCE, [(FORCE, 1.0), (RATE, 0.5)]);
+        transition.mix(RATE + 1, [(FORCE, 0.3), (RATE + 1, 0.5), (RATE, -0.2)]);
+        transition.keep[RATE + 5] = 0.9;
+        transition.keep[60] = 0.5;
+        transition.keep[SIZE - 2] = 0.8;
+        transition
+    }
+
     fn start() -> (Covariance, State) {
         let mut covariance = Covariance::default();
         let state = [1.0; SIZE];
         covariance.reset(&[4.0; SIZE], &state);
-        covariance.integrate(0.5);
+        covariance.propagate(&transition());
         (covariance, state)
     }
 
@@ -318,6 +287,41 @@ mod tests {
         for i in 0..SIZE {
             assert!((state[i] - state_alone[i]).abs() < 1e-12);
             assert!((covariance.row(i) - alone.row(i)).amax() < 1e-12);
+        }
+    }
+
+    /// The matrix of a transition, element by element.
+    fn matrix(transition: &Transition) -> nalgebra::DMatrix<f64> {
+        let mut f = nalgebra::DMatrix::identity(SIZE, SIZE);
+        for term in transition.change() {
+            f[(term.row, term.column)] += term.value;
+        }
+        f
+    }
+
+    #[test]
+    fn a_transition_is_that_of_its_matrix() {
+        let rows = rows(GAINS);
+        let (mut covariance, mut state) = start();
+        let mut joint = covariance.project(&rows, &state);
+        for (m, measured) in MEASURED.into_iter().enumerate() {
+            joint.take(m, measured, joint.variance(m) + NOISE);
+        }
+        covariance.apply(&rows, &joint, &mut state);
+        for _ in 0..4 {
+            let full = |covariance: &Covariance| {
+                nalgebra::DMatrix::from_fn(SIZE, SIZE, |i, j| covariance.row(i)[j])
+            };
+            let f = matrix(&transition());
+            let expected = &f * full(&covariance) * f.transpose();
+            covariance.propagate(&transition());
+            assert!((full(&covariance) - expected).amax() < 1e-12);
+            let moved = transition().apply(&state);
+            let of_matrix = &f * nalgebra::DVector::from_row_slice(&state);
+            for i in 0..SIZE {
+                assert!((moved[i] - of_matrix[i]).abs() < 1e-12);
+            }
+            state = moved;
         }
     }
 

@@ -1,84 +1,113 @@
-//! Process noise of the force rates.
+//! Process noise of the tyre forces.
 //!
-//! One density for each axis, common to the four tyres, adapts to the filter's corrections of the
-//! rates ([`ProcessNoise`]). So a steady circle is smoothed more than a launch, and the standard
-//! deviations hold in both.
+//! The rates of F_x and F_y and the rate of the load that the wheel's travel does not explain have one
+//! density for each axis, common to the four tyres, which adapts to the filter's corrections of the rates
+//! ([`ProcessNoise`]). So a steady circle is smoothed more than a launch, and the standard deviations hold
+//! in both.
 //!
-//! A sudden change that the adaptation is too slow for appears in many channels at once; a faulty
-//! channel is a single outlier. Then the rates are inflated for the next step, before any channel
-//! is judged.
+//! The road presses each tyre by itself: white noise on the load, whose density follows the innovations of
+//! the wheel's potentiometer slowly. It stands for the roughness of the road, which does not change from one
+//! step to the next; a rock is an innovation of its own.
 
 use crate::process_noise::ProcessNoise;
 use crate::tuning::{ForceNoiseTuning, ProcessNoiseTuning};
 
-/// Densities of F_x, F_y, F_z, and the innovations of this step.
+/// Densities of the process noise.
 #[derive(Clone, Debug)]
 pub struct ForceNoise {
     tuning: ForceNoiseTuning,
     noise: [ProcessNoise<4>; 3],
-    large: [u32; 4],
-    channels: u32,
-    sum: f64,
-    open: bool,
+    /// Density of the load's white noise of each wheel at [`ForceNoiseTuning::road_speed_m_s`], N^2/s.
+    road: [f64; 4],
+    /// Speed by that speed: the road passes in proportion.
+    pace: f64,
+    /// Mean square of the potentiometer's normalised innovation.
+    square: [f64; 4],
+    /// Mean square of the normalised correction of each wheel's load.
+    load_square: [f64; 4],
 }
 
 impl ForceNoise {
     /// The noise at the start.
     pub fn new(tuning: ForceNoiseTuning, process_noise: ProcessNoiseTuning) -> Self {
-        let noise = ProcessNoise::new(tuning.start_density, tuning.density_bounds, process_noise);
+        let noise = |bounds| ProcessNoise::new(tuning.start_density, bounds, process_noise);
+        let lateral = noise(tuning.density_bounds);
         Self {
             tuning,
-            noise: [noise; 3],
-            large: [0; 4],
-            channels: 0,
-            sum: 0.0,
-            open: false,
+            noise: [lateral, lateral, noise(tuning.load_density_bounds)],
+            road: [tuning.road_start; 4],
+            pace: 1.0,
+            square: [1.0; 4],
+            load_square: [1.0; 4],
         }
     }
 
     /// Densities of the noise of the rates along x, y, z, (N/s)^2/s.
     pub fn densities(&self) -> [f64; 3] {
-        let own = self.noise.map(|noise| noise.density());
-        let shared = self.tuning.shared * own.into_iter().fold(0.0, f64::max);
-        own.map(|density| density.max(shared))
+        let [x, y, z] = self.noise.map(|noise| noise.density());
+        let shared = self.tuning.shared * x.max(y);
+        [x.max(shared), y.max(shared), z]
     }
 
-    /// Adds the normalised innovation squared of a strain channel.
-    pub fn add_innovation(&mut self, wheel: usize, square: f64) {
-        self.large[wheel] += u32::from(square > self.tuning.large_square);
-        self.channels += 1;
-        self.sum += square.min(self.tuning.share_max);
+    /// Density of the load's white noise of a wheel, N^2/s.
+    pub fn road(&self, wheel: usize) -> f64 {
+        self.road[wheel] * self.pace
     }
 
-    /// Whether the covariance was inflated in this step.
-    pub fn open(&self) -> bool {
-        self.open
+    /// Sets the vehicle's speed.
+    pub fn drive(&mut self, speed_m_s: f64) {
+        let t = &self.tuning;
+        self.pace = speed_m_s.abs().max(t.road_speed_min_m_s) / t.road_speed_m_s;
     }
 
-    /// Whether the innovations of this step require inflation; clears them.
-    pub fn exceeded(&mut self) -> bool {
-        let channels = f64::from(self.channels);
-        let together = self.sum > channels + self.tuning.sum_sigma * (2.0 * channels).sqrt();
-        let found = together
-            || self
-                .large
-                .iter()
-                .any(|count| *count >= self.tuning.channels);
-        self.large = [0; 4];
-        (self.channels, self.sum) = (0, 0.0);
-        self.open = found;
-        if found {
-            for noise in &mut self.noise {
-                noise.raise(self.tuning.inflated_density);
-            }
-        }
-        found
+    /// Its mean over the wheels.
+    pub fn mean_road(&self) -> f64 {
+        self.pace * self.roughness()
     }
 
-    /// Takes the normalised corrections of the twelve rates of one step.
-    pub fn learn(&mut self, corrections: [f64; 12]) {
+    /// Its mean at the speed of reference.
+    pub fn roughness(&self) -> f64 {
+        self.road.iter().sum::<f64>() / 4.0
+    }
+
+    /// Raises the density of a wheel after an event on the road.
+    pub fn surprise(&mut self, wheel: usize) {
+        let t = &self.tuning;
+        let raised = self.road[wheel] * t.surprise;
+        self.road[wheel] = raised.min(t.surprise_max.max(self.road[wheel]));
+    }
+
+    /// Takes the normalised innovation of a wheel's potentiometer.
+    pub fn take_length(&mut self, wheel: usize, innovation: f64) {
+        let t = &self.tuning;
+        let z = innovation.clamp(-t.innovation_max, t.innovation_max);
+        self.square[wheel] += t.road_memory * (z * z - self.square[wheel]);
+    }
+
+    /// Adapts the densities at the end of a step to the normalised corrections of the twelve rates; the
+    /// road's for wheels with a potentiometer.
+    pub fn learn(&mut self, corrections: [f64; 12], measured: [bool; 4], loads: [f64; 4]) {
         for (axis, noise) in self.noise.iter_mut().enumerate() {
             noise.learn(std::array::from_fn(|wheel| corrections[3 * wheel + axis]));
+        }
+        let t = &self.tuning;
+        let count = measured.iter().filter(|is| **is).count().max(1) as f64;
+        let surplus: [f64; 4] = std::array::from_fn(|wheel| {
+            let z = loads[wheel].clamp(-t.innovation_max, t.innovation_max);
+            self.load_square[wheel] += t.load_memory * (z * z - self.load_square[wheel]);
+            let [low, high] = t.load_square;
+            let load = self.load_square[wheel];
+            self.square[wheel] - t.road_square
+                + t.load_gain[0] * (load - low).min(0.0)
+                + t.load_gain[1] * (load - high).max(0.0)
+        });
+        let known = |wheel: &usize| measured[*wheel];
+        let mean = (0..4).filter(known).map(|w| surplus[w]).sum::<f64>() / count;
+        let [down, up] = t.road_step;
+        let [least, most] = t.road_bounds;
+        for wheel in (0..4).filter(known) {
+            let step = t.road_gain * (0.5 * (surplus[wheel] + mean)).clamp(-down, up);
+            self.road[wheel] = (self.road[wheel] * (1.0 + step)).clamp(least, most);
         }
     }
 }

@@ -6,87 +6,119 @@ use sample::{InnovationKind, STANDARD_GRAVITY_M_S2};
 use crate::feedback::BodyMotionEstimate;
 use crate::gaussian::within;
 
-use super::covariance::{BALANCED, position};
+use super::forms::{CornerForms, corner_states};
 use super::joint::{Joint, Rows};
+use super::layout::{ACCEL_BIAS, BALANCED, BODY_RATE, FORCE, MOMENT, RATE};
 use super::moments::KnownMoment;
-use super::{ACCEL_BIAS, BODY_RATE, FORCE, Fusion, MOMENT_AXES, RATE, SIZE, StepInput, TORQUE};
+use super::{Fusion, MOMENT_AXES, SIZE, StepInput, carrier};
 
-/// Rows of the inertial unit: all forces, their rates and moments, the first states.
-type InertialRows = Rows<TORQUE>;
+/// Rows of the inertial unit: all forces, their rates, moments, struts and torques, the first states.
+type InertialRows = Rows<BALANCED>;
 /// Order of the accelerometer's axes. Upward first: a stand or a jack that carries a part of the
 /// weight also pushes along the other axes.
 const UPWARD_FIRST: [usize; 3] = [2, 0, 1];
-/// Position of the forward axis in that order.
-const FORWARD: usize = 1;
 /// The gyro's first axis among the inertial unit's rows.
 const GYRO: usize = 3;
 
-/// The balance of moments at one instant: w' = jacobian (F, M) + constant.
-#[derive(Clone, Debug)]
-pub(super) struct Balance {
-    pub(super) jacobian: [[f64; BALANCED]; 3],
-    pub(super) constant: [f64; 3],
-    directions: [Matrix3<f64>; 4],
-    /// The tyres' moments that belong to the forces of the last step.
-    pub(super) known: [KnownMoment; 4],
+/// A linear form of the balanced states.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sum {
+    pub(super) gains: [f64; BALANCED],
+    pub(super) constant: f64,
 }
 
-impl Balance {
-    pub(super) fn turn_rate(&self, axis: usize, state: &[f64; SIZE]) -> f64 {
-        let gains = self.jacobian[axis].iter().enumerate();
-        let sum: f64 = gains.map(|(j, gain)| gain * state[position(j)]).sum();
-        sum + self.constant[axis]
+impl Sum {
+    const ZERO: Self = Self {
+        gains: [0.0; BALANCED],
+        constant: 0.0,
+    };
+
+    pub(super) fn value(&self, state: &[f64; SIZE]) -> f64 {
+        let terms = self.gains.iter().zip(state);
+        terms.map(|(gain, x)| gain * x).sum::<f64>() + self.constant
+    }
+
+    fn add(&mut self, factor: f64, other: &Self) {
+        for (gain, of_other) in self.gains.iter_mut().zip(other.gains) {
+            *gain += factor * of_other;
+        }
+        self.constant += factor * other.constant;
     }
 }
 
+/// The balances of forces and moments at one instant. What accelerates the unsprung parts against the body
+/// is taken off both.
+#[derive(Clone, Debug)]
+pub(super) struct Balance {
+    /// Angular acceleration of the body, body axes, rad/s^2.
+    pub(super) turn: [Sum; 3],
+    /// Force that accelerates the whole vehicle as one body with the frame, body axes, N.
+    push: [Sum; 3],
+}
+
 impl Fusion {
-    pub(super) fn balance(&self, input: &StepInput<'_>) -> Balance {
+    pub(super) fn balance(
+        &self,
+        input: &StepInput<'_>,
+        known: &[KnownMoment; 4],
+        forms: &[CornerForms; 4],
+    ) -> Balance {
         let body = &self.body;
         let cg = Vector3::new(0.0, 0.0, body.cg_height_m);
-        let mut jacobian = [[0.0; BALANCED]; 3];
-        let mut of_known = Vector3::zeros();
+        let [mut push, mut moment] = [[Sum::ZERO; 3]; 2];
         let mut momentum = Vector3::zeros();
         let mut momentum_dot = Vector3::zeros();
-        let mut directions = [Matrix3::zeros(); 4];
-        let known = std::array::from_fn(|wheel| {
-            self.known_moment(wheel, &input.corners[wheel], input.motion.velocity_m_s.x)
-        });
         let backward = input.motion.velocity_m_s.x.clamp(-1.0, 1.0);
         for (i, corner) in input.corners.iter().enumerate() {
-            let turn = corner.frame.vehicle_from_tyre;
+            let axes = carrier(corner);
             let arm = corner.frame.contact_m - cg;
-            let mut of_force = body.inverse * arm.cross_matrix() * turn;
-            let of_moment = body.inverse * turn;
+            let mut of_force = arm.cross_matrix() * axes;
             // Rolling resistance: M_y = -c R F_z of a wheel that rolls forward, about the contact
             // point; the load acts ahead of the wheel's centre.
-            let rolling = of_moment.column(1) * (-body.rolling[i] * backward);
+            let rolling = axes.column(1) * (-body.rolling[i] * backward);
             let with_rolling = of_force.column(2) + rolling;
             of_force.set_column(2, &with_rolling);
-            for axis in 0..3 {
-                for k in 0..3 {
-                    jacobian[axis][3 * i + k] = of_force[(axis, k)];
-                }
-                for (k, about) in MOMENT_AXES.into_iter().enumerate() {
-                    jacobian[axis][12 + 2 * i + k] = of_moment[(axis, about)];
-                }
-            }
             let spindle = corner.pose.spindle;
             let spinning = spindle * (body.spin_inertia[i] * corner.spin_rad_s);
             momentum += spinning;
             momentum_dot += spindle * (body.spin_inertia[i] * corner.spin_dot_rad_s2)
                 + corner.turn_rad_s.cross(&spinning);
-            of_known += of_moment * known[i].moment_n_m;
-            directions[i] = turn;
+            let of_known = axes * known[i].moment_n_m;
+            let [still, unit] = &corner.travel.wrench;
+            let acceleration = &forms[i].acceleration;
+            for axis in 0..3 {
+                for k in 0..3 {
+                    push[axis].gains[FORCE + 3 * i + k] += axes[(axis, k)];
+                    moment[axis].gains[FORCE + 3 * i + k] += of_force[(axis, k)];
+                }
+                for (k, about) in MOMENT_AXES.into_iter().enumerate() {
+                    moment[axis].gains[MOMENT + 2 * i + k] += axes[(axis, about)];
+                }
+                moment[axis].constant += of_known[axis];
+                for (sum, row) in [(&mut push, axis), (&mut moment, 3 + axis)] {
+                    sum[axis].constant -= still[row] + unit[row] * acceleration.constant;
+                    let states = corner_states(i).into_iter().zip(acceleration.gains);
+                    for (state, gain) in states {
+                        sum[axis].gains[state] -= unit[row] * gain;
+                    }
+                }
+            }
         }
+        let u = input.motion.velocity_m_s.x;
+        push[0].constant -= body.drag * u * u.abs();
         let rate = input.motion.rate_rad_s;
-        let constant = of_known
-            - (body.inverse * (rate.cross(&(body.inertia * rate + momentum)) + momentum_dot));
-        Balance {
-            jacobian,
-            constant: constant.into(),
-            directions,
-            known,
+        let gyroscopic = rate.cross(&(body.inertia * rate + momentum)) + momentum_dot;
+        for axis in 0..3 {
+            moment[axis].constant -= gyroscopic[axis];
         }
+        let turn = std::array::from_fn(|axis| {
+            let mut turn = Sum::ZERO;
+            for (k, moment) in moment.iter().enumerate() {
+                turn.add(body.inverse[(axis, k)], moment);
+            }
+            turn
+        });
+        Balance { turn, push }
     }
 
     /// Takes specific force and angular rate of the inertial unit. Returns whether the accelerometers
@@ -121,44 +153,40 @@ impl Fusion {
         -input.imu_m.cross_matrix() * self.body.mass_kg
     }
 
+    /// The form of the accelerometer's axis: m f = sum F + m w' x r.
+    fn accelerometer(&self, input: &StepInput<'_>, balance: &Balance, axis: usize) -> Sum {
+        let lever = self.lever_kg_m(input);
+        let mut sum = balance.push[axis];
+        for (k, turn) in balance.turn.iter().enumerate() {
+            sum.add(lever[(axis, k)], turn);
+        }
+        sum
+    }
+
     /// Measurement rows of accelerometers, in the order of [`UPWARD_FIRST`], and gyros.
     fn inertial_rows(&self, input: &StepInput<'_>, balance: &Balance) -> InertialRows {
         let age = input.motion.inertial_age_s.max(0.0);
-        let lever = self.lever_kg_m(input);
         let mut rows = InertialRows::new(std::array::from_fn(|i| i));
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
-            let mut gains = [0.0; TORQUE];
-            for j in 0..BALANCED {
-                let turning = (0..3).map(|k| lever[(axis, k)] * balance.jacobian[k][j]);
-                let turning: f64 = turning.sum();
-                if j < 12 {
-                    let gain = turning + balance.directions[j / 3][(axis, j % 3)];
-                    gains[FORCE + j] = gain;
-                    gains[RATE + j] = -age * gain;
-                } else {
-                    gains[position(j)] = turning;
-                }
+            let mut gains = self.accelerometer(input, balance, axis).gains;
+            for j in 0..RATE - FORCE {
+                gains[RATE + j] -= age * gains[FORCE + j];
             }
             rows.set(m, gains, (ACCEL_BIAS + axis, self.body.mass_kg));
         }
         for axis in 0..3 {
-            let mut gains = [0.0; TORQUE];
-            for (j, gain) in balance.jacobian[axis].iter().enumerate() {
-                gains[position(j)] = -age * gain;
-            }
+            let gains = balance.turn[axis].gains.map(|gain| -age * gain);
             rows.set(GYRO + axis, gains, (BODY_RATE + axis, 1.0));
         }
         rows
     }
 
-    /// Sum of all tyre forces by the accelerometers, N, body axes.
+    /// m times the specific force at the inertial unit without w x (w x r), less what no state has, N.
     fn measured_sum_n(&self, input: &StepInput<'_>, balance: &Balance) -> Vector3<f64> {
-        let u = input.motion.velocity_m_s.x;
-        let drag = Vector3::new(self.body.drag * u * u.abs(), 0.0, 0.0);
         let at_unit =
             input.motion.specific_force_m_s2 + input.motion.rate_dot_rad_s2.cross(&input.imu_m);
-        at_unit * self.body.mass_kg + drag
-            - self.lever_kg_m(input) * Vector3::from(balance.constant)
+        at_unit * self.body.mass_kg
+            - Vector3::from_fn(|axis, _| self.accelerometer(input, balance, axis).constant)
     }
 
     /// Takes the accelerometers; returns whether all that are used agree with the forces.
@@ -170,24 +198,18 @@ impl Fusion {
         joint: &mut Joint,
     ) -> bool {
         let t = self.tuning.balance;
+        let t_road = self.tuning.force_noise.road_sum;
         let mass = self.body.mass_kg;
         let [_, accel] = input.imu_sigma;
         let sum = self.measured_sum_n(input, balance);
-        let inflated = if self.force_noise.open() {
-            t.inflated_accel_m_s2
-        } else {
-            0.0
-        };
-        let variance = mass * mass * (accel * accel + inflated * inflated) + t.sum_sigma_n.powi(2);
+        let rough = t_road * t_road * self.force_noise.mean_road();
+        let variance = mass * mass * accel * accel + t.sum_sigma_n.powi(2) + rough;
         let posed = (input.corners.iter()).all(|corner| corner.strut_sigma_n.is_finite());
         let mut agrees = true;
         for (m, axis) in UPWARD_FIRST.into_iter().enumerate() {
             self.accel_variance[axis] = (joint.variance(m) + variance) / (mass * mass);
             if !input.used.force[axis] {
                 continue;
-            }
-            if axis == 0 && !self.settling() {
-                self.inflate_on_push(rows, joint, sum[axis], variance);
             }
             if axis == 2 {
                 let missing = sum[axis] - joint.value(m);
@@ -240,7 +262,7 @@ impl Fusion {
             }
             // The reading itself: the motion's rate is extrapolated to the present.
             let read = input.motion.rate_rad_s[axis] - age * input.motion.rate_dot_rad_s2[axis];
-            let value = read + age * balance.constant[axis];
+            let value = read + age * balance.turn[axis].constant;
             let innovation = self.take(joint, GYRO + axis, value, gyro * gyro, gate_sigma);
             self.count(InnovationKind::Gyro, innovation, gate_sigma);
             let agrees = within(gate_sigma, innovation, 1.0);
@@ -269,58 +291,20 @@ impl Fusion {
         let age = input.motion.inertial_age_s.max(0.0);
         for (axis, over_ground) in input.turn_over_ground.iter().flatten().enumerate() {
             if !input.used.rate[axis] {
-                let value = over_ground + age * balance.constant[axis];
+                let value = over_ground + age * balance.turn[axis].constant;
                 let variance = t.over_ground_sigma_rad_s * t.over_ground_sigma_rad_s;
                 self.take(joint, GYRO + axis, value, variance, self.tuning.gate_sigma);
             }
         }
     }
 
-    /// A sudden drive or brake force acts through all tyres at once, and the accelerometer shows it
-    /// before the bridges' lag does. The part of its squared innovation beyond the threshold is
-    /// added to the variance of the forward forces, a quarter to each, and to the rates of the
-    /// loads.
-    fn inflate_on_push(
-        &mut self,
-        rows: &InertialRows,
-        joint: &mut Joint,
-        value: f64,
-        variance: f64,
-    ) {
-        let t = self.tuning.balance;
-        let total = joint.variance(FORWARD) + variance;
-        let innovation = value - joint.value(FORWARD);
-        let square = innovation * innovation;
-        self.pushed = (t.push_square * total..t.push_max_square * total).contains(&square);
-        if self.pushed {
-            self.covariance.apply(rows, joint, &mut self.state);
-            let surplus = square / t.push_square - total;
-            for wheel in 0..4 {
-                let (forward, load_rate) = (FORCE + 3 * wheel, RATE + 3 * wheel + 2);
-                self.covariance.add_noise(forward, 0.25 * surplus);
-                self.covariance
-                    .add_noise(load_rate, t.push_load_rate * t.push_load_rate * surplus);
-            }
-            *joint = self.covariance.project(rows, &self.state);
-        }
-    }
-
-    pub(super) fn body_motion_ahead(
-        &self,
-        input: &StepInput<'_>,
-        balance: &Balance,
-    ) -> BodyMotionEstimate {
-        let ahead = |j: usize| self.state[FORCE + j] + input.dt * self.state[RATE + j];
-        let mut sum = Vector3::zeros();
-        for (i, direction) in balance.directions.iter().enumerate() {
-            sum += direction * Vector3::from_fn(|k, _| ahead(3 * i + k));
-        }
-        let u = input.motion.velocity_m_s.x;
-        sum.x -= self.body.drag * u * u.abs();
-        let turn = Vector3::from_fn(|axis, _| balance.turn_rate(axis, &self.state));
+    /// Acceleration of the body by the balances.
+    pub(super) fn body_motion_ahead(&self, balance: &Balance) -> BodyMotionEstimate {
+        let value = |sum: &Sum| sum.value(&self.state);
         BodyMotionEstimate {
-            specific_force_m_s2: sum / self.body.mass_kg,
-            rate_dot_rad_s2: turn,
+            specific_force_m_s2: Vector3::from(balance.push.each_ref().map(value))
+                / self.body.mass_kg,
+            rate_dot_rad_s2: Vector3::from(balance.turn.each_ref().map(value)),
         }
     }
 }

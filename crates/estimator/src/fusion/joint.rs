@@ -10,8 +10,9 @@
 //! judged. In exact arithmetic the result is that of scalar updates one after another (Bierman,
 //! Factorization Methods for Discrete Sequential Estimation, 1977).
 
-/// Largest number of rows: a corner's strut and its seven strain channels.
-pub const TOGETHER: usize = 8;
+/// Largest number of rows: a corner's potentiometer, its seven strain channels and the three axes of its
+/// hub accelerometer, rounded up.
+pub const TOGETHER: usize = 12;
 
 /// Own state of a row without one.
 pub const NO_OWN: (usize, f64) = (0, 0.0);

@@ -8,7 +8,7 @@
 //! reported as a fault, and the linkage's pose uses the corrected length. After a second with a
 //! small error the potentiometer is good again.
 
-use super::layout::STRUT_LENGTH;
+use super::layout::LENGTH_ERROR;
 use super::{ChannelChange, Fusion};
 use crate::calibration::{Channel, CornerChannels};
 use crate::tuning::PotentiometerTuning;
@@ -21,15 +21,12 @@ pub struct LengthWatch {
     mean_mm: f64,
     suspect: bool,
     faulty: bool,
+    /// Steps with an error beyond the limit of a fault.
+    beyond: u32,
     calm: u32,
 }
 
 impl LengthWatch {
-    /// Whether the potentiometer is faulty.
-    pub fn faulty(&self) -> bool {
-        self.faulty
-    }
-
     /// Decay factor of the error over `dt` and the variance that is added, mm^2. `start` is the
     /// variance for a good potentiometer.
     pub fn fading(&self, start: f64, dt: f64, tuning: &PotentiometerTuning) -> (f64, f64) {
@@ -63,7 +60,7 @@ impl Fusion {
         self.lengths[wheel].suspect = true;
         let sigma_mm = self.tuning.potentiometers.jump_sigma_mm;
         let variance = sigma_mm * sigma_mm;
-        self.covariance.add_noise(STRUT_LENGTH + wheel, variance);
+        self.covariance.add_noise(LENGTH_ERROR + wheel, variance);
     }
 
     /// Reports potentiometers that are found faulty or good again.
@@ -78,10 +75,12 @@ impl Fusion {
             if !watch.suspect {
                 continue;
             }
-            let error = self.state[STRUT_LENGTH + wheel].abs();
-            let variance = self.covariance.variance(STRUT_LENGTH + wheel);
+            let error = self.state[LENGTH_ERROR + wheel].abs();
+            let variance = self.covariance.variance(LENGTH_ERROR + wheel);
             watch.calm = if error < t.good_mm { watch.calm + 1 } else { 0 };
-            if !watch.faulty && error - t.faulty_sigma * variance.max(0.0).sqrt() > t.faulty_mm {
+            let beyond = error - t.faulty_sigma * variance.max(0.0).sqrt() > t.faulty_mm;
+            watch.beyond = if beyond { watch.beyond + 1 } else { 0 };
+            if !watch.faulty && watch.beyond > t.faulty_steps {
                 watch.faulty = true;
                 changes(ChannelChange {
                     wheel,
@@ -99,7 +98,7 @@ impl Fusion {
                 }
                 *watch = LengthWatch::default();
                 let start = start_variance(&channels.0[wheel].deflection, &t);
-                self.covariance.forget(STRUT_LENGTH + wheel, start);
+                self.covariance.forget(LENGTH_ERROR + wheel, start);
             }
         }
     }

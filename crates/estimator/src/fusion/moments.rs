@@ -9,7 +9,7 @@ use crate::corners::CornerState;
 use crate::gaussian::Gaussian;
 use crate::tuning::MomentTuning;
 
-/// A tyre's moment, contact frame.
+/// A tyre's moment about the contact point, wheel-carrier frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KnownMoment {
     /// Moment without rolling resistance, N m.
@@ -32,7 +32,7 @@ impl Body {
 }
 
 impl Fusion {
-    /// Moment of the ground on a tyre about the contact point, contact frame: of tread, trail and rolling
+    /// Moment of the ground on a tyre about the contact point, wheel-carrier frame: of tread, trail and rolling
     /// resistance, with the estimated rest of M_x and M_z.
     #[must_use]
     pub fn moment(&self, wheel: usize, corner: &CornerState, speed_m_s: f64) -> [Gaussian; 3] {

@@ -1,13 +1,17 @@
 //! Initial covariance, transition and process noise of the force filter.
 
-use sample::PerWheel;
+use nalgebra::Vector3;
+use sample::{PerWheel, STANDARD_GRAVITY_M_S2};
 
-use super::inertial::Balance;
 use super::layout::{
-    ACCEL_BIAS, BODY_RATE, FORCE, MOMENT, OFFSET, RATE, SIZE, STRUT_LENGTH, TORQUE,
+    ACCEL_BIAS, BEFORE, BETWEEN, BODY_RATE, FORCE, HUB_BIAS, LENGTH, LENGTH_ERROR, MOMENT, OFFSET,
+    RATE, SIZE, SPEED, STRUT, State, TORQUE,
 };
-use super::{Fusion, lengths};
+use super::propagation::{Noises, Propagation};
+use super::transition::Transition;
+use super::{Fusion, StepInput, StepModel, lengths};
 use crate::calibration::CornerChannels;
+use crate::feedback::BodyMotionEstimate;
 use crate::process_noise::ProcessNoise;
 use crate::trace::Operation;
 use crate::tuning::{FusionTuning, ProcessNoiseTuning};
@@ -42,14 +46,23 @@ impl Fusion {
                 variance[FORCE + 3 * wheel + axis] = t.force_start_sigma_n.powi(2);
                 variance[RATE + 3 * wheel + axis] = t.rate_start_sigma_n_s.powi(2);
             }
+            // The load's rate holds only what the travel of the wheel does not explain.
+            variance[RATE + 3 * wheel + 2] = t.load_rate_start_sigma_n_s.powi(2);
             for i in 0..2 {
                 variance[MOMENT + 2 * wheel + i] =
                     self.body.moment_sigma_n_m(wheel, &t.moments)[i].powi(2);
             }
-            variance[STRUT_LENGTH + wheel] =
+            variance[SPEED + wheel] = t.strut_start_sigma[1].powi(2);
+            variance[LENGTH + wheel] = t.strut_start_sigma[0].powi(2);
+            variance[STRUT + wheel] = t.strut_sigma_n.powi(2);
+            variance[LENGTH_ERROR + wheel] =
                 lengths::start_variance(&c.deflection, &t.potentiometers);
             for i in 0..5 {
                 variance[OFFSET + 5 * wheel + i] = (c.strain[i].offset_sigma).powi(2);
+            }
+            for axis in 0..3 {
+                variance[HUB_BIAS + 3 * wheel + axis] =
+                    self.hubs[wheel].map_or(0.0, |hub| hub.bias_sigma_m_s2[axis].powi(2));
             }
         }
         for axle in 0..2 {
@@ -60,47 +73,93 @@ impl Fusion {
             variance[BODY_RATE + axis] = t.body_rate_variance;
             variance[ACCEL_BIAS + axis] = t.accel_sigma_m_s2[0].powi(2);
         }
-        self.state[OFFSET..].fill(0.0);
+        self.state[OFFSET..BEFORE].fill(0.0);
+        self.state[HUB_BIAS..].fill(0.0);
         self.covariance.reset(&variance, &self.state);
     }
 
-    /// Propagates state and covariance by `dt`.
-    pub(super) fn predict(
-        &mut self,
-        dt: f64,
-        balance: &Balance,
-        channels: &PerWheel<CornerChannels>,
-    ) {
-        for i in 0..3 {
-            self.state[BODY_RATE + i] += dt * balance.turn_rate(i, &self.state);
+    /// Propagates state and covariance by the step.
+    pub(super) fn predict(&mut self, input: &StepInput<'_>, model: &StepModel) {
+        let dt = input.dt;
+        let mut transition = Transition::new();
+        let mut added = [0.0; SIZE];
+        for axis in 0..3 {
+            let turn = &model.balance.turn[axis];
+            let gains = turn.gains.iter().enumerate();
+            let index = BODY_RATE + axis;
+            transition.mix(
+                index,
+                gains.map(|(j, gain)| (j, dt * gain)).chain([(index, 1.0)]),
+            );
+            added[index] = dt * turn.constant;
         }
-        for i in 0..12 {
-            self.state[FORCE + i] += dt * self.state[RATE + i];
+        let propagations: [Propagation; 4] = std::array::from_fn(|wheel| {
+            let forms = &model.forms[wheel];
+            let time_s = self.tuning.load_rate_time_s;
+            Propagation::new(
+                wheel,
+                &forms.acceleration,
+                [forms.touching, 1e-3 * forms.pressing_n_m],
+                time_s,
+                dt,
+            )
+        });
+        for (wheel, propagation) in propagations.iter().enumerate() {
+            for (index, terms, by) in propagation.rows() {
+                transition.mix(index, terms);
+                added[index] = by;
+            }
+            // The body's own acceleration presses the tyre, too.
+            let stiffness = self.body.tyres[wheel].vertical_stiffness_n_m;
+            added[RATE + 3 * wheel + 2] -= dt * stiffness * self.lifting_m_s2(input, wheel);
         }
-        let c = &mut self.covariance;
-        // First order in dt: the rows of the body's rates use the covariance before the forces move.
-        c.turn(&balance.jacobian, dt);
-        for i in 0..3 {
-            c.trace.note(|| Operation::Shift {
-                index: BODY_RATE + i,
-                by: dt * balance.constant[i],
-            });
+        let gains = self.decay(dt, input.channels, &mut transition.keep);
+        self.state = transition.apply(&self.state);
+        self.covariance.propagate(&transition);
+        for (index, by) in added.into_iter().enumerate().filter(|(_, by)| *by != 0.0) {
+            self.state[index] += by;
+            self.covariance
+                .trace
+                .note(|| Operation::Shift { index, by });
         }
-        c.integrate(dt);
-        let gains = self.decay(dt, channels);
-        self.add_process_noise(dt, balance, channels, &gains);
+        self.add_process_noise(input, model, &propagations, &gains);
     }
 
-    /// Decay of moments, torques, biases, offsets and length errors over `dt`.
-    fn decay(&mut self, dt: f64, channels: &PerWheel<CornerChannels>) -> DecayGains {
+    /// Acceleration of the body at a wheel, against the ground's normal, m/s^2.
+    fn lifting_m_s2(&self, input: &StepInput<'_>, wheel: usize) -> f64 {
+        let up = input.motion.earth_from_body.inverse() * Vector3::z();
+        let arm = input.corners[wheel].pose.wheel_centre_m - Vector3::z() * self.body.cg_height_m;
+        let rate = input.motion.rate_rad_s;
+        // Stands can carry a vehicle whose inertial unit is silent.
+        let of_centre = if input.motion.inertial {
+            BodyMotionEstimate {
+                specific_force_m_s2: input.motion.specific_force_m_s2,
+                rate_dot_rad_s2: self.ahead.rate_dot_rad_s2,
+            }
+        } else if let Some(ahead) = self.body_motion {
+            ahead
+        } else {
+            return 0.0;
+        };
+        let force = of_centre.specific_force_m_s2
+            + of_centre.rate_dot_rad_s2.cross(&arm)
+            + rate.cross(&rate.cross(&arm));
+        force.dot(&up) - STANDARD_GRAVITY_M_S2
+    }
+
+    /// Decay of load rates, moments, strut errors, torques, biases, offsets and length errors over `dt`.
+    fn decay(&self, dt: f64, channels: &PerWheel<CornerChannels>, keep: &mut State) -> DecayGains {
         let t = self.tuning;
-        let mut keep = [1.0; SIZE];
         let mut fade = |first: usize, count: usize, time_s: f64| {
             let kept = math::exp(-dt / time_s);
             keep[first..first + count].fill(kept);
             1.0 - kept * kept
         };
-        let moment = fade(MOMENT, TORQUE - MOMENT, t.moment_time_s);
+        for wheel in 0..4 {
+            fade(RATE + 3 * wheel + 2, 1, t.load_rate_time_s);
+        }
+        let moment = fade(MOMENT, SPEED - MOMENT, t.moment_time_s);
+        let strut = fade(STRUT, 4, t.strut_time_s);
         fade(TORQUE, 2, t.torque_time_s[0]);
         fade(TORQUE + 2, 2, t.torque_time_s[1]);
         fade(ACCEL_BIAS, 3, t.accel_time_s);
@@ -109,15 +168,13 @@ impl Fusion {
             let deflection = &channels.0[wheel].deflection;
             let start = lengths::start_variance(deflection, &t.potentiometers);
             let (kept, gained) = self.lengths[wheel].fading(start, dt, &t.potentiometers);
-            keep[STRUT_LENGTH + wheel] = kept;
+            keep[LENGTH_ERROR + wheel] = kept;
             gained
         });
-        for (x, kept) in self.state.iter_mut().zip(&keep) {
-            *x *= kept;
-        }
-        self.covariance.scale(&keep);
+        keep[BETWEEN..BETWEEN + 4].fill(0.0);
         DecayGains {
             moment,
+            strut,
             offset,
             length_mm2,
         }
@@ -125,41 +182,64 @@ impl Fusion {
 
     fn add_process_noise(
         &mut self,
-        dt: f64,
-        balance: &Balance,
-        channels: &PerWheel<CornerChannels>,
+        input: &StepInput<'_>,
+        model: &StepModel,
+        propagations: &[Propagation; 4],
         gains: &DecayGains,
     ) {
-        let t = self.tuning;
+        let (t, dt) = (self.tuning, input.dt);
+        let n = t.force_noise;
         let c = &mut self.covariance;
         // Forces of the vehicle model do not adapt the density.
-        let density = if self.blind {
+        let rate = if self.blind {
             [t.blind_density; 3]
         } else {
             self.force_noise.densities()
         };
-        for i in 0..12 {
-            c.add_noise_pair(FORCE + i, RATE + i, density[i % 3], dt);
-        }
-        for i in 0..TORQUE - MOMENT {
-            let sigma = balance.known[i / 2].sigma_n_m[i % 2];
-            c.add_noise(MOMENT + i, gains.moment * sigma * sigma);
+        let along = n.road_along * n.road_along;
+        for (wheel, propagation) in propagations.iter().enumerate() {
+            let road = self.force_noise.road(wheel);
+            let noises = Noises {
+                force: [along * road, along * road, road],
+                rate,
+                speed: 1e6
+                    * (t.strut_rate_density * t.strut_rate_density
+                        + n.road_strut_rate * n.road_strut_rate * road),
+            };
+            propagation.noise(&noises, dt, &mut |i, j, value| {
+                c.add_covariance(i, j, value)
+            });
+            c.add_noise(BETWEEN + wheel, road * dt * n.road_between);
+            let rough = n.road_moment_m * n.road_moment_m * road;
+            for i in 0..2 {
+                let sigma = model.known[wheel].sigma_n_m[i];
+                let variance = gains.moment * (sigma * sigma + rough);
+                c.add_noise(MOMENT + 2 * wheel + i, variance);
+            }
+            let line = &input.corners[wheel].travel.strut;
+            let stop = if line.stopped {
+                t.stop_sigma_n_s_m * line.rate_m_s
+            } else {
+                0.0
+            };
+            let rough = n.road_strut * n.road_strut * road;
+            let strut = t.strut_sigma_n * t.strut_sigma_n + stop * stop + rough;
+            c.add_noise(STRUT + wheel, gains.strut * strut);
+            c.add_noise(LENGTH_ERROR + wheel, gains.length_mm2[wheel]);
         }
         for axle in 0..2 {
             for (part, noise) in self.torque.iter().enumerate() {
                 c.add_noise(TORQUE + 2 * part + axle, noise.density() * dt);
             }
         }
+        let rough = n.road_balance_m * n.road_balance_m * self.force_noise.mean_road();
         for (axis, noise) in t.moment_noise_n_m.into_iter().enumerate() {
-            let turn = noise * self.body.inverse[(axis, axis)];
+            let turn = (noise * noise + rough).sqrt() * self.body.inverse[(axis, axis)];
             c.add_noise(BODY_RATE + axis, turn * turn * dt);
             c.add_noise(ACCEL_BIAS + axis, self.accel.density() * dt);
         }
-        for (wheel, gained) in gains.length_mm2.into_iter().enumerate() {
-            c.add_noise(STRUT_LENGTH + wheel, gained);
-        }
         for i in 0..20 {
-            let start = channels.0[i / 5].strain[i % 5].offset_sigma.powi(2);
+            let start = input.channels.0[i / 5].strain[i % 5].offset_sigma.powi(2);
             c.add_noise(
                 OFFSET + i,
                 gains.offset * start + t.offset_walk_n.powi(2) * dt,
@@ -172,6 +252,8 @@ impl Fusion {
 struct DecayGains {
     /// Part of the variance of moments.
     moment: f64,
+    /// Part of the variance of strut errors.
+    strut: f64,
     /// Part of the variance of strain offsets.
     offset: f64,
     /// Variance of each length error, mm^2.

@@ -9,16 +9,6 @@ tuning! {
         contact_n: f64 = 60.0, "N";
         /// Error of the strut model beside the error of its length: for the filtered length.
         strut_sigma_n: f64 = 8.0, "N";
-        /// The same for one of many readings.
-        reading_sigma_n: f64 = 3.0, "N";
-        /// Factor on the variance of the strut rate. The rate error is correlated over consecutive
-        /// readings, so the readings are not independent.
-        rate_correlation: f64 = 2.5, "1";
-        /// Without a potentiometer: part of the way to the length that the strut force implies that
-        /// is taken in one step.
-        forced_part: f64 = 0.1, "1";
-        /// The same, largest step.
-        forced_step_max_m: f64 = 0.002, "m";
         /// Largest standard deviation of the front wheels' heading that a workshop's zero of the
         /// steering wheel leaves.
         steer_sigma_max_rad: f64 = 0.003, "rad";

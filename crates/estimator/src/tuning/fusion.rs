@@ -14,14 +14,31 @@ tuning! {
         force_start_sigma_n: f64 = 2000.0, "N";
         /// Initial standard deviation of force rates.
         rate_start_sigma_n_s: f64 = 1e4, "N/s";
+        /// Initial standard deviation of the load's rate that the wheel's travel does not explain.
+        load_rate_start_sigma_n_s: f64 = 1.0e3, "N/s";
+        /// Initial standard deviations of strut length and rate.
+        strut_start_sigma: [f64; 2] = [10.0, 100.0], "mm, mm/s";
         /// Time constant of tyre moments beyond tread and trail.
-        moment_time_s: f64 = 1.0, "s";
+        moment_time_s: f64 = 0.3, "s";
         /// Initial standard deviation of half-shaft torques, mean and half the difference of left
         /// and right. Both axles have the states, whatever the vehicle file's split is: where
         /// four-wheel drive can be switched on, undriven front wheels would cost 12 % of F_x.
         torque_start_sigma_n_m: [f64; 2] = [50.0, 1.0], "N m";
         /// Time constants of mean and difference.
         torque_time_s: [f64; 2] = [50.0, 1.0], "s";
+        /// Time constant of the rate of the load that the wheel's travel does not explain.
+        load_rate_time_s: f64 = 1.0, "s";
+        /// Part of the static load up to which a tyre counts as lifting off: its wheel's travel presses it in
+        /// proportion.
+        light_part: f64 = 0.03, "1";
+        /// Error of the strut's model.
+        strut_sigma_n: f64 = 3.0, "N";
+        /// Its time constant.
+        strut_time_s: f64 = 0.1, "s";
+        /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
+        stop_sigma_n_s_m: f64 = 300.0, "N s/m";
+        /// Density of the noise of a strut's rate.
+        strut_rate_density: f64 = 0.006, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
         torque_density: [f64; 2] = [1.0e4, 2.0], "(N m)²/s";
         /// Bounds of the density of the mean.
@@ -52,11 +69,6 @@ tuning! {
         blind_density: f64 = 6.0e3 * 6.0e3, "(N/s)²/s";
         /// Speed from which the tyres alone carry the vehicle.
         rolling_speed_m_s: f64 = 1.0, "m/s";
-        /// Change of a strut's acceleration that is allowed after a step with many innovations
-        /// outside their gates.
-        blow_m_s2: f64 = 2.0, "m/s²";
-        /// Change of a strut's acceleration that is allowed after a sudden drive or brake force.
-        push_m_s2: f64 = 0.3, "m/s²";
         group members: MemberTuning;
         group channels: ChannelTuning;
         group force_noise: ForceNoiseTuning;
@@ -82,14 +94,19 @@ tuning! {
         bending_sigma_n: f64 = 2.5, "N";
         /// Error of a channel's gain that is not a fault.
         gain_tolerance: f64 = 0.02, "1";
-        /// Standard deviation that is added to each force when many channels are outside their gates
-        /// in one step.
-        surprise_n: f64 = 100.0, "N";
-        /// The same for force rates. Inverting the sensor lag would turn a jump into an unrealistic
-        /// force rate, so the rate gets its own value.
-        surprise_n_s: f64 = 2.5e3, "N/s";
-        /// Gate of a strut's force: the level of a potentiometer can be wrong.
-        strut_gate_sigma: f64 = 10.0, "σ";
+        /// Innovation beyond which a reading weighs less: so that its innovation is this many standard
+        /// deviations.
+        limit_sigma: f64 = 12.0, "σ";
+        /// Standard deviation that an event on the road adds to each force of its wheel.
+        surprise_n: [f64; 3] = [30.0, 30.0, 30.0], "N";
+        /// It grows with the largest normalised innovation by the gate, up to this factor.
+        surprise_max: f64 = 10.0, "1";
+        /// Innovations of a potentiometer beyond that, one after another, after which it has jumped.
+        jump_readings: u32 = 5, "1";
+        /// Innovation of a potentiometer that can be a jump.
+        jump_sigma: f64 = 8.0, "σ";
+        /// Least standard deviation of a hub accelerometer: the linkage is not exact.
+        hub_sigma_m_s2: f64 = 0.5, "m/s²";
         /// Error of the vehicle model's F_x, F_y and F_z, as a part of the load, where strain is
         /// missing.
         expected_sigma_part: [f64; 3] = [0.4, 0.1, 0.15], "1";
@@ -97,9 +114,6 @@ tuning! {
         expected_sigma_n: f64 = 30.0, "N";
         /// Time for which one such expected force counts as one measurement.
         expected_time_s: f64 = 0.1, "s";
-        /// Standard deviation of a strut's force where strain does not show what part of it F_x and
-        /// F_y carry.
-        blind_strut_n: f64 = 70.0, "N";
         /// Largest extrapolation of a linkage's map into the past, in steps.
         steps_back_max: f64 = 3.0, "1";
     }
@@ -112,10 +126,11 @@ tuning! {
         gate_sigma: f64 = 5.0, "σ";
         /// Fraction of recent innovations outside the gate above which a channel is faulty.
         faulty: f64 = 0.5, "1";
-        /// From this fraction of recent innovations outside its gate, a channel counts as a single
-        /// outlier and no longer takes part in the multi-channel test. A manoeuvre affects many
-        /// channels within one step, so their fractions are still low then.
+        /// From this fraction of recent innovations outside its gate, a channel is not used for the time
+        /// being.
         alone: f64 = 0.1, "1";
+        /// Channels of one corner outside the gate in one step that are an event on the road, not faults.
+        event_channels: u32 = 2, "1";
         /// Fraction below which a faulty channel is used again.
         good: f64 = 0.05, "1";
         /// Weight of one innovation in that fraction: about half a second at 100 Hz until exclusion.
@@ -132,26 +147,64 @@ tuning! {
 }
 
 tuning! {
-    /// Process noise of force rates and the multi-channel test (`fusion/force_noise.rs`).
+    /// Process noise of the forces (`fusion/force_noise.rs`).
     ForceNoiseTuning {
         /// Initial density.
         start_density: f64 = 3.0e3 * 3.0e3, "(N/s)²/s";
         /// Bounds of the density.
-        density_bounds: [f64; 2] = [15.0 * 15.0, 2.0e4 * 2.0e4], "(N/s)²/s";
+        density_bounds: [f64; 2] = [300.0 * 300.0, 4.0e4 * 4.0e4], "(N/s)²/s";
         /// Each axis keeps at least this part of the largest axis' density: a tyre that is steered or
         /// braked pushes along all axes.
         shared: f64 = 0.02, "1";
-        /// Normalised innovation squared that counts as large.
-        large_square: f64 = 20.0, "σ²";
-        /// Channels of one corner with large innovations that trigger inflation.
-        channels: u32 = 3, "1";
-        /// Standard deviations of chi-square that the sum of all squares must exceed its mean by.
-        sum_sigma: f64 = 4.5, "σ";
-        /// Largest contribution of one channel to that sum: of twenty good channels the test triggers
-        /// once a minute.
-        share_max: f64 = 9.0, "σ²";
-        /// Smallest density after inflation.
-        inflated_density: f64 = 6.0e3 * 6.0e3, "(N/s)²/s";
+        /// Bounds of the density of the rate of the load that the wheel's travel does not explain.
+        load_density_bounds: [f64; 2] = [15.0 * 15.0, 6.0e3 * 6.0e3], "(N/s)²/s";
+        /// Initial density of the white noise of the load, from the road.
+        road_start: f64 = 2.0e5, "N²/s";
+        /// Speed for which that density holds: the road passes in proportion.
+        road_speed_m_s: f64 = 10.0, "m/s";
+        /// Least speed with which it passes.
+        road_speed_min_m_s: f64 = 0.5, "m/s";
+        /// Bounds of that density.
+        road_bounds: [f64; 2] = [300.0, 1.0e8], "N²/s";
+        /// Weight of one innovation in the mean square that adapts the density: a fifth of a second.
+        road_memory: f64 = 0.05, "1";
+        /// Mean square of the potentiometer's normalised innovations at which the density stays.
+        road_square: f64 = 0.93, "σ²";
+        /// Weight of one correction of a load in the mean square that shows a density that is too large or far
+        /// too small.
+        load_memory: f64 = 0.02, "1";
+        /// Mean square of the corrections of a load below which the density is too large, and above which it is
+        /// far too small.
+        load_square: [f64; 2] = [0.9, 3.0], "σ²";
+        /// Weights of a mean square beyond these beside that of the potentiometer's innovations.
+        load_gain: [f64; 2] = [1.0, 1.0], "1";
+        /// Relative change of the density in one step for a surplus of one.
+        road_gain: f64 = 0.04, "1";
+        /// Largest surplus down and up.
+        road_step: [f64; 2] = [0.2, 2.5], "σ²";
+        /// Factor on the density after an event on the road.
+        surprise: f64 = 3.0, "1";
+        /// The density up to which that factor acts.
+        surprise_max: f64 = 3.0e6, "N²/s";
+        /// Limit of one innovation.
+        innovation_max: f64 = 5.0, "σ";
+        /// White noise of F_x and F_y as a part of that of the load: a rock also pushes along and across.
+        road_along: f64 = 0.2, "1";
+        /// Part of the density times the step that is the variance of the load between two steps: 1/12 for a
+        /// random walk.
+        road_between: f64 = 0.03, "1";
+        /// Standard deviation of a member's force from roughness, for a density of one.
+        road_member: f64 = 0.002, "√s";
+        /// The same of a strut's force.
+        road_strut: f64 = 0.03, "√s";
+        /// The same of a strut's acceleration.
+        road_strut_rate: f64 = 1.0e-5, "m/s²/N";
+        /// The same of the tyre's moments.
+        road_moment_m: f64 = 0.008, "m √s";
+        /// The same of the sum of all forces.
+        road_sum: f64 = 0.03, "√s";
+        /// The same of the balance of moments, for the square root of the density.
+        road_balance_m: f64 = 0.03, "m";
     }
 }
 
@@ -160,17 +213,6 @@ tuning! {
     BalanceTuning {
         /// Error of the model on the sum of all forces.
         sum_sigma_n: f64 = 10.0, "N";
-        /// Standard deviation that is added to the accelerometers after inflation: a wrong
-        /// accelerometer may have caused the innovations.
-        inflated_accel_m_s2: f64 = 1.0, "m/s²";
-        /// Normalised innovation squared of the forward accelerometer that is taken as a sudden drive
-        /// or brake force.
-        push_square: f64 = 8.0, "σ²";
-        /// The same, beyond which the accelerometer is considered wrong.
-        push_max_square: f64 = 400.0, "σ²";
-        /// Rate of the loads after a sudden force, for each newton beyond the gate: the body begins to
-        /// pitch.
-        push_load_rate: f64 = 3.0, "1/s";
         /// Standard deviation of roll and pitch rate from struts: the ground also turns.
         over_ground_sigma_rad_s: f64 = 0.2, "rad/s";
         /// Part of the weight that the tyres must carry before a vehicle that was held counts as
@@ -218,6 +260,8 @@ tuning! {
         good_mm: f64 = 1.5, "mm";
         /// Standard deviations by which the error must exceed the faulty limit.
         faulty_sigma: f64 = 3.0, "σ";
+        /// Steps for which the error must exceed that limit.
+        faulty_steps: u32 = 50, "1";
         /// Steps for which it must be good.
         good_steps: u32 = 100, "1";
         /// Weight of one innovation in the means below.

@@ -37,6 +37,12 @@ tuning! {
     LiftTuning {
         /// Part of the static load below which a wheel is up.
         up: f64 = 0.02, "1";
+        /// Standard deviations of the load that are added to that limit.
+        margin_sigma: f64 = 2.5, "σ";
+        /// Largest limit, as a part of the static load.
+        up_max: f64 = 0.1, "1";
+        /// The wheel is down again above this factor on the limit.
+        down_by: f64 = 1.5, "1";
         /// Part of the static load above which it is down again.
         down: f64 = 0.06, "1";
         /// Part of the static load below which a warning is possible.
@@ -50,14 +56,14 @@ tuning! {
         lead_s: f64 = 2.5, "s";
         /// A load that falls more slowly, as a part of the static load, does not count as falling.
         fall_min: f64 = 0.01, "1/s";
-        /// Consecutive steps of the raw load below the limit that declare a lift.
-        raw_steps: u32 = 6, "1";
-        /// Consecutive steps of the filtered load below the limit that declare a lift.
-        filtered_steps: u32 = 3, "1";
+        /// Consecutive steps below the limit that declare a lift: a tenth of a second.
+        steps: u32 = 10, "1";
+        /// Density of the load's white noise at 10 m/s above which the ground counts as rough.
+        rough_density: f64 = 3.0e5, "N²/s";
         /// Consecutive steps that give a warning.
         warning_steps: u32 = 20, "1";
         /// Fading memory per step of the filtered load: half a second.
-        keep: f64 = 0.98, "1";
+        keep: f64 = 0.95, "1";
         /// Part of one step's standard deviation that remains in the filtered load.
         filtered_sigma: f64 = 0.3, "1";
         /// Part of one step's standard deviation in the load that is extrapolated by one second.

@@ -46,7 +46,7 @@ const FORCE_MAX_N: f64 = 30e3;
 /// RMS errors after the faults of an estimate that has diverged, and of one that is not yet back: of
 /// forces, of max(peak of the run, static load), per cent, and of sideslip, degrees.
 const DIVERGED: [f64; 2] = [50.0, 20.0];
-const LATE: [f64; 2] = [3.0, 0.5];
+const LATE: [f64; 2] = [5.0, 0.5];
 /// Largest part of the drives that may be late.
 const LATE_MAX: f64 = 0.002;
 /// Speed above which sideslip counts, m/s.
@@ -233,7 +233,7 @@ fn judge(
             Output::Event(event) => {
                 outcome.resets += usize::from(event.kind == EventKind::FilterReset);
             }
-            Output::Parameters(_) | Output::Step(_) => {}
+            Output::Lagged(_) | Output::Parameters(_) | Output::Step(_) => {}
         });
         estimator.push(sample);
     }

@@ -26,7 +26,7 @@ fn values_that_no_parameter_can_have_are_refused() {
     let with = |name, value| Tuning::default().with(name, 0, value);
     assert!(with("motion.gate_sigma", -1.0).is_err());
     assert!(with("motion.gate_sigma", f64::NAN).is_err());
-    assert!(with("lift.raw_steps", 1.5).is_err());
+    assert!(with("lift.steps", 1.5).is_err());
     assert!(with("lift.no_such_number", 1.0).is_err());
-    assert!(with("lift.raw_steps", 7.0).is_ok());
+    assert!(with("lift.steps", 7.0).is_ok());
 }

@@ -21,7 +21,7 @@ const NAMED_WITHIN_S: f64 = 1.0;
 const RECOVERED_WITHIN_S: f64 = 1.0;
 /// How much a fault may add to the forces' errors, per cent, and to those of sideslip, roll and
 /// pitch, degrees.
-const FORCE_MORE: f64 = 0.1;
+const FORCE_MORE: f64 = 0.25;
 const ANGLE_MORE_DEG: f64 = 0.25;
 
 /// Channels of one device that fail together, the name in the event, and the runs on which

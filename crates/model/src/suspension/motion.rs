@@ -1,8 +1,9 @@
 //! How the unsprung parts of a corner move: what their inertia and weight add to the statics.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
-use super::{Coordinates, Corner, CornerPose, PointPath};
+use super::{Coordinates, Corner, CornerPath, CornerPose, PointPath};
+use crate::vehicle::Unsprung;
 
 /// Motion of the sprung body, vehicle axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -56,6 +57,65 @@ pub struct CornerMotion {
 }
 
 impl CornerMotion {
+    /// Outboard parts that do not move against the body.
+    #[must_use]
+    pub fn fixed_to(body: &BodyMotion, pose: &CornerPose) -> Self {
+        Self {
+            wheel_specific_force_m_s2: body.specific_force_at(pose.wheel_centre_m),
+            upright_specific_force_m_s2: body.specific_force_at(pose.upright_cg_m),
+            upper_arm_specific_force_m_s2: body.specific_force_at(pose.upper_arm_cg_m),
+            lower_arm_specific_force_m_s2: body.specific_force_at(pose.lower_arm_cg_m),
+            upright_rate_rad_s: body.rate_rad_s,
+            upright_rate_dot_rad_s2: body.rate_dot_rad_s2,
+            ..Self::default()
+        }
+    }
+
+    /// Force, N, and moment about a point, N m, that accelerate the outboard parts beyond `other`
+    /// motion of them: sum m (f - f_o), sum r x m (f - f_o) + I (w' - w_o'). Vehicle axes.
+    #[must_use]
+    pub fn wrench_beyond(
+        &self,
+        other: &Self,
+        pose: &CornerPose,
+        unsprung: &Unsprung,
+        about_m: Vector3<f64>,
+    ) -> Vector6<f64> {
+        let parts = [
+            (
+                unsprung.wheel_mass_kg,
+                pose.wheel_centre_m,
+                self.wheel_specific_force_m_s2 - other.wheel_specific_force_m_s2,
+            ),
+            (
+                unsprung.upright_mass_kg,
+                pose.upright_cg_m,
+                self.upright_specific_force_m_s2 - other.upright_specific_force_m_s2,
+            ),
+            (
+                unsprung.upper_arm_mass_kg,
+                pose.upper_arm_cg_m,
+                self.upper_arm_specific_force_m_s2 - other.upper_arm_specific_force_m_s2,
+            ),
+            (
+                unsprung.lower_arm_mass_kg,
+                pose.lower_arm_cg_m,
+                self.lower_arm_specific_force_m_s2 - other.lower_arm_specific_force_m_s2,
+            ),
+        ];
+        let turning = self.upright_rate_dot_rad_s2 - other.upright_rate_dot_rad_s2;
+        let spindle = pose.spindle;
+        let diametral = unsprung.wheel_diametral_inertia_kg_m2;
+        let polar = unsprung.wheel_spin_inertia_kg_m2 - diametral;
+        let mut force = Vector3::zeros();
+        let mut moment = turning * diametral + spindle * (spindle.dot(&turning) * polar);
+        for (mass, at, beyond) in parts {
+            force += beyond * mass;
+            moment += (at - about_m).cross(&(beyond * mass));
+        }
+        Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+    }
+
     /// A corner that hangs or stands still: every part has the specific force `f`.
     #[must_use]
     pub fn at_rest(specific_force_m_s2: Vector3<f64>) -> Self {
@@ -133,7 +193,18 @@ impl CornerMotion {
         rate: Coordinates,
         acceleration: Coordinates,
     ) -> Self {
-        let path = corner.path(pose);
+        Self::on_known_path(&corner.path(pose), pose, body, rate, acceleration)
+    }
+
+    /// The same with the derivatives of the pose at hand.
+    #[must_use]
+    pub fn on_known_path(
+        path: &CornerPath,
+        pose: &CornerPose,
+        body: &BodyMotion,
+        rate: Coordinates,
+        acceleration: Coordinates,
+    ) -> Self {
         let force = |point: &PointPath| point.specific_force_m_s2(body, rate, acceleration);
         Self {
             wheel_specific_force_m_s2: force(&path.wheel),

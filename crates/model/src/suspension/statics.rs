@@ -133,41 +133,15 @@ impl CornerStatics {
     ) -> Result<Self, SuspensionError> {
         let p = &corner.points;
         let contact = frame.contact_m;
-        let line = |at: Vector3<f64>, direction: Vector3<f64>| {
-            stack(direction, (at - contact).cross(&direction))
-        };
         let leg = |hinge: Vector3<f64>, ball: Vector3<f64>| -(ball - hinge).normalize();
-        let upper = Arm::new(
-            p.upper_front,
-            p.upper_rear,
-            corner.upper_axis,
-            pose.upper_ball_m,
-        );
-        let lower = Arm::new(
-            p.lower_front,
-            p.lower_rear,
-            corner.lower_axis,
-            pose.lower_ball_m,
-        );
+        let [upper, lower] = arms(corner, pose);
         let tie_rod = (pose.tie_rod_inner_m - pose.tie_rod_outer_m).normalize();
 
         let strut_gain = -lower.lever(pose.strut_arm_m, pose.strut_direction);
-        let lower_weight = lower.lever(
-            pose.lower_arm_cg_m,
-            motion.lower_arm_specific_force_m_s2 * unsprung.lower_arm_mass_kg,
-        );
-        let upper_weight = upper.lever(
-            pose.upper_arm_cg_m,
-            motion.upper_arm_specific_force_m_s2 * unsprung.upper_arm_mass_kg,
-        );
-        let on_upright = line(pose.lower_ball_m, -lower.normal);
-        let mut known = corner_inertia(pose, contact, unsprung, motion)
-            + line(pose.upper_ball_m, -upper.normal) * upper_weight;
+        let (known, lower_weight) =
+            known_wrench(pose, contact, [&upper, &lower], unsprung, motion, sixth);
         let sixth_gain = match sixth {
-            ChannelKind::Strut => {
-                known += on_upright * lower_weight;
-                strut_gain
-            }
+            ChannelKind::Strut => strut_gain,
             ChannelKind::BallNormal => 1.0,
         };
         let members = Members {
@@ -187,10 +161,7 @@ impl CornerStatics {
         };
         let from_vehicle = -frame.vehicle_from_tyre.transpose();
         let wrench_from_members = members.wrench(&from_vehicle);
-        let wrench_offset = stack(
-            from_vehicle * known.fixed_rows::<3>(0),
-            from_vehicle * known.fixed_rows::<3>(3),
-        );
+        let wrench_offset = turned(&known, frame);
         let members_from_wrench =
             members
                 .inverse(&frame.vehicle_from_tyre)
@@ -207,6 +178,34 @@ impl CornerStatics {
             lower_normal: lower.normal,
             sixth,
         })
+    }
+
+    /// The same map with another motion of the parts.
+    #[must_use]
+    pub fn moved(
+        &self,
+        corner: &Corner,
+        pose: &CornerPose,
+        frame: &TyreFrame,
+        unsprung: &Unsprung,
+        motion: &CornerMotion,
+    ) -> Self {
+        let [upper, lower] = arms(corner, pose);
+        let (known, lower_weight) = known_wrench(
+            pose,
+            frame.contact_m,
+            [&upper, &lower],
+            unsprung,
+            motion,
+            self.sixth,
+        );
+        let wrench_offset = turned(&known, frame);
+        Self {
+            wrench_offset,
+            members_offset: -(self.members_from_wrench * wrench_offset),
+            ball_normal_offset_n: lower_weight,
+            ..*self
+        }
     }
 
     /// The tyre's wrench from all six member forces: nothing is inverted.
@@ -302,6 +301,63 @@ impl Arm {
     fn lever(&self, point: Vector3<f64>, force: Vector3<f64>) -> f64 {
         (point - self.origin).cross(&force).dot(&self.axis) / self.normal_moment
     }
+}
+
+/// Upper and lower arm.
+fn arms(corner: &Corner, pose: &CornerPose) -> [Arm; 2] {
+    let p = &corner.points;
+    [
+        Arm::new(
+            p.upper_front,
+            p.upper_rear,
+            corner.upper_axis,
+            pose.upper_ball_m,
+        ),
+        Arm::new(
+            p.lower_front,
+            p.lower_rear,
+            corner.lower_axis,
+            pose.lower_ball_m,
+        ),
+    ]
+}
+
+/// What the members need not carry to hold the upright: weight and inertia of all parts, as a wrench on
+/// the upright about the contact point, and the lower arm's part of the ball-normal force, N.
+fn known_wrench(
+    pose: &CornerPose,
+    contact: Vector3<f64>,
+    [upper, lower]: [&Arm; 2],
+    unsprung: &Unsprung,
+    motion: &CornerMotion,
+    sixth: ChannelKind,
+) -> (Vector6<f64>, f64) {
+    let line = |at: Vector3<f64>, direction: Vector3<f64>| {
+        stack(direction, (at - contact).cross(&direction))
+    };
+    let lower_weight = lower.lever(
+        pose.lower_arm_cg_m,
+        motion.lower_arm_specific_force_m_s2 * unsprung.lower_arm_mass_kg,
+    );
+    let upper_weight = upper.lever(
+        pose.upper_arm_cg_m,
+        motion.upper_arm_specific_force_m_s2 * unsprung.upper_arm_mass_kg,
+    );
+    let mut known = corner_inertia(pose, contact, unsprung, motion)
+        + line(pose.upper_ball_m, -upper.normal) * upper_weight;
+    if sixth == ChannelKind::Strut {
+        known += line(pose.lower_ball_m, -lower.normal) * lower_weight;
+    }
+    (known, lower_weight)
+}
+
+/// The wrench that balances one of vehicle axes, in the tyre's axes.
+fn turned(known: &Vector6<f64>, frame: &TyreFrame) -> Vector6<f64> {
+    let from_vehicle = -frame.vehicle_from_tyre.transpose();
+    stack(
+        from_vehicle * known.fixed_rows::<3>(0),
+        from_vehicle * known.fixed_rows::<3>(3),
+    )
 }
 
 /// Weight, inertia, spin and half-shaft torque of wheel and upright as a wrench on them about the

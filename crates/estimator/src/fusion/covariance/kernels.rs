@@ -8,12 +8,10 @@ use std::sync::atomic::{Ordering, compiler_fence};
 
 use multiversion::multiversion;
 
-use super::{BALANCED, Column, LANES, Matrix, WIDTH, first, position};
+use super::{Column, LANES, Matrix, WIDTH, first};
 use crate::fusion::joint::{RowsView, TOGETHER};
-use crate::fusion::layout::{BODY_RATE, FORCE, RATE, SIZE};
-
-/// Number of the forces, and of their rates after them.
-const FORCES: usize = RATE - FORCE;
+use crate::fusion::layout::{BEFORE, FORCE, HUB_BIAS, LAGGED, SIZE};
+use crate::fusion::transition::{FORCES, MIXED, Transition};
 
 macro_rules! kernel {
     ($(#[$attribute:meta])* fn $name:ident($($argument:ident: $type:ty),*) $body:block) => {
@@ -47,12 +45,14 @@ kernel! {
         to: &mut [Column; TOGETHER],
         between: &mut [[f64; TOGETHER]; TOGETHER],
         matrix: &Matrix,
-        rows: &RowsView
+        rows: &RowsView,
+        active: usize
     ) {
         match rows.count {
-            0..=3 => project_counted::<3>(to, matrix, rows),
-            4..=6 => project_counted::<6>(to, matrix, rows),
-            _ => project_counted::<TOGETHER>(to, matrix, rows),
+            0..=3 => project_counted::<3>(to, matrix, rows, active),
+            4..=6 => project_counted::<6>(to, matrix, rows, active),
+            7..=8 => project_counted::<8>(to, matrix, rows, active),
+            _ => project_counted::<TOGETHER>(to, matrix, rows, active),
         }
         for m in 0..rows.count {
             between[m] = rows.times(&to[m][..]);
@@ -65,8 +65,9 @@ fn project_counted<const M: usize>(
     to: &mut [Column; TOGETHER],
     matrix: &Matrix,
     rows: &RowsView<'_>,
+    active: usize,
 ) {
-    for chunk in 0..WIDTH / LANES {
+    for chunk in 0..active.div_ceil(LANES) {
         let mut sums = [[0.0; LANES]; M];
         for (index, gains) in rows.shared.iter().zip(rows.gains) {
             let row = lanes(&matrix[usize::from(*index)], chunk);
@@ -112,17 +113,18 @@ kernel! {
         matrix: &mut Matrix,
         columns: &[Column; TOGETHER],
         weight: &[f64; TOGETHER],
-        count: usize
+        count: usize,
+        active: usize
     ) {
         // As many as the registers hold: each element is then loaded and stored once for all.
         match count {
-            0..=2 => reduce_counted::<0, 2>(matrix, columns, weight),
-            3..=4 => reduce_counted::<0, 4>(matrix, columns, weight),
+            0..=2 => reduce_counted::<0, 2>(matrix, columns, weight, active),
+            3..=4 => reduce_counted::<0, 4>(matrix, columns, weight, active),
+            5..=6 => reduce_counted::<0, 6>(matrix, columns, weight, active),
+            7..=8 => reduce_counted::<0, 8>(matrix, columns, weight, active),
             _ => {
-                reduce_counted::<0, 6>(matrix, columns, weight);
-                if count > 6 {
-                    reduce_counted::<6, TOGETHER>(matrix, columns, weight);
-                }
+                reduce_counted::<0, 6>(matrix, columns, weight, active);
+                reduce_counted::<6, TOGETHER>(matrix, columns, weight, active);
             }
         }
     }
@@ -133,13 +135,14 @@ fn reduce_counted<const FROM: usize, const TO: usize>(
     matrix: &mut Matrix,
     columns: &[Column; TOGETHER],
     weight: &[f64; TOGETHER],
+    active: usize,
 ) {
-    for i in 0..SIZE {
+    for i in 0..active {
         let mut gains = [0.0; TOGETHER];
         for m in FROM..TO {
             gains[m] = columns[m][i] * weight[m];
         }
-        for chunk in first(i) / LANES..WIDTH / LANES {
+        for chunk in first(i) / LANES..active.div_ceil(LANES) {
             let row = lanes_mut(&mut matrix[i], chunk);
             for m in FROM..TO {
                 let column = lanes(&columns[m], chunk);
@@ -153,81 +156,101 @@ fn reduce_counted<const FROM: usize, const TO: usize>(
 }
 
 kernel! {
-    /// F += dt F' of all forces, in the upper half. Rows of the rates must be whole among
-    /// themselves.
-    fn integrate(matrix: &mut Matrix, dt: f64) {
-        // Covariances of the forces with one another: with the rates' before and after these move.
-        let mut forces = [[0.0; FORCES]; FORCES];
-        for i in 0..FORCES {
-            for j in i..FORCES {
-                let rate = matrix[RATE + i][RATE + j];
-                let sum = matrix[FORCE + i][RATE + j] + matrix[FORCE + j][RATE + i];
-                forces[i][j] = dt * (sum + dt * rate);
-            }
-        }
-        for i in 0..FORCES {
-            let (upper, lower) = matrix.split_at_mut(RATE);
-            let (force, rate) = (&mut upper[FORCE + i], &lower[i]);
-            for j in RATE..WIDTH {
-                force[j] += dt * rate[j];
-            }
-            for j in i..FORCES {
-                force[FORCE + j] += forces[i][j];
-            }
-        }
-    }
-}
-
-kernel! {
-    /// x_i *= keep_i, in the upper half.
-    fn scale(matrix: &mut Matrix, keep: &Column) {
-        for (i, row) in matrix.iter_mut().enumerate() {
-            let begin = first(i);
-            let row = &mut row[begin..];
-            let keeps = &keep[begin..];
-            for j in 0..row.len() {
-                row[j] *= keep[i] * keeps[j];
-            }
-        }
-    }
-}
-
-kernel! {
-    /// Rates of the body += dt J (F, M), in the upper half. Rows of F and M must be whole.
-    fn turn(matrix: &mut Matrix, jacobian: &[[f64; BALANCED]; 3], dt: f64) {
-        let mut added = [Column::ZERO; 3];
-        for chunk in 0..WIDTH / LANES {
-            let mut sums = [[0.0; LANES]; 3];
-            for j in 0..BALANCED {
-                let row = lanes(&matrix[position(j)], chunk);
-                for axis in 0..3 {
-                    let gain = dt * jacobian[axis][j];
+    /// P ← F P F' in the upper half. Rows of the states that are mixed or handed on must be whole.
+    ///
+    /// With the mixed rows A of F P, the covariance of a mixed state with one that is only kept is A
+    /// times that state's factor; that of two mixed states is a sum over A once more.
+    fn propagate(matrix: &mut Matrix, transition: &Transition, active: usize) {
+        let chunks = active.div_ceil(LANES);
+        let rows = transition.rows();
+        let mut mixed = [Column::ZERO; MIXED];
+        for (to, row) in mixed.iter_mut().zip(rows) {
+            for chunk in 0..chunks {
+                let mut sum = [0.0; LANES];
+                for (state, gain) in row.terms() {
+                    let of_state = lanes(&matrix[state], chunk);
                     for k in 0..LANES {
-                        sums[axis][k] += gain * row[k];
+                        sum[k] += gain * of_state[k];
                     }
                 }
-            }
-            for axis in 0..3 {
-                *lanes_mut(&mut added[axis], chunk) = sums[axis];
+                *lanes_mut(to, chunk) = sum;
             }
         }
-        for a in 0..3 {
-            for b in a..3 {
-                let mut square = 0.0;
-                for j in 0..BALANCED {
-                    square += dt * jacobian[b][j] * added[a][position(j)];
+        let mut both = [[0.0; MIXED]; MIXED];
+        for (i, of_row) in mixed.iter().enumerate().take(rows.len()) {
+            for (j, row) in rows.iter().enumerate() {
+                if row.index >= rows[i].index {
+                    both[i][j] = row.terms().map(|(state, gain)| gain * of_row[state]).sum();
                 }
-                matrix[BODY_RATE + a][BODY_RATE + b] += added[a][BODY_RATE + b] + added[b][BODY_RATE + a] + square;
-            }
-            for j in BODY_RATE + 3..WIDTH {
-                matrix[BODY_RATE + a][j] += added[a][j];
             }
         }
-        for (i, row) in matrix[..BODY_RATE].iter_mut().enumerate() {
-            for axis in 0..3 {
-                row[BODY_RATE + axis] += added[axis][i];
+        let mut forces = [Column::ZERO; FORCES];
+        forces.copy_from_slice(&matrix[FORCE..FORCE + FORCES]);
+        // From the last to the first: a row's source is before it.
+        for k in 0..FORCES {
+            let (upper, lower) = matrix.split_at_mut(LAGGED);
+            let source = &upper[BEFORE + k];
+            lower[k][LAGGED..HUB_BIAS].copy_from_slice(&source[BEFORE..LAGGED]);
+            for j in HUB_BIAS..SIZE {
+                lower[k][j] = source[j] * transition.keep[j];
             }
-            lanes_stay_together();
         }
+        for (k, force) in forces.iter().enumerate() {
+            let row = &mut matrix[BEFORE + k];
+            row[BEFORE..LAGGED].copy_from_slice(&force[FORCE..FORCE + FORCES]);
+            row[LAGGED..HUB_BIAS].copy_from_slice(&force[BEFORE..LAGGED]);
+            for j in HUB_BIAS..SIZE {
+                row[j] = force[j] * transition.keep[j];
+            }
+        }
+        for i in HUB_BIAS..SIZE {
+            for j in HUB_BIAS..SIZE {
+                matrix[i][j] *= transition.keep[i] * transition.keep[j];
+            }
+        }
+        for (i, row) in matrix.iter_mut().enumerate().take(BEFORE) {
+            let keep = transition.keep[i];
+            hand_on(row, keep);
+            for (k, force) in forces.iter().enumerate() {
+                row[BEFORE + k] = keep * force[i];
+            }
+            for j in first(i)..BEFORE {
+                row[j] *= keep * transition.keep[j];
+            }
+            for j in HUB_BIAS..SIZE {
+                row[j] *= keep * transition.keep[j];
+            }
+            for (of_mixed, of) in mixed.iter().zip(rows) {
+                row[of.index] = keep * of_mixed[i];
+            }
+        }
+        for (i, of) in rows.iter().enumerate() {
+            let row = &mut matrix[of.index];
+            *row = mixed[i];
+            hand_on(row, 1.0);
+            for k in 0..FORCES {
+                row[BEFORE + k] = mixed[i][FORCE + k];
+            }
+            for j in first(of.index)..BEFORE {
+                row[j] *= transition.keep[j];
+            }
+            for j in HUB_BIAS..SIZE {
+                row[j] *= transition.keep[j];
+            }
+            for (j, other) in rows.iter().enumerate() {
+                if other.index >= of.index {
+                    row[other.index] = both[i][j];
+                }
+            }
+        }
+    }
+}
+
+/// Covariances with the forces of one step before become those with the forces of two steps before.
+#[inline(always)]
+fn hand_on(row: &mut Column, keep: f64) {
+    let (before, lagged) = row.split_at_mut(LAGGED);
+    for k in 0..FORCES {
+        lagged[k] = keep * before[BEFORE + k];
     }
 }

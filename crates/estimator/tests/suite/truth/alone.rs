@@ -15,6 +15,7 @@ pub fn model(result: &Estimated) -> Estimated {
     }
     Estimated {
         estimates,
+        lagged: Vec::new(),
         events: Vec::new(),
     }
 }
@@ -51,6 +52,7 @@ pub fn deflection(
     }
     Estimated {
         estimates,
+        lagged: Vec::new(),
         events: Vec::new(),
     }
 }
