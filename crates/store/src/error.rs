@@ -88,6 +88,17 @@ pub enum Error {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// The messages of a topic have another encoding than the project's.
+    #[error("the messages of {topic} are {encoding}{}, which is not decoded; {}",
+        schema_in_brackets(.schema), help_for(.encoding, .topic))]
+    Encoding {
+        /// Topic.
+        topic: String,
+        /// Name of the schema; may be empty.
+        schema: String,
+        /// Encoding of the messages.
+        encoding: String,
+    },
     /// Another process is writing the file.
     #[error("{} is being written by another process; stop it first", .0.display())]
     InUse(PathBuf),
@@ -245,6 +256,30 @@ impl Error {
             cause,
         }
     }
+}
+
+fn schema_in_brackets(schema: &str) -> String {
+    if schema.is_empty() {
+        String::new()
+    } else {
+        format!(" (schema {schema})")
+    }
+}
+
+/// What reads messages of an encoding.
+fn help_for(encoding: &str, topic: &str) -> String {
+    let package = match encoding {
+        "json" => {
+            return format!(
+                "`mcap cat --json --topics {topic} FILE` of the MCAP tools prints them, and the Python \
+                 package mcap reads them"
+            );
+        }
+        "ros1" => "mcap-ros1-support",
+        "cdr" => "mcap-ros2-support",
+        _ => "mcap",
+    };
+    format!("the Python package {package} reads them")
 }
 
 #[cfg(test)]

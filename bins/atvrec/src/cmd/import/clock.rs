@@ -168,7 +168,7 @@ impl<'m> TimeReader<'m> {
 }
 
 fn as_seconds(nanos: i128) -> f64 {
-    nanos as f64 * 1e-9
+    nanos as f64 / 1e9
 }
 
 /// What a text that is no time of `clock` could be.

@@ -118,14 +118,19 @@ impl File {
 
 fn warn_of_overflows(path: &Path, rows: &Rows, map: &CsvMap) {
     for (index, (place, column)) in map.format.columns.iter().enumerate() {
-        // Angles change by whole turns, and a wheel of a converter of 8 bits is rare there.
-        if let Some(found) = signals::overflow(&rows.column(index)) {
-            let unit = found.unit / column.factor;
+        let number = |value: f64| (value / column.factor - column.offset) / column.scale;
+        let numbers: Vec<Option<f64>> = rows
+            .column(index)
+            .into_iter()
+            .map(|v| v.map(number))
+            .collect();
+        if let Some(found) = signals::overflow(&numbers) {
             tracing::warn!(
-                "{}:{}: column {place} jumps by 256 of its units of {unit:.6} {}, {} times: it looks like a \
+                "{}:{}: column {place} jumps by 256 of its units of {} {}, {} times: it looks like a \
                  counter of 8 bits that overflowed; check how the file was made",
                 path.display(),
                 rows.line(found.row),
+                found.unit,
                 column.unit,
                 found.count
             );

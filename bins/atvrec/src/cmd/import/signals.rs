@@ -1,8 +1,6 @@
 //! Signals of a table that are not what they seem: values that are held to fill a faster grid, and
 //! counters of 8 bits that overflow.
 
-use std::collections::BTreeMap;
-
 /// Fewest changes of a signal from which held values are recognised.
 const CHANGES_MIN: usize = 20;
 /// Part of the intervals between changes that must be multiples of the shortest usual one.
@@ -74,7 +72,7 @@ pub struct Overflow {
     pub unit: f64,
 }
 
-/// The jumps of a signal that moves by few of its units otherwise.
+/// The jumps of a signal that moves by few of its units otherwise; `values` are numbers of the file.
 pub fn overflow(values: &[Option<f64>]) -> Option<Overflow> {
     let known: Vec<(usize, f64)> = values
         .iter()
@@ -106,19 +104,16 @@ pub fn overflow(values: &[Option<f64>]) -> Option<Overflow> {
     })
 }
 
-/// The step of which all steps are multiples, if there is one: a signal of a converter has it.
+/// The step of which all steps are multiples, to 1e-9: a signal of a converter has it.
 fn unit(steps: &[(usize, f64)]) -> Option<f64> {
-    let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
-    for (_, step) in steps {
-        *counts
-            .entry(((step.abs() * 1e9).round()) as u64)
-            .or_default() += 1;
-    }
-    let smallest = counts.keys().copied().find(|step| *step > 0)?;
-    let unit = smallest as f64 * 1e-9;
-    let fits = |step: f64| (step / unit - (step / unit).round()).abs() < 0.02;
-    let fitting = steps.iter().filter(|(_, step)| fits(step.abs())).count();
-    (fitting as f64 >= 0.99 * steps.len() as f64).then_some(unit)
+    let divisor = steps.iter().fold(0, |divisor: u64, (_, step)| {
+        let (mut a, mut b) = (divisor, (step.abs() * 1e9).round() as u64);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    });
+    (divisor > 0).then_some(divisor as f64 * 1e-9)
 }
 
 #[cfg(test)]
