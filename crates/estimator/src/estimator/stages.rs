@@ -352,7 +352,12 @@ impl Estimator {
                 solution: self.motion.solution(),
                 operations: self.motion.take_operations(),
                 navigated,
-                planar: self.planar.as_mut().and_then(Planar::take_trace),
+                planar: None,
+                completed: self
+                    .planar
+                    .as_mut()
+                    .map(Planar::take_traces)
+                    .unwrap_or_default(),
                 forces: self.fusion.as_mut().map(Fusion::take_trace),
             })));
         }

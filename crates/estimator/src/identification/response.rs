@@ -27,6 +27,13 @@ const LINES_MIN: usize = 6;
 /// Longest part of a window's length that is looked at, Hz.
 const FREQUENCY_MAX_HZ: f64 = 4.0;
 
+/// Time for which a step is held, s; and that of a step which is named if no step is held so long.
+const HELD_S: f64 = 2.0;
+const SHORTLY_HELD_S: f64 = 0.5;
+/// Least speed of a step, m/s, and greatest change of the speed, part of it.
+const SPEED_MIN_M_S: f64 = 3.0;
+const SPEED_CHANGE_MAX: f64 = 0.25;
+
 /// One step of the steer angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Step {
@@ -50,22 +57,18 @@ struct Step {
 /// # Errors
 /// Missing signals, or no step.
 pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
-    drive.require(STEP, &["yaw rate", "lateral acceleration", "steer angle"])?;
+    drive.require(
+        STEP,
+        &["speed", "yaw rate", "lateral acceleration", "steer angle"],
+    )?;
     let dt_s = drive.dt_s;
-    let steps = find_steps(&smooth(&drive.steer_rad, dt_s, 10.0), dt_s, step_min_rad);
+    let steer = smooth(&drive.steer_rad, dt_s, 10.0);
+    let turned = find_steps(&steer, dt_s, step_min_rad, HELD_S);
+    let count = turned.len();
+    let driven = |step: &Step| is_driven(&drive.speed_m_s, step, dt_s);
+    let steps: Vec<Step> = turned.into_iter().filter(driven).collect();
     if steps.is_empty() {
-        return Err(Refusal::NotExcited {
-            what: STEP.to_owned(),
-            quantity: "the number of steps of the steer angle that are held for 2 s".to_owned(),
-            found: 0.0,
-            needed: 1.0,
-            unit: "-".to_owned(),
-            help: format!(
-                "turn the steering wheel within half a second by {:.1} degrees at the road wheels or \
-                 more at constant speed and hold it (ISO 7401), such as the manoeuvre step-steer",
-                step_min_rad.to_degrees()
-            ),
-        });
+        return Err(no_steps(&steer, dt_s, step_min_rad, count));
     }
     let rows: Vec<usize> = steps.iter().flat_map(|step| [step.at, step.end]).collect();
     let mut found = Findings {
@@ -82,6 +85,20 @@ pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
             .iter()
             .filter_map(|step| one_step(&signal, step, dt_s))
             .collect();
+        if each.is_empty() {
+            return Err(Refusal::NotExcited {
+                what: STEP.to_owned(),
+                quantity: format!(
+                    "the number of steps (of {}) after which the {} settles",
+                    steps.len(),
+                    name.replace('_', " ")
+                ),
+                found: 0.0,
+                needed: 1.0,
+                unit: "-".to_owned(),
+                help: "hold steering wheel and speed until the vehicle turns evenly".to_owned(),
+            });
+        }
         let parts = [("response_time", "s"), ("overshoot", "-"), ("gain", unit)];
         for (j, (part, unit)) in parts.into_iter().enumerate() {
             let values: Vec<f64> = each.iter().map(|values| values[j]).collect();
@@ -117,10 +134,66 @@ pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
     Ok(found)
 }
 
-/// Steps: a change of at least `least` within 0.6 s, quiet before and for 2 s after.
-fn find_steps(steer: &[f64], dt_s: f64, least: f64) -> Vec<Step> {
+/// Whether the vehicle drives at an even speed from half a second before a step until it is held.
+fn is_driven(speed_m_s: &[f64], step: &Step, dt_s: f64) -> bool {
+    let before = (0.5 / dt_s).round() as usize;
+    let held = ((HELD_S + 0.5) / dt_s).round() as usize;
+    let end = (step.at + held).min(step.end);
+    let speeds = speed_m_s.get(step.at.saturating_sub(before)..end);
+    speeds.is_some_and(|speeds| {
+        let first = speeds.first().copied().unwrap_or(f64::NAN);
+        let is_even = |speed: &f64| (speed - first).abs() <= SPEED_CHANGE_MAX * first;
+        first >= SPEED_MIN_M_S && speeds.iter().all(is_even)
+    })
+}
+
+/// Why a drive has no step; `count` steps were turned at a low or changing speed.
+fn no_steps(steer: &[f64], dt_s: f64, least: f64, count: usize) -> Refusal {
+    let degrees = least.to_degrees();
+    let short = find_steps(steer, dt_s, least, SHORTLY_HELD_S).len();
+    let (quantity, found, help) = if count > 0 {
+        (
+            format!(
+                "the number of steps of the steer angle at an even speed of {SPEED_MIN_M_S} m/s or more \
+                 (of {count} steps)"
+            ),
+            0.0,
+            "the wheels were turned while the vehicle stood, or while its speed changed; drive at \
+             constant speed"
+                .to_owned(),
+        )
+    } else if short > 0 {
+        (
+            format!("the time for which the longest of {short} steps of the steer angle is held"),
+            SHORTLY_HELD_S,
+            format!("hold the steering wheel for {HELD_S} s after a step (ISO 7401)"),
+        )
+    } else {
+        (
+            format!("the number of steps of the steer angle by {degrees:.1} degrees or more"),
+            0.0,
+            format!(
+                "turn the steering wheel within half a second by {degrees:.1} degrees at the road wheels \
+                 or more at constant speed and hold it (ISO 7401), such as the manoeuvre step-steer; a \
+                 smaller step needs a smaller --step"
+            ),
+        )
+    };
+    let held = found > 0.0;
+    Refusal::NotExcited {
+        what: STEP.to_owned(),
+        quantity,
+        found,
+        needed: if held { HELD_S } else { 1.0 },
+        unit: if held { "s" } else { "-" }.to_owned(),
+        help,
+    }
+}
+
+/// Steps: a change of at least `least` within 0.6 s, quiet before and for `hold_s` after.
+fn find_steps(steer: &[f64], dt_s: f64, least: f64, hold_s: f64) -> Vec<Step> {
     let rows = |seconds: f64| (seconds / dt_s).round() as usize;
-    let (before, rise, hold) = (rows(0.5), rows(0.6), rows(2.0));
+    let (before, rise, hold) = (rows(0.5), rows(0.6), rows(hold_s));
     let quiet = |range: &[f64], size: f64| {
         let middle = mean(range.iter().copied());
         range

@@ -52,6 +52,9 @@ tuning! {
     PlanarInputTuning {
         /// A reading older than this is not held.
         held_max_s: f64 = 0.25, "s";
+        /// Longest time for which the filter waits for late values. Each step repeats the steps of this
+        /// time, 100 at most.
+        late_max_s: f64 = 1.0, "s";
         /// Speeds above this are ignored.
         speed_max_m_s: f64 = 150.0, "m/s";
         /// Steering-wheel angles above this are ignored.
@@ -62,6 +65,9 @@ tuning! {
         rate_max_rad_s: f64 = 20.0, "rad/s";
         /// Time constant of the difference quotient of the speed.
         acceleration_time_s: f64 = 0.15, "s";
+        /// Time constant of the difference quotient of the road-wheel angle, with which a late angle
+        /// continues.
+        steer_trend_s: f64 = 0.05, "s";
         /// Largest longitudinal acceleration that is used.
         acceleration_max_m_s2: f64 = 15.0, "m/s²";
         /// Change of speed that is accepted at once, and for each second since the last value: an
