@@ -5,6 +5,14 @@
 //! filter expects of it, is least (prediction-error method; Ljung, System Identification, 2nd
 //! edition, section 7.2). Large innovations count less (Huber). What a drive does not tell stays
 //! near the vehicle file, as if that were a measurement with [`PRIOR_SIGMA`].
+//!
+//! The delays of steer angle and lateral acceleration against the yaw rate are parameters too; a large
+//! one is refused. Standard deviations are those of the sum of the scores of correlated rows
+//! (`deviations.rs`), and no parameter leaves its physical range.
+
+mod delays;
+mod deviations;
+mod range;
 
 use model::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -45,16 +53,42 @@ pub const PRIOR_SIGMA: [f64; PARAMETERS] = [
 const LOGARITHMIC: [bool; PARAMETERS] = [
     true, true, true, true, false, false, true, false, false, false, false, true, true,
 ];
+/// Number of parameters that are searched for: those of [`NAMES`], then the delays of steer angle and
+/// lateral acceleration against the yaw rate, s.
+const SEARCHED: usize = PARAMETERS + 2;
+/// Position of the delays.
+const DELAY: usize = PARAMETERS;
+/// Standard deviation of a delay before the drive, s.
+const DELAY_SIGMA_S: f64 = 0.02;
+/// Largest delay that is corrected, s.
+const DELAY_MAX_S: f64 = 0.08;
+/// Parameters that are searched for, as they are searched for.
+type Theta = [f64; SEARCHED];
+
+/// Standard deviation of a parameter before the drive.
+const fn prior_sigma(index: usize) -> f64 {
+    if index < PARAMETERS {
+        PRIOR_SIGMA[index]
+    } else {
+        DELAY_SIGMA_S
+    }
+}
+
+/// Difference of a parameter from the vehicle file that is reported, in its standard deviations before the
+/// drive.
+const CONTRADICTION: f64 = 3.0;
+
 /// Friction over the greatest lateral acceleration of the drive over gravity, at least: nobody stays
 /// at the limit for long.
 const FRICTION_OVER_PEAK: f64 = 1.1;
 
 /// What is looked for, in messages.
 const WHAT: &str = "handling";
-/// Interval of the rows, s.
-const ROW_S: f64 = 0.01;
-/// Rows that make a minute of driving, the least that is looked at.
-const ROWS_MIN: usize = 6000;
+/// Least time of driving that is looked at, s.
+const DRIVEN_MIN_S: f64 = 60.0;
+/// Longest interval between rows that counts as driven, s: rows of slower sensors are further apart than
+/// those of the filter.
+const INTERVAL_MAX_S: f64 = 0.25;
 /// Peak lateral acceleration below which a drive tells nothing of tyres, m/s^2.
 const PEAK_MIN_M_S2: f64 = 2.0;
 /// Innovation, standard deviations, beyond which the cost grows linearly.
@@ -86,9 +120,6 @@ const SPIN_PART: f64 = 0.5;
 const SPIN_MIN_M_S: f64 = 1.0;
 /// Rows that are left out before and behind those.
 const SPIN_AROUND_ROWS: usize = 100;
-/// Lags of the innovations' autocorrelation that widen the deviations.
-const LAGS: usize = 50;
-
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
@@ -109,10 +140,17 @@ pub struct Identified {
     pub innovation_rms: [f64; 2],
     /// Noise of both, from their second differences.
     pub noise: PlanarNoise,
-    /// Rows above 3 m/s.
-    pub rows: usize,
-    /// Rows that were left out because the vehicle spun.
-    pub spun_rows: usize,
+    /// Delays of steer angle and lateral acceleration against the yaw rate, s; corrected.
+    pub delay_s: [f64; 2],
+    /// Their standard deviations, s.
+    pub delay_sigma_s: [f64; 2],
+    /// Time above 3 m/s with yaw rate and lateral acceleration, s.
+    pub used_s: f64,
+    /// Time that was left out because the vehicle spun, s.
+    pub spun_s: f64,
+    /// Parameters that differ from the vehicle file by more than it can be wrong, or are at an end of
+    /// their range, and other remarks.
+    pub notes: Vec<String>,
     /// Greatest lateral acceleration, a tenth of a second's mean, m/s^2.
     pub peak_m_s2: f64,
 }
@@ -143,18 +181,18 @@ pub fn identify(
     imu_ahead_m: f64,
 ) -> Result<Identified, Refusal> {
     signs_agree(inputs)?;
-    let all = inputs.len();
-    let inputs = &without_spins(inputs);
-    let spun_rows = all - inputs.len();
+    let all_s = driven_s(inputs.iter());
+    let inputs = &without_spins(&delays::between_values(inputs));
+    let spun_s = (all_s - driven_s(inputs.iter())).max(0.0);
     let fast = inputs.iter().filter(|row| {
         row.speed_m_s > SPEED_MIN_M_S && row.yaw_rate_rad_s.is_some() && row.lateral_m_s2.is_some()
     });
-    let rows = fast.count();
-    if rows < ROWS_MIN {
+    let used_s = driven_s(fast);
+    if used_s < DRIVEN_MIN_S {
         return Err(Refusal::TooShort {
             what: WHAT.to_owned(),
-            found_s: ROW_S * rows as f64,
-            needed_s: ROW_S * ROWS_MIN as f64,
+            found_s: used_s,
+            needed_s: DRIVEN_MIN_S,
             help: "rows need speed above 3 m/s, steer, yaw rate and lateral acceleration; give a \
                    longer drive, or look at the column map"
                 .to_owned(),
@@ -178,15 +216,16 @@ pub fn identify(
         noise: noise(inputs),
         prior: to_theta(&before_the_drive(vehicle, peak_m_s2)),
     };
-    let mut theta = problem.best_start();
-    let mut fit = None;
-    for (doubt, iterations) in ROUNDS {
-        let doubt = doubt(&PlanarTuning::default());
-        let held = problem.run(&theta, doubt).deviations;
-        let (found, information) = problem.descend(theta, &held, doubt, iterations);
-        theta = found;
-        fit = Some((held, information));
+    let mut theta = problem.best_start()?;
+    let mut held = Vec::new();
+    let mut doubt = PlanarDoubt::file(&PlanarTuning::default());
+    for (of, iterations) in ROUNDS {
+        doubt = of(&PlanarTuning::default());
+        held = problem.run(&theta, doubt).deviations;
+        theta = problem.descend(theta, &held, doubt, iterations);
     }
+    let delay_s = [theta[DELAY], theta[DELAY + 1]];
+    delays::refuse_large(delay_s)?;
     let handling = from_theta(&theta);
     if let Some((name, value)) = handling.implausible() {
         return Err(Refusal::Value {
@@ -198,25 +237,66 @@ pub fn identify(
                 .to_owned(),
         });
     }
-    let run = problem.run(&theta, PlanarDoubt::identified(&PlanarTuning::default()));
-    let (sigma, told) = match fit {
-        Some((held, information)) => deviations(&theta, &information, inflation(&run, &held)),
-        None => ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]),
-    };
+    let run = problem.run(&theta, doubt);
+    let (residual, slopes) = problem.slopes(&theta, &held, doubt);
+    let found = deviations::of(&theta, &residual, &slopes, problem.inputs);
     let [steer, gyro, accel] = run.offsets;
     Ok(Identified {
         handling,
-        sigma,
-        told,
+        sigma: std::array::from_fn(|j| found.sigma[j]),
+        told: std::array::from_fn(|j| found.told[j]),
         steer_offset_rad: -steer / handling.steer_gain,
         yaw_rate_offset_rad_s: gyro,
         lateral_offset_m_s2: accel,
         innovation_rms: [0, 1].map(|i| rms(run.residuals.iter().skip(i).step_by(2))),
         noise: problem.noise,
-        rows,
-        spun_rows,
+        delay_s,
+        delay_sigma_s: [found.sigma[DELAY], found.sigma[DELAY + 1]],
+        used_s,
+        spun_s,
+        notes: notes(&theta, &problem.prior),
         peak_m_s2,
     })
+}
+
+/// Time that rows cover, s.
+fn driven_s<'r>(rows: impl Iterator<Item = &'r PlanarInput>) -> f64 {
+    let mut before_s: Option<f64> = None;
+    let mut driven_s = 0.0;
+    for row in rows {
+        let step_s = before_s.map_or(0.0, |before_s| row.time_s - before_s);
+        if (0.0..=INTERVAL_MAX_S).contains(&step_s) {
+            driven_s += step_s;
+        }
+        before_s = Some(row.time_s);
+    }
+    driven_s
+}
+
+/// Parameters that contradict the vehicle file, and those at an end of their range.
+fn notes(theta: &Theta, prior: &Theta) -> Vec<String> {
+    let (found, file) = (values(&from_theta(theta)), values(&from_theta(prior)));
+    let mut notes = Vec::new();
+    for (j, name) in NAMES.into_iter().enumerate() {
+        let apart = (theta[j] - prior[j]) / PRIOR_SIGMA[j];
+        if apart.abs() > CONTRADICTION {
+            notes.push(format!(
+                "{name}: the drive gives {:.4}, the vehicle file {:.4}, which is {:.1} standard \
+                 deviations of the file away; correct the vehicle file, or check the units and mass",
+                found[j],
+                file[j],
+                apart.abs()
+            ));
+        }
+        if range::is_at_end(j, theta[j]) {
+            notes.push(format!(
+                "{name}: {:.4} is an end of its physical range, so that its sigma is no measure of \
+                 its error; the drive does not tell it",
+                found[j]
+            ));
+        }
+    }
+    notes
 }
 
 /// Steer, speed times yaw rate and lateral acceleration go together: one that goes against both
@@ -309,10 +389,12 @@ pub fn values(h: &Handling) -> [f64; PARAMETERS] {
     ]
 }
 
-fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
+fn to_theta(h: &Handling) -> Theta {
     let values = values(h);
     std::array::from_fn(|j| {
-        if LOGARITHMIC[j] {
+        if j >= PARAMETERS {
+            0.0
+        } else if LOGARITHMIC[j] {
             math::ln(values[j])
         } else {
             values[j]
@@ -320,7 +402,7 @@ fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
     })
 }
 
-fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
+fn from_theta(theta: &Theta) -> Handling {
     let at = |j: usize| {
         if LOGARITHMIC[j] {
             math::exp(theta[j])
@@ -352,7 +434,7 @@ struct Problem<'d> {
     vehicle: &'d Vehicle,
     imu_ahead_m: f64,
     noise: PlanarNoise,
-    prior: [f64; PARAMETERS],
+    prior: Theta,
 }
 
 /// What the filter makes of the drive.
@@ -365,7 +447,7 @@ struct Run {
 }
 
 impl Problem<'_> {
-    fn run(&self, theta: &[f64; PARAMETERS], doubt: PlanarDoubt) -> Run {
+    fn run(&self, theta: &Theta, doubt: PlanarDoubt) -> Run {
         let model = PlanarModel::new(
             self.vehicle,
             from_theta(theta),
@@ -379,7 +461,8 @@ impl Problem<'_> {
             offsets: [0.0; 3],
         };
         let mut before_s = f64::NEG_INFINITY;
-        for input in self.inputs {
+        let inputs = delays::shifted(self.inputs, [theta[DELAY], theta[DELAY + 1]]);
+        for input in inputs.iter() {
             let dt_s = input.time_s - before_s;
             before_s = input.time_s;
             let state = filter.step(dt_s, input);
@@ -396,82 +479,94 @@ impl Problem<'_> {
     }
 
     /// Residuals of the fit: innovations over held deviations, and the distance from the prior.
-    fn residuals(
-        &self,
-        theta: &[f64; PARAMETERS],
-        held: &[f64],
-        doubt: PlanarDoubt,
-    ) -> DVector<f64> {
+    fn residuals(&self, theta: &Theta, held: &[f64], doubt: PlanarDoubt) -> DVector<f64> {
         let run = self.run(theta, doubt);
         let data = run.residuals.iter().zip(held).map(|(r, s)| tame(r / s));
-        let prior = (0..PARAMETERS)
-            .map(|j| PRIOR_ROWS.sqrt() * (theta[j] - self.prior[j]) / PRIOR_SIGMA[j]);
+        let prior =
+            (0..SEARCHED).map(|j| PRIOR_ROWS.sqrt() * (theta[j] - self.prior[j]) / prior_sigma(j));
         DVector::from_vec(data.chain(prior).collect())
     }
 
-    /// The best of a few stiffnesses: from far away the fit can end in a spin.
-    fn best_start(&self) -> [f64; PARAMETERS] {
+    /// The best of a few delays and stiffnesses: from far away the fit can end in a spin.
+    fn best_start(&self) -> Result<Theta, Refusal> {
         let (doubt, _) = ROUNDS[0];
         let doubt = doubt(&PlanarTuning::default());
         let held = self.run(&self.prior, doubt).deviations;
+        let cost = |theta: &Theta| self.residuals(theta, &held, doubt).norm_squared();
         let mut best = (f64::INFINITY, self.prior);
         for front in STARTS {
             for rear in STARTS {
                 let mut theta = self.prior;
                 theta[0] += math::ln(front);
                 theta[1] += math::ln(rear);
-                let cost = self.residuals(&theta, &held, doubt).norm_squared();
+                let cost = cost(&theta);
                 if cost < best.0 {
                     best = (cost, theta);
                 }
             }
         }
-        best.1
+        delays::coarse(best.1, |theta| {
+            let run = self.run(theta, doubt);
+            run.residuals
+                .iter()
+                .zip(&held)
+                .map(|(r, s)| tame(r / s).powi(2))
+                .sum()
+        })
     }
 
-    /// Levenberg's and Marquardt's descent, with the information matrix at its end. Derivatives are
-    /// forward differences: each costs a drive.
+    /// Residuals and their derivatives. Derivatives are forward differences: each costs a drive.
+    fn slopes(
+        &self,
+        theta: &Theta,
+        held: &[f64],
+        doubt: PlanarDoubt,
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let residual = self.residuals(theta, held, doubt);
+        let mut slopes = DMatrix::zeros(residual.len(), SEARCHED);
+        for j in 0..SEARCHED {
+            let step = 1e-4 * prior_sigma(j);
+            let mut moved = *theta;
+            moved[j] += step;
+            let column = (self.residuals(&moved, held, doubt) - &residual) / step;
+            slopes.set_column(j, &column);
+        }
+        (residual, slopes)
+    }
+
+    /// Levenberg's and Marquardt's descent within the physical range.
     fn descend(
         &self,
-        mut theta: [f64; PARAMETERS],
+        mut theta: Theta,
         held: &[f64],
         doubt: PlanarDoubt,
         iterations: usize,
-    ) -> ([f64; PARAMETERS], DMatrix<f64>) {
-        let mut residual = self.residuals(&theta, held, doubt);
-        let mut cost = residual.norm_squared();
+    ) -> Theta {
         let mut damping = 1e-3;
-        let mut information = DMatrix::zeros(PARAMETERS, PARAMETERS);
         for _ in 0..iterations {
-            let mut slopes = DMatrix::zeros(residual.len(), PARAMETERS);
-            for j in 0..PARAMETERS {
-                let step = 1e-4 * PRIOR_SIGMA[j];
-                let mut moved = theta;
-                moved[j] += step;
-                let column = (self.residuals(&moved, held, doubt) - &residual) / step;
-                slopes.set_column(j, &column);
-            }
-            information = slopes.transpose() * &slopes;
+            let (residual, slopes) = self.slopes(&theta, held, doubt);
+            let mut cost = residual.norm_squared();
+            let information = slopes.transpose() * &slopes;
             let pull = slopes.transpose() * &residual;
             let before = cost;
             while damping < 1e6 {
                 let mut damped = information.clone();
-                for j in 0..PARAMETERS {
+                for j in 0..SEARCHED {
                     damped[(j, j)] *= 1.0 + damping;
                 }
                 let Some(step) = damped.cholesky().map(|c| c.solve(&pull)) else {
                     damping *= 10.0;
                     continue;
                 };
-                let longest = (0..PARAMETERS)
-                    .map(|j| (step[j] / PRIOR_SIGMA[j]).abs())
+                let longest = (0..SEARCHED)
+                    .map(|j| (step[j] / prior_sigma(j)).abs())
                     .fold(STEP_MAX, f64::max);
-                let next: [f64; PARAMETERS] =
-                    std::array::from_fn(|j| theta[j] - step[j] * STEP_MAX / longest);
-                let next_residual = self.residuals(&next, held, doubt);
-                let next_cost = next_residual.norm_squared();
+                let next: Theta = std::array::from_fn(|j| {
+                    range::clamp(j, theta[j] - step[j] * STEP_MAX / longest)
+                });
+                let next_cost = self.residuals(&next, held, doubt).norm_squared();
                 if next_cost < cost {
-                    (theta, residual, cost) = (next, next_residual, next_cost);
+                    (theta, cost) = (next, next_cost);
                     damping = (damping * 0.2).max(1e-9);
                     break;
                 }
@@ -481,7 +576,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        (theta, information)
+        theta
     }
 }
 
@@ -493,54 +588,6 @@ fn tame(x: f64) -> f64 {
     } else {
         x.signum() * (2.0 * HUBER * size - HUBER * HUBER).sqrt()
     }
-}
-
-/// How much wider the deviations are than white innovations would make them: the sum of the
-/// lateral acceleration's autocorrelations.
-fn inflation(run: &Run, held: &[f64]) -> f64 {
-    let series: Vec<f64> = run
-        .residuals
-        .iter()
-        .zip(held)
-        .skip(1)
-        .step_by(2)
-        .map(|(r, s)| tame(r / s))
-        .collect();
-    let energy: f64 = series.iter().map(|x| x * x).sum();
-    if energy <= 0.0 {
-        return 1.0;
-    }
-    let mut sum = 1.0;
-    for lag in 1..=LAGS.min(series.len() - 1) {
-        let product: f64 = series.iter().zip(&series[lag..]).map(|(a, b)| a * b).sum();
-        let weight = 1.0 - lag as f64 / (LAGS + 1) as f64;
-        sum += 2.0 * weight * product / energy;
-    }
-    (sum.max(1.0) * energy / series.len() as f64).max(1.0)
-}
-
-fn deviations(
-    theta: &[f64; PARAMETERS],
-    information: &DMatrix<f64>,
-    inflation: f64,
-) -> ([f64; PARAMETERS], [f64; PARAMETERS]) {
-    let Some(covariance) = information.clone().try_inverse() else {
-        return ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]);
-    };
-    let of_search = |j: usize| (covariance[(j, j)].max(0.0) * inflation).sqrt();
-    let sigma = std::array::from_fn(|j| {
-        let value = if LOGARITHMIC[j] {
-            math::exp(theta[j])
-        } else {
-            1.0
-        };
-        value * of_search(j)
-    });
-    let told = std::array::from_fn(|j| {
-        let alone = PRIOR_SIGMA[j] * PRIOR_SIGMA[j] / PRIOR_ROWS;
-        (1.0 - covariance[(j, j)].max(0.0) / alone).clamp(0.0, 1.0)
-    });
-    (sigma, told)
 }
 
 /// Noise of yaw rate and lateral acceleration: of white noise, second differences have six times
