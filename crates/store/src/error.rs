@@ -89,8 +89,8 @@ pub enum Error {
         what: &'static str,
     },
     /// The messages of a topic have another encoding than the project's.
-    #[error("the messages of {topic} are {encoding}{}, which is not decoded; {}",
-        schema_in_brackets(.schema), help_for(.encoding, .topic))]
+    #[error("the messages of {topic} are {}{}, which is not decoded; {}",
+        shown(.encoding), schema_in_brackets(.schema), help_for(.encoding, .topic))]
     Encoding {
         /// Topic.
         topic: String,
@@ -255,6 +255,14 @@ impl Error {
             path,
             cause,
         }
+    }
+}
+
+/// Name of an encoding for people.
+fn shown(encoding: &str) -> String {
+    match encoding {
+        "json" | "cbor" | "cdr" => encoding.to_uppercase(),
+        other => other.to_owned(),
     }
 }
 

@@ -324,4 +324,63 @@ mod tests {
         let standing = "0,0\n".repeat(12);
         assert_eq!(speeds(format, &format!("t,v\n{standing}")), [0.0; 3]);
     }
+
+    /// Measurements that an importer finds line by line.
+    fn by_reader(format: &Format, text: &str) -> usize {
+        let mut reader = Reader::new(format.clone(), Vec::new());
+        let mut held = Held::default();
+        let mut count = 0;
+        for line in text
+            .split_inclusive('\n')
+            .filter(|line| line.ends_with('\n'))
+        {
+            if let Ok(Line::Row(mut values)) = reader.take(line) {
+                held.leave_out(format, &mut values);
+                let columns = format.columns.iter().map(|(_, column)| column);
+                let present = columns.zip(values).filter_map(|(c, v)| Some((c, v?)));
+                count += crate::column::measurements(&present.collect::<Vec<_>>()).len();
+            }
+        }
+        count
+    }
+
+    #[test]
+    fn decoder_and_reader_agree_on_any_text() {
+        const LETTERS: &[u8] = b"\n\n,,01 .-#ab\"x";
+        let mut state = 1_u64;
+        let mut next = |count: usize| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as usize % count
+        };
+        let mut rows = 0;
+        for _ in 0..20_000 {
+            let mut format = format(&[("a", "steer", "rad"), ("b", "rate.z", "rad/s")]);
+            format.skip_lines = next(3);
+            format.units_row = next(4) == 0;
+            format.columns[0].1.held_rows = 1 + next(3) as u32;
+            if next(2) == 0 {
+                format.header = false;
+                format.columns[0].0 = Place::Number(1);
+                format.columns[1].0 = Place::Number(2);
+            }
+            let mut text: String = (0..next(60))
+                .map(|_| char::from(LETTERS[next(LETTERS.len())]))
+                .collect();
+            if next(2) == 0 {
+                let headers = ["a,b\n", "# a,b\n", "b,x,a\n"];
+                text.insert_str(0, headers[next(headers.len())]);
+            }
+            let expected = by_reader(&format, &text);
+            let cut = 1 + next(20);
+            assert_eq!(
+                decode(format, text.as_bytes(), cut).0.len(),
+                expected,
+                "{text:?}"
+            );
+            rows += expected;
+        }
+        assert!(rows > 1000, "{rows}");
+    }
 }

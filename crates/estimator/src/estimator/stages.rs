@@ -2,7 +2,7 @@
 
 use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
 
-use super::events::{channel_event, frozen_event};
+use super::events::{channel_event, frozen_event, vehicle_event};
 use super::{Estimator, Output};
 use crate::Input;
 use crate::feedback::EstimatorFeedback;
@@ -111,6 +111,9 @@ impl Estimator {
         let planar = self.planar.as_mut()?;
         let motion = planar.step(time, GRID_S);
         self.divergences[2].step(time, planar.resets(), false, out);
+        if let Some((contradicts, square)) = planar.contradiction() {
+            out(Output::Event(vehicle_event(time, contradicts, square)));
+        }
         let motion = motion.filter(|_| !navigated);
         if let Some(motion) = &motion {
             motion.apply_to(state);

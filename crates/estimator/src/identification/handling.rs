@@ -59,7 +59,7 @@ const SEARCHED: usize = PARAMETERS + 2;
 /// Position of the delays.
 const DELAY: usize = PARAMETERS;
 /// Standard deviation of a delay before the drive, s.
-const DELAY_SIGMA_S: f64 = 0.02;
+const DELAY_SIGMA_S: f64 = 0.1;
 /// Largest delay that is corrected, s.
 const DELAY_MAX_S: f64 = 0.08;
 /// Parameters that are searched for, as they are searched for.

@@ -31,6 +31,37 @@ pub struct Planar {
     pending: VecDeque<LogTime>,
     traces: Vec<(LogTime, PlanarTrace)>,
     traced: bool,
+    contradiction: Contradiction,
+}
+
+/// Whether innovations show that the vehicle file is not that of the driven vehicle.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Contradiction {
+    /// Mean square of the normalised innovations of lateral acceleration, and the time over which it
+    /// was taken, s.
+    square: f64,
+    driven_s: f64,
+    found: bool,
+    reported: bool,
+}
+
+impl Contradiction {
+    pub(super) fn push(&mut self, square: f64, step_s: f64, tuning: &PlanarTuning) {
+        let time_s = tuning.contradiction_time_s;
+        self.driven_s = (self.driven_s + step_s).min(time_s);
+        // The mean of all before the time is over.
+        self.square += (step_s / self.driven_s).min(1.0) * (square - self.square);
+        let [from, to] = tuning.contradiction;
+        if self.driven_s >= time_s {
+            self.found = self.square > if self.found { to } else { from };
+        }
+    }
+
+    pub(super) fn take_change(&mut self) -> Option<(bool, f64)> {
+        let changed = self.found != self.reported;
+        self.reported = self.found;
+        changed.then_some((self.found, self.square))
+    }
 }
 
 /// Result of the filter at one instant with its input.
@@ -108,6 +139,7 @@ impl Planar {
             pending: VecDeque::with_capacity(PENDING_MAX),
             traces: Vec::new(),
             traced: false,
+            contradiction: Contradiction::default(),
         })
     }
 
@@ -162,7 +194,7 @@ impl Planar {
         while let Some(instant) = self.pending.pop_front_if(|instant| *instant <= complete) {
             let input = self.readings.take(instant, until(instant, time));
             motion = self.advance(instant, step_s, input);
-            self.count(motion.as_ref());
+            self.count(motion.as_ref(), step_s);
             self.trace(instant, input);
         }
         if self.pending.is_empty() {
@@ -211,13 +243,24 @@ impl Planar {
         })
     }
 
-    fn count(&mut self, motion: Option<&PlanarMotion>) {
+    /// The change of the contradiction between vehicle file and drive since the last call, with the
+    /// mean square of the normalised innovations.
+    pub fn contradiction(&mut self) -> Option<(bool, f64)> {
+        self.contradiction.take_change()
+    }
+
+    fn count(&mut self, motion: Option<&PlanarMotion>, step_s: f64) {
         let kinds = [InnovationKind::Gyro, InnovationKind::Accelerometer];
         let innovations = motion.map(|motion| motion.state.innovations);
         for (kind, innovation) in kinds.into_iter().zip(innovations.into_iter().flatten()) {
             if innovation.value.is_finite() {
                 let normalised = innovation.value / innovation.sigma;
-                self.innovations.used(kind, normalised * normalised);
+                let square = normalised * normalised;
+                self.innovations.used(kind, square);
+                if kind == InnovationKind::Accelerometer {
+                    let tuning = &self.filter.model.tuning;
+                    self.contradiction.push(square, step_s, tuning);
+                }
             }
         }
     }

@@ -375,3 +375,17 @@ fn a_latency_shifts_a_signal_back() {
         assert!(apart < 1e-6, "{apart} at {time}");
     }
 }
+
+#[test]
+fn a_vehicle_file_that_contradicts_the_drive_is_reported_once() {
+    let tuning = PlanarTuning::default();
+    let mut state = live::Contradiction::default();
+    let mut changes = Vec::new();
+    for (square, seconds) in [(1.0, 20), (38.0, 30), (1.0, 60)] {
+        for _ in 0..seconds * 100 {
+            state.push(square, 0.01, &tuning);
+            changes.extend(state.take_change().map(|(found, _)| found));
+        }
+    }
+    assert_eq!(changes, [true, false]);
+}

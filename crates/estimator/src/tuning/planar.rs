@@ -24,6 +24,11 @@ tuning! {
         measured_sigma_min: [f64; 2] = [0.002, 0.1], "rad/s, m/s²";
         /// Innovation from which a measurement gets a larger variance (Huber).
         huber_sigma: f64 = 3.0, "σ";
+        /// Mean square of the normalised innovations of lateral acceleration from which the vehicle file
+        /// contradicts the drive, and below which it does not any more.
+        contradiction: [f64; 2] = [9.0, 4.0], "1";
+        /// Time over which it is averaged.
+        contradiction_time_s: f64 = 10.0, "s";
         /// A longer step is a gap after which the motion is unknown.
         gap_s: f64 = 0.5, "s";
         /// Standard deviation of lateral velocity at walking pace.

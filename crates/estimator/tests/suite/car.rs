@@ -3,6 +3,7 @@
 //! drive, and its second half is judged.
 
 mod cars;
+mod halves;
 mod road;
 mod spin;
 mod surrogate;
