@@ -63,12 +63,7 @@ fn foreign(omitted: Omissions, encoding: &str, messages: u64) -> Vec<u8> {
         };
         let schema = writer_schema(&mut writer, &schema);
         let id = writer
-            .add_channel(
-                schema,
-                topic,
-                &channel.message_encoding,
-                &channel.metadata,
-            )
+            .add_channel(schema, topic, &channel.message_encoding, &channel.metadata)
             .expect("a channel");
         for at in 0..count {
             let header = MessageHeader {
