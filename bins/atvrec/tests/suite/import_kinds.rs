@@ -131,6 +131,10 @@ fn a_last_row_that_was_cut_is_left_out() {
             "{last}"
         );
     }
+    let found = import(here, "csv", SIGNAL, b"t,v\n0,121.5\n1,122.5\n2\n\n", &[]);
+    assert_eq!(found.code, Some(0), "{}", found.text);
+    let left_out = "it is the last row, and is left out";
+    assert!(found.text.contains(left_out), "{}", found.text);
     let found = import(here, "csv", SIGNAL, b"t,v\n0,121.5\n1\n2,123.5\n", &[]);
     assert_eq!(found.code, Some(2), "{}", found.text);
     assert!(

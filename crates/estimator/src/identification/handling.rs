@@ -60,6 +60,9 @@ const SEARCHED: usize = PARAMETERS + 2;
 const DELAY: usize = PARAMETERS;
 /// Standard deviation of a delay before the drive, s.
 const DELAY_SIGMA_S: f64 = 0.1;
+/// Delay up to which none is assumed, s: roll and compliance delay the lateral acceleration too, and the
+/// relaxation length contains that.
+const DELAY_NONE_S: f64 = 0.015;
 /// Largest delay that is corrected, s.
 const DELAY_MAX_S: f64 = 0.08;
 /// Parameters that are searched for, as they are searched for.
@@ -140,8 +143,10 @@ pub struct Identified {
     pub innovation_rms: [f64; 2],
     /// Noise of both, from their second differences.
     pub noise: PlanarNoise,
-    /// Delays of steer angle and lateral acceleration against the yaw rate, s; corrected.
+    /// Delays of steer angle and lateral acceleration against the yaw rate, s.
     pub delay_s: [f64; 2],
+    /// Whether the delay was corrected; a small one is not.
+    pub corrected: [bool; 2],
     /// Their standard deviations, s.
     pub delay_sigma_s: [f64; 2],
     /// Time above 3 m/s with yaw rate and lateral acceleration, s.
@@ -209,23 +214,37 @@ pub fn identify(
             help: "drive tighter or faster bends".to_owned(),
         });
     }
-    let problem = Problem {
+    let mut problem = Problem {
         inputs,
+        no_delay: [false; 2],
         vehicle,
         imu_ahead_m,
         noise: noise(inputs),
         prior: to_theta(&before_the_drive(vehicle, peak_m_s2)),
     };
     let mut theta = problem.best_start()?;
-    let mut held = Vec::new();
-    let mut doubt = PlanarDoubt::file(&PlanarTuning::default());
     for (of, iterations) in ROUNDS {
-        doubt = of(&PlanarTuning::default());
-        held = problem.run(&theta, doubt).deviations;
+        let doubt = of(&PlanarTuning::default());
+        let held = problem.run(&theta, doubt).deviations;
         theta = problem.descend(theta, &held, doubt, iterations);
     }
     let delay_s = [theta[DELAY], theta[DELAY + 1]];
     delays::refuse_large(delay_s)?;
+    let (of, iterations) = ROUNDS[ROUNDS.len() - 1];
+    let doubt = of(&PlanarTuning::default());
+    let held = problem.run(&theta, doubt).deviations;
+    let (residual, slopes) = problem.slopes(&theta, &held, doubt);
+    let delay_sigma_s = {
+        let found = deviations::of(&theta, &residual, &slopes, problem.inputs);
+        [found.sigma[DELAY], found.sigma[DELAY + 1]]
+    };
+    problem.no_delay = delay_s.map(|delay_s| delay_s.abs() <= DELAY_NONE_S);
+    for (which, none) in problem.no_delay.into_iter().enumerate() {
+        if none {
+            theta[DELAY + which] = 0.0;
+        }
+    }
+    theta = problem.descend(theta, &held, doubt, iterations);
     let handling = from_theta(&theta);
     if let Some((name, value)) = handling.implausible() {
         return Err(Refusal::Value {
@@ -251,7 +270,8 @@ pub fn identify(
         innovation_rms: [0, 1].map(|i| rms(run.residuals.iter().skip(i).step_by(2))),
         noise: problem.noise,
         delay_s,
-        delay_sigma_s: [found.sigma[DELAY], found.sigma[DELAY + 1]],
+        delay_sigma_s,
+        corrected: problem.no_delay.map(|none| !none),
         used_s,
         spun_s,
         notes: notes(&theta, &problem.prior),
@@ -435,6 +455,8 @@ struct Problem<'d> {
     imu_ahead_m: f64,
     noise: PlanarNoise,
     prior: Theta,
+    /// Whether steer angle and lateral acceleration have no delay.
+    no_delay: [bool; 2],
 }
 
 /// What the filter makes of the drive.
@@ -525,6 +547,11 @@ impl Problem<'_> {
         let residual = self.residuals(theta, held, doubt);
         let mut slopes = DMatrix::zeros(residual.len(), SEARCHED);
         for j in 0..SEARCHED {
+            if j >= DELAY && self.no_delay[j - DELAY] {
+                let row = residual.len() - SEARCHED + j;
+                slopes[(row, j)] = PRIOR_ROWS.sqrt() / prior_sigma(j);
+                continue;
+            }
             let step = 1e-4 * prior_sigma(j);
             let mut moved = *theta;
             moved[j] += step;

@@ -57,10 +57,7 @@ struct Step {
 /// # Errors
 /// Missing signals, or no step.
 pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
-    drive.require(
-        STEP,
-        &["speed", "yaw rate", "lateral acceleration", "steer angle"],
-    )?;
+    drive.require(STEP, &["yaw rate", "lateral acceleration", "steer angle"])?;
     let dt_s = drive.dt_s;
     let steer = smooth(&drive.steer_rad, dt_s, 10.0);
     let turned = find_steps(&steer, dt_s, step_min_rad, HELD_S);
@@ -134,8 +131,12 @@ pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
     Ok(found)
 }
 
-/// Whether the vehicle drives at an even speed from half a second before a step until it is held.
+/// Whether the vehicle drives at an even speed from half a second before a step until it is held, if the
+/// speed was recorded.
 fn is_driven(speed_m_s: &[f64], step: &Step, dt_s: f64) -> bool {
+    if speed_m_s.is_empty() {
+        return true;
+    }
     let before = (0.5 / dt_s).round() as usize;
     let held = ((HELD_S + 0.5) / dt_s).round() as usize;
     let end = (step.at + held).min(step.end);
@@ -175,7 +176,7 @@ fn no_steps(steer: &[f64], dt_s: f64, least: f64, count: usize) -> Refusal {
             format!(
                 "turn the steering wheel within half a second by {degrees:.1} degrees at the road wheels \
                  or more at constant speed and hold it (ISO 7401), such as the manoeuvre step-steer; a \
-                 smaller step needs a smaller --step"
+                 smaller step needs a smaller --step-min-deg"
             ),
         )
     };

@@ -171,14 +171,23 @@ fn print(found: &Identified) {
         found.yaw_rate_offset_rad_s.to_degrees(),
         found.lateral_offset_m_s2
     );
-    for (name, (delay_s, sigma_s)) in ["steer angle", "lateral acceleration"]
+    for (i, name) in ["steer angle", "lateral acceleration"]
         .into_iter()
-        .zip(found.delay_s.into_iter().zip(found.delay_sigma_s))
+        .enumerate()
     {
+        let (delay_ms, sigma_ms) = (1e3 * found.delay_s[i], 1e3 * found.delay_sigma_s[i]);
+        let effect = if !found.corrected[i] {
+            "small, not corrected".to_owned()
+        } else if delay_ms > 0.0 {
+            format!("corrected; set latency_s = {:.3} for it", found.delay_s[i])
+        } else {
+            format!(
+                "corrected; set latency_s = {:.3} for the yaw rate",
+                -found.delay_s[i]
+            )
+        };
         println!(
-            "delay of the {name} against the yaw rate: {:.1} ms, sigma {:.1} ms (corrected)",
-            1e3 * delay_s,
-            1e3 * sigma_s
+            "delay of the {name} against the yaw rate: {delay_ms:.1} ms, sigma {sigma_ms:.1} ms ({effect})"
         );
     }
     println!(
@@ -214,6 +223,7 @@ fn as_json(found: &Identified) -> serde_json::Value {
         "peak_m_s2": found.peak_m_s2,
         "delay_s": found.delay_s,
         "delay_sigma_s": found.delay_sigma_s,
+        "delay_corrected": found.corrected,
         "seconds": found.used_s,
         "spun_s": found.spun_s,
         "notes": found.notes,

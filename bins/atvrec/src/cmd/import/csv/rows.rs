@@ -39,6 +39,7 @@ impl Rows {
     ) -> anyhow::Result<Self> {
         let mut reader = RowReader::new(path, map);
         let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        let last_row = lines.iter().rposition(|line| !map.format.is_blank(line));
         let mut before = String::new();
         let mut read = Self {
             preamble: String::new(),
@@ -46,8 +47,12 @@ impl Rows {
             warnings: Vec::new(),
         };
         for (index, line) in lines.iter().enumerate() {
-            let is_cut = index + 1 == lines.len() && !line.ends_with('\n');
-            match reader.take(index, line, is_cut, errors)? {
+            let place = match (Some(index) == last_row, line.ends_with('\n')) {
+                (false, _) => Position::Inner,
+                (true, true) => Position::Last,
+                (true, false) => Position::Cut,
+            };
+            match reader.take(index, line, place, errors)? {
                 Taken::Comment => before.push_str(line),
                 Taken::LeftOut => {}
                 Taken::Row(time, values) => {
@@ -192,6 +197,17 @@ impl Row {
     }
 }
 
+/// Position of a line in the file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Position {
+    /// Rows follow.
+    Inner,
+    /// The last row.
+    Last,
+    /// The last row, without a line end.
+    Cut,
+}
+
 enum Taken {
     /// A comment, the header or a line that is to be skipped.
     Comment,
@@ -227,14 +243,15 @@ impl<'m> RowReader<'m> {
         }
     }
 
-    /// Takes a line; `is_cut` if it is the last one and has no end.
+    /// Takes a line.
     fn take(
         &mut self,
         number: usize,
         line: &str,
-        is_cut: bool,
+        position: Position,
         errors: &mut RowErrors,
     ) -> anyhow::Result<Taken> {
+        let is_cut = position == Position::Cut;
         let place = format!("{}:{}", self.path.display(), number + 1);
         if line.len() > MAX_LINE {
             anyhow::bail!(
@@ -250,6 +267,10 @@ impl<'m> RowReader<'m> {
             Err(LineError::Cell(bad)) if was_read || self.reader.also().is_some() => {
                 if is_cut {
                     self.leave_out_cut(&place);
+                } else if position == Position::Last && bad.text.is_none() {
+                    let text = self.cell_error(&place, &bad);
+                    self.warnings
+                        .push(format!("{text}; it is the last row, and is left out"));
                 } else {
                     errors.add(|| self.cell_error(&place, &bad));
                 }
