@@ -228,7 +228,7 @@ impl Pass {
                 "s",
             )])
             // A filter that diverged has no deviation.
-            .find(|(sigma, most, ..)| !(sigma <= most));
+            .find(|(sigma, most, ..)| sigma.is_nan() || sigma > most);
         if let Some((sigma, most, name, unit)) = unsure {
             return Err(Refusal::NotExcited {
                 what: what.to_owned(),

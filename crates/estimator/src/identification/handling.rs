@@ -13,18 +13,17 @@
 mod delays;
 mod deviations;
 mod range;
+mod search;
 
 use model::vehicle::Vehicle;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
 use crate::Calibration;
 use crate::finding::Refusal;
-use crate::planar::{
-    Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE,
-    SPEED_MIN_M_S,
-};
+use crate::planar::{Handling, PlanarDoubt, PlanarInput, PlanarNoise, SHAPE_RANGE, SPEED_MIN_M_S};
 use crate::tuning::PlanarTuning;
+use search::Problem;
 
 /// Number of parameters.
 pub const PARAMETERS: usize = 13;
@@ -214,7 +213,7 @@ pub fn identify(
             help: "drive tighter or faster bends".to_owned(),
         });
     }
-    let mut problem = Problem {
+    let problem = Problem {
         inputs,
         no_delay: [false; 2],
         vehicle,
@@ -222,30 +221,9 @@ pub fn identify(
         noise: noise(inputs),
         prior: to_theta(&before_the_drive(vehicle, peak_m_s2)),
     };
-    let mut theta = problem.best_start()?;
-    for (of, iterations) in ROUNDS {
-        let doubt = of(&PlanarTuning::default());
-        let held = problem.run(&theta, doubt).deviations;
-        theta = problem.descend(theta, &held, doubt, iterations);
-    }
-    let delay_s = [theta[DELAY], theta[DELAY + 1]];
-    delays::refuse_large(delay_s)?;
-    let (of, iterations) = ROUNDS[ROUNDS.len() - 1];
-    let doubt = of(&PlanarTuning::default());
-    let held = problem.run(&theta, doubt).deviations;
-    let (residual, slopes) = problem.slopes(&theta, &held, doubt);
-    let delay_sigma_s = {
-        let found = deviations::of(&theta, &residual, &slopes, problem.inputs);
-        [found.sigma[DELAY], found.sigma[DELAY + 1]]
-    };
-    problem.no_delay = delay_s.map(|delay_s| delay_s.abs() <= DELAY_NONE_S);
-    for (which, none) in problem.no_delay.into_iter().enumerate() {
-        if none {
-            theta[DELAY + which] = 0.0;
-        }
-    }
-    theta = problem.descend(theta, &held, doubt, iterations);
-    let handling = from_theta(&theta);
+    let noise = problem.noise;
+    let fit = problem.fit()?;
+    let handling = from_theta(&fit.theta);
     if let Some((name, value)) = handling.implausible() {
         return Err(Refusal::Value {
             what: WHAT.to_owned(),
@@ -256,25 +234,22 @@ pub fn identify(
                 .to_owned(),
         });
     }
-    let run = problem.run(&theta, doubt);
-    let (residual, slopes) = problem.slopes(&theta, &held, doubt);
-    let found = deviations::of(&theta, &residual, &slopes, problem.inputs);
-    let [steer, gyro, accel] = run.offsets;
+    let [steer, gyro, accel] = fit.run.offsets;
     Ok(Identified {
         handling,
-        sigma: std::array::from_fn(|j| found.sigma[j]),
-        told: std::array::from_fn(|j| found.told[j]),
+        sigma: std::array::from_fn(|j| fit.deviations.sigma[j]),
+        told: std::array::from_fn(|j| fit.deviations.told[j]),
         steer_offset_rad: -steer / handling.steer_gain,
         yaw_rate_offset_rad_s: gyro,
         lateral_offset_m_s2: accel,
-        innovation_rms: [0, 1].map(|i| rms(run.residuals.iter().skip(i).step_by(2))),
-        noise: problem.noise,
-        delay_s,
-        delay_sigma_s,
-        corrected: problem.no_delay.map(|none| !none),
+        innovation_rms: [0, 1].map(|i| rms(fit.run.residuals.iter().skip(i).step_by(2))),
+        noise,
+        delay_s: fit.delay_s,
+        delay_sigma_s: fit.delay_sigma_s,
+        corrected: fit.corrected,
         used_s,
         spun_s,
-        notes: notes(&theta, &problem.prior),
+        notes: notes(&fit.theta, &fit.prior),
         peak_m_s2,
     })
 }
@@ -445,175 +420,6 @@ fn from_theta(theta: &Theta) -> Handling {
         brake_split_front: at(10),
         load_transfer_height_m: at(11),
         relaxation_length_m: at(12),
-    }
-}
-
-/// A drive to be explained.
-struct Problem<'d> {
-    inputs: &'d [PlanarInput],
-    vehicle: &'d Vehicle,
-    imu_ahead_m: f64,
-    noise: PlanarNoise,
-    prior: Theta,
-    /// Whether steer angle and lateral acceleration have no delay.
-    no_delay: [bool; 2],
-}
-
-/// What the filter makes of the drive.
-struct Run {
-    /// Innovations of yaw rate and lateral acceleration in turn, zero where nothing was measured.
-    residuals: Vec<f64>,
-    /// What the filter expected of them.
-    deviations: Vec<f64>,
-    offsets: [f64; 3],
-}
-
-impl Problem<'_> {
-    fn run(&self, theta: &Theta, doubt: PlanarDoubt) -> Run {
-        let model = PlanarModel::new(
-            self.vehicle,
-            from_theta(theta),
-            self.imu_ahead_m,
-            &PlanarTuning::default(),
-        );
-        let mut filter = PlanarFilter::new(model, self.noise, doubt, false);
-        let mut run = Run {
-            residuals: Vec::with_capacity(2 * self.inputs.len()),
-            deviations: Vec::with_capacity(2 * self.inputs.len()),
-            offsets: [0.0; 3],
-        };
-        let mut before_s = f64::NEG_INFINITY;
-        let inputs = delays::shifted(self.inputs, [theta[DELAY], theta[DELAY + 1]]);
-        for input in inputs.iter() {
-            let dt_s = input.time_s - before_s;
-            before_s = input.time_s;
-            let state = filter.step(dt_s, input);
-            for innovation in state.innovations {
-                let known = innovation.value.is_finite() && innovation.sigma > 0.0;
-                run.residuals
-                    .push(if known { innovation.value } else { 0.0 });
-                run.deviations
-                    .push(if known { innovation.sigma } else { 1.0 });
-            }
-        }
-        run.offsets = filter.offsets();
-        run
-    }
-
-    /// Residuals of the fit: innovations over held deviations, and the distance from the prior.
-    fn residuals(&self, theta: &Theta, held: &[f64], doubt: PlanarDoubt) -> DVector<f64> {
-        let run = self.run(theta, doubt);
-        let data = run.residuals.iter().zip(held).map(|(r, s)| tame(r / s));
-        let prior =
-            (0..SEARCHED).map(|j| PRIOR_ROWS.sqrt() * (theta[j] - self.prior[j]) / prior_sigma(j));
-        DVector::from_vec(data.chain(prior).collect())
-    }
-
-    /// The best of a few delays and stiffnesses: from far away the fit can end in a spin.
-    fn best_start(&self) -> Result<Theta, Refusal> {
-        let (doubt, _) = ROUNDS[0];
-        let doubt = doubt(&PlanarTuning::default());
-        let held = self.run(&self.prior, doubt).deviations;
-        let cost = |theta: &Theta| self.residuals(theta, &held, doubt).norm_squared();
-        let mut best = (f64::INFINITY, self.prior);
-        for front in STARTS {
-            for rear in STARTS {
-                let mut theta = self.prior;
-                theta[0] += math::ln(front);
-                theta[1] += math::ln(rear);
-                let cost = cost(&theta);
-                if cost < best.0 {
-                    best = (cost, theta);
-                }
-            }
-        }
-        delays::coarse(best.1, |theta| {
-            let run = self.run(theta, doubt);
-            run.residuals
-                .iter()
-                .zip(&held)
-                .map(|(r, s)| tame(r / s).powi(2))
-                .sum()
-        })
-    }
-
-    /// Residuals and their derivatives. Derivatives are forward differences: each costs a drive.
-    fn slopes(
-        &self,
-        theta: &Theta,
-        held: &[f64],
-        doubt: PlanarDoubt,
-    ) -> (DVector<f64>, DMatrix<f64>) {
-        let residual = self.residuals(theta, held, doubt);
-        let mut slopes = DMatrix::zeros(residual.len(), SEARCHED);
-        for j in 0..SEARCHED {
-            if j >= DELAY && self.no_delay[j - DELAY] {
-                let row = residual.len() - SEARCHED + j;
-                slopes[(row, j)] = PRIOR_ROWS.sqrt() / prior_sigma(j);
-                continue;
-            }
-            let step = 1e-4 * prior_sigma(j);
-            let mut moved = *theta;
-            moved[j] += step;
-            let column = (self.residuals(&moved, held, doubt) - &residual) / step;
-            slopes.set_column(j, &column);
-        }
-        (residual, slopes)
-    }
-
-    /// Levenberg's and Marquardt's descent within the physical range.
-    fn descend(
-        &self,
-        mut theta: Theta,
-        held: &[f64],
-        doubt: PlanarDoubt,
-        iterations: usize,
-    ) -> Theta {
-        let mut damping = 1e-3;
-        for _ in 0..iterations {
-            let (residual, slopes) = self.slopes(&theta, held, doubt);
-            let mut cost = residual.norm_squared();
-            let information = slopes.transpose() * &slopes;
-            let pull = slopes.transpose() * &residual;
-            let before = cost;
-            while damping < 1e6 {
-                let mut damped = information.clone();
-                for j in 0..SEARCHED {
-                    damped[(j, j)] *= 1.0 + damping;
-                }
-                let Some(step) = damped.cholesky().map(|c| c.solve(&pull)) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let longest = (0..SEARCHED)
-                    .map(|j| (step[j] / prior_sigma(j)).abs())
-                    .fold(STEP_MAX, f64::max);
-                let next: Theta = std::array::from_fn(|j| {
-                    range::clamp(j, theta[j] - step[j] * STEP_MAX / longest)
-                });
-                let next_cost = self.residuals(&next, held, doubt).norm_squared();
-                if next_cost < cost {
-                    (theta, cost) = (next, next_cost);
-                    damping = (damping * 0.2).max(1e-9);
-                    break;
-                }
-                damping *= 5.0;
-            }
-            if before - cost < AT_REST * before {
-                break;
-            }
-        }
-        theta
-    }
-}
-
-/// An innovation whose square grows as Huber's cost does.
-fn tame(x: f64) -> f64 {
-    let size = x.abs();
-    if size <= HUBER {
-        x
-    } else {
-        x.signum() * (2.0 * HUBER * size - HUBER * HUBER).sqrt()
     }
 }
 

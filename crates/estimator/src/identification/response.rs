@@ -83,18 +83,7 @@ pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
             .filter_map(|step| one_step(&signal, step, dt_s))
             .collect();
         if each.is_empty() {
-            return Err(Refusal::NotExcited {
-                what: STEP.to_owned(),
-                quantity: format!(
-                    "the number of steps (of {}) after which the {} settles",
-                    steps.len(),
-                    name.replace('_', " ")
-                ),
-                found: 0.0,
-                needed: 1.0,
-                unit: "-".to_owned(),
-                help: "hold steering wheel and speed until the vehicle turns evenly".to_owned(),
-            });
+            return Err(unsettled(name, steps.len()));
         }
         let parts = [("response_time", "s"), ("overshoot", "-"), ("gain", unit)];
         for (j, (part, unit)) in parts.into_iter().enumerate() {
@@ -129,6 +118,21 @@ pub fn step(drive: &Drive, step_min_rad: f64) -> Result<Findings, Refusal> {
         ));
     }
     Ok(found)
+}
+
+/// Refusal of steps after which a signal does not settle.
+fn unsettled(name: &str, steps: usize) -> Refusal {
+    Refusal::NotExcited {
+        what: STEP.to_owned(),
+        quantity: format!(
+            "the number of steps (of {steps}) after which the {} settles",
+            name.replace('_', " ")
+        ),
+        found: 0.0,
+        needed: 1.0,
+        unit: "-".to_owned(),
+        help: "hold steering wheel and speed until the vehicle turns evenly".to_owned(),
+    }
 }
 
 /// Whether the vehicle drives at an even speed from half a second before a step until it is held, if the

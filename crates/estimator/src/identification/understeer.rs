@@ -259,23 +259,6 @@ fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
     let steer = low(&drive.steer_rad);
     let speed_rate = slope(&drive.speed_m_s, dt_s, options.cutoff_hz);
     let yaw_dot = slope(&drive.yaw_rate_rad_s, dt_s, options.cutoff_hz);
-    let reasons = [
-        format!("the speed is below {} m/s", options.speed_min_m_s),
-        format!(
-            "the lateral acceleration is above {} m/s^2",
-            options.lateral_max_m_s2
-        ),
-        format!(
-            "the speed changes by more than {} m/s^2",
-            options.speed_rate_max_m_s2
-        ),
-        format!(
-            "the yaw rate changes by more than {} rad/s^2",
-            options.yaw_acceleration_max_rad_s2
-        ),
-        "the steer angle is unknown".to_owned(),
-        "the curvature is not within a fifth of that of the circle".to_owned(),
-    ];
     let mut left_out = [0_usize; 6];
     let rows: Vec<usize> = (0..drive.rows())
         .step_by(step)
@@ -300,15 +283,10 @@ fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
     left_out[5] = even - rows.len();
     let span = span_of(&rows, dt_s, step);
     if span.used_s < DATA_MIN_S {
-        let most = (0..reasons.len()).max_by_key(|reason| left_out[*reason]);
-        let most = most.filter(|reason| left_out[*reason] > 0);
-        let why = most.map_or_else(String::new, |reason| {
-            let left_out_s = left_out[reason] as f64 * step as f64 * dt_s;
-            format!(
-                "{left_out_s:.0} s are left out because {}; ",
-                reasons[reason]
-            )
-        });
+        let why = why_left_out(
+            &left_out.map(|rows| rows as f64 * step as f64 * dt_s),
+            options,
+        );
         return Err(Refusal::TooShort {
             what: WHAT.to_owned(),
             found_s: span.used_s,
@@ -334,6 +312,36 @@ fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
     };
     check(&steady)?;
     Ok(steady)
+}
+
+/// Which condition leaves out most of a drive; `left_out_s` are the times that the conditions leave out,
+/// in the order in which they are tested.
+fn why_left_out(left_out_s: &[f64; 6], options: &Options) -> String {
+    let reasons = [
+        format!("the speed is below {} m/s", options.speed_min_m_s),
+        format!(
+            "the lateral acceleration is above {} m/s^2",
+            options.lateral_max_m_s2
+        ),
+        format!(
+            "the speed changes by more than {} m/s^2",
+            options.speed_rate_max_m_s2
+        ),
+        format!(
+            "the yaw rate changes by more than {} rad/s^2",
+            options.yaw_acceleration_max_rad_s2
+        ),
+        "the steer angle is unknown".to_owned(),
+        "the curvature is not within a fifth of that of the circle".to_owned(),
+    ];
+    let all = left_out_s.iter().zip(reasons);
+    let most = all.max_by(|(a, _), (b, _)| a.total_cmp(b));
+    match most {
+        Some((left_out_s, reason)) if *left_out_s > 0.0 => {
+            format!("{left_out_s:.0} s are left out because {reason}; ")
+        }
+        _ => String::new(),
+    }
 }
 
 /// Rows whose curvature to either side is within a fifth of the middle one: what comes before and

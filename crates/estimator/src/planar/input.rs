@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use sample::{LogTime, Measurement, STANDARD_GRAVITY_M_S2, Sample};
 
 use crate::calibration::Resolved;
-use crate::grid::HOLD_S;
+use crate::grid::HOLD_NANOS;
 use crate::steering_column::SteeringColumn;
 use crate::tuning::PlanarInputTuning;
 use crate::{EstimatorError, Input, Settings};
@@ -290,7 +290,7 @@ impl PlanarReadings {
             self.waiting.push((time, quantity, value));
         }
         // A step waits for the values of its instant in any case.
-        let late_s = arrived.seconds_since(time) - HOLD_S;
+        let late_s = arrived.seconds_since(time) - HOLD_NANOS as f64 * 1e-9;
         self.late_s = self.late_s.max(late_s.min(self.tuning.late_max_s));
     }
 

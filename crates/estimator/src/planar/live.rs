@@ -191,7 +191,7 @@ impl Planar {
         self.readings.sort();
         let complete = time.offset_seconds(-self.readings.late_s());
         let mut motion = None;
-        while let Some(instant) = self.pending.pop_front_if(|instant| *instant <= complete) {
+        while let Some(instant) = next_complete(&mut self.pending, complete) {
             let input = self.readings.take(instant, until(instant, time));
             motion = self.advance(instant, step_s, input);
             self.count(motion.as_ref(), step_s);
@@ -284,6 +284,12 @@ impl Planar {
 /// Most instants whose values may not have arrived yet, at 100 Hz.
 const PENDING_MAX: usize = 128;
 
+/// Removes the first instant if it is complete.
+fn next_complete(pending: &mut VecDeque<LogTime>, complete: LogTime) -> Option<LogTime> {
+    pending.front().filter(|instant| **instant <= complete)?;
+    pending.pop_front()
+}
+
 /// Time of the last values that belong to an instant. The newest instant takes all that have arrived.
 fn until(instant: LogTime, newest: LogTime) -> LogTime {
     if instant == newest {
@@ -333,7 +339,7 @@ impl PlanarRecorder {
     /// Adds the rows of the instants up to `complete`, whose values have arrived.
     fn complete(&mut self, complete: LogTime, newest: LogTime) {
         self.readings.sort();
-        while let Some(instant) = self.pending.pop_front_if(|instant| *instant <= complete) {
+        while let Some(instant) = next_complete(&mut self.pending, complete) {
             let row = self.readings.take(instant, until(instant, newest));
             self.inputs.extend(row);
         }

@@ -50,7 +50,7 @@ impl<'m> TimeReader<'m> {
             RowTime::Rate(rate_hz) => {
                 let since_ns = (self.rows as f64 / rate_hz * 1e9).round() as i128;
                 self.rows += 1;
-                self.from_start(since_ns)
+                self.since_start(since_ns)
             }
             RowTime::Column {
                 place, clock, week, ..
@@ -85,7 +85,7 @@ impl<'m> TimeReader<'m> {
                     return gps(week, since_ns);
                 }
                 self.numbers_ns.push(since_ns);
-                Some(self.from_start(since_ns))
+                Some(self.since_start(since_ns))
             }
             Clock::Iso8601 => date_and_time(text),
             Clock::TimeOfDay => {
@@ -100,7 +100,7 @@ impl<'m> TimeReader<'m> {
                 let days_ns = nanos(text, DAY_NS as u64)?;
                 let unix_ns = days_ns - EXCEL_UNIX_DAYS * DAY_NS;
                 Some(if unix_ns < 0 {
-                    self.from_start(days_ns)
+                    self.since_start(days_ns)
                 } else {
                     unix_ns
                 })
@@ -108,7 +108,7 @@ impl<'m> TimeReader<'m> {
         }
     }
 
-    fn from_start(&mut self, since_ns: i128) -> i128 {
+    fn since_start(&mut self, since_ns: i128) -> i128 {
         let start_ns = self
             .start_ns
             .get_or_insert(if since_ns > UNIX_TIME_FROM_NS {
@@ -126,7 +126,7 @@ impl<'m> TimeReader<'m> {
         }
         self.last_ns = of_day_ns;
         let since_ns = self.day_ns + of_day_ns;
-        self.from_start(since_ns)
+        self.since_start(since_ns)
     }
 
     /// Why the numbers of the time column are probably of another clock.

@@ -2,7 +2,7 @@
 
 mod rows;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use engine::config::{CsvMap, Meaning, Problems, csv_map};
 use wire::csv::Place;
@@ -75,7 +75,7 @@ impl File {
     /// Reads a file. Values that are held are left out if `hold` is set, else they are reported.
     fn read(
         path: &Path,
-        map_path: &PathBuf,
+        map_path: &Path,
         errors: &mut RowErrors,
         hold: bool,
     ) -> anyhow::Result<Self> {

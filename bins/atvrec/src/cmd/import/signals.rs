@@ -122,7 +122,7 @@ mod tests {
 
     fn held(rows: usize, step: impl Fn(usize) -> usize) -> Vec<Option<f64>> {
         (0..rows)
-            .map(|row| Some((step(row) as f64 * 0.1).sin()))
+            .map(|row| Some(math::sin(step(row) as f64 * 0.1)))
             .collect()
     }
 
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(held_rows(&held(2000, |row| row / 2)), Some(2));
         // Rounded values of a slow signal repeat without a rate.
         let slow: Vec<Option<f64>> = (0..5000)
-            .map(|row| Some((20.0 * (f64::from(row) * 0.003).sin()).round()))
+            .map(|row| Some((20.0 * math::sin(f64::from(row) * 0.003)).round()))
             .collect();
         assert_eq!(held_rows(&slow), None);
         // A signal with empty cells has its own rate.
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!((found.row, found.count), (86, 11));
         assert_eq!(overflow(&rising(false)), None);
         let noise: Vec<Option<f64>> = (0..1000)
-            .map(|i| Some((f64::from(i) * 7.7).sin()))
+            .map(|i| Some(math::sin(f64::from(i) * 7.7)))
             .collect();
         assert_eq!(overflow(&noise), None);
         // A number that is switched between 0 and 256 is no overflow of a signal that moves.

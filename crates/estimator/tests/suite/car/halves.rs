@@ -19,7 +19,7 @@ const APART_RMS_MAX: f64 = 1.3;
 fn apart(what: &str, a: &Identified, b: &Identified) -> Vec<f64> {
     let (x, y) = (values(&a.handling), values(&b.handling));
     let all: Vec<f64> = (0..PARAMETERS)
-        .map(|j| (x[j] - y[j]) / a.sigma[j].hypot(b.sigma[j]))
+        .map(|j| (x[j] - y[j]) / math::hypot(a.sigma[j], b.sigma[j]))
         .collect();
     for (name, apart) in NAMES.iter().zip(&all) {
         println!("{what}: {name} {apart:+.2}");

@@ -292,7 +292,7 @@ impl<'m> RowReader<'m> {
             .map(|position| cells.get(*position).copied().unwrap_or_default())
             .collect();
         let is_empty = |cell: &&str| matches!(self.map.format.number(cell), Ok(None));
-        if time_cells.iter().any(|cell| is_empty(&cell)) {
+        if time_cells.iter().any(is_empty) {
             // A row of another table in the same file.
             self.without_time += usize::from(values.iter().any(Option::is_some));
             return Ok(Taken::LeftOut);
