@@ -16,7 +16,7 @@ use super::Drive;
 use super::drive::{series, span_of};
 use super::signals::{mean, smooth};
 use crate::finding::{Excitation, Figure, Finding, Findings, Refusal};
-use crate::regression::{Nonlinear, nonlinear};
+use crate::regression::{Fit, Nonlinear, nonlinear};
 
 const STEP: &str = "step response";
 const FREQUENCY: &str = "frequency response";
@@ -392,6 +392,74 @@ fn spectrum(values: &[f64], line: usize) -> Complex<f64> {
 /// Missing signals, too little data, too few coherent frequencies.
 pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Refusal> {
     drive.require(FREQUENCY, &["yaw rate", "steer angle"])?;
+    let (transfer, lines, fit) = fitted(drive, window_s)?;
+    // The bias of windows of a finite length is inverse to the square of the length (the curvature of the
+    // response within the width of a line): half the length has four times the bias.
+    let halved = fitted(drive, 0.5 * window_s).map(|(_, _, halved)| halved.coefficients);
+    let bias = |j: usize| {
+        let halved = halved
+            .as_ref()
+            .map_or(fit.coefficients[j], |halved| halved[j]);
+        (halved - fit.coefficients[j]) / 3.0
+    };
+    let sigma = |j: usize| math::hypot(fit.sigma(j), bias(j));
+    let widened = |j: usize, ends: [f64; 2]| {
+        let (value, factor) = (fit.coefficients[j], sigma(j) / fit.sigma(j));
+        ends.map(|end| value + factor * (end - value))
+    };
+    let rows: Vec<usize> = (0..drive.rows()).collect();
+    let span = span_of(&rows, drive.dt_s, 1);
+    let names = [
+        ("yaw_rate_gain", "1/s"),
+        ("natural_frequency", "Hz"),
+        ("damping_ratio", "-"),
+        ("lead_time", "s"),
+    ];
+    let intervals = fit.intervals(seed, <[f64]>::to_vec);
+    let findings = names.iter().enumerate().map(|(j, (name, unit))| Finding {
+        name: (*name).to_owned(),
+        value: fit.coefficients[j],
+        unit: (*unit).to_owned(),
+        sigma: sigma(j),
+        interval: intervals.as_ref().map(|intervals| widened(j, intervals[j])),
+        condition: fit.condition,
+        excitation: Some(Excitation {
+            rms: mean(transfer.coherence.iter().copied()),
+            unit: "mean coherence".to_owned(),
+        }),
+        whiteness: Some(fit.whiteness),
+        span,
+    });
+    let first = lines[0];
+    let low = transfer.response[first];
+    let equivalent_s = -phase(low) / (TAU * transfer.frequency_hz[first]);
+    let bandwidth = lines
+        .iter()
+        .find(|line| size(transfer.response[**line]) < size(low) * 0.5_f64.sqrt())
+        .map_or(f64::NAN, |line| transfer.frequency_hz[*line]);
+    Ok(Findings {
+        what: FREQUENCY.to_owned(),
+        findings: findings.collect(),
+        covariance: (0..4)
+            .map(|i| (0..4).map(|j| fit.covariance[(i, j)]).collect())
+            .collect(),
+        beside: vec![
+            ("bandwidth".to_owned(), bandwidth, "Hz".to_owned()),
+            ("equivalent_time".to_owned(), equivalent_s, "s".to_owned()),
+            (
+                "coherent_frequencies".to_owned(),
+                lines.len() as f64,
+                "-".to_owned(),
+            ),
+        ],
+        notes: Vec::new(),
+        figures: bode(&transfer, &fit.coefficients),
+    })
+}
+
+/// Frequency response over windows of a length, the lines of it that are coherent, and the fit of a
+/// second-order system to them.
+fn fitted(drive: &Drive, window_s: f64) -> Result<(Transfer, Vec<usize>, Fit), Refusal> {
     let transfer = transfer(
         &drive.steer_rad,
         &drive.yaw_rate_rad_s,
@@ -433,57 +501,9 @@ pub fn frequency(drive: &Drive, window_s: f64, seed: u64) -> Result<Findings, Re
             .collect()
     })
     .map_err(|refusal| refusal.of(FREQUENCY))?;
-    let rows: Vec<usize> = (0..drive.rows()).collect();
-    let span = span_of(&rows, drive.dt_s, 1);
-    let names = [
-        ("yaw_rate_gain", "1/s"),
-        ("natural_frequency", "Hz"),
-        ("damping_ratio", "-"),
-        ("lead_time", "s"),
-    ];
-    let intervals = fit.intervals(seed, <[f64]>::to_vec);
-    let findings = names.iter().enumerate().map(|(j, (name, unit))| Finding {
-        name: (*name).to_owned(),
-        value: fit.coefficients[j],
-        unit: (*unit).to_owned(),
-        sigma: fit.sigma(j),
-        interval: intervals.as_ref().map(|intervals| intervals[j]),
-        condition: fit.condition,
-        excitation: Some(Excitation {
-            rms: mean(transfer.coherence.iter().copied()),
-            unit: "mean coherence".to_owned(),
-        }),
-        whiteness: Some(fit.whiteness),
-        span,
-    });
-    let first = lines[0];
-    let low = transfer.response[first];
-    let equivalent_s = -phase(low) / (TAU * transfer.frequency_hz[first]);
-    let bandwidth = lines
-        .iter()
-        .find(|line| size(transfer.response[**line]) < size(low) * 0.5_f64.sqrt())
-        .map_or(f64::NAN, |line| transfer.frequency_hz[*line]);
-    Ok(Findings {
-        what: FREQUENCY.to_owned(),
-        findings: findings.collect(),
-        covariance: (0..4)
-            .map(|i| (0..4).map(|j| fit.covariance[(i, j)]).collect())
-            .collect(),
-        beside: vec![
-            ("bandwidth".to_owned(), bandwidth, "Hz".to_owned()),
-            ("equivalent_time".to_owned(), equivalent_s, "s".to_owned()),
-            (
-                "coherent_frequencies".to_owned(),
-                lines.len() as f64,
-                "-".to_owned(),
-            ),
-        ],
-        notes: Vec::new(),
-        figures: bode(&transfer, &fit.coefficients),
-    })
+    Ok((transfer, lines, fit))
 }
 
-/// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency; omega is given in Hz.
 fn size(of: Complex<f64>) -> f64 {
     math::hypot(of.re, of.im)
 }
@@ -492,6 +512,7 @@ fn phase(of: Complex<f64>) -> f64 {
     math::atan2(of.im, of.re)
 }
 
+/// G (1 + T_z s)/(1 + 2 zeta s/omega + s^2/omega^2) at a frequency; omega is given in Hz.
 fn second_order(c: &[f64], frequency_hz: f64) -> Complex<f64> {
     let s = Complex::new(0.0, TAU * frequency_hz);
     let part = s / (TAU * c[1]);
