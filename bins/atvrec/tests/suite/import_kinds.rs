@@ -528,3 +528,71 @@ fn a_slow_table_states_its_true_duration() {
         found.text
     );
 }
+
+/// Sideslip of the estimates over time, in the columns of `/estimate/motion`.
+fn sideslip(here: &Path, log: &str) -> Vec<(u64, f64)> {
+    let assert = atvrec(here)
+        .args(["export", log, "-t", "/estimate/motion"])
+        .assert()
+        .success();
+    let text = stdout(&assert);
+    let mut lines = text.lines();
+    let header = lines.next().expect("a header");
+    let column = header
+        .split(',')
+        .position(|name| name.starts_with("sideslip_rad"))
+        .expect("sideslip");
+    lines
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let time = cells[0].parse().expect("a time");
+            (time, cells[column].parse().expect("a number"))
+        })
+        .collect()
+}
+
+#[test]
+fn the_latency_of_a_column_has_an_effect_without_hard_points() {
+    const LATE: usize = 15;
+    let directory = temporary();
+    let here = directory.path();
+    fs::write(here.join("car.toml"), CAR).expect("written");
+    let vehicle = ["--vehicle", "car.toml"];
+    let mut angles = Vec::new();
+    let right = drive(|index, values| {
+        angles.push(values[4]);
+        plain(index, values)
+    });
+    let late = drive(|index, mut values| {
+        values[4] = angles[index.saturating_sub(LATE)];
+        plain(index, values)
+    });
+    let mut all = Vec::new();
+    for (text, latency) in [
+        (&right, ""),
+        (&late, ""),
+        (&late, "latency_s = 0.15\n"),
+        (&late, "delay_s = 0.15\n"),
+    ] {
+        let map = format!("{DRIVE}{latency}");
+        let found = import(here, "csv", &map, text.as_bytes(), &vehicle);
+        assert_eq!(found.code, Some(0), "{latency}: {}", found.text);
+        let warned = found
+            .text
+            .contains("delay_s is the earlier name of latency_s");
+        assert_eq!(warned, latency.starts_with("delay_s"), "{}", found.text);
+        atvrec(here)
+            .args(["replay", "o.mcap", "--verify"])
+            .assert()
+            .success();
+        all.push(sideslip(here, "o.mcap"));
+    }
+    let error = |log: &[(u64, f64)]| {
+        let pairs = all[0].iter().zip(log).skip(800);
+        let squares: f64 = pairs.map(|(a, b)| (a.1 - b.1) * (a.1 - b.1)).sum();
+        squares.sqrt()
+    };
+    let (wrong, corrected) = (error(&all[1]), error(&all[2]));
+    assert!(corrected < 0.3 * wrong, "{corrected} {wrong}");
+    assert_eq!(all[2], all[3]);
+}
