@@ -81,7 +81,7 @@ fn pitch(seed: u64) -> Findings {
 
 fn pitch_holds(seeds: std::ops::Range<u64>) {
     let truth = rides::vehicle().pitch().stiffness_n_m_rad;
-    covers(seeds, &[("pitch_stiffness", truth)], |seed| pitch(seed));
+    covers(seeds, &[("pitch_stiffness", truth)], pitch);
 }
 
 #[test]
