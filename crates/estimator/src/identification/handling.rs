@@ -283,7 +283,7 @@ fn notes(theta: &Theta, prior: &Theta) -> Vec<String> {
                 apart.abs()
             ));
         }
-        if range::is_at_end(j, theta[j]) {
+        if range::is_at_end(j, theta[j]) && apart != 0.0 {
             notes.push(format!(
                 "{name}: {:.4} is an end of its physical range, so that its sigma is no measure of \
                  its error; the drive does not tell it",

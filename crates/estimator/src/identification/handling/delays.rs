@@ -108,10 +108,7 @@ impl Series {
 }
 
 /// The start with the delay of the steer angle at which the filter predicts best.
-///
-/// # Errors
-/// The delay is larger than what is corrected.
-pub(super) fn coarse(mut theta: Theta, cost: impl Fn(&Theta) -> f64) -> Result<Theta, Refusal> {
+pub(super) fn coarse(mut theta: Theta, cost: impl Fn(&Theta) -> f64) -> Theta {
     let [step_s, most_s] = COARSE_S;
     let steps = (most_s / step_s).round() as i32;
     let mut best = (f64::INFINITY, 0.0);
@@ -124,9 +121,7 @@ pub(super) fn coarse(mut theta: Theta, cost: impl Fn(&Theta) -> f64) -> Result<T
         }
     }
     theta[DELAY] = best.1;
-    // The vehicle file's own lag can be wrong by a step.
-    refuse(0, best.1, DELAY_MAX_S + step_s)?;
-    Ok(theta)
+    theta
 }
 
 /// Refuses delays that are larger than what is corrected.

@@ -47,7 +47,7 @@ pub(super) struct Fit {
 impl Problem<'_> {
     /// Searches with the delays, and then without those that are small.
     pub(super) fn fit(mut self) -> Result<Fit, Refusal> {
-        let mut theta = self.best_start()?;
+        let mut theta = self.best_start();
         for (of, iterations) in ROUNDS {
             let doubt = of(&PlanarTuning::default());
             let held = self.run(&theta, doubt).deviations;
@@ -120,7 +120,7 @@ impl Problem<'_> {
     }
 
     /// The best of a few delays and stiffnesses: from far away the fit can end in a spin.
-    fn best_start(&self) -> Result<Theta, Refusal> {
+    fn best_start(&self) -> Theta {
         let (doubt, _) = ROUNDS[0];
         let doubt = doubt(&PlanarTuning::default());
         let held = self.run(&self.prior, doubt).deviations;
