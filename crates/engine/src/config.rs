@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use model::file::{ErrorCollector, Section};
 use store::Attachment;
 
-pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
+pub use columns::{AlogMap, Clock, CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::{Estimator, input, method};
 pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, read_text};
 pub use live::Live;
@@ -158,6 +158,11 @@ impl Config {
         top.finish(&mut collector);
         if !collector.is_empty() {
             return Err(Problems(collector.into_problems()));
+        }
+        if !files.are_attached() {
+            for warning in collector.take_warnings() {
+                tracing::warn!("{warning}");
+            }
         }
         let mut attachments = vec![Attachment {
             name: ATTACHED_NAME.to_owned(),

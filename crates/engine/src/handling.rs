@@ -39,7 +39,7 @@ pub fn identify_handling(
     identified.put(vehicle.steering.ratio, &mut calibration);
     calibration.description = format!(
         "handling identified from {:.0} s of driving in run {}",
-        identified.rows as f64 * 0.01,
+        identified.used_s,
         reader.session().run_id
     );
     Ok(Handling {

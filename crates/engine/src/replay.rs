@@ -81,6 +81,8 @@ pub struct Replay<'r> {
     records: Vec<Record>,
     /// Sequence number of the next arrival, and log time of the last one.
     next: (Option<u64>, LogTime),
+    /// Sequence number with which the run begins; `None` if an unfinished log does not state it.
+    begin: Option<u64>,
 }
 
 impl<'r> Replay<'r> {
@@ -121,6 +123,7 @@ impl<'r> Replay<'r> {
             },
             records: Vec::new(),
             next: (None, LogTime(0)),
+            begin: begin(reader),
         })
     }
 
@@ -162,6 +165,7 @@ impl<'r> Replay<'r> {
                 self.pass_records(&mut sink)?;
             }
         }
+        self.watch_end();
         done.missing = self.missing(ahead);
         if self.options.verify {
             let changed = self.reader.changed().map_err(Error::from)?;
@@ -182,11 +186,35 @@ impl<'r> Replay<'r> {
     fn watch_sequence(&mut self, arrival: &Arrival, skipped: &Skipped) {
         let (next, time) = self.next;
         self.next = (Some(arrival.sequence.saturating_add(1)), arrival.log_time);
-        if let (Some(first), Some(verifier)) = (next, &mut self.verifier) {
-            let seen = |number: &u64| !skipped.contains(*number);
-            if let Some(missing) = (first..arrival.sequence).find(seen) {
-                verifier.arrivals_missing(missing, time);
+        let Some(verifier) = &mut self.verifier else {
+            return;
+        };
+        let seen = |number: &u64| !skipped.contains(*number);
+        match (next, self.begin) {
+            (Some(first), _) => {
+                if let Some(missing) = (first..arrival.sequence).find(seen) {
+                    verifier.arrivals_missing(missing, time);
+                }
             }
+            (None, Some(begin)) if (begin..arrival.sequence).any(|number| seen(&number)) => {
+                verifier.beginning_missing(arrival.sequence);
+            }
+            (None, _) => {}
+        }
+    }
+
+    /// Reports to the verifier if the log ends before the last arrival that its counters state, or has
+    /// fewer messages than they state.
+    fn watch_end(&mut self) {
+        let info = self.reader.info();
+        let counted = |name: &str| info.counters.get(name).copied();
+        let messages: u64 = info.channels.values().map(|(_, count)| count).sum();
+        let is_short = counted("messages").is_some_and(|counted| messages < counted);
+        if let (Some(last), Some(next), Some(verifier)) =
+            (counted("last_sequence"), self.next.0, &mut self.verifier)
+            && (next <= last || is_short)
+        {
+            verifier.end_missing(last);
         }
     }
 
@@ -247,6 +275,14 @@ impl<'r> Replay<'r> {
 
 /// Time after every time of a log.
 const END: LogTime = LogTime(u64::MAX);
+
+/// Sequence number with which the run begins.
+fn begin(reader: &Reader) -> Option<u64> {
+    let info = reader.info();
+    let is_unfinished = |missing: &Missing| matches!(missing, Missing::Unfinished { .. });
+    let default = (!info.missing.iter().any(is_unfinished)).then_some(0);
+    info.counters.get("first_sequence").copied().or(default)
+}
 
 /// Whether the log contains smoothed estimates.
 fn has_smoothed(reader: &Reader) -> bool {

@@ -84,6 +84,10 @@ pub struct Verification {
     uncertain: u64,
     /// Number of the first missing arrival, and the time from which messages may depend on it.
     gap: Option<(u64, LogTime)>,
+    /// Number of the first arrival of a log that does not begin at its beginning.
+    begins_at: Option<u64>,
+    /// Number of the last arrival of a log that does not end at its end.
+    ends_before: Option<u64>,
     /// Lost decoded records by the counters of the log.
     lost_records: u64,
     unfinished: bool,
@@ -137,6 +141,19 @@ impl Verifier {
         self.report
             .gap
             .get_or_insert((first, time + -DEPENDENCE_NANOS));
+    }
+
+    /// Reports that the log begins with arrival number `first`: another tool removed those before it,
+    /// on which everything can depend.
+    pub fn beginning_missing(&mut self, first: u64) {
+        self.report.begins_at = Some(first);
+        self.report.gap = Some((0, LogTime(0)));
+    }
+
+    /// Reports that the log ends before arrival number `last`, which its counters state as the last.
+    pub fn end_missing(&mut self, last: u64) {
+        self.report.ends_before = Some(last);
+        self.report.unfinished = true;
     }
 
     /// Compares the records of the arrival at `now`.
@@ -315,14 +332,16 @@ impl Verification {
     /// states as lost are no differences. In a log that was cut short, messages on one side only are no
     /// differences either, because decoded messages are written later or earlier than the raw data.
     pub fn is_identical(&self) -> bool {
-        let whole = self.uncertain == 0 && !self.earlier_filter;
-        !self.has_differences() && whole && !self.compared.is_empty()
+        let is_whole =
+            self.begins_at.is_none() && self.uncertain == 0 && !self.earlier_filter;
+        !self.has_differences() && is_whole && !self.compared.is_empty()
     }
 
     /// Whether there is no difference, but raw data of the recording is missing or its estimates are of an
     /// earlier force filter.
     pub fn is_partial(&self) -> bool {
-        !self.has_differences() && (self.uncertain > 0 || self.earlier_filter)
+        let is_part = self.uncertain > 0 || self.begins_at.is_some() || self.earlier_filter;
+        !self.has_differences() && is_part
     }
 
     fn has_differences(&self) -> bool {
@@ -382,6 +401,8 @@ impl Verification {
             "only_computed": self.only_computed,
             "uncertain": self.uncertain,
             "earlier_filter": self.earlier_filter,
+            "begins_at_arrival": self.begins_at,
+            "ends_before_arrival": self.ends_before,
             "first_missing_arrival": self.gap.map(|(first, _)| first),
             "lost_records": self.lost_records,
             "first_differences": self.differences,
@@ -396,6 +417,15 @@ impl fmt::Display for Verification {
             Self::sum(&self.only_recorded),
             Self::sum(&self.only_computed),
         );
+        if let Some(first) = self.begins_at {
+            return writeln!(
+                f,
+                "NOT VERIFIED: the log does not begin at its beginning: its first arrival is number {first}, \
+                 those before it are missing. {compared} messages are bit-identical, {} depend on them and \
+                 cannot be verified; verify the whole run",
+                self.uncertain
+            );
+        }
         if compared == 0 && self.different == 0 {
             return writeln!(
                 f,
@@ -443,6 +473,12 @@ impl fmt::Display for Verification {
                 "  {computed} messages of the replay are not in the log, which states {} decoded \
                  records as lost on the way to the disk",
                 self.lost_records
+            )?;
+        } else if let Some(last) = self.ends_before {
+            writeln!(
+                f,
+                "  the log does not end at its end, arrival number {last}: {recorded} messages have no raw \
+                 bytes, {computed} messages of the replay are missing"
             )?;
         } else if recorded + computed > 0 {
             writeln!(

@@ -207,10 +207,7 @@ impl VirtualDrive {
                 ("device", quoted(&ports.serial(Port::Imu))),
                 ("baud", options.imu_baud.to_string()),
                 // The packet of 31 bytes on the line.
-                (
-                    "transport_delay_s",
-                    seconds(line_time_s(31, options.imu_baud)),
-                ),
+                ("latency_s", seconds(line_time_s(31, options.imu_baud))),
             ],
         );
         table(
@@ -220,7 +217,7 @@ impl VirtualDrive {
                 ("device", quoted(&ports.serial(Port::Novatel))),
                 ("baud", options.novatel_baud.to_string()),
                 (
-                    "transport_delay_s",
+                    "latency_s",
                     // BESTPOS, the first message of an epoch.
                     seconds(options.novatel_processing_s + line_time_s(104, options.novatel_baud)),
                 ),
@@ -233,7 +230,7 @@ impl VirtualDrive {
                 ("device", quoted(&ports.serial(Port::Septentrio))),
                 ("baud", options.septentrio_baud.to_string()),
                 (
-                    "transport_delay_s",
+                    "latency_s",
                     seconds(
                         options.septentrio_processing_s + line_time_s(80, options.septentrio_baud),
                     ),
@@ -262,7 +259,7 @@ impl VirtualDrive {
         let (name, baud) = (port.name(), self.options.controller_baud);
         let mut text = format!(
             "[source.{name}]\nkind = \"line\"\ndevice = {}\nbaud = {baud}\n\
-             transport_delay_s = {}\nsilent_after_s = 1.0\n",
+             latency_s = {}\nsilent_after_s = 1.0\n",
             quoted(&ports.serial(port)),
             // A count of four figures with sign and line end.
             seconds(line_time_s(7, baud)),

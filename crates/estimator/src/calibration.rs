@@ -257,9 +257,32 @@ impl Calibration {
     /// The file's text.
     ///
     /// # Errors
-    /// When a value cannot be written as TOML.
+    /// When a value cannot be written as TOML, or is not finite, so that no reader would take it.
     pub fn to_toml(&self) -> Result<String, EstimatorError> {
-        toml::to_string(self).map_err(|error| EstimatorError::Parse(error.to_string()))
+        let failed = |error: toml::ser::Error| EstimatorError::Parse(error.to_string());
+        let table = toml::Table::try_from(self).map_err(failed)?;
+        all_finite("", &toml::Value::Table(table))?;
+        toml::to_string(self).map_err(failed)
+    }
+}
+
+/// Refuses a value that is not finite in what is to be written.
+pub(crate) fn all_finite(name: &str, value: &toml::Value) -> Result<(), EstimatorError> {
+    let below = |key: &str| match name {
+        "" => key.to_owned(),
+        _ => format!("{name}.{key}"),
+    };
+    match value {
+        toml::Value::Float(number) if !number.is_finite() => Err(EstimatorError::Value {
+            name: name.to_owned(),
+            value: *number,
+            expected: "a finite number; nothing was written",
+        }),
+        toml::Value::Table(table) => table
+            .iter()
+            .try_for_each(|(key, value)| all_finite(&below(key), value)),
+        toml::Value::Array(items) => items.iter().try_for_each(|item| all_finite(name, item)),
+        _ => Ok(()),
     }
 }
 
@@ -311,6 +334,14 @@ mod tests {
         );
         assert_eq!(corner.strain[0].value(501), Some(-15.0));
         assert_eq!(corner.deflection.value(480), Some(0.0));
+    }
+
+    #[test]
+    fn a_value_that_no_reader_takes_is_not_written() {
+        let mut calibration = Calibration::nominal("x");
+        calibration.gnss_velocity.latency_s = Some(f64::NAN);
+        let error = calibration.to_toml().unwrap_err().to_string();
+        assert!(error.contains("gnss_velocity.latency_s = NaN"), "{error}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ pub const GRID_S: f64 = 0.01;
 
 /// Delay after an instant until its estimate is made, ns: measurements of the instant have arrived
 /// by then.
-const HOLD_NANOS: u64 = 5_000_000;
+pub(crate) const HOLD_NANOS: u64 = 5_000_000;
 /// Largest jump of the log clock, ns, over which instants continue without a gap. After a larger
 /// jump the grid starts at the present time.
 const GAP_MAX_NANOS: u64 = 10_000_000_000;

@@ -117,6 +117,14 @@ pub struct PlanarFilter {
     trace: Trace<STATES>,
 }
 
+/// The filter before a look ahead.
+struct Kept {
+    state: SVector<f64, STATES>,
+    covariance: SMatrix<f64, STATES, STATES>,
+    resets: u64,
+    trace: Trace<STATES>,
+}
+
 /// Result of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarState {
@@ -197,6 +205,24 @@ impl PlanarFilter {
     #[must_use]
     pub fn offsets(&self) -> [f64; 3] {
         [STEER, GYRO, ACCEL].map(|i| self.state[i])
+    }
+
+    /// Keeps state and covariance, and switches the trace off, until [`Self::end_look_ahead`].
+    fn begin_look_ahead(&mut self) -> Kept {
+        Kept {
+            state: self.state,
+            covariance: self.covariance,
+            resets: self.resets,
+            trace: std::mem::take(&mut self.trace),
+        }
+    }
+
+    /// Returns to the state before a look ahead.
+    fn end_look_ahead(&mut self, kept: Kept) {
+        self.state = kept.state;
+        self.covariance = kept.covariance;
+        self.resets = kept.resets;
+        self.trace = kept.trace;
     }
 
     fn forget(&mut self) {

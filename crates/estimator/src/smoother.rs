@@ -23,7 +23,7 @@ mod adjoint;
 use std::collections::VecDeque;
 
 use model::vehicle::Vehicle;
-use sample::{Estimate, Motion, PerWheel};
+use sample::{Estimate, LogTime, Motion, PerWheel};
 
 use crate::fusion::layout::{BODY_RATE, SIZE};
 use crate::fusion::{FusionTrace, OUTPUTS};
@@ -50,8 +50,11 @@ pub struct Step {
     pub operations: Vec<Operation<STATES>>,
     /// Whether the estimate's motion is the motion filter's, and not the single-track filter's.
     pub navigated: bool,
-    /// Record of the single-track filter, if the vehicle has one.
+    /// Record of the single-track filter, if the vehicle has one. [`Smoother::push`] sets it: it comes
+    /// with the step that completes it.
     pub planar: Option<PlanarTrace>,
+    /// Records of the single-track filter of instants that are complete with this step.
+    pub completed: Vec<(LogTime, PlanarTrace)>,
     /// Record of the force filter, if the vehicle has one.
     pub forces: Option<FusionTrace>,
 }
@@ -76,8 +79,15 @@ impl Smoother {
     }
 
     /// Takes the next step. Smoothed estimates come out `lag` at a time.
-    pub fn push(&mut self, step: Step, out: &mut impl FnMut(Estimate)) {
+    pub fn push(&mut self, mut step: Step, out: &mut impl FnMut(Estimate)) {
+        let completed = std::mem::take(&mut step.completed);
         self.steps.push_back(step);
+        for (time, trace) in completed {
+            let mut steps = self.steps.iter_mut().rev();
+            if let Some(step) = steps.find(|step| step.estimate.time == time) {
+                step.planar = Some(trace);
+            }
+        }
         if self.steps.len() >= self.lag.saturating_mul(2) {
             self.smooth(self.lag, out);
         }

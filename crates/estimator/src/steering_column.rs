@@ -37,6 +37,16 @@ impl SteeringColumn {
         })
     }
 
+    /// Position of the gear in its play.
+    pub(crate) const fn lash(&self) -> Lash {
+        self.lash
+    }
+
+    /// Puts the gear back to an earlier position in its play.
+    pub(crate) const fn restore(&mut self, lash: Lash) {
+        self.lash = lash;
+    }
+
     /// Steering-wheel angle, rad, left positive, without play and with the measured maps applied.
     pub fn follow(&mut self, angle_rad: f64) -> f64 {
         let held_rad = self.lash.follow(angle_rad, self.lash_rad);

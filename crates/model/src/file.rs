@@ -133,6 +133,7 @@ pub struct ErrorCollector<'t> {
     problems: Vec<Problem>,
     /// Problems beyond [`PROBLEMS_MAX`].
     more: usize,
+    warnings: Vec<Problem>,
 }
 
 impl<'t> ErrorCollector<'t> {
@@ -143,6 +144,7 @@ impl<'t> ErrorCollector<'t> {
             text,
             problems: Vec::new(),
             more: 0,
+            warnings: Vec::new(),
         }
     }
 
@@ -167,6 +169,38 @@ impl<'t> ErrorCollector<'t> {
             message: message.into(),
             help: help.into(),
         });
+    }
+
+    /// Adds a warning at `span` of the text: the file is read, but something in it should be changed.
+    pub fn warn(
+        &mut self,
+        span: &Range<usize>,
+        field: &str,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        let (line, column) = line_and_column(self.text, span.start);
+        if self.warnings.len() < PROBLEMS_MAX {
+            self.warnings.push(Problem {
+                file: self.file.to_owned(),
+                line,
+                column,
+                field: field.to_owned(),
+                value: String::new(),
+                message: message.into(),
+                help: help.into(),
+            });
+        }
+    }
+
+    /// Adds warnings of another file.
+    pub fn warn_foreign(&mut self, warnings: Vec<Problem>) {
+        self.warnings.extend(warnings);
+    }
+
+    /// The warnings, which are removed.
+    pub fn take_warnings(&mut self) -> Vec<Problem> {
+        std::mem::take(&mut self.warnings)
     }
 
     /// Adds a problem with a value on a line; 0 means the file as a whole.

@@ -109,8 +109,12 @@ type Pairs = Vec<(Estimate, Estimate)>;
 /// A signal of an estimate with its standard deviation (`NaN` if there is none).
 type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
 
+/// Time in which the filters settle, s. Signals are not compared then, but an event that is declared
+/// then is declared to a user too.
+const SETTLING_S: f64 = 2.0;
+
 /// Scores a log's estimates, causal (`Stage::Estimate`) or smoothed ones (`Stage::Smoothed`),
-/// leaving out its first `from_s` seconds.
+/// leaving out its first `from_s` seconds; of events only if they are more than [`SETTLING_S`].
 ///
 /// # Errors
 /// If the log cannot be read, has no truth, no estimate or no vehicle.
@@ -124,12 +128,14 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
         forces.extend(forces::find(&lagged, Stage::Lagged.name(), &loads));
     }
     let events = events(reader)?;
+    let signals_from_s = from_s;
+    let from_s = if from_s > SETTLING_S { from_s } else { 0.0 };
     let [lifts, two_wheel_lifts] = lifts::find(reader, start, from_s, &loads, &events)?;
     Ok(Score {
         seconds: pairs.len() as f64 * INTERVAL_S,
         signals: signals(&pairs, &loads),
         forces,
-        innovations: innovations(reader, from_s)?,
+        innovations: innovations(reader, signals_from_s)?,
         lifts,
         two_wheel_lifts,
         surface_changes: surfaces::find(reader, start, from_s, &loads, &events)?,

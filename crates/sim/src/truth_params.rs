@@ -29,7 +29,7 @@ const LOAD_EXPONENT: f64 = 0.75;
 const FRICTION: f64 = 0.85;
 /// Rolling resistance of a low-pressure tyre on firm ground.
 const ROLLING_RESISTANCE: f64 = 0.02;
-/// Vertical damping of a tyre, N s/m.
+/// Vertical damping of a tyre that the file does not state, N s/m.
 const TYRE_DAMPING_N_S_M: f64 = 500.0;
 
 /// Why a parameter file gave no vehicle.
@@ -196,8 +196,14 @@ struct TyreSize {
     unloaded_radius_m: f64,
     #[serde(rename = "vertical_stiffness_N_per_m")]
     vertical_n_m: f64,
+    #[serde(rename = "vertical_damping_Ns_per_m", default = "tyre_damping")]
+    vertical_damping_n_s_m: f64,
     #[serde(default)]
     width_m: f64,
+}
+
+const fn tyre_damping() -> f64 {
+    TYRE_DAMPING_N_S_M
 }
 
 impl Params {
@@ -291,7 +297,7 @@ impl Params {
             tyre: Tyre {
                 unloaded_radius_m: tyre.unloaded_radius_m,
                 vertical_stiffness_n_m: tyre.vertical_n_m,
-                vertical_damping_n_s_m: TYRE_DAMPING_N_S_M,
+                vertical_damping_n_s_m: tyre.vertical_damping_n_s_m,
                 width_m: tyre.width_m,
                 cornering_stiffness_n_rad: round_to(CORNERING_PER_LOAD * load_n, 100.0),
                 slip_stiffness_n: round_to(SLIP_PER_LOAD * load_n, 100.0),

@@ -93,6 +93,17 @@ pub enum Error {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// The messages of a topic have another encoding than the project's.
+    #[error("the messages of {topic} are {}{}, which is not decoded; {}",
+        shown(.encoding), schema_in_brackets(.schema), help_for(.encoding, .topic))]
+    Encoding {
+        /// Topic.
+        topic: String,
+        /// Name of the schema; may be empty.
+        schema: String,
+        /// Encoding of the messages.
+        encoding: String,
+    },
     /// Another process is writing the file.
     #[error("{} is being written by another process; stop it first", .0.display())]
     InUse(PathBuf),
@@ -250,6 +261,38 @@ impl Error {
             cause,
         }
     }
+}
+
+/// Name of an encoding for people.
+fn shown(encoding: &str) -> String {
+    match encoding {
+        "json" | "cbor" | "cdr" => encoding.to_uppercase(),
+        other => other.to_owned(),
+    }
+}
+
+fn schema_in_brackets(schema: &str) -> String {
+    if schema.is_empty() {
+        String::new()
+    } else {
+        format!(" (schema {schema})")
+    }
+}
+
+/// What reads messages of an encoding.
+fn help_for(encoding: &str, topic: &str) -> String {
+    let package = match encoding {
+        "json" => {
+            return format!(
+                "`mcap cat --json --topics {topic} FILE` of the MCAP tools prints them, and the Python \
+                 package mcap reads them"
+            );
+        }
+        "ros1" => "mcap-ros1-support",
+        "cdr" => "mcap-ros2-support",
+        _ => "mcap",
+    };
+    format!("the Python package {package} reads them")
 }
 
 #[cfg(test)]

@@ -43,6 +43,8 @@ pub struct ChannelInfo {
     pub schema: String,
     /// The schema itself: for protobuf a serialized `FileDescriptorSet`.
     pub schema_data: Arc<[u8]>,
+    /// Encoding of the messages by the registry of MCAP, such as `protobuf` or `json`.
+    pub message_encoding: String,
     /// The source that the channel belongs to, where it belongs to one.
     pub source: Option<SourceId>,
     /// Further metadata of the channel, such as units.

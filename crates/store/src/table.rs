@@ -133,7 +133,7 @@ impl Reader {
     /// A topic as columns, from `start` to `end`, both included.
     ///
     /// # Errors
-    /// If the log has no such topic, its schema is no protobuf schema, two schemas of the topic
+    /// If the log has no such topic, its messages are not encoded as protobuf, its schema is no protobuf schema, two schemas of the topic
     /// contradict each other, or a file can no longer be read. A malformed message is no error: see
     /// [`Table::missing`].
     pub fn table(&self, topic: &str, start: LogTime, end: LogTime) -> Result<Table> {
@@ -142,6 +142,14 @@ impl Reader {
         let mut known = false;
         for channel in self.channels().filter(|channel| channel.topic == topic) {
             known = true;
+            let encoding = &channel.message_encoding;
+            if !matches!(encoding.as_str(), "" | "protobuf") {
+                return Err(Error::Encoding {
+                    topic: topic.to_owned(),
+                    schema: channel.schema.clone(),
+                    encoding: encoding.clone(),
+                });
+            }
             // Messages of a channel without a schema are left out.
             if !channel.has_no_schema() {
                 plan_of(&mut plans, &mut table, channel)?;

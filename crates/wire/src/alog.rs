@@ -3,16 +3,30 @@
 //! The form is pLogger's of MOOS (`CMOOSLogger::DoAsyncLog`): lines that begin with `%` are
 //! remarks, `%% LOGSTART` gives the UNIX time of time zero, columns are parted by blanks, and the
 //! value, which may hold blanks, runs to the end of the line. A value is a number or a text; a text
-//! may hold numbers as `[3x1]{1,2,3}` or as `KEY=1,OTHER=2`.
+//! may hold numbers as `[3x1]{1,2,3}` or as `KEY=1,OTHER=2`. An empty value and `nan` are no value.
+//! A second `LOGSTART` begins a second run, whose times start again.
 //!
 //! Variables that one act of measuring writes stand on lines of their own, at the same time or
 //! nearly so. They make one row: it is complete when every column has its value, and as good as it
 //! gets when a column comes again or a line of a later time, whatever it holds, is read.
 
+use sample::NANOS_PER_SECOND;
+
 use crate::column::{self, Column};
 use crate::frame::Frame;
-use crate::text::{Cells, Lines, MAX_LINE, number};
+use crate::text::{Cells, Lines, MAX_LINE, nanos, number};
 use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
+
+/// Number in a value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// The number.
+    Number(f64),
+    /// An empty value or `nan`.
+    Missing,
+    /// A text without the number.
+    Other,
+}
 
 /// Which number of a value is meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,15 +59,15 @@ pub struct Variable {
 pub struct Format {
     /// Variables that are read; others are left alone.
     pub variables: Vec<Variable>,
-    /// Lines of one row are no further apart than this, s.
-    pub together_s: f64,
+    /// Lines of one row are no further apart than this, ns.
+    pub together_ns: u64,
 }
 
 /// One line that is not a remark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line<'l> {
-    /// Seconds since the log's start.
-    pub time_s: f64,
+    /// Time since the log's start, ns.
+    pub time_ns: i128,
     /// Variable.
     pub variable: &'l str,
     /// Application.
@@ -82,7 +96,7 @@ impl<'l> Line<'l> {
     pub fn parse(line: &'l str) -> Option<Self> {
         let mut cells = Cells::new(line, None);
         Some(Self {
-            time_s: number(cells.next()?)?,
+            time_ns: nanos(cells.next()?, NANOS_PER_SECOND as u64)?,
             variable: cells.next()?,
             source: cells.next()?,
             value: cells.rest(),
@@ -91,24 +105,33 @@ impl<'l> Line<'l> {
 }
 
 impl Part {
-    /// The number that is meant; `None` where the value does not hold it.
+    /// The number that is meant.
     #[must_use]
-    pub fn number(&self, value: &str) -> Option<f64> {
-        let text = match self {
-            Self::Whole => value.trim().trim_matches('"'),
+    pub fn number(&self, value: &str) -> Value {
+        let found = match self {
+            Self::Whole => Some(value.trim().trim_matches('"')),
             Self::Element(position) => {
                 let inner = value.rsplit_once('{').map_or(value, |(_, inner)| inner);
                 let inner = inner.trim_end_matches(['}', ' ']).trim_matches('"');
                 let separators = [',', ';', ' ', '\t'];
                 let mut numbers = inner.split(separators).filter(|part| !part.is_empty());
-                numbers.nth(position.checked_sub(1)?)?
+                let index = position.checked_sub(1);
+                index.and_then(|index| numbers.nth(index))
             }
             Self::Key(key) => value.trim_matches('"').split([',', ';']).find_map(|pair| {
                 let (name, number) = pair.split_once('=')?;
                 (name.trim() == key).then_some(number.trim())
-            })?,
+            }),
         };
-        number(text)
+        let is_missing = value.trim().trim_matches('"').trim().is_empty()
+            || found.is_some_and(|text| {
+                text.is_empty() || text.parse().is_ok_and(|number: f64| number.is_nan())
+            });
+        match found.and_then(number) {
+            _ if is_missing => Value::Missing,
+            Some(number) => Value::Number(number),
+            None => Value::Other,
+        }
     }
 }
 
@@ -131,11 +154,11 @@ impl Format {
         Ok(())
     }
 
-    /// The variables that a line holds, with their values in SI; a value that is none is `None`.
+    /// The variables that a line holds, with their values in SI.
     pub fn values<'f>(
         &'f self,
         line: &Line<'_>,
-    ) -> impl Iterator<Item = (usize, &'f Variable, Option<f64>)> {
+    ) -> impl Iterator<Item = (usize, &'f Variable, Value)> {
         let (name, source, value) = (
             line.variable.to_owned(),
             line.source.to_owned(),
@@ -145,23 +168,31 @@ impl Format {
             .iter()
             .enumerate()
             .filter(move |(_, v)| v.name == name && (v.source.is_empty() || v.source == source))
-            .map(move |(index, v)| (index, v, v.part.number(&value).map(|n| v.column.value(n))))
+            .map(move |(index, v)| {
+                let found = match v.part.number(&value) {
+                    Value::Number(number) => Value::Number(v.column.value(number)),
+                    other => other,
+                };
+                (index, v, found)
+            })
     }
 }
 
-/// Incremental decoder of one file.
+/// Incremental decoder of one file. [`Decoder::finish`] hands on what waits for further lines.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     lines: Lines<MAX_LINE>,
     format: Format,
     rows: Vec<Row>,
+    /// Time of the last line, ns.
+    last_ns: i128,
 }
 
 /// What one group has so far.
 #[derive(Clone, Debug, Default)]
 struct Row {
     size: usize,
-    began_s: f64,
+    began_ns: i128,
     values: Vec<(usize, f64)>,
 }
 
@@ -181,15 +212,28 @@ impl Decoder {
             lines: Lines::new(),
             format,
             rows,
+            last_ns: 0,
         })
     }
 
     /// Takes bytes and hands on what each row that they complete measured.
     pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
-        let (format, rows) = (&self.format, &mut self.rows);
+        let (format, rows, last_ns) = (&self.format, &mut self.rows, &mut self.last_ns);
         self.lines.push(bytes, |frame, statistics| {
-            take_line(&frame, format, rows, statistics, &mut sink);
+            take_line(&frame, format, rows, last_ns, statistics, &mut sink);
         });
+    }
+
+    /// The stream is over: hands on the rows that wait for further lines.
+    pub fn finish(&mut self, mut sink: impl FnMut(Item<'_>)) {
+        let frame = Frame {
+            kind: (),
+            bytes: &[],
+            range: 0..0,
+        };
+        for row in &mut self.rows {
+            emit(&frame, &self.format, row, self.last_ns, &mut sink);
+        }
     }
 
     /// Counts since the start.
@@ -203,40 +247,51 @@ fn take_line(
     frame: &Frame<'_, ()>,
     format: &Format,
     rows: &mut [Row],
+    last_ns: &mut i128,
     statistics: &mut Statistics,
     sink: &mut impl FnMut(Item<'_>),
 ) {
     let text = String::from_utf8_lossy(frame.bytes);
     if is_remark(&text) {
+        if log_start(&text).is_some() {
+            for row in rows.iter_mut() {
+                emit(frame, format, row, *last_ns, sink);
+            }
+        }
         return;
     }
     let Some(line) = Line::parse(&text) else {
         statistics.malformed += 1;
         return;
     };
+    *last_ns = line.time_ns;
     for row in rows.iter_mut() {
-        let moved_on = (line.time_s - row.began_s).abs() > format.together_s;
-        if !row.values.is_empty() && moved_on {
-            emit(frame, format, row, line.time_s, sink);
+        let apart_ns = (line.time_ns - row.began_ns).unsigned_abs();
+        if !row.values.is_empty() && apart_ns > u128::from(format.together_ns) {
+            emit(frame, format, row, line.time_ns, sink);
         }
     }
     let mut known = false;
     for (index, variable, value) in format.values(&line) {
         known = true;
-        let Some(value) = value else {
-            statistics.malformed += 1;
-            continue;
+        let value = match value {
+            Value::Number(value) => value,
+            Value::Missing => continue,
+            Value::Other => {
+                statistics.malformed += 1;
+                continue;
+            }
         };
         let row = &mut rows[variable.group];
         if row.values.iter().any(|(held, _)| *held == index) {
-            emit(frame, format, row, line.time_s, sink);
+            emit(frame, format, row, line.time_ns, sink);
         }
         if row.values.is_empty() {
-            row.began_s = line.time_s;
+            row.began_ns = line.time_ns;
         }
         row.values.push((index, value));
         if row.values.len() == row.size {
-            emit(frame, format, row, line.time_s, sink);
+            emit(frame, format, row, line.time_ns, sink);
         }
     }
     if !known {
@@ -244,26 +299,26 @@ fn take_line(
     }
 }
 
-/// Hands a row on and empties it. `now_s` is the time of the line that ended it.
+/// Hands a row on and empties it. `now_ns` is the time of the line that ended it.
 fn emit(
     frame: &Frame<'_, ()>,
     format: &Format,
     row: &mut Row,
-    now_s: f64,
+    now_ns: i128,
     sink: &mut impl FnMut(Item<'_>),
 ) {
-    let late_s = (now_s - row.began_s).max(0.0);
+    let late_s = (now_ns - row.began_ns).max(0) as f64 / NANOS_PER_SECOND as f64;
     let values: Vec<(&Column, f64)> = row
         .values
         .drain(..)
         .map(|(index, value)| (&format.variables[index].column, value))
         .collect();
-    for (delay_s, measurement) in column::measurements(&values) {
+    for (latency_s, measurement) in column::measurements(&values) {
         sink(Item {
             protocol: Protocol::Alog,
             name: "row",
             device_time: None,
-            latency_s: Some(delay_s + late_s),
+            latency_s: Some(latency_s + late_s),
             measurements: Measurements::one(measurement),
             message: Message::Row,
             raw: frame.bytes,
@@ -293,7 +348,8 @@ mod tests {
                 factor: 1.0,
                 scale: 1.0,
                 offset: 0.0,
-                delay_s: 0.0,
+                latency_s: 0.0,
+                held_rows: 1,
             },
         }
     }
@@ -301,7 +357,7 @@ mod tests {
     fn decode(variables: Vec<Variable>, text: &str) -> (Vec<(f64, Measurement)>, Statistics) {
         let format = Format {
             variables,
-            together_s: 0.001,
+            together_ns: 1_000_000,
         };
         let mut decoder = Decoder::new(format).expect("a working format");
         let mut all = Vec::new();
@@ -347,13 +403,21 @@ mod tests {
     #[test]
     fn numbers_within_texts() {
         let vector = "[6x1]{1.5,2,-3}";
-        assert_eq!(Part::Element(3).number(vector), Some(-3.0));
-        assert_eq!(Part::Element(4).number(vector), None);
-        assert_eq!(Part::Element(0).number(vector), None);
+        assert_eq!(Part::Element(3).number(vector), Value::Number(-3.0));
+        assert_eq!(Part::Element(4).number(vector), Value::Other);
+        assert_eq!(Part::Element(0).number(vector), Value::Other);
         let pairs = "NAME=car, SPD=4.5,HDG=90";
-        assert_eq!(Part::Key("SPD".to_owned()).number(pairs), Some(4.5));
-        assert_eq!(Part::Key("PD".to_owned()).number(pairs), None);
-        assert_eq!(Part::Whole.number("nan"), None);
+        assert_eq!(
+            Part::Key("SPD".to_owned()).number(pairs),
+            Value::Number(4.5)
+        );
+        assert_eq!(Part::Key("PD".to_owned()).number(pairs), Value::Other);
+        assert_eq!(Part::Whole.number("words"), Value::Other);
+        for missing in ["nan", "", " ", "\"\"", "NaN"] {
+            assert_eq!(Part::Whole.number(missing), Value::Missing, "{missing}");
+        }
+        assert_eq!(Part::Element(2).number("{1,nan,3}"), Value::Missing);
+        assert_eq!(Part::Key("A".to_owned()).number("A=,B=2"), Value::Missing);
     }
 
     #[test]
@@ -364,8 +428,52 @@ mod tests {
         );
         assert_eq!(log_start("%% LOG FILE: x"), None);
         let line = Line::parse("12.5   zCourse   gNovatel:a  90.0  ").expect("a line");
-        assert_eq!((line.time_s, line.value), (12.5, "90.0"));
+        assert_eq!((line.time_ns, line.value), (12_500_000_000, "90.0"));
         assert!(Line::parse("12.5 zCourse").is_none());
         assert!(Line::parse("x zCourse a 1").is_none());
+    }
+
+    #[test]
+    fn triples_are_joined_by_the_integer_time() {
+        let axes: Vec<Variable> = ["x", "y", "z"]
+            .map(|axis| variable(&format!("G{axis}"), &format!("rate.{axis}"), Part::Whole, 0))
+            .into();
+        let mut text = HEAD.to_owned();
+        for row in 0..20 {
+            // The third axis comes 1 ms later, which is the limit; 0.001 is no binary fraction.
+            let time = 4026 + 20 * row;
+            for (axis, late) in [("x", 0), ("y", 0), ("z", 1)] {
+                let time = time + late;
+                text += &format!("{}.{:03} G{axis} a {row}\n", time / 1000, time % 1000);
+            }
+        }
+        let (all, _) = decode(axes, &text);
+        assert_eq!(all.len(), 20);
+        for (_, measurement) in all {
+            let Measurement::Imu(imu) = measurement else {
+                panic!("{measurement:?}");
+            };
+            assert!(imu.angular_rate_rad_s.iter().all(|rate| rate.is_finite()));
+        }
+    }
+
+    #[test]
+    fn missing_values_a_second_run_and_the_end() {
+        let imu = vec![
+            variable("R", "rate.z", Part::Whole, 0),
+            variable("A", "acceleration.y", Part::Whole, 0),
+        ];
+        let format = Format {
+            variables: imu,
+            together_ns: 1_000_000,
+        };
+        let mut decoder = Decoder::new(format).expect("a working format");
+        let mut count = 0;
+        let text = "%% LOGSTART 10\n0.1 R a nan\n0.1 A a \n0.2 R a 1\n%% LOGSTART 20\n0.2 A a 2\n";
+        decoder.push(text.as_bytes(), |_| count += 1);
+        assert_eq!(count, 1, "the row of the first run ends with it");
+        decoder.finish(|_| count += 1);
+        assert_eq!(count, 2);
+        assert_eq!(decoder.statistics().malformed, 0);
     }
 }

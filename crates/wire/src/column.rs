@@ -1,256 +1,13 @@
 //! Columns of a table, whatever its format: which quantity each holds, in which unit, and the
 //! measurements that a row of them makes.
 
-use std::collections::BTreeMap;
-
-use sample::{
-    ControlSample, CornerSample, FixQuality, GnssAttitude, GnssPosition, GnssVelocity,
-    GroundSpeedSample, ImuSample, Measurement, PerWheel, STANDARD_GRAVITY_M_S2, Signal,
-    SteerSample, StrainChannel, Wheel, WheelSpeedSample,
-};
+mod quantity;
+mod row;
 
 use crate::WireError;
 
-/// What a column holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Quantity {
-    /// Specific force along an axis of the inertial unit.
-    Acceleration(usize),
-    /// Angular rate about an axis of the inertial unit.
-    Rate(usize),
-    /// Steering-wheel angle, left positive.
-    Steer,
-    /// Angular speed of a wheel, forward positive.
-    WheelSpeed(Wheel),
-    /// Velocity over ground, forwards.
-    ForwardSpeed,
-    /// Velocity over ground, leftwards.
-    LeftwardSpeed,
-    /// Geodetic latitude.
-    Latitude,
-    /// Longitude.
-    Longitude,
-    /// Height above the ellipsoid.
-    Height,
-    /// Velocity east, north or up of the GNSS antenna.
-    Velocity(usize),
-    /// Horizontal speed of the GNSS antenna; with the course it makes a velocity.
-    GroundTrackSpeed,
-    /// Course over ground, clockwise from north.
-    Course,
-    /// Heading, clockwise from north.
-    Heading,
-    /// Yaw from east, left positive.
-    Yaw,
-    /// Pitch, nose down positive.
-    Pitch,
-    /// Roll, right side down positive.
-    Roll,
-    /// Counts of a spring potentiometer.
-    Deflection(Wheel),
-    /// Counts of a strain channel.
-    Strain(Wheel, StrainChannel),
-    /// What a reference instrument measured: no decoder hands it on.
-    Truth(Truth),
-    /// Any other value, kept under its name.
-    Signal,
-}
-
-/// A quantity of a reference instrument.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Truth {
-    /// Sideslip angle, ISO 8855.
-    Sideslip,
-    /// Forward velocity of the centre of gravity.
-    ForwardSpeed,
-    /// Leftward velocity of the centre of gravity.
-    LeftwardSpeed,
-    /// Yaw rate.
-    YawRate,
-    /// Roll angle, right side down positive.
-    Roll,
-    /// Pitch angle, nose down positive.
-    Pitch,
-    /// Force of the ground on a tyre along x, y or z of its contact frame.
-    Force(Wheel, usize),
-}
-
-/// What kind of unit a quantity has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dimension {
-    /// m/s^2.
-    Acceleration,
-    /// rad/s.
-    AngularRate,
-    /// rad.
-    Angle,
-    /// m/s.
-    Speed,
-    /// m.
-    Length,
-    /// N.
-    Force,
-    /// Converter counts.
-    Counts,
-    /// Whatever the file says.
-    Free,
-}
-
-const AXES: [&str; 3] = ["x", "y", "z"];
-const EARTH: [&str; 3] = ["east", "north", "up"];
-
-impl Quantity {
-    /// The quantity with this name in a column map.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::all().find(|quantity| quantity.name() == name)
-    }
-
-    /// Every quantity.
-    pub fn all() -> impl Iterator<Item = Self> {
-        let axes = |make: fn(usize) -> Self| (0..3).map(make);
-        let wheels = |make: fn(Wheel) -> Self| Wheel::ALL.into_iter().map(make);
-        let strain = Wheel::ALL
-            .into_iter()
-            .flat_map(|wheel| StrainChannel::ALL.map(|channel| Self::Strain(wheel, channel)));
-        let forces = Wheel::ALL
-            .into_iter()
-            .flat_map(|wheel| [0, 1, 2].map(|axis| Self::Truth(Truth::Force(wheel, axis))));
-        let truths = [
-            Truth::Sideslip,
-            Truth::ForwardSpeed,
-            Truth::LeftwardSpeed,
-            Truth::YawRate,
-            Truth::Roll,
-            Truth::Pitch,
-        ];
-        [Self::Steer, Self::ForwardSpeed, Self::LeftwardSpeed]
-            .into_iter()
-            .chain(axes(Self::Acceleration))
-            .chain(axes(Self::Rate))
-            .chain(wheels(Self::WheelSpeed))
-            .chain([Self::Latitude, Self::Longitude, Self::Height])
-            .chain(axes(Self::Velocity))
-            .chain([Self::GroundTrackSpeed, Self::Course, Self::Heading])
-            .chain([Self::Yaw, Self::Pitch, Self::Roll])
-            .chain(wheels(Self::Deflection))
-            .chain(strain)
-            .chain(truths.map(Self::Truth))
-            .chain(forces)
-            .chain([Self::Signal])
-    }
-
-    /// Name in a column map.
-    #[must_use]
-    pub fn name(self) -> String {
-        match self {
-            Self::Acceleration(axis) => format!("acceleration.{}", AXES[axis]),
-            Self::Rate(axis) => format!("rate.{}", AXES[axis]),
-            Self::Steer => "steer".to_owned(),
-            Self::WheelSpeed(wheel) => format!("wheel_speed.{}", wheel.abbreviation()),
-            Self::ForwardSpeed => "speed.forward".to_owned(),
-            Self::LeftwardSpeed => "speed.leftward".to_owned(),
-            Self::Latitude => "gnss.latitude".to_owned(),
-            Self::Longitude => "gnss.longitude".to_owned(),
-            Self::Height => "gnss.height".to_owned(),
-            Self::Velocity(axis) => format!("gnss.velocity_{}", EARTH[axis]),
-            Self::GroundTrackSpeed => "gnss.speed".to_owned(),
-            Self::Course => "gnss.course".to_owned(),
-            Self::Heading => "gnss.heading".to_owned(),
-            Self::Yaw => "gnss.yaw".to_owned(),
-            Self::Pitch => "gnss.pitch".to_owned(),
-            Self::Roll => "gnss.roll".to_owned(),
-            Self::Deflection(wheel) => format!("deflection.{}", wheel.abbreviation()),
-            Self::Strain(wheel, channel) => {
-                format!("strain.{}.{}", wheel.abbreviation(), channel.name())
-            }
-            Self::Truth(truth) => format!("truth.{}", truth.name()),
-            Self::Signal => "signal".to_owned(),
-        }
-    }
-
-    /// What kind of unit it has.
-    #[must_use]
-    pub const fn dimension(self) -> Dimension {
-        match self {
-            Self::Acceleration(_) => Dimension::Acceleration,
-            Self::Rate(_) | Self::WheelSpeed(_) | Self::Truth(Truth::YawRate) => {
-                Dimension::AngularRate
-            }
-            Self::ForwardSpeed
-            | Self::LeftwardSpeed
-            | Self::Velocity(_)
-            | Self::GroundTrackSpeed
-            | Self::Truth(Truth::ForwardSpeed | Truth::LeftwardSpeed) => Dimension::Speed,
-            Self::Height => Dimension::Length,
-            Self::Steer
-            | Self::Latitude
-            | Self::Longitude
-            | Self::Course
-            | Self::Heading
-            | Self::Yaw
-            | Self::Pitch
-            | Self::Roll
-            | Self::Truth(Truth::Sideslip | Truth::Roll | Truth::Pitch) => Dimension::Angle,
-            Self::Truth(Truth::Force(..)) => Dimension::Force,
-            Self::Deflection(_) | Self::Strain(..) => Dimension::Counts,
-            Self::Signal => Dimension::Free,
-        }
-    }
-}
-
-impl Truth {
-    fn name(self) -> String {
-        match self {
-            Self::Sideslip => "sideslip".to_owned(),
-            Self::ForwardSpeed => "speed_forward".to_owned(),
-            Self::LeftwardSpeed => "speed_leftward".to_owned(),
-            Self::YawRate => "yaw_rate".to_owned(),
-            Self::Roll => "roll".to_owned(),
-            Self::Pitch => "pitch".to_owned(),
-            Self::Force(wheel, axis) => format!("force_{}.{}", AXES[axis], wheel.abbreviation()),
-        }
-    }
-}
-
-impl Dimension {
-    /// Units by name, with the factor that takes them to SI.
-    #[must_use]
-    pub fn units(self) -> &'static [(&'static str, f64)] {
-        const DEGREE: f64 = std::f64::consts::PI / 180.0;
-        const TURN: f64 = std::f64::consts::TAU;
-        match self {
-            Self::Acceleration => &[("m/s^2", 1.0), ("m/s2", 1.0), ("g", STANDARD_GRAVITY_M_S2)],
-            Self::AngularRate => &[
-                ("rad/s", 1.0),
-                ("deg/s", DEGREE),
-                ("rpm", TURN / 60.0),
-                ("rev/s", TURN),
-            ],
-            Self::Angle => &[("rad", 1.0), ("deg", DEGREE)],
-            Self::Speed => &[
-                ("m/s", 1.0),
-                ("km/h", 1.0 / 3.6),
-                ("mph", 0.447_04),
-                ("kn", 1852.0 / 3600.0),
-            ],
-            Self::Length => &[("m", 1.0), ("mm", 1e-3), ("ft", 0.3048)],
-            Self::Force => &[("N", 1.0), ("kN", 1000.0), ("lbf", 4.448_221_615_260_5)],
-            Self::Counts => &[("counts", 1.0)],
-            Self::Free => &[],
-        }
-    }
-
-    /// Factor that takes `unit` to SI.
-    #[must_use]
-    pub fn factor(self, unit: &str) -> Option<f64> {
-        if self == Self::Free {
-            return Some(1.0);
-        }
-        let found = self.units().iter().find(|(name, _)| *name == unit);
-        found.map(|(_, factor)| *factor)
-    }
-}
+pub use quantity::{Dimension, Quantity, Truth};
+pub use row::measurements;
 
 /// One column: value = (number * scale + offset) * factor.
 #[derive(Clone, Debug, PartialEq)]
@@ -268,7 +25,9 @@ pub struct Column {
     /// Added to it, in the file's unit.
     pub offset: f64,
     /// How long before the row's time the value was true, s.
-    pub delay_s: f64,
+    pub latency_s: f64,
+    /// Rows for which a table holds one value; 1 if each row has a new value.
+    pub held_rows: u32,
 }
 
 impl Column {
@@ -277,12 +36,12 @@ impl Column {
     /// # Errors
     /// [`WireError::Setting`] with the numbers that cannot work.
     pub fn check(&self) -> Result<(), WireError> {
-        let numbers = [self.scale, self.offset, self.factor, self.delay_s];
+        let numbers = [self.scale, self.offset, self.factor, self.latency_s];
         if numbers.iter().all(|value| value.is_finite()) && self.scale != 0.0 {
             return Ok(());
         }
         Err(WireError::Setting {
-            what: "scale, offset or delay",
+            what: "scale, offset or latency",
             got: format!("{numbers:?} in {}", self.name),
             expected: "finite numbers, scale not 0",
         })
@@ -295,169 +54,44 @@ impl Column {
     }
 }
 
-/// The measurements of one row: pairs of delay in seconds and measurement, those of a longer delay
-/// first. Columns without a value in this row are absent from `values`.
+/// Quantities that make no measurement because others beside them are absent: position in `columns`
+/// and the first set of absent quantities.
 #[must_use]
-pub fn measurements(values: &[(&Column, f64)]) -> Vec<(f64, Measurement)> {
-    let mut groups: BTreeMap<u64, Row> = BTreeMap::new();
-    for (column, value) in values {
-        // Delays are not negative, so their bits sort as they do.
-        groups
-            .entry(column.delay_s.max(0.0).to_bits())
-            .or_default()
-            .take(column, *value);
-    }
-    let mut all = Vec::new();
-    for (delay, row) in groups.into_iter().rev() {
-        let delay_s = f64::from_bits(delay);
-        all.extend(row.finish().into_iter().map(|m| (delay_s, m)));
-    }
-    all
-}
-
-/// What a row holds, by quantity.
-#[derive(Default)]
-struct Row {
-    values: BTreeMap<Quantity, f64>,
-    signals: Vec<Signal>,
-}
-
-impl Row {
-    fn take(&mut self, column: &Column, value: f64) {
-        match column.quantity {
-            Quantity::Truth(_) => {}
-            Quantity::Signal => self.signals.push(Signal {
-                name: column.name.clone(),
-                value,
-                unit: column.unit.clone(),
-            }),
-            quantity => {
-                self.values.insert(quantity, value);
-            }
-        }
-    }
-
-    fn get(&self, quantity: Quantity) -> Option<f64> {
-        self.values.get(&quantity).copied()
-    }
-
-    fn axes(&self, quantity: fn(usize) -> Quantity) -> [Option<f64>; 3] {
-        [0, 1, 2].map(|axis| self.get(quantity(axis)))
-    }
-
-    fn finish(self) -> Vec<Measurement> {
-        let mut all: Vec<Measurement> = Vec::new();
-        all.extend(self.imu());
-        let steer = self.get(Quantity::Steer);
-        all.extend(
-            steer.map(|steering_wheel_rad| Measurement::Steer(SteerSample { steering_wheel_rad })),
-        );
-        let speeds = PerWheel::from_fn(|wheel| self.get(Quantity::WheelSpeed(wheel)));
-        if speeds.0.iter().any(Option::is_some) {
-            all.push(Measurement::WheelSpeed(WheelSpeedSample {
-                angular_speed_rad_s: speeds,
-            }));
-        }
-        if let Some(forward_m_s) = self.get(Quantity::ForwardSpeed) {
-            all.push(Measurement::GroundSpeed(GroundSpeedSample {
-                forward_m_s,
-                leftward_m_s: self.get(Quantity::LeftwardSpeed),
-            }));
-        }
-        all.extend(self.gnss());
-        all.extend(
-            Wheel::ALL
-                .into_iter()
-                .filter_map(|wheel| self.corner(wheel)),
-        );
-        if !self.signals.is_empty() {
-            all.push(Measurement::Control(ControlSample {
-                values: self.signals,
-            }));
-        }
-        all
-    }
-
-    /// Axes that the file does not have are `NaN`.
-    fn imu(&self) -> Option<Measurement> {
-        let force = self.axes(Quantity::Acceleration);
-        let rate = self.axes(Quantity::Rate);
-        let any = force.iter().chain(&rate).any(Option::is_some);
-        any.then(|| {
-            Measurement::Imu(ImuSample {
-                specific_force_m_s2: force.map(|value| value.unwrap_or(f64::NAN)),
-                angular_rate_rad_s: rate.map(|value| value.unwrap_or(f64::NAN)),
-                valid: true,
-                ..ImuSample::default()
-            })
-        })
-    }
-
-    fn gnss(&self) -> Vec<Measurement> {
-        let mut all = Vec::new();
-        let quality = FixQuality::Single;
-        if let (Some(latitude_rad), Some(longitude_rad)) =
-            (self.get(Quantity::Latitude), self.get(Quantity::Longitude))
-        {
-            all.push(Measurement::GnssPosition(GnssPosition {
-                quality,
-                latitude_rad,
-                longitude_rad,
-                height_m: self.get(Quantity::Height).unwrap_or(f64::NAN),
-                ..GnssPosition::default()
-            }));
-        }
-        let [east, north, up] = self.axes(Quantity::Velocity);
-        let (speed, course) = (
-            self.get(Quantity::GroundTrackSpeed),
-            self.get(Quantity::Course),
-        );
-        let level = east.zip(north).or_else(|| {
-            let (speed, course) = speed.zip(course)?;
-            Some((speed * math::sin(course), speed * math::cos(course)))
-        });
-        if let Some((east, north)) = level {
-            all.push(Measurement::GnssVelocity(GnssVelocity {
-                quality,
-                velocity_enu_m_s: [east, north, up.unwrap_or(0.0)],
-                ..GnssVelocity::default()
-            }));
-        }
-        let heading = self.get(Quantity::Heading);
-        let attitude = GnssAttitude {
-            quality,
-            yaw_rad: self
-                .get(Quantity::Yaw)
-                .or(heading.map(|heading| std::f64::consts::FRAC_PI_2 - heading)),
-            pitch_rad: self.get(Quantity::Pitch),
-            roll_rad: self.get(Quantity::Roll),
-            sigma_rad: None,
+pub fn incomplete(columns: &[&Column]) -> Vec<(usize, Vec<Quantity>)> {
+    let has = |quantity: &Quantity| columns.iter().any(|column| column.quantity == *quantity);
+    let mut found = Vec::new();
+    for (index, column) in columns.iter().enumerate() {
+        let sets = column.quantity.needs();
+        let absent = |set: &Vec<Quantity>| -> Vec<Quantity> {
+            set.iter().filter(|needed| !has(needed)).copied().collect()
         };
-        let angles = [attitude.yaw_rad, attitude.pitch_rad, attitude.roll_rad];
-        if angles.iter().any(Option::is_some) {
-            all.push(Measurement::GnssAttitude(attitude));
+        if let Some(first) = sets.first()
+            && sets.iter().all(|set| !absent(set).is_empty())
+        {
+            let nearest = sets.iter().map(absent).min_by_key(Vec::len);
+            found.push((index, nearest.unwrap_or_else(|| absent(first))));
         }
-        all
     }
+    found
+}
 
-    fn corner(&self, wheel: Wheel) -> Option<Measurement> {
-        let counts = |quantity| self.get(quantity).map(|value| value.round() as i32);
-        let strain_counts = StrainChannel::ALL.map(|c| counts(Quantity::Strain(wheel, c)));
-        let deflection_counts = counts(Quantity::Deflection(wheel));
-        let any = deflection_counts.is_some() || strain_counts.iter().any(Option::is_some);
-        any.then_some(Measurement::Corner(CornerSample {
-            wheel,
-            strain_counts,
-            deflection_counts,
-        }))
-    }
+/// Two columns of one quantity, of which a row keeps one only: their positions.
+#[must_use]
+pub fn twice(columns: &[&Column]) -> Option<[usize; 2]> {
+    let same = |a: &Column, b: &Column| a.quantity == b.quantity && a.quantity != Quantity::Signal;
+    (0..columns.len()).find_map(|second| {
+        let first = (0..second).find(|first| same(columns[*first], columns[second]))?;
+        Some([first, second])
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use sample::{GroundSpeedSample, Measurement};
+
     use super::*;
 
-    fn column(quantity: &str, unit: &str, delay_s: f64) -> Column {
+    fn column(quantity: &str, unit: &str, latency_s: f64) -> Column {
         let quantity = Quantity::from_name(quantity).expect("a known quantity");
         Column {
             name: quantity.name(),
@@ -466,7 +100,8 @@ mod tests {
             factor: quantity.dimension().factor(unit).expect("a known unit"),
             scale: 1.0,
             offset: 0.0,
-            delay_s,
+            latency_s,
+            held_rows: 1,
         }
     }
 
@@ -483,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn units_and_delays_make_measurements() {
+    fn units_and_latencies_make_measurements() {
         let yaw = column("rate.z", "deg/s", 0.0);
         let ay = column("acceleration.y", "g", 0.0);
         let speed = column("speed.forward", "km/h", 0.05);
@@ -520,5 +155,83 @@ mod tests {
         };
         let [east, north, up] = velocity.velocity_enu_m_s;
         assert!((east - 2.0).abs() < 1e-12 && north.abs() < 1e-12 && up == 0.0);
+    }
+
+    #[test]
+    fn earth_centred_coordinates_are_a_place_and_a_velocity() {
+        // A place at 45° north, 90° east, 100 m; the velocity is 3 east, 4 north, 5 up.
+        let place = crate::geodesy::Geodetic {
+            latitude_rad: std::f64::consts::FRAC_PI_4,
+            longitude_rad: std::f64::consts::FRAC_PI_2,
+            height_m: 100.0,
+        };
+        let rows = place.enu_from_ecef();
+        let enu = [3.0, 4.0, 5.0];
+        let axis = |axis: usize| (0..3).map(|row| rows[row][axis] * enu[row]).sum::<f64>();
+        let ecef = place.to_ecef();
+        let columns: Vec<(Column, f64)> = (0..3)
+            .flat_map(|i| {
+                let name = ["x", "y", "z"][i];
+                [
+                    (column(&format!("gnss.ecef_{name}"), "m", 0.1), ecef[i]),
+                    (
+                        column(&format!("gnss.ecef_velocity_{name}"), "m/s", 0.0),
+                        axis(i),
+                    ),
+                ]
+            })
+            .collect();
+        let row: Vec<(&Column, f64)> = columns.iter().map(|(c, v)| (c, *v)).collect();
+        let all = measurements(&row);
+        let [
+            (_, Measurement::GnssPosition(found)),
+            (_, Measurement::GnssVelocity(velocity)),
+        ] = &all[..]
+        else {
+            panic!("{all:?}");
+        };
+        assert!((found.height_m - 100.0).abs() < 1e-6);
+        assert!((found.latitude_rad - place.latitude_rad).abs() < 1e-12);
+        for (found, expected) in velocity.velocity_enu_m_s.iter().zip(enu) {
+            assert!((found - expected).abs() < 1e-9, "{velocity:?}");
+        }
+    }
+
+    #[test]
+    fn half_pairs_and_quantities_that_occur_twice_are_found() {
+        let names = |quantities: &[&str]| -> Vec<Column> {
+            let unit = |name: &str| match name {
+                "gnss.speed" | "speed.leftward" | "gnss.velocity_up" => "m/s",
+                _ => "rad",
+            };
+            quantities.iter().map(|q| column(q, unit(q), 0.0)).collect()
+        };
+        let halves = |quantities: &[&str]| {
+            let columns = names(quantities);
+            let columns: Vec<&Column> = columns.iter().collect();
+            let found = incomplete(&columns).into_iter();
+            found
+                .map(|(index, absent)| (index, absent.iter().map(|q| q.name()).collect()))
+                .collect::<Vec<(usize, Vec<String>)>>()
+        };
+        let needed = |name: &str| vec![name.to_owned()];
+        assert_eq!(halves(&["gnss.speed"]), [(0, needed("gnss.course"))]);
+        assert_eq!(
+            halves(&["steer", "gnss.latitude"]),
+            [(1, needed("gnss.longitude"))]
+        );
+        assert_eq!(halves(&["speed.leftward"]), [(0, needed("speed.forward"))]);
+        assert_eq!(
+            halves(&["gnss.velocity_up", "gnss.course"])
+                .iter()
+                .map(|(index, absent)| (*index, absent.len()))
+                .collect::<Vec<_>>(),
+            [(0, 1), (1, 1)]
+        );
+        assert!(halves(&["gnss.velocity_up", "gnss.course", "gnss.speed", "gnss.roll"]).is_empty());
+        let columns = names(&["steer", "gnss.course", "steer"]);
+        let columns: Vec<&Column> = columns.iter().collect();
+        assert_eq!(twice(&columns), Some([0, 2]));
+        assert_eq!(twice(&columns[..2]), None);
     }
 }

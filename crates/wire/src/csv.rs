@@ -1,13 +1,24 @@
 //! Delimited text: one row a line, columns by name or number.
 //!
 //! The rows come as they stand in the file. The first line that is neither skipped nor a comment
-//! names the columns, unless the columns are given by number. A line has no checksum; one that
-//! does not read as configured is counted and dropped whole.
+//! names the columns, unless the columns are given by number. If that line does not have the names,
+//! but the comment before it has them, the comment is the header and the line is a row: some programs
+//! write the header as a comment. A line has no checksum; one that does not read as configured is
+//! counted and dropped whole.
+//!
+//! [`Reader`] holds these rules. The decoder and an importer use the same reader, so that they agree.
 
-use crate::column::{self, Column};
-use crate::frame::Frame;
-use crate::text::{Cells, Lines, unquoted};
-use crate::{Item, Measurements, Message, Protocol, Statistics, WireError};
+mod decoder;
+mod held;
+mod reader;
+
+use crate::WireError;
+use crate::column::Column;
+use crate::text::{Cells, unquoted};
+
+pub use decoder::Decoder;
+pub use held::Held;
+pub use reader::{Line, LineError, Reader};
 
 pub use crate::text::MAX_LINE;
 
@@ -38,17 +49,19 @@ pub struct Format {
     pub decimal_comma: bool,
     /// What a comment line begins with; empty for none.
     pub comment: String,
-    /// Lines before the header that mean nothing.
+    /// Lines before the header that mean nothing, blank ones included.
     pub skip_lines: usize,
     /// Whether a line names the columns.
     pub header: bool,
+    /// Whether the line after the header has the units.
+    pub units_row: bool,
     /// Cells that stand for no value, beside empty ones and NaN.
     pub missing: Vec<String>,
     /// Columns that are read.
     pub columns: Vec<(Place, Column)>,
 }
 
-/// A cell that is no number.
+/// A cell without the number that was expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadCell {
     /// Position of the column in [`Format::columns`].
@@ -100,12 +113,24 @@ impl Format {
         Cells::new(line, self.delimiter).map(unquoted).collect()
     }
 
-    /// Position of a column under this header; `None` where the header does not have it.
-    #[must_use]
-    pub fn position(&self, place: &Place, header: &[&str]) -> Option<usize> {
+    /// Position of a column under this header.
+    ///
+    /// # Errors
+    /// The header does not have the name, or has it more than once.
+    pub fn position(&self, place: &Place, header: &[&str]) -> Result<usize, LineError> {
+        let absent = || LineError::Absent(place.clone());
         match place {
-            Place::Number(number) => number.checked_sub(1),
-            Place::Name(name) => header.iter().position(|cell| cell == name),
+            Place::Number(number) => number.checked_sub(1).ok_or_else(absent),
+            Place::Name(name) => {
+                let mut found = header.iter().enumerate().filter(|(_, cell)| *cell == name);
+                let (first, _) = found.next().ok_or_else(absent)?;
+                match found.next() {
+                    None => Ok(first),
+                    Some((second, _)) => {
+                        Err(LineError::Twice(place.clone(), [first + 1, second + 1]))
+                    }
+                }
+            }
         }
     }
 
@@ -128,126 +153,6 @@ impl Format {
             _ => Err(cell),
         }
     }
-
-    /// The values of a row, SI, in the order of the columns.
-    ///
-    /// # Errors
-    /// The first cell that is no number.
-    pub fn row(&self, positions: &[usize], cells: &[&str]) -> Result<Vec<Option<f64>>, BadCell> {
-        let mut values = Vec::with_capacity(self.columns.len());
-        for (index, (position, (_, column))) in positions.iter().zip(&self.columns).enumerate() {
-            let bad = |text: Option<&str>| BadCell {
-                column: index,
-                text: text.map(str::to_owned),
-            };
-            let cell = cells.get(*position).ok_or_else(|| bad(None))?;
-            let number = self.number(cell).map_err(|cell| bad(Some(cell)))?;
-            values.push(number.map(|number| column.value(number)));
-        }
-        Ok(values)
-    }
-}
-
-/// Incremental decoder of one file or device.
-#[derive(Clone, Debug)]
-pub struct Decoder {
-    lines: Lines<MAX_LINE>,
-    format: Format,
-    rows: Rows,
-}
-
-/// How far the file has come.
-#[derive(Clone, Debug)]
-struct Rows {
-    to_skip: usize,
-    positions: Option<Vec<usize>>,
-}
-
-impl Decoder {
-    /// A decoder for this format.
-    ///
-    /// # Errors
-    /// As [`Format::check`].
-    pub fn new(format: Format) -> Result<Self, WireError> {
-        format.check()?;
-        let positions = (!format.header).then(|| {
-            let places = format.columns.iter().map(|(place, _)| place);
-            places.filter_map(|p| format.position(p, &[])).collect()
-        });
-        Ok(Self {
-            lines: Lines::new(),
-            rows: Rows {
-                to_skip: format.skip_lines,
-                positions,
-            },
-            format,
-        })
-    }
-
-    /// Takes bytes and hands on what each line that they complete measured.
-    pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
-        let (format, rows) = (&self.format, &mut self.rows);
-        self.lines.push(bytes, |frame, statistics| {
-            take_line(&frame, format, rows, statistics, &mut sink);
-        });
-    }
-
-    /// Counts since the start.
-    #[must_use]
-    pub fn statistics(&self) -> Statistics {
-        self.lines.statistics()
-    }
-}
-
-fn take_line(
-    frame: &Frame<'_, ()>,
-    format: &Format,
-    rows: &mut Rows,
-    statistics: &mut Statistics,
-    sink: &mut impl FnMut(Item<'_>),
-) {
-    let Ok(line) = std::str::from_utf8(frame.bytes) else {
-        statistics.malformed += 1;
-        return;
-    };
-    if rows.to_skip > 0 {
-        rows.to_skip -= 1;
-        return;
-    }
-    if format.is_blank(line) {
-        return;
-    }
-    let cells = format.cells(line);
-    let Some(positions) = &rows.positions else {
-        let places = format.columns.iter().map(|(place, _)| place);
-        rows.positions = places.map(|p| format.position(p, &cells)).collect();
-        if rows.positions.is_none() {
-            statistics.malformed += 1;
-        }
-        return;
-    };
-    let Ok(values) = format.row(positions, &cells) else {
-        statistics.malformed += 1;
-        return;
-    };
-    let present: Vec<(&Column, f64)> = format
-        .columns
-        .iter()
-        .zip(values)
-        .filter_map(|((_, column), value)| Some((column, value?)))
-        .collect();
-    for (delay_s, measurement) in column::measurements(&present) {
-        sink(Item {
-            protocol: Protocol::Csv,
-            name: "row",
-            device_time: None,
-            latency_s: Some(delay_s),
-            measurements: Measurements::one(measurement),
-            message: Message::Row,
-            raw: frame.bytes,
-            range: frame.range.clone(),
-        });
-    }
 }
 
 #[cfg(test)]
@@ -255,6 +160,7 @@ mod tests {
     use sample::Measurement;
 
     use super::*;
+    use crate::Statistics;
     use crate::column::Quantity;
 
     fn format(columns: &[(&str, &str, &str)]) -> Format {
@@ -264,6 +170,7 @@ mod tests {
             comment: "#".to_owned(),
             skip_lines: 0,
             header: true,
+            units_row: false,
             missing: vec!["-".to_owned()],
             columns: columns
                 .iter()
@@ -276,7 +183,8 @@ mod tests {
                         factor: quantity.dimension().factor(unit).expect("known"),
                         scale: 1.0,
                         offset: 0.0,
-                        delay_s: 0.0,
+                        latency_s: 0.0,
+                        held_rows: 1,
                     };
                     (Place::Name((*place).to_owned()), column)
                 })
@@ -345,5 +253,134 @@ mod tests {
         format.columns[0].0 = Place::Number(2);
         let (all, _) = decode(format, b"0  5.5 7\n", 100);
         assert_eq!(all.len(), 1);
+    }
+
+    const SPEED: &[(&str, &str, &str)] = &[("v", "speed.forward", "m/s")];
+
+    fn speeds(format: Format, text: &str) -> Vec<f64> {
+        let whole = decode(format.clone(), text.as_bytes(), 1 << 20).0;
+        for cut in [1, 2, 5] {
+            assert_eq!(decode(format.clone(), text.as_bytes(), cut).0, whole);
+        }
+        let speed = |m| match m {
+            Measurement::GroundSpeed(speed) => speed.forward_m_s,
+            other => panic!("{other:?}"),
+        };
+        whole.into_iter().map(speed).collect()
+    }
+
+    #[test]
+    fn blank_lines_among_the_skipped_ones_count() {
+        let mut format = format(SPEED);
+        format.skip_lines = 3;
+        for end in ["\n", "\r\n", "\r"] {
+            let text = ["Title,x", "", "Note,y", "t,v", "0,10", "1,11", ""].join(end);
+            assert_eq!(speeds(format.clone(), &text), [10.0, 11.0], "{end:?}");
+        }
+    }
+
+    #[test]
+    fn a_header_may_be_a_comment() {
+        let text = "# made by hand\n# t,v\n0,3\n1,4\n";
+        assert_eq!(speeds(format(SPEED), text), [3.0, 4.0]);
+        let both = "# t,v\nt,v\n0,3\n";
+        assert_eq!(speeds(format(SPEED), both), [3.0]);
+    }
+
+    #[test]
+    fn a_row_of_units_is_no_row_and_must_agree() {
+        let mut format = format(SPEED);
+        format.units_row = true;
+        assert_eq!(speeds(format.clone(), "t,v\ns,[m/s]\n0,3\n"), [3.0]);
+        let mut reader = Reader::new(format, Vec::new());
+        assert_eq!(reader.take("t,v"), Ok(Line::Header));
+        let error = LineError::Unit(0, "km/h".to_owned());
+        assert_eq!(reader.take("s,(km/h)"), Err(error));
+    }
+
+    #[test]
+    fn names_must_occur_once_and_numbers_are_no_header() {
+        let mut reader = Reader::new(format(SPEED), Vec::new()).strict();
+        let place = Place::Name("v".to_owned());
+        assert_eq!(reader.take("t,v,v"), Err(LineError::Twice(place, [2, 3])));
+        let mut by_number = format(SPEED);
+        by_number.columns[0].0 = Place::Number(2);
+        let mut reader = Reader::new(by_number, Vec::new()).strict();
+        assert_eq!(reader.take("0,10"), Err(LineError::Numbers));
+    }
+
+    #[test]
+    fn held_values_are_handed_on_once() {
+        let mut format = format(SPEED);
+        format.columns[0].1.held_rows = 4;
+        let held: String = [1, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3]
+            .map(|v| format!("0,{v}\n"))
+            .concat();
+        assert_eq!(
+            speeds(format.clone(), &format!("t,v\n{held}")),
+            [1.0, 2.0, 2.0, 3.0]
+        );
+        // A standing vehicle still has a speed.
+        let standing = "0,0\n".repeat(12);
+        assert_eq!(speeds(format, &format!("t,v\n{standing}")), [0.0; 3]);
+    }
+
+    /// Measurements that an importer finds line by line.
+    fn by_reader(format: &Format, text: &str) -> usize {
+        let mut reader = Reader::new(format.clone(), Vec::new());
+        let mut held = Held::default();
+        let mut count = 0;
+        for line in text
+            .split_inclusive('\n')
+            .filter(|line| line.ends_with('\n'))
+        {
+            if let Ok(Line::Row(mut values)) = reader.take(line) {
+                held.leave_out(format, &mut values);
+                let columns = format.columns.iter().map(|(_, column)| column);
+                let present = columns.zip(values).filter_map(|(c, v)| Some((c, v?)));
+                count += crate::column::measurements(&present.collect::<Vec<_>>()).len();
+            }
+        }
+        count
+    }
+
+    #[test]
+    fn decoder_and_reader_agree_on_any_text() {
+        const LETTERS: &[u8] = b"\n\n,,01 .-#ab\"x";
+        let mut state = 1_u64;
+        let mut next = |count: usize| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as usize % count
+        };
+        let mut rows = 0;
+        for _ in 0..20_000 {
+            let mut format = format(&[("a", "steer", "rad"), ("b", "rate.z", "rad/s")]);
+            format.skip_lines = next(3);
+            format.units_row = next(4) == 0;
+            format.columns[0].1.held_rows = 1 + next(3) as u32;
+            if next(2) == 0 {
+                format.header = false;
+                format.columns[0].0 = Place::Number(1);
+                format.columns[1].0 = Place::Number(2);
+            }
+            let mut text: String = (0..next(60))
+                .map(|_| char::from(LETTERS[next(LETTERS.len())]))
+                .collect();
+            if next(2) == 0 {
+                let headers = ["a,b\n", "# a,b\n", "b,x,a\n"];
+                text.insert_str(0, headers[next(headers.len())]);
+            }
+            let expected = by_reader(&format, &text);
+            let cut = 1 + next(20);
+            assert_eq!(
+                decode(format, text.as_bytes(), cut).0.len(),
+                expected,
+                "{text:?}"
+            );
+            rows += expected;
+        }
+        assert!(rows > 1000, "{rows}");
     }
 }

@@ -44,3 +44,4 @@ pub mod slcan;
 pub use error::WireError;
 pub use frame::Statistics;
 pub use item::{Item, Measurements, Message, Protocol};
+pub use text::nanos;

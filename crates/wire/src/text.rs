@@ -88,6 +88,32 @@ pub(crate) fn number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
+/// Exact nanoseconds of a decimal number of units of `unit_ns`; `None` if the text is no number. A
+/// double cannot hold seconds of UNIX time with a resolution of a microsecond.
+#[must_use]
+pub fn nanos(text: &str, unit_ns: u64) -> Option<i128> {
+    let (sign, digits) = match text.strip_prefix('-') {
+        Some(rest) => (-1, rest),
+        None => (1, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    let plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if whole.is_empty() || !plain(whole) || !plain(part) || whole.len() > 20 {
+        let number: f64 = text.parse().ok().filter(|n: &f64| n.abs() < 1e18)?;
+        return Some((number * unit_ns as f64).round() as i128);
+    }
+    let unit = i128::from(unit_ns);
+    let kept = &part[..part.len().min(15)];
+    let scale = 10_i128.pow(kept.len() as u32);
+    let part: i128 = if kept.is_empty() {
+        0
+    } else {
+        kept.parse().ok()?
+    };
+    let rounded = (part * unit + scale / 2) / scale;
+    Some(sign * (whole.parse::<i128>().ok()? * unit + rounded))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -131,6 +157,22 @@ mod tests {
         assert_eq!(number("-1.5e3"), Some(-1500.0));
         for text in ["inf", "nan", "", "1,5", "x"] {
             assert_eq!(number(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn times_are_exact() {
+        let second = 1_000_000_000;
+        assert_eq!(
+            nanos("1258500000.123456789", second),
+            Some(1_258_500_000_123_456_789)
+        );
+        assert_eq!(nanos("-0.01", second), Some(-10_000_000));
+        assert_eq!(nanos("1.5e-3", second), Some(1_500_000));
+        assert_eq!(nanos("150", 1_000_000), Some(150_000_000));
+        assert_eq!(nanos("0.0000000005", second), Some(1));
+        for wrong in ["", "x", "1.2.3", "nan", "inf", "-"] {
+            assert_eq!(nanos(wrong, second), None, "{wrong}");
         }
     }
 }

@@ -67,6 +67,9 @@ pub struct ImportInto {
     /// NAME-2.mcap, ... Without this option, such a gap is an error.
     #[arg(long)]
     pub split_gaps: bool,
+    /// Import values whose units cannot be right. Without this option, they are an error.
+    #[arg(long)]
+    pub accept_units: bool,
     /// Whether outputs may replace files.
     #[command(flatten)]
     pub replace: Replace,

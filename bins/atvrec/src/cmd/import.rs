@@ -4,16 +4,21 @@
 //! the time in the file. Therefore it can be replayed, reported and scored like a recording.
 
 mod alog;
+mod clock;
 mod csv;
+mod decode;
 mod log;
+mod plausible;
+mod signals;
+mod text;
 mod truth;
 mod vehicle;
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use engine::Config;
+use engine::config::{Meaning, Problems};
+use model::file::Problem;
 use sample::LogTime;
 
 use crate::cli::{ImportCommand, ImportInto};
@@ -24,8 +29,6 @@ use engine::output::{Kind, Target};
 const START_DEFAULT_NS: u64 = 946_684_800_000_000_000;
 /// End of the times of a log, ns.
 const TIME_END_NS: u64 = u64::MAX / 2;
-/// Largest text that is imported, bytes; an import keeps the text in memory.
-const INPUT_MAX: u64 = 1 << 30;
 /// Most characters of a cell, and most names of columns, in a message.
 const CHARS_MAX: usize = 60;
 const NAMES_MAX: usize = 50;
@@ -49,6 +52,10 @@ struct Table<'t> {
     path: &'t Path,
     /// Name of its column map.
     columns: &'t str,
+    /// Columns whose values are held, and for how many rows.
+    held: Vec<(String, u32)>,
+    /// What the map says.
+    meaning: Meaning,
 }
 
 /// The outputs of an import.
@@ -126,6 +133,46 @@ fn source_names(paths: &[PathBuf]) -> Vec<String> {
     names
 }
 
+/// Refuses a column map from which measurements cannot be made.
+fn refuse(contradictions: Vec<Problem>) -> anyhow::Result<()> {
+    if contradictions.is_empty() {
+        return Ok(());
+    }
+    Err(Problems(contradictions).into())
+}
+
+/// Checks that a source of the user's configuration reads the imported file as its column map says.
+fn check_source(config: &Config, path: &Path, name: &str, table: &Table<'_>) -> anyhow::Result<()> {
+    let path = path.display();
+    let kind = table.kind;
+    let Some(source) = config.sources.iter().find(|s| s.spec.name == *name) else {
+        return Err(UsageError(format!(
+            "{path} has no source {name}; add a table [source.{name}] with kind, device and columns"
+        ))
+        .into());
+    };
+    let same = match (&source.meaning, &table.meaning) {
+        (Meaning::Csv(found), Meaning::Csv(given)) => found.format == given.format,
+        (Meaning::Alog(found), Meaning::Alog(given)) => found == given,
+        _ => {
+            return Err(UsageError(format!(
+                "{path}: source.{name} must be of kind {kind}, because {} is imported into it; set kind = \
+                 \"{kind}\", or give another name to the file",
+                table.path.display()
+            ))
+            .into());
+        }
+    };
+    if same {
+        return Ok(());
+    }
+    Err(UsageError(format!(
+        "{path}: the column map of source.{name} differs from {}; name the same file in columns",
+        table.columns
+    ))
+    .into())
+}
+
 /// Configuration of the log: the user's file, or one with these tables and this vehicle.
 fn configuration(
     names: &[String],
@@ -134,15 +181,8 @@ fn configuration(
 ) -> anyhow::Result<Config> {
     if let Some(path) = &into.config {
         let config = Config::load(path)?;
-        for name in names {
-            if !config.sources.iter().any(|s| s.spec.name == *name) {
-                return Err(UsageError(format!(
-                    "{} has no source {name}; add a table [source.{name}] with kind, device and \
-                     columns",
-                    path.display()
-                ))
-                .into());
-            }
+        for (name, table) in names.iter().zip(tables) {
+            check_source(&config, path, name, table)?;
         }
         return Ok(config);
     }
@@ -150,11 +190,18 @@ fn configuration(
     for (name, table) in names.iter().zip(tables) {
         let file = table.path.file_name().unwrap_or_default().to_string_lossy();
         text.push_str(&format!(
-            "[source.{name}]\nkind = \"{}\"\ndevice = {}\ncolumns = {}\nsilent_after_s = 0\n\n",
+            "[source.{name}]\nkind = \"{}\"\ndevice = {}\ncolumns = {}\nsilent_after_s = 0\n",
             table.kind,
             quoted(&format!("imported/{name}/{file}")),
             quoted(table.columns),
         ));
+        if !table.held.is_empty() {
+            text.push_str(&format!("[source.{name}.held_rows]\n"));
+            for (column, rows) in &table.held {
+                text.push_str(&format!("{} = {rows}\n", quoted(column)));
+            }
+        }
+        text.push('\n');
     }
     if let Some(vehicle) = &into.vehicle {
         text.push_str(&format!("[vehicle]\nfile = {}\n", quoted(vehicle)));
@@ -172,51 +219,6 @@ fn configuration(
 
 fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
-}
-
-/// Reads a text file of at most [`INPUT_MAX`] bytes.
-fn read_text(path: &Path) -> anyhow::Result<String> {
-    let mut bytes = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(INPUT_MAX + 1).read_to_end(&mut bytes))
-        .with_context(|| format!("cannot read {}", path.display()))?;
-    if bytes.len() as u64 > INPUT_MAX {
-        return Err(UsageError(format!(
-            "{} has more than {INPUT_MAX} bytes; split it into files of one drive each",
-            path.display()
-        ))
-        .into());
-    }
-    // Files of other programs are often in Latin-1, in which each byte is a code point. A byte order
-    // mark does not belong to the name of the first column.
-    let text = String::from_utf8(bytes)
-        .unwrap_or_else(|error| error.as_bytes().iter().map(|b| char::from(*b)).collect());
-    Ok(text.trim_start_matches('\u{feff}').to_owned())
-}
-
-/// Exact nanoseconds of a decimal number of units of `unit_ns`. A double cannot hold seconds of UNIX
-/// time with a resolution of a microsecond.
-fn nanos(text: &str, unit_ns: u64) -> Option<i128> {
-    let (sign, digits) = match text.strip_prefix('-') {
-        Some(rest) => (-1, rest),
-        None => (1, text.strip_prefix('+').unwrap_or(text)),
-    };
-    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
-    let plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
-    if whole.is_empty() || !plain(whole) || !plain(part) || whole.len() > 20 {
-        let number: f64 = text.parse().ok().filter(|n: &f64| n.abs() < 1e18)?;
-        return Some((number * unit_ns as f64).round() as i128);
-    }
-    let unit = i128::from(unit_ns);
-    let kept = &part[..part.len().min(15)];
-    let scale = 10_i128.pow(kept.len() as u32);
-    let part: i128 = if kept.is_empty() {
-        0
-    } else {
-        kept.parse().ok()?
-    };
-    let rounded = (part * unit + scale / 2) / scale;
-    Some(sign * (whole.parse::<i128>().ok()? * unit + rounded))
 }
 
 /// Errors of rows, of which the first ones are reported together.
@@ -252,22 +254,6 @@ impl RowErrors {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn times_are_exact() {
-        let second = 1_000_000_000;
-        assert_eq!(
-            nanos("1258500000.123456789", second),
-            Some(1_258_500_000_123_456_789)
-        );
-        assert_eq!(nanos("-0.01", second), Some(-10_000_000));
-        assert_eq!(nanos("1.5e-3", second), Some(1_500_000));
-        assert_eq!(nanos("150", 1_000_000), Some(150_000_000));
-        assert_eq!(nanos("0.0000000005", second), Some(1));
-        for wrong in ["", "x", "1.2.3", "nan", "inf", "-"] {
-            assert_eq!(nanos(wrong, second), None, "{wrong}");
-        }
-    }
 
     #[test]
     fn names_are_parts_of_topics_and_differ() {

@@ -6,7 +6,7 @@ use engine::missing;
 use sample::LogTime;
 use sample::text::printable;
 use serde_json::json;
-use store::{Info, Reader, UtcOffset, utc_ns};
+use store::{Info, Reader, Session, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
@@ -57,10 +57,7 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
             format!("{}, boot {}", session.host, session.boot_id),
         );
     }
-    line(
-        "program",
-        format!("atvrec {} ({})", session.version, session.git_hash),
-    );
+    line("program", program(session));
     line("contract", contract(reader));
     if let Some((first, _)) = info.span {
         let begin = engine::session::utc_compact(utc_ns(first, utc) / 1_000_000_000);
@@ -76,6 +73,14 @@ fn as_text(info: &Info, reader: &Reader, utc: Option<UtcOffset>) -> String {
     text
 }
 
+/// Program that wrote the log.
+fn program(session: &Session) -> String {
+    if session.version.is_empty() {
+        return "another program".to_owned();
+    }
+    format!("atvrec {} ({})", session.version, session.git_hash)
+}
+
 /// Tables of topics, attachments and counters.
 fn write_tables(text: &mut String, info: &Info) {
     let _ = writeln!(
@@ -84,10 +89,14 @@ fn write_tables(text: &mut String, info: &Info) {
         "topic", "messages", "Hz"
     );
     for (topic, (schema, count)) in &info.channels {
-        let rate = *count as f64 / seconds(info).max(1e-9);
+        // A log of one instant has no rate.
+        let rate = match seconds(info) {
+            0.0 => "-".to_owned(),
+            seconds => format!("{:.1}", *count as f64 / seconds),
+        };
         let _ = writeln!(
             text,
-            "{:<36}{count:>10}{rate:>10.1}  {}",
+            "{:<36} {count:>9} {rate:>9}  {}",
             printable(topic),
             printable(schema)
         );

@@ -15,6 +15,7 @@ mod folder;
 mod hostile;
 mod identify;
 mod import;
+mod import_kinds;
 #[cfg(feature = "live")]
 mod live;
 #[cfg(target_os = "linux")]

@@ -481,3 +481,61 @@ fn a_replay_on_a_lesser_processor_is_bit_identical() {
         .assert()
         .success();
 }
+
+/// Copies the messages of a log from a time on, as the tools of other programs do.
+fn cut(log: &Path, to: &Path, from_s: f64, until_s: f64) {
+    let bytes = fs::read(log).expect("a log");
+    let summary = mcap::Summary::read(&bytes)
+        .expect("a log")
+        .expect("a summary");
+    let start = summary
+        .stats
+        .as_ref()
+        .expect("statistics")
+        .message_start_time;
+    let at = |seconds: f64| start + (seconds * 1e9) as u64;
+    let mut copied = Vec::new();
+    let mut writer = mcap::Writer::new(std::io::Cursor::new(&mut copied)).expect("a vector");
+    for index in &summary.attachment_indexes {
+        let attachment = mcap::read::attachment(&bytes, index).expect("an attachment");
+        writer.attach(&attachment).expect("a vector");
+    }
+    for index in &summary.metadata_indexes {
+        let metadata = mcap::read::metadata(&bytes, index).expect("metadata");
+        writer.write_metadata(&metadata).expect("a vector");
+    }
+    for message in mcap::MessageStream::new(&bytes).expect("a log") {
+        let message = message.expect("a message");
+        if (at(from_s)..at(until_s)).contains(&message.log_time) {
+            writer.write(&message).expect("a vector");
+        }
+    }
+    writer.finish().expect("a vector");
+    drop(writer);
+    fs::write(to, copied).expect("written");
+}
+
+#[test]
+fn a_run_that_another_tool_cut_is_not_called_different() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let here = directory.path();
+    let log = simulate(here, "drive.mcap", 1);
+    cut(&log, &here.join("begin.mcap"), 0.8, 1e6);
+    let assert = atvrec(here)
+        .args(["replay", "begin.mcap", "--verify"])
+        .assert()
+        .code(3);
+    let text = stdout(&assert);
+    assert!(
+        text.contains("the log does not begin at its beginning"),
+        "{text}"
+    );
+    assert!(!text.contains("NOT IDENTICAL"), "{text}");
+    cut(&log, &here.join("end.mcap"), 0.0, 1.2);
+    let assert = atvrec(here)
+        .args(["replay", "end.mcap", "--verify"])
+        .assert()
+        .success();
+    let text = stdout(&assert);
+    assert!(text.contains("the log does not end at its end"), "{text}");
+}

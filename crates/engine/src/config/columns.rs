@@ -1,44 +1,21 @@
 //! Column maps: quantities and units of the columns of a table.
 
+mod times;
+
+use sample::NANOS_PER_SECOND;
 use toml::de::DeValue;
 use wire::column::{Column, Dimension, Quantity};
 use wire::{alog, csv};
 
 use model::file::{ErrorCollector, Field, FromValue, Problem, Section, closest};
 
-/// Units of a time column and their lengths, ns.
-const TIME_UNITS: [(&str, u64); 5] = [
-    ("s", 1_000_000_000),
-    ("ms", 1_000_000),
-    ("us", 1_000),
-    ("ns", 1),
-    ("min", 60_000_000_000),
-];
+pub use times::{Clock, RowTime, Times};
+
 /// Default of the largest time between the lines of one instant in an alog, s.
 const TOGETHER_S: f64 = 0.001;
 
 /// Built-in map of the variable names of Auburn's GAVLab.
 pub const GAVLAB_MAP: &str = include_str!("../../assets/gavlab.toml");
-
-/// Source of the time of a row.
-#[derive(Clone, Debug, PartialEq)]
-pub enum RowTime {
-    /// A column, and the length of its unit in ns.
-    Column(csv::Place, u64),
-    /// Rows at a constant rate, Hz, the first at time zero.
-    Rate(f64),
-}
-
-/// Conversion of the time of a table to the log clock.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Times {
-    /// Source of the time of a row.
-    pub row: RowTime,
-    /// UNIX time of time zero, ns; `None` leaves it to the importer.
-    pub start_unix_ns: Option<u64>,
-    /// Whether the rows are sorted by time.
-    pub sort: bool,
-}
 
 /// A map for delimited text.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,12 +24,85 @@ pub struct CsvMap {
     pub format: csv::Format,
     /// Times of the rows.
     pub times: Times,
+    /// What should be changed in the file.
+    pub warnings: Vec<Problem>,
+}
+
+/// A map for MOOS logs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AlogMap {
+    /// Variables of the file.
+    pub format: alog::Format,
+    /// What should be changed in the file.
+    pub warnings: Vec<Problem>,
+}
+
+impl CsvMap {
+    /// Columns that make no measurement because others are absent, and quantities that occur twice.
+    /// `file` is the name for messages.
+    #[must_use]
+    pub fn contradictions(&self, file: &str) -> Vec<Problem> {
+        let columns = self.format.columns.iter();
+        contradictions(file, &columns.map(|(_, column)| column).collect::<Vec<_>>())
+    }
+}
+
+impl AlogMap {
+    /// The same as [`CsvMap::contradictions`], for the variables of each measurement.
+    #[must_use]
+    pub fn contradictions(&self, file: &str) -> Vec<Problem> {
+        let variables = &self.format.variables;
+        let groups = variables.iter().map(|v| v.group + 1).max().unwrap_or(0);
+        let of_group = |group| {
+            let variables = variables.iter().filter(move |v| v.group == group);
+            let columns: Vec<&Column> = variables.map(|v| &v.column).collect();
+            contradictions(file, &columns)
+        };
+        (0..groups).flat_map(of_group).collect()
+    }
+}
+
+fn contradictions(file: &str, columns: &[&Column]) -> Vec<Problem> {
+    let problem = |index: usize, message: String, help: String| Problem {
+        file: file.to_owned(),
+        line: 0,
+        column: 0,
+        field: format!("column.{}", columns[index].name),
+        value: String::new(),
+        message,
+        help,
+    };
+    let mut found: Vec<Problem> = wire::column::incomplete(columns)
+        .into_iter()
+        .map(|(index, absent)| {
+            let names: Vec<String> = absent.iter().map(|quantity| quantity.name()).collect();
+            let names = names.join(" and ");
+            let quantity = columns[index].quantity.name();
+            problem(
+                index,
+                format!("{quantity} needs {names}, which no column of the map has"),
+                format!("add a column with {names}, or set quantity = \"signal\""),
+            )
+        })
+        .collect();
+    if let Some([first, second]) = wire::column::twice(columns) {
+        let quantity = columns[second].quantity.name();
+        found.push(problem(
+            second,
+            format!(
+                "column.{} has the quantity {quantity} already",
+                columns[first].name
+            ),
+            "keep one of the two columns, or set quantity = \"signal\" for the other".to_owned(),
+        ));
+    }
+    found
 }
 
 /// Reads a map for delimited text. `file` is the name for messages.
 pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
     read(file, text, |top, collector| {
-        let times = read_times(top.section("time", collector), collector);
+        let times = times::read(top.section("time", collector), collector);
         let mut table = top.section("table", collector);
         let delimiter = table.optional::<String>("delimiter", collector);
         let delimiter = delimiter.map_or(Some(','), |field| read_delimiter(&field, collector));
@@ -62,6 +112,7 @@ pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
             comment: table.or("comment", "#".to_owned(), collector),
             skip_lines: table.or::<u32>("skip_lines", 0, collector) as usize,
             header: table.or("header", true, collector),
+            units_row: table.or("units_row", false, collector),
             missing: table.or("missing", Vec::new(), collector),
             columns: Vec::new(),
         };
@@ -77,19 +128,24 @@ pub fn csv_map(file: &str, text: &str) -> Result<CsvMap, Vec<Problem>> {
         for (name, mut section) in top.section("column", collector).into_sections(collector) {
             let place = section.optional::<PlaceValue>("from", collector);
             let place = place.map_or(csv::Place::Name(name.value.clone()), |field| field.value.0);
-            if let Some(column) = read_column(name, &mut section, collector) {
+            let held_rows = section.number_in("held_rows", 1.0..=1e6, 1.0, collector);
+            if let Some(mut column) = read_column(name, &mut section, collector) {
+                column.held_rows = held_rows as u32;
                 format.columns.push((place, column));
             }
             section.finish(collector);
         }
-        let map = CsvMap { format, times };
-        check(map.format.check(), collector);
-        map
+        check(format.check(), collector);
+        CsvMap {
+            format,
+            times,
+            warnings: collector.take_warnings(),
+        }
     })
 }
 
 /// Reads a map for MOOS logs. `file` is the name for messages.
-pub fn alog_map(file: &str, text: &str) -> Result<alog::Format, Vec<Problem>> {
+pub fn alog_map(file: &str, text: &str) -> Result<AlogMap, Vec<Problem>> {
     read(file, text, |top, collector| {
         let together_s = top.number_in("together_s", 0.0..=1.0, TOGETHER_S, collector);
         let mut groups: Vec<String> = Vec::new();
@@ -127,10 +183,13 @@ pub fn alog_map(file: &str, text: &str) -> Result<alog::Format, Vec<Problem>> {
         }
         let format = alog::Format {
             variables,
-            together_s,
+            together_ns: (together_s * NANOS_PER_SECOND as f64).round() as u64,
         };
         check(format.check(), collector);
-        format
+        AlogMap {
+            format,
+            warnings: collector.take_warnings(),
+        }
     })
 }
 
@@ -150,6 +209,7 @@ fn family(column: &Column) -> String {
         Quantity::Deflection(wheel) | Quantity::Strain(wheel, _) => {
             format!("corner {}", wheel.abbreviation())
         }
+        Quantity::EcefPosition(_) | Quantity::EcefVelocity(_) => "ecef".to_owned(),
         Quantity::Steer | Quantity::Truth(_) | Quantity::Signal => column.name.clone(),
     }
 }
@@ -179,58 +239,6 @@ fn check(result: Result<(), wire::WireError>, collector: &mut ErrorCollector<'_>
     {
         let help = "write a table [column.<name>] with from, quantity and unit for each column";
         collector.add(&(0..0), "column", error.to_string(), help);
-    }
-}
-
-fn read_times(mut section: Section<'_>, collector: &mut ErrorCollector<'_>) -> Times {
-    let column = section.optional::<PlaceValue>("column", collector);
-    let rate = section.optional::<f64>("rate_hz", collector);
-    let unit = section.optional::<String>("unit", collector);
-    let start = section.optional::<f64>("start_unix_s", collector);
-    let sort = section.or("sort", false, collector);
-    let unit_ns = unit.map_or(TIME_UNITS[0].1, |field| {
-        let found = TIME_UNITS.iter().find(|(name, _)| *name == field.value);
-        found.map_or_else(
-            || {
-                let names = TIME_UNITS.map(|(name, _)| name).join(", ");
-                collector.add(
-                    &field.span,
-                    &field.name,
-                    format!("\"{}\" is not a unit of time", field.value),
-                    format!("use one of: {names}"),
-                );
-                1
-            },
-            |(_, ns)| *ns,
-        )
-    });
-    let row = match (column, rate) {
-        (Some(column), None) => RowTime::Column(column.value.0, unit_ns),
-        (None, Some(rate)) if rate.value > 0.0 && rate.value <= 1e6 => RowTime::Rate(rate.value),
-        (None, Some(rate)) => {
-            collector.add(
-                &rate.span,
-                &rate.name,
-                format!("{} Hz is out of range", rate.value),
-                "use a rate above 0 and up to 1000000",
-            );
-            RowTime::Rate(1.0)
-        }
-        (given, _) => {
-            let message = match given {
-                Some(_) => "both a column and a rate are set",
-                None => "missing",
-            };
-            let help = "set either column = \"<name>\" or rate_hz = <number>";
-            collector.add(&section.span(), "time", message, help);
-            RowTime::Rate(1.0)
-        }
-    };
-    section.finish(collector);
-    Times {
-        row,
-        start_unix_ns: start.map(|field| (field.value.max(0.0) * 1e9).round() as u64),
-        sort,
     }
 }
 
@@ -267,7 +275,7 @@ fn read_column(
     let unit = section.optional::<String>("unit", collector);
     let scale = section.or("scale", 1.0, collector);
     let offset = section.or("offset", 0.0, collector);
-    let delay_s = section.number_in("delay_s", 0.0..=10.0, 0.0, collector);
+    let latency_s = section.renamed_number_in(["latency_s", "delay_s"], 0.0..=10.0, 0.0, collector);
     let quantity = quantity?;
     let known = Quantity::from_name(&quantity.value);
     let Some(kind) = known else {
@@ -293,7 +301,8 @@ fn read_column(
         factor,
         scale,
         offset,
-        delay_s,
+        latency_s,
+        held_rows: 1,
     })
 }
 
@@ -328,7 +337,7 @@ fn read_unit(
 }
 
 /// Name or number of a column.
-struct PlaceValue(csv::Place);
+pub(super) struct PlaceValue(pub(super) csv::Place);
 
 impl FromValue for PlaceValue {
     const EXPECTED: &'static str = "the name or number of a column";
@@ -351,7 +360,8 @@ mod tests {
     #[test]
     fn the_built_in_map_is_valid() {
         let format = alog_map("gavlab.toml", GAVLAB_MAP).expect("a valid map");
-        assert!(format.variables.len() > 10);
+        assert!(format.format.variables.len() > 10);
+        assert_eq!(format.contradictions("gavlab.toml"), []);
     }
 
     #[test]
@@ -362,7 +372,7 @@ mod tests {
         let problems = csv_map("map.toml", text).expect_err("errors");
         let texts: Vec<String> = problems.iter().map(ToString::to_string).collect();
         for part in [
-            "not a unit of time",
+            "is no clock",
             "set either column = \"<name>\" or rate_hz",
             "did you mean \"speed.forward\"",
             "rate.z needs a unit",
@@ -371,5 +381,42 @@ mod tests {
         ] {
             assert!(texts.iter().any(|t| t.contains(part)), "{part}: {texts:#?}");
         }
+    }
+
+    #[test]
+    fn earlier_names_are_read_with_a_warning() {
+        let text = |key: &str| {
+            format!("[time]\nrate_hz = 100\n[column.a]\nquantity = \"signal\"\n{key} = 0.25\n")
+        };
+        for (key, warnings) in [("latency_s", 0), ("delay_s", 1)] {
+            let map = csv_map("map.toml", &text(key)).expect("a valid map");
+            assert_eq!(map.format.columns[0].1.latency_s, 0.25);
+            assert_eq!(map.warnings.len(), warnings, "{:?}", map.warnings);
+        }
+        let both = text("latency_s") + "delay_s = 0.25\n";
+        let problems = csv_map("map.toml", &both).expect_err("both names");
+        assert!(problems[0].message.contains("both"), "{problems:?}");
+    }
+
+    #[test]
+    fn half_pairs_and_quantities_that_occur_twice_contradict() {
+        let text = "[time]\nrate_hz = 100\n[column.v]\nquantity = \"gnss.speed\"\nunit = \"m/s\"\n\
+                    [column.a]\nquantity = \"steer\"\nunit = \"rad\"\n\
+                    [column.b]\nquantity = \"steer\"\nunit = \"rad\"\n";
+        let map = csv_map("map.toml", text).expect("a valid map");
+        let found: Vec<String> = map
+            .contradictions("map.toml")
+            .iter()
+            .map(|problem| format!("{}: {}", problem.field, problem.message))
+            .collect();
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!(
+            found[0].contains("column.v: gnss.speed needs gnss.course"),
+            "{found:?}"
+        );
+        assert!(
+            found[1].contains("column.a has the quantity steer already"),
+            "{found:?}"
+        );
     }
 }

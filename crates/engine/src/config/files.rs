@@ -175,6 +175,11 @@ impl Files {
         }
     }
 
+    /// Whether the files are the attachments of a log.
+    pub(crate) const fn are_attached(&self) -> bool {
+        matches!(self.place, Place::Attached(_))
+    }
+
     /// With files that were given as text; they go before those of the same name elsewhere.
     pub(crate) fn with_given(mut self, given: Vec<GivenFile>) -> Self {
         self.given = given;

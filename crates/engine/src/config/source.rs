@@ -131,11 +131,20 @@ fn read(
         "crossbow440" => read_crossbow(&mut section, collector),
         "gnss" => read_gnss(&mut section, collector),
         "line" => read_line(&mut section, collector),
-        "csv" => read_table(&mut section, files, collector, |name, text| {
-            columns::csv_map(name, text).map(Meaning::Csv)
-        }),
+        "csv" => {
+            let held = read_held(&mut section, collector);
+            read_table(&mut section, files, collector, |name, text| {
+                let mut map = columns::csv_map(name, text)?;
+                hold(&mut map, &held);
+                let contradictions = map.contradictions(name);
+                let warnings = std::mem::take(&mut map.warnings);
+                Ok((Meaning::Csv(map), warnings, contradictions))
+            })
+        }
         "alog" => read_table(&mut section, files, collector, |name, text| {
-            columns::alog_map(name, text).map(Meaning::Alog)
+            let map = columns::alog_map(name, text)?;
+            let contradictions = map.contradictions(name);
+            Ok((Meaning::Alog(map.format), map.warnings, contradictions))
         }),
         other => {
             let help = match closest(other, &KINDS) {
@@ -152,7 +161,8 @@ fn read(
         }
     };
     let silent_s = section.number_in("silent_after_s", 0.0..=3600.0, silent_default_s, collector);
-    let transport_delay_s = section.number_in("transport_delay_s", 0.0..=10.0, 0.0, collector);
+    let latency = ["latency_s", "transport_delay_s"];
+    let transport_delay_s = section.renamed_number_in(latency, 0.0..=10.0, 0.0, collector);
     section.finish(collector);
     Some(Source {
         spec: SourceSpec {
@@ -279,12 +289,36 @@ fn read_line(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> R
     (kind, Some(Meaning::Line(format)), 0.0)
 }
 
+/// What a column map says: the meaning, warnings, and contradictions, which are errors of a new
+/// configuration.
+type ReadMap = (Meaning, Vec<Problem>, Vec<Problem>);
+
+/// Rows for which a table holds the values of a column, by the names of the columns.
+fn read_held(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Vec<(String, u32)> {
+    let held = section.section("held_rows", collector);
+    let fields = held.into_numbers(collector);
+    fields
+        .into_iter()
+        .map(|(name, rows)| (name, rows.clamp(1.0, 1e6) as u32))
+        .collect()
+}
+
+/// Sets the rows for which columns hold their values; those of the column map have priority.
+fn hold(map: &mut CsvMap, held: &[(String, u32)]) {
+    for (_, column) in &mut map.format.columns {
+        let found = held.iter().find(|(name, _)| *name == column.name);
+        if let Some((_, rows)) = found.filter(|_| column.held_rows == 1) {
+            column.held_rows = *rows;
+        }
+    }
+}
+
 /// A table that a device sends, or an imported file, which a column map describes.
 fn read_table(
     section: &mut Section<'_>,
     files: &mut Files,
     collector: &mut ErrorCollector<'_>,
-    map: impl FnOnce(&str, &str) -> Result<Meaning, Vec<Problem>>,
+    map: impl FnOnce(&str, &str) -> Result<ReadMap, Vec<Problem>>,
 ) -> Read {
     let port = read_port(section, 115_200, collector);
     let columns = section.required::<String>(
@@ -297,7 +331,14 @@ fn read_table(
     let meaning = columns.and_then(|field| {
         match files.read_text(&field.value, FileKind::Columns) {
             Ok(text) => match map(&field.value, &text) {
-                Ok(meaning) => return Some(meaning),
+                Ok((meaning, warnings, contradictions)) => {
+                    collector.warn_foreign(warnings);
+                    // A log is replayed as it was recorded.
+                    if !files.are_attached() {
+                        collector.add_foreign(contradictions);
+                    }
+                    return Some(meaning);
+                }
                 Err(problems) => collector.add_foreign(problems),
             },
             Err(error) => collector.add(&field.span, &field.name, error.message, error.help),

@@ -13,7 +13,7 @@
 //!
 //! The smallest r of each second is kept. k is the slope of a least-squares line through these minima,
 //! and o is the largest value for which the line is below all of them. The delay of the fastest message
-//! remains in o; the source's `transport_delay_s` removes it if it is known.
+//! remains in o; the source's `latency_s` removes it if it is known.
 
 use std::collections::VecDeque;
 

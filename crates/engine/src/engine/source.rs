@@ -126,9 +126,18 @@ impl SourceState {
     pub fn push(&mut self, arrival: &Arrival, sink: &mut Vec<Sample>) {
         let log_time = arrival.log_time;
         match &arrival.payload {
-            Payload::Bytes(bytes) => self.push_bytes(log_time, bytes, sink),
+            Payload::Bytes(bytes) => {
+                self.last_data = Some(log_time);
+                self.bytes += bytes.len() as u64;
+                self.decode(log_time, log_time, Some(bytes), sink);
+            }
             Payload::Can(frames) => self.push_frames(arrival, frames, sink),
-            Payload::Notice(notice) => self.push_notice(log_time, notice),
+            Payload::Notice(notice) => {
+                if let (Notice::Closed(_), Some(last)) = (notice, self.last_data) {
+                    self.decode(log_time, last, None, sink);
+                }
+                self.push_notice(log_time, notice);
+            }
             Payload::Tick => {}
         }
     }
@@ -155,12 +164,17 @@ impl SourceState {
         }
     }
 
-    fn push_bytes(&mut self, log_time: LogTime, bytes: &[u8], sink: &mut Vec<Sample>) {
-        self.last_data = Some(log_time);
-        self.bytes += bytes.len() as u64;
+    /// Decodes bytes that arrived at `arrived`; `None` hands on what the decoder still holds of them.
+    fn decode(
+        &mut self,
+        log_time: LogTime,
+        arrived: LogTime,
+        bytes: Option<&[u8]>,
+        sink: &mut Vec<Sample>,
+    ) {
         let (id, timing) = (self.id, &mut self.timing);
         let deliver = |item: Item<'_>| {
-            let tag = timing.tag(item.device_time, log_time);
+            let tag = timing.tag(item.device_time, arrived);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
                 let latency_s = match item.protocol {
@@ -176,13 +190,14 @@ impl SourceState {
                 });
             }
         };
-        match &mut self.decoder {
-            Decoder::Crossbow440(decoder) => decoder.push(bytes, deliver),
-            Decoder::Gnss(decoder) => decoder.push(bytes, deliver),
-            Decoder::Line(decoder) => decoder.push(bytes, deliver),
-            Decoder::Csv(decoder) => decoder.push(bytes, deliver),
-            Decoder::Alog(decoder) => decoder.push(bytes, deliver),
-            Decoder::Can(_) => {}
+        match (&mut self.decoder, bytes) {
+            (Decoder::Crossbow440(decoder), Some(bytes)) => decoder.push(bytes, deliver),
+            (Decoder::Gnss(decoder), Some(bytes)) => decoder.push(bytes, deliver),
+            (Decoder::Line(decoder), Some(bytes)) => decoder.push(bytes, deliver),
+            (Decoder::Csv(decoder), Some(bytes)) => decoder.push(bytes, deliver),
+            (Decoder::Alog(decoder), Some(bytes)) => decoder.push(bytes, deliver),
+            (Decoder::Alog(decoder), None) => decoder.finish(deliver),
+            (_, None) | (Decoder::Can(_), _) => {}
         }
     }
 

@@ -16,7 +16,7 @@ use super::clock::{ClockFit, ClockState, Scale};
 /// Unknown constant delay of receiver and port, s: receivers send a solution up to some 0.2 s after
 /// its time tag, which as a uniform distribution from 0 has this root mean square (0.2 / sqrt 3).
 const DELAY_UNKNOWN_SIGMA_S: f64 = 0.115;
-/// Unknown constant delay if the configuration sets `transport_delay_s`, s.
+/// Unknown constant delay if the configuration sets `latency_s`, s.
 const DELAY_KNOWN_SIGMA_S: f64 = 0.02;
 /// Smallest number of messages of a fit that is used.
 const MESSAGES_MIN: u64 = 5;

@@ -227,12 +227,13 @@ impl Pass {
                 "latency",
                 "s",
             )])
-            .find(|(sigma, most, ..)| sigma > most);
+            // A filter that diverged has no deviation.
+            .find(|(sigma, most, ..)| sigma.is_nan() || sigma > most);
         if let Some((sigma, most, name, unit)) = unsure {
             return Err(Refusal::NotExcited {
                 what: what.to_owned(),
                 quantity: format!("certainty (1/sigma) of the {name}"),
-                found: 1.0 / sigma,
+                found: if sigma.is_finite() { 1.0 / sigma } else { 0.0 },
                 needed: 1.0 / most,
                 unit: format!("1/{unit}"),
                 help: "drive a minute with quick turns to both sides, braking and speeding up"
@@ -240,6 +241,18 @@ impl Pass {
             });
         }
         let p = &self.parameters;
+        if !p
+            .iter()
+            .chain(self.covariance.iter())
+            .all(|value| value.is_finite())
+        {
+            return Err(Refusal::NotConverged {
+                what: what.to_owned(),
+                iterations: PASSES,
+                help: "look at the noise in the sensors file and at the units of the recording"
+                    .to_owned(),
+            });
+        }
         let span = Span {
             from_s: self.span_s[0],
             to_s: self.span_s[1],

@@ -19,6 +19,7 @@ use super::rest::Rest;
 use super::{Calibration, Channel, ChannelCalibration, Resolved};
 use crate::EstimatorError;
 use crate::finding::{Figure, Finding, Findings, Refusal, Series};
+use crate::statistics::{SIGMAS_95, interval_95};
 
 pub use faults::{ChannelFault, FaultKind};
 pub use loads::rest_roll_pitch_rad;
@@ -200,14 +201,20 @@ impl Zero {
                 },
                 dead: false,
             };
-            let shift = offset - rest.mean;
+            // The bootstrap of the readings knows neither the model's error nor the converter's steps.
+            let as_wide = |[low, high]: [f64; 2]| {
+                let widen = (2.0 * SIGMAS_95 * sigma / (high - low)).max(1.0);
+                [low, high].map(|end| offset + widen * (end - rest.mean))
+            };
+            let is_wide = |[low, high]: &[f64; 2]| high - low > 1e-9 * sigma;
+            let interval = rest.interval.filter(is_wide).map(as_wide);
             let name = channel.map_or("deflection", StrainChannel::name);
             self.findings.findings.push(Finding {
                 name: format!("{wheel} {name} offset"),
                 value: offset,
                 unit: "counts".to_owned(),
                 sigma,
-                interval: rest.interval.map(|ends| ends.map(|end| end + shift)),
+                interval: interval.or_else(|| Some(interval_95(offset, sigma))),
                 condition: 1.0,
                 excitation: None,
                 whiteness: Some(rest.whiteness),

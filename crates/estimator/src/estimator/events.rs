@@ -20,6 +20,24 @@ pub(super) fn hub_event(now: LogTime, wheel: Wheel, wrong: Option<WrongAxes>) ->
     sensor_event(now, why.is_some(), name, why.as_deref().unwrap_or_default())
 }
 
+/// A vehicle file that contradicts the drive, or does not any more; `square` is the mean square of the
+/// normalised innovations of lateral acceleration.
+pub(super) fn vehicle_event(now: LogTime, contradicts: bool, square: f64) -> Event {
+    let text = if contradicts {
+        format!(
+            "the vehicle file contradicts the drive: the innovations of lateral acceleration have a mean \
+             square of {square:.0} over 10 s, but 1 is expected; check units and scales and the vehicle \
+             file, or identify the handling"
+        )
+    } else {
+        "the vehicle file does not contradict the drive any more".to_owned()
+    };
+    Event {
+        text,
+        ..sensor_event(now, contradicts, "vehicle file".to_owned(), "")
+    }
+}
+
 /// State of a filter that can diverge, from its restart to its recovery.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divergence {

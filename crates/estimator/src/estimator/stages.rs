@@ -2,7 +2,7 @@
 
 use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
 
-use super::events::{channel_event, frozen_event};
+use super::events::{channel_event, frozen_event, vehicle_event};
 use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
 use crate::Input;
@@ -115,6 +115,9 @@ impl Estimator {
         let planar = self.planar.as_mut()?;
         let motion = planar.step(time, GRID_S);
         self.divergences[2].step(time, planar.resets(), false, out);
+        if let Some((contradicts, square)) = planar.contradiction() {
+            out(Output::Event(vehicle_event(time, contradicts, square)));
+        }
         let motion = motion.filter(|_| !navigated);
         if let Some(motion) = &motion {
             motion.apply_to(state);
@@ -377,7 +380,12 @@ impl Estimator {
                 solution: self.motion.solution(),
                 operations: self.motion.take_operations(),
                 navigated,
-                planar: self.planar.as_mut().and_then(Planar::take_trace),
+                planar: None,
+                completed: self
+                    .planar
+                    .as_mut()
+                    .map(Planar::take_traces)
+                    .unwrap_or_default(),
                 forces: self.fusion.as_mut().map(Fusion::take_trace),
             })));
         }

@@ -5,18 +5,25 @@
 //! filter expects of it, is least (prediction-error method; Ljung, System Identification, 2nd
 //! edition, section 7.2). Large innovations count less (Huber). What a drive does not tell stays
 //! near the vehicle file, as if that were a measurement with [`PRIOR_SIGMA`].
+//!
+//! The delays of steer angle and lateral acceleration against the yaw rate are parameters too; a large
+//! one is refused. Standard deviations are those of the sum of the scores of correlated rows
+//! (`deviations.rs`), and no parameter leaves its physical range.
+
+mod delays;
+mod deviations;
+mod range;
+mod search;
 
 use model::vehicle::Vehicle;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use sample::STANDARD_GRAVITY_M_S2;
 
 use crate::Calibration;
 use crate::finding::Refusal;
-use crate::planar::{
-    Handling, PlanarDoubt, PlanarFilter, PlanarInput, PlanarModel, PlanarNoise, SHAPE_RANGE,
-    SPEED_MIN_M_S,
-};
+use crate::planar::{Handling, PlanarDoubt, PlanarInput, PlanarNoise, SHAPE_RANGE, SPEED_MIN_M_S};
 use crate::tuning::PlanarTuning;
+use search::Problem;
 
 /// Number of parameters.
 pub const PARAMETERS: usize = 13;
@@ -45,16 +52,45 @@ pub const PRIOR_SIGMA: [f64; PARAMETERS] = [
 const LOGARITHMIC: [bool; PARAMETERS] = [
     true, true, true, true, false, false, true, false, false, false, false, true, true,
 ];
+/// Number of parameters that are searched for: those of [`NAMES`], then the delays of steer angle and
+/// lateral acceleration against the yaw rate, s.
+const SEARCHED: usize = PARAMETERS + 2;
+/// Position of the delays.
+const DELAY: usize = PARAMETERS;
+/// Standard deviation of a delay before the drive, s.
+const DELAY_SIGMA_S: f64 = 0.1;
+/// Delay up to which none is assumed, s: roll and compliance delay the lateral acceleration too, and the
+/// relaxation length contains that.
+const DELAY_NONE_S: f64 = 0.015;
+/// Largest delay that is corrected, s.
+const DELAY_MAX_S: f64 = 0.08;
+/// Parameters that are searched for, as they are searched for.
+type Theta = [f64; SEARCHED];
+
+/// Standard deviation of a parameter before the drive.
+const fn prior_sigma(index: usize) -> f64 {
+    if index < PARAMETERS {
+        PRIOR_SIGMA[index]
+    } else {
+        DELAY_SIGMA_S
+    }
+}
+
+/// Difference of a parameter from the vehicle file that is reported, in its standard deviations before the
+/// drive.
+const CONTRADICTION: f64 = 3.0;
+
 /// Friction over the greatest lateral acceleration of the drive over gravity, at least: nobody stays
 /// at the limit for long.
 const FRICTION_OVER_PEAK: f64 = 1.1;
 
 /// What is looked for, in messages.
 const WHAT: &str = "handling";
-/// Interval of the rows, s.
-const ROW_S: f64 = 0.01;
-/// Rows that make a minute of driving, the least that is looked at.
-const ROWS_MIN: usize = 6000;
+/// Least time of driving that is looked at, s.
+const DRIVEN_MIN_S: f64 = 60.0;
+/// Longest interval between rows that counts as driven, s: rows of slower sensors are further apart than
+/// those of the filter.
+const INTERVAL_MAX_S: f64 = 0.25;
 /// Peak lateral acceleration below which a drive tells nothing of tyres, m/s^2.
 const PEAK_MIN_M_S2: f64 = 2.0;
 /// Innovation, standard deviations, beyond which the cost grows linearly.
@@ -86,9 +122,6 @@ const SPIN_PART: f64 = 0.5;
 const SPIN_MIN_M_S: f64 = 1.0;
 /// Rows that are left out before and behind those.
 const SPIN_AROUND_ROWS: usize = 100;
-/// Lags of the innovations' autocorrelation that widen the deviations.
-const LAGS: usize = 50;
-
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
@@ -109,10 +142,19 @@ pub struct Identified {
     pub innovation_rms: [f64; 2],
     /// Noise of both, from their second differences.
     pub noise: PlanarNoise,
-    /// Rows above 3 m/s.
-    pub rows: usize,
-    /// Rows that were left out because the vehicle spun.
-    pub spun_rows: usize,
+    /// Delays of steer angle and lateral acceleration against the yaw rate, s.
+    pub delay_s: [f64; 2],
+    /// Whether the delay was corrected; a small one is not.
+    pub corrected: [bool; 2],
+    /// Their standard deviations, s.
+    pub delay_sigma_s: [f64; 2],
+    /// Time above 3 m/s with yaw rate and lateral acceleration, s.
+    pub used_s: f64,
+    /// Time that was left out because the vehicle spun, s.
+    pub spun_s: f64,
+    /// Parameters that differ from the vehicle file by more than it can be wrong, or are at an end of
+    /// their range, and other remarks.
+    pub notes: Vec<String>,
     /// Greatest lateral acceleration, a tenth of a second's mean, m/s^2.
     pub peak_m_s2: f64,
 }
@@ -143,18 +185,18 @@ pub fn identify(
     imu_ahead_m: f64,
 ) -> Result<Identified, Refusal> {
     signs_agree(inputs)?;
-    let all = inputs.len();
-    let inputs = &without_spins(inputs);
-    let spun_rows = all - inputs.len();
+    let all_s = driven_s(inputs.iter());
+    let inputs = &without_spins(&delays::between_values(inputs));
+    let spun_s = (all_s - driven_s(inputs.iter())).max(0.0);
     let fast = inputs.iter().filter(|row| {
         row.speed_m_s > SPEED_MIN_M_S && row.yaw_rate_rad_s.is_some() && row.lateral_m_s2.is_some()
     });
-    let rows = fast.count();
-    if rows < ROWS_MIN {
+    let used_s = driven_s(fast);
+    if used_s < DRIVEN_MIN_S {
         return Err(Refusal::TooShort {
             what: WHAT.to_owned(),
-            found_s: ROW_S * rows as f64,
-            needed_s: ROW_S * ROWS_MIN as f64,
+            found_s: used_s,
+            needed_s: DRIVEN_MIN_S,
             help: "rows need speed above 3 m/s, steer, yaw rate and lateral acceleration; give a \
                    longer drive, or look at the column map"
                 .to_owned(),
@@ -173,21 +215,15 @@ pub fn identify(
     }
     let problem = Problem {
         inputs,
+        no_delay: [false; 2],
         vehicle,
         imu_ahead_m,
         noise: noise(inputs),
         prior: to_theta(&before_the_drive(vehicle, peak_m_s2)),
     };
-    let mut theta = problem.best_start();
-    let mut fit = None;
-    for (doubt, iterations) in ROUNDS {
-        let doubt = doubt(&PlanarTuning::default());
-        let held = problem.run(&theta, doubt).deviations;
-        let (found, information) = problem.descend(theta, &held, doubt, iterations);
-        theta = found;
-        fit = Some((held, information));
-    }
-    let handling = from_theta(&theta);
+    let noise = problem.noise;
+    let fit = problem.fit()?;
+    let handling = from_theta(&fit.theta);
     if let Some((name, value)) = handling.implausible() {
         return Err(Refusal::Value {
             what: WHAT.to_owned(),
@@ -198,25 +234,64 @@ pub fn identify(
                 .to_owned(),
         });
     }
-    let run = problem.run(&theta, PlanarDoubt::identified(&PlanarTuning::default()));
-    let (sigma, told) = match fit {
-        Some((held, information)) => deviations(&theta, &information, inflation(&run, &held)),
-        None => ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]),
-    };
-    let [steer, gyro, accel] = run.offsets;
+    let [steer, gyro, accel] = fit.run.offsets;
     Ok(Identified {
         handling,
-        sigma,
-        told,
+        sigma: std::array::from_fn(|j| fit.deviations.sigma[j]),
+        told: std::array::from_fn(|j| fit.deviations.told[j]),
         steer_offset_rad: -steer / handling.steer_gain,
         yaw_rate_offset_rad_s: gyro,
         lateral_offset_m_s2: accel,
-        innovation_rms: [0, 1].map(|i| rms(run.residuals.iter().skip(i).step_by(2))),
-        noise: problem.noise,
-        rows,
-        spun_rows,
+        innovation_rms: [0, 1].map(|i| rms(fit.run.residuals.iter().skip(i).step_by(2))),
+        noise,
+        delay_s: fit.delay_s,
+        delay_sigma_s: fit.delay_sigma_s,
+        corrected: fit.corrected,
+        used_s,
+        spun_s,
+        notes: notes(&fit.theta, &fit.prior),
         peak_m_s2,
     })
+}
+
+/// Time that rows cover, s.
+fn driven_s<'r>(rows: impl Iterator<Item = &'r PlanarInput>) -> f64 {
+    let mut before_s: Option<f64> = None;
+    let mut driven_s = 0.0;
+    for row in rows {
+        let step_s = before_s.map_or(0.0, |before_s| row.time_s - before_s);
+        if (0.0..=INTERVAL_MAX_S).contains(&step_s) {
+            driven_s += step_s;
+        }
+        before_s = Some(row.time_s);
+    }
+    driven_s
+}
+
+/// Parameters that contradict the vehicle file, and those at an end of their range.
+fn notes(theta: &Theta, prior: &Theta) -> Vec<String> {
+    let (found, file) = (values(&from_theta(theta)), values(&from_theta(prior)));
+    let mut notes = Vec::new();
+    for (j, name) in NAMES.into_iter().enumerate() {
+        let apart = (theta[j] - prior[j]) / PRIOR_SIGMA[j];
+        if apart.abs() > CONTRADICTION {
+            notes.push(format!(
+                "{name}: the drive gives {:.4}, the vehicle file {:.4}, which is {:.1} standard \
+                 deviations of the file away; correct the vehicle file, or check the units and mass",
+                found[j],
+                file[j],
+                apart.abs()
+            ));
+        }
+        if range::is_at_end(j, theta[j]) && apart != 0.0 {
+            notes.push(format!(
+                "{name}: {:.4} is an end of its physical range, so that its sigma is no measure of \
+                 its error; the drive does not tell it",
+                found[j]
+            ));
+        }
+    }
+    notes
 }
 
 /// Steer, speed times yaw rate and lateral acceleration go together: one that goes against both
@@ -309,10 +384,12 @@ pub fn values(h: &Handling) -> [f64; PARAMETERS] {
     ]
 }
 
-fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
+fn to_theta(h: &Handling) -> Theta {
     let values = values(h);
     std::array::from_fn(|j| {
-        if LOGARITHMIC[j] {
+        if j >= PARAMETERS {
+            0.0
+        } else if LOGARITHMIC[j] {
             math::ln(values[j])
         } else {
             values[j]
@@ -320,7 +397,7 @@ fn to_theta(h: &Handling) -> [f64; PARAMETERS] {
     })
 }
 
-fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
+fn from_theta(theta: &Theta) -> Handling {
     let at = |j: usize| {
         if LOGARITHMIC[j] {
             math::exp(theta[j])
@@ -344,203 +421,6 @@ fn from_theta(theta: &[f64; PARAMETERS]) -> Handling {
         load_transfer_height_m: at(11),
         relaxation_length_m: at(12),
     }
-}
-
-/// A drive to be explained.
-struct Problem<'d> {
-    inputs: &'d [PlanarInput],
-    vehicle: &'d Vehicle,
-    imu_ahead_m: f64,
-    noise: PlanarNoise,
-    prior: [f64; PARAMETERS],
-}
-
-/// What the filter makes of the drive.
-struct Run {
-    /// Innovations of yaw rate and lateral acceleration in turn, zero where nothing was measured.
-    residuals: Vec<f64>,
-    /// What the filter expected of them.
-    deviations: Vec<f64>,
-    offsets: [f64; 3],
-}
-
-impl Problem<'_> {
-    fn run(&self, theta: &[f64; PARAMETERS], doubt: PlanarDoubt) -> Run {
-        let model = PlanarModel::new(
-            self.vehicle,
-            from_theta(theta),
-            self.imu_ahead_m,
-            &PlanarTuning::default(),
-        );
-        let mut filter = PlanarFilter::new(model, self.noise, doubt, false);
-        let mut run = Run {
-            residuals: Vec::with_capacity(2 * self.inputs.len()),
-            deviations: Vec::with_capacity(2 * self.inputs.len()),
-            offsets: [0.0; 3],
-        };
-        let mut before_s = f64::NEG_INFINITY;
-        for input in self.inputs {
-            let dt_s = input.time_s - before_s;
-            before_s = input.time_s;
-            let state = filter.step(dt_s, input);
-            for innovation in state.innovations {
-                let known = innovation.value.is_finite() && innovation.sigma > 0.0;
-                run.residuals
-                    .push(if known { innovation.value } else { 0.0 });
-                run.deviations
-                    .push(if known { innovation.sigma } else { 1.0 });
-            }
-        }
-        run.offsets = filter.offsets();
-        run
-    }
-
-    /// Residuals of the fit: innovations over held deviations, and the distance from the prior.
-    fn residuals(
-        &self,
-        theta: &[f64; PARAMETERS],
-        held: &[f64],
-        doubt: PlanarDoubt,
-    ) -> DVector<f64> {
-        let run = self.run(theta, doubt);
-        let data = run.residuals.iter().zip(held).map(|(r, s)| tame(r / s));
-        let prior = (0..PARAMETERS)
-            .map(|j| PRIOR_ROWS.sqrt() * (theta[j] - self.prior[j]) / PRIOR_SIGMA[j]);
-        DVector::from_vec(data.chain(prior).collect())
-    }
-
-    /// The best of a few stiffnesses: from far away the fit can end in a spin.
-    fn best_start(&self) -> [f64; PARAMETERS] {
-        let (doubt, _) = ROUNDS[0];
-        let doubt = doubt(&PlanarTuning::default());
-        let held = self.run(&self.prior, doubt).deviations;
-        let mut best = (f64::INFINITY, self.prior);
-        for front in STARTS {
-            for rear in STARTS {
-                let mut theta = self.prior;
-                theta[0] += math::ln(front);
-                theta[1] += math::ln(rear);
-                let cost = self.residuals(&theta, &held, doubt).norm_squared();
-                if cost < best.0 {
-                    best = (cost, theta);
-                }
-            }
-        }
-        best.1
-    }
-
-    /// Levenberg's and Marquardt's descent, with the information matrix at its end. Derivatives are
-    /// forward differences: each costs a drive.
-    fn descend(
-        &self,
-        mut theta: [f64; PARAMETERS],
-        held: &[f64],
-        doubt: PlanarDoubt,
-        iterations: usize,
-    ) -> ([f64; PARAMETERS], DMatrix<f64>) {
-        let mut residual = self.residuals(&theta, held, doubt);
-        let mut cost = residual.norm_squared();
-        let mut damping = 1e-3;
-        let mut information = DMatrix::zeros(PARAMETERS, PARAMETERS);
-        for _ in 0..iterations {
-            let mut slopes = DMatrix::zeros(residual.len(), PARAMETERS);
-            for j in 0..PARAMETERS {
-                let step = 1e-4 * PRIOR_SIGMA[j];
-                let mut moved = theta;
-                moved[j] += step;
-                let column = (self.residuals(&moved, held, doubt) - &residual) / step;
-                slopes.set_column(j, &column);
-            }
-            information = slopes.transpose() * &slopes;
-            let pull = slopes.transpose() * &residual;
-            let before = cost;
-            while damping < 1e6 {
-                let mut damped = information.clone();
-                for j in 0..PARAMETERS {
-                    damped[(j, j)] *= 1.0 + damping;
-                }
-                let Some(step) = damped.cholesky().map(|c| c.solve(&pull)) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let longest = (0..PARAMETERS)
-                    .map(|j| (step[j] / PRIOR_SIGMA[j]).abs())
-                    .fold(STEP_MAX, f64::max);
-                let next: [f64; PARAMETERS] =
-                    std::array::from_fn(|j| theta[j] - step[j] * STEP_MAX / longest);
-                let next_residual = self.residuals(&next, held, doubt);
-                let next_cost = next_residual.norm_squared();
-                if next_cost < cost {
-                    (theta, residual, cost) = (next, next_residual, next_cost);
-                    damping = (damping * 0.2).max(1e-9);
-                    break;
-                }
-                damping *= 5.0;
-            }
-            if before - cost < AT_REST * before {
-                break;
-            }
-        }
-        (theta, information)
-    }
-}
-
-/// An innovation whose square grows as Huber's cost does.
-fn tame(x: f64) -> f64 {
-    let size = x.abs();
-    if size <= HUBER {
-        x
-    } else {
-        x.signum() * (2.0 * HUBER * size - HUBER * HUBER).sqrt()
-    }
-}
-
-/// How much wider the deviations are than white innovations would make them: the sum of the
-/// lateral acceleration's autocorrelations.
-fn inflation(run: &Run, held: &[f64]) -> f64 {
-    let series: Vec<f64> = run
-        .residuals
-        .iter()
-        .zip(held)
-        .skip(1)
-        .step_by(2)
-        .map(|(r, s)| tame(r / s))
-        .collect();
-    let energy: f64 = series.iter().map(|x| x * x).sum();
-    if energy <= 0.0 {
-        return 1.0;
-    }
-    let mut sum = 1.0;
-    for lag in 1..=LAGS.min(series.len() - 1) {
-        let product: f64 = series.iter().zip(&series[lag..]).map(|(a, b)| a * b).sum();
-        let weight = 1.0 - lag as f64 / (LAGS + 1) as f64;
-        sum += 2.0 * weight * product / energy;
-    }
-    (sum.max(1.0) * energy / series.len() as f64).max(1.0)
-}
-
-fn deviations(
-    theta: &[f64; PARAMETERS],
-    information: &DMatrix<f64>,
-    inflation: f64,
-) -> ([f64; PARAMETERS], [f64; PARAMETERS]) {
-    let Some(covariance) = information.clone().try_inverse() else {
-        return ([f64::NAN; PARAMETERS], [0.0; PARAMETERS]);
-    };
-    let of_search = |j: usize| (covariance[(j, j)].max(0.0) * inflation).sqrt();
-    let sigma = std::array::from_fn(|j| {
-        let value = if LOGARITHMIC[j] {
-            math::exp(theta[j])
-        } else {
-            1.0
-        };
-        value * of_search(j)
-    });
-    let told = std::array::from_fn(|j| {
-        let alone = PRIOR_SIGMA[j] * PRIOR_SIGMA[j] / PRIOR_ROWS;
-        (1.0 - covariance[(j, j)].max(0.0) / alone).clamp(0.0, 1.0)
-    });
-    (sigma, told)
 }
 
 /// Noise of yaw rate and lateral acceleration: of white noise, second differences have six times

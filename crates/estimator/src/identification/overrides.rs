@@ -1,7 +1,9 @@
 //! Fields of a vehicle file that identified values replace.
 
+use serde::ser::Error as _;
 use toml::{Table, Value};
 
+use crate::calibration::all_finite;
 use crate::finding::Findings;
 
 /// Overrides: dotted names of fields of the vehicle file, with new values.
@@ -30,7 +32,7 @@ impl Overrides {
     /// and all findings.
     ///
     /// # Errors
-    /// If a finding cannot be written as TOML.
+    /// If a value is not finite, so that no reader takes it, or a finding cannot be written as TOML.
     pub fn file(
         &self,
         command: &str,
@@ -38,6 +40,7 @@ impl Overrides {
         logs: &[String],
         results: &[Findings],
     ) -> Result<String, toml::ser::Error> {
+        all_finite("overrides", &Value::Table(self.0.clone())).map_err(toml::ser::Error::custom)?;
         let mut table = Table::new();
         table.insert("vehicle".to_owned(), vehicle.into());
         table.insert("made_by".to_owned(), format!("identify {command}").into());
@@ -49,5 +52,20 @@ impl Overrides {
             "# Result of `atvrec identify {command}`. Add this file to `overrides` under [vehicle] \
              in\n# atvrec.toml; then its [overrides] replace fields of the vehicle file.\n{text}"
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_that_no_reader_takes_is_not_written() {
+        let mut overrides = Overrides::default();
+        overrides.set("front.tyre.friction", f64::NAN);
+        let error = overrides
+            .file("tyre", "car", &[], &[])
+            .expect_err("not finite");
+        assert!(error.to_string().contains("front.tyre.friction"), "{error}");
     }
 }

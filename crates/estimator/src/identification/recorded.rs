@@ -68,11 +68,17 @@ impl Recorded {
     pub fn new(vehicle: Vehicle, motion: Motion, forces: TyreForces) -> Self {
         let [forward, left] = &motion.velocity_m_s;
         let [along, across, up] = &motion.acceleration_m_s2;
-        // The axes lean with the body, but the accelerations of interest are horizontal.
+        // The axes lean with the body, but the accelerations of interest are horizontal. The motion of
+        // a vehicle without hard-points has no attitude, and its accelerations are horizontal.
         let horizontal = |along: &[f64], lean: &[f64], sign: f64| -> Vec<f64> {
             let rows = along.iter().zip(up).zip(lean);
-            rows.map(|((a, z), angle)| a * math::cos(*angle) + sign * z * math::sin(*angle))
-                .collect()
+            rows.map(|((a, z), angle)| {
+                if z.is_nan() && angle.is_nan() {
+                    return *a;
+                }
+                a * math::cos(*angle) + sign * z * math::sin(*angle)
+            })
+            .collect()
         };
         let speed = forward.iter().zip(left).map(|(x, y)| math::hypot(*x, *y));
         let TyreForces { force_n, fused } = forces;

@@ -53,6 +53,8 @@ const DATA_MIN_S: f64 = 6.0;
 const INERTIA_DOUBT: f64 = 0.03;
 /// and the lean of the wheels.
 const LEAN_DOUBT: f64 = 0.15;
+/// The same of the arm of the sprung mass over the pitch centre, which the suspension moves as it travels.
+const PITCH_ARM_DOUBT: f64 = 0.02;
 /// Least standard deviation of the angle, rad.
 const ANGLE_MIN_RAD: f64 = 0.008;
 
@@ -221,6 +223,7 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
         gravity_n_m: weight * body.roll_arm_m + falling,
         leaning_kg_m: leaning,
         falling_n_m: falling,
+        arm_doubt: 0.0,
     };
     let pitch = Plane {
         name: "pitch",
@@ -232,6 +235,7 @@ pub fn identify(drive: &Drive, body: &Body, options: &Options) -> Result<Finding
         gravity_n_m: weight * body.pitch_arm_m,
         leaning_kg_m: 0.0,
         falling_n_m: 0.0,
+        arm_doubt: PITCH_ARM_DOUBT,
     };
     let mut found = Findings {
         what: WHAT.to_owned(),
@@ -276,6 +280,8 @@ struct Plane<'a> {
     /// The parts of lever and gravity that come with the wheels' lean.
     leaning_kg_m: f64,
     falling_n_m: f64,
+    /// What the arm may be off, part of it.
+    arm_doubt: f64,
 }
 
 impl Plane<'_> {
@@ -336,6 +342,7 @@ impl Plane<'_> {
         let mut fit = least_squares(&design, &response).map_err(told)?;
         fit.doubt(&self.inertia_doubt(&fit, &spent));
         fit.doubt(&self.lean_doubt(&fit));
+        fit.doubt(&self.lever_doubt(&fit));
         let stiffness = self.parameters(&fit.coefficients)[0];
         if stiffness < self.gravity_n_m {
             return Err(Refusal::Value {
@@ -364,6 +371,13 @@ impl Plane<'_> {
         let by_lever = slope * LEAN_DOUBT * self.leaning_kg_m / self.lever_kg_m;
         let by_gravity = slope * slope * 2.0 * LEAN_DOUBT * self.falling_n_m;
         DVector::from_vec(vec![0.0, -by_lever - by_gravity, 0.0])
+    }
+
+    /// The same of the arm, with which lever and gravity grow.
+    fn lever_doubt(&self, fit: &Fit) -> DVector<f64> {
+        let slope = fit.coefficients[1];
+        let moved = self.arm_doubt * slope * (1.0 + slope * self.gravity_n_m);
+        DVector::from_vec(vec![0.0, moved, 0.0])
     }
 
     fn findings(

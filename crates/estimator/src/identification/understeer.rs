@@ -259,25 +259,39 @@ fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
     let steer = low(&drive.steer_rad);
     let speed_rate = slope(&drive.speed_m_s, dt_s, options.cutoff_hz);
     let yaw_dot = slope(&drive.yaw_rate_rad_s, dt_s, options.cutoff_hz);
+    let mut left_out = [0_usize; 6];
     let rows: Vec<usize> = (0..drive.rows())
         .step_by(step)
         .filter(|&row| {
-            speed[row] >= options.speed_min_m_s
-                && lateral[row].abs() <= options.lateral_max_m_s2
-                && speed_rate[row].abs() <= options.speed_rate_max_m_s2
-                && yaw_dot[row].abs() <= options.yaw_acceleration_max_rad_s2
-                && steer[row].is_finite()
+            let good = [
+                speed[row] >= options.speed_min_m_s,
+                lateral[row].abs() <= options.lateral_max_m_s2,
+                speed_rate[row].abs() <= options.speed_rate_max_m_s2,
+                yaw_dot[row].abs() <= options.yaw_acceleration_max_rad_s2,
+                steer[row].is_finite(),
+            ];
+            let first = good.iter().position(|good| !good);
+            if let Some(reason) = first {
+                left_out[reason] += 1;
+            }
+            first.is_none()
         })
         .collect();
     let curvature = |row: usize| yaw_rate[row] / speed[row];
+    let even = rows.len();
     let rows = on_the_circle(&rows, &curvature);
+    left_out[5] = even - rows.len();
     let span = span_of(&rows, dt_s, step);
     if span.used_s < DATA_MIN_S {
+        let why = why_left_out(
+            &left_out.map(|rows| rows as f64 * step as f64 * dt_s),
+            options,
+        );
         return Err(Refusal::TooShort {
             what: WHAT.to_owned(),
             found_s: span.used_s,
             needed_s: DATA_MIN_S,
-            help: ADVICE.to_owned(),
+            help: why + ADVICE,
         });
     }
     let pick = |values: &[f64]| -> Vec<f64> { rows.iter().map(|&row| values[row]).collect() };
@@ -298,6 +312,36 @@ fn steady(drive: &Drive, options: &Options) -> Result<Steady, Refusal> {
     };
     check(&steady)?;
     Ok(steady)
+}
+
+/// Which condition leaves out most of a drive; `left_out_s` are the times that the conditions leave out,
+/// in the order in which they are tested.
+fn why_left_out(left_out_s: &[f64; 6], options: &Options) -> String {
+    let reasons = [
+        format!("the speed is below {} m/s", options.speed_min_m_s),
+        format!(
+            "the lateral acceleration is above {} m/s^2",
+            options.lateral_max_m_s2
+        ),
+        format!(
+            "the speed changes by more than {} m/s^2",
+            options.speed_rate_max_m_s2
+        ),
+        format!(
+            "the yaw rate changes by more than {} rad/s^2",
+            options.yaw_acceleration_max_rad_s2
+        ),
+        "the steer angle is unknown".to_owned(),
+        "the curvature is not within a fifth of that of the circle".to_owned(),
+    ];
+    let all = left_out_s.iter().zip(reasons);
+    let most = all.max_by(|(a, _), (b, _)| a.total_cmp(b));
+    match most {
+        Some((left_out_s, reason)) if *left_out_s > 0.0 => {
+            format!("{left_out_s:.0} s are left out because {reason}; ")
+        }
+        _ => String::new(),
+    }
 }
 
 /// Rows whose curvature to either side is within a fifth of the middle one: what comes before and
@@ -330,7 +374,12 @@ fn check(steady: &Steady) -> Result<(), Refusal> {
             found: range,
             needed: RANGE_MIN_M_S2,
             unit: "m/s^2".to_owned(),
-            help: ADVICE.to_owned(),
+            help: format!(
+                "the circle was driven between {:.1} and {:.1} m/s^2; let the speed rise slowly from \
+                 walking pace until 4 m/s^2 or more",
+                extreme(f64::min, f64::INFINITY),
+                extreme(f64::max, 0.0)
+            ),
         });
     }
     let curvatures: Vec<f64> = steady.curvatures().collect();

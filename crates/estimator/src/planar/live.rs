@@ -1,5 +1,7 @@
 //! The single-track filter in the estimator.
 
+use std::collections::VecDeque;
+
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -10,7 +12,7 @@ use super::{
     PlanarReadings, PlanarState, SPEED_MIN_M_S, STATES, STEER,
 };
 use crate::calibration::Resolved;
-use crate::grid::grid;
+use crate::grid::{HOLD_NANOS, grid};
 use crate::innovation::InnovationTally;
 use crate::motion::MotionState;
 use crate::trace::Operation;
@@ -25,7 +27,41 @@ pub struct Planar {
     /// Innovations since the last report.
     pub innovations: InnovationTally,
     before: Option<LogTime>,
-    last: Option<PlanarInput>,
+    /// Instants whose values may not have arrived yet.
+    pending: VecDeque<LogTime>,
+    traces: Vec<(LogTime, PlanarTrace)>,
+    traced: bool,
+    contradiction: Contradiction,
+}
+
+/// Whether innovations show that the vehicle file is not that of the driven vehicle.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Contradiction {
+    /// Mean square of the normalised innovations of lateral acceleration, and the time over which it
+    /// was taken, s.
+    square: f64,
+    driven_s: f64,
+    found: bool,
+    reported: bool,
+}
+
+impl Contradiction {
+    pub(super) fn push(&mut self, square: f64, step_s: f64, tuning: &PlanarTuning) {
+        let time_s = tuning.contradiction_time_s;
+        self.driven_s = (self.driven_s + step_s).min(time_s);
+        // The mean of all before the time is over.
+        self.square += (step_s / self.driven_s).min(1.0) * (square - self.square);
+        let [from, to] = tuning.contradiction;
+        if self.driven_s >= time_s {
+            self.found = self.square > if self.found { to } else { from };
+        }
+    }
+
+    pub(super) fn take_change(&mut self) -> Option<(bool, f64)> {
+        let changed = self.found != self.reported;
+        self.reported = self.found;
+        changed.then_some((self.found, self.square))
+    }
 }
 
 /// Result of the filter at one instant with its input.
@@ -33,7 +69,7 @@ pub struct Planar {
 pub struct PlanarMotion {
     tuning: PlanarTuning,
     input: PlanarInput,
-    state: PlanarState,
+    pub(super) state: PlanarState,
 }
 
 /// Record of one step for a smoother.
@@ -43,7 +79,7 @@ pub struct PlanarTrace {
     pub operations: Vec<Operation<STATES>>,
     /// Covariance after them.
     pub covariance: SMatrix<f64, STATES, STATES>,
-    state: SVector<f64, STATES>,
+    pub(super) state: SVector<f64, STATES>,
     model: PlanarModel,
     input: PlanarInput,
 }
@@ -100,26 +136,23 @@ impl Planar {
             readings: PlanarReadings::new(vehicle, t.input)?,
             innovations: InnovationTally::default(),
             before: None,
-            last: None,
+            pending: VecDeque::with_capacity(PENDING_MAX),
+            traces: Vec::new(),
+            traced: false,
+            contradiction: Contradiction::default(),
         })
     }
 
     /// Starts recording operations for [`Self::take_trace`].
     pub fn switch_trace_on(&mut self) {
         self.filter.trace.switch_on();
+        self.traced = true;
     }
 
-    /// State, covariance, and the operations since the last call; `None` if the last step had no
-    /// speed or no steer angle.
-    pub fn take_trace(&mut self) -> Option<PlanarTrace> {
-        let filter = &mut self.filter;
-        self.last.map(|input| PlanarTrace {
-            operations: filter.trace.take(),
-            covariance: filter.covariance,
-            state: filter.state,
-            model: filter.model,
-            input,
-        })
+    /// State, covariance and operations of each instant that was completed since the last call. An
+    /// instant without a speed or a steer angle has none.
+    pub fn take_traces(&mut self) -> Vec<(LogTime, PlanarTrace)> {
+        std::mem::take(&mut self.traces)
     }
 
     /// Number of restarts after divergence.
@@ -147,27 +180,122 @@ impl Planar {
     }
 
     /// The motion at `time`; `None` without a speed and a steer angle.
+    ///
+    /// An instant is completed when its last values have arrived. From there, the filter repeats the
+    /// steps up to `time` with the values that have arrived so far, and holds the others.
     pub fn step(&mut self, time: LogTime, step_s: f64) -> Option<PlanarMotion> {
-        self.last = self.readings.take(time);
-        let input = self.last?;
+        if self.pending.len() == PENDING_MAX {
+            self.pending.pop_front();
+        }
+        self.pending.push_back(time);
+        self.readings.sort();
+        let complete = time.offset_seconds(-self.readings.late_s());
+        let mut motion = None;
+        while let Some(instant) = next_complete(&mut self.pending, complete) {
+            let input = self.readings.take(instant, until(instant, time));
+            motion = self.advance(instant, step_s, input);
+            self.count(motion.as_ref(), step_s);
+            self.trace(instant, input);
+        }
+        if self.pending.is_empty() {
+            return motion;
+        }
+        self.look_ahead(time, step_s)
+    }
+
+    /// The motion at `time`, the last pending instant; the filter stays where it was.
+    fn look_ahead(&mut self, time: LogTime, step_s: f64) -> Option<PlanarMotion> {
+        let before = self.before;
+        let kept = self.filter.begin_look_ahead();
+        let begin = self.readings.look_ahead();
+        let mut taken = begin;
+        let mut motion = None;
+        for index in 0..self.pending.len() {
+            let instant = self.pending[index];
+            let input = self
+                .readings
+                .take_ahead(&mut taken, instant, until(instant, time));
+            motion = self.advance(instant, step_s, input);
+        }
+        self.readings.return_to(&begin);
+        self.filter.end_look_ahead(kept);
+        self.before = before;
+        motion
+    }
+
+    fn advance(
+        &mut self,
+        time: LogTime,
+        step_s: f64,
+        input: Option<PlanarInput>,
+    ) -> Option<PlanarMotion> {
+        let input = input?;
         let dt_s = self
             .before
             .map_or(f64::INFINITY, |before| time.seconds_since(before));
         self.before = Some(time);
         let nearly = (dt_s - step_s).abs() < 1e-6;
         let state = self.filter.step(if nearly { step_s } else { dt_s }, &input);
-        let kinds = [InnovationKind::Gyro, InnovationKind::Accelerometer];
-        for (kind, innovation) in kinds.into_iter().zip(state.innovations) {
-            if innovation.value.is_finite() {
-                let normalised = innovation.value / innovation.sigma;
-                self.innovations.used(kind, normalised * normalised);
-            }
-        }
         Some(PlanarMotion {
             tuning: self.filter.model.tuning,
             input,
             state,
         })
+    }
+
+    /// The change of the contradiction between vehicle file and drive since the last call, with the
+    /// mean square of the normalised innovations.
+    pub fn contradiction(&mut self) -> Option<(bool, f64)> {
+        self.contradiction.take_change()
+    }
+
+    fn count(&mut self, motion: Option<&PlanarMotion>, step_s: f64) {
+        let kinds = [InnovationKind::Gyro, InnovationKind::Accelerometer];
+        let innovations = motion.map(|motion| motion.state.innovations);
+        for (kind, innovation) in kinds.into_iter().zip(innovations.into_iter().flatten()) {
+            if innovation.value.is_finite() {
+                let normalised = innovation.value / innovation.sigma;
+                let square = normalised * normalised;
+                self.innovations.used(kind, square);
+                if kind == InnovationKind::Accelerometer {
+                    let tuning = &self.filter.model.tuning;
+                    self.contradiction.push(square, step_s, tuning);
+                }
+            }
+        }
+    }
+
+    fn trace(&mut self, instant: LogTime, input: Option<PlanarInput>) {
+        let (Some(input), true) = (input, self.traced) else {
+            return;
+        };
+        let filter = &mut self.filter;
+        let trace = PlanarTrace {
+            operations: filter.trace.take(),
+            covariance: filter.covariance,
+            state: filter.state,
+            model: filter.model,
+            input,
+        };
+        self.traces.push((instant, trace));
+    }
+}
+
+/// Most instants whose values may not have arrived yet, at 100 Hz.
+const PENDING_MAX: usize = 128;
+
+/// Removes the first instant if it is complete.
+fn next_complete(pending: &mut VecDeque<LogTime>, complete: LogTime) -> Option<LogTime> {
+    pending.front().filter(|instant| **instant <= complete)?;
+    pending.pop_front()
+}
+
+/// Time of the last values that belong to an instant. The newest instant takes all that have arrived.
+fn until(instant: LogTime, newest: LogTime) -> LogTime {
+    if instant == newest {
+        LogTime(u64::MAX)
+    } else {
+        instant.offset_nanos(HOLD_NANOS.cast_signed())
     }
 }
 
@@ -178,6 +306,7 @@ pub struct PlanarRecorder {
     calibration: Resolved,
     settings: Settings,
     next_grid: Option<LogTime>,
+    pending: VecDeque<LogTime>,
     inputs: Vec<PlanarInput>,
 }
 
@@ -193,6 +322,7 @@ impl PlanarRecorder {
             calibration,
             settings,
             next_grid: None,
+            pending: VecDeque::new(),
             inputs: Vec::new(),
         })
     }
@@ -200,7 +330,18 @@ impl PlanarRecorder {
     /// Moves time on, as [`crate::Estimator::advance`] does.
     pub fn advance(&mut self, now: LogTime) {
         for time in grid(&mut self.next_grid, now) {
-            self.inputs.extend(self.readings.take(time));
+            self.pending.push_back(time);
+            let complete = time.offset_seconds(-self.readings.late_s());
+            self.complete(complete, time);
+        }
+    }
+
+    /// Adds the rows of the instants up to `complete`, whose values have arrived.
+    fn complete(&mut self, complete: LogTime, newest: LogTime) {
+        self.readings.sort();
+        while let Some(instant) = next_complete(&mut self.pending, complete) {
+            let row = self.readings.take(instant, until(instant, newest));
+            self.inputs.extend(row);
         }
     }
 
@@ -212,7 +353,10 @@ impl PlanarRecorder {
 
     /// All rows so far.
     #[must_use]
-    pub fn into_inputs(self) -> Vec<PlanarInput> {
+    pub fn into_inputs(mut self) -> Vec<PlanarInput> {
+        if let Some(newest) = self.pending.back().copied() {
+            self.complete(newest, newest);
+        }
         self.inputs
     }
 }

@@ -252,7 +252,8 @@ fn taken<const N: usize>(measurements: [Measurement; N]) -> Option<PlanarInput> 
         };
         readings.push(&sample, &resolved, &crate::Settings::default());
     }
-    readings.take(now)
+    readings.sort();
+    readings.take(now, now)
 }
 
 const STEERING_WHEEL: Measurement = Measurement::Steer(SteerSample {
@@ -298,4 +299,93 @@ fn a_reading_that_the_unit_calls_bad_tells_nothing() {
         assert_eq!(input.yaw_rate_rad_s.is_some(), valid);
         assert_eq!(input.lateral_m_s2.is_some(), valid);
     }
+}
+
+/// Lateral velocities of a drive with turns at 15 m/s, m/s. The steering wheel arrives `late_s` after
+/// its time, and its samples state `latency_s`.
+fn lateral_velocities(late_s: f64, latency_s: f64) -> (Vec<f64>, Vec<(LogTime, PlanarTrace)>) {
+    let sensors = model::sensors::Sensors::builtin("thesis-10bit").expect("a sensors file");
+    let calibration = crate::Calibration::nominal("car");
+    let resolved = Resolved::new(&sensors, &calibration).expect("a calibration");
+    let tuning = crate::tuning::Tuning::default();
+    let settings = crate::Settings::default();
+    let mut planar = Planar::new(&vehicle(), &sensors, &resolved, &tuning).expect("a filter");
+    planar.switch_trace_on();
+    let begin = LogTime(1_000_000_000);
+    let steer = |t: f64| 0.3 * math::sin(2.0 * t);
+    let mut velocities = Vec::new();
+    for step in 0..1000_u32 {
+        let t = f64::from(step) * 0.01;
+        let now = begin.offset_seconds(t);
+        let rate = 0.02 * math::sin(2.0 * t - 0.1);
+        let mut push = |measurement, latency_s: f64| {
+            let sample = Sample {
+                source: SourceId(0),
+                log_time: now,
+                valid_time: now.offset_seconds(-latency_s),
+                device_time: None,
+                measurement,
+            };
+            planar.push(&sample, &resolved, &settings);
+        };
+        push(
+            Measurement::GroundSpeed(GroundSpeedSample {
+                forward_m_s: 15.0,
+                leftward_m_s: None,
+            }),
+            0.0,
+        );
+        push(
+            Measurement::Imu(ImuSample {
+                angular_rate_rad_s: [0.0, 0.0, rate],
+                specific_force_m_s2: [0.0, 15.0 * rate, sample::STANDARD_GRAVITY_M_S2],
+                valid: true,
+                ..ImuSample::default()
+            }),
+            0.0,
+        );
+        let steering_wheel_rad = steer(t - late_s);
+        push(
+            Measurement::Steer(SteerSample { steering_wheel_rad }),
+            latency_s,
+        );
+        let motion = planar.step(now, 0.01).expect("a motion");
+        velocities.push(motion.state.lateral_m_s);
+    }
+    (velocities, planar.take_traces())
+}
+
+#[test]
+fn a_latency_shifts_a_signal_back() {
+    let (right, traces) = lateral_velocities(0.0, 0.0);
+    let (shifted, _) = lateral_velocities(0.15, 0.0);
+    let (corrected, completed) = lateral_velocities(0.15, 0.15);
+    let error = |found: &[f64]| {
+        let errors = right.iter().zip(found).skip(200);
+        errors.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    let (wrong, left) = (error(&shifted), error(&corrected));
+    assert!(wrong > 0.02, "{wrong}");
+    assert!(left < 0.5 * wrong, "{left} of {wrong}");
+    // The instants whose values have all arrived are those of a drive without latencies.
+    assert!(completed.len() > 980, "{}", completed.len());
+    for ((time, found), (other, expected)) in completed.iter().zip(&traces).skip(200) {
+        assert_eq!(time, other);
+        let apart = (found.state - expected.state).amax();
+        assert!(apart < 1e-6, "{apart} at {time}");
+    }
+}
+
+#[test]
+fn a_vehicle_file_that_contradicts_the_drive_is_reported_once() {
+    let tuning = PlanarTuning::default();
+    let mut state = live::Contradiction::default();
+    let mut changes = Vec::new();
+    for (square, seconds) in [(1.0, 20), (38.0, 30), (1.0, 60)] {
+        for _ in 0..seconds * 100 {
+            state.push(square, 0.01, &tuning);
+            changes.extend(state.take_change().map(|(found, _)| found));
+        }
+    }
+    assert_eq!(changes, [true, false]);
 }

@@ -24,6 +24,11 @@ tuning! {
         measured_sigma_min: [f64; 2] = [0.002, 0.1], "rad/s, m/s²";
         /// Innovation from which a measurement gets a larger variance (Huber).
         huber_sigma: f64 = 3.0, "σ";
+        /// Mean square of the normalised innovations of lateral acceleration from which the vehicle file
+        /// contradicts the drive, and below which it does not any more.
+        contradiction: [f64; 2] = [9.0, 4.0], "1";
+        /// Time over which it is averaged.
+        contradiction_time_s: f64 = 10.0, "s";
         /// A longer step is a gap after which the motion is unknown.
         gap_s: f64 = 0.5, "s";
         /// Standard deviation of lateral velocity at walking pace.
@@ -52,6 +57,9 @@ tuning! {
     PlanarInputTuning {
         /// A reading older than this is not held.
         held_max_s: f64 = 0.25, "s";
+        /// Longest time for which the filter waits for late values. Each step repeats the steps of this
+        /// time, 100 at most.
+        late_max_s: f64 = 1.0, "s";
         /// Speeds above this are ignored.
         speed_max_m_s: f64 = 150.0, "m/s";
         /// Steering-wheel angles above this are ignored.
@@ -62,6 +70,9 @@ tuning! {
         rate_max_rad_s: f64 = 20.0, "rad/s";
         /// Time constant of the difference quotient of the speed.
         acceleration_time_s: f64 = 0.15, "s";
+        /// Time constant of the difference quotient of the road-wheel angle, with which a late angle
+        /// continues.
+        steer_trend_s: f64 = 0.05, "s";
         /// Largest longitudinal acceleration that is used.
         acceleration_max_m_s2: f64 = 15.0, "m/s²";
         /// Change of speed that is accepted at once, and for each second since the last value: an

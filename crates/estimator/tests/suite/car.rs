@@ -3,6 +3,7 @@
 //! drive, and its second half is judged.
 
 mod cars;
+mod halves;
 mod road;
 mod spin;
 mod surrogate;
@@ -183,7 +184,7 @@ fn mass_and_axle_distances_and_a_drive_give_sideslip() {
 fn spins_are_left_out_of_what_handling_is_identified_from() {
     let (found, [errors, _]) = tried(&cars::SPORT, 140.0, 2);
     assert!(errors.rmse < 0.1, "{errors:?} {found:#?}");
-    assert!((400..1500).contains(&found.spun_rows), "{found:#?}");
+    assert!((4.0..15.0).contains(&found.spun_s), "{found:#?}");
 }
 
 #[test]
@@ -290,7 +291,7 @@ fn five_cars_over_half_a_drive_of_550_s() {
     let mut worst = [0.0_f64; 2];
     for case in &cars::ALL {
         let (found, [errors, smoothed]) = tried(case, 550.0, 0);
-        assert_eq!(found.spun_rows, 0, "{found:#?}");
+        assert_eq!(found.spun_s, 0.0, "{found:#?}");
         assert!(smoothed.rmse < errors.rmse, "{errors:?} {smoothed:?}");
         worst = [
             worst[0].max(errors.rmse),

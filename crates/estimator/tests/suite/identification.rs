@@ -5,4 +5,5 @@ mod rides;
 
 mod cornering;
 mod independent;
+mod intervals;
 mod others;

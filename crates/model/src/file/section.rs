@@ -209,6 +209,34 @@ impl<'t> Section<'t> {
         default
     }
 
+    /// A number within `range`, or `default`, under its name or under the `earlier` name of the field,
+    /// which gives a warning.
+    pub fn renamed_number_in(
+        &mut self,
+        [key, earlier]: [&'static str; 2],
+        range: RangeInclusive<f64>,
+        default: f64,
+        collector: &mut ErrorCollector<'_>,
+    ) -> f64 {
+        let has = |name: &str| self.entries.iter().any(|(known, _, _)| known == name);
+        if !has(earlier) {
+            return self.number_in(key, range, default, collector);
+        }
+        if has(key) {
+            let message = format!("both {key} and its earlier name {earlier} are set");
+            let help = format!("remove {earlier}");
+            collector.add(&self.span, &self.field_name(earlier), message, help);
+        } else {
+            let field = self.field_name(earlier);
+            let message = format!("{earlier} is the earlier name of {key}");
+            collector.warn(&self.span, &field, message, format!("write {key}"));
+        }
+        let value = self.number_in(earlier, range, default, collector);
+        self.known.retain(|known| *known != earlier);
+        self.take(key);
+        value
+    }
+
     /// The field `key`, whose absence is an error; `help` describes the value.
     pub fn required<T: FromValue>(
         &mut self,
@@ -223,6 +251,22 @@ impl<'t> Section<'t> {
             return None;
         }
         self.optional(key, collector)
+    }
+
+    /// All fields as numbers, by their names.
+    pub fn into_numbers(mut self, collector: &mut ErrorCollector<'_>) -> Vec<(String, f64)> {
+        let mut numbers = Vec::new();
+        for (name, span, value) in std::mem::take(&mut self.entries) {
+            match f64::from_value(value.get_ref()) {
+                Some(number) => numbers.push((name, number)),
+                None => {
+                    let field = self.field_name(&name);
+                    let help = format!("write {name} = 1.0");
+                    collector.add(&span, &field, "a number is expected", help);
+                }
+            }
+        }
+        numbers
     }
 
     /// The sub-table `key`; an empty one if it is absent.

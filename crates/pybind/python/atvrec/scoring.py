@@ -251,7 +251,8 @@ def score(
 ) -> Score | ScoreWithMethods:
     """Errors of a log's estimates against the truth that it carries.
 
-    The first ``from_s`` seconds are left out. ``smoothed`` judges the estimates of
+    The first ``from_s`` seconds of the signals are left out; events of the first seconds count,
+    unless ``from_s`` is above 2. ``smoothed`` judges the estimates of
     ``replay --smooth`` in the place of the causal ones. ``methods`` adds the forces of simple methods
     on the same samples, which takes about as long as a replay.
 

@@ -105,6 +105,7 @@ impl Definitions {
             topic: channel.topic.clone(),
             schema: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
             schema_data: schema.map_or_else(|| Arc::from([]), |schema| Arc::clone(&schema.data)),
+            message_encoding: channel.message_encoding.clone(),
             source: source.and_then(|id| id.parse().ok()).map(SourceId),
             metadata: channel.metadata.clone(),
             is_earlier: false,

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use mcap::records::{AttachmentIndex, Record, op};
+use mcap::records::{AttachmentIndex, Channel, Record, op};
 use sample::LogTime;
 
 use super::definitions::Definitions;
@@ -153,13 +153,23 @@ impl Index {
         let Some(statistics) = statistics else {
             return Ok(None);
         };
-        // A file without chunks, or from a writer that omits indexes or channels, is read through.
-        let defined = |id: &u16| index.definitions.channels.contains_key(id);
+        // A file without chunks, or from a writer that omits indexes, channels or schemas, is read
+        // through.
+        let definitions = &index.definitions;
+        let defined = |id: &u16| definitions.channels.contains_key(id);
+        let has_schema = |channel: &Channel| {
+            channel.schema_id == 0 || definitions.schemas.contains_key(&channel.schema_id)
+        };
+        let counted: u64 = statistics.channel_message_counts.values().sum();
         if statistics.chunk_count as usize != index.parts.len()
             || statistics.attachment_count as usize != index.attachments.len()
             || statistics.metadata_count as usize != metadata.len()
             || (statistics.message_count > 0 && index.parts.is_empty())
             || !statistics.channel_message_counts.keys().all(defined)
+            || counted != statistics.message_count
+            || statistics.channel_count as usize > definitions.channels.len()
+            || usize::from(statistics.schema_count) > definitions.schemas.len()
+            || !definitions.channels.values().all(has_schema)
         {
             return Ok(None);
         }

@@ -9,6 +9,7 @@ use crate::schema;
 
 fn table(schema: &str, data: &[Vec<u8>]) -> Table {
     let channel = ChannelInfo {
+        message_encoding: "protobuf".to_owned(),
         topic: "/test".into(),
         schema: schema.into(),
         schema_data: schema::descriptor_set(schema).into(),

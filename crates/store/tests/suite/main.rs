@@ -5,6 +5,7 @@ mod compat;
 mod damage;
 mod generated;
 mod integrity;
+mod others;
 mod recorder;
 mod recovery;
 mod round_trip;

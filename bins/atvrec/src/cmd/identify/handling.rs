@@ -147,14 +147,10 @@ fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
 fn print(found: &Identified) {
     println!(
         "used {:.0} s above 3 m/s, with lateral accelerations up to {:.1} m/s^2",
-        found.rows as f64 * 0.01,
-        found.peak_m_s2
+        found.used_s, found.peak_m_s2
     );
-    if found.spun_rows > 0 {
-        println!(
-            "ignored {:.1} s in which the vehicle spun",
-            found.spun_rows as f64 * 0.01
-        );
+    if found.spun_s > 0.0 {
+        println!("ignored {:.1} s in which the vehicle spun", found.spun_s);
     }
     println!(
         "{:<24}{:>14}{:>12}{:>8}",
@@ -175,11 +171,33 @@ fn print(found: &Identified) {
         found.yaw_rate_offset_rad_s.to_degrees(),
         found.lateral_offset_m_s2
     );
+    for (i, name) in ["steer angle", "lateral acceleration"]
+        .into_iter()
+        .enumerate()
+    {
+        let (delay_ms, sigma_ms) = (1e3 * found.delay_s[i], 1e3 * found.delay_sigma_s[i]);
+        let effect = if !found.corrected[i] {
+            "small, not corrected".to_owned()
+        } else if delay_ms > 0.0 {
+            format!("corrected; set latency_s = {:.3} for it", found.delay_s[i])
+        } else {
+            format!(
+                "corrected; set latency_s = {:.3} for the yaw rate",
+                -found.delay_s[i]
+            )
+        };
+        println!(
+            "delay of the {name} against the yaw rate: {delay_ms:.1} ms, sigma {sigma_ms:.1} ms ({effect})"
+        );
+    }
     println!(
         "one-step prediction: yaw rate {:.3} deg/s, lateral acceleration {:.3} m/s^2 (rms)",
         found.innovation_rms[0].to_degrees(),
         found.innovation_rms[1]
     );
+    for note in &found.notes {
+        println!("note: {note}");
+    }
 }
 
 fn as_json(found: &Identified) -> serde_json::Value {
@@ -203,7 +221,11 @@ fn as_json(found: &Identified) -> serde_json::Value {
         "yaw_rate_innovation_rad_s": found.innovation_rms[0],
         "lateral_innovation_m_s2": found.innovation_rms[1],
         "peak_m_s2": found.peak_m_s2,
-        "seconds": found.rows as f64 * 0.01,
-        "spun_s": found.spun_rows as f64 * 0.01,
+        "delay_s": found.delay_s,
+        "delay_sigma_s": found.delay_sigma_s,
+        "delay_corrected": found.corrected,
+        "seconds": found.used_s,
+        "spun_s": found.spun_s,
+        "notes": found.notes,
     })
 }

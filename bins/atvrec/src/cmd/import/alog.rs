@@ -1,16 +1,16 @@
 //! `atvrec import alog`: convert a MOOS log.
 
-use engine::config::{GAVLAB, Problems, alog_map};
+use engine::config::{GAVLAB, Meaning, Problems, alog_map};
 use sample::LogTime;
-use wire::alog::{Format, Line, is_remark, log_start};
+use wire::alog::{Format, Line, Value, is_remark, log_start};
 use wire::column::Quantity;
 use wire::csv::MAX_LINE;
 
 use super::log::{self, Piece, Source};
 use super::truth::Reference;
 use super::{
-    RowErrors, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, listed, log_time, nanos,
-    output, read_text, shortened, source_names,
+    RowErrors, START_DEFAULT_NS, Table, UNIX_TIME_FROM_NS, configuration, listed, log_time, output,
+    refuse, shortened, source_names, text,
 };
 use crate::cli::ImportAlogArgs;
 use crate::exit::{Outcome, UsageError};
@@ -23,28 +23,26 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
         .as_ref()
         .map_or_else(|| GAVLAB.to_owned(), |path| path.display().to_string());
     let map_text = match &args.columns {
-        Some(path) => read_text(path)?,
+        Some(path) => text::read(path)?,
         None => engine::config::GAVLAB_MAP.to_owned(),
     };
-    let format = alog_map(&map_name, &map_text).map_err(Problems)?;
-    let text = read_text(&args.input)?;
+    let map = alog_map(&map_name, &map_text).map_err(Problems)?;
+    refuse(map.contradictions(&map_name))?;
+    let format = map.format;
+    let text = text::read(&args.input)?;
     let mut errors = RowErrors::default();
-    let lines = lines(
-        &args.input.display().to_string(),
-        &text,
-        &format,
-        &mut errors,
-    );
+    let path = args.input.display().to_string();
+    let lines = lines(&path, &text, &format, &mut errors);
     errors.finish()?;
     if !lines.iter().any(|line| line.wanted) {
         return Err(UsageError(format!(
-            "{} contains none of the variables of the map {map_name}; it contains: {}",
-            args.input.display(),
+            "{path} contains none of the variables of the map {map_name}; it contains: {}",
             listed(&variables(&text))
         ))
         .into());
     }
-    let unordered = lines.windows(2).filter(|p| p[1].time < p[0].time).count();
+    let unordered = lines.windows(2).filter(|p| p[1].order() < p[0].order());
+    let unordered = unordered.count();
     if unordered > 0 {
         println!("{unordered} lines are not in the order of time; the log has them in this order");
     }
@@ -58,6 +56,8 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
         kind: "alog",
         path: &args.input,
         columns: &map_name,
+        held: Vec::new(),
+        meaning: Meaning::Alog(format),
     };
     let config = configuration(&names, &[table], &args.into)?;
     let truth = reference.on_grid();
@@ -71,6 +71,8 @@ pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
 
 /// A line with its time.
 struct Timed<'t> {
+    /// Number of the run, from zero; each `LOGSTART` after the first begins one.
+    run: usize,
     time: LogTime,
     /// Number of the line, from one.
     number: usize,
@@ -80,24 +82,55 @@ struct Timed<'t> {
     wanted: bool,
 }
 
+impl Timed<'_> {
+    const fn order(&self) -> (usize, LogTime) {
+        (self.run, self.time)
+    }
+}
+
+/// Time zero of the lines that follow.
+#[derive(Default)]
+struct Start {
+    unix_ns: Option<i128>,
+    runs: usize,
+}
+
+impl Start {
+    /// Takes a comment, which may be a `LOGSTART`; whether it begins a further run.
+    fn take(&mut self, comment: &str) {
+        if let Some(start_s) = log_start(comment) {
+            self.runs += 1;
+            self.unix_ns = Some((start_s * 1e9).round() as i128);
+        }
+    }
+
+    fn time(&self, line: &Line<'_>) -> Option<LogTime> {
+        let zero_ns = if line.time_ns > UNIX_TIME_FROM_NS {
+            0
+        } else {
+            self.unix_ns.unwrap_or(i128::from(START_DEFAULT_NS))
+        };
+        log_time(zero_ns + line.time_ns)
+    }
+}
+
 fn lines<'t>(path: &str, text: &'t str, format: &Format, errors: &mut RowErrors) -> Vec<Timed<'t>> {
-    let mut start_ns: Option<i128> = None;
+    let mut start = Start::default();
     let (mut at, mut begin) = (0, 0);
-    let mut lines = Vec::new();
+    let mut lines: Vec<Timed<'t>> = Vec::new();
     for (number, raw) in text.split_inclusive('\n').enumerate() {
         at += raw.len();
         if is_remark(raw) {
-            if let Some(start_s) = log_start(raw) {
-                start_ns.get_or_insert((start_s * 1e9).round() as i128);
-            }
+            start.take(raw);
             continue;
         }
         let place = || format!("{path}:{}", number + 1);
+        // The last line may be cut, even within its number, because the writing program was killed.
+        if !raw.ends_with('\n') {
+            tracing::warn!("{}: the last line has no end; it is left out", place());
+            continue;
+        }
         let Some(line) = Line::parse(raw) else {
-            // The last line may be incomplete because the writing program was killed.
-            if !raw.ends_with('\n') {
-                continue;
-            }
             errors.add(|| {
                 format!(
                     "{}: \"{}\" does not have the form `time variable source value`; correct the \
@@ -119,24 +152,18 @@ fn lines<'t>(path: &str, text: &'t str, format: &Format, errors: &mut RowErrors)
             continue;
         }
         let wanted = check_values(&line, format, &place, errors);
-        let word = raw.split_whitespace().next().unwrap_or_default();
-        let since_ns = nanos(word, 1_000_000_000).unwrap_or(0);
-        let zero_ns = if since_ns > UNIX_TIME_FROM_NS {
-            0
-        } else {
-            start_ns.unwrap_or(i128::from(START_DEFAULT_NS))
-        };
-        let Some(time) = log_time(zero_ns + since_ns) else {
+        let Some(time) = start.time(&line) else {
             errors.add(|| {
                 format!(
                     "{}: the time {} s is out of range; correct the line",
                     place(),
-                    shortened(word)
+                    line.time_ns as f64 * 1e-9
                 )
             });
             continue;
         };
         lines.push(Timed {
+            run: start.runs.saturating_sub(1),
             time,
             number: number + 1,
             text: &text[begin..at],
@@ -144,6 +171,12 @@ fn lines<'t>(path: &str, text: &'t str, format: &Format, errors: &mut RowErrors)
             wanted,
         });
         begin = at;
+    }
+    // A run without lines is none.
+    let mut runs: Vec<usize> = lines.iter().map(|line| line.run).collect();
+    runs.dedup();
+    for line in &mut lines {
+        line.run = runs.partition_point(|run| *run < line.run);
     }
     lines
 }
@@ -159,7 +192,7 @@ fn check_values(
     let mut wanted = false;
     for (_, variable, value) in format.values(line) {
         wanted = true;
-        if value.is_none() {
+        if value == Value::Other {
             errors.add(|| {
                 format!(
                     "{}: variable {}: \"{}\" does not contain the number of the column map; correct \
@@ -176,16 +209,16 @@ fn check_values(
 
 fn take_reference(line: &Timed<'_>, format: &Format, reference: &mut Reference) {
     for (_, variable, value) in format.values(&line.line) {
-        if let (Quantity::Truth(truth), Some(value)) = (variable.column.quantity, value) {
-            let time = line.time.offset_seconds(-variable.column.delay_s);
+        if let (Quantity::Truth(truth), Value::Number(value)) = (variable.column.quantity, value) {
+            let time = line.time.offset_seconds(-variable.column.latency_s);
             reference.push(truth, time, value);
         }
     }
 }
 
-/// One piece per instant, in the order of time; lines of one instant keep their order.
+/// One piece per instant, in the order of runs and time; lines of one instant keep their order.
 fn pieces(mut lines: Vec<Timed<'_>>) -> Vec<Piece> {
-    lines.sort_by_key(|line| line.time);
+    lines.sort_by_key(Timed::order);
     let mut pieces: Vec<Piece> = Vec::new();
     for line in lines {
         let mut bytes = line.text.as_bytes().to_vec();
@@ -193,11 +226,17 @@ fn pieces(mut lines: Vec<Timed<'_>>) -> Vec<Piece> {
             bytes.push(b'\n');
         }
         match pieces.last_mut() {
-            Some(last) if last.time == line.time => last.bytes.extend(bytes),
+            Some(last) if (last.run, last.time) == line.order() => {
+                last.rows += usize::from(line.wanted);
+                last.bytes.extend(bytes);
+            }
             _ => pieces.push(Piece {
                 source: 0,
                 time: line.time,
                 line: line.number,
+                rows: usize::from(line.wanted),
+                measurements: None,
+                run: line.run,
                 bytes,
             }),
         }

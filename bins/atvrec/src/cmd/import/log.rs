@@ -3,9 +3,13 @@
 use std::path::Path;
 
 use engine::{Config, Entry, Feed, SILENCE_NS};
-use sample::{LogTime, NANOS_PER_SECOND, Notice, Payload, SourceId};
+use sample::text::printable;
+use sample::{LogTime, NANOS_PER_SECOND, Notice, Payload, STANDARD_GRAVITY_M_S2, SourceId};
+use store::Record;
 
 use super::Output;
+use super::decode::{Decoded, decode};
+use super::plausible::Finding;
 use super::truth::TruthPoint;
 use crate::exit::{Outcome, UsageError};
 use engine::output::{Kind, LogFile, Target};
@@ -18,6 +22,8 @@ const TAIL_NS: i64 = NANOS_PER_SECOND / 20;
 const GAP_MAX_NS: i64 = 3600 * NANOS_PER_SECOND;
 /// Most runs of an import.
 const RUNS_MAX: usize = 1000;
+/// Text of the notice of a source that ended normally.
+const STOPPED: &str = "stopped";
 /// Ratio of an interval to the median interval from which it counts as a gap.
 const GAP_FACTOR: u64 = 5;
 
@@ -39,15 +45,22 @@ pub struct Piece {
     pub time: LogTime,
     /// Number of the line, from one.
     pub line: usize,
+    /// Rows or lines of data in it.
+    pub rows: usize,
+    /// Measurements that it makes, if it makes them alone.
+    pub measurements: Option<usize>,
+    /// Number of the run that the file begins, from zero.
+    pub run: usize,
     /// Bytes of the file.
     pub bytes: Vec<u8>,
 }
 
-/// Writes the log, or a log for each run, and prints a summary. `pieces` must be in the order of time.
+/// Writes the log, or a log for each run, and prints a summary. `pieces` must be in the order of their
+/// runs, and of time within a run.
 pub fn write(
     config: &Config,
     sources: &[Source<'_>],
-    pieces: Vec<Piece>,
+    mut pieces: Vec<Piece>,
     truth: &[TruthPoint],
     output: &Output<'_>,
 ) -> anyhow::Result<Outcome> {
@@ -58,18 +71,58 @@ pub fn write(
     if let (Some(first), false) = (gaps.first(), output.into.split_gaps) {
         return Err(UsageError(gap_text(sources, &pieces, *first, gaps.len())).into());
     }
-    print_summary(sources, &pieces, truth);
-    let targets = targets(output, gaps.len() + 1)?;
-    let mut pieces = pieces.into_iter().peekable();
-    let mut truth = truth.iter().peekable();
-    let ends = gaps.iter().map(|gap| Some(gap.middle)).chain([None]);
-    for (end, target) in ends.zip(targets) {
-        let before = |time: LogTime| end.is_none_or(|end| time < end);
-        let pieces = std::iter::from_fn(|| pieces.next_if(|piece| before(piece.time))).collect();
-        let truth = std::iter::from_fn(|| truth.next_if(|point| before(point.time))).collect();
-        write_run(config, sources, pieces, truth, &target)?;
+    let mut runs = Vec::new();
+    for begin in ends(&pieces, &gaps).into_iter().rev() {
+        runs.push(pieces.split_off(begin));
+    }
+    runs.push(pieces);
+    runs.reverse();
+    let mut decoded = Vec::new();
+    for run in &runs {
+        decoded.push(decode(config, sources, run)?);
+    }
+    check_units(config, &decoded, output.into.accept_units)?;
+    print_summary(sources, &runs, truth);
+    let targets = targets(output, runs.len())?;
+    for ((run, decoded), target) in runs.into_iter().zip(decoded).zip(targets) {
+        let span = run.first().zip(run.last()).map(|(a, b)| (a.time, b.time));
+        let within = |point: &&TruthPoint| {
+            span.is_some_and(|(first, last)| (first..=last + TAIL_NS).contains(&point.time))
+        };
+        let truth = truth.iter().filter(within).collect();
+        let written = write_run(config, sources, run, truth, &decoded, &target)?;
+        written.print(config, &decoded, &target);
     }
     Ok(Outcome::Good)
+}
+
+/// Compares quantities that depend on each other, before anything is estimated.
+fn check_units(config: &Config, decoded: &[Decoded], accept: bool) -> anyhow::Result<()> {
+    let vehicle = config
+        .estimator
+        .as_ref()
+        .map(|estimator| &estimator.vehicle);
+    let radius_m = vehicle.map(|vehicle| {
+        let load_n = 0.25 * vehicle.body.mass_kg * STANDARD_GRAVITY_M_S2;
+        let radii = [&vehicle.front, &vehicle.rear].map(|a| a.tyre.rolling_radius_m(load_n));
+        0.5 * (radii[0] + radii[1])
+    });
+    let mut errors = Vec::new();
+    for finding in decoded.iter().flat_map(|run| run.drive.findings(radius_m)) {
+        match finding {
+            Finding::Error(text) if !accept && !errors.contains(&text) => errors.push(text),
+            Finding::Error(text) | Finding::Warning(text) => tracing::warn!("{text}"),
+        }
+    }
+    if errors.is_empty() {
+        return Ok(());
+    }
+    Err(UsageError(format!(
+        "{}\ncorrect the units in the column map, or give --accept-units to import the values as they are; \
+         nothing was written",
+        errors.join("\n")
+    ))
+    .into())
 }
 
 /// A time without rows that is too long for one run.
@@ -77,20 +130,26 @@ pub fn write(
 struct Gap {
     /// Index of the first row after the gap.
     after: usize,
-    middle: LogTime,
 }
 
 fn gaps(pieces: &[Piece]) -> Vec<Gap> {
     let pairs = pieces.windows(2).enumerate();
     pairs
-        .filter_map(|(at, pair)| {
-            let length_ns = pair[1].time - pair[0].time;
-            (length_ns > GAP_MAX_NS).then(|| Gap {
-                after: at + 1,
-                middle: pair[0].time + length_ns / 2,
-            })
-        })
+        .filter(|(_, pair)| pair[0].run == pair[1].run && pair[1].time - pair[0].time > GAP_MAX_NS)
+        .map(|(at, _)| Gap { after: at + 1 })
         .collect()
+}
+
+/// Indices of the first pieces of all runs but the first.
+fn ends(pieces: &[Piece], gaps: &[Gap]) -> Vec<usize> {
+    let pairs = pieces.windows(2).enumerate();
+    let begun = pairs.filter(|(_, pair)| pair[0].run != pair[1].run);
+    let mut ends: Vec<usize> = begun
+        .map(|(at, _)| at + 1)
+        .chain(gaps.iter().map(|gap| gap.after))
+        .collect();
+    ends.sort_unstable();
+    ends
 }
 
 fn gap_text(sources: &[Source<'_>], pieces: &[Piece], gap: Gap, count: usize) -> String {
@@ -119,7 +178,7 @@ fn targets(output: &Output<'_>, runs: usize) -> anyhow::Result<Vec<Target>> {
     }
     if runs > RUNS_MAX {
         return Err(UsageError(format!(
-            "gaps of more than 1 h give {runs} runs, but the limit is {RUNS_MAX}; correct the times"
+            "the files have {runs} runs, but the limit is {RUNS_MAX}; correct the times"
         ))
         .into());
     }
@@ -146,10 +205,11 @@ fn write_run(
     sources: &[Source<'_>],
     pieces: Vec<Piece>,
     truth: Vec<&TruthPoint>,
+    decoded: &Decoded,
     target: &Target,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Written> {
     let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else {
-        return Ok(());
+        return Ok(Written::default());
     };
     let (start, end) = (first.time, last.time + TAIL_NS);
     let ids: Vec<SourceId> = sources
@@ -167,6 +227,7 @@ fn write_run(
         start,
         next_tick: start,
         last_data: start,
+        written: Written::default(),
     };
     for id in &ids {
         let opened = Payload::Notice(Notice::Opened("imported".to_owned()));
@@ -181,10 +242,73 @@ fn write_run(
         log.last_data = piece.time;
     }
     log.tick_until(end)?;
+    for id in &ids {
+        let closed = Payload::Notice(Notice::Closed(STOPPED.to_owned()));
+        log.push(*id, end, closed)?;
+    }
     log.push(SourceId::HOST, end, Payload::Tick)?;
-    let finished = log.finish()?;
-    println!("{}: {finished} decoded messages", target.path().display());
-    Ok(())
+    let expected = decoded.counts.iter().sum::<usize>();
+    if log.written.measurements != expected {
+        anyhow::bail!(
+            "{}: {expected} measurements were read, but {} are in the log; the log was not written",
+            target.path().display(),
+            log.written.measurements
+        );
+    }
+    log.finish()
+}
+
+/// Records of a log.
+#[derive(Default)]
+struct Written {
+    measurements: usize,
+    estimates: usize,
+    /// Estimates with a motion or a force.
+    known: usize,
+}
+
+impl Written {
+    fn add(&mut self, record: &Record) {
+        match record {
+            Record::Sample(_) => self.measurements += 1,
+            Record::Estimate(estimate) => {
+                self.estimates += 1;
+                let force_n = estimate.carrier.0.iter().flat_map(|force| force.force_n);
+                let known = estimate.motion.velocity_x_m_s.is_finite()
+                    || force_n.into_iter().any(f64::is_finite);
+                self.known += usize::from(known);
+            }
+            _ => {}
+        }
+    }
+
+    fn print(&self, config: &Config, decoded: &Decoded, target: &Target) {
+        let path = target.path().display();
+        let Some(estimator) = &config.estimator else {
+            println!("{path}: {} decoded messages", self.measurements);
+            println!("nothing is estimated: no vehicle was given; --vehicle FILE gives one");
+            return;
+        };
+        println!(
+            "{path}: {} decoded messages, {} of {} estimates have a motion or a force",
+            self.measurements, self.known, self.estimates
+        );
+        if self.known > 0 {
+            return;
+        }
+        let lacks = decoded.drive.lacks();
+        let why = if estimator.vehicle.front.wishbone.is_some() {
+            "its linkages need strain, strut lengths and an inertial unit with all axes, or GNSS velocity \
+             and attitude"
+                .to_owned()
+        } else if lacks.is_empty() {
+            "speed and steer angle do not occur within 0.25 s of each other".to_owned()
+        } else {
+            format!("the single-track model lacks {}", lacks.join(" and "))
+        };
+        let name = printable(&estimator.vehicle.name);
+        tracing::warn!("nothing was estimated for {name}: {why}");
+    }
 }
 
 /// Log that is being written, and the feed of its engine.
@@ -195,6 +319,7 @@ struct Log<'t> {
     start: LogTime,
     next_tick: LogTime,
     last_data: LogTime,
+    written: Written,
 }
 
 impl Log<'_> {
@@ -222,28 +347,39 @@ impl Log<'_> {
         while let Some(point) = self.truth.next_if(|point| point.time <= time) {
             self.file.push(Entry::Record(point.record()))?;
         }
-        let file = &mut self.file;
-        let mut sink = |entry: Entry| file.push(entry);
+        let (file, written) = (&mut self.file, &mut self.written);
+        let mut sink = |entry: Entry| {
+            if let Entry::Record(record) = &entry {
+                written.add(record);
+            }
+            file.push(entry)
+        };
         Ok(self.feed.push(source, time, payload, &mut sink)?)
     }
 
-    fn finish(self) -> anyhow::Result<u64> {
-        Ok(self.file.finish()?.counters.messages)
+    fn finish(self) -> anyhow::Result<Written> {
+        self.file.finish()?;
+        Ok(self.written)
     }
 }
 
-fn print_summary(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint]) {
+fn print_summary(sources: &[Source<'_>], runs: &[Vec<Piece>], truth: &[TruthPoint]) {
     for (source, name) in sources.iter().map(|source| source.name).enumerate() {
-        let times: Vec<u64> = pieces
-            .iter()
-            .filter(|piece| piece.source == source)
-            .map(|piece| piece.time.0)
-            .collect();
-        let mut steps: Vec<u64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let (Some(first), Some(last)) = (times.first(), times.last()) else {
+        let (mut steps, mut rows, mut driven_ns) = (Vec::new(), 0, 0);
+        for run in runs {
+            let pieces: Vec<&Piece> = run.iter().filter(|piece| piece.source == source).collect();
+            rows += pieces.iter().map(|piece| piece.rows).sum::<usize>();
+            let run_steps = pieces
+                .windows(2)
+                .map(|pair| pair[1].time.0 - pair[0].time.0);
+            let begin = steps.len();
+            steps.extend(run_steps);
+            driven_ns += steps[begin..].iter().sum::<u64>();
+        }
+        if rows == 0 {
             println!("{name}: no rows");
             continue;
-        };
+        }
         steps.sort_unstable();
         let usual = steps.get(steps.len() / 2).copied().unwrap_or(0);
         let gaps = steps
@@ -251,9 +387,8 @@ fn print_summary(sources: &[Source<'_>], pieces: &[Piece], truth: &[TruthPoint])
             .filter(|step| **step > GAP_FACTOR * usual.max(1));
         let rate_hz = if usual > 0 { 1e9 / usual as f64 } else { 0.0 };
         println!(
-            "{name}: {} rows in {:.2} s, {rate_hz:.4} Hz, {} gaps, longest interval {:.3} s",
-            times.len(),
-            (last - first) as f64 * 1e-9,
+            "{name}: {rows} rows in {:.2} s, {rate_hz:.4} Hz, {} gaps, longest interval {:.3} s",
+            driven_ns as f64 * 1e-9,
             gaps.count(),
             steps.last().copied().unwrap_or(0) as f64 * 1e-9,
         );

@@ -290,14 +290,31 @@ fn a_first_order_step_takes_its_time() {
     near(&found, "yaw_rate_gain", 5.0, 0.01);
     near(&found, "lateral_acceleration_gain", 30.0, 0.01);
     assert!(found.value("yaw_rate_overshoot")[0] < 0.01);
+    // The true reason: the vehicle stands, the step is not held, or there is none.
+    let speed = |speed_m_s: f64| Drive {
+        speed_m_s: vec![speed_m_s; rows],
+        ..drive.clone()
+    };
+    assert!(response::step(&speed(10.0), 0.02).is_ok());
+    // Steps that are held for 1 s.
+    let pulse = |row: usize| if row / 100 % 2 == 1 { 0.1 } else { 0.0 };
+    let short = Drive {
+        steer_rad: (0..rows).map(pulse).collect(),
+        ..drive.clone()
+    };
     let still = Drive {
         steer_rad: vec![0.0; rows],
-        ..drive
+        ..drive.clone()
     };
-    assert!(matches!(
-        response::step(&still, 0.02),
-        Err(Refusal::NotExcited { .. })
-    ));
+    for (drive, reason) in [
+        (speed(0.0), "the wheels were turned while the vehicle stood"),
+        (short, "hold the steering wheel for 2 s after a step"),
+        (still, "turn the steering wheel within half a second"),
+    ] {
+        let refusal = response::step(&drive, 0.02).map(|_| ()).expect_err(reason);
+        assert!(matches!(refusal, Refusal::NotExcited { .. }), "{refusal}");
+        assert!(refusal.to_string().contains(reason), "{refusal}");
+    }
 }
 
 #[test]
