@@ -101,6 +101,18 @@ impl Config {
         })
     }
 
+    /// What the configuration leaves out or uses though it is odd: parts of DBC files.
+    pub fn warnings(&self) -> impl Iterator<Item = &Problem> {
+        let buses = self
+            .sources
+            .iter()
+            .filter_map(|source| match &source.meaning {
+                Meaning::Can(can) => Some(&can.warnings),
+                _ => None,
+            });
+        buses.flatten()
+    }
+
     /// Reads the configuration in the attachments of a log.
     pub fn from_attachments(attachments: &[Attachment]) -> Result<Self> {
         let attached = attachments

@@ -263,6 +263,7 @@ impl<W: Write> LogWriter<W> {
                 topic: topic.clone(),
                 name: name.to_owned(),
                 can_id,
+                parameter_group: None,
                 signals: Vec::new(),
             });
         if message.extend(signals) {

@@ -25,6 +25,9 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
     let reload = || Ok(with_directory(Config::load_again(&args.config)?));
     let limit = args.duration_s.map(Duration::from_secs_f64);
     let config = with_directory(Config::load(&args.config)?);
+    for warning in config.warnings() {
+        tracing::warn!("{warning}");
+    }
     let summary = block_on(config, Some(&reload), limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));

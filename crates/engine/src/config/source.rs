@@ -2,13 +2,14 @@
 
 mod can;
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
 use acq::{Parity, PortSpec, SerialSpec, Setup, SourceKind, SourceSpec};
 use sample::SourceId;
 use wire::crossbow440::{PacketRate, SetupOptions};
-use wire::dbc::Database;
+use wire::dbc::{Database, MessageDef};
 use wire::line;
 
 use super::columns::{self, CsvMap};
@@ -54,8 +55,36 @@ pub enum Meaning {
 pub struct CanMeaning {
     /// DBC files; the first file that contains a frame's message decodes the frame.
     pub databases: Vec<Database>,
+    /// Name of each message of each file in the log, unique on the bus.
+    pub names: Vec<Vec<String>>,
     /// Signals that are measurements.
     pub roles: Vec<RoleOf>,
+    /// Messages and other parts of the DBC files that are left out, and what is odd in the files.
+    pub warnings: Vec<Problem>,
+}
+
+impl CanMeaning {
+    /// Meaning of the frames of a bus. A name that an earlier message has is continued by the
+    /// identifier.
+    #[must_use]
+    pub fn new(databases: Vec<Database>, roles: Vec<RoleOf>) -> Self {
+        let mut known = HashSet::new();
+        let mut unique = |message: &MessageDef| {
+            let mut name = message.name.clone();
+            while !known.insert(name.clone()) {
+                name = format!("{name}_{:X}", message.id);
+            }
+            name
+        };
+        let names = databases.iter();
+        let names = names.map(|d| d.messages().iter().map(&mut unique).collect());
+        Self {
+            names: names.collect(),
+            databases,
+            roles,
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// How the bytes of a GNSS receiver are decoded.

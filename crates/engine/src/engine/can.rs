@@ -7,7 +7,7 @@ use sample::{
     NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample, StrainChannel,
     Wheel, WheelSpeedSample,
 };
-use wire::dbc::{Database, MessageDef};
+use wire::dbc::{Database, MessageDef, source_address};
 
 use crate::config::{CanMeaning, Role};
 
@@ -35,6 +35,8 @@ pub struct Scales {
 
 struct Decodable {
     database: Database,
+    /// Name of each message in the log.
+    names: Vec<String>,
     /// Role of each signal of each message.
     roles: Vec<Vec<Option<Role>>>,
 }
@@ -83,7 +85,9 @@ impl CanDecoder {
         let mut databases: Vec<Decodable> = meaning
             .databases
             .iter()
-            .map(|database| Decodable {
+            .zip(&meaning.names)
+            .map(|(database, names)| Decodable {
+                names: names.clone(),
                 roles: database
                     .messages()
                     .iter()
@@ -114,9 +118,13 @@ impl CanDecoder {
                 .database
                 .position(frame.id, frame.flags.extended)?;
             let message = &decodable.database.messages()[position];
-            Some((message, &decodable.roles[position]))
+            Some((
+                message,
+                &decodable.names[position],
+                &decodable.roles[position],
+            ))
         });
-        let Some((message, roles)) = found else {
+        let Some((message, name, roles)) = found else {
             return;
         };
         let mut emit = |measurement| {
@@ -128,8 +136,15 @@ impl CanDecoder {
                 measurement,
             });
         };
-        let (signals, measured) = decode(message, roles, frame, &self.scales);
-        emit(Measurement::Signals(signals));
+        let (mut signals, measured) = decode(message, roles, frame.bytes(), &self.scales);
+        if message.j1939 {
+            signals.extend(identity(frame.id));
+        }
+        emit(Measurement::Signals(SignalFrame {
+            message: name.clone(),
+            id: frame.id,
+            signals,
+        }));
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
         }
@@ -149,15 +164,28 @@ impl CanDecoder {
     }
 }
 
+/// What tells the senders of a parameter group apart.
+fn identity(id: u32) -> [Signal; 2] {
+    let signal = |name: &str, value: f64| Signal {
+        name: name.to_owned(),
+        value,
+        unit: String::new(),
+    };
+    [
+        signal(store::CAN_ID, f64::from(id)),
+        signal(store::SOURCE_ADDRESS, f64::from(source_address(id))),
+    ]
+}
+
 fn decode(
     message: &MessageDef,
     roles: &[Option<Role>],
-    frame: &CanFrame,
+    data: &[u8],
     scales: &Scales,
-) -> (SignalFrame, Measured) {
+) -> (Vec<Signal>, Measured) {
     let mut measured = Measured::default();
     let mut signals = Vec::with_capacity(message.signals.len());
-    for value in message.decode(frame.bytes()) {
+    for value in message.decode(data) {
         signals.push(Signal {
             name: value.signal.name.clone(),
             value: value.physical,
@@ -196,12 +224,7 @@ fn decode(
             None => {}
         }
     }
-    let frame = SignalFrame {
-        message: message.name.clone(),
-        id: frame.id,
-        signals,
-    };
-    (frame, measured)
+    (signals, measured)
 }
 
 impl Measured {
@@ -247,10 +270,8 @@ mod tests {
             signal,
             role,
         });
-        let meaning = CanMeaning {
-            databases: vec![Database::parse(DBC).expect("a DBC file")],
-            roles: roles.collect(),
-        };
+        let databases = vec![Database::parse(DBC).expect("a DBC file")];
+        let meaning = CanMeaning::new(databases, roles.collect());
         let pots = Potentiometers {
             rate_hz: 100.0,
             span_m: 0.1,
@@ -321,5 +342,63 @@ mod tests {
         close(angle_rad(&[counts, encoder], fields, false), 0.3);
         close(angle_rad(&[millimetres, encoder], fields, false), 0.3);
         assert_eq!(angle_rad(&[encoder], fields, true), None);
+    }
+
+    /// Decoded messages of frames, as `message: signals`.
+    fn decoded(databases: &[&str], frames: &[(u32, bool)]) -> Vec<String> {
+        let parse = |text: &&str| Database::parse(text.as_bytes()).expect("a DBC file");
+        let databases = databases.iter().map(parse).collect();
+        let decoder = CanDecoder::new(&CanMeaning::new(databases, Vec::new()), Scales::default());
+        let mut samples = Vec::new();
+        let arrived = Arrived {
+            source: SourceId(0),
+            log_time: LogTime(1_000_000_000),
+            realtime_ns: 0,
+            transport_delay_s: 0.0,
+        };
+        for (number, (id, extended)) in frames.iter().enumerate() {
+            let flags = CanFlags {
+                extended: *extended,
+                ..CanFlags::default()
+            };
+            let frame = CanFrame::new(*id, flags, &[number as u8; 8]).expect("eight bytes");
+            decoder.push(&arrived, &frame, &mut samples);
+        }
+        let signals = samples.iter().map(|sample| match &sample.measurement {
+            Measurement::Signals(frame) => {
+                let each = frame.signals.iter();
+                let each = each.map(|s| format!("{}={}", s.name, s.value));
+                format!("{}: {}", frame.message, each.collect::<Vec<_>>().join(" "))
+            }
+            other => panic!("{other:?}"),
+        });
+        signals.collect()
+    }
+
+    #[test]
+    fn messages_of_one_name_have_names_of_their_own() {
+        let file = |id: u32, signal: &str| {
+            format!(
+                "VERSION \"\"\nBU_: A\nBO_ {id} M: 8 A\n SG_ {signal} : 0|8@1+ (1,0) [0|0] \"\" A\n"
+            )
+        };
+        let files = [file(256, "s"), file(257, "t")];
+        let found = decoded(&[&files[0], &files[1]], &[(256, false), (257, false)]);
+        assert_eq!(found, ["M: s=0", "M_101: t=1"]);
+    }
+
+    #[test]
+    fn senders_of_a_parameter_group_are_told_apart() {
+        let file = "VERSION \"\"\nBU_: A\nBO_ 2566845440 TIRE: 8 A\n \
+            SG_ s : 0|8@1+ (1,0) [0|0] \"\" A\n\
+            BA_DEF_ BO_ \"VFrameFormat\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"J1939PG\";\n\
+            BA_DEF_DEF_ \"VFrameFormat\" \"J1939PG\";\n\
+            BA_ \"VFrameFormat\" BO_ 2566845440 3;\n";
+        let found = decoded(&[file], &[(0x18FE_F433, true), (0x18FE_F434, true)]);
+        let expected = [
+            "TIRE: s=0 j1939_can_id=419361843 j1939_source_address=51",
+            "TIRE: s=1 j1939_can_id=419361844 j1939_source_address=52",
+        ];
+        assert_eq!(found, expected);
     }
 }

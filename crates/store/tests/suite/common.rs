@@ -53,6 +53,7 @@ pub fn session() -> Session {
                 .map(|name| SignalSchema {
                     name: name.to_owned(),
                     unit: "count".to_owned(),
+                    labels: Vec::new(),
                 })
                 .into(),
         )],
