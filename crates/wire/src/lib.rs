@@ -8,7 +8,8 @@
 //! byte. [`Statistics`] counts the lost bytes and messages.
 //!
 //! - [`crossbow440`]: Crossbow IMU440, with its set-up dialogue.
-//! - [`gnss`]: the port of a receiver, which carries [`novatel`], [`sbf`] and [`nmea`] in any mixture.
+//! - [`gnss`]: the port of a receiver, which carries [`novatel`], [`sbf`], [`ubx`] and [`nmea`] in any
+//!   mixture; the port of a [`vectornav`] unit carries its outputs too.
 //! - [`csv`], [`alog`]: tables of other programs; [`mod@column`] describes their columns.
 //! - [`mod@line`]: text devices that the configuration describes (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
@@ -21,6 +22,7 @@ mod codec;
 mod error;
 mod frame;
 mod item;
+mod rtcm;
 mod text;
 
 pub mod alog;
@@ -37,6 +39,8 @@ pub mod nmea;
 pub mod novatel;
 pub mod sbf;
 pub mod slcan;
+pub mod ubx;
+pub mod vectornav;
 
 pub use error::WireError;
 pub use frame::Statistics;

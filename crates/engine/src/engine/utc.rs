@@ -79,10 +79,10 @@ impl UtcClock {
             nmea::Sentence::Rmc {
                 utc_s,
                 date,
-                valid: true,
+                quality,
                 ..
-            }
-            | nmea::Sentence::Zda { utc_s, date } => (utc_s, date),
+            } if quality.is_solved() => (utc_s, date),
+            nmea::Sentence::Zda { utc_s, date } => (utc_s, date),
             _ => return,
         };
         let midnight = date.and_then(|(year, month, day)| unix_s_of_date(year, month, day));

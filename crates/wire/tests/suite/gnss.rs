@@ -571,6 +571,7 @@ fn axes_and_signs() {
         Measurement::GnssAttitude(a),
         Measurement::GnssVelocity(n),
         Measurement::GnssPosition(gga),
+        Measurement::GnssPosition(place_of_rmc),
         Measurement::GnssVelocity(rmc),
         Measurement::GnssAttitude(hrp),
     ] = all.as_slice()
@@ -596,6 +597,11 @@ fn axes_and_signs() {
     assert!(
         (rmc.velocity_enu_m_s[0] - 3.0).abs() < 1e-3
             && (rmc.velocity_enu_m_s[1] + 4.0).abs() < 1e-3
+    );
+    assert!((place_of_rmc.latitude_rad - 0.57).abs() < 1e-9 && place_of_rmc.height_m.is_nan());
+    assert!(
+        rmc.velocity_enu_m_s[2].is_nan(),
+        "RMC has no upward velocity"
     );
     assert!((hrp.yaw_rad.expect("yaw") - 0.1).abs() < 1e-4);
     assert!((hrp.pitch_rad.expect("pitch") + 0.02).abs() < 1e-4);

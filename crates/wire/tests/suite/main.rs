@@ -3,4 +3,5 @@
 mod common;
 mod crossbow440;
 mod dbc_vectors;
+mod devices;
 mod gnss;
