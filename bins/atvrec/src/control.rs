@@ -137,6 +137,7 @@ fn status(handler: &ControlHandler) -> Value {
                 "name": handler.status.source_name(id),
                 "open": counters.open,
                 "state": counters.state,
+                "undecoded": handler.status.undecoded(id),
                 "items": counters.items,
                 "bytes": counters.bytes,
                 "lost": losses.of(id),

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
 use engine::config::Trigger;
-use engine::{Config, Engine};
+use engine::{Config, Engine, Reception};
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
 use store::{ClockState, Losses, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};
@@ -70,6 +70,8 @@ pub struct Summary {
     pub losses: Losses,
     /// Tasks that were aborted because they did not end in time.
     pub stuck: Vec<String>,
+    /// Sources from which nothing was received or nothing was understood, each with the reason.
+    pub useless: Vec<String>,
 }
 
 impl Summary {
@@ -370,6 +372,7 @@ impl<'a> RecordingController<'a> {
             Ok((more, engine, progress)) => {
                 self.summary.add(more);
                 self.summary.health = engine.health(progress.time);
+                self.summary.useless = useless(&engine);
             }
             Err(error) => {
                 tracing::error!("a run ended with an error: {error:#}");
@@ -591,6 +594,22 @@ impl<'a> RecordingController<'a> {
             }
         }
     }
+}
+
+/// Sources from which nothing was received or understood. One that sent nothing is told only if it is the
+/// only one, or if no other sent anything: a device may be off on purpose.
+fn useless(engine: &Engine) -> Vec<String> {
+    let receptions: Vec<Reception> = engine.reception().collect();
+    let has_data = |reception: &Reception| reception.bytes > 0 || reception.frames > 0;
+    if !receptions.iter().any(has_data) {
+        let hint =
+            "nothing was received from any source: `atvrec check` shows what each device sends";
+        return vec![hint.to_owned()];
+    }
+    let received = receptions.iter().filter(|reception| has_data(reception));
+    received
+        .filter_map(|one| Some(format!("{}: {}", one.name, one.problem()?)))
+        .collect()
 }
 
 /// New numbers of the running sources, by the numbers with which they were started.

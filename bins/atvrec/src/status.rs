@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use engine::Config;
-use sample::SourceId;
+use sample::{Health, MessageCount, SourceId};
 use serde_json::{Value, json};
 use store::Recorder;
 
@@ -51,7 +51,7 @@ struct State {
     /// Data rate of the newest log at the start of the program, bytes/s.
     last_rate: Option<f64>,
     source_names: Vec<String>,
-    faulty_sensors: Vec<String>,
+    health: Health,
     removed: Removals,
     /// Limits of the log directory that are exceeded, and why.
     exceeded: Vec<String>,
@@ -77,7 +77,7 @@ impl RecorderStatus {
             directory,
             limits: config.storage.limits,
             source_names: source_names(config),
-            faulty_sensors: Vec::new(),
+            health: Health::default(),
             removed: Removals::default(),
             exceeded: Vec::new(),
         }))
@@ -90,17 +90,25 @@ impl RecorderStatus {
         state.limits = config.storage.limits;
         state.exceeded.clear();
         state.source_names = source_names(config);
-        state.faulty_sensors.clear();
+        state.health = Health::default();
     }
 
-    /// Sets the sensors that the estimator excludes.
-    pub fn set_faulty_sensors(&self, names: Vec<String>) {
-        self.lock().faulty_sensors = names;
+    /// Sets the last report of the engine.
+    pub fn set_health(&self, health: Health) {
+        self.lock().health = health;
+    }
+
+    /// Messages of a source that its decoder knows by name and does not decode.
+    pub fn undecoded(&self, id: SourceId) -> Vec<MessageCount> {
+        let state = self.lock();
+        let mut sources = state.health.sources.iter();
+        let source = sources.find(|source| source.source == id);
+        source.map_or_else(Vec::new, |source| source.undecoded.clone())
     }
 
     /// Sensors that the estimator excludes.
     pub fn faulty_sensors(&self) -> Vec<String> {
-        self.lock().faulty_sensors.clone()
+        self.lock().health.faulty_sensors.clone()
     }
 
     /// Adds the result of a retention check.

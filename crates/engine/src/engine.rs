@@ -6,6 +6,8 @@
 
 mod can;
 mod clock;
+mod counts;
+mod reception;
 mod source;
 mod utc;
 
@@ -21,6 +23,8 @@ use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
 use crate::Result;
 use crate::config::{self, Config};
+pub use counts::MessageCounts;
+pub use reception::Reception;
 use source::{SilenceChange, SourceState};
 
 /// Time between two health reports.
@@ -263,6 +267,11 @@ impl Engine {
             self.utc_offset = Some(best);
             records.push(Record::UtcOffset(best));
         }
+    }
+
+    /// What arrived from each source since the start.
+    pub fn reception(&self) -> impl Iterator<Item = Reception> {
+        self.sources.iter().map(SourceState::reception)
     }
 
     /// Counters of all sources, and the sensors that the estimator excludes.

@@ -22,6 +22,7 @@ mod recorded;
 mod recording;
 mod replay;
 mod road;
+pub mod scope;
 pub mod session;
 mod simple;
 mod simulate;
@@ -31,7 +32,7 @@ mod virtual_drive;
 pub use {estimator, sample, sim, store};
 
 pub use config::Config;
-pub use engine::{Engine, SILENCE_NS, Skipped};
+pub use engine::{Engine, MessageCounts, Reception, SILENCE_NS, Skipped};
 pub use error::{Error, Result};
 pub use feed::{Entry, Feed};
 pub use handling::{Handling, identify_handling};

@@ -14,6 +14,7 @@
 //! - [`mod@line`]: text devices that the configuration describes (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
 //! - [`slcan`], [`candump`]: CAN frames as text.
+//! - [`mod@recognise`]: which protocol bytes are of.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
 //!
 //! Each protocol has its encoder in the module of its decoder. The virtual vehicle uses the encoders.
@@ -37,6 +38,7 @@ pub mod gps_time;
 pub mod line;
 pub mod nmea;
 pub mod novatel;
+pub mod recognise;
 pub mod sbf;
 pub mod slcan;
 pub mod ubx;

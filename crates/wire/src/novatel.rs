@@ -130,7 +130,8 @@ pub(crate) fn decode(form: Form, bytes: &[u8]) -> Decoded {
         layout,
         Layout::Position | Layout::Velocity | Layout::Cartesian | Layout::Utm
     );
-    if of_antenna && header.antenna > 0 {
+    // Sources beyond the second antenna are not defined; OEMV receivers send 2 with their one antenna.
+    if of_antenna && header.antenna == 1 {
         return Decoded::Unknown(header, Some(OTHER_ANTENNA));
     }
     let mut body = Body::empty(*layout);

@@ -110,7 +110,7 @@ pub(crate) fn scan(bytes: &[u8]) -> Scan<()> {
 }
 
 /// The checksum of RFC 1145.
-fn checksum(bytes: &[u8]) -> [u8; 2] {
+pub(crate) fn checksum(bytes: &[u8]) -> [u8; 2] {
     bytes.iter().fold([0, 0], |[a, b], byte| {
         let a: u8 = a.wrapping_add(*byte);
         [a, b.wrapping_add(a)]

@@ -167,7 +167,9 @@ fn configuration(
             }
         }
     }
-    Ok(Config::from_text(&text, Path::new("."))?)
+    let config = Config::from_text(&text, Path::new("."))?;
+    super::tell_scope(&config);
+    Ok(config)
 }
 
 fn quoted(text: &str) -> String {

@@ -84,10 +84,16 @@ fn write_tables(text: &mut String, info: &Info) {
         "topic", "messages", "Hz"
     );
     for (topic, (schema, count)) in &info.channels {
-        let rate = *count as f64 / seconds(info).max(1e-9);
+        // One instant has no rate.
+        let duration_s = seconds(info);
+        let rate = if duration_s > 0.0 {
+            format!("{:.1}", *count as f64 / duration_s)
+        } else {
+            "-".to_owned()
+        };
         let _ = writeln!(
             text,
-            "{:<36}{count:>10}{rate:>10.1}  {}",
+            "{:<36} {count:>9} {rate:>9}  {}",
             printable(topic),
             printable(schema)
         );

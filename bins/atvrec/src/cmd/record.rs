@@ -25,9 +25,11 @@ pub fn run(args: &RecordArgs) -> anyhow::Result<Outcome> {
     let reload = || Ok(with_directory(Config::load_again(&args.config)?));
     let limit = args.duration_s.map(Duration::from_secs_f64);
     let config = with_directory(Config::load(&args.config)?);
+    super::require_sources(&args.config, &config)?;
     for warning in config.warnings() {
         tracing::warn!("{warning}");
     }
+    super::tell_scope(&config);
     let summary = block_on(config, Some(&reload), limit)?;
     if args.json {
         println!("{:#}", as_json(&summary));
@@ -71,9 +73,9 @@ async fn after(limit: Option<Duration>) {
     }
 }
 
-/// Outcome of a recording: whether data was lost.
+/// Outcome of a recording: whether data was lost, or of no use.
 pub fn outcome(summary: &Summary) -> Outcome {
-    if summary.has_loss() {
+    if summary.has_loss() || !summary.useless.is_empty() {
         Outcome::DataLoss
     } else {
         Outcome::Good
@@ -121,7 +123,22 @@ pub fn as_text(summary: &Summary) -> String {
     for file in &summary.files {
         let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
     }
+    write_undecoded(&mut text, summary);
+    if !summary.useless.is_empty() {
+        let _ = writeln!(text, "{}", printable(&summary.useless.join("; ")));
+    }
     text
+}
+
+/// Messages that the decoders know by name and do not decode.
+fn write_undecoded(text: &mut String, summary: &Summary) {
+    for source in &summary.health.sources {
+        let names = source.undecoded.iter();
+        let names: Vec<String> = names.map(|m| format!("{} {}", m.name, m.count)).collect();
+        if !names.is_empty() {
+            let _ = writeln!(text, "  {}: not decoded: {}", source.name, names.join(", "));
+        }
+    }
 }
 
 /// Losses, and logs that were deleted, renamed or not closed.
@@ -175,6 +192,7 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "cut_off": summary.recorder.cut_off,
         "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,
+        "useless": summary.useless,
         "sources": summary.health.sources,
         "faulty_sensors": summary.health.faulty_sensors,
     })

@@ -421,8 +421,7 @@ impl RecordSink {
                 }
             }
             Record::Health(health) if self.prints => {
-                self.status
-                    .set_faulty_sensors(health.faulty_sensors.clone());
+                self.status.set_health(health.clone());
             }
             _ => {}
         }

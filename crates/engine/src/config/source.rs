@@ -18,7 +18,16 @@ use super::roles::RoleOf;
 use model::file::{ErrorCollector, Field, Problem, Section, closest};
 
 /// Names of the kinds of source in the file.
-const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];
+const KINDS: [&str; 8] = [
+    "can",
+    "slcan",
+    "crossbow440",
+    "gnss",
+    "vectornav",
+    "line",
+    "csv",
+    "alog",
+];
 
 /// A source: how it is opened and how its bytes are decoded.
 #[derive(Clone, Debug)]
@@ -48,6 +57,26 @@ pub enum Meaning {
     Csv(CsvMap),
     /// A MOOS log.
     Alog(wire::alog::Format),
+}
+
+impl Meaning {
+    /// Value of `kind` in the configuration, and whether data that is not understood is a mistake: a bus
+    /// without DBC files is only recorded.
+    #[must_use]
+    pub fn kind(&self) -> (&'static str, bool) {
+        match self {
+            Self::Can(can) => (
+                "can",
+                can.databases.iter().any(|d| !d.messages().is_empty()),
+            ),
+            Self::Crossbow440(_) => ("crossbow440", true),
+            Self::Gnss(gnss) if gnss.is_vectornav => ("vectornav", true),
+            Self::Gnss(_) => ("gnss", true),
+            Self::Line(_) => ("line", true),
+            Self::Csv(_) => ("csv", true),
+            Self::Alog(_) => ("alog", true),
+        }
+    }
 }
 
 /// How frames are decoded.
@@ -90,6 +119,8 @@ impl CanMeaning {
 /// How the bytes of a GNSS receiver are decoded.
 #[derive(Clone, Debug)]
 pub struct GnssMeaning {
+    /// Whether the port is that of a VectorNav unit.
+    pub is_vectornav: bool,
     /// Latency of velocities without a latency field in their record, s; `None` means half the interval
     /// between two records.
     pub velocity_latency_s: Option<f64>,
@@ -158,7 +189,8 @@ fn read(
         "can" => can::read_can(&mut section, files, collector),
         "slcan" => can::read_slcan(&mut section, files, collector),
         "crossbow440" => read_crossbow(&mut section, collector),
-        "gnss" => read_gnss(&mut section, collector),
+        "gnss" => read_gnss(&mut section, false, collector),
+        "vectornav" => read_gnss(&mut section, true, collector),
         "line" => read_line(&mut section, collector),
         "csv" => read_table(&mut section, files, collector, |name, text| {
             columns::csv_map(name, text).map(Meaning::Csv)
@@ -243,9 +275,14 @@ fn read_crossbow(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) 
     (kind, Some(Meaning::Crossbow440(rate)), 0.5)
 }
 
-fn read_gnss(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Read {
+fn read_gnss(
+    section: &mut Section<'_>,
+    is_vectornav: bool,
+    collector: &mut ErrorCollector<'_>,
+) -> Read {
     let port = read_port(section, 115_200, collector);
     let meaning = Meaning::Gnss(GnssMeaning {
+        is_vectornav,
         velocity_latency_s: read_latency(section, "velocity_latency_s", collector),
         attitude_latency_s: read_latency(section, "attitude_latency_s", collector),
     });

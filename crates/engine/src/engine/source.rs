@@ -10,6 +10,8 @@ use wire::{Item, Protocol, Statistics};
 
 use super::can::{Arrived, CanDecoder, Scales};
 use super::clock::{ClockFit, Scale};
+use super::counts::MessageCounts;
+use super::reception::{Reception, Unread};
 use super::utc::UtcClock;
 use crate::Result;
 use crate::config::{self, GnssMeaning, Meaning, Source};
@@ -33,6 +35,12 @@ pub struct SourceState {
     opened: u64,
     bytes: u64,
     frames: u64,
+    /// Messages by name.
+    named: MessageCounts,
+    /// Data of a source from which nothing was understood so far.
+    unread: Unread,
+    /// Kind in the configuration, and whether data that is not understood is a mistake.
+    kind: (&'static str, bool),
 }
 
 enum Decoder {
@@ -46,7 +54,7 @@ enum Decoder {
 
 /// Computes the time of validity from device time and arrival.
 struct Timing {
-    fits: [ClockFit; 2],
+    fits: [ClockFit; 3],
     transport_delay_s: f64,
     velocity_latency_s: Option<f64>,
     attitude_latency_s: f64,
@@ -83,7 +91,14 @@ impl SourceState {
                 let decoder = wire::crossbow440::Decoder::new(*rate);
                 (Decoder::Crossbow440(Box::new(decoder)), None)
             }
-            Meaning::Gnss(gnss) => (Decoder::Gnss(Box::default()), Some(gnss)),
+            Meaning::Gnss(gnss) => {
+                let decoder = if gnss.is_vectornav {
+                    wire::gnss::Decoder::vectornav()
+                } else {
+                    wire::gnss::Decoder::new()
+                };
+                (Decoder::Gnss(Box::new(decoder)), Some(gnss))
+            }
             Meaning::Line(format) => {
                 let decoder = wire::line::Decoder::new(format.clone())?;
                 (Decoder::Line(Box::new(decoder)), None)
@@ -111,6 +126,9 @@ impl SourceState {
             opened: 0,
             bytes: 0,
             frames: 0,
+            named: MessageCounts::default(),
+            unread: Unread::default(),
+            kind: source.meaning.kind(),
         })
     }
 
@@ -142,7 +160,14 @@ impl SourceState {
         };
         if let Decoder::Can(decoder) = &self.decoder {
             for frame in frames {
+                let before = sink.len();
                 decoder.push(&arrived, frame, sink);
+                self.named.count_frame(frame, sink.get(before));
+                if self.named.understood() > 0 {
+                    self.unread.clear();
+                } else {
+                    self.unread.push_frame(frame.id, frame.flags.extended);
+                }
             }
         }
     }
@@ -150,8 +175,9 @@ impl SourceState {
     fn push_bytes(&mut self, log_time: LogTime, bytes: &[u8], sink: &mut Vec<Sample>) {
         self.last_data = Some(log_time);
         self.bytes += bytes.len() as u64;
-        let (id, timing) = (self.id, &mut self.timing);
+        let (id, timing, named) = (self.id, &mut self.timing, &mut self.named);
         let deliver = |item: Item<'_>| {
+            named.count_item(&item);
             let tag = timing.tag(item.device_time, log_time);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
@@ -175,6 +201,11 @@ impl SourceState {
             Decoder::Csv(decoder) => decoder.push(bytes, deliver),
             Decoder::Alog(decoder) => decoder.push(bytes, deliver),
             Decoder::Can(_) => {}
+        }
+        if self.named.understood() > 0 {
+            self.unread.clear();
+        } else {
+            self.unread.push_bytes(bytes);
         }
     }
 
@@ -221,6 +252,22 @@ impl SourceState {
             malformed: statistics.malformed,
             reopened: self.opened.saturating_sub(1),
             lost: losses.of(self.id),
+            undecoded: self.named.undecoded(),
+        }
+    }
+
+    /// What arrived since the start.
+    pub fn reception(&self) -> Reception {
+        let (kind, is_decoded) = self.kind;
+        Reception {
+            source: self.id,
+            name: self.name.clone(),
+            kind,
+            is_decoded,
+            bytes: self.bytes,
+            frames: self.frames,
+            messages: self.named.clone(),
+            format: self.unread.format(),
         }
     }
 
@@ -249,6 +296,7 @@ impl SourceState {
                         let apart_s = state.device_s - log_s;
                         apart_s - (apart_s / SECONDS_PER_DAY).round() * SECONDS_PER_DAY
                     }
+                    Scale::Device => state.device_s - log_s,
                 };
                 ClockRecord {
                     source: self.id,
@@ -281,7 +329,7 @@ impl SourceState {
 impl Timing {
     fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
         Self {
-            fits: [ClockFit::new(Scale::Gps), ClockFit::new(Scale::UtcDay)],
+            fits: Scale::ALL.map(ClockFit::new),
             transport_delay_s,
             velocity_latency_s: gnss.and_then(|gnss| gnss.velocity_latency_s),
             attitude_latency_s: gnss

@@ -57,7 +57,7 @@ pub struct Header {
     pub id: u16,
     /// Whether this answers a command instead of being a log.
     pub response: bool,
-    /// Antenna: 0 is the first one.
+    /// Measurement source of the message type: 0 the first antenna, 1 the second.
     pub antenna: u8,
     /// Counts down the logs that were asked for together.
     pub sequence: u16,

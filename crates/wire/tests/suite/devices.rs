@@ -611,3 +611,41 @@ fn recordings_of_real_devices_decode_as_the_reference_says() {
         all.messages
     );
 }
+
+/// Every recording is recognised by its bytes, also where this version does not decode it.
+#[test]
+fn recordings_of_real_devices_are_recognised() {
+    use atvrec_wire::recognise::{Format, recognise};
+    let Some(root) = testkit::shared("data/devices") else {
+        return;
+    };
+    let expected = [
+        ("mip", Format::Mip),
+        ("nmea", Format::Nmea),
+        ("novatel", Format::Novatel),
+        ("sbg", Format::Sbg),
+        ("septentrio", Format::Sbf),
+        ("ubx", Format::Ubx),
+        ("vectornav", Format::Vectornav),
+        ("xsens", Format::Xsens),
+    ];
+    let mut wrong = Vec::new();
+    for (protocol, format) in expected {
+        for entry in std::fs::read_dir(root.join(protocol)).expect("recordings") {
+            let folder = entry.expect("an entry").path();
+            let bytes = std::fs::read(folder.join("recording.bin")).expect("a recording");
+            let found = recognise(&bytes);
+            if found != Some(format) {
+                wrong.push(format!("{}: {found:?}", folder.display()));
+            }
+        }
+    }
+    for (folder, format) in [
+        ("can/nmea2000-garmin-boat", Format::Nmea2000),
+        ("can/canmod-gps-imu-a", Format::Candump),
+    ] {
+        let bytes = std::fs::read(root.join(folder).join("recording.bin")).expect("a recording");
+        assert_eq!(recognise(&bytes), Some(format), "{folder}");
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
