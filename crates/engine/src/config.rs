@@ -19,8 +19,8 @@ use store::Attachment;
 
 pub use columns::{CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::{Estimator, input, method};
-pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, read_text};
-pub use model::file::{Problem, TOML_MAX};
+pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, NOT_ATTACHED, read_text};
+pub use model::file::{Problem, TOML_MAX, closest};
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
 pub use storage::{Limits, Storage};

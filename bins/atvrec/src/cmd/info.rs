@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use engine::missing;
-use sample::LogTime;
 use sample::text::printable;
+use sample::{LogTime, MessageCount};
 use serde_json::json;
-use store::{Info, Reader, UtcOffset, utc_ns};
+use store::{Info, Reader, Record, Selection, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
@@ -18,12 +18,60 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     info.missing.extend(reader.changed()?);
     info.span = info.span.map(|span| recorded_span(&reader, span));
     let utc = reader.utc_offset()?;
+    let undecoded = undecoded(&reader, &info);
     if args.json {
-        println!("{:#}", as_json(&info, &reader, utc));
+        let mut shown = as_json(&info, &reader, utc);
+        shown["undecoded"] = undecoded
+            .iter()
+            .map(|(name, list)| json!({ name: list }))
+            .collect();
+        println!("{shown:#}");
     } else {
         print!("{}", as_text(&info, &reader, utc));
+        print!("{}", undecoded_text(&undecoded));
     }
     Ok(Outcome::Good)
+}
+
+/// Time before the end of a log in which its last counters are looked for: they come once a second.
+const HEALTH_BEFORE_END_S: f64 = 5.0;
+
+/// Messages that the decoders know by name and did not decode, by source.
+fn undecoded(reader: &Reader, info: &Info) -> Vec<(String, Vec<MessageCount>)> {
+    let Some((_, end)) = info.span else {
+        return Vec::new();
+    };
+    let start = end.offset_seconds(-HEALTH_BEFORE_END_S);
+    let last = Selection::topics(["/health"]).between(start, end);
+    // A message that cannot be read is reported as missing.
+    let records = reader
+        .messages(last)
+        .filter_map(|message| message.ok()?.record().ok()?);
+    let health = records.filter_map(|record| match record {
+        Record::Health(health) => Some(health),
+        _ => None,
+    });
+    let sources = health.last().map_or_else(Vec::new, |health| health.sources);
+    let named = sources
+        .into_iter()
+        .map(|source| (source.name, source.undecoded));
+    named
+        .filter(|(_, undecoded)| !undecoded.is_empty())
+        .collect()
+}
+
+fn undecoded_text(undecoded: &[(String, Vec<MessageCount>)]) -> String {
+    let mut text = String::new();
+    for (source, messages) in undecoded {
+        for message in messages {
+            let name = format!("{source}: {}", message.name);
+            let _ = writeln!(text, "{:<36} {:>9}", printable(&name), message.count);
+        }
+    }
+    if text.is_empty() {
+        return text;
+    }
+    format!("\n{:<36} {:>9}\n{text}", "not decoded", "messages")
 }
 
 /// Time span of the recorded data. A part begins with latched messages, whose times may be in the first
