@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use acq::{LogClock, QueueSizes, RingLimits, Sequencer, SourceSpec, Supervisor};
 use anyhow::Context;
 use engine::config::Trigger;
-use engine::{Config, Engine, Reception};
+use engine::{Config, Engine};
 use sample::{Arrival, Health, LogTime, LossPlace, SourceId};
 use store::{ClockState, Losses, RecorderSummary};
 use tokio::signal::unix::{SignalKind, signal};
@@ -70,8 +70,16 @@ pub struct Summary {
     pub losses: Losses,
     /// Tasks that were aborted because they did not end in time.
     pub stuck: Vec<String>,
-    /// Sources from which nothing was received or nothing was understood, each with the reason.
-    pub useless: Vec<String>,
+    /// What arrived from each source, by name, over all runs.
+    received: BTreeMap<String, Received>,
+}
+
+/// What arrived from a source.
+#[derive(Debug, Default)]
+struct Received {
+    has_data: bool,
+    /// What is wrong with the data of all runs so far.
+    problem: Option<String>,
 }
 
 impl Summary {
@@ -85,6 +93,36 @@ impl Summary {
     /// Whether raw data was lost, or a log was deleted, renamed or not closed.
     pub fn has_loss(&self) -> bool {
         self.losses.has_raw() || !self.recorder.gone.is_empty() || self.recorder.cut_off.is_some()
+    }
+
+    /// Sources from which nothing was understood, each with the reason, or that nothing was received at
+    /// all. One silent device among others is no fault of the recording: it may be off on purpose.
+    pub fn useless(&self) -> Vec<String> {
+        if !self.received.values().any(|source| source.has_data) {
+            let hint =
+                "nothing was received from any source: `atvrec check` shows what each device sends";
+            return vec![hint.to_owned()];
+        }
+        let sources = self.received.iter();
+        let received = sources.filter(|(_, source)| source.has_data);
+        received
+            .filter_map(|(name, source)| Some(format!("{name}: {}", source.problem.as_ref()?)))
+            .collect()
+    }
+
+    /// Adds what arrived in a run.
+    fn receive(&mut self, engine: &Engine) {
+        for run in engine.reception() {
+            let problem = run.problem();
+            let known = self.received.contains_key(&run.name);
+            let source = self.received.entry(run.name).or_default();
+            let has_data = run.bytes > 0 || run.frames > 0;
+            // One run that was understood is enough.
+            if !source.has_data || !known || problem.is_none() && has_data {
+                source.problem = problem;
+            }
+            source.has_data |= has_data;
+        }
     }
 
     fn add(&mut self, more: RecorderSummary) {
@@ -372,7 +410,7 @@ impl<'a> RecordingController<'a> {
             Ok((more, engine, progress)) => {
                 self.summary.add(more);
                 self.summary.health = engine.health(progress.time);
-                self.summary.useless = useless(&engine);
+                self.summary.receive(&engine);
             }
             Err(error) => {
                 tracing::error!("a run ended with an error: {error:#}");
@@ -594,22 +632,6 @@ impl<'a> RecordingController<'a> {
             }
         }
     }
-}
-
-/// Sources from which nothing was received or understood. One that sent nothing is told only if it is the
-/// only one, or if no other sent anything: a device may be off on purpose.
-fn useless(engine: &Engine) -> Vec<String> {
-    let receptions: Vec<Reception> = engine.reception().collect();
-    let has_data = |reception: &Reception| reception.bytes > 0 || reception.frames > 0;
-    if !receptions.iter().any(has_data) {
-        let hint =
-            "nothing was received from any source: `atvrec check` shows what each device sends";
-        return vec![hint.to_owned()];
-    }
-    let received = receptions.iter().filter(|reception| has_data(reception));
-    received
-        .filter_map(|one| Some(format!("{}: {}", one.name, one.problem()?)))
-        .collect()
 }
 
 /// New numbers of the running sources, by the numbers with which they were started.

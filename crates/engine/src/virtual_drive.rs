@@ -9,7 +9,9 @@ use model::road::RoadClass;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
-use sim::{Manoeuvre, Motion, Options, Port, TruthState, VirtualVehicle};
+use sim::{
+    InertialUnit, Manoeuvre, Motion, Options, Port, TruthState, VelocityReceiver, VirtualVehicle,
+};
 use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
@@ -200,16 +202,29 @@ impl VirtualDrive {
             text.push('\n');
         };
         let options = &self.options;
+        let first_bytes = match options.velocity_receiver {
+            VelocityReceiver::Novatel => 104,
+            VelocityReceiver::Ublox => 100,
+        };
         table(
             Port::Imu,
             &[
-                ("kind", quoted("crossbow440")),
+                (
+                    "kind",
+                    quoted(match options.inertial_unit {
+                        InertialUnit::Crossbow440 => "crossbow440",
+                        InertialUnit::Vectornav | InertialUnit::VectornavAscii => "vectornav",
+                    }),
+                ),
                 ("device", quoted(&ports.serial(Port::Imu))),
                 ("baud", options.imu_baud.to_string()),
-                // The packet of 31 bytes on the line.
+                // The message on the line.
                 (
                     "transport_delay_s",
-                    seconds(line_time_s(31, options.imu_baud)),
+                    seconds(line_time_s(
+                        options.inertial_unit.message_bytes() as u32,
+                        options.imu_baud,
+                    )),
                 ),
             ],
         );
@@ -221,8 +236,11 @@ impl VirtualDrive {
                 ("baud", options.novatel_baud.to_string()),
                 (
                     "transport_delay_s",
-                    // BESTPOS, the first message of an epoch.
-                    seconds(options.novatel_processing_s + line_time_s(104, options.novatel_baud)),
+                    // BESTPOS or NAV-PVT, the first message of an epoch.
+                    seconds(
+                        options.novatel_processing_s
+                            + line_time_s(first_bytes, options.novatel_baud),
+                    ),
                 ),
             ],
         );

@@ -13,6 +13,7 @@
 //! - [`csv`], [`alog`]: tables of other programs; [`mod@column`] describes their columns.
 //! - [`mod@line`]: text devices that the configuration describes (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
+//! - [`j1939`]: messages of several CAN frames.
 //! - [`slcan`], [`candump`]: CAN frames as text.
 //! - [`mod@recognise`]: which protocol bytes are of.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
@@ -35,6 +36,7 @@ pub mod dbc;
 pub mod geodesy;
 pub mod gnss;
 pub mod gps_time;
+pub mod j1939;
 pub mod line;
 pub mod nmea;
 pub mod novatel;

@@ -64,10 +64,10 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     };
     // The engine checks the configuration further.
     let engine = Engine::new(&config)?;
-    super::require_sources(path, &config)?;
     let (devices, listened) = if args.no_devices {
         (Vec::new(), Listened::default())
     } else {
+        super::require_sources(path, &config)?;
         listen(&config, engine, args.listen_s)?
     };
     let storage = &config.storage;

@@ -75,7 +75,7 @@ async fn after(limit: Option<Duration>) {
 
 /// Outcome of a recording: whether data was lost, or of no use.
 pub fn outcome(summary: &Summary) -> Outcome {
-    if summary.has_loss() || !summary.useless.is_empty() {
+    if summary.has_loss() || !summary.useless().is_empty() {
         Outcome::DataLoss
     } else {
         Outcome::Good
@@ -124,8 +124,9 @@ pub fn as_text(summary: &Summary) -> String {
         let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
     }
     write_undecoded(&mut text, summary);
-    if !summary.useless.is_empty() {
-        let _ = writeln!(text, "{}", printable(&summary.useless.join("; ")));
+    let useless = summary.useless();
+    if !useless.is_empty() {
+        let _ = writeln!(text, "{}", printable(&useless.join("; ")));
     }
     text
 }
@@ -192,7 +193,7 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "cut_off": summary.recorder.cut_off,
         "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,
-        "useless": summary.useless,
+        "useless": summary.useless(),
         "sources": summary.health.sources,
         "faulty_sensors": summary.health.faulty_sensors,
     })

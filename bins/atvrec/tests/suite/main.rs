@@ -15,6 +15,7 @@ mod folder;
 mod hostile;
 mod identify;
 mod import;
+mod inputs;
 #[cfg(target_os = "linux")]
 mod losses;
 mod outputs;

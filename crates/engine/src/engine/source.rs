@@ -158,7 +158,7 @@ impl SourceState {
             realtime_ns: arrival.realtime_ns,
             transport_delay_s: self.timing.transport_delay_s,
         };
-        if let Decoder::Can(decoder) = &self.decoder {
+        if let Decoder::Can(decoder) = &mut self.decoder {
             for frame in frames {
                 let before = sink.len();
                 decoder.push(&arrived, frame, sink);

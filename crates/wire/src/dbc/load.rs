@@ -16,6 +16,8 @@ use super::{
 
 /// Message that holds signals without a message; frames never carry it.
 const ORPHANS: &str = "VECTOR__INDEPENDENT_SIG_MSG";
+/// `VFrameFormat` of J1939 messages, which may have several frames.
+const J1939: &str = "J1939PG";
 /// Longest data of one CAN FD frame, bytes.
 const FRAME_BYTES_MAX: usize = 64;
 
@@ -203,7 +205,7 @@ impl<'a> Loader<'a> {
         if size > MESSAGE_BYTES_MAX {
             let text = format!("has {size} bytes; a message may have {MESSAGE_BYTES_MAX}");
             self.message_error(&message.name, text);
-        } else if size > FRAME_BYTES_MAX {
+        } else if size > FRAME_BYTES_MAX && self.index.frame_format((extended, id)) != J1939 {
             let text = format!("has {size} bytes, more than one frame: only its start is decoded");
             self.message_warning(&message.name, text);
         }
@@ -228,7 +230,7 @@ impl<'a> Loader<'a> {
             id,
             extended,
             fd,
-            j1939: extended && format == "J1939PG",
+            j1939: extended && format == J1939,
             size,
             comment: self
                 .index
