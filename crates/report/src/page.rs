@@ -376,6 +376,7 @@ mod tests {
         };
         let drive = Drive {
             files: vec![(NAME.into(), 1)],
+            limits: vec!["no hard-points".to_owned()],
             missing: vec![NAME.into()],
             facts: vec![(NAME.into(), NAME.into())],
             attachments: vec![store::Attachment {

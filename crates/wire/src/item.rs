@@ -77,6 +77,10 @@ pub struct Item<'a> {
 }
 
 /// A decoded message, field by field.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it lives for one message, on the stack"
+)]
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Message {

@@ -212,11 +212,14 @@ impl fmt::Display for Format {
     }
 }
 
+/// Length of the frame at the start of some bytes, if there is one.
+type FrameAt = fn(&[u8]) -> Option<usize>;
+
 /// The format that explains most of the first [`BYTES_MAX`] bytes; `None` if none does.
 #[must_use]
 pub fn recognise(bytes: &[u8]) -> Option<Format> {
     let bytes = &bytes[..bytes.len().min(BYTES_MAX)];
-    let scans: [(Format, fn(&[u8]) -> Option<usize>, usize); 10] = [
+    let scans: [(Format, FrameAt, usize); 10] = [
         (Format::Ubx, |b| framed(b, 0xB5, ubx::scan), 1),
         (Format::Sbf, |b| framed(b, b'$', sbf::scan), 1),
         (Format::Novatel, novatel_frame, 1),
@@ -251,7 +254,7 @@ pub fn recognise(bytes: &[u8]) -> Option<Format> {
 }
 
 /// Number of frames, and bytes in them.
-fn claimed(bytes: &[u8], frame: fn(&[u8]) -> Option<usize>) -> (usize, usize) {
+fn claimed(bytes: &[u8], frame: FrameAt) -> (usize, usize) {
     let (mut at, mut count, mut claimed) = (0, 0, 0);
     while at < bytes.len() {
         match frame(&bytes[at..]) {

@@ -190,6 +190,10 @@ pub(crate) fn scan(bytes: &[u8]) -> Scan<()> {
 }
 
 /// What a block with a good checksum turned out to be.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it lives for one message, on the stack"
+)]
 pub(crate) enum Decoded {
     Block(&'static str, Block),
     /// With its name if that is known.

@@ -118,6 +118,10 @@ pub(crate) fn checksum(bytes: &[u8]) -> [u8; 2] {
 }
 
 /// What a message with a good checksum turned out to be.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it lives for one message, on the stack"
+)]
 pub(crate) enum Decoded {
     Message(&'static str, Body),
     /// With its name if that is known, and class and number.

@@ -45,6 +45,10 @@ pub enum Output {
 }
 
 /// What a message turned out to be.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it lives for one message, on the stack"
+)]
 pub(crate) enum Decoded {
     Output(&'static str, Output),
     /// With its name if that is known.

@@ -429,7 +429,7 @@ fn a_killed_run_gets_its_date_at_the_next_start() {
     recorder.kill();
     drop(receiver);
     assert!(!names(&logs).iter().any(|name| name.contains("20410203")));
-    fs::write(&config, "").expect("written");
+    fs::write(&config, ABSENT).expect("written");
     let recorder = Background::start(directory.path());
     wait_for("the renaming", || {
         logs_of(&logs, "drive-r000001-20410203T0405").len() >= 2

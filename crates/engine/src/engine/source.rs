@@ -44,7 +44,7 @@ pub struct SourceState {
 }
 
 enum Decoder {
-    Can(CanDecoder),
+    Can(Box<CanDecoder>),
     Crossbow440(Box<wire::crossbow440::Decoder>),
     Gnss(Box<wire::gnss::Decoder>),
     Line(Box<wire::line::Decoder>),
@@ -86,7 +86,7 @@ impl SourceState {
             rods: sensors.and_then(|sensors| sensors.steer_potentiometers.clone()),
         };
         let (decoder, gnss) = match &source.meaning {
-            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can, scales)), None),
+            Meaning::Can(can) => (Decoder::Can(Box::new(CanDecoder::new(can, scales))), None),
             Meaning::Crossbow440(rate) => {
                 let decoder = wire::crossbow440::Decoder::new(*rate);
                 (Decoder::Crossbow440(Box::new(decoder)), None)

@@ -120,18 +120,48 @@ fn role_signals(can: &CanMeaning) -> Vec<String> {
 
 /// A number with six significant digits.
 fn rounded(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
+    let scientific = format!("{value:.5e}");
+    let magnitude = scientific
+        .split_once('e')
+        .and_then(|(_, m)| m.parse::<i32>().ok());
+    match magnitude {
+        Some(magnitude @ -4..9) => {
+            let decimals = usize::try_from(5 - magnitude).unwrap_or(0);
+            let text = format!("{value:.decimals$}");
+            match text.contains('.') {
+                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+                false => text,
+            }
+        }
+        _ => scientific,
     }
-    let magnitude = value.abs().log10().floor();
-    if !(-4.0..9.0).contains(&magnitude) {
-        return format!("{value:.5e}");
-    }
-    let decimals = (5.0 - magnitude).max(0.0) as usize;
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_six_significant_digits() {
+        let texts = [
+            0.0,
+            5.144_444_44,
+            -85.483_333_33,
+            12.0,
+            1_234_567.0,
+            1e-7,
+            3e12,
+        ]
+        .map(rounded);
+        let expected = [
+            "0",
+            "5.14444",
+            "-85.4833",
+            "12",
+            "1234567",
+            "1.00000e-7",
+            "3.00000e12",
+        ];
+        assert_eq!(texts, expected);
     }
 }

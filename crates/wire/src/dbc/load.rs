@@ -61,7 +61,9 @@ pub fn load(file: &[u8]) -> Result<Database, DbcError> {
         ..
     } = loader;
     left_out.sort();
-    if database.messages.is_empty() && !left_out.is_empty() {
+    // Without a message, the file is of another kind.
+    let has_message = !parsed.messages.is_empty() || left_out.iter().any(|p| p.message.is_some());
+    if !has_message && !left_out.is_empty() {
         let issues = left_out.into_iter().map(|part| part.issue);
         return Err(DbcError {
             issues: limited(issues.collect()),

@@ -269,6 +269,9 @@ fn a_bad_message_does_not_cost_the_file() {
     let text = database.left_out()[0].issue.to_string();
     assert_eq!(text, "line 5: `far` needs 3 bytes, but Sample has 2");
     assert!(Database::parse_usable(b"PK\x03\x04 no DBC at all").is_err());
+    // A file whose messages are all bad is still a DBC file.
+    let all_bad = usable("VERSION \"\"\nBU_: A\nBO_ 5000 Wide: 1 A\n");
+    assert_eq!((all_bad.messages().len(), all_bad.left_out().len()), (0, 1));
 }
 
 /// Sections of other tools, comments and names that the parser does not take.

@@ -152,8 +152,9 @@ impl InsNavigation {
             sigmas = [of_position, wide(self.velocity_sigma_m_s)];
         } else {
             place = all(self.position).and_then(Geodetic::from_ecef);
-            let turned = |v: [Option<f32>; 3]| place.zip(wide(v)).map(|(p, v)| p.rotate_to_enu(v));
-            velocity = turned(self.velocity_m_s);
+            velocity = place
+                .zip(wide(self.velocity_m_s))
+                .map(|(p, v)| p.rotate_to_enu(v));
             let turned = |v: [Option<f32>; 3]| {
                 let (place, [xx, yy, zz]) = place.zip(wide(v).map(squared))?;
                 Some(place.sigma_enu([xx, yy, zz, 0.0, 0.0, 0.0]))

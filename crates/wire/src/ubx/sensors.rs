@@ -81,7 +81,6 @@ impl Default for Readings {
 
 impl Readings {
     /// The readings that there are.
-    #[must_use]
     pub fn iter(&self) -> std::slice::Iter<'_, Reading> {
         self.all[..self.count.min(READINGS_MAX)].iter()
     }

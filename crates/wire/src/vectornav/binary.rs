@@ -107,8 +107,11 @@ pub struct Binary {
     pub since_pulse_ns: Option<u64>,
 }
 
-/// Group and bit of each field of an output, and the length of its head.
-fn fields(bytes: &[u8]) -> Result<(Vec<(Group, usize)>, usize), Scan<Form>> {
+/// Group and bit of each field.
+type Fields = Vec<(Group, usize)>;
+
+/// The fields of an output, and the length of its head.
+fn fields(bytes: &[u8]) -> Result<(Fields, usize), Scan<Form>> {
     let Some(groups) = bytes.get(1).copied() else {
         return Err(Scan::Need(2));
     };

@@ -488,14 +488,18 @@ const RECOVERED: [(&str, u64); 10] = [
     ("ubx/robustness-bad-frames", 10318),
 ];
 
+/// What a comparison found.
 #[derive(Default)]
-struct Compared {
-    messages: usize,
-    values: usize,
-    differences: Vec<String>,
+pub struct Compared {
+    pub messages: usize,
+    pub values: usize,
+    pub differences: Vec<String>,
+    /// Messages by name.
+    pub names: BTreeMap<&'static str, usize>,
 }
 
-fn compare(folder: &str) -> Option<Compared> {
+/// Compares the decoded messages of a recording with its reference; `None` without the recording.
+pub fn compare(folder: &str) -> Option<Compared> {
     let bytes = common::read(&format!("devices/{folder}/recording.bin"))?;
     let reference = common::read_json_lines(&format!("devices/{folder}/reference.jsonl"))?;
     let found = decode(&bytes, folder.starts_with("vectornav"));
@@ -538,6 +542,7 @@ fn compare(folder: &str) -> Option<Compared> {
             continue;
         };
         compared.messages += 1;
+        *compared.names.entry(name).or_default() += 1;
         // Some sentences between other messages are listed by name alone.
         let has_values = want.as_object().is_some_and(|object| object.len() > 3);
         if !has_values {
@@ -635,7 +640,9 @@ fn recordings_of_real_devices_are_recognised() {
             let folder = entry.expect("an entry").path();
             let bytes = std::fs::read(folder.join("recording.bin")).expect("a recording");
             let found = recognise(&bytes);
-            if found != Some(format) {
+            // Every message of this recording is damaged.
+            let damaged = folder.ends_with("vn100-bitflip-fail");
+            if found != Some(format).filter(|_| !damaged) {
                 wrong.push(format!("{}: {found:?}", folder.display()));
             }
         }

@@ -5,3 +5,4 @@ mod crossbow440;
 mod dbc_vectors;
 mod devices;
 mod gnss;
+mod works_with;
