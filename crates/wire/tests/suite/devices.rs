@@ -432,7 +432,7 @@ fn alias(field: &str) -> Option<&'static str> {
 
 /// The messages that are decoded, as the reference decoders call them.
 fn decoded_name(msg: &str) -> Option<&'static str> {
-    const NAMES: [&str; 27] = [
+    const NAMES: [&str; 28] = [
         "NAV-PVT",
         "NAV-RELPOSNED",
         "NAV-ATT",
@@ -442,6 +442,7 @@ fn decoded_name(msg: &str) -> Option<&'static str> {
         "TIM-TM2",
         "BESTPOS",
         "BESTVEL",
+        "HEADING",
         "BESTGNSSPOS",
         "BESTGNSSVEL",
         "BESTXYZ",
@@ -655,4 +656,63 @@ fn recordings_of_real_devices_are_recognised() {
         assert_eq!(recognise(&bytes), Some(format), "{folder}");
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// Frames of a receiver on a CAN bus, by the maker's DBC file.
+#[test]
+fn a_receiver_on_a_bus_decodes_as_the_reference_says() {
+    let folder = "devices/can/canmod-gps-imu-a";
+    let (Some(recording), Some(dbc), Some(reference)) = (
+        common::read_text(&format!("{folder}/recording.bin")),
+        common::read(&format!("{folder}/messages.dbc")),
+        common::read_json_lines(&format!("{folder}/reference.jsonl")),
+    ) else {
+        return;
+    };
+    let database = atvrec_wire::dbc::Database::parse_usable(&dbc).expect("a DBC file");
+    assert_eq!(database.left_out(), []);
+    let (mut messages, mut values) = (0, 0);
+    for want in &reference {
+        if want["msg"] == "_skipped" {
+            continue;
+        }
+        let at = want["t_index"].as_u64().expect("a place") as usize;
+        let line = recording[at..].lines().next().expect("a line");
+        let frame = atvrec_wire::candump::parse_line(line)
+            .expect("a frame")
+            .frame;
+        let decoded = database.decode(&frame).expect("a message");
+        assert_eq!(want["msg"], decoded.message.as_str());
+        messages += 1;
+        for signal in &decoded.signals {
+            let key = |(key, value): (&String, &Value)| {
+                let name = key.split(" [").next() == Some(signal.name.as_str());
+                name.then(|| value.clone())
+            };
+            let theirs = want
+                .as_object()
+                .and_then(|object| object.iter().find_map(key));
+            let theirs = theirs.unwrap_or_else(|| panic!("{} is not in {want}", signal.name));
+            // Enumerations are `name:value`.
+            let text = theirs
+                .as_str()
+                .and_then(|text| text.rsplit(':').next()?.parse().ok());
+            let theirs = theirs
+                .as_f64()
+                .or(text)
+                .unwrap_or_else(|| panic!("{theirs}"));
+            let close = (signal.value - theirs).abs() <= 1e-9 * theirs.abs().max(1.0);
+            assert!(
+                close,
+                "{}: {}, expected {theirs}",
+                signal.name, signal.value
+            );
+            values += 1;
+        }
+    }
+    println!("{messages} messages, {values} values");
+    assert!(
+        messages > 1300 && values > 8000,
+        "{messages} messages, {values} values"
+    );
 }
