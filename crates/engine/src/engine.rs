@@ -23,6 +23,7 @@ use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 
 use crate::Result;
 use crate::config::{self, Config};
+pub use can::DM1;
 pub use counts::MessageCounts;
 pub use reception::Reception;
 use source::{SilenceChange, SourceState};

@@ -32,7 +32,7 @@ mod virtual_drive;
 pub use {estimator, sample, sim, store};
 
 pub use config::Config;
-pub use engine::{Engine, MessageCounts, Reception, SILENCE_NS, Skipped};
+pub use engine::{DM1, Engine, MessageCounts, Reception, SILENCE_NS, Skipped};
 pub use error::{Error, Result};
 pub use feed::{Entry, Feed};
 pub use handling::{Handling, identify_handling};

@@ -202,20 +202,10 @@ impl VirtualDrive {
             text.push('\n');
         };
         let options = &self.options;
-        let first_bytes = match options.velocity_receiver {
-            VelocityReceiver::Novatel => 104,
-            VelocityReceiver::Ublox => 100,
-        };
         table(
             Port::Imu,
             &[
-                (
-                    "kind",
-                    quoted(match options.inertial_unit {
-                        InertialUnit::Crossbow440 => "crossbow440",
-                        InertialUnit::Vectornav | InertialUnit::VectornavAscii => "vectornav",
-                    }),
-                ),
+                ("kind", quoted(inertial_kind(options.inertial_unit))),
                 ("device", quoted(&ports.serial(Port::Imu))),
                 ("baud", options.imu_baud.to_string()),
                 // The message on the line.
@@ -236,10 +226,12 @@ impl VirtualDrive {
                 ("baud", options.novatel_baud.to_string()),
                 (
                     "transport_delay_s",
-                    // BESTPOS or NAV-PVT, the first message of an epoch.
                     seconds(
                         options.novatel_processing_s
-                            + line_time_s(first_bytes, options.novatel_baud),
+                            + line_time_s(
+                                first_bytes(options.velocity_receiver),
+                                options.novatel_baud,
+                            ),
                     ),
                 ),
             ],
@@ -473,6 +465,21 @@ fn seconds(value: f64) -> String {
 }
 
 /// Duration of `bytes` on a serial line at `baud`, 8N1, s.
+const fn inertial_kind(unit: InertialUnit) -> &'static str {
+    match unit {
+        InertialUnit::Crossbow440 => "crossbow440",
+        InertialUnit::Vectornav | InertialUnit::VectornavAscii => "vectornav",
+    }
+}
+
+/// Bytes of BESTPOS or NAV-PVT, the first message of an epoch.
+const fn first_bytes(receiver: VelocityReceiver) -> u32 {
+    match receiver {
+        VelocityReceiver::Novatel => 104,
+        VelocityReceiver::Ublox => 100,
+    }
+}
+
 fn line_time_s(bytes: u32, baud: u32) -> f64 {
     f64::from(bytes) * 10.0 / f64::from(baud)
 }

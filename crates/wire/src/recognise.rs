@@ -14,7 +14,7 @@ use crate::{candump, crossbow440, nmea, novatel, rtcm, sbf, slcan, ubx, vectorna
 
 /// Most bytes that are looked at.
 pub const BYTES_MAX: usize = 1 << 14;
-/// Fewest bytes by which text, or a wrong baud rate, is told.
+/// Fewest bytes by which text, or a wrong baud rate, is recognised.
 const BYTES_MIN: usize = 48;
 /// Least share of printable bytes of a text.
 const PRINTABLE_MIN: f64 = 0.97;

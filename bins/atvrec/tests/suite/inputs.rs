@@ -1,7 +1,7 @@
 //! What `check` and `record` say of devices that send what is not expected. The device is a
 //! pseudo-terminal.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -166,6 +166,13 @@ fn check_names_what_it_does_not_understand() {
     }
 }
 
+fn newest_log(directory: &Path) -> PathBuf {
+    let entries = std::fs::read_dir(directory.join("logs")).expect("logs");
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    let logs = paths.filter(|path| path.extension().is_some_and(|e| e == "mcap"));
+    logs.max().expect("a log")
+}
+
 #[test]
 fn a_recording_that_understood_nothing_says_so_in_its_last_line() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -195,13 +202,7 @@ fn a_recording_that_understood_nothing_says_so_in_its_last_line() {
     let (code, _, text) = record();
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("x: not decoded: GSV"), "{text}");
-    let logs = directory.path().join("logs");
-    let entries = std::fs::read_dir(&logs).expect("logs");
-    let paths = entries.map(|entry| entry.expect("an entry").path());
-    let newest = paths
-        .filter(|path| path.extension().is_some_and(|e| e == "mcap"))
-        .max();
-    let newest = newest.expect("a log");
+    let newest = newest_log(directory.path());
     let info = atvrec(directory.path())
         .arg("info")
         .arg(&newest)
@@ -289,4 +290,28 @@ fn a_log_of_one_instant_has_no_rate() {
         .expect("a topic");
     let cells: Vec<&str> = row.split_whitespace().collect();
     assert_eq!(cells, ["/mark", "1", "-", "atvrec.Mark"], "{text}");
+}
+
+#[test]
+fn info_shows_trouble_codes() {
+    let directory = tempfile::tempdir().expect("a directory");
+    // DM1 of the controller 11: SPN 1208, FMI 3, ten occurrences.
+    let device = Device::new(b"T18FECA0B804FFB804030AFFFF\r".to_vec());
+    device.configure(directory.path(), "slcan");
+    atvrec(directory.path())
+        .args(["record", "--for", "1"])
+        .assert()
+        .success();
+    let info = atvrec(directory.path())
+        .args(["info", "--json"])
+        .arg(newest_log(directory.path()))
+        .assert()
+        .success();
+    let info: Value = serde_json::from_str(&stdout(&info)).expect("JSON");
+    let codes = &info["trouble_codes"];
+    assert_eq!(codes.as_array().map(Vec::len), Some(1), "{info}");
+    assert_eq!(codes[0]["source_address"], 11);
+    assert_eq!(codes[0]["spn"], 1208);
+    assert_eq!(codes[0]["fmi"], 3);
+    assert_eq!(codes[0]["occurrences"], 10);
 }

@@ -157,27 +157,35 @@ pub(super) fn sentence(name: &str, fields: &str) -> Option<Sentence> {
         }
         "ZDA" => {
             has(4)?;
-            let part = |index: usize| digits(fields.text(index)).filter(|part| *part > 0);
-            let parts = part(3).zip(part(2)).zip(part(1));
-            Sentence::Zda {
-                utc_s: fields.time_s(0),
-                date: parts.and_then(|((year, month), day)| date(year, month, day)),
-            }
+            zda(&fields)
         }
         "HRP" => {
             has(10)?;
-            Sentence::Hrp {
-                utc_s: fields.time_s(0),
-                heading_deg: fields.number(2),
-                roll_deg: fields.number(3),
-                pitch_deg: fields.number(4),
-                sigma_deg: [fields.number(5), fields.number(6), fields.number(7)],
-                satellites: fields.text(8).parse().ok(),
-                mode: fields.text(9).parse().unwrap_or(0),
-            }
+            hrp(&fields)
         }
         _ => return None,
     })
+}
+
+fn zda(fields: &Fields<'_>) -> Sentence {
+    let part = |index: usize| digits(fields.text(index)).filter(|part| *part > 0);
+    let parts = part(3).zip(part(2)).zip(part(1));
+    Sentence::Zda {
+        utc_s: fields.time_s(0),
+        date: parts.and_then(|((year, month), day)| date(year, month, day)),
+    }
+}
+
+fn hrp(fields: &Fields<'_>) -> Sentence {
+    Sentence::Hrp {
+        utc_s: fields.time_s(0),
+        heading_deg: fields.number(2),
+        roll_deg: fields.number(3),
+        pitch_deg: fields.number(4),
+        sigma_deg: [fields.number(5), fields.number(6), fields.number(7)],
+        satellites: fields.text(8).parse().ok(),
+        mode: fields.text(9).parse().unwrap_or(0),
+    }
 }
 
 /// One mode for each system: the best of them is that of the solution.
