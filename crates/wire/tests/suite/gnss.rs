@@ -3,7 +3,7 @@
 use atvrec_wire::gnss::Decoder;
 use atvrec_wire::novatel::{self, Log};
 use atvrec_wire::sbf::{self, Block};
-use atvrec_wire::{Message, Protocol, Statistics, nmea};
+use atvrec_wire::{Message, Protocol, Statistics, nmea, ubx};
 use proptest::prelude::*;
 use serde_json::Value;
 
@@ -664,5 +664,28 @@ proptest! {
     #[test]
     fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..3000)) {
         decode(&bytes);
+        let mut decoder = Decoder::vectornav();
+        let mut sink = |_: atvrec_wire::Item<'_>| {};
+        decoder.push(&bytes, &mut sink);
+        decoder.finish(&mut sink);
+    }
+
+    #[test]
+    fn ubx_messages_are_encoded_as_they_were(
+        kind in prop::sample::select(vec![[0x01, 0x07], [0x01, 0x3C], [0x01, 0x05], [0x01, 0x04], [0x0D, 0x03]]),
+        payload in prop::collection::vec(any::<u8>(), 92),
+    ) {
+        let mut bytes = Vec::new();
+        ubx::encode_frame(kind, &payload, &mut bytes);
+        let (found, _) = decode(&bytes);
+        for (_, name, message, _) in &found {
+            let Message::Ubx(body) = message else { continue };
+            let mut again = Vec::new();
+            body.encode(&mut again);
+            let (second, statistics) = decode(&again);
+            prop_assert_eq!(statistics.messages, 1);
+            prop_assert_eq!(second[0].1, *name);
+            prop_assert_eq!(&second[0].2, message);
+        }
     }
 }
