@@ -218,37 +218,29 @@ impl VirtualDrive {
                 ),
             ],
         );
-        table(
+        let mut receiver = |port: Port, baud: u32, processing_s: f64, bytes: u32| {
+            let delay_s = seconds(processing_s + line_time_s(bytes, baud));
+            table(
+                port,
+                &[
+                    ("kind", quoted("gnss")),
+                    ("device", quoted(&ports.serial(port))),
+                    ("baud", baud.to_string()),
+                    ("transport_delay_s", delay_s),
+                ],
+            );
+        };
+        receiver(
             Port::Novatel,
-            &[
-                ("kind", quoted("gnss")),
-                ("device", quoted(&ports.serial(Port::Novatel))),
-                ("baud", options.novatel_baud.to_string()),
-                (
-                    "transport_delay_s",
-                    seconds(
-                        options.novatel_processing_s
-                            + line_time_s(
-                                first_bytes(options.velocity_receiver),
-                                options.novatel_baud,
-                            ),
-                    ),
-                ),
-            ],
+            options.novatel_baud,
+            options.novatel_processing_s,
+            first_bytes(options.velocity_receiver),
         );
-        table(
+        receiver(
             Port::Septentrio,
-            &[
-                ("kind", quoted("gnss")),
-                ("device", quoted(&ports.serial(Port::Septentrio))),
-                ("baud", options.septentrio_baud.to_string()),
-                (
-                    "transport_delay_s",
-                    seconds(
-                        options.septentrio_processing_s + line_time_s(80, options.septentrio_baud),
-                    ),
-                ),
-            ],
+            options.septentrio_baud,
+            options.septentrio_processing_s,
+            80,
         );
         table(Port::Can0, &self.can_lines(ports));
         for port in Port::ALL {

@@ -152,7 +152,7 @@ fn check_names_what_it_does_not_understand() {
             ],
         ),
         (
-            vec![0xF8, 0x80, 0x00, 0xF8].repeat(20),
+            [0xF8, 0x80, 0x00, 0xF8].repeat(20),
             "gnss",
             ["at another baud rate", "set the baud rate"],
         ),
