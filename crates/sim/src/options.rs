@@ -157,7 +157,7 @@ pub enum InertialUnit {
     Crossbow440,
     /// VectorNav: binary outputs with time since the start, acceleration, angular rate and temperature.
     Vectornav,
-    /// VectorNav: VNYMR, ASCII.
+    /// VectorNav: VNIMU, ASCII.
     VectornavAscii,
 }
 
