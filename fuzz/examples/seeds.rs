@@ -145,6 +145,25 @@ fn serial(seeds: &Seeds, drive: &Drive, newer: &Drive) -> Result<()> {
         inner.collect::<Vec<_>>().join("\n").as_bytes(),
     )?;
 
+    let pvt = wire::ubx::Body::Pvt(wire::ubx::Pvt::default());
+    let mut messages = Vec::new();
+    pvt.encode(&mut messages);
+    seeds.stream("gnss", "ubx", &messages)?;
+    let payload = &messages[6..messages.len() - 2];
+    // 92 bytes, in units of three.
+    seeds.stream("ubx", "nav-pvt", &[&[0x01, 0x07, 31], payload].concat())?;
+    seeds.stream("ubx", "esf-meas", &[0x10, 0x02, 5, 0, 0, 0, 0, 0, 8, 0, 0, 1, 0, 0, 16])?;
+    let mut output = Vec::new();
+    let fields = [
+        (wire::vectornav::Group::Common, 0),
+        (wire::vectornav::Group::Imu, 9),
+        (wire::vectornav::Group::Gnss, 5),
+    ];
+    wire::vectornav::encode_binary(&wire::vectornav::Binary::default(), &fields, &mut output);
+    seeds.stream("vectornav", "binary", &output[1..output.len() - 2])?;
+    seeds.stream("vectornav", "ymr", b"YMR,1,2,3,4,5,6,7,8,9,10,11,12")?;
+    seeds.stream("recognise", "ubx", &messages)?;
+
     let position = wire::novatel::Body::Position(wire::novatel::Position::default());
     if let Some(log) = wire::novatel::Log::new(42, 1527, 320_400_000, position) {
         let mut ascii = Vec::new();

@@ -6,9 +6,12 @@ use wire::dbc::Database;
 
 fuzz_target!(|data: &[u8]| {
     let (frame, file) = data.split_at(data.len().min(64));
-    let Ok(database) = Database::parse(file) else {
+    let strict = Database::parse(file);
+    let Ok(database) = Database::parse_usable(file) else {
+        assert!(strict.is_err(), "the strict reader takes no more");
         return;
     };
+    assert_eq!(strict.is_ok(), database.left_out().is_empty());
     let _ = database.warnings();
     for message in database.messages() {
         for length in [0, 1, 8, 64] {

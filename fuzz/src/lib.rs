@@ -50,8 +50,19 @@ impl Seen {
 
 /// A receiver's decoder over a stream.
 pub fn gnss(pieces: &mut dyn Iterator<Item = &[u8]>) -> Seen {
+    receiver(wire::gnss::Decoder::new(), pieces)
+}
+
+/// The decoder of a VectorNav unit over a stream.
+pub fn vectornav(pieces: &mut dyn Iterator<Item = &[u8]>) -> Seen {
+    receiver(wire::gnss::Decoder::vectornav(), pieces)
+}
+
+fn receiver(
+    mut decoder: wire::gnss::Decoder,
+    pieces: &mut dyn Iterator<Item = &[u8]>,
+) -> Seen {
     let mut seen = Seen::default();
-    let mut decoder = wire::gnss::Decoder::new();
     for piece in pieces {
         decoder.push(piece, |item| seen.see(&item));
     }

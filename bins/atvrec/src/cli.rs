@@ -78,10 +78,10 @@ pub enum Command {
     Export(ExportArgs),
     /// Show the contents of a log.
     Info(InfoArgs),
-    /// Check a configuration, and whether its devices send data.
+    /// Check a configuration, and what its devices send.
     ///
-    /// The exit code is 0 if the configuration is valid and every device sends data, 1 if a device
-    /// is missing or silent, 2 if the configuration is wrong.
+    /// The exit code is 0 if the configuration is valid and every device sends messages that are
+    /// understood, 1 if a device is missing, silent or not understood, 2 if the configuration is wrong.
     Check(CheckArgs),
     /// Calibrate the sensors from workshop logs, step by step.
     ///

@@ -142,6 +142,7 @@ pub fn status(handler: &ControlHandler) -> Value {
                 "source": id,
                 "open": counters.open,
                 "state": counters.state,
+                "undecoded": handler.status.undecoded(id),
                 "items": counters.items,
                 "bytes": counters.bytes,
                 "lost": losses.of(id),

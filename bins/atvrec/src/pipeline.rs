@@ -77,6 +77,16 @@ pub struct Summary {
     pub losses: Losses,
     /// Tasks that were aborted because they did not end in time.
     pub stuck: Vec<String>,
+    /// What arrived from each source, by name, over all runs.
+    received: BTreeMap<String, Received>,
+}
+
+/// What arrived from a source.
+#[derive(Debug, Default)]
+struct Received {
+    has_data: bool,
+    /// What is wrong with the data of all runs so far.
+    problem: Option<String>,
 }
 
 impl Summary {
@@ -90,6 +100,36 @@ impl Summary {
     /// Whether raw data was lost, or a log was deleted, renamed or not closed.
     pub fn has_loss(&self) -> bool {
         self.losses.has_raw() || !self.recorder.gone.is_empty() || self.recorder.cut_off.is_some()
+    }
+
+    /// Sources from which nothing was understood, each with the reason, or that nothing was received at
+    /// all. One silent device among others is no fault of the recording: it may be off on purpose.
+    pub fn useless(&self) -> Vec<String> {
+        if !self.received.values().any(|source| source.has_data) {
+            let hint =
+                "nothing was received from any source: `atvrec check` shows what each device sends";
+            return vec![hint.to_owned()];
+        }
+        let sources = self.received.iter();
+        let received = sources.filter(|(_, source)| source.has_data);
+        received
+            .filter_map(|(name, source)| Some(format!("{name}: {}", source.problem.as_ref()?)))
+            .collect()
+    }
+
+    /// Adds what arrived in a run.
+    fn receive(&mut self, engine: &Engine) {
+        for run in engine.reception() {
+            let problem = run.problem();
+            let known = self.received.contains_key(&run.name);
+            let source = self.received.entry(run.name).or_default();
+            let has_data = run.bytes > 0 || run.frames > 0;
+            // One run that was understood is enough.
+            if !source.has_data || !known || problem.is_none() && has_data {
+                source.problem = problem;
+            }
+            source.has_data |= has_data;
+        }
     }
 
     fn add(&mut self, more: RecorderSummary) {
@@ -508,6 +548,7 @@ impl<'a> RecordingController<'a> {
             Ok((more, engine, progress)) => {
                 self.summary.add(more);
                 self.summary.health = engine.health(progress.time);
+                self.summary.receive(&engine);
             }
             Err(error) => {
                 tracing::error!("a run ended with an error: {error:#}");

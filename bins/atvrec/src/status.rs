@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use engine::Config;
-use sample::{Estimate, Event, Health, Parameters, SourceId};
+use sample::{Estimate, Event, Health, MessageCount, Parameters, SourceId};
 use serde_json::{Value, json};
 use store::{Record, Recorder};
 
@@ -155,6 +155,14 @@ impl RecorderStatus {
     /// Sets the output to controllers.
     pub fn set_can(&self, can: Option<CanSink>) {
         self.lock().can = can;
+    }
+
+    /// Messages of a source that its decoder knows by name and does not decode.
+    pub fn undecoded(&self, id: SourceId) -> Vec<MessageCount> {
+        let state = self.lock();
+        let mut sources = state.found.health.sources.iter();
+        let source = sources.find(|source| source.source == id);
+        source.map_or_else(Vec::new, |source| source.undecoded.clone())
     }
 
     /// Sensors that the estimator excludes.

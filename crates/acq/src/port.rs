@@ -1,6 +1,7 @@
 //! The life of a serial port: open, protocol, notice that it went, open again.
 
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
 
@@ -80,7 +81,11 @@ fn explain(error: &io::Error, path: &Path) -> String {
     let path_text = path.display();
     match error.kind() {
         io::ErrorKind::PermissionDenied => {
-            format!("{path_text}: permission denied; add the user to the group that owns the port")
+            let group = group_of(path).unwrap_or_else(|| "dialout".to_owned());
+            format!(
+                "{path_text}: permission denied; the group {group} owns the port: run `sudo usermod -aG \
+                 {group} $USER`, and log in again"
+            )
         }
         // The library answers "not found" to a port that is locked, too.
         io::ErrorKind::NotFound if !path.exists() => {
@@ -91,6 +96,17 @@ fn explain(error: &io::Error, path: &Path) -> String {
         }
         _ => format!("{path_text}: {error}"),
     }
+}
+
+/// Name of the group that owns a device.
+fn group_of(path: &Path) -> Option<String> {
+    let number = std::fs::metadata(path).ok()?.gid().to_string();
+    let groups = std::fs::read_to_string("/etc/group").ok()?;
+    groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)? == number).then(|| name.to_owned())
+    })
 }
 
 fn open(spec: &PortSpec) -> io::Result<SerialStream> {
@@ -241,7 +257,11 @@ mod tests {
         let here = Path::new("/dev/null");
         let gone = Path::new("/dev/no-such-port");
         for (kind, path, word) in [
-            (io::ErrorKind::PermissionDenied, here, "group"),
+            (
+                io::ErrorKind::PermissionDenied,
+                here,
+                "usermod -aG root $USER",
+            ),
             (io::ErrorKind::NotFound, gone, "connect it"),
             (io::ErrorKind::NotFound, here, "another program"),
         ] {

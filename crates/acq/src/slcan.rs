@@ -39,8 +39,8 @@ struct SlcanProtocol {
     decoder: Decoder,
     /// Malformed lines already reported.
     malformed: u64,
-    /// The first line after the opening may be the rest of one.
-    mid_line: bool,
+    /// The rest of a line that began before the opening was counted out.
+    start_seen: bool,
 }
 
 impl SlcanProtocol {
@@ -75,7 +75,7 @@ impl SlcanProtocol {
             asked_status: false,
             decoder: Decoder::new(),
             malformed: 0,
-            mid_line: true,
+            start_seen: false,
         }
     }
 
@@ -102,7 +102,7 @@ impl SerialProtocol for SlcanProtocol {
         self.asked_status = false;
         self.decoder = Decoder::new();
         self.malformed = 0;
-        self.mid_line = true;
+        self.start_seen = false;
         self.on_timer()
     }
 
@@ -128,10 +128,12 @@ impl SerialProtocol for SlcanProtocol {
         if refused {
             self.refused();
         }
-        let mut broken = self.decoder.statistics().malformed - self.malformed;
+        let statistics = self.decoder.statistics();
+        let mut broken = statistics.malformed - self.malformed;
         self.malformed += broken;
-        if self.mid_line && (broken > 0 || !frames.is_empty()) {
-            self.mid_line = false;
+        // The first line may be the rest of one that began before the opening: no frame was lost.
+        if statistics.first_malformed && !self.start_seen {
+            self.start_seen = true;
             broken = broken.saturating_sub(1);
         }
         // An overrun is at least one frame; the adapter does not say how many.
@@ -202,6 +204,21 @@ mod tests {
         protocol.on_bytes(b"\x07");
         assert_eq!(protocol.on_timer(), Action::default());
         assert_eq!(protocol.on_close(), b"C\r");
+    }
+
+    /// After good lines, the first broken line is a loss too.
+    #[test]
+    fn every_broken_line_behind_the_first_is_lost() {
+        let (mut protocol, mut streams) = protocol();
+        protocol.on_open();
+        protocol.on_bytes(b"t1231AA\rt1231AB\rt1231AC\rt12\rt1231ZZ\rt123\r");
+        let mut lost = 0;
+        while let Ok(arrival) = streams.recorder.try_recv() {
+            if let Payload::Notice(Notice::Lost { count, .. }) = arrival.payload {
+                lost += count;
+            }
+        }
+        assert_eq!(lost, 3);
     }
 
     #[test]

@@ -21,9 +21,9 @@ use store::Attachment;
 
 pub use columns::{AlogMap, Clock, CsvMap, GAVLAB_MAP, RowTime, Times, alog_map, csv_map};
 pub use estimator::{Estimator, input, method};
-pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, read_text};
+pub use files::{FileKind, FileProblem, Files, GAVLAB, GivenFile, NOT_ATTACHED, read_text};
 pub use live::Live;
-pub use model::file::{Problem, TOML_MAX};
+pub use model::file::{Problem, TOML_MAX, closest};
 pub use output::{CanOutput, CanPort, Output, UdpOutput};
 pub use roles::{Role, RoleOf};
 pub use source::{CanMeaning, GnssMeaning, Meaning, Source, device_name};
@@ -109,6 +109,18 @@ impl Config {
         Err(Error::ConfigurationEmpty {
             path: path.to_owned(),
         })
+    }
+
+    /// What the configuration leaves out or uses though it is odd: parts of DBC files.
+    pub fn warnings(&self) -> impl Iterator<Item = &Problem> {
+        let buses = self
+            .sources
+            .iter()
+            .filter_map(|source| match &source.meaning {
+                Meaning::Can(can) => Some(&can.warnings),
+                _ => None,
+            });
+        buses.flatten()
     }
 
     /// Reads the configuration in the attachments of a log.

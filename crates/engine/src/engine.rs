@@ -7,6 +7,8 @@
 mod adapter;
 mod can;
 mod clock;
+mod counts;
+mod reception;
 mod source;
 mod utc;
 
@@ -23,6 +25,9 @@ use store::{LogMessage, Losses, Record, Stage, UtcOffset};
 use crate::Result;
 use crate::config::{self, Config};
 use crate::scene::SceneMaker;
+pub use can::DM1;
+pub use counts::MessageCounts;
+pub use reception::Reception;
 use source::{SilenceChange, SourceState};
 
 /// Time between two health reports.
@@ -275,6 +280,11 @@ impl Engine {
             self.utc_offset = Some(best);
             records.push(Record::UtcOffset(best));
         }
+    }
+
+    /// What arrived from each source since the start.
+    pub fn reception(&self) -> impl Iterator<Item = Reception> {
+        self.sources.iter().map(SourceState::reception)
     }
 
     /// Counters of all sources, and the sensors that the estimator excludes.

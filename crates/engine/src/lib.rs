@@ -23,6 +23,7 @@ mod recording;
 mod replay;
 mod road;
 mod scene;
+pub mod scope;
 pub mod session;
 mod simple;
 mod simulate;
@@ -32,7 +33,7 @@ mod virtual_drive;
 pub use {estimator, sample, sim, store};
 
 pub use config::Config;
-pub use engine::{Engine, SILENCE_NS, Skipped};
+pub use engine::{DM1, Engine, MessageCounts, Reception, SILENCE_NS, Skipped};
 pub use error::{Error, Result};
 pub use feed::{Entry, Feed};
 pub use handling::{Handling, identify_handling};

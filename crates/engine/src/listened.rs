@@ -1,6 +1,8 @@
 //! What the data of a few seconds say against the configuration: rates, axes of accelerometers, load of
 //! the bus.
 
+mod values;
+
 use std::collections::BTreeMap;
 
 use acq::SourceKind;
@@ -10,7 +12,8 @@ use sim::Port;
 use store::Record;
 
 use crate::Config;
-use crate::config::{Meaning, Role};
+use crate::config::{Meaning, Role, Source};
+use values::Values;
 
 /// Most that a rate may differ from the sensors file's, parts of it.
 const RATE_TOLERANCE: f64 = 0.2;
@@ -27,6 +30,7 @@ const STEER: &str = "steer.rate_hz or steer_potentiometers.rate_hz";
 pub struct Listened {
     rates: BTreeMap<&'static str, Rate>,
     hubs: PerWheel<[Mean; 3]>,
+    values: Values,
 }
 
 #[derive(Debug)]
@@ -60,6 +64,7 @@ impl Listened {
             rate.last = sample.log_time;
             rate.count += 1;
         };
+        self.values.push(sample);
         match &sample.measurement {
             Measurement::Corner(corner) if corner.wheel == Wheel::FrontLeft => {
                 // The first channel of the arms: a corner's counts come in two frames.
@@ -87,6 +92,13 @@ impl Listened {
             }
             _ => {}
         }
+    }
+
+    /// Last values of a source that the estimator or a reader uses, each with its unit: the signals of
+    /// roles, or the measurements.
+    #[must_use]
+    pub fn values(&self, source: &Source) -> Vec<String> {
+        self.values.of(source)
     }
 
     /// What does not fit the configuration, each with its remedy.

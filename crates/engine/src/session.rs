@@ -2,6 +2,7 @@
 
 use sample::{LogTime, SourceId};
 use store::{DynamicMessage, Session, SignalSchema, Source, SourceKind};
+use wire::dbc::parameter_group;
 use wire::gps_time::Utc;
 
 use crate::config::{Config, Meaning};
@@ -86,21 +87,25 @@ fn dynamic(config: &Config) -> Vec<DynamicMessage> {
         let Meaning::Can(can) = &source.meaning else {
             continue;
         };
-        for message in can.databases.iter().flat_map(|d| d.messages()) {
+        let names = can.names.iter().flatten();
+        let definitions = can.databases.iter().flat_map(|d| d.messages());
+        for (message, name) in definitions.zip(names) {
             let signals = message
                 .signals
                 .iter()
                 .map(|signal| SignalSchema {
                     name: signal.name.clone(),
                     unit: signal.unit.clone(),
+                    labels: signal.labels.clone(),
                 })
                 .collect();
-            messages.push(DynamicMessage::can(
-                &source.spec.name,
-                &message.name,
-                message.id,
-                signals,
-            ));
+            let bus = &source.spec.name;
+            messages.push(if message.j1939 {
+                let group = parameter_group(message.id);
+                DynamicMessage::j1939(bus, name, group, signals)
+            } else {
+                DynamicMessage::can(bus, name, message.id, signals)
+            });
         }
     }
     messages

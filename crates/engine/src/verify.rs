@@ -332,8 +332,7 @@ impl Verification {
     /// states as lost are no differences. In a log that was cut short, messages on one side only are no
     /// differences either, because decoded messages are written later or earlier than the raw data.
     pub fn is_identical(&self) -> bool {
-        let is_whole =
-            self.begins_at.is_none() && self.uncertain == 0 && !self.earlier_filter;
+        let is_whole = self.begins_at.is_none() && self.uncertain == 0 && !self.earlier_filter;
         !self.has_differences() && is_whole && !self.compared.is_empty()
     }
 

@@ -9,7 +9,9 @@ use model::road::RoadClass;
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{LogTime, PerWheel, StrainChannel, Wheel};
-use sim::{Manoeuvre, Motion, Options, Port, TruthState, VirtualVehicle};
+use sim::{
+    InertialUnit, Manoeuvre, Motion, Options, Port, TruthState, VelocityReceiver, VirtualVehicle,
+};
 use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
@@ -203,39 +205,42 @@ impl VirtualDrive {
         table(
             Port::Imu,
             &[
-                ("kind", quoted("crossbow440")),
+                ("kind", quoted(inertial_kind(options.inertial_unit))),
                 ("device", quoted(&ports.serial(Port::Imu))),
                 ("baud", options.imu_baud.to_string()),
-                // The packet of 31 bytes on the line.
-                ("latency_s", seconds(line_time_s(31, options.imu_baud))),
+                // The message on the line.
+                (
+                    "latency_s",
+                    seconds(line_time_s(
+                        options.inertial_unit.message_bytes() as u32,
+                        options.imu_baud,
+                    )),
+                ),
             ],
         );
-        table(
+        let mut receiver = |port: Port, baud: u32, processing_s: f64, bytes: u32| {
+            let delay_s = seconds(processing_s + line_time_s(bytes, baud));
+            table(
+                port,
+                &[
+                    ("kind", quoted("gnss")),
+                    ("device", quoted(&ports.serial(port))),
+                    ("baud", baud.to_string()),
+                    ("latency_s", delay_s),
+                ],
+            );
+        };
+        receiver(
             Port::Novatel,
-            &[
-                ("kind", quoted("gnss")),
-                ("device", quoted(&ports.serial(Port::Novatel))),
-                ("baud", options.novatel_baud.to_string()),
-                (
-                    "latency_s",
-                    // BESTPOS, the first message of an epoch.
-                    seconds(options.novatel_processing_s + line_time_s(104, options.novatel_baud)),
-                ),
-            ],
+            options.novatel_baud,
+            options.novatel_processing_s,
+            first_bytes(options.velocity_receiver),
         );
-        table(
+        receiver(
             Port::Septentrio,
-            &[
-                ("kind", quoted("gnss")),
-                ("device", quoted(&ports.serial(Port::Septentrio))),
-                ("baud", options.septentrio_baud.to_string()),
-                (
-                    "latency_s",
-                    seconds(
-                        options.septentrio_processing_s + line_time_s(80, options.septentrio_baud),
-                    ),
-                ),
-            ],
+            options.septentrio_baud,
+            options.septentrio_processing_s,
+            80,
         );
         table(Port::Can0, &self.can_lines(ports));
         for port in Port::ALL {
@@ -452,6 +457,21 @@ fn seconds(value: f64) -> String {
 }
 
 /// Duration of `bytes` on a serial line at `baud`, 8N1, s.
+const fn inertial_kind(unit: InertialUnit) -> &'static str {
+    match unit {
+        InertialUnit::Crossbow440 => "crossbow440",
+        InertialUnit::Vectornav | InertialUnit::VectornavAscii => "vectornav",
+    }
+}
+
+/// Bytes of BESTPOS or NAV-PVT, the first message of an epoch.
+const fn first_bytes(receiver: VelocityReceiver) -> u32 {
+    match receiver {
+        VelocityReceiver::Novatel => 104,
+        VelocityReceiver::Ublox => 100,
+    }
+}
+
 fn line_time_s(bytes: u32, baud: u32) -> f64 {
     f64::from(bytes) * 10.0 / f64::from(baud)
 }

@@ -28,6 +28,8 @@ pub struct Drive {
     pub files: Vec<(String, u64)>,
     /// What is missing from the log, in plain words.
     pub missing: Vec<String>,
+    /// What was not estimated, and why.
+    pub limits: Vec<String>,
     /// Run, version and other facts, by name.
     pub facts: Vec<(String, String)>,
     /// Files carried inside the log.
@@ -124,6 +126,7 @@ impl Drive {
                 .iter()
                 .map(|(path, bytes)| (path.display().to_string(), *bytes))
                 .collect(),
+            limits: Vec::new(),
             missing: info.missing.iter().map(ToString::to_string).collect(),
             facts: vec![
                 ("Run".into(), session.run_id.clone()),

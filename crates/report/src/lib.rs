@@ -39,12 +39,15 @@ pub struct Summary {
 
 /// The report of one drive, recorded in `logs` (in their order), as HTML.
 ///
+/// `limits` are lines with what was not estimated, and why; the page begins with them.
+///
 /// # Errors
 /// If a log cannot be read. A log that was cut short is reported as far as it goes, and the report
 /// says so.
-pub fn html(logs: &[PathBuf]) -> store::Result<(String, Summary)> {
+pub fn html(logs: &[PathBuf], limits: Vec<String>) -> store::Result<(String, Summary)> {
     let reader = Reader::open(logs)?;
-    let drive = drive::Drive::read(&reader)?;
+    let mut drive = drive::Drive::read(&reader)?;
+    drive.limits = limits;
     let figures = figures::all(&drive);
     let html = page::render(&drive, &figures);
     let summary = Summary {

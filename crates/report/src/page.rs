@@ -113,13 +113,20 @@ fn head(drive: &Drive, body: &mut String) {
         );
     }
     body.push_str("</div>");
-    if !drive.missing.is_empty() {
-        body.push_str("<div class=\"warning\"><b>This log is not whole.</b><ul>");
-        for missing in &drive.missing {
-            let _ = write!(body, "<li>{}</li>", html(missing));
-        }
-        body.push_str("</ul></div>");
+    warning(body, "This log is not whole.", &drive.missing);
+    warning(body, "Not everything is estimated.", &drive.limits);
+}
+
+/// A box with a title and lines, if there are lines.
+fn warning(body: &mut String, title: &str, lines: &[String]) {
+    if lines.is_empty() {
+        return;
     }
+    let _ = write!(body, "<div class=\"warning\"><b>{title}</b><ul>");
+    for line in lines {
+        let _ = write!(body, "<li>{}</li>", html(line));
+    }
+    body.push_str("</ul></div>");
 }
 
 fn greatest(values: Vec<f64>) -> f64 {
@@ -369,6 +376,7 @@ mod tests {
         };
         let drive = Drive {
             files: vec![(NAME.into(), 1)],
+            limits: vec!["no hard-points".to_owned()],
             missing: vec![NAME.into()],
             facts: vec![(NAME.into(), NAME.into())],
             attachments: vec![store::Attachment {

@@ -353,4 +353,15 @@ pub struct SourceHealth {
     pub reopened: u64,
     /// Items lost, by place, in the order of [`LossPlace::ALL`].
     pub lost: [u64; LossPlace::ALL.len()],
+    /// Messages that the decoder knows by name and does not decode.
+    pub undecoded: Vec<MessageCount>,
+}
+
+/// Number of messages of one name.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MessageCount {
+    /// Name in the maker's manual.
+    pub name: String,
+    /// How many came.
+    pub count: u64,
 }

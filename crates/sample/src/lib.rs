@@ -28,8 +28,8 @@ mod wheel;
 pub use arrival::{Arrival, CanFlags, CanFrame, LossPlace, Notice, Payload, SourceId};
 pub use axes::WheelAxes;
 pub use estimate::{
-    AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, Motion, Parameters,
-    Rollover, Severity, SourceHealth, TyreForce,
+    AxleGrip, Estimate, Event, EventKind, ForceFrame, ForceSource, Health, MessageCount, Motion,
+    Parameters, Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
 pub use measurement::{

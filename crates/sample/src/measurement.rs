@@ -127,11 +127,11 @@ impl FixQuality {
 pub struct GnssPosition {
     /// Quality of the solution.
     pub quality: FixQuality,
-    /// Geodetic latitude, rad.
+    /// Geodetic latitude, rad; NaN where not sent.
     pub latitude_rad: f64,
-    /// Longitude, rad.
+    /// Longitude, rad; NaN where not sent.
     pub longitude_rad: f64,
-    /// Height above the ellipsoid, m.
+    /// Height above the ellipsoid, m; NaN where not sent.
     pub height_m: f64,
     /// Standard deviations east, north, up in m, where sent.
     pub sigma_enu_m: Option<[f64; 3]>,
@@ -144,12 +144,21 @@ pub struct GnssPosition {
 pub struct GnssVelocity {
     /// Quality of the solution.
     pub quality: FixQuality,
-    /// Velocity east, north, up, m/s.
+    /// Velocity east, north, up, m/s; NaN where not sent.
     pub velocity_enu_m_s: [f64; 3],
     /// Standard deviations east, north, up in m/s, where sent.
     pub sigma_enu_m_s: Option<[f64; 3]>,
     /// Latency from the record's own field, s; `None` where the record has none.
     pub latency_s: Option<f64>,
+}
+
+impl GnssVelocity {
+    /// The velocity of a vehicle on level ground, if the upward velocity was not sent: it is zero then.
+    #[must_use]
+    pub fn on_the_level_m_s(&self) -> [f64; 3] {
+        let [east, north, up] = self.velocity_enu_m_s;
+        [east, north, if up.is_nan() { 0.0 } else { up }]
+    }
 }
 
 /// Attitude from several antennas.

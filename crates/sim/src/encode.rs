@@ -3,7 +3,7 @@
 use wire::crossbow440::Scaled;
 use wire::geodesy::{Geodetic, heading_deg_from_yaw};
 use wire::gps_time::{Utc, gps_minus_utc_s, unix_ns_from_gps};
-use wire::{novatel, sbf};
+use wire::{novatel, sbf, ubx, vectornav};
 
 use crate::gnss::{AttitudeSolution, Solution};
 use crate::{Origin, SeptentrioBlocks};
@@ -24,6 +24,86 @@ pub(crate) fn crossbow_s1(force_m_s2: [f64; 3], rate_rad_s: [f64; 3], counter: u
     }
     .encode_s1(&mut bytes);
     bytes
+}
+
+/// Binary output of a VectorNav unit at room temperature: time since the start, acceleration, angular
+/// rate, temperature.
+pub(crate) fn vectornav_binary(
+    force_m_s2: [f64; 3],
+    rate_rad_s: [f64; 3],
+    since_start_s: f64,
+) -> Vec<u8> {
+    use vectornav::Group::{Common, Imu};
+    let mut bytes = Vec::with_capacity(60);
+    let output = vectornav::Binary {
+        since_start_ns: Some((since_start_s * 1e9).round() as u64),
+        acceleration_m_s2: Some(force_m_s2.map(|v| v as f32)),
+        rate_rad_s: Some(rate_rad_s.map(|v| v as f32)),
+        temperature_c: Some(25.0),
+        ..vectornav::Binary::default()
+    };
+    let fields = [(Common, 0), (Common, 5), (Common, 8), (Imu, 4)];
+    vectornav::encode_binary(&output, &fields, &mut bytes);
+    bytes
+}
+
+/// VNIMU of a unit at room temperature and normal pressure, without a magnetometer.
+pub(crate) fn vectornav_ascii([fx, fy, fz]: [f64; 3], [p, q, r]: [f64; 3]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(120);
+    let text = format!(
+        "VNIMU,+00.0000,+00.0000,+00.0000,{fx:+07.3},{fy:+07.3},{fz:+07.3},{p:+010.6},{q:+010.6},\
+         {r:+010.6},+25.0,+101.325"
+    );
+    vectornav::encode_text(&text, &mut bytes);
+    bytes
+}
+
+/// NAV-PVT, and NAV-DOP on whole seconds.
+pub(crate) fn ublox_epoch(s: &Solution) -> Vec<Vec<u8>> {
+    let mut bodies = vec![ubx::Body::Pvt(nav_pvt(s))];
+    if s.time_of_week_ms.is_multiple_of(1_000) {
+        bodies.push(ubx::Body::Dop(ubx::Dop {
+            time_of_week_ms: s.time_of_week_ms,
+            dilutions_c: [190, 170, 90, 140, 100, 80, 60],
+        }));
+    }
+    let encoded = bodies.into_iter().map(|body| {
+        let mut bytes = Vec::with_capacity(100);
+        body.encode(&mut bytes);
+        bytes
+    });
+    encoded.collect()
+}
+
+fn nav_pvt(s: &Solution) -> ubx::Pvt {
+    let unix_ns = unix_ns_from_gps(s.week, f64::from(s.time_of_week_ms) / 1e3).max(0);
+    let utc = Utc::of_unix_s((unix_ns / 1_000_000_000) as u64);
+    let whole = |value: f64| value.round() as i32;
+    let [east, north, up] = s.velocity_enu_m_s;
+    let place = s.place;
+    ubx::Pvt {
+        time_of_week_ms: s.time_of_week_ms,
+        year: u16::try_from(utc.year).unwrap_or(u16::MAX),
+        month_to_second: [utc.month, utc.day, utc.hour, utc.minute, utc.second],
+        // Date and time, and no doubt about the second.
+        valid: 7,
+        time_accuracy_ns: 20,
+        nanoseconds: (unix_ns % 1_000_000_000) as i32,
+        fix: if s.valid { 3 } else { 0 },
+        flags: u8::from(s.valid),
+        satellites: if s.valid { SATELLITES } else { 0 },
+        longitude_1e7_deg: whole(place.longitude_rad.to_degrees() * 1e7),
+        latitude_1e7_deg: whole(place.latitude_rad.to_degrees() * 1e7),
+        height_mm: whole(place.height_m * 1e3),
+        height_msl_mm: whole((place.height_m - s.undulation_m) * 1e3),
+        accuracy_mm: [(s.position_sigma_m * 1e3) as u32; 2],
+        velocity_ned_mm_s: [north, east, -up].map(|v| whole(v * 1e3)),
+        ground_speed_mm_s: whole(math::hypot(east, north) * 1e3),
+        course_1e5_deg: whole(course_deg(s) * 1e5),
+        speed_accuracy_mm_s: (s.velocity_sigma_m_s * 1e3) as u32,
+        dilution_c: 170,
+        ..ubx::Pvt::default()
+    }
 }
 
 /// BESTPOS, BESTVEL, and TIME on whole seconds.

@@ -10,7 +10,7 @@ use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
 use crate::random::Noise;
 use crate::serial_line::SerialLine;
-use crate::{Motion, Options, SeptentrioBlocks, SimError, TruthState, encode};
+use crate::{Motion, Options, SeptentrioBlocks, SimError, TruthState, VelocityReceiver, encode};
 
 /// Velocity is averaged over this many points of its interval.
 const AVERAGING_POINTS: u32 = 20;
@@ -172,7 +172,10 @@ impl Novatel {
         };
         let valid = !self.0.options.faults.is_out(Port::Novatel, tag_s);
         let solution = self.0.solve(motion, tag_s, valid);
-        let messages = encode::novatel_epoch(&solution);
+        let messages = match self.0.options.velocity_receiver {
+            VelocityReceiver::Novatel => encode::novatel_epoch(&solution),
+            VelocityReceiver::Ublox => encode::ublox_epoch(&solution),
+        };
         self.0.send(Port::Novatel, tag_s, messages)
     }
 }

@@ -8,7 +8,7 @@ use crate::emission::{Emission, Output, Port};
 use crate::faults::{ImuFault, ImuFaultKind};
 use crate::random::Noise;
 use crate::serial_line::SerialLine;
-use crate::{Motion, Options, SimError, TruthState, encode};
+use crate::{InertialUnit, Motion, Options, SimError, TruthState, encode};
 
 /// The unit, its errors and its line.
 pub(crate) struct Imu {
@@ -25,6 +25,8 @@ pub(crate) struct Imu {
     frozen: [f64; 6],
     line: SerialLine,
     period_s: f64,
+    nominal_period_s: f64,
+    device: InertialUnit,
     count: u64,
     end_s: f64,
 }
@@ -54,6 +56,8 @@ impl Imu {
             frozen: [0.0; 6],
             line: SerialLine::new(options.imu_baud),
             period_s: period_s("imu.rate_hz", imu.rate_hz)? / (1.0 + options.imu_clock_ppm * 1e-6),
+            nominal_period_s: 1.0 / imu.rate_hz,
+            device: options.inertial_unit,
             count: 0,
             end_s: motion.duration_s(),
         })
@@ -78,7 +82,15 @@ impl Imu {
             + Vector3::from(self.gyro_bias_rad_s)
             + Vector3::from(self.noise.normal3(self.gyro_noise_rad_s));
         let (force, rate) = self.with_faults(time_s, force.into(), rate.into());
-        let bytes = encode::crossbow_s1(force, rate, self.count as u16);
+        let bytes = match self.device {
+            InertialUnit::Crossbow440 => encode::crossbow_s1(force, rate, self.count as u16),
+            InertialUnit::Vectornav => {
+                // The unit counts in its own clock.
+                let since_start_s = self.count as f64 * self.nominal_period_s;
+                encode::vectornav_binary(force, rate, since_start_s)
+            }
+            InertialUnit::VectornavAscii => encode::vectornav_ascii(force, rate),
+        };
         self.count += 1;
         // The unit samples, filters and starts to send within some tens of microseconds.
         let ready_s = time_s + self.noise_line.delay(30e-6);

@@ -52,7 +52,7 @@ pub use hidden::{Hidden, HiddenErrors};
 pub use load::{PortLoad, port_loads};
 pub use manoeuvre::Manoeuvre;
 pub use motion::{Motion, TruthState, WheelGround, WheelMotion, WheelTruth};
-pub use options::{GpsStart, Options, Origin, SeptentrioBlocks};
+pub use options::{GpsStart, InertialUnit, Options, Origin, SeptentrioBlocks, VelocityReceiver};
 pub use truth::{Columns, optional_columns, read_columns, required_columns};
 pub use truth_params::{TruthParamsError, vehicle_from_truth_params};
 pub use virtual_vehicle::VirtualVehicle;

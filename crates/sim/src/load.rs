@@ -7,7 +7,7 @@ use model::sensors::Sensors;
 use crate::can_bus::{HUB_FRAME_BYTES, frame_bits};
 use crate::emission::Port;
 use crate::steering::RODS_FRAME_BYTES;
-use crate::{Options, SeptentrioBlocks, SimError};
+use crate::{Options, SeptentrioBlocks, SimError, VelocityReceiver};
 
 /// Greatest part of a CAN bus's bit rate that is used: beyond it, frames of low priority wait for
 /// several milliseconds.
@@ -139,14 +139,17 @@ pub fn port_loads(sensors: &Sensors, options: &Options) -> Vec<PortLoad> {
             Port::Imu,
             options.imu_baud,
             "imu.rate_hz",
-            31.0,
+            options.inertial_unit.message_bytes(),
             sensors.imu.rate_hz,
         ),
         serial(
             Port::Novatel,
             options.novatel_baud,
             "gnss_velocity.rate_hz",
-            180.0,
+            match options.velocity_receiver {
+                VelocityReceiver::Novatel => 180.0,
+                VelocityReceiver::Ublox => 100.0,
+            },
             sensors.gnss_velocity.rate_hz,
         ),
         serial(

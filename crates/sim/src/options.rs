@@ -14,6 +14,10 @@ pub struct Options {
     pub gps_start: GpsStart,
     /// Which generation of blocks the multi-antenna receiver sends.
     pub septentrio_blocks: SeptentrioBlocks,
+    /// Protocol of the velocity receiver.
+    pub velocity_receiver: VelocityReceiver,
+    /// Protocol of the inertial unit.
+    pub inertial_unit: InertialUnit,
     /// Serial line speed of the inertial unit, bit/s.
     pub imu_baud: u32,
     /// Serial line speed of the velocity receiver, bit/s.
@@ -48,6 +52,8 @@ impl Default for Options {
             origin: Origin::default(),
             gps_start: GpsStart::default(),
             septentrio_blocks: SeptentrioBlocks::PolaRx2e,
+            velocity_receiver: VelocityReceiver::default(),
+            inertial_unit: InertialUnit::default(),
             imu_baud: 57_600,
             novatel_baud: 115_200,
             septentrio_baud: 115_200,
@@ -129,4 +135,40 @@ pub enum SeptentrioBlocks {
     PolaRx2e,
     /// The ids of today's receivers (PVTGeodetic 4007).
     Current,
+}
+
+/// Protocol of the velocity receiver, on the port `novatel`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VelocityReceiver {
+    /// NovAtel binary: BESTPOS, BESTVEL and TIME.
+    #[default]
+    Novatel,
+    /// u-blox UBX: NAV-PVT, and NAV-DOP on whole seconds.
+    Ublox,
+}
+
+/// Protocol of the inertial unit, on the port `imu`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InertialUnit {
+    /// Crossbow 440: S1 packets.
+    #[default]
+    Crossbow440,
+    /// VectorNav: binary outputs with time since the start, acceleration, angular rate and temperature.
+    Vectornav,
+    /// VectorNav: VNIMU, ASCII.
+    VectornavAscii,
+}
+
+impl InertialUnit {
+    /// Bytes of a message.
+    #[must_use]
+    pub const fn message_bytes(self) -> f64 {
+        match self {
+            Self::Crossbow440 => 31.0,
+            Self::Vectornav => 44.0,
+            Self::VectornavAscii => 115.0,
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Channels whose fields are known at run time only: messages of a DBC, values of a controller.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 
 use prost::Message as _;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -9,6 +10,11 @@ use sample::{Measurement, Sample, Signal};
 
 use crate::convert::Encoded;
 
+/// Signal with the identifier of each frame of a J1939 message.
+pub const CAN_ID: &str = "j1939_can_id";
+/// Signal with the source address of each frame of a J1939 message.
+pub const SOURCE_ADDRESS: &str = "j1939_source_address";
+
 /// A message whose signals are known at run time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DynamicMessage {
@@ -16,8 +22,11 @@ pub struct DynamicMessage {
     pub topic: String,
     /// Its name, as in the DBC.
     pub name: String,
-    /// Its CAN identifier, if it is a CAN message.
+    /// Its CAN identifier, if all of its frames have the same one.
     pub can_id: Option<u32>,
+    /// Its J1939 parameter group number; the identifier and the source address of each frame are
+    /// then signals.
+    pub parameter_group: Option<u32>,
     /// All signals that it may carry.
     pub signals: Vec<SignalSchema>,
 }
@@ -29,9 +38,27 @@ pub struct SignalSchema {
     pub name: String,
     /// Its unit.
     pub unit: String,
+    /// Names of raw values.
+    pub labels: Vec<(i64, String)>,
 }
 
 impl DynamicMessage {
+    /// A J1939 message of `bus`, whose frames have several identifiers: each frame also carries
+    /// [`CAN_ID`] and [`SOURCE_ADDRESS`].
+    #[must_use]
+    pub fn j1939(bus: &str, name: &str, group: u32, mut signals: Vec<SignalSchema>) -> Self {
+        signals.extend([CAN_ID, SOURCE_ADDRESS].map(|name| SignalSchema {
+            name: name.to_owned(),
+            unit: String::new(),
+            labels: Vec::new(),
+        }));
+        Self {
+            can_id: None,
+            parameter_group: Some(group),
+            ..Self::can(bus, name, 0, signals)
+        }
+    }
+
     /// A CAN message of `bus`, for its channel `/can/<bus>/<name>`.
     #[must_use]
     pub fn can(bus: &str, name: &str, can_id: u32, signals: Vec<SignalSchema>) -> Self {
@@ -39,28 +66,49 @@ impl DynamicMessage {
             topic: format!("/can/{bus}/{name}"),
             name: name.to_owned(),
             can_id: Some(can_id),
+            parameter_group: None,
             signals,
         }
+    }
+
+    /// Names of the fields, in the order of the signals: unique protobuf identifiers.
+    fn fields(&self) -> Vec<String> {
+        let mut known = BTreeSet::new();
+        let unique = |signal: &SignalSchema| {
+            let name = identifier(&signal.name);
+            let numbered = (2..).map(|n| format!("{name}_{n}"));
+            let mut names = std::iter::once(name.clone()).chain(numbered);
+            // The numbers do not end.
+            let free = names.find(|name| !known.contains(name)).unwrap_or_default();
+            known.insert(free.clone());
+            free
+        };
+        self.signals.iter().map(unique).collect()
     }
 
     pub(crate) fn schema_name(&self) -> String {
         format!("atvrec.signals.{}", identifier(&self.name))
     }
 
-    /// Identifier, and units by field name, kept in the channel's metadata.
+    /// What the channel's metadata has: `can_id` or `j1939_pgn`, and by field name `unit.`, `values.`
+    /// (names of raw values, a JSON object) and `name.` where the field has another name.
     pub(crate) fn metadata(&self) -> BTreeMap<String, String> {
-        let id = self.can_id.map(|id| ("can_id".to_owned(), id.to_string()));
-        let units = self
-            .signals
-            .iter()
-            .filter(|signal| !signal.unit.is_empty())
-            .map(|signal| {
-                (
-                    format!("unit.{}", identifier(&signal.name)),
-                    signal.unit.clone(),
-                )
-            });
-        units.chain(id).collect()
+        let mut metadata = BTreeMap::new();
+        metadata.extend(self.can_id.map(|id| ("can_id".to_owned(), id.to_string())));
+        let group = self.parameter_group;
+        metadata.extend(group.map(|group| ("j1939_pgn".to_owned(), group.to_string())));
+        for (signal, field) in self.signals.iter().zip(self.fields()) {
+            if !signal.unit.is_empty() {
+                metadata.insert(format!("unit.{field}"), signal.unit.clone());
+            }
+            if !signal.labels.is_empty() {
+                metadata.insert(format!("values.{field}"), json_object(&signal.labels));
+            }
+            if signal.name != field {
+                metadata.insert(format!("name.{field}"), signal.name.clone());
+            }
+        }
+        metadata
     }
 
     /// The schema: each signal an optional double, numbered in order.
@@ -68,9 +116,12 @@ impl DynamicMessage {
         let field = self
             .signals
             .iter()
+            .zip(self.fields())
             .zip(field_numbers())
-            .map(|(signal, number)| FieldDescriptorProto {
-                name: Some(identifier(&signal.name)),
+            .map(|((_, field), number)| FieldDescriptorProto {
+                // Without it, the JSON names of `a_b` and `aB` would be the same.
+                json_name: Some(field.clone()),
+                name: Some(field),
                 number: Some(number as i32),
                 label: Some(Label::Optional.into()),
                 r#type: Some(Type::Double.into()),
@@ -99,6 +150,7 @@ impl DynamicMessage {
                 self.signals.push(SignalSchema {
                     name: signal.name.clone(),
                     unit: signal.unit.clone(),
+                    labels: Vec::new(),
                 });
             }
         }
@@ -143,6 +195,7 @@ pub(crate) fn encode(
             topic: topic.clone(),
             name: name.to_owned(),
             can_id,
+            parameter_group: None,
             signals: Vec::new(),
         });
     let grew = message.extend(signals);
@@ -162,6 +215,27 @@ fn field_numbers() -> impl Iterator<Item = u32> {
     (1..19_000).chain(20_000..536_870_912)
 }
 
+/// Names of values as a JSON object. The first name of a value counts.
+fn json_object(labels: &[(i64, String)]) -> String {
+    let mut text = String::from("{");
+    let mut known = BTreeSet::new();
+    for (value, label) in labels.iter().filter(|(value, _)| known.insert(*value)) {
+        let comma = if text.len() > 1 { "," } else { "" };
+        // Writing into a String cannot fail.
+        let _ = write!(text, "{comma}\"{value}\":\"");
+        for letter in label.chars() {
+            let _ = match letter {
+                '"' | '\\' => write!(text, "\\{letter}"),
+                '\0'..'\u{20}' => write!(text, "\\u{:04x}", u32::from(letter)),
+                _ => write!(text, "{letter}"),
+            };
+        }
+        text.push('"');
+    }
+    text.push('}');
+    text
+}
+
 /// `name` as a protobuf identifier.
 fn identifier(name: &str) -> String {
     let mut text: String = name
@@ -175,10 +249,10 @@ fn identifier(name: &str) -> String {
 }
 
 /// Signals of a message by its schema (a serialized `FileDescriptorSet` with one message of
-/// doubles) and the units of its channel.
+/// doubles) and the metadata of its channel.
 pub(crate) fn decode(
     schema: &[u8],
-    units: &BTreeMap<String, String>,
+    metadata: &BTreeMap<String, String>,
     data: &[u8],
 ) -> Result<Vec<Signal>, prost::DecodeError> {
     let set = FileDescriptorSet::decode(schema)?;
@@ -200,12 +274,62 @@ pub(crate) fn decode(
         };
         let mut value = 0.0;
         prost::encoding::double::merge(wire_type, &mut value, &mut rest, context.clone())?;
-        let name = field.name().to_owned();
-        let unit = units
-            .get(&format!("unit.{name}"))
-            .cloned()
-            .unwrap_or_default();
+        let of = |key: &str| metadata.get(&format!("{key}.{}", field.name())).cloned();
+        let name = of("name").unwrap_or_else(|| field.name().to_owned());
+        let unit = of("unit").unwrap_or_default();
         signals.push(Signal { name, value, unit });
     }
     Ok(signals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn signal(name: &str, labels: &[(i64, &str)]) -> SignalSchema {
+        SignalSchema {
+            name: name.to_owned(),
+            unit: "m".to_owned(),
+            labels: labels.iter().map(|(v, l)| (*v, (*l).to_owned())).collect(),
+        }
+    }
+
+    /// JSON names by default would be `aB` twice; protobuf libraries refuse such a schema.
+    #[test]
+    fn every_field_has_a_name_and_a_json_name_of_its_own() {
+        let signals = ["a_b", "aB", "größe", "gr__e", "gr__e_2"].map(|name| signal(name, &[]));
+        let message = DynamicMessage::can("x", "M", 256, signals.into());
+        let set = FileDescriptorSet::decode(&*message.descriptor_set()).expect("a schema");
+        let fields = &set.file[0].message_type[0].field;
+        let names: Vec<&str> = fields.iter().map(|field| field.name()).collect();
+        assert_eq!(names, ["a_b", "aB", "gr__e", "gr__e_2", "gr__e_2_2"]);
+        assert!(fields.iter().all(|field| field.json_name() == field.name()));
+        let values: Vec<Signal> = message
+            .signals
+            .iter()
+            .zip(1..)
+            .map(|(signal, value)| Signal {
+                name: signal.name.clone(),
+                value: f64::from(value),
+                unit: "m".to_owned(),
+            })
+            .collect();
+        let data = message.encode(&values);
+        let read = decode(&message.descriptor_set(), &message.metadata(), &data);
+        assert_eq!(read.expect("decodes"), values);
+    }
+
+    #[test]
+    fn value_tables_are_json_in_the_metadata() {
+        let labels = [(0, "off"), (1, "a \"b\"\n"), (-1, "\\"), (0, "again")];
+        let message = DynamicMessage::can("x", "M", 256, vec![signal("s", &labels)]);
+        let metadata = message.metadata();
+        assert_eq!(metadata["can_id"], "256");
+        let expected = r#"{"0":"off","1":"a \"b\"\u000a","-1":"\\"}"#;
+        assert_eq!(metadata["values.s"], expected);
+        let message = DynamicMessage::j1939("x", "M", 0xFEF4, vec![signal("s", &[])]);
+        assert_eq!(message.metadata()["j1939_pgn"], "65268");
+        assert!(!message.metadata().contains_key("can_id"));
+        assert_eq!(message.signals[2].name, SOURCE_ADDRESS);
+    }
 }

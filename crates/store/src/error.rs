@@ -32,6 +32,12 @@ pub enum Error {
     /// The MCAP layer failed.
     #[error("the log cannot be written as MCAP: {0}")]
     Mcap(mcap::McapError),
+    /// The file has no byte.
+    #[error("{} is empty: it is no log; a recording writes its first bytes at its start", path.display())]
+    EmptyFile {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file is no MCAP file.
     #[error("{} is not an MCAP file: it begins with {found:02x?}", path.display())]
     NotMcap {

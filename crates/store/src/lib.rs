@@ -39,7 +39,7 @@ pub use sample;
 
 pub use convert::Encoded;
 pub use counters::WriteCounters;
-pub use dynamic::{DynamicMessage, SignalSchema};
+pub use dynamic::{CAN_ID, DynamicMessage, SOURCE_ADDRESS, SignalSchema};
 pub use earlier::same_force_values;
 pub use error::{Error, Result};
 pub use file::{

@@ -230,6 +230,9 @@ impl Reader {
         for path in paths {
             let path = path.as_ref().to_owned();
             let index = Index::read(&path)?;
+            if index.length == 0 {
+                return Err(Error::EmptyFile { path });
+            }
             files.push(LogFile { path, index });
         }
         parts::refuse_twice(&files)?;

@@ -373,6 +373,7 @@ fn decode(frame: &[u8]) -> Result<Option<TapFrame>> {
                     topic: channel.topic,
                     schema: channel.schema,
                     schema_data: channel.schema_data.into(),
+                    message_encoding: "protobuf".to_owned(),
                     source: source.map(SourceId),
                     metadata,
                     is_earlier: false,

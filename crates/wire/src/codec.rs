@@ -1,5 +1,7 @@
 //! One walk over a message's fields serves all four directions: binary and ASCII, in and out.
 
+use crate::text::Cells;
+
 /// Names of an enumeration's values, as the ASCII form writes them.
 pub(crate) type Names = &'static [(u32, &'static str)];
 
@@ -18,6 +20,8 @@ pub(crate) trait Codec {
     fn f64(&mut self, value: &mut f64, decimals: usize) -> Option<()>;
     /// A byte that the ASCII form writes in hexadecimal.
     fn hex(&mut self, value: &mut u8) -> Option<()>;
+    /// Four bytes that the ASCII form writes in hexadecimal.
+    fn hex32(&mut self, value: &mut u32) -> Option<()>;
     /// Four bytes in binary, a name in ASCII. A name that is not in the list reads as `u32::MAX`.
     fn named(&mut self, value: &mut u32, names: Names) -> Option<()>;
     /// Four bytes in binary, one character in ASCII.
@@ -102,6 +106,10 @@ impl Codec for BinaryReader<'_> {
         self.u8(value)
     }
 
+    fn hex32(&mut self, value: &mut u32) -> Option<()> {
+        self.u32(value)
+    }
+
     fn named(&mut self, value: &mut u32, _names: Names) -> Option<()> {
         self.u32(value)
     }
@@ -151,6 +159,10 @@ impl Codec for BinaryWriter<'_> {
         self.u8(value)
     }
 
+    fn hex32(&mut self, value: &mut u32) -> Option<()> {
+        self.u32(value)
+    }
+
     fn named(&mut self, value: &mut u32, _names: Names) -> Option<()> {
         self.u32(value)
     }
@@ -164,16 +176,16 @@ impl Codec for BinaryWriter<'_> {
     }
 }
 
-/// Comma-separated fields, read.
-pub(crate) struct AsciiReader<'a>(std::str::Split<'a, char>);
+/// Comma-separated fields, read; a comma between quotes belongs to its field.
+pub(crate) struct AsciiReader<'a>(Cells<'a>);
 
 impl<'a> AsciiReader<'a> {
     pub fn new(text: &'a str) -> Self {
-        Self(text.split(','))
+        Self(Cells::new(text, Some(',')))
     }
 
     pub fn text(&mut self) -> Option<&'a str> {
-        self.0.next().map(str::trim)
+        self.0.next()
     }
 
     pub fn number<T: std::str::FromStr>(&mut self) -> Option<T> {
@@ -209,6 +221,11 @@ impl Codec for AsciiReader<'_> {
 
     fn hex(&mut self, value: &mut u8) -> Option<()> {
         *value = u8::from_str_radix(self.text()?, 16).ok()?;
+        Some(())
+    }
+
+    fn hex32(&mut self, value: &mut u32) -> Option<()> {
+        *value = u32::from_str_radix(self.text()?, 16).ok()?;
         Some(())
     }
 
@@ -271,6 +288,10 @@ impl Codec for AsciiWriter<'_> {
 
     fn hex(&mut self, value: &mut u8) -> Option<()> {
         self.put(format_args!("{value:02x}"))
+    }
+
+    fn hex32(&mut self, value: &mut u32) -> Option<()> {
+        self.put(format_args!("{value:08x}"))
     }
 
     fn named(&mut self, value: &mut u32, names: Names) -> Option<()> {

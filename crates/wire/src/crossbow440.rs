@@ -172,7 +172,7 @@ fn packet_type(kind: [u8; 2]) -> Option<(&'static str, Option<usize>)> {
     })
 }
 
-fn scan(bytes: &[u8]) -> Scan<[u8; 2]> {
+pub(crate) fn scan(bytes: &[u8]) -> Scan<[u8; 2]> {
     if bytes[0] != HEADER[0] {
         return Scan::Skip(
             bytes

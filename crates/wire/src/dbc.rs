@@ -2,14 +2,16 @@
 //! encodes them again.
 //!
 //! A [`Database`] is checked as a whole when it is read: what cannot work is an error with line and
-//! token, all of them at once, and what is odd but usable is a warning. Decoding cannot fail and
-//! does not allocate: a signal that the frame is too short for, or whose multiplexor selects
-//! another, is absent.
+//! token, all of them at once, and what is odd but usable is a warning. [`Database::parse_usable`]
+//! leaves out the messages with errors and names them. Decoding cannot fail and does not allocate: a
+//! signal that the frame is too short for, or whose multiplexor selects another, is absent.
 
 mod bits;
+mod clean;
 mod index;
 mod load;
 mod message;
+mod select;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -31,6 +33,16 @@ pub struct Database {
     by_id: BTreeMap<(bool, u32), usize>,
     by_group: BTreeMap<u32, usize>,
     warnings: Vec<Issue>,
+    left_out: Vec<LeftOut>,
+}
+
+/// A part of a DBC file that [`Database::parse_usable`] left out.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LeftOut {
+    /// What is wrong with it.
+    pub issue: Issue,
+    /// The message that is left out; none for another part of the file.
+    pub message: Option<String>,
 }
 
 /// Something wrong or odd in a DBC file.
@@ -66,7 +78,29 @@ impl Database {
     /// Everything that makes the file unusable, by line and token, at most 100 issues. A file of more
     /// than [`BYTES_MAX`] bytes is refused, and a message of more than [`SIGNALS_MAX`] signals.
     pub fn parse(file: &[u8]) -> Result<Self, DbcError> {
+        let database = load::load(file)?;
+        if database.left_out.is_empty() {
+            return Ok(database);
+        }
+        let issues = database.left_out.into_iter().map(|part| part.issue);
+        Err(DbcError {
+            issues: load::limited(issues.collect()),
+        })
+    }
+
+    /// Reads the usable parts of a DBC file. A message with an error is left out as a whole, so that
+    /// no value of it is wrong; [`Database::left_out`] has it.
+    ///
+    /// # Errors
+    /// A file that is too long, or that has no part that can be read.
+    pub fn parse_usable(file: &[u8]) -> Result<Self, DbcError> {
         load::load(file)
+    }
+
+    /// What [`Database::parse_usable`] left out, in order of lines.
+    #[must_use]
+    pub fn left_out(&self) -> &[LeftOut] {
+        &self.left_out
     }
 
     /// What is odd in the file, though it can be used.
@@ -81,10 +115,11 @@ impl Database {
         &self.messages
     }
 
-    /// The message with this name.
+    /// The message with this name, or with this name in its `BO_` line.
     #[must_use]
     pub fn by_name(&self, name: &str) -> Option<&MessageDef> {
-        self.messages.iter().find(|message| message.name == name)
+        let own = self.messages.iter().find(|message| message.name == name);
+        own.or_else(|| self.messages.iter().find(|m| m.short_name == name))
     }
 
     /// The message that frames with this identifier carry: the one with the very identifier, else
@@ -143,4 +178,10 @@ pub const fn parameter_group(id: u32) -> u32 {
     } else {
         group
     }
+}
+
+/// Source address of a J1939 identifier (SAE J1939-21, 5.2): its low byte.
+#[must_use]
+pub const fn source_address(id: u32) -> u8 {
+    id as u8
 }

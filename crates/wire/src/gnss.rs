@@ -1,8 +1,10 @@
-//! What one receiver port carries: NovAtel binary and ASCII, SBF, NMEA and plain-text answers to
-//! commands, in any mixture.
+//! What one receiver port carries: NovAtel binary and ASCII, SBF, UBX, NMEA, RTCM and plain-text answers
+//! to commands, in any mixture. The port of a VectorNav unit carries its outputs too.
 
 use crate::frame::{Frame, Framer, Scan};
-use crate::{Item, Measurements, Message, Protocol, Statistics, nmea, novatel, sbf};
+use crate::{
+    Item, Measurements, Message, Protocol, Statistics, nmea, novatel, rtcm, sbf, ubx, vectornav,
+};
 
 const MAX_FRAME: usize = sbf::MAX_FRAME;
 /// Longest plain-text answer.
@@ -13,6 +15,9 @@ enum Kind {
     Novatel(novatel::Form),
     Sbf,
     Nmea,
+    Ubx,
+    Rtcm,
+    Vectornav(vectornav::Form),
     Reply,
 }
 
@@ -29,12 +34,33 @@ fn tag<A, B>(scan: Scan<A>, kind: impl FnOnce(A) -> B) -> Scan<B> {
 }
 
 fn begins_message(byte: u8) -> bool {
-    matches!(byte, 0xAA | b'#' | b'%' | b'$' | b'<')
+    matches!(byte, 0xAA | b'#' | b'%' | b'$' | b'<' | 0xB5 | 0xD3)
+}
+
+/// Scans the port of a VectorNav unit.
+fn scan_vectornav(bytes: &[u8]) -> Scan<Kind> {
+    match (bytes[0], bytes.get(1), bytes.get(2)) {
+        (vectornav::SYNC, ..) => tag(vectornav::scan(bytes), Kind::Vectornav),
+        (b'$', None, _) => Scan::Need(2),
+        (b'$', Some(b'V'), None) => Scan::Need(3),
+        (b'$', Some(b'V'), Some(b'N')) => tag(vectornav::scan(bytes), Kind::Vectornav),
+        _ => match scan(bytes) {
+            // The receiver's scan passes over the beginnings of outputs.
+            Scan::Skip(count) => {
+                let skipped = &bytes[1..count.min(bytes.len())];
+                let output = skipped.iter().position(|byte| *byte == vectornav::SYNC);
+                Scan::Skip(output.map_or(count, |at| at + 1))
+            }
+            other => other,
+        },
+    }
 }
 
 fn scan(bytes: &[u8]) -> Scan<Kind> {
     match (bytes[0], bytes.get(1)) {
         (0xAA | b'#' | b'%', _) => tag(novatel::scan(bytes), Kind::Novatel),
+        (0xB5, _) => tag(ubx::scan(bytes), |()| Kind::Ubx),
+        (0xD3, _) => tag(rtcm::scan(bytes), |()| Kind::Rtcm),
         (b'$' | b'<', None) => Scan::Need(2),
         (b'$', Some(b'@')) => tag(sbf::scan(bytes), |()| Kind::Sbf),
         (b'$', Some(b'R')) => match bytes.get(2) {
@@ -84,7 +110,17 @@ fn scan_reply(bytes: &[u8]) -> Scan<Kind> {
 pub struct Decoder {
     framer: Framer,
     statistics: Statistics,
-    memory: sbf::Memory,
+    memory: Memory,
+    /// Whether outputs of a VectorNav unit are decoded.
+    has_vectornav: bool,
+}
+
+/// What earlier messages say about later ones.
+#[derive(Clone, Debug, Default)]
+struct Memory {
+    sbf: sbf::Memory,
+    nmea: nmea::Memory,
+    ubx: ubx::Memory,
 }
 
 impl Default for Decoder {
@@ -94,31 +130,51 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the beginning of a stream.
+    /// A decoder at the beginning of a receiver's stream.
     #[must_use]
     pub fn new() -> Self {
         Self {
             framer: Framer::new(MAX_FRAME),
             statistics: Statistics::default(),
-            memory: sbf::Memory::default(),
+            memory: Memory::default(),
+            has_vectornav: false,
+        }
+    }
+
+    /// A decoder at the beginning of the stream of a VectorNav unit.
+    #[must_use]
+    pub fn vectornav() -> Self {
+        Self {
+            has_vectornav: true,
+            ..Self::new()
+        }
+    }
+
+    fn scanner(&self) -> fn(&[u8]) -> Scan<Kind> {
+        if self.has_vectornav {
+            scan_vectornav
+        } else {
+            scan
         }
     }
 
     /// Takes bytes and hands on each message that they complete.
     pub fn push(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
+        let scan = self.scanner();
         let memory = &mut self.memory;
         self.framer
             .push(bytes, &mut self.statistics, scan, |frame, statistics| {
-                sink(item(frame, memory, statistics));
+                deliver(frame, memory, statistics, &mut sink);
             });
     }
 
     /// The stream is over: hands on what still waits.
     pub fn finish(&mut self, mut sink: impl FnMut(Item<'_>)) {
+        let scan = self.scanner();
         let memory = &mut self.memory;
         self.framer
             .finish(&mut self.statistics, scan, |frame, statistics| {
-                sink(item(frame, memory, statistics));
+                deliver(frame, memory, statistics, &mut sink);
             });
     }
 
@@ -129,11 +185,13 @@ impl Decoder {
     }
 }
 
-fn item<'a>(
-    frame: Frame<'a, Kind>,
-    memory: &mut sbf::Memory,
+/// Hands on the message of a frame; several items for a message of several instants.
+fn deliver(
+    frame: Frame<'_, Kind>,
+    memory: &mut Memory,
     statistics: &mut Statistics,
-) -> Item<'a> {
+    sink: &mut impl FnMut(Item<'_>),
+) {
     let mut item = Item {
         protocol: Protocol::Reply,
         name: "unknown",
@@ -146,8 +204,14 @@ fn item<'a>(
     };
     match frame.kind {
         Kind::Novatel(form) => fill_novatel(&mut item, form),
-        Kind::Sbf => fill_sbf(&mut item, memory),
-        Kind::Nmea => fill_nmea(&mut item),
+        Kind::Sbf => fill_sbf(&mut item, &mut memory.sbf),
+        Kind::Nmea => fill_nmea(&mut item, &mut memory.nmea),
+        Kind::Ubx => fill_ubx(&mut item),
+        Kind::Rtcm => {
+            item.protocol = Protocol::Rtcm;
+            item.name = "RTCM";
+        }
+        Kind::Vectornav(form) => fill_vectornav(&mut item, form),
         Kind::Reply => {
             item.name = "reply";
             item.message = Message::Reply;
@@ -158,7 +222,51 @@ fn item<'a>(
         Message::Malformed(_) => statistics.malformed += 1,
         _ => {}
     }
-    item
+    let Message::Ubx(body) = &item.message else {
+        sink(item);
+        return;
+    };
+    let mut is_delivered = false;
+    memory.ubx.measured(body, |measured| {
+        is_delivered = true;
+        sink(Item {
+            device_time: measured.device_time,
+            measurements: measured.measurements,
+            ..item.clone()
+        });
+    });
+    if !is_delivered {
+        sink(item);
+    }
+}
+
+fn fill_ubx(item: &mut Item<'_>) {
+    item.protocol = Protocol::Ubx;
+    match ubx::decode(item.raw) {
+        ubx::Decoded::Message(name, body) => {
+            item.name = name;
+            item.message = Message::Ubx(Box::new(body));
+        }
+        ubx::Decoded::Unknown(name, number) => {
+            item.name = name.unwrap_or(item.name);
+            item.message = Message::Unknown(Some(number));
+        }
+        ubx::Decoded::Malformed(number) => item.message = Message::Malformed(Some(number)),
+    }
+}
+
+fn fill_vectornav(item: &mut Item<'_>, form: vectornav::Form) {
+    item.protocol = Protocol::Vectornav;
+    match vectornav::decode(form, item.raw) {
+        vectornav::Decoded::Output(name, output) => {
+            item.name = name;
+            item.device_time = output.device_time();
+            item.measurements = output.measurements();
+            item.message = Message::Vectornav(Box::new(output));
+        }
+        vectornav::Decoded::Unknown(name) => item.name = name.unwrap_or(item.name),
+        vectornav::Decoded::Malformed => item.message = Message::Malformed(None),
+    }
 }
 
 fn fill_novatel(item: &mut Item<'_>, form: novatel::Form) {
@@ -180,7 +288,8 @@ fn fill_novatel(item: &mut Item<'_>, form: novatel::Form) {
             item.device_time = header.device_time();
             item.message = Message::Reply;
         }
-        novatel::Decoded::Unknown(header) => {
+        novatel::Decoded::Unknown(header, name) => {
+            item.name = name.unwrap_or(item.name);
             item.device_time = header.device_time();
             item.message = Message::Unknown((header.id != 0).then_some(header.id));
         }
@@ -197,21 +306,24 @@ fn fill_sbf(item: &mut Item<'_>, memory: &mut sbf::Memory) {
             item.measurements = memory.measurements(&block);
             item.message = Message::Sbf(block);
         }
-        sbf::Decoded::Unknown(number) => item.message = Message::Unknown(Some(number)),
+        sbf::Decoded::Unknown(number, name) => {
+            item.name = name.unwrap_or(item.name);
+            item.message = Message::Unknown(Some(number));
+        }
         sbf::Decoded::Malformed(number) => item.message = Message::Malformed(Some(number)),
     }
 }
 
-fn fill_nmea(item: &mut Item<'_>) {
+fn fill_nmea(item: &mut Item<'_>, memory: &mut nmea::Memory) {
     item.protocol = Protocol::Nmea;
     match nmea::decode(item.raw) {
         nmea::Decoded::Sentence(name, sentence) => {
             item.name = name;
             item.device_time = sentence.device_time();
-            item.measurements = sentence.measurements();
+            item.measurements = memory.measurements(&sentence);
             item.message = Message::Nmea(sentence);
         }
-        nmea::Decoded::Unknown => {}
+        nmea::Decoded::Unknown(name) => item.name = name.unwrap_or(item.name),
         nmea::Decoded::Malformed => item.message = Message::Malformed(None),
     }
 }

@@ -1,8 +1,8 @@
 use std::ops::Range;
 
-use sample::{DeviceTime, Measurement};
+use sample::{ControlSample, DeviceTime, Measurement, Signal};
 
-use crate::{crossbow440, line, nmea, novatel, sbf};
+use crate::{crossbow440, line, nmea, novatel, sbf, ubx, vectornav};
 
 /// The language that a message was written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -17,6 +17,12 @@ pub enum Protocol {
     Sbf,
     /// NMEA 0183.
     Nmea,
+    /// u-blox UBX.
+    Ubx,
+    /// VectorNav, binary or ASCII.
+    Vectornav,
+    /// RTCM 3 frames, which are not decoded.
+    Rtcm,
     /// A receiver's plain-text answer to a command.
     Reply,
     /// A configured text device.
@@ -37,6 +43,9 @@ impl Protocol {
             Self::NovatelAscii => "novatel_ascii",
             Self::Sbf => "sbf",
             Self::Nmea => "nmea",
+            Self::Ubx => "ubx",
+            Self::Vectornav => "vectornav",
+            Self::Rtcm => "rtcm",
             Self::Reply => "reply",
             Self::Line => "line",
             Self::Csv => "csv",
@@ -68,6 +77,10 @@ pub struct Item<'a> {
 }
 
 /// A decoded message, field by field.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it lives for one message, on the stack"
+)]
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Message {
@@ -79,6 +92,10 @@ pub enum Message {
     Sbf(sbf::Block),
     /// An NMEA sentence.
     Nmea(nmea::Sentence),
+    /// A UBX message.
+    Ubx(Box<ubx::Body>),
+    /// An output of a VectorNav unit.
+    Vectornav(Box<vectornav::Output>),
     /// A reading of a text device.
     Line(line::Reading),
     /// A row of a table; the text is in [`Item::raw`].
@@ -91,7 +108,7 @@ pub enum Message {
     Malformed(Option<u16>),
 }
 
-/// The measurements of one message: none to three, held in place.
+/// The measurements of one message: none to four, held in place.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measurements {
     slots: [Option<Measurement>; Self::CAPACITY],
@@ -99,7 +116,7 @@ pub struct Measurements {
 
 impl Measurements {
     /// The most that one message gives.
-    pub const CAPACITY: usize = 3;
+    pub const CAPACITY: usize = 4;
 
     /// No measurement.
     #[must_use]
@@ -113,7 +130,7 @@ impl Measurements {
     #[must_use]
     pub fn one(measurement: Measurement) -> Self {
         Self {
-            slots: [Some(measurement), None, None],
+            slots: [Some(measurement), None, None, None],
         }
     }
 
@@ -121,7 +138,7 @@ impl Measurements {
     #[must_use]
     pub fn two(first: Measurement, second: Measurement) -> Self {
         Self {
-            slots: [Some(first), Some(second), None],
+            slots: [Some(first), Some(second), None, None],
         }
     }
 
@@ -129,7 +146,16 @@ impl Measurements {
     #[must_use]
     pub fn three(first: Measurement, second: Measurement, third: Measurement) -> Self {
         Self {
-            slots: [Some(first), Some(second), Some(third)],
+            slots: [Some(first), Some(second), Some(third), None],
+        }
+    }
+
+    /// The measurements that there are, of at most four.
+    #[must_use]
+    pub(crate) fn of(all: [Option<Measurement>; Self::CAPACITY]) -> Self {
+        let mut found = all.into_iter().flatten();
+        Self {
+            slots: std::array::from_fn(|_| found.next()),
         }
     }
 
@@ -153,9 +179,22 @@ impl Measurements {
 
 impl IntoIterator for Measurements {
     type Item = Measurement;
-    type IntoIter = std::iter::Flatten<std::array::IntoIter<Option<Measurement>, 3>>;
+    type IntoIter =
+        std::iter::Flatten<std::array::IntoIter<Option<Measurement>, { Measurements::CAPACITY }>>;
 
     fn into_iter(self) -> Self::IntoIter {
         self.slots.into_iter().flatten()
+    }
+}
+
+/// Values by name, each with its unit.
+pub(crate) fn values(all: &[(&str, f64, &str)]) -> ControlSample {
+    let values = all.iter().map(|(name, value, unit)| Signal {
+        name: (*name).to_owned(),
+        value: *value,
+        unit: (*unit).to_owned(),
+    });
+    ControlSample {
+        values: values.collect(),
     }
 }

@@ -8,12 +8,15 @@
 //! byte. [`Statistics`] counts the lost bytes and messages.
 //!
 //! - [`crossbow440`]: Crossbow IMU440, with its set-up dialogue.
-//! - [`gnss`]: the port of a receiver, which carries [`novatel`], [`sbf`] and [`nmea`] in any mixture.
+//! - [`gnss`]: the port of a receiver, which carries [`novatel`], [`sbf`], [`ubx`] and [`nmea`] in any
+//!   mixture; the port of a [`vectornav`] unit carries its outputs too.
 //! - [`csv`], [`alog`]: tables of other programs; [`mod@column`] describes their columns.
 //! - [`mod@line`]: text devices that the configuration describes (steering, throttle, brake).
 //! - [`dbc`]: CAN frames to named signals and back, by any DBC file.
+//! - [`j1939`]: messages of several CAN frames.
 //! - [`slcan`], [`candump`]: CAN frames as text.
 //! - [`output`]: estimates for controllers, as CAN frames with [`e2e`] and as datagrams.
+//! - [`mod@recognise`]: which protocol bytes are of.
 //! - [`geodesy`], [`gps_time`]: WGS 84 and GPS time.
 //!
 //! Each protocol has its encoder in the module of its decoder. The virtual vehicle uses the encoders.
@@ -22,6 +25,7 @@ mod codec;
 mod error;
 mod frame;
 mod item;
+mod rtcm;
 mod text;
 
 pub mod alog;
@@ -34,12 +38,16 @@ pub mod e2e;
 pub mod geodesy;
 pub mod gnss;
 pub mod gps_time;
+pub mod j1939;
 pub mod line;
 pub mod nmea;
 pub mod novatel;
 pub mod output;
+pub mod recognise;
 pub mod sbf;
 pub mod slcan;
+pub mod ubx;
+pub mod vectornav;
 
 pub use error::WireError;
 pub use frame::Statistics;

@@ -3,9 +3,11 @@
 
 mod body;
 mod convert;
+mod ins;
 
 pub use body::{AttitudeCovariance, Body, Covariance, EulerAttitude, Pvt, PvtV1};
 pub(crate) use convert::Memory;
+pub use ins::{ExternalSensor, InsNavigation, SENSORS_MAX};
 
 use crc::{CRC_16_XMODEM, Crc, Table};
 use sample::DeviceTime;
@@ -21,7 +23,10 @@ const HEADER: usize = 8;
 pub(crate) const MAX_FRAME: usize = 8192;
 
 /// Number and name of the blocks that are decoded.
-const BLOCKS: [(u16, &str); 12] = [
+const BLOCKS: [(u16, &str); 15] = [
+    (4050, "ExtSensorMeas"),
+    (4225, "INSNavCart"),
+    (4226, "INSNavGeod"),
     (4006, "PVTCartesian"),
     (4007, "PVTGeodetic"),
     (5903, "PVTCartesianV1"),
@@ -34,6 +39,68 @@ const BLOCKS: [(u16, &str); 12] = [
     (5914, "ReceiverTime"),
     (5938, "AttEuler"),
     (5939, "AttCovEuler"),
+];
+
+/// Number and name of the blocks that are known by name alone.
+const KNOWN: [(u16, &str); 58] = [
+    (4000, "MeasExtra"),
+    (4001, "DOP"),
+    (4002, "GALNav"),
+    (4003, "GALAlm"),
+    (4004, "GLONav"),
+    (4005, "GLOAlm"),
+    (4014, "ReceiverStatus"),
+    (4015, "Commands"),
+    (4017, "GPSRawCA"),
+    (4018, "GPSRawL2C"),
+    (4022, "GALRawFNAV"),
+    (4023, "GALRawINAV"),
+    (4026, "GLORawCA"),
+    (4027, "MeasEpoch"),
+    (4028, "BaseVectorGeod"),
+    (4030, "GALIon"),
+    (4031, "GALUtc"),
+    (4032, "GALGstGps"),
+    (4034, "GALSARRLM"),
+    (4036, "GLOTime"),
+    (4040, "BBSamples"),
+    (4043, "BaseVectorCart"),
+    (4047, "BDSRaw"),
+    (4052, "PosLocal"),
+    (4053, "NTRIPClientStatus"),
+    (4058, "IPStatus"),
+    (4059, "DiskStatus"),
+    (4076, "PVTSupport"),
+    (4079, "PVTSupportA"),
+    (4081, "BDSNav"),
+    (4082, "QualityInd"),
+    (4090, "InputLink"),
+    (4091, "OutputLink"),
+    (4092, "RFStatus"),
+    (4103, "RxMessage"),
+    (4105, "DynDNSStatus"),
+    (4119, "BDSAlm"),
+    (4120, "BDSIon"),
+    (4121, "BDSUtc"),
+    (4122, "NTRIPServerStatus"),
+    (4238, "P2PPStatus"),
+    (4245, "GALAuthStatus"),
+    (5891, "GPSNav"),
+    (5892, "GPSAlm"),
+    (5893, "GPSIon"),
+    (5894, "GPSUtc"),
+    (5896, "GEONav"),
+    (5897, "GEOAlm"),
+    (5902, "ReceiverSetup"),
+    (5918, "GEONetworkTime"),
+    (5919, "DiffCorrIn"),
+    (5921, "EndOfPVT"),
+    (5922, "EndOfMeas"),
+    (5925, "GEOMT00"),
+    (5936, "Comment"),
+    (5942, "AuxAntPositions"),
+    (5943, "EndOfAtt"),
+    (5949, "BaseStation"),
 ];
 
 /// One block.
@@ -123,9 +190,14 @@ pub(crate) fn scan(bytes: &[u8]) -> Scan<()> {
 }
 
 /// What a block with a good checksum turned out to be.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it lives for one message, on the stack"
+)]
 pub(crate) enum Decoded {
     Block(&'static str, Block),
-    Unknown(u16),
+    /// With its name if that is known.
+    Unknown(u16, Option<&'static str>),
     Malformed(u16),
 }
 
@@ -135,7 +207,8 @@ pub(crate) fn decode(bytes: &[u8]) -> Decoded {
     let (number, revision) = (id & 0x1FFF, (id >> 13) as u8);
     let known = BLOCKS.iter().find(|block| block.0 == number);
     let (Some((_, name)), Some(body)) = (known, Body::empty(number)) else {
-        return Decoded::Unknown(number);
+        let known = KNOWN.iter().find(|block| block.0 == number);
+        return Decoded::Unknown(number, known.map(|(_, name)| *name));
     };
     let mut block = Block {
         number,

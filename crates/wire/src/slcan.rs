@@ -1,11 +1,15 @@
 //! SLCAN, the ASCII protocol of LAWICEL's CAN232 and of most USB adapters without a driver.
 //!
 //! Both directions are read by one [`Decoder`]: a host reads an adapter's frames and answers, a
-//! virtual adapter reads a host's commands. Lines end with a carriage return:
+//! virtual adapter reads a host's commands. Lines end with a carriage return, of some adapters with a
+//! line feed:
 //! - `tiiildd...`, `Tiiiiiiiildd...`: data frame with 11- or 29-bit identifier, length, data;
 //! - `riiil`, `Riiiiiiiil`: remote frame;
 //! - `d`, `D`, `b`, `B`: CAN FD frame without and with bit-rate switch, the length as DLC 0 to F;
-//! - four more digits behind a frame: the adapter's clock in ms, from 0 to 59999 (`Z1`);
+//! - the length of a classic frame may be 9 to F, which means eight bytes (ISO 11898-1, 8.4.2.4);
+//! - four more digits behind a frame: the adapter's clock in ms, from 0 to 59999 (`Z1`), or from 0 to
+//!   65535 where it runs freely;
+//! - eight more digits: the adapter's clock in µs (`Z2`), from 0 to 3,599,999,999 or to 2^32 - 1;
 //! - `Fxx`: status flags; an empty line: accepted; BELL: refused.
 
 use std::fmt::Write;
@@ -13,10 +17,9 @@ use std::fmt::Write;
 use sample::{CanFlags, CanFrame};
 
 /// Longest line: a FD frame of 64 bytes with 29-bit identifier and stamp.
-const LINE_BYTES_MAX: usize = 1 + 8 + 1 + 128 + 4;
+const LINE_BYTES_MAX: usize = 1 + 8 + 1 + 128 + 8;
 /// Where the adapter's millisecond clock starts again.
 const CLOCK_PERIOD_MS: i64 = 60_000;
-const NANOS_PER_MS: i64 = 1_000_000;
 const BELL: u8 = 7;
 
 /// Bit rates of `S0` to `S8`, bit/s.
@@ -31,8 +34,7 @@ const LENGTHS: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
     /// A frame: received by the adapter, or to be sent by it. With stamps on, `hardware_ns` counts
-    /// the adapter's milliseconds on through their wrap each minute; a silence of a minute or more
-    /// is not seen in it.
+    /// the adapter's clock on through its wraps; a silence of a period or more is not seen in it.
     Frame(CanFrame),
     /// The adapter accepted the last command.
     Accepted,
@@ -131,6 +133,8 @@ pub struct SlcanStatistics {
     pub frames: u64,
     /// Lines that say nothing known: noise, or cut by lost bytes.
     pub malformed: u64,
+    /// Whether the first line was malformed: it may be the rest of a line that began before.
+    pub first_malformed: bool,
     /// Refusals.
     pub refused: u64,
 }
@@ -141,9 +145,67 @@ pub struct Decoder {
     line: Vec<u8>,
     /// The line is too long to be one; wait for its end.
     overlong: bool,
-    /// Last stamp: the adapter's milliseconds, and those with all wraps.
-    clock_ms: Option<i64>,
+    /// Lines so far.
+    lines: u64,
+    /// Last byte was a carriage return: a line feed after it ends no line.
+    after_return: bool,
+    clock: Option<Clock>,
     statistics: SlcanStatistics,
+}
+
+/// An adapter's clock.
+#[derive(Clone, Copy, Debug)]
+struct Clock {
+    unit: Unit,
+    /// Whether a stamp was beyond the end of the shorter period: the clock runs freely.
+    runs_freely: bool,
+    /// The last stamp, and the same with all wraps before it.
+    last: i64,
+    total: i64,
+}
+
+/// Unit of a stamp, by the number of its digits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Unit {
+    Millisecond,
+    Microsecond,
+}
+
+impl Unit {
+    const fn nanos(self) -> i64 {
+        match self {
+            Self::Millisecond => 1_000_000,
+            Self::Microsecond => 1_000,
+        }
+    }
+
+    /// Where the clock starts again: after a minute or an hour, or at the end of its digits.
+    const fn periods(self) -> [i64; 2] {
+        match self {
+            Self::Millisecond => [CLOCK_PERIOD_MS, 1 << 16],
+            Self::Microsecond => [3_600_000_000, 1 << 32],
+        }
+    }
+}
+
+impl Clock {
+    /// Clock after a stamp. The shorter period holds until a stamp is beyond it.
+    fn after(before: Option<Self>, unit: Unit, stamp: u32) -> Self {
+        let stamp = i64::from(stamp);
+        let [short, long] = unit.periods();
+        let before = before.filter(|clock| clock.unit == unit);
+        let runs_freely = stamp >= short || before.is_some_and(|clock| clock.runs_freely);
+        let period = if runs_freely { long } else { short };
+        let total = before.map_or(stamp, |clock| {
+            clock.total + (stamp - clock.last).rem_euclid(period)
+        });
+        Self {
+            unit,
+            runs_freely,
+            last: stamp,
+            total,
+        }
+    }
 }
 
 impl Decoder {
@@ -162,8 +224,11 @@ impl Decoder {
     /// Takes bytes and hands on what they say, in order.
     pub fn push(&mut self, bytes: &[u8], deliver: &mut impl FnMut(Event)) {
         for byte in bytes {
+            let after_return = std::mem::replace(&mut self.after_return, *byte == b'\r');
             match *byte {
                 b'\r' => self.end_line(deliver),
+                b'\n' if after_return || self.line.is_empty() && !self.overlong => {}
+                b'\n' => self.end_line(deliver),
                 // Refusals stand alone; what waited before one was cut.
                 BELL => {
                     if !self.line.is_empty() || self.overlong {
@@ -173,7 +238,6 @@ impl Decoder {
                     self.statistics.refused += 1;
                     deliver(Event::Refused);
                 }
-                b'\n' => {}
                 _ if self.line.len() == LINE_BYTES_MAX => self.overlong = true,
                 other => self.line.push(other),
             }
@@ -187,30 +251,28 @@ impl Decoder {
             parse_line(&self.line)
         };
         match event {
-            Some(Parsed::Frame(mut frame, stamp_ms)) => {
+            Some(Parsed::Frame(mut frame, stamp)) => {
                 self.statistics.frames += 1;
-                frame.hardware_ns = stamp_ms.map(|ms| self.unwrap_clock(ms) * NANOS_PER_MS);
+                frame.hardware_ns = stamp.map(|(unit, stamp)| {
+                    let clock = Clock::after(self.clock, unit, stamp);
+                    self.clock = Some(clock);
+                    clock.total * unit.nanos()
+                });
                 deliver(Event::Frame(frame));
             }
             Some(Parsed::Event(event)) => deliver(event),
-            None => self.statistics.malformed += 1,
+            None => {
+                self.statistics.malformed += 1;
+                self.statistics.first_malformed |= self.lines == 0;
+            }
         }
+        self.lines += 1;
         self.clear();
     }
 
     fn clear(&mut self) {
         self.line.clear();
         self.overlong = false;
-    }
-
-    fn unwrap_clock(&mut self, stamp_ms: u16) -> i64 {
-        let stamp = i64::from(stamp_ms);
-        let now = match self.clock_ms {
-            Some(last) => last + (stamp - last).rem_euclid(CLOCK_PERIOD_MS),
-            None => stamp,
-        };
-        self.clock_ms = Some(now);
-        now
     }
 }
 
@@ -248,7 +310,8 @@ pub fn encode_frame(frame: &CanFrame, stamp_ms: Option<u64>) -> Option<Vec<u8>> 
 }
 
 enum Parsed {
-    Frame(CanFrame, Option<u16>),
+    /// A frame, and its stamp.
+    Frame(CanFrame, Option<(Unit, u32)>),
     Event(Event),
 }
 
@@ -296,14 +359,13 @@ fn parse_frame(letter: u8, rest: &[u8]) -> Option<Parsed> {
         return None;
     }
     let len = LENGTHS[hex(code)? as usize];
-    if !flags.fd && len > 8 {
-        return None;
-    }
+    let len = if flags.fd { len } else { len.min(8) };
     let data_len = if flags.remote { 0 } else { usize::from(len) };
     let (data, stamp) = rest.split_at_checked(2 * data_len)?;
-    let stamp_ms = match stamp.len() {
+    let stamp = match stamp.len() {
         0 => None,
-        4 => Some(u16::try_from(hex(stamp)?).ok()?),
+        4 => Some((Unit::Millisecond, hex(stamp)?)),
+        8 => Some((Unit::Microsecond, hex(stamp)?)),
         _ => return None,
     };
     let mut bytes = [0; 64];
@@ -311,7 +373,7 @@ fn parse_frame(letter: u8, rest: &[u8]) -> Option<Parsed> {
         *byte = hex(digits)? as u8;
     }
     let frame = CanFrame::new(id, flags, &bytes[..data_len])?;
-    Some(Parsed::Frame(CanFrame { len, ..frame }, stamp_ms))
+    Some(Parsed::Frame(CanFrame { len, ..frame }, stamp))
 }
 
 fn hex(digits: &[u8]) -> Option<u32> {
@@ -358,17 +420,51 @@ mod tests {
         assert_eq!((statistics.frames, statistics.refused), (2, 1));
     }
 
+    fn stamps_ms(bytes: &[u8]) -> Vec<f64> {
+        let (events, _) = events(bytes);
+        let stamp = |event: &Event| match event {
+            Event::Frame(frame) => frame.hardware_ns.expect("a stamp") as f64 * 1e-6,
+            other => panic!("{other:?}"),
+        };
+        events.iter().map(stamp).collect()
+    }
+
     #[test]
     fn the_clock_counts_on_through_its_wrap() {
-        let (events, _) = events(b"t1000EA5F\rt1000000A\rt1000000A\r");
-        let stamps: Vec<_> = events
-            .iter()
-            .map(|event| match event {
-                Event::Frame(frame) => frame.hardware_ns.expect("a stamp"),
-                other => panic!("{other:?}"),
-            })
-            .collect();
-        assert_eq!(stamps, [59_999_000_000, 60_010_000_000, 60_010_000_000]);
+        let minute = b"t1000EA5F\rt1000000A\rt1000000A\r";
+        assert_eq!(stamps_ms(minute), [59_999.0, 60_010.0, 60_010.0]);
+        // EA60 is 60,000: the clock runs to 65,535, also in the next periods.
+        let free = b"t1000EA5F\rt1000EA60\rt1000FFFF\rt1000000A\rt1000EA00\rt1000000A\r";
+        let expected = [59_999.0, 60_000.0, 65_535.0, 65_546.0, 125_440.0, 131_082.0];
+        assert_eq!(stamps_ms(free), expected);
+        // Microseconds: an hour, 3,600,000,000 is D693A400; and 2^32.
+        let hour = b"t1000D693A3FF\rt10000000000A\r";
+        assert_eq!(stamps_ms(hour), [3_599_999.999, 3_600_000.01]);
+        let free = b"t1000FFFFFFFF\rt10000000000A\r";
+        assert_eq!(stamps_ms(free), [4_294_967.295, 4_294_967.306]);
+    }
+
+    #[test]
+    fn classic_frames_with_a_longer_code_have_eight_bytes() {
+        let lines = b"t123CAABBCCDDEEFF0011\rT0000012FFAABBCCDDEEFF0011EA5F\rr123F\r";
+        let (events, statistics) = events(lines);
+        assert_eq!((statistics.frames, statistics.malformed), (3, 0));
+        for event in &events[..2] {
+            let Event::Frame(frame) = event else {
+                panic!("{event:?}");
+            };
+            let bytes = [0xAA, 0xBB, 0xCC, 0xDD, 0xEE, 0xFF, 0, 0x11];
+            assert_eq!((frame.len, frame.bytes()), (8, &bytes[..]));
+        }
+    }
+
+    #[test]
+    fn lines_end_at_line_feeds_too() {
+        let (found, statistics) = events(b"\nt1230\nt1230\r\nt1230\n\nt12\nt1230\r");
+        assert_eq!((statistics.frames, statistics.malformed), (4, 1));
+        assert_eq!(found.len(), 4, "a line feed accepts no command: {found:?}");
+        assert!(!statistics.first_malformed);
+        assert!(events(b"12\nt1230\r").1.first_malformed);
     }
 
     #[test]
@@ -426,7 +522,7 @@ mod tests {
             let mut events = Vec::new();
             decoder.push(&line[..cut], &mut |event| events.push(event));
             decoder.push(&line[cut..], &mut |event| events.push(event));
-            let hardware_ns = stamp.map(|ms| ms as i64 * NANOS_PER_MS);
+            let hardware_ns = stamp.map(|ms| ms as i64 * 1_000_000);
             prop_assert_eq!(events, [Event::Frame(CanFrame { hardware_ns, ..frame })]);
         }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use acq::{LogClock, QueueSizes, Sequencer, SourceCounters, Supervisor};
 use engine::config::device_name;
-use engine::{Config, Engine, Listened, bus_warnings};
+use engine::{Config, Engine, Listened, Reception, bus_warnings, scope};
 use sample::text::printable;
 use sample::{LossPlace, SourceId};
 use serde_json::json;
@@ -25,11 +25,17 @@ struct DeviceCheck {
     state: State,
     counters: SourceCounters,
     lost: [u64; LossPlace::ALL.len()],
+    /// Time of listening, s.
+    listened_s: f64,
+    reception: Option<Reception>,
+    values: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     SendsData,
+    /// Data arrives, and no decoder understands it.
+    NotUnderstood,
     Silent,
     NotOpen,
 }
@@ -38,6 +44,7 @@ impl State {
     const fn name(self) -> &'static str {
         match self {
             Self::SendsData => "answers",
+            Self::NotUnderstood => "not understood",
             Self::Silent => "silent",
             Self::NotOpen => "not open",
         }
@@ -60,14 +67,17 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
     let (devices, listened) = if args.no_devices {
         (Vec::new(), Listened::default())
     } else {
-        listen(&config, engine, Duration::from_secs_f64(args.listen_s))?
+        super::require_sources(path, &config)?;
+        listen(&config, engine, args.listen_s)?
     };
     let storage = &config.storage;
     let rate = retention::last_rate(&storage.directory);
     let mut warnings =
         retention::warnings(&storage.directory, storage.limits, &storage.options, rate);
+    warnings.extend(config.warnings().map(ToString::to_string));
     warnings.extend(bus_warnings(&config));
     warnings.extend(listened.warnings(&config));
+    warnings.extend(scope::limits(&config));
     if args.json {
         println!("{:#}", as_json(&devices, &warnings));
     } else {
@@ -94,13 +104,13 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<Outcome> {
 fn listen(
     config: &Config,
     mut engine: Engine,
-    time: Duration,
+    listen_s: f64,
 ) -> anyhow::Result<(Vec<DeviceCheck>, Listened)> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
         .build()?;
-    let (counters, losses, listened) = runtime.block_on(async {
+    let (counters, losses, listened, engine) = runtime.block_on(async {
         let sizes = QueueSizes {
             estimator: 0,
             ..QueueSizes::default()
@@ -114,22 +124,32 @@ fn listen(
                     listened.push(&record);
                 }
             }
-            listened
+            (listened, engine)
         });
         let mut supervisor = Supervisor::new(sequencer.clone());
         for source in &config.sources {
             supervisor.spawn(source.spec.clone());
         }
-        tokio::time::sleep(time).await;
+        tokio::time::sleep(Duration::from_secs_f64(listen_s)).await;
         let counters = sequencer.counters();
         if let Err(stuck) = supervisor.stop(STOP_DEADLINE).await {
             tracing::warn!(%stuck, "sources did not end in time and were aborted");
         }
         sequencer.finish();
-        let listened = drain.await?;
-        anyhow::Ok((counters, sequencer.ledger().losses(), listened))
+        let (listened, engine) = drain.await?;
+        anyhow::Ok((counters, sequencer.ledger().losses(), listened, engine))
     })?;
-    Ok((results(config, &counters, &losses), listened))
+    let mut devices = results(config, &counters, &losses);
+    let receptions = engine.reception();
+    for ((device, source), reception) in devices.iter_mut().zip(&config.sources).zip(receptions) {
+        device.listened_s = listen_s;
+        device.values = listened.values(source);
+        if device.state == State::SendsData && reception.problem().is_some() {
+            device.state = State::NotUnderstood;
+        }
+        device.reception = Some(reception);
+    }
+    Ok((devices, listened))
 }
 
 fn results(
@@ -153,16 +173,22 @@ fn results(
                 state,
                 counters,
                 lost: losses.of(source.spec.id),
+                listened_s: 0.0,
+                reception: None,
+                values: Vec::new(),
             }
         })
         .collect()
 }
 
+/// Indentation of the lines below a device.
+const BELOW: &str = "                ";
+
 fn print(devices: &[DeviceCheck]) {
     for device in devices {
         let lost: u64 = device.lost.iter().sum();
         println!(
-            "  {:<14}{:<32}{:<10}{:>8} items {:>9} bytes{}",
+            "  {:<14}{:<32}{:<15}{:>8} items {:>9} bytes{}",
             device.name,
             printable(&device.device),
             device.state.name(),
@@ -174,9 +200,54 @@ fn print(devices: &[DeviceCheck]) {
                 String::new()
             },
         );
-        if device.state != State::SendsData && !device.counters.state.is_empty() {
-            println!("                {}", printable(&device.counters.state));
+        let silent = matches!(device.state, State::Silent | State::NotOpen);
+        if silent && !device.counters.state.is_empty() {
+            println!("{BELOW}{}", printable(&device.counters.state));
         }
+        let Some(reception) = &device.reception else {
+            continue;
+        };
+        if device.state == State::NotUnderstood
+            && let Some(problem) = reception.problem()
+        {
+            println!("{BELOW}{}", printable(&problem));
+        }
+        for (label, messages) in [
+            ("messages", device.rates(reception.messages.decoded())),
+            (
+                "not decoded",
+                device.rates(reception.messages.not_decoded()),
+            ),
+            ("values", device.values.join(", ")),
+        ] {
+            if !messages.is_empty() {
+                println!("{BELOW}{label}: {}", printable(&messages));
+            }
+        }
+    }
+}
+
+impl DeviceCheck {
+    /// Names with messages per second.
+    fn rates<'m>(&self, messages: impl Iterator<Item = (&'m str, u64)>) -> String {
+        let rate = |count: u64| count as f64 / self.listened_s.max(1e-3);
+        let texts = messages.map(|(name, count)| format!("{name} {:.1} Hz", rate(count)));
+        texts.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Names, counts and rates for JSON.
+    fn messages(&self) -> Vec<serde_json::Value> {
+        let Some(reception) = &self.reception else {
+            return Vec::new();
+        };
+        let decoded = reception.messages.decoded().map(|message| (message, true));
+        let others = reception.messages.not_decoded();
+        let all = decoded.chain(others.map(|message| (message, false)));
+        let as_json = |((name, count), decoded): ((&str, u64), bool)| {
+            let rate_hz = count as f64 / self.listened_s.max(1e-3);
+            json!({ "name": name, "count": count, "rate_hz": rate_hz, "decoded": decoded })
+        };
+        all.map(as_json).collect()
     }
 }
 
@@ -197,6 +268,10 @@ fn as_json(devices: &[DeviceCheck], warnings: &[String]) -> serde_json::Value {
                 "bytes": device.counters.bytes,
                 "lost": lost,
                 "said": device.counters.state,
+                "problem": device.reception.as_ref().and_then(Reception::problem),
+                "looks_like": device.reception.as_ref().and_then(|r| r.format).map(|f| f.name()),
+                "messages": device.messages(),
+                "values": device.values,
             })
         })
         .collect();

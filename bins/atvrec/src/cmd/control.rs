@@ -180,6 +180,13 @@ fn print_sources(response: &Value) {
             source["bytes"],
             text(&source["state"]),
         );
+        let undecoded = source["undecoded"].as_array().into_iter().flatten();
+        let undecoded: Vec<String> = undecoded
+            .map(|message| format!("{} {}", text(&message["name"]), message["count"]))
+            .collect();
+        if !undecoded.is_empty() {
+            println!("                not decoded: {}", undecoded.join(", "));
+        }
     }
 }
 

@@ -6,9 +6,10 @@ mod text;
 
 use std::io::BufWriter;
 
+use engine::config::closest;
 use engine::missing;
 use sample::LogTime;
-use store::{Column, Missing, Reader, Table, UtcOffset, Values};
+use store::{Column, Info, Missing, Reader, Table, UtcOffset, Values};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
@@ -35,7 +36,10 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
         return Err(UsageError(text).into());
     }
     let reader = Reader::open(&args.logs)?;
-    let begin = reader.info().span.map_or(LogTime(0), |(first, _)| first);
+    let info = reader.info();
+    check_topic(&args.topic, &info)?;
+    super::check_from(args.from_s, &info)?;
+    let begin = info.span.map_or(LogTime(0), |(first, _)| first);
     let start = args
         .from_s
         .map_or(LogTime(0), |from_s| begin.offset_seconds(from_s));
@@ -82,6 +86,20 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     } else {
         Outcome::Good
     })
+}
+
+/// Refuses a topic that the log does not have.
+fn check_topic(topic: &str, info: &Info) -> anyhow::Result<()> {
+    if info.channels.contains_key(topic) {
+        return Ok(());
+    }
+    let known: Vec<&str> = info.channels.keys().map(String::as_str).collect();
+    let hint = match closest(topic, &known) {
+        Some(near) => format!("did you mean {near}?"),
+        None if known.is_empty() => "it has no topic".to_owned(),
+        None => format!("it has {}", known.join(", ")),
+    };
+    anyhow::bail!("the log has no topic {topic}; {hint}")
 }
 
 /// Column with the UTC of `publish_time_ns`, from a GNSS receiver.

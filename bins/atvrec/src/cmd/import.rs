@@ -214,7 +214,15 @@ fn configuration(
             }
         }
     }
-    Ok(Config::from_text(&text, Path::new("."))?)
+    let options = [
+        ("vehicle.file", "--vehicle"),
+        ("vehicle.sensors", "--sensors"),
+        ("vehicle.calibration", "--calibration"),
+    ];
+    let config = Config::from_text(&text, Path::new("."))
+        .map_err(|error| super::name_options(error, &options))?;
+    super::tell_scope(&config);
+    Ok(config)
 }
 
 fn quoted(text: &str) -> String {

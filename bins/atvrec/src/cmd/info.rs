@@ -1,12 +1,13 @@
 //! `atvrec info`: show the contents of a log.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use engine::missing;
-use sample::LogTime;
 use sample::text::printable;
+use sample::{LogTime, MessageCount};
 use serde_json::json;
-use store::{Info, Reader, Session, UtcOffset, utc_ns};
+use store::{Info, Reader, Record, Selection, Session, UtcOffset, utc_ns};
 
 use crate::cli::InfoArgs;
 use crate::exit::Outcome;
@@ -18,12 +19,155 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<Outcome> {
     info.missing.extend(reader.changed()?);
     info.span = info.span.map(|span| recorded_span(&reader, span));
     let utc = reader.utc_offset()?;
+    let undecoded = undecoded(&reader, &info);
+    let trouble = trouble(&reader, &info);
     if args.json {
-        println!("{:#}", as_json(&info, &reader, utc));
+        let mut shown = as_json(&info, &reader, utc);
+        shown["undecoded"] = undecoded
+            .iter()
+            .map(|(name, list)| json!({ name: list }))
+            .collect();
+        shown["trouble_codes"] = trouble.iter().map(Trouble::as_json).collect();
+        println!("{shown:#}");
     } else {
         print!("{}", as_text(&info, &reader, utc));
+        print!("{}", undecoded_text(&undecoded));
+        print!("{}", trouble_text(&trouble));
     }
     Ok(Outcome::Good)
+}
+
+/// Time before the end of a log in which its last counters are looked for: they come once a second.
+const HEALTH_BEFORE_END_S: f64 = 5.0;
+
+/// Messages that the decoders know by name and did not decode, by source.
+fn undecoded(reader: &Reader, info: &Info) -> Vec<(String, Vec<MessageCount>)> {
+    let Some((_, end)) = info.span else {
+        return Vec::new();
+    };
+    let start = end.offset_seconds(-HEALTH_BEFORE_END_S);
+    let last = Selection::topics(["/health"]).between(start, end);
+    // A message that cannot be read is reported as missing.
+    let records = reader
+        .messages(last)
+        .filter_map(|message| message.ok()?.record().ok()?);
+    let health = records.filter_map(|record| match record {
+        Record::Health(health) => Some(health),
+        _ => None,
+    });
+    let sources = health.last().map_or_else(Vec::new, |health| health.sources);
+    let named = sources
+        .into_iter()
+        .map(|source| (source.name, source.undecoded));
+    named
+        .filter(|(_, undecoded)| !undecoded.is_empty())
+        .collect()
+}
+
+fn undecoded_text(undecoded: &[(String, Vec<MessageCount>)]) -> String {
+    let mut text = String::new();
+    for (source, messages) in undecoded {
+        for message in messages {
+            let name = format!("{source}: {}", message.name);
+            let _ = writeln!(text, "{:<36} {:>9}", printable(&name), message.count);
+        }
+    }
+    if text.is_empty() {
+        return text;
+    }
+    format!("\n{:<36} {:>9}\n{text}", "not decoded", "messages")
+}
+
+/// A J1939 trouble code that a controller reported (DM1).
+struct Trouble {
+    topic: String,
+    source_address: u8,
+    parameter: u32,
+    failure: u8,
+    /// Most occurrences that were reported.
+    occurrences: u8,
+}
+
+impl Trouble {
+    fn as_json(&self) -> serde_json::Value {
+        json!({
+            "topic": self.topic,
+            "source_address": self.source_address,
+            "spn": self.parameter,
+            "fmi": self.failure,
+            "occurrences": self.occurrences,
+        })
+    }
+}
+
+/// Trouble codes in the log, each once for its sender.
+fn trouble(reader: &Reader, info: &Info) -> Vec<Trouble> {
+    let ending = format!("/{}", engine::DM1);
+    let topics = info
+        .channels
+        .keys()
+        .filter(|topic| topic.ends_with(&ending));
+    let topics: Vec<String> = topics.cloned().collect();
+    if topics.is_empty() {
+        return Vec::new();
+    }
+    let mut codes = BTreeMap::<(String, u8, u32, u8), u8>::new();
+    // A message that cannot be read is reported as missing.
+    for message in reader.messages(Selection::topics(topics)).flatten() {
+        let Ok(signals) = message.signals() else {
+            continue;
+        };
+        let value = |name: &str| {
+            let signal = signals.iter().find(|signal| signal.name == name);
+            signal.map(|signal| signal.value)
+        };
+        let source_address = value("j1939_source_address").unwrap_or(f64::NAN) as u8;
+        for n in 1.. {
+            let code = value(&format!("spn_{n}")).zip(value(&format!("fmi_{n}")));
+            let Some((parameter, failure)) = code else {
+                break;
+            };
+            let occurrences = value(&format!("count_{n}")).unwrap_or(0.0) as u8;
+            let topic = message.channel.topic.clone();
+            let key = (topic, source_address, parameter as u32, failure as u8);
+            let most = codes.entry(key).or_default();
+            *most = occurrences.max(*most);
+        }
+    }
+    let codes = codes.into_iter();
+    codes
+        .map(
+            |((topic, source_address, parameter, failure), occurrences)| Trouble {
+                topic,
+                source_address,
+                parameter,
+                failure,
+                occurrences,
+            },
+        )
+        .collect()
+}
+
+fn trouble_text(codes: &[Trouble]) -> String {
+    if codes.is_empty() {
+        return String::new();
+    }
+    let mut text = format!(
+        "\n{:<36} {:>9} {:>9} {:>4} {:>11}\n",
+        "trouble codes (DM1)", "sender", "SPN", "FMI", "occurrences"
+    );
+    for code in codes {
+        let _ = writeln!(
+            text,
+            "{:<36} {:>9} {:>9} {:>4} {:>11}",
+            printable(&code.topic),
+            code.source_address,
+            code.parameter,
+            code.failure,
+            code.occurrences
+        );
+    }
+    text
 }
 
 /// Time span of the recorded data. A part begins with latched messages, whose times may be in the first
@@ -89,10 +233,12 @@ fn write_tables(text: &mut String, info: &Info) {
         "topic", "messages", "Hz"
     );
     for (topic, (schema, count)) in &info.channels {
-        // A log of one instant has no rate.
-        let rate = match seconds(info) {
-            0.0 => "-".to_owned(),
-            seconds => format!("{:.1}", *count as f64 / seconds),
+        // One instant has no rate.
+        let duration_s = seconds(info);
+        let rate = if duration_s > 0.0 {
+            format!("{:.1}", *count as f64 / duration_s)
+        } else {
+            "-".to_owned()
         };
         let _ = writeln!(
             text,

@@ -37,6 +37,11 @@ pub fn run(args: &RecordArgs, quiet: bool) -> anyhow::Result<Outcome> {
         ..Extras::default()
     };
     let config = with_directory(config);
+    super::require_sources(&args.config, &config)?;
+    for warning in config.warnings() {
+        tracing::warn!("{warning}");
+    }
+    super::tell_scope(&config);
     let extras = Extras {
         also_found_at: match control::paths(&config) == extras.also_found_at {
             true => Vec::new(),
@@ -87,9 +92,9 @@ async fn after(limit: Option<Duration>) {
     }
 }
 
-/// Outcome of a recording: whether data was lost.
+/// Outcome of a recording: whether data was lost, or of no use.
 pub fn outcome(summary: &Summary) -> Outcome {
-    if summary.has_loss() {
+    if summary.has_loss() || !summary.useless().is_empty() {
         Outcome::DataLoss
     } else {
         Outcome::Good
@@ -137,7 +142,23 @@ pub fn as_text(summary: &Summary) -> String {
     for file in &summary.files {
         let _ = writeln!(text, "  {}", printable(&file.to_string_lossy()));
     }
+    write_undecoded(&mut text, summary);
+    let useless = summary.useless();
+    if !useless.is_empty() {
+        let _ = writeln!(text, "{}", printable(&useless.join("; ")));
+    }
     text
+}
+
+/// Messages that the decoders know by name and do not decode.
+fn write_undecoded(text: &mut String, summary: &Summary) {
+    for source in &summary.health.sources {
+        let names = source.undecoded.iter();
+        let names: Vec<String> = names.map(|m| format!("{} {}", m.name, m.count)).collect();
+        if !names.is_empty() {
+            let _ = writeln!(text, "  {}: not decoded: {}", source.name, names.join(", "));
+        }
+    }
 }
 
 /// Losses, and logs that were deleted, renamed or not closed.
@@ -191,6 +212,7 @@ fn as_json(summary: &Summary) -> serde_json::Value {
         "cut_off": summary.recorder.cut_off,
         "unfinished": summary.recorder.unfinished,
         "stuck": summary.stuck,
+        "useless": summary.useless(),
         "sources": summary.health.sources,
         "faulty_sensors": summary.health.faulty_sensors,
     })

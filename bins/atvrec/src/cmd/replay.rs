@@ -19,7 +19,9 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let config = match &args.config {
         Some(path) => Config::load(path)?,
-        None => changes(&args.changes).configuration(reader.attachments()?)?,
+        None => changes(&args.changes)
+            .configuration(reader.attachments()?)
+            .map_err(|error| super::name_options(error, &options_of(&args.changes)))?,
     };
     #[cfg(feature = "live")]
     if args.live {
@@ -185,4 +187,21 @@ fn print_result(args: &ReplayArgs, done: &Replayed, made_by: Option<String>, too
     if let Some(output) = &args.output {
         println!("  wrote {}", output.display());
     }
+}
+
+/// Options that change the configuration of the log, by the field that they change.
+fn options_of(changes: &ReplayChanges) -> Vec<(&'static str, &'static str)> {
+    let given = [
+        (changes.vehicle.is_some(), "vehicle.file", "--vehicle"),
+        (changes.sensors.is_some(), "vehicle.sensors", "--sensors"),
+        (
+            changes.calibration.is_some(),
+            "vehicle.calibration",
+            "--calibration",
+        ),
+        (changes.method.is_some(), "estimator.method", "--method"),
+        (!changes.without.is_empty(), "estimator.ignore", "--without"),
+    ];
+    let given = given.into_iter().filter(|(given, ..)| *given);
+    given.map(|(_, field, option)| (field, option)).collect()
 }

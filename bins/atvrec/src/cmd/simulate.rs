@@ -23,6 +23,7 @@ pub fn run(args: &SimulateArgs, quiet: bool) -> anyhow::Result<Outcome> {
         Some(path) => Config::load(path)?,
         None => simulated.config()?,
     };
+    super::tell_scope(&config);
     let session = simulated.session(&config);
     let mut sink = Sink::open(output.as_ref(), &args.output, &config, session)?;
     if let Some(target) = calibration {

@@ -16,6 +16,7 @@ mod hostile;
 mod identify;
 mod import;
 mod import_kinds;
+mod inputs;
 #[cfg(feature = "live")]
 mod live;
 #[cfg(target_os = "linux")]

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::support::{atvrec, stderr, stdout};
+use crate::support::{ABSENT, NOTHING_RECEIVED, atvrec, stderr, stdout};
 
 /// A recorder of one absent device; killed with this.
 pub struct Recorder {
@@ -87,7 +87,7 @@ impl Drop for Recorder {
     }
 }
 
-const SOURCE: &str = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n";
+const SOURCE: &str = ABSENT;
 
 fn with_socket(path: &str) -> String {
     format!("{SOURCE}[control]\nsocket = \"{path}\"\n")
@@ -112,7 +112,7 @@ fn the_control_socket_replaces_no_file_and_recording_goes_on_without_it() {
             errors.contains("WARN") && errors.contains(reason),
             "{socket}: {errors}"
         );
-        assert_eq!(recorder.stop(), Some(0));
+        assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
         let left = fs::read_to_string(directory.path().join("atvrec.toml")).expect("there");
         assert_eq!(left, config);
         let left = fs::read_to_string(directory.path().join("notes")).expect("there");
@@ -156,10 +156,10 @@ fn recorders_find_their_own_sockets_and_a_live_one_is_not_stolen() {
         drop(other);
     }
     first.ask(&["mark", "still there"]).assert().success();
-    assert_eq!(first.stop(), Some(0));
+    assert_eq!(first.stop(), Some(NOTHING_RECEIVED));
     assert!(!socket.exists());
     for recorder in recorders {
-        assert_eq!(recorder.stop(), Some(0));
+        assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
     }
 }
 
@@ -171,7 +171,7 @@ fn a_socket_without_a_recorder_is_replaced() {
     recorder.ask(&["mark", "here"]).assert().success();
     let found = directory.path().join("control").metadata().expect("there");
     assert!(found.file_type().is_socket());
-    assert_eq!(recorder.stop(), Some(0));
+    assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
 }
 
 #[test]
@@ -220,7 +220,7 @@ fn clients_that_ask_nothing_or_read_nothing_do_not_stop_marks() {
     assert_eq!(read, 0);
     assert!((8.0..14.0).contains(&waited.as_secs_f64()), "{waited:?}");
     drop(clients);
-    assert_eq!(recorder.stop(), Some(0));
+    assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
 }
 
 /// Marks with control characters, which a trigger puts into messages.
@@ -243,7 +243,7 @@ fn marks_reach_neither_journal_nor_terminal_as_control_characters() {
         assert!(!text.contains(['\u{1b}', '\u{9b}', '\u{202e}']), "{text}");
     }
     // The log keeps the original text.
-    assert_eq!(recorder.stop(), Some(0));
+    assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
     let log = fs::read_dir(directory.path().join("logs")).expect("there");
     let log = log
         .map(|entry| entry.expect("an entry").path())
@@ -315,7 +315,7 @@ fn reload_of_an_empty_or_broken_file_or_a_fifo_changes_nothing() {
         stdout(&status)
     );
     assert!(stdout(&status).contains("imu"), "{}", stdout(&status));
-    assert_eq!(recorder.stop(), Some(0));
+    assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
 }
 
 /// The program's unit for one interface, as systemd expands it.
@@ -403,7 +403,7 @@ fn hostile_log(directory: &Path) -> PathBuf {
     ] {
         recorder.ask(&["mark", text]).assert().success();
     }
-    assert_eq!(recorder.stop(), Some(0));
+    assert_eq!(recorder.stop(), Some(NOTHING_RECEIVED));
     let mut logs = fs::read_dir(directory.join("logs")).expect("there");
     let log = logs.find_map(|entry| {
         let path = entry.expect("an entry").path();

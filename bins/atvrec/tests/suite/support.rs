@@ -9,6 +9,11 @@ pub fn atvrec(directory: &Path) -> Command {
     command
 }
 
+/// A source whose device does not exist: a recording needs a source.
+pub const ABSENT: &str = "[source.imu]\nkind = \"crossbow440\"\ndevice = \"absent\"\n";
+/// Exit code of a recording that received nothing.
+pub const NOTHING_RECEIVED: i32 = 3;
+
 /// A simulated drive of two seconds.
 pub fn simulate(directory: &Path, name: &str, seed: u32) -> PathBuf {
     let path = directory.join(name);

@@ -18,6 +18,9 @@ pub const GAVLAB: &str = "gavlab.toml";
 /// Name of the built-in DBC file.
 pub const PROJECT_DBC: &str = "prowler.dbc";
 
+/// End of the message about a file that a log does not have.
+pub const NOT_ATTACHED: &str = " is not attached to the log";
+
 /// Text of the built-in DBC file.
 const PROJECT_DBC_TEXT: &str = include_str!("../../assets/prowler.dbc");
 
@@ -281,7 +284,7 @@ pub fn read_text(path: &Path, limit: usize) -> io::Result<String> {
 
 fn not_attached(name: &str) -> FileProblem {
     FileProblem {
-        message: format!("{name} is not attached to the log"),
+        message: format!("{name}{NOT_ATTACHED}"),
         help: "give a configuration with --config".to_owned(),
     }
 }

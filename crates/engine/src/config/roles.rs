@@ -167,11 +167,10 @@ impl Finder<'_> {
             .iter()
             .enumerate()
             .find_map(|(number, database)| {
+                let found = database.by_name(message_name)?;
                 let messages = database.messages();
-                let message = messages.iter().position(|m| m.name == message_name)?;
-                let signals = &messages[message].signals;
-                let signal = signals.iter().position(|s| s.name == signal_name)?;
-                Some((number, message, signal))
+                let message = messages.iter().position(|m| std::ptr::eq(m, found))?;
+                Some((number, message, found.position(signal_name)?))
             })
     }
 
@@ -182,6 +181,17 @@ impl Finder<'_> {
                 "use \"Message.Signal\" with both names of the DBC file".to_owned(),
             );
         };
+        let left_out = self.databases.iter().flat_map(Database::left_out);
+        let mut left_out = left_out.filter(|part| part.message.as_deref() == Some(message_name));
+        if let Some(part) = left_out.next() {
+            return (
+                format!(
+                    "the message {message_name} has an error in the DBC file: {}",
+                    part.issue
+                ),
+                "correct the message in the DBC file, or remove the role".to_owned(),
+            );
+        }
         let message = self.databases.iter().find_map(|d| d.by_name(message_name));
         let (missing, known): (String, Vec<&str>) = match message {
             Some(message) => (

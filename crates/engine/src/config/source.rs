@@ -2,13 +2,14 @@
 
 mod can;
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
 use acq::{Parity, PortSpec, SerialSpec, Setup, SourceKind, SourceSpec};
 use sample::SourceId;
 use wire::crossbow440::{PacketRate, SetupOptions};
-use wire::dbc::Database;
+use wire::dbc::{Database, MessageDef};
 use wire::line;
 
 use super::columns::{self, CsvMap};
@@ -17,7 +18,16 @@ use super::roles::RoleOf;
 use model::file::{ErrorCollector, Field, Problem, Section, closest};
 
 /// Names of the kinds of source in the file.
-const KINDS: [&str; 7] = ["can", "slcan", "crossbow440", "gnss", "line", "csv", "alog"];
+const KINDS: [&str; 8] = [
+    "can",
+    "slcan",
+    "crossbow440",
+    "gnss",
+    "vectornav",
+    "line",
+    "csv",
+    "alog",
+];
 
 /// A source: how it is opened and how its bytes are decoded.
 #[derive(Clone, Debug)]
@@ -49,18 +59,68 @@ pub enum Meaning {
     Alog(wire::alog::Format),
 }
 
+impl Meaning {
+    /// Value of `kind` in the configuration, and whether data that is not understood is a mistake: a bus
+    /// without DBC files is only recorded.
+    #[must_use]
+    pub fn kind(&self) -> (&'static str, bool) {
+        match self {
+            Self::Can(can) => (
+                "can",
+                can.databases.iter().any(|d| !d.messages().is_empty()),
+            ),
+            Self::Crossbow440(_) => ("crossbow440", true),
+            Self::Gnss(gnss) if gnss.is_vectornav => ("vectornav", true),
+            Self::Gnss(_) => ("gnss", true),
+            Self::Line(_) => ("line", true),
+            Self::Csv(_) => ("csv", true),
+            Self::Alog(_) => ("alog", true),
+        }
+    }
+}
+
 /// How frames are decoded.
 #[derive(Clone, Debug)]
 pub struct CanMeaning {
     /// DBC files; the first file that contains a frame's message decodes the frame.
     pub databases: Vec<Database>,
+    /// Name of each message of each file in the log, unique on the bus.
+    pub names: Vec<Vec<String>>,
     /// Signals that are measurements.
     pub roles: Vec<RoleOf>,
+    /// Messages and other parts of the DBC files that are left out, and what is odd in the files.
+    pub warnings: Vec<Problem>,
+}
+
+impl CanMeaning {
+    /// Meaning of the frames of a bus. A name that an earlier message has is continued by the
+    /// identifier.
+    #[must_use]
+    pub fn new(databases: Vec<Database>, roles: Vec<RoleOf>) -> Self {
+        let mut known = HashSet::new();
+        let mut unique = |message: &MessageDef| {
+            let mut name = message.name.clone();
+            while !known.insert(name.clone()) {
+                name = format!("{name}_{:X}", message.id);
+            }
+            name
+        };
+        let names = databases.iter();
+        let names = names.map(|d| d.messages().iter().map(&mut unique).collect());
+        Self {
+            names: names.collect(),
+            databases,
+            roles,
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// How the bytes of a GNSS receiver are decoded.
 #[derive(Clone, Debug)]
 pub struct GnssMeaning {
+    /// Whether the port is that of a VectorNav unit.
+    pub is_vectornav: bool,
     /// Latency of velocities without a latency field in their record, s; `None` means half the interval
     /// between two records.
     pub velocity_latency_s: Option<f64>,
@@ -129,7 +189,8 @@ fn read(
         "can" => can::read_can(&mut section, files, collector),
         "slcan" => can::read_slcan(&mut section, files, collector),
         "crossbow440" => read_crossbow(&mut section, collector),
-        "gnss" => read_gnss(&mut section, collector),
+        "gnss" => read_gnss(&mut section, false, collector),
+        "vectornav" => read_gnss(&mut section, true, collector),
         "line" => read_line(&mut section, collector),
         "csv" => {
             let held = read_held(&mut section, collector);
@@ -224,9 +285,14 @@ fn read_crossbow(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) 
     (kind, Some(Meaning::Crossbow440(rate)), 0.5)
 }
 
-fn read_gnss(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> Read {
+fn read_gnss(
+    section: &mut Section<'_>,
+    is_vectornav: bool,
+    collector: &mut ErrorCollector<'_>,
+) -> Read {
     let port = read_port(section, 115_200, collector);
     let meaning = Meaning::Gnss(GnssMeaning {
+        is_vectornav,
         velocity_latency_s: read_latency(section, "velocity_latency_s", collector),
         attitude_latency_s: read_latency(section, "attitude_latency_s", collector),
     });

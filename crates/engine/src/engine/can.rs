@@ -7,17 +7,25 @@ use sample::{
     NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample, StrainChannel,
     Wheel, WheelSpeedSample,
 };
-use wire::dbc::{Database, MessageDef};
+use wire::dbc::{Database, MessageDef, parameter_group, source_address};
+use wire::j1939::{self, Lamps, Transport};
 
 use crate::config::{CanMeaning, Role};
 
 /// Largest plausible age of a kernel stamp, ns; an older stamp is ignored.
 const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
 
+/// Name of the message with the active trouble codes of a sender.
+pub const DM1: &str = "DM1";
+/// Most trouble codes of a message that are in the log.
+const CODES_MAX: usize = 50;
+
 /// Decodes the frames of one bus.
 pub struct CanDecoder {
     databases: Vec<Decodable>,
     scales: Scales,
+    /// J1939 messages of several frames.
+    transport: Transport,
 }
 
 /// What turns signals into measurements, beside the DBC files.
@@ -35,6 +43,8 @@ pub struct Scales {
 
 struct Decodable {
     database: Database,
+    /// Name of each message in the log.
+    names: Vec<String>,
     /// Role of each signal of each message.
     roles: Vec<Vec<Option<Role>>>,
 }
@@ -55,6 +65,17 @@ pub struct Arrived {
 }
 
 impl Arrived {
+    /// Sample of a measurement in a frame.
+    fn sample(&self, frame: &CanFrame, measurement: Measurement) -> Sample {
+        Sample {
+            source: self.source,
+            log_time: self.log_time,
+            valid_time: self.instant_of(frame),
+            device_time: frame.hardware_ns.map(DeviceTime::AdapterNanos),
+            measurement,
+        }
+    }
+
     /// Time of a frame: the kernel's stamp, converted from the wall clock to the log clock. Without
     /// one, the arrival, or of a late frame its own time by the adapter's stamp.
     fn instant_of(&self, frame: &CanFrame) -> LogTime {
@@ -86,7 +107,9 @@ impl CanDecoder {
         let mut databases: Vec<Decodable> = meaning
             .databases
             .iter()
-            .map(|database| Decodable {
+            .zip(&meaning.names)
+            .map(|(database, names)| Decodable {
+                names: names.clone(),
                 roles: database
                     .messages()
                     .iter()
@@ -104,35 +127,105 @@ impl CanDecoder {
                 *slot = Some(role.role);
             }
         }
-        Self { databases, scales }
+        Self {
+            databases,
+            scales,
+            transport: Transport::default(),
+        }
     }
 
-    /// Decodes a frame and appends its samples.
-    pub fn push(&self, arrived: &Arrived, frame: &CanFrame, sink: &mut Vec<Sample>) {
+    /// Decodes a frame, and the message that it completes, and appends the samples.
+    pub fn push(&mut self, arrived: &Arrived, frame: &CanFrame, sink: &mut Vec<Sample>) {
         if frame.flags.error || frame.flags.remote {
             return;
         }
-        let found = self.databases.iter().find_map(|decodable| {
-            let position = decodable
-                .database
-                .position(frame.id, frame.flags.extended)?;
-            let message = &decodable.database.messages()[position];
-            Some((message, &decodable.roles[position]))
-        });
-        let Some((message, roles)) = found else {
+        self.decode(arrived, frame, frame.id, frame.bytes(), sink);
+        let is_extended = frame.flags.extended;
+        if is_extended && parameter_group(frame.id) == j1939::DM1 {
+            self.diagnose(arrived, frame, frame.id, frame.bytes(), sink);
+        }
+        if let Some(whole) = self.transport.push(frame, arrived.log_time.0) {
+            self.decode(arrived, frame, whole.id, &whole.data, sink);
+            if parameter_group(whole.id) == j1939::DM1 {
+                self.diagnose(arrived, frame, whole.id, &whole.data, sink);
+            }
+        }
+    }
+
+    /// Appends the active trouble codes of a sender, unless a DBC file has their message.
+    fn diagnose(
+        &self,
+        arrived: &Arrived,
+        frame: &CanFrame,
+        id: u32,
+        data: &[u8],
+        sink: &mut Vec<Sample>,
+    ) {
+        let mut databases = self.databases.iter();
+        if databases.any(|known| known.database.position(id, true).is_some()) {
+            return;
+        }
+        let Some((lamps, codes)) = j1939::trouble_codes(data) else {
             return;
         };
-        let mut emit = |measurement| {
-            sink.push(Sample {
-                source: arrived.source,
-                log_time: arrived.log_time,
-                valid_time: arrived.instant_of(frame),
-                device_time: frame.hardware_ns.map(DeviceTime::AdapterNanos),
-                measurement,
-            });
+        let signal = |name: String, value: f64| Signal {
+            name,
+            value,
+            unit: String::new(),
         };
-        let (signals, measured) = decode(message, roles, frame, &self.scales);
-        emit(Measurement::Signals(signals));
+        let lamps = Lamps::NAMES.into_iter().zip(lamps.states);
+        let mut signals: Vec<Signal> = lamps
+            .map(|(name, state)| signal(format!("lamp_{name}"), f64::from(state)))
+            .collect();
+        signals.push(signal("codes".to_owned(), codes.len() as f64));
+        for (number, code) in codes.iter().enumerate().take(CODES_MAX) {
+            let n = number + 1;
+            signals.push(signal(format!("spn_{n}"), f64::from(code.parameter)));
+            signals.push(signal(format!("fmi_{n}"), f64::from(code.failure)));
+            signals.push(signal(format!("count_{n}"), f64::from(code.occurrences)));
+        }
+        signals.extend(identity(id));
+        sink.push(arrived.sample(
+            frame,
+            Measurement::Signals(SignalFrame {
+                message: DM1.to_owned(),
+                id,
+                signals,
+            }),
+        ));
+    }
+
+    /// Decodes the data of an identifier, which a frame completed.
+    fn decode(
+        &self,
+        arrived: &Arrived,
+        frame: &CanFrame,
+        id: u32,
+        data: &[u8],
+        sink: &mut Vec<Sample>,
+    ) {
+        let found = self.databases.iter().find_map(|decodable| {
+            let position = decodable.database.position(id, frame.flags.extended)?;
+            let message = &decodable.database.messages()[position];
+            Some((
+                message,
+                &decodable.names[position],
+                &decodable.roles[position],
+            ))
+        });
+        let Some((message, name, roles)) = found else {
+            return;
+        };
+        let mut emit = |measurement| sink.push(arrived.sample(frame, measurement));
+        let (mut signals, measured) = decode(message, roles, data, &self.scales);
+        if message.j1939 {
+            signals.extend(identity(id));
+        }
+        emit(Measurement::Signals(SignalFrame {
+            message: name.clone(),
+            id,
+            signals,
+        }));
         for corner in measured.corners.0.into_iter().flatten() {
             emit(Measurement::Corner(corner));
         }
@@ -152,15 +245,28 @@ impl CanDecoder {
     }
 }
 
+/// What tells the senders of a parameter group apart.
+fn identity(id: u32) -> [Signal; 2] {
+    let signal = |name: &str, value: f64| Signal {
+        name: name.to_owned(),
+        value,
+        unit: String::new(),
+    };
+    [
+        signal(store::CAN_ID, f64::from(id)),
+        signal(store::SOURCE_ADDRESS, f64::from(source_address(id))),
+    ]
+}
+
 fn decode(
     message: &MessageDef,
     roles: &[Option<Role>],
-    frame: &CanFrame,
+    data: &[u8],
     scales: &Scales,
-) -> (SignalFrame, Measured) {
+) -> (Vec<Signal>, Measured) {
     let mut measured = Measured::default();
     let mut signals = Vec::with_capacity(message.signals.len());
-    for value in message.decode(frame.bytes()) {
+    for value in message.decode(data) {
         signals.push(Signal {
             name: value.signal.name.clone(),
             value: value.physical,
@@ -199,12 +305,7 @@ fn decode(
             None => {}
         }
     }
-    let frame = SignalFrame {
-        message: message.name.clone(),
-        id: frame.id,
-        signals,
-    };
-    (frame, measured)
+    (signals, measured)
 }
 
 impl Measured {
@@ -250,10 +351,8 @@ mod tests {
             signal,
             role,
         });
-        let meaning = CanMeaning {
-            databases: vec![Database::parse(DBC).expect("a DBC file")],
-            roles: roles.collect(),
-        };
+        let databases = vec![Database::parse(DBC).expect("a DBC file")];
+        let meaning = CanMeaning::new(databases, roles.collect());
         let pots = Potentiometers {
             rate_hz: 100.0,
             span_m: 0.1,
@@ -279,11 +378,11 @@ mod tests {
             hardware_ns: None,
         };
         let arrived = Arrived {
+            late_ns: 0,
             source: SourceId(0),
             log_time: LogTime(1_000_000_000),
             realtime_ns: 0,
             transport_delay_s: 0.0,
-            late_ns: 0,
         };
         let mut samples = Vec::new();
         CanDecoder::new(&meaning, scales).push(&arrived, &frame, &mut samples);
@@ -325,5 +424,131 @@ mod tests {
         close(angle_rad(&[counts, encoder], fields, false), 0.3);
         close(angle_rad(&[millimetres, encoder], fields, false), 0.3);
         assert_eq!(angle_rad(&[encoder], fields, true), None);
+    }
+
+    /// Decoded messages of frames, as `message: signals`.
+    fn decoded(databases: &[&str], frames: &[(u32, bool)]) -> Vec<String> {
+        let parse = |text: &&str| Database::parse(text.as_bytes()).expect("a DBC file");
+        let databases = databases.iter().map(parse).collect();
+        let mut decoder =
+            CanDecoder::new(&CanMeaning::new(databases, Vec::new()), Scales::default());
+        let mut samples = Vec::new();
+        let arrived = Arrived {
+            late_ns: 0,
+            source: SourceId(0),
+            log_time: LogTime(1_000_000_000),
+            realtime_ns: 0,
+            transport_delay_s: 0.0,
+        };
+        for (number, (id, extended)) in frames.iter().enumerate() {
+            let flags = CanFlags {
+                extended: *extended,
+                ..CanFlags::default()
+            };
+            let frame = CanFrame::new(*id, flags, &[number as u8; 8]).expect("eight bytes");
+            decoder.push(&arrived, &frame, &mut samples);
+        }
+        let signals = samples.iter().map(|sample| match &sample.measurement {
+            Measurement::Signals(frame) => {
+                let each = frame.signals.iter();
+                let each = each.map(|s| format!("{}={}", s.name, s.value));
+                format!("{}: {}", frame.message, each.collect::<Vec<_>>().join(" "))
+            }
+            other => panic!("{other:?}"),
+        });
+        signals.collect()
+    }
+
+    #[test]
+    fn messages_of_one_name_have_names_of_their_own() {
+        let file = |id: u32, signal: &str| {
+            format!(
+                "VERSION \"\"\nBU_: A\nBO_ {id} M: 8 A\n SG_ {signal} : 0|8@1+ (1,0) [0|0] \"\" A\n"
+            )
+        };
+        let files = [file(256, "s"), file(257, "t")];
+        let found = decoded(&[&files[0], &files[1]], &[(256, false), (257, false)]);
+        assert_eq!(found, ["M: s=0", "M_101: t=1"]);
+    }
+
+    #[test]
+    fn senders_of_a_parameter_group_are_told_apart() {
+        let file = "VERSION \"\"\nBU_: A\nBO_ 2566845440 TIRE: 8 A\n \
+            SG_ s : 0|8@1+ (1,0) [0|0] \"\" A\n\
+            BA_DEF_ BO_ \"VFrameFormat\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"J1939PG\";\n\
+            BA_DEF_DEF_ \"VFrameFormat\" \"J1939PG\";\n\
+            BA_ \"VFrameFormat\" BO_ 2566845440 3;\n";
+        let found = decoded(&[file], &[(0x18FE_F433, true), (0x18FE_F434, true)]);
+        let expected = [
+            "TIRE: s=0 j1939_can_id=419361843 j1939_source_address=51",
+            "TIRE: s=1 j1939_can_id=419361844 j1939_source_address=52",
+        ];
+        assert_eq!(found, expected);
+    }
+
+    /// A message of 20 bytes to all, and trouble codes in one frame.
+    #[test]
+    fn messages_of_several_frames_and_trouble_codes_are_decoded() {
+        let file = "VERSION \"\"\nBU_: A\nBO_ 2566841342 LONG: 20 A\n \
+            SG_ late : 128|16@1+ (1,0) [0|0] \"\" A\n\
+            BA_DEF_ BO_ \"VFrameFormat\" ENUM \"StandardCAN\",\"ExtendedCAN\",\"reserved\",\"J1939PG\";\n\
+            BA_DEF_DEF_ \"VFrameFormat\" \"J1939PG\";\n\
+            BA_ \"VFrameFormat\" BO_ 2566841342 3;\n";
+        let group = parameter_group(2_566_841_342);
+        let database = Database::parse(file.as_bytes()).expect("a DBC file");
+        let meaning = CanMeaning::new(vec![database], Vec::new());
+        let mut decoder = CanDecoder::new(&meaning, Scales::default());
+        let [g0, g1, g2, _] = group.to_le_bytes();
+        let frames: [(u32, [u8; 8]); 5] = [
+            (0x1CEC_FF33, [32, 20, 0, 3, 0xFF, g0, g1, g2]),
+            (0x1CEB_FF33, [1, 0, 1, 2, 3, 4, 5, 6]),
+            (0x1CEB_FF33, [2, 7, 8, 9, 10, 11, 12, 13]),
+            (0x1CEB_FF33, [3, 14, 15, 16, 1, 18, 19, 0xFF]),
+            (
+                0x18FE_CA00,
+                [0x04, 0xFF, 0xB8, 0x04, 0x03, 0x0A, 0xFF, 0xFF],
+            ),
+        ];
+        let mut samples = Vec::new();
+        for (number, (id, data)) in frames.into_iter().enumerate() {
+            let flags = CanFlags {
+                extended: true,
+                ..CanFlags::default()
+            };
+            let frame = CanFrame::new(id, flags, &data).expect("eight bytes");
+            let arrived = Arrived {
+                late_ns: 0,
+                source: SourceId(0),
+                log_time: LogTime(1_000_000_000 + 50_000_000 * number as u64),
+                realtime_ns: 0,
+                transport_delay_s: 0.0,
+            };
+            decoder.push(&arrived, &frame, &mut samples);
+        }
+        let signals: Vec<_> = samples
+            .iter()
+            .filter_map(|sample| match &sample.measurement {
+                Measurement::Signals(frame) => Some(frame),
+                _ => None,
+            })
+            .collect();
+        let value = |frame: &SignalFrame, name: &str| {
+            let mut all = frame.signals.iter();
+            all.find(|signal| signal.name == name).map(|s| s.value)
+        };
+        assert_eq!(signals.len(), 2, "{signals:?}");
+        assert_eq!(signals[0].message, "LONG");
+        assert_eq!(value(signals[0], "late"), Some(f64::from(1 << 8 | 16)));
+        assert_eq!(value(signals[0], "j1939_source_address"), Some(51.0));
+        assert_eq!(signals[1].message, DM1);
+        let expected = [
+            ("lamp_amber_warning", 1.0),
+            ("codes", 1.0),
+            ("spn_1", 1208.0),
+            ("fmi_1", 3.0),
+        ];
+        for (name, expected) in expected {
+            assert_eq!(value(signals[1], name), Some(expected), "{name}");
+        }
     }
 }

@@ -45,15 +45,21 @@ pub enum Scale {
     Gps,
     /// UTC time of day.
     UtcDay,
+    /// Time since the start of the device.
+    Device,
 }
 
 impl Scale {
-    /// Scale of a device time; `None` for counters and clocks of adapters.
+    /// All scales.
+    pub const ALL: [Self; 3] = [Self::Gps, Self::UtcDay, Self::Device];
+
+    /// Scale of a device time; `None` for counters.
     pub const fn of(device: DeviceTime) -> Option<Self> {
         match device {
             DeviceTime::Gps { .. } => Some(Self::Gps),
             DeviceTime::UtcTimeOfDay(_) => Some(Self::UtcDay),
-            DeviceTime::Counter { .. } | DeviceTime::AdapterNanos(_) => None,
+            DeviceTime::AdapterNanos(_) => Some(Self::Device),
+            DeviceTime::Counter { .. } => None,
         }
     }
 }
@@ -273,6 +279,7 @@ impl ClockFit {
             (Scale::UtcDay, DeviceTime::UtcTimeOfDay(time_of_day_s)) => {
                 (time_of_day_s, Some(SECONDS_PER_DAY))
             }
+            (Scale::Device, DeviceTime::AdapterNanos(ns)) => (ns as f64 * 1e-9, None),
             _ => return None,
         };
         if !value.is_finite() {

@@ -11,6 +11,8 @@ use wire::{Item, Protocol, Statistics};
 use super::adapter::AdapterClock;
 use super::can::{Arrived, CanDecoder, Scales};
 use super::clock::{ClockFit, Scale};
+use super::counts::MessageCounts;
+use super::reception::{Reception, Unread};
 use super::utc::UtcClock;
 use crate::Result;
 use crate::config::{self, GnssMeaning, Meaning, Source};
@@ -35,10 +37,16 @@ pub struct SourceState {
     bytes: u64,
     frames: u64,
     adapter: AdapterClock,
+    /// Messages by name.
+    named: MessageCounts,
+    /// Data of a source from which nothing was understood so far.
+    unread: Unread,
+    /// Kind in the configuration, and whether data that is not understood is a mistake.
+    kind: (&'static str, bool),
 }
 
 enum Decoder {
-    Can(CanDecoder),
+    Can(Box<CanDecoder>),
     Crossbow440(Box<wire::crossbow440::Decoder>),
     Gnss(Box<wire::gnss::Decoder>),
     Line(Box<wire::line::Decoder>),
@@ -48,7 +56,7 @@ enum Decoder {
 
 /// Computes the time of validity from device time and arrival.
 struct Timing {
-    fits: [ClockFit; 2],
+    fits: [ClockFit; 3],
     transport_delay_s: f64,
     velocity_latency_s: Option<f64>,
     attitude_latency_s: f64,
@@ -80,12 +88,19 @@ impl SourceState {
             rods: sensors.and_then(|sensors| sensors.steer_potentiometers.clone()),
         };
         let (decoder, gnss) = match &source.meaning {
-            Meaning::Can(can) => (Decoder::Can(CanDecoder::new(can, scales)), None),
+            Meaning::Can(can) => (Decoder::Can(Box::new(CanDecoder::new(can, scales))), None),
             Meaning::Crossbow440(rate) => {
                 let decoder = wire::crossbow440::Decoder::new(*rate);
                 (Decoder::Crossbow440(Box::new(decoder)), None)
             }
-            Meaning::Gnss(gnss) => (Decoder::Gnss(Box::default()), Some(gnss)),
+            Meaning::Gnss(gnss) => {
+                let decoder = if gnss.is_vectornav {
+                    wire::gnss::Decoder::vectornav()
+                } else {
+                    wire::gnss::Decoder::new()
+                };
+                (Decoder::Gnss(Box::new(decoder)), Some(gnss))
+            }
             Meaning::Line(format) => {
                 let decoder = wire::line::Decoder::new(format.clone())?;
                 (Decoder::Line(Box::new(decoder)), None)
@@ -114,6 +129,9 @@ impl SourceState {
             bytes: 0,
             frames: 0,
             adapter: AdapterClock::default(),
+            named: MessageCounts::default(),
+            unread: Unread::default(),
+            kind: source.meaning.kind(),
         })
     }
 
@@ -153,13 +171,20 @@ impl SourceState {
             transport_delay_s: self.timing.transport_delay_s,
             late_ns: 0,
         };
-        if let Decoder::Can(decoder) = &self.decoder {
+        if let Decoder::Can(decoder) = &mut self.decoder {
             for frame in frames {
                 let stamp_ns = frame.hardware_ns.filter(|_| frame.kernel_ns.is_none());
                 let late_ns = stamp_ns.map_or(0, |stamp_ns| {
                     self.adapter.lateness_ns(arrival.log_time, stamp_ns)
                 });
+                let before = sink.len();
                 decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
+                self.named.count_frame(frame, sink.get(before));
+                if self.named.understood() > 0 {
+                    self.unread.clear();
+                } else {
+                    self.unread.push_frame(frame.id, frame.flags.extended);
+                }
             }
         }
     }
@@ -172,8 +197,9 @@ impl SourceState {
         bytes: Option<&[u8]>,
         sink: &mut Vec<Sample>,
     ) {
-        let (id, timing) = (self.id, &mut self.timing);
+        let (id, timing, named) = (self.id, &mut self.timing, &mut self.named);
         let deliver = |item: Item<'_>| {
+            named.count_item(&item);
             let tag = timing.tag(item.device_time, arrived);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
@@ -198,6 +224,11 @@ impl SourceState {
             (Decoder::Alog(decoder), Some(bytes)) => decoder.push(bytes, deliver),
             (Decoder::Alog(decoder), None) => decoder.finish(deliver),
             (_, None) | (Decoder::Can(_), _) => {}
+        }
+        if self.named.understood() > 0 {
+            self.unread.clear();
+        } else {
+            self.unread.push_bytes(bytes.unwrap_or_default());
         }
     }
 
@@ -244,6 +275,22 @@ impl SourceState {
             malformed: statistics.malformed,
             reopened: self.opened.saturating_sub(1),
             lost: losses.of(self.id),
+            undecoded: self.named.undecoded(),
+        }
+    }
+
+    /// What arrived since the start.
+    pub fn reception(&self) -> Reception {
+        let (kind, is_decoded) = self.kind;
+        Reception {
+            source: self.id,
+            name: self.name.clone(),
+            kind,
+            is_decoded,
+            bytes: self.bytes,
+            frames: self.frames,
+            messages: self.named.clone(),
+            format: self.unread.format(),
         }
     }
 
@@ -272,6 +319,7 @@ impl SourceState {
                         let apart_s = state.device_s - log_s;
                         apart_s - (apart_s / SECONDS_PER_DAY).round() * SECONDS_PER_DAY
                     }
+                    Scale::Device => state.device_s - log_s,
                 };
                 ClockRecord {
                     source: self.id,
@@ -304,7 +352,7 @@ impl SourceState {
 impl Timing {
     fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
         Self {
-            fits: [ClockFit::new(Scale::Gps), ClockFit::new(Scale::UtcDay)],
+            fits: Scale::ALL.map(ClockFit::new),
             transport_delay_s,
             velocity_latency_s: gnss.and_then(|gnss| gnss.velocity_latency_s),
             attitude_latency_s: gnss

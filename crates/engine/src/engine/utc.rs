@@ -32,8 +32,8 @@ pub struct UtcClock {
     leap_seconds: Option<i32>,
     /// UNIX time at zero of the device time of day, s, and the number of restarts of the fit then.
     day: Option<(f64, u32)>,
-    /// Messages of both fits at the last offset.
-    messages_used: [u64; 2],
+    /// Messages of the fits at the last offset.
+    messages_used: [u64; 3],
 }
 
 /// An offset to UTC.
@@ -49,7 +49,7 @@ pub struct Offset {
 
 impl UtcClock {
     /// Processes the date or leap seconds of a message; `fits` have processed its time already.
-    pub fn push(&mut self, message: &Message, fits: &[ClockFit; 2]) {
+    pub fn push(&mut self, message: &Message, fits: &[ClockFit; 3]) {
         let leap_seconds = match message {
             Message::Sbf(block) => match block.body {
                 sbf::Body::ReceiverTime { leap_seconds, .. } if leap_seconds != SBF_UNKNOWN => {
@@ -79,10 +79,10 @@ impl UtcClock {
             nmea::Sentence::Rmc {
                 utc_s,
                 date,
-                valid: true,
+                quality,
                 ..
-            }
-            | nmea::Sentence::Zda { utc_s, date } => (utc_s, date),
+            } if quality.is_solved() => (utc_s, date),
+            nmea::Sentence::Zda { utc_s, date } => (utc_s, date),
             _ => return,
         };
         let midnight = date.and_then(|(year, month, day)| unix_s_of_date(year, month, day));
@@ -96,7 +96,7 @@ impl UtcClock {
 
     /// Offset from the better of the fits that have a date; `None` if there was no message since the
     /// last call.
-    pub fn offset(&mut self, fits: &[ClockFit; 2], transport_delay_s: f64) -> Option<Offset> {
+    pub fn offset(&mut self, fits: &[ClockFit; 3], transport_delay_s: f64) -> Option<Offset> {
         let mut best: Option<Offset> = None;
         for (fit, messages_used) in fits.iter().zip(&mut self.messages_used) {
             let Some(state) = fit.state().filter(|state| state.messages >= MESSAGES_MIN) else {
@@ -111,6 +111,7 @@ impl UtcClock {
                     .day
                     .filter(|(_, restarts)| *restarts == state.restarts)
                     .map(|(zero_s, _)| zero_s),
+                Scale::Device => None,
             };
             let Some(zero_s) = zero_s else { continue };
             let offset = offset(&state, zero_s, transport_delay_s, self.leap_seconds);
@@ -158,7 +159,7 @@ fn offset(
 
 #[cfg(test)]
 mod tests {
-    use sample::{DeviceTime, LogTime};
+    use sample::{DeviceTime, FixQuality, LogTime};
 
     use super::*;
 
@@ -167,14 +168,18 @@ mod tests {
     /// 2026-11-21 23:59:50.
     const TRUE_S: f64 = 1_795_305_590.0;
 
-    fn fits() -> [ClockFit; 2] {
-        [ClockFit::new(Scale::Gps), ClockFit::new(Scale::UtcDay)]
+    fn fits() -> [ClockFit; 3] {
+        Scale::ALL.map(ClockFit::new)
     }
 
     fn rmc(utc_s: f64, date: (u16, u8, u8), valid: bool) -> Message {
         Message::Nmea(nmea::Sentence::Rmc {
             utc_s: Some(utc_s),
-            valid,
+            quality: if valid {
+                FixQuality::Single
+            } else {
+                FixQuality::None
+            },
             position_deg: None,
             speed_m_s: None,
             course_deg: None,

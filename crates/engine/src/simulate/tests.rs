@@ -4,8 +4,8 @@ use estimator::Calibration;
 use estimator::calibration::{Recording, Step};
 use model::sensors::{HubAxis, Sensors};
 use model::vehicle::Vehicle;
-use sample::{EventKind, LogTime, Measurement, PerWheel, TyreForce, Wheel};
-use sim::{HubAxisFault, HubAxisFaultKind, HubFault, Options};
+use sample::{DeviceTime, EventKind, LogTime, Measurement, PerWheel, TyreForce, Wheel};
+use sim::{HubAxisFault, HubAxisFaultKind, HubFault, InertialUnit, Options, VelocityReceiver};
 use store::Record;
 
 use super::*;
@@ -453,4 +453,44 @@ fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
     assert!(with < 1.2 && (marked - after).abs() < 0.05, "{told}");
     let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
     assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
+}
+
+/// The receiver and the inertial unit of other makers: their messages become samples whose times are
+/// those of the device.
+#[test]
+fn devices_of_other_makers_are_recorded_with_their_own_times() {
+    for (unit, has_device_time) in [
+        (InertialUnit::Vectornav, true),
+        (InertialUnit::VectornavAscii, false),
+    ] {
+        let options = Options {
+            velocity_receiver: VelocityReceiver::Ublox,
+            inertial_unit: unit,
+            imu_baud: 230_400,
+            ..Options::default()
+        };
+        let (_, records, _) = drive("slow-sine", 3, options);
+        let (mut velocities, mut inertial, mut late_s) = (0, 0, 0.0_f64);
+        for record in &records {
+            let Record::Sample(sample) = record else {
+                continue;
+            };
+            match sample.measurement {
+                Measurement::GnssVelocity(_) => {
+                    if let Some(DeviceTime::Gps { week: Some(_), .. }) = sample.device_time {
+                        velocities += 1;
+                    }
+                }
+                Measurement::Imu(_) => {
+                    assert_eq!(sample.device_time.is_some(), has_device_time, "{unit:?}");
+                    inertial += 1;
+                    late_s = late_s.max(sample.log_time.seconds_since(sample.valid_time));
+                }
+                _ => {}
+            }
+        }
+        assert!(velocities > 200, "{unit:?}: {velocities} velocities");
+        assert!(inertial > 2_000, "{unit:?}: {inertial} samples");
+        assert!((0.0..0.05).contains(&late_s), "{unit:?}: {late_s} s");
+    }
 }

@@ -191,7 +191,11 @@ impl Recording {
             }
             Measurement::GnssVelocity(gnss) => {
                 let good = gnss.quality.is_measured();
-                let velocity = if good { gnss.velocity_enu_m_s } else { unknown };
+                let velocity = if good {
+                    gnss.on_the_level_m_s()
+                } else {
+                    unknown
+                };
                 let column = self.velocity.entry(source.to_owned()).or_default();
                 column.push(time_s, velocity);
             }

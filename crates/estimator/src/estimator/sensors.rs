@@ -128,7 +128,7 @@ impl Estimator {
     ) {
         let usable = gnss.quality.is_measured();
         let receiver = self.velocity_receiver(source);
-        if let Some(velocity) = finite3(gnss.velocity_enu_m_s).filter(|_| usable) {
+        if let Some(velocity) = finite3(gnss.on_the_level_m_s()).filter(|_| usable) {
             let verdict = self
                 .motion
                 .push_velocity(time, receiver, velocity, gnss.sigma_enu_m_s);

@@ -2,8 +2,8 @@
 
 use sample::{
     Axle, AxleGrip, Event, EventKind, ForceFrame, ForceSource, Health, InnovationKind, Innovations,
-    LogTime, LossPlace, Motion, Parameters, PerWheel, Rollover, Severity, SourceHealth, SourceId,
-    TyreForce, Wheel,
+    LogTime, LossPlace, MessageCount, Motion, Parameters, PerWheel, Rollover, Severity,
+    SourceHealth, SourceId, TyreForce, Wheel,
 };
 
 use super::{array, narrow, timestamp, vector};
@@ -375,6 +375,10 @@ pub(super) fn health_to_proto(health: &Health) -> pb::Health {
     let sources = health.sources.iter().map(|s| {
         let lost =
             |place: LossPlace| s.lost[LossPlace::ALL.iter().position(|p| *p == place).unwrap_or(0)];
+        let counts = s.undecoded.iter().map(|known| pb::MessageCount {
+            name: known.name.clone(),
+            count: known.count,
+        });
         pb::SourceHealth {
             source: s.source.0.into(),
             name: s.name.clone(),
@@ -391,6 +395,7 @@ pub(super) fn health_to_proto(health: &Health) -> pb::Health {
             lost_in_kernel: lost(LossPlace::Kernel),
             lost_in_queue: lost(LossPlace::Queue),
             lost_on_disk: lost(LossPlace::Disk),
+            undecoded: counts.collect(),
         }
     });
     pb::Health {
@@ -407,6 +412,10 @@ pub(super) fn health_from_proto(time: LogTime, health: pb::Health) -> Result<Hea
             LossPlace::Queue => s.lost_in_queue,
             LossPlace::Disk => s.lost_on_disk,
         });
+        let counts = s.undecoded.into_iter().map(|known| MessageCount {
+            name: known.name,
+            count: known.count,
+        });
         Ok(SourceHealth {
             source: SourceId(narrow("source", s.source)?),
             name: s.name,
@@ -419,6 +428,7 @@ pub(super) fn health_from_proto(time: LogTime, health: pb::Health) -> Result<Hea
             gaps: s.gaps,
             malformed: s.malformed,
             reopened: s.reopened,
+            undecoded: counts.collect(),
             lost,
         })
     });

@@ -26,16 +26,20 @@ pub(super) fn encode_sample(sample: &Sample, name: &str) -> Vec<Encoded> {
             format!("/imu/{name}"),
             &imu_to_proto(imu, device_time)
         )],
-        Measurement::GnssPosition(position) => vec![
-            message!(
+        Measurement::GnssPosition(position) => {
+            let own = message!(
                 format!("/gnss/{name}/position"),
                 &position_to_proto(position, device_time)
-            ),
-            message!(
-                format!("/gnss/{name}/fix"),
-                &location_fix(position, name, sample.valid_time)
-            ),
-        ],
+            );
+            // `LocationFix` cannot say that there is no solution.
+            let fix = position.quality.is_solved().then(|| {
+                message!(
+                    format!("/gnss/{name}/fix"),
+                    &location_fix(position, name, sample.valid_time)
+                )
+            });
+            std::iter::once(own).chain(fix).collect()
+        }
         Measurement::GnssVelocity(velocity) => vec![message!(
             format!("/gnss/{name}/velocity"),
             &velocity_to_proto(velocity, device_time)

@@ -146,11 +146,12 @@ impl ::prost::Name for Imu {
 pub struct GnssPosition {
     #[prost(enumeration = "FixQuality", tag = "1")]
     pub quality: i32,
+    /// Latitude and longitude are NaN without a solution.
     #[prost(double, tag = "2")]
     pub latitude_rad: f64,
     #[prost(double, tag = "3")]
     pub longitude_rad: f64,
-    /// Height above the ellipsoid.
+    /// Height above the ellipsoid; NaN if the device did not send it.
     #[prost(double, tag = "4")]
     pub height_m: f64,
     /// Standard deviations.
@@ -176,6 +177,7 @@ impl ::prost::Name for GnssPosition {
 pub struct GnssVelocity {
     #[prost(enumeration = "FixQuality", tag = "1")]
     pub quality: i32,
+    /// NaN where the device did not send it.
     #[prost(message, optional, tag = "2")]
     pub velocity_m_s: ::core::option::Option<VectorEnu>,
     /// Standard deviations.
@@ -1697,7 +1699,7 @@ impl ::prost::Name for Health {
     }
 }
 /// Counters of one source since the start; they never fall.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct SourceHealth {
     /// Position in the configuration.
     #[prost(uint32, tag = "1")]
@@ -1739,6 +1741,9 @@ pub struct SourceHealth {
     pub lost_in_queue: u64,
     #[prost(uint64, tag = "15")]
     pub lost_on_disk: u64,
+    /// Messages that the decoder knows by name and does not decode.
+    #[prost(message, repeated, tag = "16")]
+    pub undecoded: ::prost::alloc::vec::Vec<MessageCount>,
 }
 impl ::prost::Name for SourceHealth {
     const NAME: &'static str = "SourceHealth";
@@ -1748,6 +1753,24 @@ impl ::prost::Name for SourceHealth {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/atvrec.SourceHealth".into()
+    }
+}
+/// Number of messages of one name.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MessageCount {
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    #[prost(uint64, tag = "2")]
+    pub count: u64,
+}
+impl ::prost::Name for MessageCount {
+    const NAME: &'static str = "MessageCount";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.MessageCount".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.MessageCount".into()
     }
 }
 /// A mark set by a person or a program.

@@ -10,7 +10,7 @@ use sample::{Estimate, ForceFrame, LogTime, Measurement, Sample, Signal, SignalF
 use super::{ChannelInfo, LogFile, Missing, unknown_estimate};
 use crate::convert::{self, Envelope};
 use crate::scan::{self, Decompressor, Refusal, Scanner};
-use crate::{Error, Record, Result, Stage, dynamic, earlier};
+use crate::{CAN_ID, Error, Record, Result, Stage, dynamic, earlier};
 
 /// Which messages to read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -279,9 +279,13 @@ pub(super) fn record(message: &Message) -> Result<Option<Record>> {
         } else {
             let name = channel.topic.rsplit('/').next().unwrap_or_default();
             let id = channel.metadata.get("can_id");
+            let of_frame = signals.iter().find(|signal| signal.name == CAN_ID);
             Measurement::Signals(SignalFrame {
                 message: name.to_owned(),
-                id: id.and_then(|id| id.parse().ok()).unwrap_or_default(),
+                id: match (id, of_frame) {
+                    (None, Some(signal)) => signal.value as u32,
+                    (id, _) => id.and_then(|id| id.parse().ok()).unwrap_or_default(),
+                },
                 signals,
             })
         };

@@ -228,7 +228,10 @@ fn members_of_a_wheel_have_columns_of_their_own() {
 #[test]
 fn a_malformed_message_leaves_no_trace() {
     let good = proto::Health {
-        sources: vec![proto::SourceHealth::default()],
+        sources: vec![proto::SourceHealth {
+            undecoded: vec![proto::MessageCount::default()],
+            ..proto::SourceHealth::default()
+        }],
         faulty_sensors: vec!["imu".to_owned()],
     }
     .encode_to_vec();

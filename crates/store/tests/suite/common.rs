@@ -53,6 +53,7 @@ pub fn session() -> Session {
                 .map(|name| SignalSchema {
                     name: name.to_owned(),
                     unit: "count".to_owned(),
+                    labels: Vec::new(),
                 })
                 .into(),
         )],
@@ -514,6 +515,10 @@ fn health(time: LogTime) -> Health {
             malformed: 6,
             reopened: 7,
             lost: [8, 9, 10, 11],
+            undecoded: vec![sample::MessageCount {
+                name: "GSV".to_owned(),
+                count: 12,
+            }],
         }],
         faulty_sensors: vec!["FL deflection".to_owned(), "steering wheel".to_owned()],
     }

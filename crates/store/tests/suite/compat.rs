@@ -123,6 +123,7 @@ fn the_topic_of_checkpoints_is_refused_for_other_messages() {
         topic: "/checkpoint".to_owned(),
         name: "checkpoint".to_owned(),
         can_id: None,
+        parameter_group: None,
         signals: Vec::new(),
     });
     let refused = LogWriter::new(Vec::new(), session, Options::default(), 0);

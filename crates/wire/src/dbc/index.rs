@@ -15,6 +15,9 @@ pub type MessageKey = (bool, u32);
 
 /// Attribute with the frame format of a message.
 const FRAME_FORMAT: &str = "VFrameFormat";
+/// Attributes with names of more than 32 characters.
+const LONG_MESSAGE: &str = "SystemMessageLongSymbol";
+const LONG_SIGNAL: &str = "SystemSignalLongSymbol";
 
 pub const fn key(id: MessageId) -> MessageKey {
     match id {
@@ -31,6 +34,9 @@ pub struct Index<'a> {
     pub labels: HashMap<SignalKey<'a>, &'a [ValDescription]>,
     pub types: HashMap<SignalKey<'a>, &'a SignalExtendedValueType>,
     pub selectors: HashMap<SignalKey<'a>, &'a ExtendedMultiplex>,
+    /// Names of more than 32 characters.
+    pub long_messages: HashMap<MessageKey, &'a str>,
+    pub long_signals: HashMap<SignalKey<'a>, &'a str>,
     frame_formats: HashMap<MessageKey, &'a str>,
     default_format: &'a str,
 }
@@ -75,7 +81,22 @@ impl<'a> Index<'a> {
             index.selectors.entry(signal).or_insert(entry);
         }
         index.read_formats(parsed);
+        index.read_long_names(parsed);
         index
+    }
+
+    fn read_long_names(&mut self, parsed: &'a Dbc) {
+        for entry in &parsed.attribute_values_message {
+            if let (LONG_MESSAGE, AttributeValue::String(name)) = (&*entry.name, &entry.value) {
+                self.long_messages.insert(key(entry.message_id), name);
+            }
+        }
+        for entry in &parsed.attribute_values_signal {
+            if let (LONG_SIGNAL, AttributeValue::String(name)) = (&*entry.name, &entry.value) {
+                let signal = (key(entry.message_id), entry.signal_name.as_str());
+                self.long_signals.insert(signal, name);
+            }
+        }
     }
 
     fn read_formats(&mut self, parsed: &'a Dbc) {

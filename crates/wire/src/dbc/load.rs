@@ -1,23 +1,23 @@
 //! From text to a [`Database`] that cannot be wrong.
 
-use std::collections::{HashMap, HashSet};
-use std::ops::RangeInclusive;
+use std::collections::{BTreeMap, HashSet};
 
 use can_dbc::{
-    Dbc, Message, MultiplexIndicator, NumericValue, Signal, SignalExtendedValueType,
-    ValueDescription, ValueType,
+    Dbc, Message, NumericValue, Signal, SignalExtendedValueType, ValueDescription, ValueType,
 };
-use sample::boundary::guarded;
 
 use super::bits::Field;
+use super::clean::{self, Clean};
 use super::index::{Index, MessageKey, key};
-use super::text::{Lines, decode_text, syntax_error};
+use super::text::{Lines, decode_text};
 use super::{
-    ByteOrder, Database, DbcError, Issue, MessageDef, RawKind, Selector, SignalDef, parameter_group,
+    ByteOrder, Database, DbcError, Issue, LeftOut, MessageDef, RawKind, SignalDef, parameter_group,
 };
 
 /// Message that holds signals without a message; frames never carry it.
 const ORPHANS: &str = "VECTOR__INDEPENDENT_SIG_MSG";
+/// `VFrameFormat` of J1939 messages, which may have several frames.
+const J1939: &str = "J1939PG";
 /// Longest data of one CAN FD frame, bytes.
 const FRAME_BYTES_MAX: usize = 64;
 
@@ -33,39 +33,47 @@ const ENTRIES_MAX: usize = 400_000;
 const ISSUES_MAX: usize = 100;
 /// Most pairs of bits of one message that are compared in the search for overlaps.
 const COMPARED_MAX: usize = 20_000_000;
-/// Longest list of values of a multiplexor that select one signal, ranges.
-const RANGES_MAX: usize = 4_096;
 
 pub fn load(file: &[u8]) -> Result<Database, DbcError> {
     if file.len() > BYTES_MAX {
         let text = format!("has {} bytes; a DBC file may have {BYTES_MAX}", file.len());
         return Err(whole_file(text));
     }
-    let text = decode_text(file);
-    let lines = Lines::scan(&text);
-    check_size(&text, &lines)?;
-    let parsed = guarded(|| Dbc::try_from(text.as_ref()))
-        .map_err(|panic| whole_file(format!("cannot be read: the parser failed: {panic}")))?
-        .map_err(|error| syntax_error(&text, &error))?;
+    let text = clean::clean(&decode_text(file));
+    let lines = Lines::scan(&text.text);
+    check_size(&text.text, &lines)?;
+    let (parsed, left_out) = clean::parse(&text)?;
     let mut loader = Loader {
+        text: &text,
         lines,
         parsed: &parsed,
         index: Index::new(&parsed),
         errors: Vec::new(),
+        left_out,
         warnings: Vec::new(),
     };
-    let database = loader.database();
+    let mut database = loader.database();
     loader.check_references(&database);
-    if loader.errors.is_empty() {
-        Ok(Database {
-            warnings: limited(loader.warnings),
-            ..database
-        })
-    } else {
-        Err(DbcError {
-            issues: limited(loader.errors),
-        })
+    loader.rename(&mut database);
+    let Loader {
+        warnings,
+        mut left_out,
+        ..
+    } = loader;
+    left_out.sort();
+    // Without a message, the file is of another kind.
+    let has_message = !parsed.messages.is_empty() || left_out.iter().any(|p| p.message.is_some());
+    if !has_message && !left_out.is_empty() {
+        let issues = left_out.into_iter().map(|part| part.issue);
+        return Err(DbcError {
+            issues: limited(issues.collect()),
+        });
     }
+    Ok(Database {
+        warnings: limited(warnings),
+        left_out,
+        ..database
+    })
 }
 
 /// An error of no single line.
@@ -108,7 +116,7 @@ fn check_size(text: &str, lines: &Lines) -> Result<(), DbcError> {
 }
 
 /// The first issues in order of lines, and how many more there are.
-fn limited(mut issues: Vec<Issue>) -> Vec<Issue> {
+pub(super) fn limited(mut issues: Vec<Issue>) -> Vec<Issue> {
     issues.sort();
     let more = issues.len().saturating_sub(ISSUES_MAX);
     if more > 0 {
@@ -122,29 +130,43 @@ fn limited(mut issues: Vec<Issue>) -> Vec<Issue> {
     issues
 }
 
-struct Loader<'a> {
+pub(super) struct Loader<'a> {
+    text: &'a Clean,
     lines: Lines,
     parsed: &'a Dbc,
-    index: Index<'a>,
+    pub(super) index: Index<'a>,
+    /// Errors of the present message.
     errors: Vec<Issue>,
+    left_out: Vec<LeftOut>,
     warnings: Vec<Issue>,
 }
 
 impl<'a> Loader<'a> {
     fn database(&mut self) -> Database {
         let mut database = Database::default();
+        let mut names = BTreeMap::new();
         for message in &self.parsed.messages {
             if message.name == ORPHANS {
                 continue;
             }
             let definition = self.message(message);
-            let index = database.messages.len();
             let key = (definition.extended, definition.id);
-            if let Some(earlier) = database.by_id.insert(key, index) {
-                let other = &database.messages[earlier].name;
-                let text = format!("has the same identifier as {other}");
+            if let Some(other) = names.insert(key, message.name.as_str()) {
+                let text = format!("has the same identifier as {}", self.text.name(other));
                 self.message_error(&message.name, text);
             }
+            if !self.errors.is_empty() {
+                let name = self.text.name(&message.name);
+                let errors = std::mem::take(&mut self.errors);
+                self.left_out
+                    .extend(errors.into_iter().map(|issue| LeftOut {
+                        issue,
+                        message: Some(name.clone()),
+                    }));
+                continue;
+            }
+            let index = database.messages.len();
+            database.by_id.insert(key, index);
             if definition.j1939 {
                 let group = parameter_group(definition.id);
                 database.by_group.entry(group).or_insert(index);
@@ -154,6 +176,30 @@ impl<'a> Loader<'a> {
         database
     }
 
+    /// Gives messages and signals their long names, unless two would have the same name, and their
+    /// letters outside of ASCII.
+    fn rename(&self, database: &mut Database) {
+        for message in &mut database.messages {
+            let place = (message.extended, message.id);
+            let written = std::mem::take(&mut message.short_name);
+            let long = self.index.long_messages.get(&place).copied();
+            message.short_name = self.text.name(&written);
+            message.name = long_name(long, &message.short_name);
+            for signal in &mut message.signals {
+                let written = std::mem::take(&mut signal.short_name);
+                let long = self.index.long_signals.get(&(place, &*written)).copied();
+                signal.short_name = self.text.name(&written);
+                signal.name = long_name(long, &signal.short_name);
+            }
+            let names: HashSet<&str> = message.signals.iter().map(|s| &*s.name).collect();
+            if names.len() < message.signals.len() {
+                for signal in &mut message.signals {
+                    signal.name.clone_from(&signal.short_name);
+                }
+            }
+        }
+    }
+
     fn message(&mut self, message: &Message) -> MessageDef {
         let (extended, id) = key(message.id);
         self.check_identifier(message, id, extended);
@@ -161,7 +207,7 @@ impl<'a> Loader<'a> {
         if size > MESSAGE_BYTES_MAX {
             let text = format!("has {size} bytes; a message may have {MESSAGE_BYTES_MAX}");
             self.message_error(&message.name, text);
-        } else if size > FRAME_BYTES_MAX {
+        } else if size > FRAME_BYTES_MAX && self.index.frame_format((extended, id)) != J1939 {
             let text = format!("has {size} bytes, more than one frame: only its start is decoded");
             self.message_warning(&message.name, text);
         }
@@ -182,10 +228,11 @@ impl<'a> Loader<'a> {
         }
         MessageDef {
             name: message.name.clone(),
+            short_name: message.name.clone(),
             id,
             extended,
             fd,
-            j1939: extended && format == "J1939PG",
+            j1939: extended && format == J1939,
             size,
             comment: self
                 .index
@@ -261,6 +308,7 @@ impl<'a> Loader<'a> {
             .unwrap_or_default();
         Some(SignalDef {
             name: signal.name.clone(),
+            short_name: signal.name.clone(),
             unit: signal.unit.clone(),
             comment: comment.to_owned(),
             kind: self.kind(message, signal),
@@ -293,92 +341,6 @@ impl<'a> Loader<'a> {
             self.signal_error(&message.name, &signal.name, text);
         }
         kind
-    }
-
-    /// Gives the multiplexed signals of a message their selectors.
-    fn select(&mut self, message: &Message, signals: &mut [SignalDef]) {
-        let id = key(message.id);
-        let positions: HashMap<String, usize> = signals
-            .iter()
-            .enumerate()
-            .rev()
-            .map(|(position, signal)| (signal.name.clone(), position))
-            .collect();
-        let switches: Vec<usize> = (0..message.signals.len())
-            .filter(|index| {
-                message.signals[*index].multiplexer_indicator == MultiplexIndicator::Multiplexor
-            })
-            .collect();
-        for (index, signal) in message.signals.iter().enumerate() {
-            let entry = self
-                .index
-                .selectors
-                .get(&(id, signal.name.as_str()))
-                .copied();
-            let selector = if let Some(entry) = entry {
-                let name = &entry.multiplexor_signal_name;
-                let Some(multiplexor) = positions.get(name).copied() else {
-                    let text = format!("is selected by {name}, which the message does not have");
-                    self.signal_error(&message.name, &signal.name, text);
-                    continue;
-                };
-                let values = entry.mappings.iter().map(|m| m.min_value..=m.max_value);
-                let values = merged(values.collect());
-                if values.len() > RANGES_MAX {
-                    let text = format!(
-                        "is selected by {} ranges; it may be {RANGES_MAX}",
-                        values.len()
-                    );
-                    self.signal_error(&message.name, &signal.name, text);
-                }
-                Selector {
-                    multiplexor,
-                    values,
-                }
-            } else {
-                let (MultiplexIndicator::MultiplexedSignal(value)
-                | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
-                    signal.multiplexer_indicator
-                else {
-                    continue;
-                };
-                let [multiplexor] = switches[..] else {
-                    let text = format!(
-                        "is multiplexed, but its message has {} multiplexors marked M; say which \
-                         one selects it with SG_MUL_VAL_",
-                        switches.len()
-                    );
-                    self.signal_error(&message.name, &signal.name, text);
-                    continue;
-                };
-                Selector {
-                    multiplexor,
-                    values: vec![value..=value],
-                }
-            };
-            signals[index].selector = Some(selector);
-        }
-        self.check_multiplexors(message, signals);
-    }
-
-    /// Multiplexors must be integers and must not select each other in a ring.
-    fn check_multiplexors(&mut self, message: &Message, signals: &mut [SignalDef]) {
-        for index in 0..signals.len() {
-            let Some(selector) = &signals[index].selector else {
-                continue;
-            };
-            let multiplexor = &signals[selector.multiplexor];
-            if matches!(multiplexor.kind, RawKind::Float | RawKind::Double) {
-                let text = "is floating-point and cannot be a multiplexor".to_owned();
-                let name = multiplexor.name.clone();
-                self.signal_error(&message.name, &name, text);
-            }
-        }
-        for index in rings(signals) {
-            let text = "selects itself through its multiplexors".to_owned();
-            let name = signals[index].name.clone();
-            self.signal_error(&message.name, &name, text);
-        }
     }
 
     /// Warns of bits that two signals claim which can be in the same frame.
@@ -452,7 +414,7 @@ impl<'a> Loader<'a> {
             if !orphans.contains(&place.0) && !known.contains(&place) {
                 self.warnings.push(Issue {
                     line: 1,
-                    token: name.clone(),
+                    token: self.text.name(name),
                     text: format!(
                         "is named in {section} {}, which has no such signal",
                         id.raw()
@@ -472,7 +434,7 @@ impl<'a> Loader<'a> {
         self.warnings.push(issue);
     }
 
-    fn signal_error(&mut self, message: &str, signal: &str, text: String) {
+    pub(super) fn signal_error(&mut self, message: &str, signal: &str, text: String) {
         let issue = self.signal_issue(message, signal, text);
         self.errors.push(issue);
     }
@@ -485,7 +447,7 @@ impl<'a> Loader<'a> {
     fn message_issue(&self, message: &str, text: String) -> Issue {
         Issue {
             line: self.lines.messages.get(message).map_or(1, |place| place.0),
-            token: message.to_owned(),
+            token: self.text.name(message),
             text,
         }
     }
@@ -494,7 +456,7 @@ impl<'a> Loader<'a> {
         let key = (message.to_owned(), signal.to_owned());
         Issue {
             line: self.lines.signals.get(&key).copied().unwrap_or(1),
-            token: signal.to_owned(),
+            token: self.text.name(signal),
             text,
         }
     }
@@ -522,55 +484,13 @@ fn exclude_each_other(one: &SignalDef, other: &SignalDef) -> bool {
     true
 }
 
-/// The same values in the fewest ranges, in order.
-fn merged(mut ranges: Vec<RangeInclusive<u64>>) -> Vec<RangeInclusive<u64>> {
-    ranges.retain(|range| !range.is_empty());
-    ranges.sort_unstable_by_key(|range| *range.start());
-    let mut merged: Vec<RangeInclusive<u64>> = Vec::new();
-    for range in ranges {
-        match merged.last_mut() {
-            Some(last) if *range.start() <= last.end().saturating_add(1) => {
-                *last = *last.start()..=*last.end().max(range.end());
-            }
-            _ => merged.push(range),
-        }
-    }
-    merged
-}
-
-/// The signals that select themselves through their multiplexors.
-fn rings(signals: &[SignalDef]) -> Vec<usize> {
-    // 0: not seen; else the walk that saw it first.
-    let mut seen = vec![0; signals.len()];
-    let mut found = Vec::new();
-    let next = |at: usize| {
-        signals[at]
-            .selector
-            .as_ref()
-            .map(|selector| selector.multiplexor)
+/// The long name if the file has one that is no shorter name with blanks or nothing in it.
+fn long_name(long: Option<&str>, short: &str) -> String {
+    let is_name = |name: &&str| {
+        let letters = |c: char| c.is_alphanumeric() || c == '_';
+        !name.is_empty() && name.chars().all(letters)
     };
-    for start in 0..signals.len() {
-        let walk = start + 1;
-        let mut at = Some(start);
-        while let Some(index) = at.filter(|index| seen[*index] == 0) {
-            seen[index] = walk;
-            at = next(index);
-        }
-        // A walk that meets itself has met a ring: every signal of it is one.
-        let Some(entry) = at.filter(|index| seen[*index] == walk) else {
-            continue;
-        };
-        let mut at = entry;
-        loop {
-            found.push(at);
-            match next(at) {
-                Some(index) if index != entry => at = index,
-                _ => break,
-            }
-        }
-    }
-    found.sort_unstable();
-    found
+    long.filter(is_name).unwrap_or(short).to_owned()
 }
 
 fn number(value: NumericValue) -> f64 {

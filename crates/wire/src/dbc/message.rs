@@ -9,8 +9,10 @@ use super::bits::{Field, RawKind, sign_extend};
 /// A message of a DBC file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MessageDef {
-    /// Name.
+    /// Name: the long one of `SystemMessageLongSymbol` if the file has it.
     pub name: String,
+    /// Name in the `BO_` line, of at most 32 characters in files with long names.
+    pub short_name: String,
     /// Identifier without flag bits.
     pub id: u32,
     /// 29-bit identifier.
@@ -30,8 +32,10 @@ pub struct MessageDef {
 /// A signal of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalDef {
-    /// Name.
+    /// Name: the long one of `SystemSignalLongSymbol` if the file has it.
     pub name: String,
+    /// Name in the `SG_` line, of at most 32 characters in files with long names.
+    pub short_name: String,
     /// Unit, as in the file.
     pub unit: String,
     /// What the file says about it; empty if nothing.
@@ -146,10 +150,12 @@ impl MessageDef {
             })
     }
 
-    /// Position of the signal with this name.
+    /// Position of the signal with this name, or with this name in its `SG_` line.
     #[must_use]
     pub fn position(&self, signal: &str) -> Option<usize> {
-        self.signals.iter().position(|s| s.name == signal)
+        let signals = &self.signals;
+        let own = signals.iter().position(|s| s.name == signal);
+        own.or_else(|| signals.iter().position(|s| s.short_name == signal))
     }
 
     /// A frame with these physical values, each rounded to the nearest count; all other bits are

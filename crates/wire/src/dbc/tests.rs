@@ -230,6 +230,104 @@ fn the_projects_own_file_holds_every_channel_of_every_corner() {
     assert!((signals[0].value + 540.25).abs() < 1e-9);
 }
 
+fn usable(text: &str) -> Database {
+    Database::parse_usable(text.as_bytes()).expect("a usable file")
+}
+
+/// Each kind of error costs its own message; the others decode.
+#[test]
+fn a_bad_message_does_not_cost_the_file() {
+    let good = "BO_ 9 Good: 1 Node\n SG_ g : 0|8@1+ (1,0) [0|0] \"\" Node\n";
+    let signal = |name: &str, field: &str| format!(" SG_ {name} : {field} [0|0] \"\" Node\n");
+    let kinds = [
+        signal("far", "8|16@1+ (1,0)"),
+        signal("twice", "0|8@1+ (1,0)").repeat(2),
+        signal("zero", "0|8@1+ (0,0)"),
+        signal("none", "0|0@1+ (1,0)"),
+        signal("syntax", "0|8@5+ (1,0)"),
+        signal("a-b", "0|8@1+ (1,0)"),
+        " SG_ open : 0|8@1+ (1,0) [0|0] \"\n".to_owned(),
+        signal("lonely m1", "0|8@1+ (1,0)"),
+        format!("{good}BO_ 5000 Wide: 1 Node\n").replace("BO_ 9 Good", "BO_ 10 Other"),
+        "BO_ 9 Other: 1 Node\nBO_ 9 Again: 1 Node\n".to_owned(),
+        "CM_ SG_ 5 unfinished\n".to_owned(),
+        "BA_ 7;\n".to_owned(),
+    ];
+    for kind in kinds {
+        let text = format!("{}{good}", one_message(&kind));
+        let database = usable(&text);
+        let left_out = database.left_out();
+        assert!(!left_out.is_empty(), "{text}");
+        let good = database.messages().iter().any(|m| m.id == 9);
+        assert!(good, "{text}{left_out:?}");
+        assert!(Database::parse(text.as_bytes()).is_err(), "{text}");
+    }
+    let text = format!("{}{good}", one_message(&signal("far", "8|16@1+ (1,0)")));
+    let database = usable(&text);
+    assert_eq!(database.by_name("Sample"), None);
+    assert_eq!(database.left_out()[0].message.as_deref(), Some("Sample"));
+    let text = database.left_out()[0].issue.to_string();
+    assert_eq!(text, "line 5: `far` needs 3 bytes, but Sample has 2");
+    assert!(Database::parse_usable(b"PK\x03\x04 no DBC at all").is_err());
+    // A file whose messages are all bad is still a DBC file.
+    let all_bad = usable("VERSION \"\"\nBU_: A\nBO_ 5000 Wide: 1 A\n");
+    assert_eq!((all_bad.messages().len(), all_bad.left_out().len()), (0, 1));
+}
+
+/// Sections of other tools, comments and names that the parser does not take.
+#[test]
+fn unknown_sections_comments_and_letters_are_read() {
+    let text = "VERSION \"\"\n(* made by\na tool *)\nBS_:\nBU_: Node\n\
+        SGTYPE_ Kind : 8@1+ (1,0) [0|0] \"; (*\" 0, Table;\nCAT_DEF_ 1 x 0;\n\
+        BO_ 5 Öl_Druck: 2 Node (* a comment *)\n \
+        SG_ größe : 0|8@1+ (1,0) [0|0] \"µm (* no comment *)\" Node\n\
+        VAL_ 5 größe 1 \"klein\" ;\nFILTER 1;\n";
+    let database = Database::parse(text.as_bytes()).expect("a good file");
+    let message = database.by_name("Öl_Druck").expect("the message");
+    let signal = &message.signals[0];
+    assert_eq!(signal.name, "größe");
+    assert_eq!(signal.unit, "µm (* no comment *)");
+    assert_eq!(signal.labels, [(1, "klein".to_owned())]);
+    assert_eq!(database.warnings(), []);
+    let bad = text.replace("0|8@1+ (1,0) [0|0] \"µm", "12|8@1+ (1,0) [0|0] \"µm");
+    let error = Database::parse(bad.as_bytes()).expect_err("too long");
+    assert!(
+        error
+            .to_string()
+            .starts_with("line 9: `größe` needs 3 bytes"),
+        "{error}"
+    );
+}
+
+#[test]
+fn long_names_replace_short_ones_unless_they_clash() {
+    let text = |second: &str| {
+        format!(
+            "{}BA_DEF_ SG_ \"SystemSignalLongSymbol\" STRING ;\n\
+             BA_DEF_ BO_ \"SystemMessageLongSymbol\" STRING ;\n\
+             BA_ \"SystemSignalLongSymbol\" SG_ 5 short_0000 \"A_long_name\";\n\
+             BA_ \"SystemSignalLongSymbol\" SG_ 5 short_0001 \"{second}\";\n\
+             BA_ \"SystemMessageLongSymbol\" BO_ 5 \"Sample_of_a_long_name\";\n",
+            one_message(
+                " SG_ short_0000 : 0|8@1+ (1,0) [0|0] \"\" Node\n \
+                 SG_ short_0001 : 8|8@1+ (1,0) [0|0] \"\" Node\n"
+            )
+        )
+    };
+    let names = |text: &str| -> Vec<String> {
+        let database = usable(text);
+        let message = database
+            .by_name("Sample_of_a_long_name")
+            .expect("by long name");
+        assert_eq!(database.by_name("Sample"), Some(message));
+        assert_eq!(message.position("short_0001"), Some(1));
+        message.signals.iter().map(|s| s.name.clone()).collect()
+    };
+    assert_eq!(names(&text("Another")), ["A_long_name", "Another"]);
+    assert_eq!(names(&text("A_long_name")), ["short_0000", "short_0001"]);
+    assert_eq!(names(&text("")), ["A_long_name", "short_0001"]);
+}
+
 proptest! {
     #[test]
     fn damaged_files_never_panic(
@@ -241,7 +339,7 @@ proptest! {
             let at = at % file.len();
             let end = (at + cut).min(file.len());
             let damaged = [&file[..at], &with, &file[end..]].concat();
-            if let Ok(database) = Database::parse(&damaged) {
+            if let Ok(database) = Database::parse_usable(&damaged) {
                 for message in database.messages() {
                     message.decode(&[0xA5; 64]).for_each(drop);
                 }
@@ -410,6 +508,8 @@ fn hostile_files_cost_bounded_time() {
     ];
     for (name, text, usable) in cases {
         let start = std::time::Instant::now();
+        let lenient = Database::parse_usable(text.as_bytes());
+        drop(lenient);
         let result = Database::parse(text.as_bytes());
         let seconds = start.elapsed().as_secs_f64();
         println!(

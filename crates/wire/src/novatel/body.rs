@@ -1,82 +1,8 @@
 use super::Layout;
+use super::names::{
+    CLOCK_STATUS, DATUM, INERTIAL_STATUS, SOLUTION_STATUS, SOLUTION_TYPE, UTC_STATUS,
+};
 use crate::codec::{Codec, Names};
-
-/// Solution status of a computed solution.
-pub const SOLUTION_COMPUTED: u32 = 0;
-
-const SOLUTION_STATUS: Names = &[
-    (0, "SOL_COMPUTED"),
-    (1, "INSUFFICIENT_OBS"),
-    (2, "NO_CONVERGENCE"),
-    (3, "SINGULARITY"),
-    (4, "COV_TRACE"),
-    (5, "TEST_DIST"),
-    (6, "COLD_START"),
-    (7, "V_H_LIMIT"),
-    (8, "VARIANCE"),
-    (9, "RESIDUALS"),
-    (10, "DELTA_POS"),
-    (11, "NEGATIVE_VAR"),
-    (13, "INTEGRITY_WARNING"),
-    (14, "INS_INACTIVE"),
-    (15, "INS_ALIGNING"),
-    (16, "INS_BAD"),
-    (17, "IMU_UNPLUGGED"),
-    (18, "PENDING"),
-    (19, "INVALID_FIX"),
-    (20, "UNAUTHORIZED"),
-    (22, "INVALID_RATE"),
-];
-
-const SOLUTION_TYPE: Names = &[
-    (0, "NONE"),
-    (1, "FIXEDPOS"),
-    (2, "FIXEDHEIGHT"),
-    (8, "DOPPLER_VELOCITY"),
-    (16, "SINGLE"),
-    (17, "PSRDIFF"),
-    (18, "WAAS"),
-    (19, "PROPAGATED"),
-    (20, "OMNISTAR"),
-    (32, "L1_FLOAT"),
-    (33, "IONOFREE_FLOAT"),
-    (34, "NARROW_FLOAT"),
-    (48, "L1_INT"),
-    (49, "WIDE_INT"),
-    (50, "NARROW_INT"),
-    (51, "RTK_DIRECT_INS"),
-    (52, "INS_SBAS"),
-    (53, "INS_PSRSP"),
-    (54, "INS_PSRDIFF"),
-    (55, "INS_RTKFLOAT"),
-    (56, "INS_RTKFIXED"),
-    (64, "OMNISTAR_HP"),
-    (65, "OMNISTAR_XP"),
-    (66, "CDGPS"),
-    (68, "PPP_CONVERGING"),
-    (69, "PPP"),
-    (73, "INS_PPP_CONVERGING"),
-    (74, "INS_PPP"),
-];
-
-const DATUM: Names = &[(61, "WGS84"), (63, "USER")];
-const CLOCK_STATUS: Names = &[
-    (0, "VALID"),
-    (1, "CONVERGING"),
-    (2, "ITERATING"),
-    (3, "INVALID"),
-];
-const UTC_STATUS: Names = &[(0, "INVALID"), (1, "VALID"), (2, "WARNING")];
-const INERTIAL_STATUS: Names = &[
-    (0, "INS_INACTIVE"),
-    (1, "INS_ALIGNING"),
-    (2, "INS_HIGH_VARIANCE"),
-    (3, "INS_SOLUTION_GOOD"),
-    (6, "INS_SOLUTION_FREE"),
-    (7, "INS_ALIGNMENT_COMPLETE"),
-    (8, "DETERMINING_ORIENTATION"),
-    (9, "WAITING_INITIALPOS"),
-];
 
 /// Name of a solution status or type in the ASCII form.
 fn name_of(value: u32, names: Names) -> &'static str {
@@ -89,7 +15,7 @@ fn name_of(value: u32, names: Names) -> &'static str {
 /// Status and type of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Solution {
-    /// Solution status; [`SOLUTION_COMPUTED`] when there is one.
+    /// Solution status; [`SOLUTION_COMPUTED`](super::SOLUTION_COMPUTED) when there is one.
     pub status: u32,
     /// Position or velocity type.
     pub kind: u32,
@@ -141,7 +67,7 @@ impl Tail {
     }
 }
 
-/// BESTPOS, PSRPOS, RTKPOS.
+/// BESTPOS, PSRPOS, RTKPOS, BESTGNSSPOS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Position {
     /// Status and type.
@@ -162,7 +88,7 @@ pub struct Position {
     pub tail: Tail,
 }
 
-/// BESTVEL, PSRVEL.
+/// BESTVEL, PSRVEL, BESTGNSSVEL.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Velocity {
     /// Status and type.
@@ -254,7 +180,7 @@ pub struct Time {
     pub utc_status: u32,
 }
 
-/// HEADING: from the master to the rover antenna.
+/// HEADING, DUALANTENNAHEADING: from the master to the rover antenna.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Heading {
     /// Status and type.
@@ -300,6 +226,58 @@ pub struct Inertial {
     pub status: u32,
 }
 
+/// HEADING2.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Heading2 {
+    /// What HEADING has too.
+    pub heading: Heading,
+    /// Rover station id.
+    pub rover: [u8; 4],
+}
+
+/// INSPVAX.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InertialX {
+    /// As [`Inertial::status`].
+    pub status: u32,
+    /// Position type, as [`Solution::kind`].
+    pub kind: u32,
+    /// Latitude, degrees.
+    pub latitude_deg: f64,
+    /// Longitude, degrees.
+    pub longitude_deg: f64,
+    /// Height above mean sea level, m.
+    pub height_msl_m: f64,
+    /// Height of the geoid above the ellipsoid, m.
+    pub undulation_m: f32,
+    /// Velocity north, east, up, m/s.
+    pub velocity_neu_m_s: [f64; 3],
+    /// Roll (right side down positive), pitch (nose up positive), azimuth (clockwise from true
+    /// north), degrees.
+    pub attitude_deg: [f64; 3],
+    /// Standard deviations of latitude, longitude, height, m; of the velocity north, east, up, m/s; of
+    /// roll, pitch, azimuth, degrees.
+    pub sigma: [[f32; 3]; 3],
+    /// Extended solution status.
+    pub extended_status: u32,
+    /// Time since the last position or zero-velocity update, s.
+    pub update_age_s: u16,
+}
+
+/// CORRIMUDATA, CORRIMUDATAS: increments of one sample of the inertial unit, whose rate the log does not
+/// have. Gravity, the rotation of the earth and the errors of the sensors are removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CorrectedImu {
+    /// GPS week.
+    pub week: u32,
+    /// Seconds of the week.
+    pub seconds: f64,
+    /// About the right axis, the forward axis and the upward axis, rad in a sample.
+    pub rotation_rad: [f64; 3],
+    /// To the right, forwards, upwards, m/s in a sample.
+    pub velocity_m_s: [f64; 3],
+}
+
 /// The content of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -316,8 +294,14 @@ pub enum Body {
     Time(Time),
     /// HEADING.
     Heading(Heading),
+    /// HEADING2.
+    Heading2(Heading2),
     /// INSPVA, INSPVAS.
     Inertial(Inertial),
+    /// INSPVAX.
+    InertialX(InertialX),
+    /// CORRIMUDATA, CORRIMUDATAS.
+    CorrectedImu(CorrectedImu),
 }
 
 impl Body {
@@ -329,7 +313,10 @@ impl Body {
             Layout::Utm => Self::Utm(Utm::default()),
             Layout::Time => Self::Time(Time::default()),
             Layout::Heading => Self::Heading(Heading::default()),
+            Layout::Heading2 => Self::Heading2(Heading2::default()),
             Layout::Inertial => Self::Inertial(Inertial::default()),
+            Layout::InertialX => Self::InertialX(InertialX::default()),
+            Layout::CorrectedImu => Self::CorrectedImu(CorrectedImu::default()),
         }
     }
 
@@ -341,7 +328,10 @@ impl Body {
             Self::Utm(_) => Layout::Utm,
             Self::Time(_) => Layout::Time,
             Self::Heading(_) => Layout::Heading,
+            Self::Heading2(_) => Layout::Heading2,
             Self::Inertial(_) => Layout::Inertial,
+            Self::InertialX(_) => Layout::InertialX,
+            Self::CorrectedImu(_) => Layout::CorrectedImu,
         }
     }
 
@@ -353,7 +343,10 @@ impl Body {
             Self::Utm(b) => b.walk(c),
             Self::Time(b) => b.walk(c),
             Self::Heading(b) => b.walk(c),
+            Self::Heading2(b) => b.walk(c),
             Self::Inertial(b) => b.walk(c),
+            Self::InertialX(b) => b.walk(c),
+            Self::CorrectedImu(b) => b.walk(c),
         }
     }
 }
@@ -437,15 +430,61 @@ impl Time {
     }
 }
 
+impl Heading2 {
+    fn walk(&mut self, c: &mut impl Codec) -> Option<()> {
+        self.heading.walk_angles(c)?;
+        c.station(&mut self.rover)?;
+        self.heading.walk_tail(c)
+    }
+}
+
+impl InertialX {
+    fn walk(&mut self, c: &mut impl Codec) -> Option<()> {
+        c.named(&mut self.status, INERTIAL_STATUS)?;
+        c.named(&mut self.kind, SOLUTION_TYPE)?;
+        c.f64(&mut self.latitude_deg, 11)?;
+        c.f64(&mut self.longitude_deg, 11)?;
+        c.f64(&mut self.height_msl_m, 4)?;
+        c.f32(&mut self.undulation_m, 4)?;
+        self.velocity_neu_m_s
+            .iter_mut()
+            .try_for_each(|v| c.f64(v, 4))?;
+        self.attitude_deg.iter_mut().try_for_each(|v| c.f64(v, 9))?;
+        let mut sigma = self.sigma.iter_mut().flatten();
+        sigma.try_for_each(|v| c.f32(v, 4))?;
+        c.hex32(&mut self.extended_status)?;
+        c.u16(&mut self.update_age_s)
+    }
+}
+
+impl CorrectedImu {
+    fn walk(&mut self, c: &mut impl Codec) -> Option<()> {
+        c.u32(&mut self.week)?;
+        c.f64(&mut self.seconds, 9)?;
+        self.rotation_rad
+            .iter_mut()
+            .try_for_each(|v| c.f64(v, 12))?;
+        self.velocity_m_s.iter_mut().try_for_each(|v| c.f64(v, 12))
+    }
+}
+
 impl Heading {
     fn walk(&mut self, c: &mut impl Codec) -> Option<()> {
+        self.walk_angles(c)?;
+        self.walk_tail(c)
+    }
+
+    fn walk_angles(&mut self, c: &mut impl Codec) -> Option<()> {
         self.solution.walk(c)?;
         c.f32(&mut self.length_m, 4)?;
         c.f32(&mut self.heading_deg, 6)?;
         c.f32(&mut self.pitch_deg, 6)?;
         c.f32(&mut self.reserved, 1)?;
         c.f32(&mut self.heading_sigma_deg, 4)?;
-        c.f32(&mut self.pitch_sigma_deg, 4)?;
+        c.f32(&mut self.pitch_sigma_deg, 4)
+    }
+
+    fn walk_tail(&mut self, c: &mut impl Codec) -> Option<()> {
         c.station(&mut self.tail.station)?;
         self.tail.walk_counts(c)
     }

@@ -1,10 +1,14 @@
-use sample::{Attitude, FixQuality, GnssAttitude, GnssPosition, GnssVelocity, Measurement};
+use sample::{
+    Attitude, ControlSample, FixQuality, GnssAttitude, GnssPosition, GnssVelocity, Measurement,
+};
 
 use super::{
-    Body, Cartesian, Heading, Inertial, Log, Position, SOLUTION_COMPUTED, Solution, Velocity,
+    Body, Cartesian, CorrectedImu, Heading, Inertial, InertialX, Log, Position, SOLUTION_COMPUTED,
+    Solution, Velocity,
 };
 use crate::Measurements;
 use crate::geodesy::{Geodetic, yaw_from_heading_deg};
+use crate::item::values;
 
 impl Log {
     /// What the log measured, in SI and the project's axes. BESTUTM and TIME give nothing.
@@ -15,7 +19,12 @@ impl Log {
             Body::Velocity(b) => Measurements::one(Measurement::GnssVelocity(b.to_sample())),
             Body::Cartesian(b) => b.to_samples(),
             Body::Heading(b) => Measurements::one(Measurement::GnssAttitude(b.to_sample())),
+            Body::Heading2(b) => {
+                Measurements::one(Measurement::GnssAttitude(b.heading.to_sample()))
+            }
             Body::Inertial(b) => b.to_samples(),
+            Body::InertialX(b) => b.to_samples(),
+            Body::CorrectedImu(b) => Measurements::one(Measurement::Control(b.to_sample())),
             Body::Utm(_) | Body::Time(_) => Measurements::none(),
         }
     }
@@ -33,17 +42,24 @@ impl Log {
 
 impl Solution {
     fn quality(self) -> FixQuality {
-        if self.status != SOLUTION_COMPUTED {
-            return FixQuality::None;
+        if self.status == SOLUTION_COMPUTED {
+            quality_of(self.kind)
+        } else {
+            FixQuality::None
         }
-        match self.kind {
-            1 | 2 | 8 | 16 | 53 => FixQuality::Single,
-            17 | 18 | 20 | 52 | 54 | 66 => FixQuality::Differential,
-            19 | 51 => FixQuality::DeadReckoning,
-            32..=34 | 55 | 64 | 65 | 68 | 69 | 73 | 74 => FixQuality::Float,
-            48..=50 | 56 => FixQuality::Fixed,
-            _ => FixQuality::None,
-        }
+    }
+}
+
+/// Quality of a position or velocity type (OEM7 manual, table of position and velocity types). Types 70
+/// to 72 tell whether the user's limit of accuracy is kept, not how the solution was made.
+const fn quality_of(kind: u32) -> FixQuality {
+    match kind {
+        1 | 2 | 8 | 16 | 53 | 70..=72 => FixQuality::Single,
+        17 | 18 | 20 | 52 | 54 | 57 | 66 => FixQuality::Differential,
+        19 | 51 | 67 => FixQuality::DeadReckoning,
+        32..=34 | 55 | 58 | 59 | 64 | 65 | 68 | 69 | 73 | 74 | 77..=80 => FixQuality::Float,
+        48..=50 | 56 => FixQuality::Fixed,
+        _ => FixQuality::None,
     }
 }
 
@@ -160,5 +176,60 @@ impl Inertial {
                 yaw_rad: yaw_from_heading_deg(self.azimuth_deg),
             }),
         )
+    }
+}
+
+impl InertialX {
+    fn to_samples(self) -> Measurements {
+        // Good and aligned solutions have the quality of their last update; a free one has had none
+        // for long.
+        let quality = match (self.status, quality_of(self.kind)) {
+            (3 | 7, quality) if quality.is_solved() => quality,
+            (3 | 6 | 7, _) => FixQuality::DeadReckoning,
+            _ => FixQuality::None,
+        };
+        let [position_sigma, velocity_sigma, _] = self.sigma.map(|s| s.map(f64::from));
+        let east_first = |[north, east, up]: [f64; 3]| [east, north, up];
+        let position = Measurement::GnssPosition(GnssPosition {
+            quality,
+            latitude_rad: self.latitude_deg.to_radians(),
+            longitude_rad: self.longitude_deg.to_radians(),
+            height_m: self.height_msl_m + f64::from(self.undulation_m),
+            sigma_enu_m: Some(east_first(position_sigma)),
+            satellites: None,
+        });
+        let velocity = Measurement::GnssVelocity(GnssVelocity {
+            quality,
+            velocity_enu_m_s: east_first(self.velocity_neu_m_s),
+            sigma_enu_m_s: Some(east_first(velocity_sigma)),
+            latency_s: None,
+        });
+        if !quality.is_solved() {
+            return Measurements::two(position, velocity);
+        }
+        let [roll, pitch, azimuth] = self.attitude_deg;
+        let attitude = Measurement::Attitude(Attitude {
+            roll_rad: roll.to_radians(),
+            pitch_rad: -pitch.to_radians(),
+            yaw_rad: yaw_from_heading_deg(azimuth),
+        });
+        Measurements::three(position, velocity, attitude)
+    }
+}
+
+impl CorrectedImu {
+    /// The increments by name: without the rate of the unit and without gravity they are no rates and no
+    /// specific force.
+    fn to_sample(self) -> ControlSample {
+        let [right, forward, up] = self.rotation_rad;
+        let [to_right, forwards, upwards] = self.velocity_m_s;
+        values(&[
+            ("imu_rotation_right_axis", right, "rad"),
+            ("imu_rotation_forward_axis", forward, "rad"),
+            ("imu_rotation_up_axis", up, "rad"),
+            ("imu_velocity_right", to_right, "m/s"),
+            ("imu_velocity_forward", forwards, "m/s"),
+            ("imu_velocity_up", upwards, "m/s"),
+        ])
     }
 }

@@ -7,8 +7,8 @@ impl Log {
     /// body's.
     #[must_use]
     pub fn new(id: u16, week: u16, milliseconds: u32, body: Body) -> Option<Self> {
-        let (_, name, layout) = LOGS.iter().find(|log| log.0 == id)?;
-        let short = name.ends_with("VAS");
+        let (_, _, layout) = LOGS.iter().find(|log| log.0 == id)?;
+        let short = matches!(id, 508 | 813);
         let header = Header {
             id,
             time_status: if short { 0 } else { 180 },
@@ -33,7 +33,8 @@ impl Log {
         } else {
             out.extend([0xAA, 0x44, 0x12, LONG_HEADER as u8]);
             out.extend(h.id.to_le_bytes());
-            out.extend([if h.response { 0x80 } else { 0 }, 0x20, 0, 0]);
+            let kind = h.antenna & 0x1F | if h.response { 0x80 } else { 0 };
+            out.extend([kind, 0x20, 0, 0]);
             out.extend(h.sequence.to_le_bytes());
             out.extend([h.idle, h.time_status]);
             out.extend(h.week.to_le_bytes());

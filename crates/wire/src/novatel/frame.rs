@@ -3,7 +3,7 @@ use std::sync::LazyLock;
 use crc::{Algorithm, CRC_32_ISO_HDLC, Crc, Table};
 use sample::DeviceTime;
 
-use super::LOGS;
+use super::{KNOWN, LOGS};
 use crate::codec::{AsciiReader, BinaryReader, Codec, Names};
 use crate::frame::Scan;
 use crate::gps_time::MILLISECONDS_PER_WEEK;
@@ -57,6 +57,8 @@ pub struct Header {
     pub id: u16,
     /// Whether this answers a command instead of being a log.
     pub response: bool,
+    /// Measurement source of the message type: 0 the first antenna, 1 the second.
+    pub antenna: u8,
     /// Counts down the logs that were asked for together.
     pub sequence: u16,
     /// Idle time of the receiver's processor in half percent.
@@ -198,6 +200,7 @@ pub(super) fn binary_header(form: Form, bytes: &[u8]) -> Option<(Header, &[u8])>
     reader.u16(&mut header.id)?;
     reader.u8(&mut kind)?;
     header.response = kind & 0x80 != 0;
+    header.antenna = kind & 0x1F;
     reader.u8(&mut ignored)?;
     reader.u16(&mut ignored_word)?;
     reader.u16(&mut header.sequence)?;
@@ -218,10 +221,20 @@ pub(super) fn ascii_header(form: Form, bytes: &[u8]) -> Option<(Header, &[u8])> 
     let (head, body) = text.split_once(';')?;
     let mut fields = AsciiReader::new(head);
     let name = fields.text()?;
-    let stem = name.strip_suffix(['A', 'R']).unwrap_or(name);
+    // The number of a further antenna follows an underscore: `BESTPOSA_1` or `BESTPOS_1A`.
+    let (stem, antenna) = match name.split_once('_') {
+        Some((stem, number)) => (stem, number.trim_end_matches(['A', 'R']).parse().ok()?),
+        None => (name, 0),
+    };
+    let stem = stem.strip_suffix(['A', 'R']).unwrap_or(stem);
+    let known = LOGS.iter().map(|(id, name, _)| (id, name));
+    let mut known = known.chain(KNOWN.iter().map(|(id, name)| (id, name)));
     let mut header = Header {
-        id: LOGS.iter().find(|log| log.1 == stem).map_or(0, |log| log.0),
+        id: known
+            .find(|(_, name)| **name == stem)
+            .map_or(0, |(id, _)| *id),
         response: name.ends_with('R'),
+        antenna,
         short: form == Form::ShortAscii,
         ..Header::default()
     };

@@ -1,3 +1,4 @@
+use super::ins::{ExternalSensor, InsNavigation, SENSORS_MAX, walk_sensors};
 use crate::codec::Codec;
 
 /// PVTCartesian and PVTGeodetic of the current generation (4006, 4007).
@@ -155,6 +156,17 @@ pub enum Body {
     AttEuler(EulerAttitude),
     /// Attitude covariance.
     AttCovEuler(AttitudeCovariance),
+    /// Satellites and inertial unit, earth-fixed axes.
+    InsNavCart(InsNavigation),
+    /// Satellites and inertial unit, geodetic.
+    InsNavGeod(InsNavigation),
+    /// Readings of the inertial unit.
+    ExtSensorMeas {
+        /// How many readings there are.
+        count: u8,
+        /// The readings.
+        sensors: [ExternalSensor; SENSORS_MAX],
+    },
     /// UTC year (two digits), month, day, hour, minute, second; leap seconds; sync level.
     ReceiverTime {
         /// Year to second; -128 when not known.
@@ -178,6 +190,12 @@ pub enum Body {
 impl Body {
     pub(super) fn empty(number: u16) -> Option<Self> {
         Some(match number {
+            4050 => Self::ExtSensorMeas {
+                count: 0,
+                sensors: [ExternalSensor::default(); SENSORS_MAX],
+            },
+            4225 => Self::InsNavCart(InsNavigation::default()),
+            4226 => Self::InsNavGeod(InsNavigation::default()),
             4006 => Self::PvtCartesian(Pvt::default()),
             4007 => Self::PvtGeodetic(Pvt::default()),
             5903 => Self::PvtCartesianV1(PvtV1::default()),
@@ -211,6 +229,9 @@ impl Body {
             | Self::PosCovGeodetic(b)
             | Self::VelCovCartesian(b)
             | Self::VelCovGeodetic(b) => b.walk(c),
+            Self::InsNavCart(b) => b.walk(c, false),
+            Self::InsNavGeod(b) => b.walk(c, true),
+            Self::ExtSensorMeas { count, sensors } => walk_sensors(c, count, sensors),
             Self::AttEuler(b) => b.walk(c),
             Self::AttCovEuler(b) => b.walk(c),
             Self::ReceiverTime {

@@ -1,6 +1,10 @@
-use sample::{FixQuality, GnssAttitude, GnssPosition, GnssVelocity, Measurement};
+use sample::{
+    Attitude, FixQuality, GnssAttitude, GnssPosition, GnssVelocity, ImuSample, Measurement,
+};
 
-use super::{AttitudeCovariance, Block, Body, Covariance, EulerAttitude};
+use super::{
+    AttitudeCovariance, Block, Body, Covariance, EulerAttitude, ExternalSensor, InsNavigation,
+};
 use crate::Measurements;
 use crate::geodesy::{Geodetic, yaw_from_heading_deg};
 
@@ -54,6 +58,11 @@ impl Memory {
             Body::AttCovEuler(b) => {
                 self.attitude_sigma = time.zip(b.sigma());
                 Measurements::none()
+            }
+            Body::InsNavCart(b) => b.measurements(false),
+            Body::InsNavGeod(b) => b.measurements(true),
+            Body::ExtSensorMeas { count, sensors } => {
+                inertial(&sensors[..usize::from(*count).min(sensors.len())])
             }
             Body::ReceiverTime { .. } | Body::XppsOffset { .. } => Measurements::none(),
         }
@@ -119,6 +128,94 @@ impl Memory {
             sigma_rad: recent(self.attitude_sigma, time),
         })
     }
+}
+
+impl InsNavigation {
+    fn measurements(&self, geodetic: bool) -> Measurements {
+        let quality = match quality(self.error, self.mode) {
+            // The inertial unit alone.
+            FixQuality::None if self.error == 0 => FixQuality::DeadReckoning,
+            quality => quality,
+        };
+        let wide = |values: [Option<f32>; 3]| all(values.map(|v| v.map(f64::from)));
+        let squared = |s: [f64; 3]| s.map(|v| v * v);
+        let (place, velocity, sigmas);
+        if geodetic {
+            place = all(self.position).map(|[latitude_rad, longitude_rad, height_m]| Geodetic {
+                latitude_rad,
+                longitude_rad,
+                height_m,
+            });
+            velocity = wide(self.velocity_m_s);
+            // Latitude first, but east first.
+            let of_position = wide(self.position_sigma_m).map(|[n, e, u]| [e, n, u]);
+            sigmas = [of_position, wide(self.velocity_sigma_m_s)];
+        } else {
+            place = all(self.position).and_then(Geodetic::from_ecef);
+            velocity = place
+                .zip(wide(self.velocity_m_s))
+                .map(|(p, v)| p.rotate_to_enu(v));
+            let turned = |v: [Option<f32>; 3]| {
+                let (place, [xx, yy, zz]) = place.zip(wide(v).map(squared))?;
+                Some(place.sigma_enu([xx, yy, zz, 0.0, 0.0, 0.0]))
+            };
+            sigmas = [
+                turned(self.position_sigma_m),
+                turned(self.velocity_sigma_m_s),
+            ];
+        }
+        let good = |there: bool| if there { quality } else { FixQuality::None };
+        let p = place.unwrap_or_default();
+        let position = Measurement::GnssPosition(GnssPosition {
+            quality: good(place.is_some()),
+            latitude_rad: p.latitude_rad,
+            longitude_rad: p.longitude_rad,
+            height_m: p.height_m,
+            sigma_enu_m: sigmas[0],
+            satellites: None,
+        });
+        let velocity = Measurement::GnssVelocity(GnssVelocity {
+            quality: good(velocity.is_some()),
+            velocity_enu_m_s: velocity.unwrap_or_default(),
+            sigma_enu_m_s: sigmas[1],
+            latency_s: None,
+        });
+        let attitude = wide(self.attitude_deg).filter(|_| quality.is_solved());
+        match attitude {
+            Some([heading, pitch, roll]) => Measurements::three(
+                position,
+                velocity,
+                Measurement::Attitude(Attitude {
+                    roll_rad: roll.to_radians(),
+                    pitch_rad: -pitch.to_radians(),
+                    yaw_rad: yaw_from_heading_deg(heading),
+                }),
+            ),
+            None => Measurements::two(position, velocity),
+        }
+    }
+}
+
+/// Acceleration and angular rate of one block, in the axes of the sensor.
+fn inertial(sensors: &[ExternalSensor]) -> Measurements {
+    let of = |kind: u8| sensors.iter().find(|sensor| sensor.kind == kind);
+    let valid = |kind: u8| {
+        of(kind)
+            .filter(|s| s.info & 1 != 0)
+            .and_then(|s| all(s.values))
+    };
+    let (Some(force), Some(rate)) = (valid(0), valid(1)) else {
+        return Measurements::none();
+    };
+    let temperature = of(3).map(|sensor| f64::from(sensor.temperature_cc) * 0.01);
+    Measurements::one(Measurement::Imu(ImuSample {
+        specific_force_m_s2: force,
+        angular_rate_rad_s: rate.map(f64::to_radians),
+        temperature_c: temperature,
+        interval_s: 0.0,
+        status: 0,
+        valid: true,
+    }))
 }
 
 fn recent(stored: Option<(u32, [f64; 3])>, now: Option<u32>) -> Option<[f64; 3]> {

@@ -3,7 +3,7 @@
 use atvrec_wire::gnss::Decoder;
 use atvrec_wire::novatel::{self, Log};
 use atvrec_wire::sbf::{self, Block};
-use atvrec_wire::{Message, Protocol, Statistics, nmea};
+use atvrec_wire::{Message, Protocol, Statistics, nmea, ubx};
 use proptest::prelude::*;
 use serde_json::Value;
 
@@ -391,12 +391,13 @@ fn a_mixture_of_protocols() {
         count(Protocol::NovatelBinary),
         count(Protocol::Nmea)
     );
-    // Two long and one short NovAtel header are in the file, among UBX and RTCM frames.
+    // Two long and one short NovAtel header are in the file, among UBX and RTCM frames; one UBX frame is
+    // damaged.
     assert_eq!(
         (count(Protocol::NovatelBinary), count(Protocol::Nmea)),
         (3, 4)
     );
-    assert_eq!((statistics.checksum_errors, statistics.malformed), (0, 0));
+    assert_eq!((statistics.checksum_errors, statistics.malformed), (1, 0));
 }
 
 fn logs() -> impl Strategy<Value = Log> {
@@ -571,6 +572,7 @@ fn axes_and_signs() {
         Measurement::GnssAttitude(a),
         Measurement::GnssVelocity(n),
         Measurement::GnssPosition(gga),
+        Measurement::GnssPosition(place_of_rmc),
         Measurement::GnssVelocity(rmc),
         Measurement::GnssAttitude(hrp),
     ] = all.as_slice()
@@ -596,6 +598,11 @@ fn axes_and_signs() {
     assert!(
         (rmc.velocity_enu_m_s[0] - 3.0).abs() < 1e-3
             && (rmc.velocity_enu_m_s[1] + 4.0).abs() < 1e-3
+    );
+    assert!((place_of_rmc.latitude_rad - 0.57).abs() < 1e-9 && place_of_rmc.height_m.is_nan());
+    assert!(
+        rmc.velocity_enu_m_s[2].is_nan(),
+        "RMC has no upward velocity"
     );
     assert!((hrp.yaw_rad.expect("yaw") - 0.1).abs() < 1e-4);
     assert!((hrp.pitch_rad.expect("pitch") + 0.02).abs() < 1e-4);
@@ -657,5 +664,28 @@ proptest! {
     #[test]
     fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..3000)) {
         decode(&bytes);
+        let mut decoder = Decoder::vectornav();
+        let mut sink = |_: atvrec_wire::Item<'_>| {};
+        decoder.push(&bytes, &mut sink);
+        decoder.finish(&mut sink);
+    }
+
+    #[test]
+    fn ubx_messages_are_encoded_as_they_were(
+        kind in prop::sample::select(vec![[0x01, 0x07], [0x01, 0x3C], [0x01, 0x05], [0x01, 0x04], [0x0D, 0x03]]),
+        payload in prop::collection::vec(any::<u8>(), 92),
+    ) {
+        let mut bytes = Vec::new();
+        ubx::encode_frame(kind, &payload, &mut bytes);
+        let (found, _) = decode(&bytes);
+        for (_, name, message, _) in &found {
+            let Message::Ubx(body) = message else { continue };
+            let mut again = Vec::new();
+            body.encode(&mut again);
+            let (second, statistics) = decode(&again);
+            prop_assert_eq!(statistics.messages, 1);
+            prop_assert_eq!(second[0].1, *name);
+            prop_assert_eq!(&second[0].2, message);
+        }
     }
 }

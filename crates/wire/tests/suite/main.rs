@@ -3,4 +3,6 @@
 mod common;
 mod crossbow440;
 mod dbc_vectors;
+mod devices;
 mod gnss;
+mod works_with;

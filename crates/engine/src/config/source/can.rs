@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use acq::{CanSpec, LinkSpec, SlcanSpec, SourceKind};
-use wire::dbc::Database;
+use wire::dbc::{Database, Issue};
 use wire::slcan;
 
 use super::{CanMeaning, Meaning, Read, read_port};
@@ -173,29 +173,88 @@ fn can_meaning(
             section.field_name("dbc"),
         ),
     };
-    let mut databases = Vec::new();
+    let skips = read_dbc_errors(section, collector);
+    let (mut databases, mut warnings) = (Vec::new(), Vec::new());
     for name in names {
-        match files.read_text(&name, FileKind::Dbc) {
-            Ok(text) => match Database::parse(text.as_bytes()) {
-                Ok(database) => databases.push(database),
-                Err(error) => {
-                    collector.add_foreign(error.issues.into_iter().map(|issue| Problem {
-                        file: name.clone(),
-                        line: issue.line,
-                        column: 0,
-                        field: issue.token,
-                        value: String::new(),
-                        message: issue.text,
-                        help: String::new(),
-                    }))
-                }
-            },
-            Err(error) => collector.add(&span, &field, error.message, error.help),
+        let text = match files.read_text(&name, FileKind::Dbc) {
+            Ok(text) => text,
+            Err(error) => {
+                collector.add(&span, &field, error.message, error.help);
+                continue;
+            }
+        };
+        let parsed = match skips {
+            true => Database::parse_usable(text.as_bytes()),
+            false => Database::parse(text.as_bytes()),
+        };
+        match parsed {
+            Ok(database) => {
+                warnings.extend(problems_of(&name, &database));
+                databases.push(database);
+            }
+            Err(error) => {
+                let issues = error.issues.into_iter();
+                collector.add_foreign(issues.map(|issue| problem(&name, issue)));
+            }
         }
     }
     let roles = section.section("roles", collector);
     let roles = roles::read(roles, &databases, collector);
-    Meaning::Can(CanMeaning { databases, roles })
+    Meaning::Can(CanMeaning {
+        warnings,
+        ..CanMeaning::new(databases, roles)
+    })
+}
+
+/// `dbc_errors`: whether messages with errors are left out, or the configuration is refused.
+fn read_dbc_errors(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> bool {
+    let field = section.optional::<String>("dbc_errors", collector);
+    match field.as_ref().map_or("skip", |field| field.value.as_str()) {
+        "skip" => true,
+        "refuse" => false,
+        other => {
+            if let Some(field) = &field {
+                collector.add(
+                    &field.span,
+                    &field.name,
+                    format!("\"{other}\" is not a way to treat errors of DBC files"),
+                    "use \"skip\" to leave out messages with errors, or \"refuse\"",
+                );
+            }
+            true
+        }
+    }
+}
+
+fn problem(file: &str, issue: Issue) -> Problem {
+    Problem {
+        file: file.to_owned(),
+        line: issue.line,
+        column: 0,
+        field: issue.token,
+        value: String::new(),
+        message: issue.text,
+        help: String::new(),
+    }
+}
+
+/// What is left out of a DBC file, and what is odd in it.
+fn problems_of(file: &str, database: &Database) -> Vec<Problem> {
+    let left_out = database.left_out().iter().map(|part| {
+        let help = match &part.message {
+            Some(name) => {
+                format!("the message {name} is left out; its frames are recorded, not decoded")
+            }
+            None => "this part of the file is left out".to_owned(),
+        };
+        Problem {
+            help,
+            ..problem(file, part.issue.clone())
+        }
+    });
+    let odd = database.warnings().iter();
+    let odd = odd.map(|issue| problem(file, issue.clone()));
+    left_out.chain(odd).collect()
 }
 
 #[cfg(test)]
@@ -220,5 +279,34 @@ mod tests {
         assert_eq!(read_within(""), decoded);
         assert_eq!(read_within("dbc = []\n"), RECORDED_WITHIN);
         assert!(decoded < RECORDED_WITHIN);
+    }
+
+    /// A message with an error costs itself, unless a role needs it or the configuration says so.
+    #[test]
+    fn a_bad_message_is_left_out_unless_a_role_needs_it() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let dbc = "VERSION \"\"\nBU_: A\nBO_ 256 Good: 8 A\n SG_ s : 0|8@1+ (1,0) [0|0] \"rad\" A\n\
+                   BO_ 257 Bad: 2 A\n SG_ t : 8|16@1+ (1,0) [0|0] \"rad\" A\n";
+        std::fs::write(directory.path().join("in.dbc"), dbc).expect("written");
+        let read = |more: &str| {
+            let text = format!(
+                "[source.x]\nkind = \"can\"\ninterface = \"can0\"\ndbc = [\"in.dbc\"]\n{more}"
+            );
+            Config::from_text(&text, directory.path()).map_err(|error| error.to_string())
+        };
+        let config = read("").expect("the good message is enough");
+        let warnings: Vec<String> = config.warnings().map(ToString::to_string).collect();
+        assert_eq!(warnings.len(), 1);
+        assert!(warnings[0].contains("in.dbc:6: t: needs 3 bytes, but Bad has 2"));
+        assert!(
+            warnings[0].contains("the message Bad is left out"),
+            "{warnings:?}"
+        );
+        read("[source.x.roles]\nsteer = \"Good.s\"\n").expect("a role of the good message");
+        let error = read("[source.x.roles]\nsteer = \"Bad.t\"\n").expect_err("a role needs it");
+        assert!(error.contains("the message Bad has an error"), "{error}");
+        let error = read("dbc_errors = \"refuse\"\n").expect_err("refused");
+        assert!(error.contains("needs 3 bytes"), "{error}");
+        assert!(read("dbc_errors = \"ignore\"\n").is_err());
     }
 }

@@ -1,0 +1,111 @@
+//! What an estimator with a configuration can estimate, and what it cannot, and why.
+
+use model::vehicle::Vehicle;
+use sample::Wheel;
+use wire::column::Quantity;
+
+use crate::config::{Config, Meaning, Role};
+
+/// What is not estimated with the vehicle of a configuration, and why: a line for each reason; empty if
+/// everything is estimated, or if there is no vehicle.
+#[must_use]
+pub fn limits(config: &Config) -> Vec<String> {
+    let Some(estimator) = &config.estimator else {
+        return Vec::new();
+    };
+    let mut lines: Vec<String> = of_vehicle(&estimator.vehicle).into_iter().collect();
+    if lines.is_empty() && !has_strain(config) {
+        lines.push(
+            "tyre forces are not estimated, because no source has a strain channel (roles.strain of a bus, \
+             or strain columns of a table); motion is estimated"
+                .to_owned(),
+        );
+    }
+    lines
+}
+
+/// What is not estimated with a vehicle.
+#[must_use]
+pub fn of_vehicle(vehicle: &Vehicle) -> Option<String> {
+    let lacks: Vec<&str> = [
+        ("hard-points", &lacks_wishbone as &dyn Fn(&Vehicle) -> bool),
+        ("struts", &|v: &Vehicle| any_axle(v, |a| a.strut.is_none())),
+        ("unsprung masses", &|v: &Vehicle| {
+            any_axle(v, |a| a.unsprung.is_none())
+        }),
+    ]
+    .into_iter()
+    .filter_map(|(name, is_missing)| is_missing(vehicle).then_some(name))
+    .collect();
+    if lacks.is_empty() {
+        return None;
+    }
+    Some(format!(
+        "tyre forces, wheel loads, lift and rollover are not estimated (they are NaN in the log), because \
+         the vehicle {} has no {}; velocity, sideslip, attitude and rates are estimated from speed, steer \
+         angle, yaw rate and lateral acceleration",
+        vehicle.name,
+        lacks.join(" and no ")
+    ))
+}
+
+fn lacks_wishbone(vehicle: &Vehicle) -> bool {
+    any_axle(vehicle, |axle| axle.wishbone.is_none())
+}
+
+fn any_axle(vehicle: &Vehicle, is: impl Fn(&model::vehicle::Axle) -> bool) -> bool {
+    [Wheel::FrontLeft, Wheel::RearLeft]
+        .into_iter()
+        .any(|wheel| is(vehicle.axle(wheel)))
+}
+
+fn has_strain(config: &Config) -> bool {
+    config.sources.iter().any(|source| match &source.meaning {
+        Meaning::Can(can) => {
+            let mut roles = can.roles.iter();
+            roles.any(|role| matches!(role.role, Role::Strain(..)))
+        }
+        Meaning::Csv(map) => {
+            let mut columns = map.format.columns.iter();
+            columns.any(|(_, column)| matches!(column.quantity, Quantity::Strain(..)))
+        }
+        Meaning::Alog(format) => {
+            let mut variables = format.variables.iter();
+            variables.any(|variable| matches!(variable.column.quantity, Quantity::Strain(..)))
+        }
+        Meaning::Crossbow440(_) | Meaning::Gnss(_) | Meaning::Line(_) => false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAR: &str = "name = \"car\"\n[body]\nmass_kg = 1600.0\nfront_axle_to_cg_m = 1.25\n\
+                       cg_to_rear_axle_m = 1.3\n[steering]\nratio = 15.0\n";
+
+    fn limits_of(text: &str) -> Vec<String> {
+        let directory = tempfile::tempdir().expect("a directory");
+        std::fs::write(directory.path().join("car.toml"), CAR).expect("written");
+        limits(&Config::from_text(text, directory.path()).expect("a configuration"))
+    }
+
+    #[test]
+    fn what_is_not_estimated_is_told_with_its_reason() {
+        let bus = "[source.can0]\nkind = \"can\"\ninterface = \"can0\"\n";
+        let gnss = "[source.gnss]\nkind = \"gnss\"\ndevice = \"/dev/x\"\n";
+        let prowler = "[vehicle]\nfile = \"prowler\"\n";
+        assert_eq!(limits_of(&format!("{bus}{prowler}")), [""; 0]);
+        let without_strain = limits_of(&format!("{gnss}{prowler}"));
+        assert!(without_strain[0].contains("no source has a strain channel"));
+        let car = limits_of(&format!(
+            "{gnss}[vehicle]\nfile = \"car.toml\"\nsensors = \"thesis-10bit\"\n"
+        ));
+        assert_eq!(car.len(), 1, "{car:?}");
+        assert!(
+            car[0].contains("the vehicle car has no hard-points"),
+            "{car:?}"
+        );
+        assert_eq!(limits_of(bus), [""; 0]);
+    }
+}
