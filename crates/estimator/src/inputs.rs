@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use sample::{CornerSample, HubAccelerationSample, LogTime, PerWheel, StrainChannel, Wheel};
 
 use crate::calibration::{Channel, CornerChannels, HubSensor, Resolved};
+use crate::grid::GRID_S;
 
 /// Position of the spring potentiometer among a corner's channels, after the strain channels.
 pub const POTENTIOMETER: usize = StrainChannel::COUNT;
@@ -230,13 +231,11 @@ fn replace(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
     }
 }
 
-/// Readings whose mean time is longer ago do not belong to the same step, s.
-const TOGETHER_S: f64 = 0.006;
-
 /// Takes a value into the mean of those of the same step that no filter has used.
 fn gather(slot: &mut Option<Reading>, time: LogTime, value: Option<f64>) {
     let waiting = slot.filter(|held| {
-        !held.taken && time > held.time && time.seconds_since(held.time) < TOGETHER_S
+        let since_s = time.seconds_since(held.time);
+        !held.taken && since_s > 0.0 && since_s < 0.6 * GRID_S
     });
     let (Some(held), Some(value)) = (waiting, value.filter(|value| value.is_finite())) else {
         return replace(slot, time, value);

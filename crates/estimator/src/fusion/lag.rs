@@ -8,10 +8,8 @@
 use sample::LogTime;
 
 use super::forms::Back;
+use crate::grid::GRID_S;
 use crate::inputs::Reading;
-
-/// Longest time between readings over which a lag is undone, s.
-const GAP_MAX_S: f64 = 0.05;
 
 /// The last reading of a channel with a lag.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,7 +30,8 @@ impl Lag {
     pub(super) fn invert(&mut self, reading: &Reading, tau_s: f64) -> Unlagged {
         let before = self.0.replace((reading.time, reading.value));
         let count = f64::from(reading.count);
-        let near = before.filter(|(time, _)| reading.time.seconds_since(*time) < GAP_MAX_S);
+        // A gap of more than five steps is not bridged.
+        let near = before.filter(|(time, _)| reading.time.seconds_since(*time) < 5.0 * GRID_S);
         let Some((time, value)) = near else {
             return Unlagged {
                 value: reading.value,

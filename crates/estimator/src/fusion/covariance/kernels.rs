@@ -10,8 +10,8 @@ use multiversion::multiversion;
 
 use super::{Column, LANES, Matrix, WIDTH, first};
 use crate::fusion::joint::{RowsView, TOGETHER};
-use crate::fusion::layout::{BEFORE, FORCE, HUB_BIAS, LAGGED, SIZE};
-use crate::fusion::transition::{FORCES, MIXED, Transition};
+use crate::fusion::layout::{BEFORE, FORCE, HUB_BIAS, LAGGED, SIZE, State};
+use crate::fusion::transition::{FORCES, MIXED, Mixed, Transition};
 
 macro_rules! kernel {
     ($(#[$attribute:meta])* fn $name:ident($($argument:ident: $type:ty),*) $body:block) => {
@@ -161,53 +161,12 @@ kernel! {
     /// With the mixed rows A of F P, the covariance of a mixed state with one that is only kept is A
     /// times that state's factor; that of two mixed states is a sum over A once more.
     fn propagate(matrix: &mut Matrix, transition: &Transition, active: usize) {
-        let chunks = active.div_ceil(LANES);
         let rows = transition.rows();
-        let mut mixed = [Column::ZERO; MIXED];
-        for (to, row) in mixed.iter_mut().zip(rows) {
-            for chunk in 0..chunks {
-                let mut sum = [0.0; LANES];
-                for (state, gain) in row.terms() {
-                    let of_state = lanes(&matrix[state], chunk);
-                    for k in 0..LANES {
-                        sum[k] += gain * of_state[k];
-                    }
-                }
-                *lanes_mut(to, chunk) = sum;
-            }
-        }
-        let mut both = [[0.0; MIXED]; MIXED];
-        for (i, of_row) in mixed.iter().enumerate().take(rows.len()) {
-            for (j, row) in rows.iter().enumerate() {
-                if row.index >= rows[i].index {
-                    both[i][j] = row.terms().map(|(state, gain)| gain * of_row[state]).sum();
-                }
-            }
-        }
+        let mixed = mixed_rows(matrix, rows, active.div_ceil(LANES));
+        let both = of_both(&mixed, rows);
         let mut forces = [Column::ZERO; FORCES];
         forces.copy_from_slice(&matrix[FORCE..FORCE + FORCES]);
-        // From the last to the first: a row's source is before it.
-        for k in 0..FORCES {
-            let (upper, lower) = matrix.split_at_mut(LAGGED);
-            let source = &upper[BEFORE + k];
-            lower[k][LAGGED..HUB_BIAS].copy_from_slice(&source[BEFORE..LAGGED]);
-            for j in HUB_BIAS..SIZE {
-                lower[k][j] = source[j] * transition.keep[j];
-            }
-        }
-        for (k, force) in forces.iter().enumerate() {
-            let row = &mut matrix[BEFORE + k];
-            row[BEFORE..LAGGED].copy_from_slice(&force[FORCE..FORCE + FORCES]);
-            row[LAGGED..HUB_BIAS].copy_from_slice(&force[BEFORE..LAGGED]);
-            for j in HUB_BIAS..SIZE {
-                row[j] = force[j] * transition.keep[j];
-            }
-        }
-        for i in HUB_BIAS..SIZE {
-            for j in HUB_BIAS..SIZE {
-                matrix[i][j] *= transition.keep[i] * transition.keep[j];
-            }
-        }
+        hand_rows_on(matrix, &forces, &transition.keep);
         for (i, row) in matrix.iter_mut().enumerate().take(BEFORE) {
             let keep = transition.keep[i];
             hand_on(row, keep);
@@ -242,6 +201,66 @@ kernel! {
                     row[other.index] = both[i][j];
                 }
             }
+        }
+    }
+}
+
+/// Mixed rows of F P.
+#[inline(always)]
+fn mixed_rows(matrix: &Matrix, rows: &[Mixed], chunks: usize) -> [Column; MIXED] {
+    let mut mixed = [Column::ZERO; MIXED];
+    for (to, row) in mixed.iter_mut().zip(rows) {
+        for chunk in 0..chunks {
+            let mut sum = [0.0; LANES];
+            for (state, gain) in row.terms() {
+                let of_state = lanes(&matrix[state], chunk);
+                for k in 0..LANES {
+                    sum[k] += gain * of_state[k];
+                }
+            }
+            *lanes_mut(to, chunk) = sum;
+        }
+    }
+    mixed
+}
+
+/// Covariances of two mixed states, the second with the higher index.
+#[inline(always)]
+fn of_both(mixed: &[Column; MIXED], rows: &[Mixed]) -> [[f64; MIXED]; MIXED] {
+    let mut both = [[0.0; MIXED]; MIXED];
+    for (i, of_row) in mixed.iter().enumerate().take(rows.len()) {
+        for (j, row) in rows.iter().enumerate() {
+            if row.index >= rows[i].index {
+                both[i][j] = row.terms().map(|(state, gain)| gain * of_row[state]).sum();
+            }
+        }
+    }
+    both
+}
+
+/// Rows of the forces of earlier steps and of the last states.
+#[inline(always)]
+fn hand_rows_on(matrix: &mut Matrix, forces: &[Column; FORCES], keep: &State) {
+    // From the last to the first: a row's source is before it.
+    for k in 0..FORCES {
+        let (upper, lower) = matrix.split_at_mut(LAGGED);
+        let source = &upper[BEFORE + k];
+        lower[k][LAGGED..HUB_BIAS].copy_from_slice(&source[BEFORE..LAGGED]);
+        for j in HUB_BIAS..SIZE {
+            lower[k][j] = source[j] * keep[j];
+        }
+    }
+    for (k, force) in forces.iter().enumerate() {
+        let row = &mut matrix[BEFORE + k];
+        row[BEFORE..LAGGED].copy_from_slice(&force[FORCE..FORCE + FORCES]);
+        row[LAGGED..HUB_BIAS].copy_from_slice(&force[BEFORE..LAGGED]);
+        for j in HUB_BIAS..SIZE {
+            row[j] = force[j] * keep[j];
+        }
+    }
+    for i in HUB_BIAS..SIZE {
+        for j in HUB_BIAS..SIZE {
+            matrix[i][j] *= keep[i] * keep[j];
         }
     }
 }
