@@ -311,8 +311,12 @@ impl LoadState {
     fn warn(&mut self, at: &Instant, out: &mut impl FnMut(Event)) {
         let t = self.tuning;
         let trends = !at.rough || matches!(self.place, Place::Side(_));
+        let part = match self.place {
+            Place::Wheel(_) => t.light,
+            Place::Side(_) => t.light_side,
+        };
         let light = trends
-            && self.load_n < t.light * self.static_n
+            && self.load_n < part * self.static_n
             && self.is_falling()
             && self.reaches_zero();
         let left_s = self.load_n / -self.rate_n_s;

@@ -67,7 +67,8 @@ impl Run {
     pub fn carrier_forces(&self, row: usize) -> [[f64; 3]; 4] {
         Wheel::ALL.map(|wheel| {
             let at = |name: &str| self.column(&format!("{}_{name}", wheel.abbreviation()))[row];
-            let three = |name: &str| Vector3::from(["x", "y", "z"].map(|a| at(&format!("{name}_{a}"))));
+            let three =
+                |name: &str| Vector3::from(["x", "y", "z"].map(|a| at(&format!("{name}_{a}"))));
             let has = |name: &str| {
                 let name = format!("{}_{name}_x", wheel.abbreviation());
                 self.columns.contains_key(&name)

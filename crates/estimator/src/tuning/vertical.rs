@@ -47,6 +47,8 @@ tuning! {
         down: f64 = 0.06, "1";
         /// Part of the static load below which a warning is possible.
         light: f64 = 0.3, "1";
+        /// The same of a side.
+        light_side: f64 = 0.18, "1";
         /// The load must rise this part of the static load above the warning limit before a further
         /// warning.
         light_hysteresis: f64 = 0.1, "1";
@@ -63,7 +65,7 @@ tuning! {
         /// Consecutive steps that give a warning.
         warning_steps: u32 = 20, "1";
         /// Fading memory per step of the filtered load: half a second.
-        keep: f64 = 0.95, "1";
+        keep: f64 = 0.97, "1";
         /// Part of one step's standard deviation that remains in the filtered load.
         filtered_sigma: f64 = 0.3, "1";
         /// Part of one step's standard deviation in the load that is extrapolated by one second.
