@@ -32,9 +32,8 @@
 //! than the step, and the forces of two steps before are the estimate with a lag.
 //!
 //! Every equation is linear in the states, because geometry, attitude and inertia forces come from
-//! the motion filter; no iteration is needed. Measurements are scalars. Each has its own innovation
-//! and gate; rows with common states share the passes over the covariance (`fusion/joint.rs`). The
-//! covariance is a full symmetric matrix: a square root of 66 states would cost more than the step
+//! the motion filter; no iteration is needed. Measurements are scalars. Rows with common states share the passes over the covariance (`fusion/joint.rs`). The
+//! covariance is a full symmetric matrix: a square root of 118 states would cost more than the step
 //! may take, and the states are scaled so that the condition number is small for doubles.
 
 mod body;

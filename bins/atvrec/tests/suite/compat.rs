@@ -83,8 +83,12 @@ fn a_log_of_the_first_version_is_read_by_every_command() {
     let text = stdout(&run(&["info", log]).success());
     assert!(text.contains("contract  none"), "{text}");
     assert!(text.contains("/raw/can0"), "{text}");
-    let verified = stdout(&run(&["replay", log, "--verify", "-o", "again.mcap"]).success());
-    assert!(verified.contains("bit-identical"), "{verified}");
+    // Its estimates are those of another force filter.
+    let verified = stdout(&run(&["replay", log, "--verify", "-o", "again.mcap"]).code(3));
+    assert!(
+        verified.contains("VERIFIED IN PART") && verified.contains("bit-identical"),
+        "{verified}"
+    );
     let text = stdout(&run(&["info", "again.mcap"]).success());
     assert!(text.contains("contract  version 0"), "{text}");
     run(&["report", log, "-o", "drive.html"]).success();
@@ -92,25 +96,15 @@ fn a_log_of_the_first_version_is_read_by_every_command() {
     let score = |log: &str| stdout(&run(&["score", log, "--json"]).success());
     let scores = [log, "again.mcap"]
         .map(|log| -> serde_json::Value { serde_json::from_str(&score(log)).expect("JSON") });
-    for same in [
-        "seconds",
-        "innovations",
-        "lifts",
-        "surface_changes",
-        "events",
-    ] {
-        assert_eq!(scores[0][same], scores[1][same], "{same}");
-    }
-    // The first version had truth and estimate in the contact frame alone.
-    for score in scores {
-        assert_eq!(
-            score["forces"].as_array().map(Vec::len),
-            Some(1),
-            "{score:#}"
-        );
+    assert_eq!(scores[0]["seconds"], scores[1]["seconds"]);
+    // The first version had truth and estimate in the contact frame alone; the replay adds the estimate
+    // with a lag.
+    for (score, outputs) in scores.iter().zip([1, 2]) {
+        let forces = score["forces"].as_array().map(Vec::len);
+        assert_eq!(forces, Some(outputs), "{score:#}");
     }
     let compared = stdout(&run(&["score", log, "--against", "again.mcap", "--json"]).success());
-    assert!(compared.contains(r#""identical": true"#), "{compared}");
+    assert!(compared.contains(r#""identical": false"#), "{compared}");
 
     for topic in [
         "/strain",
@@ -120,10 +114,6 @@ fn a_log_of_the_first_version_is_read_by_every_command() {
         "/imu/imu",
         "/can/can0/Strain_FL",
         "/raw/can0",
-        "/estimate/rollover",
-        "/estimate/parameters",
-        "/estimate/contact_forces",
-        "/model/tyre_forces",
         "/truth/friction",
     ] {
         let export = |log: &str| stdout(&run(&["export", log, "-t", topic]).success());
@@ -145,15 +135,15 @@ fn a_damaged_log_of_the_first_version_is_recovered() {
     run(&["recover", "cut.mcap"]).code(3);
     let text = stdout(&run(&["info", "cut.mcap"]).success());
     assert!(text.contains("contract  none"), "{text}");
-    let verified = stdout(&run(&["replay", "cut.mcap", "--verify"]).success());
+    let verified = stdout(&run(&["replay", "cut.mcap", "--verify"]).code(3));
     assert!(verified.contains("bit-identical"), "{verified}");
     let loads = stdout(&run(&["export", "cut.mcap", "-t", "/truth/contact_forces"]).success());
     let (_, count) = hash_of_numbers(&loads, &["rr.z_n".to_owned()]);
     assert!((200..400).contains(&count), "{count} of 400 instants");
 }
 
-/// The numbers of a replay by commit 9361b3a. A change of arithmetic changes them: such a change says
-/// so, and prints the accuracy before and after.
+/// The numbers of a replay by the present force filter. A change of arithmetic changes them: such a change
+/// says so, and prints the accuracy before and after.
 #[test]
 fn a_replay_of_the_first_versions_log_gives_its_numbers() {
     let directory = tempfile::tempdir().expect("a directory");

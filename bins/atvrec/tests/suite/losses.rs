@@ -183,14 +183,14 @@ impl Drop for SmallDisk {
 fn a_full_disk_costs_decoded_records_first_and_its_logs_verify() {
     let directory = tempfile::tempdir().expect("a directory");
     let folder = directory.path();
-    let Some(_disk) = SmallDisk::mount(&folder.join("logs"), "3m") else {
+    let Some(_disk) = SmallDisk::mount(&folder.join("logs"), "5m") else {
         return;
     };
     let recording = Recording::start(folder, "rotate_after_s = 4", &[]);
     pause(5.0);
     let filler = folder.join("logs/filler");
     // What does not fit is cut off: the disk is full then.
-    let _ = fs::write(&filler, vec![1; 4 << 20]);
+    let _ = fs::write(&filler, vec![1; 6 << 20]);
     wait_until(|| recording.status()["disk"]["state"] == "failing");
     pause(3.0);
     fs::remove_file(&filler).expect("removed");

@@ -85,7 +85,7 @@ fn every_key_is_promised_and_every_promise_kept() {
 /// (10 bit, worst wheel): F_x, F_y, F_z in the wheel-carrier frame, and the same in the contact frame.
 const EXCERPTS: [(&str, [[f64; 3]; 2]); 2] = [
     ("c_sine03", [[0.8; 3], [0.8; 3]]),
-    ("r2_iso_e_a", [[11.0, 14.0, 28.0], [11.0, 14.0, 28.0]]),
+    ("r2_iso_e_a", [[4.5, 6.5, 13.0], [9.0, 9.0, 13.0]]),
 ];
 
 /// Forces are scored in both frames, each with its own truth, and on flat ground they are better than by
@@ -138,7 +138,9 @@ fn forces_of_excerpts_are_scored_in_both_frames() {
                 row["output"], row["worst_percent"]
             ));
             let [simple, own] = [row, &forces[0]].map(|row| row["worst_percent"][2].as_f64());
-            assert!(simple > own || name.starts_with('r'), "{row}");
+            // On level ground the statics tell the load as well as the filter does.
+            let most = own.map(|own| 0.7 * own);
+            assert!(simple > most || name.starts_with('r'), "{row}");
         }
         assert_eq!(found["channels"]["injected_faults"], 0);
     }

@@ -187,7 +187,14 @@ impl Fusion {
         };
         let [still, unit] = input.corners[wheel].travel.hub;
         let lag_s = time_constant_s(hub.lag_hz);
-        let floor = self.tuning.members.hub_sigma_m_s2;
+        let t = self.tuning.members;
+        // An axis that is turned by a small angle reads a part of the other axes.
+        let square: f64 = (0..3)
+            .filter_map(|axis| readings.hub_acceleration_m_s2.0[wheel][axis])
+            .map(|reading| reading.value * reading.value)
+            .sum();
+        let floor = t.hub_sigma_m_s2 * t.hub_sigma_m_s2
+            + t.hub_sigma_part * t.hub_sigma_part * square;
         std::array::from_fn(|axis| {
             let reading = readings.hub_acceleration_m_s2.0[wheel][axis].as_mut()?;
             if std::mem::replace(&mut reading.taken, true) {
@@ -202,7 +209,7 @@ impl Fusion {
             let noise = unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2;
             Some(RowMeasurement {
                 value: unlagged.value - form.constant - still[axis],
-                variance: noise + floor * floor,
+                variance: noise + floor,
                 tolerance: 0.0,
             })
         })

@@ -107,6 +107,8 @@ tuning! {
         jump_sigma: f64 = 8.0, "σ";
         /// Least standard deviation of a hub accelerometer: the linkage is not exact.
         hub_sigma_m_s2: f64 = 0.5, "m/s²";
+        /// The same as a part of its specific force: its axes may be turned by a degree.
+        hub_sigma_part: f64 = 0.012, "1";
         /// Error of the vehicle model's F_x, F_y and F_z, as a part of the load, where strain is
         /// missing.
         expected_sigma_part: [f64; 3] = [0.4, 0.1, 0.15], "1";
