@@ -193,8 +193,8 @@ impl Fusion {
             .filter_map(|axis| readings.hub_acceleration_m_s2.0[wheel][axis])
             .map(|reading| reading.value * reading.value)
             .sum();
-        let floor = t.hub_sigma_m_s2 * t.hub_sigma_m_s2
-            + t.hub_sigma_part * t.hub_sigma_part * square;
+        let floor =
+            t.hub_sigma_m_s2 * t.hub_sigma_m_s2 + t.hub_sigma_part * t.hub_sigma_part * square;
         std::array::from_fn(|axis| {
             let reading = readings.hub_acceleration_m_s2.0[wheel][axis].as_mut()?;
             if std::mem::replace(&mut reading.taken, true) {

@@ -50,6 +50,7 @@ impl Contradiction {
         let time_s = tuning.contradiction_time_s;
         self.driven_s = (self.driven_s + step_s).min(time_s);
         // The mean of all before the time is over.
+        let square = square.min(tuning.contradiction_square_max);
         self.square += (step_s / self.driven_s).min(1.0) * (square - self.square);
         let [from, to] = tuning.contradiction;
         if self.driven_s >= time_s {

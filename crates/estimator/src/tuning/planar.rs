@@ -27,6 +27,8 @@ tuning! {
         /// Mean square of the normalised innovations of lateral acceleration from which the vehicle file
         /// contradicts the drive, and below which it does not any more.
         contradiction: [f64; 2] = [9.0, 4.0], "1";
+        /// Largest square that counts: single wild readings and a spin are no other vehicle.
+        contradiction_square_max: f64 = 25.0, "1";
         /// Time over which it is averaged.
         contradiction_time_s: f64 = 10.0, "s";
         /// A longer step is a gap after which the motion is unknown.

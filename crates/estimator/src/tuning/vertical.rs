@@ -38,7 +38,7 @@ tuning! {
         /// Part of the static load below which a wheel is up.
         up: f64 = 0.02, "1";
         /// Standard deviations of the load that are added to that limit.
-        margin_sigma: f64 = 2.5, "σ";
+        margin_sigma: f64 = 1.0, "σ";
         /// Largest limit, as a part of the static load.
         up_max: f64 = 0.1, "1";
         /// The wheel is down again above this factor on the limit.

@@ -131,7 +131,7 @@ const CASES: [Case; 13] = [
                 corner.strain_counts = [None; StrainChannel::COUNT];
             }
         },
-        force_max: [12.0, 8.0, 3.0],
+        force_max: [12.0, 10.0, 3.0],
         sideslip_max: 0.2,
     },
     Case {
