@@ -152,7 +152,11 @@ fn serial(seeds: &Seeds, drive: &Drive, newer: &Drive) -> Result<()> {
     let payload = &messages[6..messages.len() - 2];
     // 92 bytes, in units of three.
     seeds.stream("ubx", "nav-pvt", &[&[0x01, 0x07, 31], payload].concat())?;
-    seeds.stream("ubx", "esf-meas", &[0x10, 0x02, 5, 0, 0, 0, 0, 0, 8, 0, 0, 1, 0, 0, 16])?;
+    seeds.stream(
+        "ubx",
+        "esf-meas",
+        &[0x10, 0x02, 5, 0, 0, 0, 0, 0, 8, 0, 0, 1, 0, 0, 16],
+    )?;
     let mut output = Vec::new();
     let fields = [
         (wire::vectornav::Group::Common, 0),

@@ -58,10 +58,7 @@ pub fn vectornav(pieces: &mut dyn Iterator<Item = &[u8]>) -> Seen {
     receiver(wire::gnss::Decoder::vectornav(), pieces)
 }
 
-fn receiver(
-    mut decoder: wire::gnss::Decoder,
-    pieces: &mut dyn Iterator<Item = &[u8]>,
-) -> Seen {
+fn receiver(mut decoder: wire::gnss::Decoder, pieces: &mut dyn Iterator<Item = &[u8]>) -> Seen {
     let mut seen = Seen::default();
     for piece in pieces {
         decoder.push(piece, |item| seen.see(&item));
