@@ -46,10 +46,6 @@ const PARAMETERS_NANOS: u64 = NANOS_PER_SECOND as u64;
 
 /// Output of the estimator.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "handed out on the stack, so that a step allocates nothing"
-)]
 pub enum Output {
     /// The estimate of one instant of the grid.
     Estimate(Estimate),

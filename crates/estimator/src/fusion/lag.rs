@@ -1,9 +1,9 @@
 //! First-order lag of a sensor, undone from reading to reading.
 //!
-//! A lag with the time constant tau gives y_k = a y_{k-1} + (1 - a) u with a = exp(-t/tau), where u is the mean
-//! of the signal over the time t since the reading before, weighted towards its end. So u = (y_k - a y_{k-1})/(1
-//! - a) measures the signal of tau - t a/(1 - a) ago without a state of the lag, with the noise of two readings.
-//! The same holds for the means of as many readings in each step.
+//! A lag with the time constant tau gives `y_k = a y_{k-1} + (1 - a) u` with a = exp(-t/tau), where u is the
+//! mean of the signal over the time t since the reading before, weighted towards its end. So
+//! `u = (y_k - a y_{k-1})/(1 - a)` measures the signal of tau - t a/(1 - a) ago without a state of the lag,
+//! with the noise of two readings. The same holds for the means of as many readings in each step.
 
 use sample::LogTime;
 

@@ -77,10 +77,8 @@ impl Transition {
         for row in self.rows() {
             next[row.index] = row.terms().map(|(i, gain)| gain * state[i]).sum();
         }
-        for k in 0..FORCES {
-            next[BEFORE + k] = state[FORCE + k];
-            next[LAGGED + k] = state[BEFORE + k];
-        }
+        next[BEFORE..LAGGED].copy_from_slice(&state[FORCE..FORCE + FORCES]);
+        next[LAGGED..LAGGED + FORCES].copy_from_slice(&state[BEFORE..LAGGED]);
         next
     }
 
