@@ -114,7 +114,7 @@ type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
 const SETTLING_S: f64 = 2.0;
 
 /// Scores a log's estimates, causal (`Stage::Estimate`) or smoothed ones (`Stage::Smoothed`),
-/// leaving out its first `from_s` seconds; of events only if they are more than [`SETTLING_S`].
+/// leaving out its first `from_s` seconds; of events only if they are more than `SETTLING_S`.
 ///
 /// # Errors
 /// If the log cannot be read, has no truth, no estimate or no vehicle.

@@ -144,7 +144,7 @@ impl Planar {
         })
     }
 
-    /// Starts recording operations for [`Self::take_trace`].
+    /// Starts recording operations.
     pub fn switch_trace_on(&mut self) {
         self.filter.trace.switch_on();
         self.traced = true;
