@@ -19,7 +19,7 @@ SENSORS = atvrec.Sensors.builtin("full-bridge-16bit-bending")
 CALIBRATION = atvrec.Calibration.from_dict(
     {"vehicle": VEHICLE.name, "imu": {"gyro_bias_rad_s": [1e-3, 0.1, 1.0 / 3.0]}}
 )
-TUNING = atvrec.Tuning().with_values({"motion.gate_sigma": 6.1, "lift.raw_steps": 7})
+TUNING = atvrec.Tuning().with_values({"motion.gate_sigma": 6.1, "lift.steps": 7})
 
 SLIP = np.linspace(-0.3, 0.3, 7)
 LOAD = np.full(7, 1_500.0)
