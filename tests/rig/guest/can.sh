@@ -24,6 +24,7 @@ interface = "vcan2"
 [source.wire]
 kind = "can"
 interface = "can1"
+dbc = []
 [source.wire.link]
 bitrate = 1000000
 restart_ms = 100

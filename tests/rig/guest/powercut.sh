@@ -12,6 +12,7 @@ rotate_after_s = 3
 [source.bus]
 kind = "can"
 interface = "vcan0"
+dbc = []
 CONFIG
 
 if [ -e /rig/last ]; then

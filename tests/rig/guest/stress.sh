@@ -16,6 +16,7 @@ directory = "/rig/logs"
 [source.wire]
 kind = "can"
 interface = "can1"
+dbc = []
 link.bitrate = 1000000
 [source.bus]
 kind = "can"
