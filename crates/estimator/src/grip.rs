@@ -232,10 +232,10 @@ impl Grip {
                     .front_changed
                     .is_some_and(|time| input.now.seconds_since(time) < t.follows_s);
             let part = if follows { t.follows_part } else { 1.0 };
+            if input.rough {
+                axle.forget_changes();
+            }
             if let Some(change) = axle.take(&block, span_s, input.sideslip_sigma_rad, part) {
-                if input.rough {
-                    continue;
-                }
                 if i == 0 {
                     self.front_changed = Some(input.now);
                 }
@@ -418,6 +418,13 @@ impl AxleTyres {
         }
         self.covariance -= ph * ph.transpose() / total;
         change
+    }
+
+    /// Forgets what may become a change of surface: none is found before as many values as after a change.
+    /// The learnt stiffness and friction stay.
+    fn forget_changes(&mut self) {
+        self.runs = [ChangeRun::default(); 2];
+        self.learned = 0;
     }
 
     fn watch(&mut self, force_n: f64, expected_n: f64, sigma: f64, part: f64) -> Option<Change> {
