@@ -13,10 +13,11 @@ use sim::{
     InertialUnit, Manoeuvre, Motion, Options, Port, TruthState, VelocityReceiver, VirtualVehicle,
 };
 use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
+use wire::dbc::Database;
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
 
-use crate::config::{FileKind, Files, GivenFile, TOML_MAX, read_text};
+use crate::config::{FileKind, Files, GivenFile, PROJECT_DBC_TEXT, TOML_MAX, read_text};
 use crate::replay::FileSource;
 use crate::{Config, Error, Result, session};
 
@@ -70,6 +71,8 @@ pub struct VirtualDrive {
     options: Options,
     /// Bit rate of the CAN bus, bit/s.
     can_bit_rate: u32,
+    /// Latencies of the messages on the bus, s, by identifier.
+    can_latencies_s: Vec<(u32, f64)>,
     seed: u64,
     duration_s: f64,
 }
@@ -121,6 +124,7 @@ impl VirtualDrive {
             payload: drive.payload.clone(),
             given,
             can_bit_rate: options.can_bit_rate(&sensors),
+            can_latencies_s: sim::frame_latencies_s(&sensors, &options),
             options,
             seed: drive.seed,
             duration_s,
@@ -243,6 +247,7 @@ impl VirtualDrive {
             80,
         );
         table(Port::Can0, &self.can_lines(ports));
+        text.push_str(&self.can_latencies());
         for port in Port::ALL {
             if let Some(format) = port.line_format() {
                 text.push_str(&self.controller_lines(port, &format, ports));
@@ -278,6 +283,21 @@ impl VirtualDrive {
                 field.scale,
                 quoted(&field.unit),
             );
+        }
+        text.push('\n');
+        text
+    }
+
+    /// Latencies of the messages on the bus: the devices sample at the same instant, and their frames wait
+    /// for each other.
+    fn can_latencies(&self) -> String {
+        let mut text = format!("[source.{}.message_latency_s]\n", Port::Can0.name());
+        let project = Database::parse(PROJECT_DBC_TEXT.as_bytes());
+        for message in project.iter().flat_map(Database::messages) {
+            let mut known = self.can_latencies_s.iter();
+            if let Some((_, latency_s)) = known.find(|(id, _)| *id == message.id) {
+                let _ = writeln!(text, "{} = {}", message.name, seconds(*latency_s));
+            }
         }
         text.push('\n');
         text

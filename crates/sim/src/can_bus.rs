@@ -10,7 +10,7 @@ use crate::emission::{Emission, Output, Port};
 use crate::hidden::Hidden;
 use crate::hub::HubAccelerometer;
 use crate::random::Noise;
-use crate::steering::SteeringSensor;
+use crate::steering::{ENCODER_FRAME, RODS_FRAME, RODS_FRAME_BYTES, SteeringSensor};
 use crate::{Motion, Options, SimError};
 
 /// Strain boxes by corner (thesis Table 3.2; its second "rear left" is the rear right).
@@ -25,6 +25,10 @@ pub(crate) const HUB_FRAME_BYTES: u8 = 6;
 
 /// Time from a box's conversion to its frame's claim on the bus, s.
 const BOX_LATENCY_S: f64 = 200e-6;
+/// Mean of the random part of that time, s.
+const BOX_JITTER_S: f64 = 20e-6;
+/// Identifier of the wheel speeds.
+const WHEEL_SPEED_FRAME: u32 = 0x210;
 
 /// The bus and all devices on it.
 pub(crate) struct CanBus {
@@ -174,12 +178,12 @@ impl CanBus {
         frames.sort_by_key(|frame| frame.id);
         let mut sent = Vec::with_capacity(frames.len() + Wheel::ALL.len());
         if !frames.is_empty() {
-            let claim_s = time_s + BOX_LATENCY_S + self.noise_bus.delay(20e-6);
+            let claim_s = time_s + BOX_LATENCY_S + self.noise_bus.delay(BOX_JITTER_S);
             sent.extend(self.send(claim_s, frames));
         }
         let hubs = self.hubs.as_mut().map(|hubs| {
             let frames = hubs.frames(motion, time_s);
-            (frames, time_s + BOX_LATENCY_S + hubs.noise_bus.delay(20e-6))
+            (frames, time_s + BOX_LATENCY_S + hubs.noise_bus.delay(BOX_JITTER_S))
         });
         if let Some((frames, claim_s)) = hubs {
             sent.extend(self.send(claim_s, frames));
@@ -202,6 +206,29 @@ impl CanBus {
             })
             .collect()
     }
+}
+
+/// Mean time from the sampling instant of each message to the end of its frame, s, by identifier, at an
+/// instant at which all devices send.
+pub fn frame_latencies_s(sensors: &Sensors, options: &Options) -> Vec<(u32, f64)> {
+    let strain = BOX.0.map(|number| 0x100 + 16 * number);
+    let mut frames: Vec<(u32, u8)> = strain.iter().flat_map(|id| [(*id, 8), (id + 1, 8)]).collect();
+    if sensors.steer.is_some() {
+        frames.push((ENCODER_FRAME, 8));
+    } else if sensors.steer_potentiometers.is_some() {
+        frames.push((RODS_FRAME, RODS_FRAME_BYTES));
+    }
+    frames.push((WHEEL_SPEED_FRAME, 8));
+    if sensors.hub_acceleration.is_some() {
+        frames.extend(BOX.0.map(|number| (HUB_FRAMES + 16 * number, HUB_FRAME_BYTES)));
+    }
+    let bit_time_s = 1.0 / f64::from(options.can_bit_rate(sensors));
+    let mut end_s = BOX_LATENCY_S + BOX_JITTER_S;
+    let on_bus = frames.into_iter().map(|(id, bytes)| {
+        end_s += frame_bits(bytes) * bit_time_s;
+        (id, end_s)
+    });
+    on_bus.collect()
 }
 
 /// Bits of a frame on the bus: 47 beside the data, and on average one stuff bit in ten.
@@ -235,7 +262,7 @@ fn wheel_speed_frame(speeds_rad_s: [f64; 4]) -> CanFrame {
         }
     };
     frame(
-        0x210,
+        WHEEL_SPEED_FRAME,
         speeds_rad_s.map(|speed| Some(field(speed).cast_unsigned())),
     )
 }

@@ -41,6 +41,7 @@ mod workshop;
 
 pub use {model, sample};
 
+pub use can_bus::frame_latencies_s;
 pub use driver::rough::{Course, Hitch, Profile, RoughPlan, drive_rough};
 pub use emission::{Emission, Output, Port};
 pub use error::SimError;

@@ -12,7 +12,8 @@ use crate::random::Noise;
 use crate::{SimError, TruthState};
 
 /// Identifier of the frame of the potentiometers along the tie rods, and its length.
-const RODS_FRAME: u32 = 0x204;
+pub(crate) const ENCODER_FRAME: u32 = 0x200;
+pub(crate) const RODS_FRAME: u32 = 0x204;
 pub(crate) const RODS_FRAME_BYTES: u8 = 4;
 
 /// The device that measures the steering wheel.
@@ -136,7 +137,7 @@ fn encoder_frame(angle_rad: f64) -> CanFrame {
     } else {
         i32::MIN
     };
-    let mut frame = frame(0x200, [Some(0); 4]);
+    let mut frame = frame(ENCODER_FRAME, [Some(0); 4]);
     frame.data[..4].copy_from_slice(&hundredths.to_le_bytes());
     frame
 }

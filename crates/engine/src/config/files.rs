@@ -22,7 +22,7 @@ pub const PROJECT_DBC: &str = "prowler.dbc";
 pub const NOT_ATTACHED: &str = " is not attached to the log";
 
 /// Text of the built-in DBC file.
-const PROJECT_DBC_TEXT: &str = include_str!("../../assets/prowler.dbc");
+pub const PROJECT_DBC_TEXT: &str = include_str!("../../assets/prowler.dbc");
 
 /// Kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -88,6 +88,9 @@ pub struct CanMeaning {
     pub names: Vec<Vec<String>>,
     /// Signals that are measurements.
     pub roles: Vec<RoleOf>,
+    /// Time from the sampling of each message of each file to its arrival, s, where it is not that of the
+    /// source.
+    pub latencies_s: Vec<Vec<Option<f64>>>,
     /// Messages and other parts of the DBC files that are left out, and what is odd in the files.
     pub warnings: Vec<Problem>,
 }
@@ -107,8 +110,10 @@ impl CanMeaning {
         };
         let names = databases.iter();
         let names = names.map(|d| d.messages().iter().map(&mut unique).collect());
+        let none = |d: &Database| vec![None; d.messages().len()];
         Self {
             names: names.collect(),
+            latencies_s: databases.iter().map(none).collect(),
             databases,
             roles,
             warnings: Vec::new(),
@@ -365,7 +370,7 @@ fn read_held(section: &mut Section<'_>, collector: &mut ErrorCollector<'_>) -> V
     let fields = held.into_numbers(collector);
     fields
         .into_iter()
-        .map(|(name, rows)| (name, rows.clamp(1.0, 1e6) as u32))
+        .map(|(name, rows)| (name, rows.value.clamp(1.0, 1e6) as u32))
         .collect()
 }
 

@@ -47,6 +47,8 @@ struct Decodable {
     names: Vec<String>,
     /// Role of each signal of each message.
     roles: Vec<Vec<Option<Role>>>,
+    /// Latency of each message, s, where it is not that of the source.
+    latencies_s: Vec<Option<f64>>,
 }
 
 /// Arrival of frames.
@@ -58,8 +60,8 @@ pub struct Arrived {
     pub log_time: LogTime,
     /// Time on the wall clock, ns.
     pub realtime_ns: i64,
-    /// Delay from the end of a frame on the bus to its kernel stamp, s.
-    pub transport_delay_s: f64,
+    /// Time from the sampling of a message to its kernel stamp, s.
+    pub latency_s: f64,
     /// How late the frame is by the stamps of the adapter, ns.
     pub late_ns: i64,
 }
@@ -86,7 +88,7 @@ impl Arrived {
             .unwrap_or(self.late_ns);
         self.log_time
             .offset_nanos(-delay_ns)
-            .offset_seconds(-self.transport_delay_s)
+            .offset_seconds(-self.latency_s)
     }
 }
 
@@ -107,9 +109,10 @@ impl CanDecoder {
         let mut databases: Vec<Decodable> = meaning
             .databases
             .iter()
-            .zip(&meaning.names)
-            .map(|(database, names)| Decodable {
+            .zip(meaning.names.iter().zip(&meaning.latencies_s))
+            .map(|(database, (names, latencies_s))| Decodable {
                 names: names.clone(),
+                latencies_s: latencies_s.clone(),
                 roles: database
                     .messages()
                     .iter()
@@ -211,10 +214,15 @@ impl CanDecoder {
                 message,
                 &decodable.names[position],
                 &decodable.roles[position],
+                decodable.latencies_s[position],
             ))
         });
-        let Some((message, name, roles)) = found else {
+        let Some((message, name, roles, latency_s)) = found else {
             return;
+        };
+        let arrived = Arrived {
+            latency_s: latency_s.unwrap_or(arrived.latency_s),
+            ..*arrived
         };
         let mut emit = |measurement| sink.push(arrived.sample(frame, measurement));
         let (mut signals, measured) = decode(message, roles, data, &self.scales);
@@ -382,7 +390,7 @@ mod tests {
             source: SourceId(0),
             log_time: LogTime(1_000_000_000),
             realtime_ns: 0,
-            transport_delay_s: 0.0,
+            latency_s: 0.0,
         };
         let mut samples = Vec::new();
         CanDecoder::new(&meaning, scales).push(&arrived, &frame, &mut samples);
@@ -438,7 +446,7 @@ mod tests {
             source: SourceId(0),
             log_time: LogTime(1_000_000_000),
             realtime_ns: 0,
-            transport_delay_s: 0.0,
+            latency_s: 0.0,
         };
         for (number, (id, extended)) in frames.iter().enumerate() {
             let flags = CanFlags {
@@ -521,7 +529,7 @@ mod tests {
                 source: SourceId(0),
                 log_time: LogTime(1_000_000_000 + 50_000_000 * number as u64),
                 realtime_ns: 0,
-                transport_delay_s: 0.0,
+                latency_s: 0.0,
             };
             decoder.push(&arrived, &frame, &mut samples);
         }

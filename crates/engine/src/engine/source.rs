@@ -168,7 +168,7 @@ impl SourceState {
             source: self.id,
             log_time: arrival.log_time,
             realtime_ns: arrival.realtime_ns,
-            transport_delay_s: self.timing.transport_delay_s,
+            latency_s: self.timing.transport_delay_s,
             late_ns: 0,
         };
         if let Decoder::Can(decoder) = &mut self.decoder {

@@ -1,5 +1,6 @@
 //! A calibration with every absent value filled in from the sensors file.
 
+use model::strain::ABSENT_COUNT;
 use model::sensors::Sensors;
 use nalgebra::{Matrix3, Vector3};
 use sample::{PerWheel, StrainChannel, Wheel};
@@ -355,7 +356,8 @@ fn resolve(
         gain,
         noise_sigma: gain.abs() * noise_counts(noise),
         frozen_after: frozen_after(noise),
-        counts_max: (full_scale - 1.0) as i32,
+        // The largest value of a 16-bit field means that there is no count.
+        counts_max: ((full_scale - 1.0) as i32).min(i32::from(ABSENT_COUNT) - 1),
         dead,
     })
 }

@@ -68,7 +68,10 @@ impl Fusion {
         }
         for (axis, hub) in measured.hub.into_iter().enumerate() {
             if let Some(hub) = hub {
-                self.take_limited(&mut joint, HUB + axis, hub.value, hub.variance, limit);
+                let z = self.take_limited(&mut joint, HUB + axis, hub.value, hub.variance, limit);
+                if axis == 2 && !self.settling() {
+                    self.force_noise.take_hub(wheel, z);
+                }
             }
         }
         self.covariance
@@ -237,8 +240,8 @@ impl Fusion {
     }
 
     /// Judges each strain channel by what the state before any reading of this step expects. Several
-    /// channels that are outside their gates at once, the potentiometer among them, show an event on the
-    /// road: then returns the largest normalised innovation.
+    /// channels that are outside their gates at once, potentiometer and hub accelerometer among them, show an
+    /// event on the road: then returns the largest normalised innovation.
     fn judge_channels(
         &mut self,
         joint: &Joint,
@@ -266,11 +269,16 @@ impl Fusion {
             let innovation = length.value - joint.value(LENGTH_ROW);
             innovation * innovation / (joint.variance(LENGTH_ROW) + length.variance)
         });
-        let all = squares.iter().chain([&length]).flatten();
+        let hubs = (0..3).map(|axis| {
+            let hub = measured.hub[axis]?;
+            let innovation = hub.value - joint.value(HUB + axis);
+            Some(innovation * innovation / (joint.variance(HUB + axis) + hub.variance))
+        });
+        let all = squares.into_iter().chain([length]).chain(hubs).flatten();
         let (mut outside, mut largest) = (0, 0.0_f64);
-        for square in all.filter(|square| **square > limit) {
+        for square in all.filter(|square| *square > limit) {
             outside += 1;
-            largest = largest.max(*square);
+            largest = largest.max(square);
         }
         let is_evidence = outside < t.channels.event_channels;
         for channel in StrainChannel::ALL {
@@ -355,7 +363,7 @@ impl Fusion {
 
     /// Takes a row's value; an innovation beyond the limit weighs as one at the limit. Returns the
     /// normalised innovation.
-    fn take_limited(
+    pub(super) fn take_limited(
         &self,
         joint: &mut Joint,
         m: usize,

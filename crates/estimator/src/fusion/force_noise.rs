@@ -6,8 +6,8 @@
 //! in both.
 //!
 //! The road presses each tyre by itself: white noise on the load, whose density follows the innovations of
-//! the wheel's potentiometer slowly. It stands for the roughness of the road, which does not change from one
-//! step to the next; a rock is an innovation of its own.
+//! the wheel's potentiometer and hub accelerometer slowly. It stands for the roughness of the road, which does
+//! not change from one step to the next; a rock is an innovation of its own.
 
 use crate::process_noise::ProcessNoise;
 use crate::tuning::{ForceNoiseTuning, ProcessNoiseTuning};
@@ -23,6 +23,8 @@ pub struct ForceNoise {
     pace: f64,
     /// Mean square of the potentiometer's normalised innovation.
     square: [f64; 4],
+    /// The same of the vertical axis of the hub accelerometer; zero without one.
+    hub_square: [f64; 4],
     /// Mean square of the normalised correction of each wheel's load.
     load_square: [f64; 4],
 }
@@ -38,6 +40,7 @@ impl ForceNoise {
             road: [tuning.road_start; 4],
             pace: 1.0,
             square: [1.0; 4],
+            hub_square: [0.0; 4],
             load_square: [1.0; 4],
         }
     }
@@ -84,6 +87,13 @@ impl ForceNoise {
         self.square[wheel] += t.road_memory * (z * z - self.square[wheel]);
     }
 
+    /// Takes the normalised innovation of the vertical axis of a wheel's hub accelerometer.
+    pub fn take_hub(&mut self, wheel: usize, innovation: f64) {
+        let t = &self.tuning;
+        let z = innovation.clamp(-t.innovation_max, t.innovation_max);
+        self.hub_square[wheel] += t.road_memory * (z * z - self.hub_square[wheel]);
+    }
+
     /// Adapts the densities at the end of a step to the normalised corrections of the twelve rates; the
     /// road's for wheels with a potentiometer.
     pub fn learn(&mut self, corrections: [f64; 12], measured: [bool; 4], loads: [f64; 4]) {
@@ -97,7 +107,7 @@ impl ForceNoise {
             self.load_square[wheel] += t.load_memory * (z * z - self.load_square[wheel]);
             let [low, high] = t.load_square;
             let load = self.load_square[wheel];
-            self.square[wheel] - t.road_square
+            self.square[wheel].max(self.hub_square[wheel]) - t.road_square
                 + t.load_gain[0] * (load - low).min(0.0)
                 + t.load_gain[1] * (load - high).max(0.0)
         });

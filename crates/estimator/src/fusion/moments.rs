@@ -68,14 +68,18 @@ impl Fusion {
         let pressed = load / tyre.vertical_stiffness_n_m.max(1.0);
         let contact = 2.0 * (2.0 * tyre.unloaded_radius_m * pressed).sqrt();
         let sliding = lateral.abs() / (tyre.friction * load).max(1.0);
-        let trail = contact / 6.0 * (1.0 - sliding).max(0.0) * speed_m_s.abs().min(1.0);
+        let whole_trail = contact / 6.0 * speed_m_s.abs().min(1.0);
+        let trail = whole_trail * (1.0 - sliding).max(0.0);
         let tipping = -tyre.tread_moment_n_m(load, inclination);
         let turning = -trail * lateral;
         let lifted = 1.0 - tyre.tread_carrying(load, inclination);
         let t = &self.tuning.moments;
         let errors = [
             (t.tread_error + t.tread_lifted_error * lifted) * tipping,
-            t.trail_error * turning,
+            math::hypot(
+                t.trail_error * turning,
+                t.friction_error * sliding.min(1.0) * whole_trail * lateral,
+            ),
         ];
         let unknown = self.body.moment_sigma_n_m(wheel, t);
         KnownMoment {

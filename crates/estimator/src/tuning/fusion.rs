@@ -36,7 +36,7 @@ tuning! {
         /// Its time constant.
         strut_time_s: f64 = 0.1, "s";
         /// The same error near a stop, whose force begins inside a step, for 1 m/s of strut rate.
-        stop_sigma_n_s_m: f64 = 300.0, "N s/m";
+        stop_sigma_n_s_m: f64 = 3000.0, "N s/m";
         /// Density of the noise of a strut's rate.
         strut_rate_density: f64 = 0.006, "m/s²/√Hz";
         /// Initial density of the noise of mean and difference.
@@ -108,7 +108,7 @@ tuning! {
         /// Least standard deviation of a hub accelerometer: the linkage is not exact.
         hub_sigma_m_s2: f64 = 0.5, "m/s²";
         /// The same as a part of its specific force: its axes may be turned by a degree.
-        hub_sigma_part: f64 = 0.012, "1";
+        hub_sigma_part: f64 = 0.006, "1";
         /// Error of the vehicle model's F_x, F_y and F_z, as a part of the load, where strain is
         /// missing.
         expected_sigma_part: [f64; 3] = [0.4, 0.1, 0.15], "1";
@@ -159,9 +159,9 @@ tuning! {
         /// braked pushes along all axes.
         shared: f64 = 0.02, "1";
         /// Bounds of the density of the rate of the load that the wheel's travel does not explain.
-        load_density_bounds: [f64; 2] = [15.0 * 15.0, 6.0e3 * 6.0e3], "(N/s)²/s";
+        load_density_bounds: [f64; 2] = [15.0 * 15.0, 1.8e4 * 1.8e4], "(N/s)²/s";
         /// Initial density of the white noise of the load, from the road.
-        road_start: f64 = 2.0e5, "N²/s";
+        road_start: f64 = 1.0e5, "N²/s";
         /// Speed for which that density holds: the road passes in proportion.
         road_speed_m_s: f64 = 10.0, "m/s";
         /// Least speed with which it passes.
@@ -177,9 +177,9 @@ tuning! {
         load_memory: f64 = 0.02, "1";
         /// Mean square of the corrections of a load below which the density is too large, and above which it is
         /// far too small.
-        load_square: [f64; 2] = [0.9, 3.0], "σ²";
+        load_square: [f64; 2] = [1.0, 1.5], "σ²";
         /// Weights of a mean square beyond these beside that of the potentiometer's innovations.
-        load_gain: [f64; 2] = [1.0, 1.0], "1";
+        load_gain: [f64; 2] = [3.0, 5.0], "1";
         /// Relative change of the density in one step for a surplus of one.
         road_gain: f64 = 0.04, "1";
         /// Largest surplus down and up.
@@ -194,15 +194,15 @@ tuning! {
         road_along: f64 = 0.2, "1";
         /// Part of the density times the step that is the variance of the load between two steps: 1/12 for a
         /// random walk.
-        road_between: f64 = 0.03, "1";
+        road_between: f64 = 0.015, "1";
         /// Standard deviation of a member's force from roughness, for a density of one.
         road_member: f64 = 0.002, "√s";
         /// The same of a strut's force.
-        road_strut: f64 = 0.03, "√s";
+        road_strut: f64 = 0.008, "√s";
         /// The same of a strut's acceleration.
         road_strut_rate: f64 = 1.0e-5, "m/s²/N";
         /// The same of the tyre's moments.
-        road_moment_m: f64 = 0.008, "m √s";
+        road_moment_m: f64 = 0.012, "m √s";
         /// The same of the sum of all forces.
         road_sum: f64 = 0.03, "√s";
         /// The same of the balance of moments, for the square root of the density.
@@ -241,6 +241,8 @@ tuning! {
         tread_lifted_error: f64 = 0.5, "1";
         /// Error of the trail's moment, as a part of it.
         trail_error: f64 = 0.2, "1";
+        /// Relative error of the friction that shortens the trail as the tyre begins to slide.
+        friction_error: f64 = 0.4, "1";
     }
 }
 

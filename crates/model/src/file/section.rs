@@ -253,16 +253,26 @@ impl<'t> Section<'t> {
         self.optional(key, collector)
     }
 
-    /// All fields as numbers, by their names.
-    pub fn into_numbers(mut self, collector: &mut ErrorCollector<'_>) -> Vec<(String, f64)> {
+    /// All fields as numbers, by their names in this section.
+    pub fn into_numbers(
+        mut self,
+        collector: &mut ErrorCollector<'_>,
+    ) -> Vec<(String, Field<f64>)> {
         let mut numbers = Vec::new();
         for (name, span, value) in std::mem::take(&mut self.entries) {
+            let whole_name = self.field_name(&name);
             match f64::from_value(value.get_ref()) {
-                Some(number) => numbers.push((name, number)),
+                Some(value) => {
+                    let field = Field {
+                        value,
+                        span,
+                        name: whole_name,
+                    };
+                    numbers.push((name, field));
+                }
                 None => {
-                    let field = self.field_name(&name);
                     let help = format!("write {name} = 1.0");
-                    collector.add(&span, &field, "a number is expected", help);
+                    collector.add(&span, &whole_name, "a number is expected", help);
                 }
             }
         }

@@ -10,7 +10,10 @@ use wire::slcan;
 use super::{CanMeaning, Meaning, Read, read_port};
 use crate::config::files::{FileKind, Files, PROJECT_DBC};
 use crate::config::roles;
-use model::file::{ErrorCollector, Field, Problem, Section};
+use model::file::{ErrorCollector, Field, Problem, Section, closest};
+
+/// Latencies that a message can have, s.
+const LATENCY_S: RangeInclusive<f64> = 0.0..=10.0;
 
 /// Longest time that a frame waits to be read if no DBC file decodes the bus: only the disk needs it.
 const RECORDED_WITHIN: Duration = Duration::from_millis(6);
@@ -200,10 +203,46 @@ fn can_meaning(
     }
     let roles = section.section("roles", collector);
     let roles = roles::read(roles, &databases, collector);
-    Meaning::Can(CanMeaning {
-        warnings,
-        ..CanMeaning::new(databases, roles)
-    })
+    let mut meaning = CanMeaning::new(databases, roles);
+    meaning.warnings = warnings;
+    let latencies = section.section("message_latency_s", collector);
+    read_latencies(latencies, &mut meaning, collector);
+    Meaning::Can(meaning)
+}
+
+/// `[source.<name>.message_latency_s]`: latencies of single messages, by the names of the DBC files.
+fn read_latencies(
+    section: Section<'_>,
+    meaning: &mut CanMeaning,
+    collector: &mut ErrorCollector<'_>,
+) {
+    for (message, field) in section.into_numbers(collector) {
+        if !LATENCY_S.contains(&field.value) {
+            collector.add(
+                &field.span,
+                &field.name,
+                format!("{} s is out of range", field.value),
+                format!("use a number from {} to {}", LATENCY_S.start(), LATENCY_S.end()),
+            );
+        }
+        let mut latencies = meaning.names.iter().zip(&mut meaning.latencies_s);
+        let found = latencies.find_map(|(names, latencies)| {
+            let at = names.iter().position(|name| *name == message)?;
+            latencies.get_mut(at)
+        });
+        match found {
+            Some(latency_s) => *latency_s = Some(field.value),
+            None => {
+                let names: Vec<&str> = meaning.names.iter().flatten().map(String::as_str).collect();
+                let help = match closest(&message, &names) {
+                    Some(near) => format!("did you mean \"{near}\"?"),
+                    None => "use the name of a message of the DBC files".to_owned(),
+                };
+                let problem = format!("no DBC file of this source has the message \"{message}\"");
+                collector.add(&field.span, &field.name, problem, help);
+            }
+        }
+    }
 }
 
 /// `dbc_errors`: whether messages with errors are left out, or the configuration is refused.
