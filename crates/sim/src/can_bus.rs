@@ -183,7 +183,10 @@ impl CanBus {
         }
         let hubs = self.hubs.as_mut().map(|hubs| {
             let frames = hubs.frames(motion, time_s);
-            (frames, time_s + BOX_LATENCY_S + hubs.noise_bus.delay(BOX_JITTER_S))
+            (
+                frames,
+                time_s + BOX_LATENCY_S + hubs.noise_bus.delay(BOX_JITTER_S),
+            )
         });
         if let Some((frames, claim_s)) = hubs {
             sent.extend(self.send(claim_s, frames));
@@ -212,7 +215,10 @@ impl CanBus {
 /// instant at which all devices send.
 pub fn frame_latencies_s(sensors: &Sensors, options: &Options) -> Vec<(u32, f64)> {
     let strain = BOX.0.map(|number| 0x100 + 16 * number);
-    let mut frames: Vec<(u32, u8)> = strain.iter().flat_map(|id| [(*id, 8), (id + 1, 8)]).collect();
+    let mut frames: Vec<(u32, u8)> = strain
+        .iter()
+        .flat_map(|id| [(*id, 8), (id + 1, 8)])
+        .collect();
     if sensors.steer.is_some() {
         frames.push((ENCODER_FRAME, 8));
     } else if sensors.steer_potentiometers.is_some() {
@@ -220,7 +226,10 @@ pub fn frame_latencies_s(sensors: &Sensors, options: &Options) -> Vec<(u32, f64)
     }
     frames.push((WHEEL_SPEED_FRAME, 8));
     if sensors.hub_acceleration.is_some() {
-        frames.extend(BOX.0.map(|number| (HUB_FRAMES + 16 * number, HUB_FRAME_BYTES)));
+        frames.extend(
+            BOX.0
+                .map(|number| (HUB_FRAMES + 16 * number, HUB_FRAME_BYTES)),
+        );
     }
     let bit_time_s = 1.0 / f64::from(options.can_bit_rate(sensors));
     let mut end_s = BOX_LATENCY_S + BOX_JITTER_S;

@@ -1,7 +1,7 @@
 //! A calibration with every absent value filled in from the sensors file.
 
-use model::strain::ABSENT_COUNT;
 use model::sensors::Sensors;
+use model::strain::ABSENT_COUNT;
 use nalgebra::{Matrix3, Vector3};
 use sample::{PerWheel, StrainChannel, Wheel};
 

@@ -254,10 +254,7 @@ impl<'t> Section<'t> {
     }
 
     /// All fields as numbers, by their names in this section.
-    pub fn into_numbers(
-        mut self,
-        collector: &mut ErrorCollector<'_>,
-    ) -> Vec<(String, Field<f64>)> {
+    pub fn into_numbers(mut self, collector: &mut ErrorCollector<'_>) -> Vec<(String, Field<f64>)> {
         let mut numbers = Vec::new();
         for (name, span, value) in std::mem::take(&mut self.entries) {
             let whole_name = self.field_name(&name);

@@ -222,7 +222,11 @@ fn read_latencies(
                 &field.span,
                 &field.name,
                 format!("{} s is out of range", field.value),
-                format!("use a number from {} to {}", LATENCY_S.start(), LATENCY_S.end()),
+                format!(
+                    "use a number from {} to {}",
+                    LATENCY_S.start(),
+                    LATENCY_S.end()
+                ),
             );
         }
         let mut latencies = meaning.names.iter().zip(&mut meaning.latencies_s);
