@@ -215,6 +215,14 @@ impl Corners {
         &self.states
     }
 
+    /// Whether the lengths of all struts are measured.
+    #[must_use]
+    pub fn known(&self, now: LogTime) -> bool {
+        self.linkages
+            .iter()
+            .all(|linkage| linkage.length.known(now))
+    }
+
     /// Maps between members and tyres one step before.
     #[must_use]
     pub fn statics_before(&self) -> &[CornerStatics; 4] {
@@ -361,11 +369,7 @@ impl Corners {
         });
         let speed_m_s = motion.velocity_m_s.x;
         // Without deflections the travel of the wheels is unknown.
-        if self
-            .linkages
-            .iter()
-            .all(|linkage| linkage.length.known(now))
-        {
+        if self.known(now) {
             self.tilt.step(dt, along_m_s, speed_m_s, &self.tuning.tilt);
         }
     }
@@ -374,10 +378,7 @@ impl Corners {
     /// propagated with the body's rotation.
     fn tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState, load_n: [f64; 4]) {
         self.normal -= motion.rate_rad_s.cross(&self.normal) * dt;
-        let known = self
-            .linkages
-            .iter()
-            .all(|linkage| linkage.length.known(now));
+        let known = self.known(now);
         if !known {
             // Without deflections the ground is assumed level.
             self.normal = motion.earth_from_body.inverse() * Vector3::z();

@@ -13,6 +13,8 @@ mod fusion;
 mod grip;
 mod motion;
 mod planar;
+mod road;
+mod slip;
 mod vertical;
 mod watch;
 
@@ -24,6 +26,8 @@ pub use fusion::{
 pub use grip::GripTuning;
 pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
+pub use road::RoadTuning;
+pub use slip::SlipTuning;
 pub use vertical::{ExpectedTuning, LiftTuning, StaticsTuning};
 pub use watch::{
     BiasWatchTuning, HubWatchTuning, ImuConsistencyTuning, InertialWatchTuning,
@@ -125,6 +129,8 @@ tuning! {
         group expected: ExpectedTuning;
         group grip: GripTuning;
         group lift: LiftTuning;
+        group road: RoadTuning;
+        group slip: SlipTuning;
         group planar: PlanarTuning;
     }
 }

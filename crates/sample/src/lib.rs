@@ -21,6 +21,7 @@ pub mod boundary;
 mod estimate;
 mod innovation;
 mod measurement;
+mod road;
 mod stamp;
 pub mod text;
 mod wheel;
@@ -32,6 +33,7 @@ pub use estimate::{
     Parameters, Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
+pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
     GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement, Sample, Signal,

@@ -61,6 +61,8 @@ pub struct WheelTruth {
     pub steer_rad: f64,
     /// Tyre slip angle, rad.
     pub slip_angle_rad: f64,
+    /// Longitudinal slip; `NaN` where the motion does not tell it.
+    pub longitudinal_slip: f64,
     /// Friction coefficient below the tyre.
     pub friction: f64,
     /// Length of the strut between its mounts, m.
@@ -89,6 +91,7 @@ impl Default for WheelTruth {
             angular_speed_rad_s: f64::NAN,
             steer_rad: f64::NAN,
             slip_angle_rad: f64::NAN,
+            longitudinal_slip: f64::NAN,
             friction: f64::NAN,
             strut_length_m: f64::NAN,
             link_force_n: [f64::NAN; 5],
@@ -144,6 +147,8 @@ impl TruthState {
             acceleration_m_s2: self.acceleration_m_s2,
             steer_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].steer_rad),
             slip_angle_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].slip_angle_rad),
+            longitudinal_slip: PerWheel::from_fn(|wheel| self.wheels[wheel].longitudinal_slip),
+            longitudinal_slip_sigma: PerWheel([f64::NAN; 4]),
             bank_rad: self.bank_rad,
             grade_rad: self.grade_rad,
         }
@@ -264,6 +269,7 @@ impl WheelTruth {
             angular_speed_rad_s: l(a.angular_speed_rad_s, b.angular_speed_rad_s),
             steer_rad: l(a.steer_rad, b.steer_rad),
             slip_angle_rad: l(a.slip_angle_rad, b.slip_angle_rad),
+            longitudinal_slip: l(a.longitudinal_slip, b.longitudinal_slip),
             friction: l(a.friction, b.friction),
             strut_length_m: l(a.strut_length_m, b.strut_length_m),
             link_force_n: mix(&a.link_force_n, &b.link_force_n, weight),

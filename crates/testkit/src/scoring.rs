@@ -52,7 +52,7 @@ pub fn estimate(
             Output::Estimate(estimate) => result.estimates.push(estimate),
             Output::Event(event) => result.events.push(event),
             Output::Lagged(estimate) => result.lagged.push(estimate),
-            Output::Parameters(_) | Output::Step(_) => {}
+            Output::Road(_) | Output::LaggedRoad(_) | Output::Parameters(_) | Output::Step(_) => {}
         });
         estimator.push(sample);
     }

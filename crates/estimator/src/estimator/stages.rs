@@ -297,7 +297,8 @@ impl Estimator {
     /// Stage 10: completes the reported motion by the force filter's angular rate, steer angles and
     /// slip angles.
     pub(super) fn complete_motion(
-        &self,
+        &mut self,
+        time: LogTime,
         motion: &mut Motion,
         state: &MotionState,
         planar: Option<&PlanarMotion>,
@@ -309,6 +310,7 @@ impl Estimator {
         if let Some(planar) = planar {
             planar.write_to(motion);
         }
+        self.complete_slope(time, motion, state);
         motion.steer_rad = PerWheel(steer_rad);
         motion.slip_angle_rad = match &self.corners {
             Some(corners) => kinematics::slip_angles_on(corners, state),
@@ -324,6 +326,7 @@ impl Estimator {
         state: &MotionState,
         motion: &Motion,
         measured: &PerWheel<TyreForce>,
+        reported: &PerWheel<TyreForce>,
         out: &mut impl FnMut(Output),
     ) {
         if !self.monitors.steering.is_used()
@@ -340,6 +343,7 @@ impl Estimator {
             corrected_rad: self.feedback.steer_offset_rad,
             sideslip_sigma_rad: state.sideslip_sigma_rad,
             forces: measured,
+            reported,
             rough: self.is_rough(),
         };
         self.grip

@@ -320,6 +320,7 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             angular_speed_rad_s: wheel.spin_rad_s,
             steer_rad,
             slip_angle_rad: math::atan(wheel.slip_tangent),
+            longitudinal_slip: f64::NAN,
             friction: corner.tyre_file.friction * wheel.contact.friction,
             strut_length_m: state.strut_m[i],
             link_force_n: links.map_or([f64::NAN; 5], |links| {

@@ -1,0 +1,134 @@
+//! The road under the wheels, and what the wheels do on it.
+
+use sample::{LogTime, Motion, PerWheel, RoadUnknown, TyreForce, Wheel};
+
+use super::{Estimator, Output};
+use crate::grid::GRID_S;
+use crate::motion::{ATTITUDE, MotionState, VELOCITY};
+use crate::road::RoadInput;
+
+impl Estimator {
+    /// Stage 7b: the road at this instant and with the lag, for vehicles with the force filter.
+    pub(super) fn estimate_road(
+        &mut self,
+        now: LogTime,
+        motion: &MotionState,
+        forces: &PerWheel<TyreForce>,
+        lagged: Option<&PerWheel<TyreForce>>,
+        out: &mut impl FnMut(Output),
+    ) {
+        let (Some(road), Some(corners), Some(fusion), Some(lagged)) =
+            (&mut self.road, &self.corners, &self.fusion, lagged)
+        else {
+            return;
+        };
+        let settled = self
+            .moving_since
+            .is_some_and(|since| now.seconds_since(since) > self.settings.tuning.settling_s);
+        let lengths = [0, 1, 2, 3].map(|wheel| fusion.strut_length_m(wheel));
+        let unknown = if !settled || lengths.iter().any(Option::is_none) {
+            Some(RoadUnknown::Settling)
+        } else if !corners.known(now) {
+            Some(RoadUnknown::NoDeflection)
+        } else {
+            None
+        };
+        let [east, north, _] = self.motion.sigma(ATTITUDE);
+        let tilt = math::hypot(east, north) * std::f64::consts::FRAC_1_SQRT_2;
+        let states = corners.states();
+        let input = RoadInput {
+            now,
+            dt: GRID_S,
+            motion,
+            tilt_sigma_rad: [tilt; 2],
+            corners: states,
+            strut_m: std::array::from_fn(|i| {
+                lengths[i].unwrap_or(states[i].pose.strut_length_m)
+            }),
+            unknown,
+            forces,
+            lagged,
+        };
+        let (now, before) = road.step(&input);
+        out(Output::Road(now));
+        if let Some(before) = before {
+            out(Output::LaggedRoad(before));
+        }
+    }
+
+    /// Bank and grade of the ground without its roughness, in place of those of the plane through the contacts.
+    pub(super) fn complete_slope(&mut self, now: LogTime, motion: &mut Motion, state: &MotionState) {
+        let Some(corners) = &self.corners else {
+            return;
+        };
+        let plane = corners
+            .known(now)
+            .then_some([motion.bank_rad, motion.grade_rad]);
+        let (_, _, yaw_rad) = state.euler_rad();
+        let distance_m = state.velocity_m_s.x.abs() * GRID_S;
+        let tuning = &self.settings.tuning.road;
+        if let Some(slope) = self.slope.step(plane, yaw_rad, distance_m, GRID_S, tuning) {
+            [motion.bank_rad, motion.grade_rad] = slope;
+        }
+    }
+
+    /// Longitudinal slip of each wheel: (R w - v)/|v|, with the rolling radius R at the present load, the spin
+    /// w by the wheel speed sensor, and the speed v of the wheel centre along its heading. R at the static load
+    /// is the calibration's, else the vehicle file's.
+    pub(super) fn complete_wheels(
+        &self,
+        now: LogTime,
+        motion: &mut Motion,
+        state: &MotionState,
+        forces: &PerWheel<TyreForce>,
+    ) {
+        let t = &self.settings.tuning;
+        let [east, north, _] = self.motion.sigma(VELOCITY);
+        let speed_sigma = math::hypot(east, north) * std::f64::consts::FRAC_1_SQRT_2;
+        let mut slips = [[f64::NAN; 2]; 4];
+        for (slip, wheel) in slips.iter_mut().zip(Wheel::ALL) {
+            let i = wheel.index();
+            let spin = self.readings.wheel_speed(wheel, now, t.fresh_s);
+            let reading = self.readings.wheel_speed_rad_s[wheel];
+            let along = match &self.corners {
+                Some(corners) => corners.wheel_velocity(i, state)[0],
+                None => {
+                    let [x, y] = self.vehicle.wheel_place_m(wheel);
+                    let velocity = state.velocity_m_s;
+                    let turn = state.rate_rad_s.z;
+                    let (sine, cosine) = math::sin_cos(motion.steer_rad[wheel]);
+                    cosine * (velocity.x - turn * y) + sine * (velocity.y + turn * x)
+                }
+            };
+            let (Some(spin), Some(reading)) = (spin, reading) else {
+                continue;
+            };
+            if along.is_nan() || along.abs() < t.slip.speed_min_m_s {
+                continue;
+            }
+            let tyre = &self.vehicle.axle(wheel).tyre;
+            let static_n = self.vehicle.static_load_n(wheel);
+            let load_n = forces[wheel].force_n[2];
+            let more_n = if load_n.is_finite() { load_n - static_n } else { 0.0 };
+            let radius_m = self.rolling_radius_m(wheel)
+                + tyre.rolling_radius_m(static_n + more_n)
+                - tyre.rolling_radius_m(static_n);
+            let ratio = radius_m * spin / along.abs();
+            // The wheel may have gained speed since its reading.
+            let age_s = now.seconds_since(reading.time).abs();
+            let gained = t.slip.gain_rad_s2 * age_s / spin.abs().max(1.0);
+            let measured = self.calibration.rolling_radius_m[wheel].is_some();
+            let radius_part = t.slip.radius_part[usize::from(measured)];
+            let parts = [
+                ratio * radius_part,
+                ratio * gained,
+                (1.0 + (ratio.abs() - 1.0)) * speed_sigma / along.abs(),
+                t.slip.model,
+            ];
+            let variance: f64 = parts.iter().map(|part| part * part).sum();
+            *slip = [ratio - along.signum(), variance.sqrt()];
+        }
+        motion.longitudinal_slip = PerWheel(slips.map(|[slip, _]| slip));
+        motion.longitudinal_slip_sigma = PerWheel(slips.map(|[_, sigma]| sigma));
+    }
+}
