@@ -215,6 +215,21 @@ impl Corners {
         &self.states
     }
 
+    /// Whether the contact points gave the ground's normal in the last step.
+    #[must_use]
+    pub fn touches(&self) -> bool {
+        self.seen.is_some()
+    }
+
+    /// Speed of the centre of wheel `i` along the ground's normal, m/s.
+    #[must_use]
+    pub fn wheel_rise(&self, i: usize, motion: &MotionState) -> f64 {
+        let state = &self.states[i];
+        let arm = self.seen_from_cg(state.pose.wheel_centre_m);
+        let velocity = motion.velocity_m_s + motion.rate_rad_s.cross(&arm) + state.travel_m_s;
+        self.normal.dot(&velocity)
+    }
+
     /// Whether the lengths of all struts are measured.
     #[must_use]
     pub fn known(&self, now: LogTime) -> bool {

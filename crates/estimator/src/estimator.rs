@@ -99,6 +99,8 @@ pub struct Estimator {
     grip: Grip,
     road: Option<RoadEstimator>,
     slope: SlopeFilter,
+    /// Longitudinal slips of the last step.
+    slip_before: [f64; 4],
     planar: Option<Planar>,
     /// Results of the last step for the next.
     feedback: EstimatorFeedback,
@@ -166,6 +168,7 @@ impl Estimator {
                 .is_some()
                 .then(|| RoadEstimator::new(vehicle, &t.road)),
             slope: SlopeFilter::default(),
+            slip_before: [f64::NAN; 4],
             fusion,
             feedback: EstimatorFeedback::default(),
             moving_since: None,

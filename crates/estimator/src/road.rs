@@ -90,6 +90,10 @@ pub struct RoadEstimator {
     static_load_n: [f64; 4],
     body: BodyHeight,
     past: [Option<Moment>; LAG],
+    /// Height of the ground where each wheel last touched it, m: causal and with the lag.
+    touched_m: [[f64; 4]; 2],
+    /// Whether each wheel is off the ground, likewise.
+    lifted: [[bool; 4]; 2],
     statistics: RoadStatistics,
 }
 
@@ -108,6 +112,8 @@ impl RoadEstimator {
             static_load_n: Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel)),
             body: BodyHeight::default(),
             past: [None; LAG],
+            touched_m: [[f64::INFINITY; 4]; 2],
+            lifted: [[false; 4]; 2],
             statistics: RoadStatistics::new(tuning),
         }
     }
@@ -124,7 +130,7 @@ impl RoadEstimator {
         self.past.rotate_right(1);
         let before = self.past[0].replace(now);
         let lagged = before.map(|moment| {
-            let road = self.road(&moment, input.lagged);
+            let road = self.road(&moment, input.lagged, 1);
             let known = road.unknown.is_none() && input.unknown.is_none();
             self.statistics.step(
                 input.dt,
@@ -133,7 +139,7 @@ impl RoadEstimator {
             );
             road
         });
-        let roads = (self.road(&now, input.forces), lagged);
+        let roads = (self.road(&now, input.forces, 0), lagged);
         let speed_m_s = now.speed_m_s;
         (
             self.statistics.complete(roads.0, speed_m_s),
@@ -177,7 +183,8 @@ impl RoadEstimator {
         moment
     }
 
-    fn road(&self, moment: &Moment, forces: &PerWheel<TyreForce>) -> Road {
+    /// The road of a moment by loads; `output`: 0 causal, 1 with the lag.
+    fn road(&mut self, moment: &Moment, forces: &PerWheel<TyreForce>, output: usize) -> Road {
         let t = &self.tuning;
         let slow = (moment.speed_m_s < t.speed_min_m_s).then_some(RoadUnknown::Slow);
         if let Some(why) = moment.unknown.or(slow) {
@@ -198,8 +205,20 @@ impl RoadEstimator {
             let pressed_m = load_n.max(0.0) / k * moment.upward[i];
             let uneven_m = t.tyre_part * (load_n - self.static_load_n[i]) / k;
             let slope = moment.rise_m_s[i] / moment.speed_m_s;
-            let lifted_m = if load_n < t.contact_n {
-                t.lifted_sigma_m
+            // The ground below a wheel in the air is not above the tyre, nor likely far from where the
+            // wheel left it.
+            let lowest_m = moment.tyres_m[i].z + pressed_m;
+            let touched_m = &mut self.touched_m[output][i];
+            let lifted = &mut self.lifted[output][i];
+            let [leaves, lands] = t.contact_part.map(|part| part * self.static_load_n[i]);
+            *lifted = load_n < if *lifted { lands } else { leaves };
+            *touched_m = if *lifted {
+                touched_m.min(lowest_m)
+            } else {
+                lowest_m
+            };
+            let lifted_m = if *lifted {
+                t.lifted_sigma_m + lowest_m - *touched_m
             } else {
                 0.0
             };
@@ -211,7 +230,7 @@ impl RoadEstimator {
                 lifted_m,
             ];
             relative[i] = own.iter().map(|sigma| sigma * sigma).sum();
-            road.height_m.0[i] = moment.tyres_m[i].z + pressed_m;
+            road.height_m.0[i] = *touched_m;
             road.height_sigma_m.0[i] = (relative[i] + t.body_sigma_m * t.body_sigma_m).sqrt();
         }
         let places = moment.tyres_m.each_ref().map(|tyre| [tyre.x, tyre.y]);

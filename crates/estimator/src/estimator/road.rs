@@ -61,8 +61,7 @@ impl Estimator {
         let Some(corners) = &self.corners else {
             return;
         };
-        let plane = corners
-            .known(now)
+        let plane = (corners.known(now) && corners.touches())
             .then_some([motion.bank_rad, motion.grade_rad]);
         let (_, _, yaw_rad) = state.euler_rad();
         let distance_m = state.velocity_m_s.x.abs() * GRID_S;
@@ -76,7 +75,7 @@ impl Estimator {
     /// w by the wheel speed sensor, and the speed v of the wheel centre along its heading. R at the static load
     /// is the calibration's, else the vehicle file's.
     pub(super) fn complete_wheels(
-        &self,
+        &mut self,
         now: LogTime,
         motion: &mut Motion,
         state: &MotionState,
@@ -90,16 +89,8 @@ impl Estimator {
             let i = wheel.index();
             let spin = self.readings.wheel_speed(wheel, now, t.fresh_s);
             let reading = self.readings.wheel_speed_rad_s[wheel];
-            let along = match &self.corners {
-                Some(corners) => corners.wheel_velocity(i, state)[0],
-                None => {
-                    let [x, y] = self.vehicle.wheel_place_m(wheel);
-                    let velocity = state.velocity_m_s;
-                    let turn = state.rate_rad_s.z;
-                    let (sine, cosine) = math::sin_cos(motion.steer_rad[wheel]);
-                    cosine * (velocity.x - turn * y) + sine * (velocity.y + turn * x)
-                }
-            };
+            let [along, rise] = self.wheel_speeds(wheel, motion.steer_rad[wheel], state);
+            let before = std::mem::replace(&mut self.slip_before[i], f64::NAN);
             let (Some(spin), Some(reading)) = (spin, reading) else {
                 continue;
             };
@@ -113,22 +104,47 @@ impl Estimator {
             let radius_m = self.rolling_radius_m(wheel)
                 + tyre.rolling_radius_m(static_n + more_n)
                 - tyre.rolling_radius_m(static_n);
-            let ratio = radius_m * spin / along.abs();
+            // The wheel rolls along the ground below it, which is not the plane through all wheels.
+            let slope = rise / along.abs();
+            let speed = along.abs() * (1.0 + slope * slope).sqrt();
+            let ratio = radius_m * spin / speed;
+            let value = ratio - along.signum();
+            self.slip_before[i] = value;
             // The wheel may have gained speed since its reading.
             let age_s = now.seconds_since(reading.time).abs();
             let gained = t.slip.gain_rad_s2 * age_s / spin.abs().max(1.0);
+            let noise = ratio * self.sensors.wheel_speed.noise_fraction;
+            let changed = ((value - before).abs() - t.slip.changed_sigma * noise.abs()).max(0.0);
             let measured = self.calibration.rolling_radius_m[wheel].is_some();
             let radius_part = t.slip.radius_part[usize::from(measured)];
             let parts = [
                 ratio * radius_part,
                 ratio * gained,
-                (1.0 + (ratio.abs() - 1.0)) * speed_sigma / along.abs(),
-                t.slip.model,
+                noise,
+                ratio * speed_sigma / speed,
+                t.slip.model + t.slip.slope_part * slope.abs(),
+                t.slip.changed_part * changed,
             ];
             let variance: f64 = parts.iter().map(|part| part * part).sum();
-            *slip = [ratio - along.signum(), variance.sqrt()];
+            *slip = [value, variance.sqrt()];
         }
         motion.longitudinal_slip = PerWheel(slips.map(|[slip, _]| slip));
         motion.longitudinal_slip_sigma = PerWheel(slips.map(|[_, sigma]| sigma));
+    }
+
+    /// Speed of a wheel centre along its heading and along the normal of the ground, m/s.
+    fn wheel_speeds(&self, wheel: Wheel, steer_rad: f64, state: &MotionState) -> [f64; 2] {
+        if let Some(corners) = &self.corners {
+            let i = wheel.index();
+            return [
+                corners.wheel_velocity(i, state)[0],
+                corners.wheel_rise(i, state),
+            ];
+        }
+        let [x, y] = self.vehicle.wheel_place_m(wheel);
+        let (velocity, turn) = (state.velocity_m_s, state.rate_rad_s.z);
+        let (sine, cosine) = math::sin_cos(steer_rad);
+        let along = cosine * (velocity.x - turn * y) + sine * (velocity.y + turn * x);
+        [along, 0.0]
     }
 }

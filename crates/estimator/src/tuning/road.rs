@@ -22,14 +22,16 @@ tuning! {
         /// Standard deviation of the height by ground that is not a plane within the contact, as a part of the
         /// speed of the wheel centre along the vertical over that of the vehicle.
         slope_part_m: f64 = 0.02, "m";
-        /// Load below which a wheel counts as off the ground.
-        contact_n: f64 = 60.0, "N";
-        /// Standard deviation of the height under such a wheel.
+        /// Part of the static load below which a wheel counts as off the ground, and above which it counts as on the
+        /// ground again.
+        contact_part: [f64; 2] = [0.1, 0.2], "1";
+        /// Standard deviation of the height under such a wheel, beside its clearance to the last known height.
         lifted_sigma_m: f64 = 0.03, "m";
         /// Distance of the fading memory of roughness and index: its equivalent is twice as long.
         memory_m: f64 = 150.0, "m";
-        /// Largest frequency at the wheel of the waves that count for the roughness.
-        wave_hz_max: f64 = 22.0, "Hz";
+        /// Largest frequency at the wheel of the waves that count for the roughness: the wheel hops above it, and
+        /// the loads with the lag do not follow the road. With 22 Hz, the roughness of a class C road is 30 % too low.
+        wave_hz_max: f64 = 12.0, "Hz";
         /// Distance after which the roughness is reported.
         roughness_distance_m: f64 = 50.0, "m";
         /// Distance above `iri_speed_min_m_s` after which the index is reported.
