@@ -19,6 +19,7 @@
 //! (`road/spectrum.rs`, `road/golden_car.rs`) use these heights over the distance (`road/profile.rs`).
 //! Everything has a fixed size and is updated from step to step.
 
+mod footing;
 mod golden_car;
 mod plane;
 mod profile;
@@ -34,6 +35,7 @@ use crate::estimator::LAG_STEPS;
 use crate::motion::MotionState;
 use crate::tuning::RoadTuning;
 
+use footing::Footing;
 use plane::fit;
 pub use profile::RoadStatistics;
 pub use slope::SlopeFilter;
@@ -69,6 +71,7 @@ const LAG: usize = LAG_STEPS;
 #[derive(Clone, Copy, Debug)]
 struct Moment {
     time: LogTime,
+    dt: f64,
     speed_m_s: f64,
     unknown: Option<RoadUnknown>,
     /// Lowest point of each unloaded tyre in level axes along the heading: forward, left, up, m.
@@ -90,10 +93,8 @@ pub struct RoadEstimator {
     static_load_n: [f64; 4],
     body: BodyHeight,
     past: [Option<Moment>; LAG],
-    /// Height of the ground where each wheel last touched it, m: causal and with the lag.
-    touched_m: [[f64; 4]; 2],
-    /// Whether each wheel is off the ground, likewise.
-    lifted: [[bool; 4]; 2],
+    /// The ground below each wheel: causal and with the lag.
+    footings: [[Footing; 4]; 2],
     statistics: RoadStatistics,
 }
 
@@ -112,8 +113,7 @@ impl RoadEstimator {
             static_load_n: Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel)),
             body: BodyHeight::default(),
             past: [None; LAG],
-            touched_m: [[f64::INFINITY; 4]; 2],
-            lifted: [[false; 4]; 2],
+            footings: Default::default(),
             statistics: RoadStatistics::new(tuning),
         }
     }
@@ -158,6 +158,7 @@ impl RoadEstimator {
         let cg = Vector3::z() * self.cg_height_m;
         let mut moment = Moment {
             time: input.now,
+            dt: input.dt,
             speed_m_s: math::hypot(velocity.x, velocity.y),
             unknown: input.unknown,
             tyres_m: [Vector3::zeros(); 4],
@@ -185,7 +186,7 @@ impl RoadEstimator {
 
     /// The road of a moment by loads; `output`: 0 causal, 1 with the lag.
     fn road(&mut self, moment: &Moment, forces: &PerWheel<TyreForce>, output: usize) -> Road {
-        let t = &self.tuning;
+        let t = self.tuning;
         let slow = (moment.speed_m_s < t.speed_min_m_s).then_some(RoadUnknown::Slow);
         if let Some(why) = moment.unknown.or(slow) {
             return Road::unknown(moment.time, why);
@@ -205,23 +206,12 @@ impl RoadEstimator {
             let pressed_m = load_n.max(0.0) / k * moment.upward[i];
             let uneven_m = t.tyre_part * (load_n - self.static_load_n[i]) / k;
             let slope = moment.rise_m_s[i] / moment.speed_m_s;
-            // The ground below a wheel in the air is not above the tyre, nor likely far from where the
-            // wheel left it.
-            let lowest_m = moment.tyres_m[i].z + pressed_m;
-            let touched_m = &mut self.touched_m[output][i];
-            let lifted = &mut self.lifted[output][i];
-            let [leaves, lands] = t.contact_part.map(|part| part * self.static_load_n[i]);
-            *lifted = load_n < if *lifted { lands } else { leaves };
-            *touched_m = if *lifted {
-                touched_m.min(lowest_m)
-            } else {
-                lowest_m
-            };
-            let lifted_m = if *lifted {
-                t.lifted_sigma_m + lowest_m - *touched_m
-            } else {
-                0.0
-            };
+            let [height_m, lifted_m] = self.footings[output][i].step(
+                moment.tyres_m[i].z + pressed_m,
+                load_n / self.static_load_n[i],
+                moment.speed_m_s * moment.dt,
+                &t,
+            );
             let own = [
                 t.wheel_sigma_m,
                 sigma_n / k,
@@ -230,7 +220,7 @@ impl RoadEstimator {
                 lifted_m,
             ];
             relative[i] = own.iter().map(|sigma| sigma * sigma).sum();
-            road.height_m.0[i] = *touched_m;
+            road.height_m.0[i] = height_m;
             road.height_sigma_m.0[i] = (relative[i] + t.body_sigma_m * t.body_sigma_m).sqrt();
         }
         let places = moment.tyres_m.each_ref().map(|tyre| [tyre.x, tyre.y]);

@@ -25,7 +25,11 @@ tuning! {
         /// Part of the static load below which a wheel counts as off the ground, and above which it counts as on the
         /// ground again.
         contact_part: [f64; 2] = [0.1, 0.2], "1";
-        /// Standard deviation of the height under such a wheel, beside its clearance to the last known height.
+        /// Memory of the mean height of the ground.
+        level_memory_m: f64 = 8.0, "m";
+        /// Distance over which the ground below a wheel in the air goes back to its mean.
+        fall_m: f64 = 0.5, "m";
+        /// Standard deviation of the height under such a wheel, beside half of its clearance.
         lifted_sigma_m: f64 = 0.03, "m";
         /// Distance of the fading memory of roughness and index: its equivalent is twice as long.
         memory_m: f64 = 150.0, "m";
