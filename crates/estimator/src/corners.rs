@@ -11,7 +11,7 @@ use model::suspension::{
     BodyMotion, Corner, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
 };
 use model::vehicle::Vehicle;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
@@ -213,6 +213,17 @@ impl Corners {
     #[must_use]
     pub fn states(&self) -> &[CornerState; 4] {
         &self.states
+    }
+
+    /// The same corners on a vehicle on which a load pulls: force and moment about the centre of gravity, vehicle
+    /// axes, N and N m. In the balances, the load is part of what accelerates the vehicle beside the tyres.
+    #[must_use]
+    pub fn states_with(&self, load: &Vector6<f64>) -> [CornerState; 4] {
+        let mut states = self.states;
+        for state in &mut states {
+            state.travel.wrench[0] -= load * 0.25;
+        }
+        states
     }
 
     /// Whether the contact points gave the ground's normal in the last step.

@@ -273,6 +273,11 @@ impl Estimator {
                 let speeds = speeds.angular_speed_rad_s;
                 self.waiting.push(time, Held::WheelSpeed(speeds));
             }
+            Measurement::Control(control) => {
+                if let Some(force_n) = control.hitch_force_n() {
+                    self.waiting.push(time, Held::HitchForce(force_n));
+                }
+            }
             Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
                 self.waiting.push(time, Held::HubAcceleration(*hub));
             }
@@ -311,7 +316,14 @@ impl Estimator {
         self.estimate_road(time, &state, &carrier, lagged.as_ref(), out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
         let rollover = self.detect_lift(time, &state, &measured, lagged.as_ref(), out);
-        self.complete_motion(time, &mut motion, &state, planar.as_ref(), steer_rad);
+        self.complete_motion(
+            time,
+            &mut motion,
+            &state,
+            &carrier,
+            planar.as_ref(),
+            steer_rad,
+        );
         self.complete_wheels(time, &mut motion, &state, &carrier);
         if navigated && settled {
             self.learn_grip(time, &state, &motion, &measured, &reported, out);

@@ -99,6 +99,8 @@ tuning! {
         /// A reading that is older than this is not used. Corner and steering readings arrive every
         /// 10 ms.
         fresh_s: f64 = 0.1, "s";
+        /// Time for which the last force of a load on the hitch is used.
+        hitch_held_s: f64 = 0.5, "s";
         /// Age of the last accepted GNSS velocity from which wheel speeds and tyre slip replace it.
         gnss_silent_s: f64 = 0.3, "s";
         /// Age of the last accepted GNSS attitude from which tyre slip replaces it.

@@ -57,15 +57,27 @@ impl Estimator {
     }
 
     /// Bank and grade of the ground without its roughness, in place of those of the plane through the contacts.
-    pub(super) fn complete_slope(&mut self, now: LogTime, motion: &mut Motion, state: &MotionState) {
+    pub(super) fn complete_slope(
+        &mut self,
+        now: LogTime,
+        motion: &mut Motion,
+        state: &MotionState,
+        forces: &PerWheel<TyreForce>,
+    ) {
         let Some(corners) = &self.corners else {
             return;
         };
-        let plane = (corners.known(now) && corners.touches())
+        let tuning = &self.settings.tuning.road;
+        // A plane through wheels in the air is not the ground.
+        let loaded = |wheel: &Wheel| {
+            let load_n = forces[*wheel].force_n[2];
+            load_n > tuning.contact_part[1] * self.vehicle.static_load_n(*wheel)
+        };
+        let carried = Wheel::ALL.iter().filter(|wheel| loaded(wheel)).count() >= 3;
+        let plane = (corners.known(now) && corners.touches() && carried)
             .then_some([motion.bank_rad, motion.grade_rad]);
         let (_, _, yaw_rad) = state.euler_rad();
         let distance_m = state.velocity_m_s.x.abs() * GRID_S;
-        let tuning = &self.settings.tuning.road;
         if let Some(slope) = self.slope.step(plane, yaw_rad, distance_m, GRID_S, tuning) {
             [motion.bank_rad, motion.grade_rad] = slope;
         }
