@@ -44,6 +44,8 @@ pub struct TruthState {
     pub bank_rad: f64,
     /// Grade of the ground, nose down positive, rad.
     pub grade_rad: f64,
+    /// Force of a load on the hitch, body axes, N; `None` without one.
+    pub hitch_force_n: Option<[f64; 3]>,
     /// Each corner.
     pub wheels: PerWheel<WheelTruth>,
 }
@@ -121,6 +123,7 @@ impl Default for TruthState {
             steering_wheel_rad: 0.0,
             bank_rad: 0.0,
             grade_rad: 0.0,
+            hitch_force_n: None,
             wheels: PerWheel([WheelTruth::default(); 4]),
         }
     }
@@ -253,6 +256,8 @@ impl TruthState {
             steering_wheel_rad: l(a.steering_wheel_rad, b.steering_wheel_rad),
             bank_rad: l(a.bank_rad, b.bank_rad),
             grade_rad: l(a.grade_rad, b.grade_rad),
+            hitch_force_n: (a.hitch_force_n.as_ref().zip(b.hitch_force_n.as_ref()))
+                .map(|(a, b)| mix(a, b, weight)),
             wheels: PerWheel::from_fn(|wheel| {
                 WheelTruth::between(&a.wheels[wheel], &b.wheels[wheel], weight)
             }),

@@ -319,6 +319,7 @@ fn states(columns: &Columns) -> Vec<TruthState> {
                 bank_rad: known("bank_base[rad]", row).unwrap_or(0.0),
                 // The file's grade is positive uphill.
                 grade_rad: -known("grade_base[rad]", row).unwrap_or(0.0),
+                hitch_force_n: None,
                 wheels: PerWheel::from_fn(|wheel| wheel_truth(wheel, |name| get(row, name))),
             };
             ground::tell(&mut state, |name| get(row, name));

@@ -289,6 +289,7 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             .into(),
             acceleration_m_s2: [f64::NAN; 3],
             steering_wheel_rad: self.steering_wheel[0],
+            hitch_force_n: (self.plan.hitch.as_ref()).map(|hitch| (hitch.force_n)(time_s)),
             ..TruthState::default()
         };
         let earth_from_body = truth.earth_from_body().into_inner();
