@@ -152,7 +152,9 @@ impl RoadEstimator {
     fn moment(&mut self, input: &RoadInput<'_>) -> Moment {
         let motion = input.motion;
         let velocity = motion.earth_from_body * motion.velocity_m_s;
-        let height_m = self.body.step(input.dt, velocity.z, self.tuning.reference_hz);
+        let height_m = self
+            .body
+            .step(input.dt, velocity.z, self.tuning.reference_hz);
         let (_, _, yaw) = motion.euler_rad();
         let (sine, cosine) = math::sin_cos(yaw);
         let cg = Vector3::z() * self.cg_height_m;

@@ -33,12 +33,12 @@ pub use estimate::{
     Parameters, Rollover, Severity, SourceHealth, TyreForce,
 };
 pub use innovation::{InnovationKind, Innovations};
-pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use measurement::{
     Attitude, ControlSample, CornerSample, DeviceTime, FixQuality, GnssAttitude, GnssPosition,
     GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement, Sample, Signal,
     SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
 };
+pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use stamp::{LogTime, NANOS_PER_SECOND};
 pub use wheel::{Axle, PerWheel, Side, Wheel};
 

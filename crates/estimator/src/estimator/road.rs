@@ -42,9 +42,7 @@ impl Estimator {
             motion,
             tilt_sigma_rad: [tilt; 2],
             corners: states,
-            strut_m: std::array::from_fn(|i| {
-                lengths[i].unwrap_or(states[i].pose.strut_length_m)
-            }),
+            strut_m: std::array::from_fn(|i| lengths[i].unwrap_or(states[i].pose.strut_length_m)),
             unknown,
             forces,
             lagged,
@@ -112,9 +110,12 @@ impl Estimator {
             let tyre = &self.vehicle.axle(wheel).tyre;
             let static_n = self.vehicle.static_load_n(wheel);
             let load_n = forces[wheel].force_n[2];
-            let more_n = if load_n.is_finite() { load_n - static_n } else { 0.0 };
-            let radius_m = self.rolling_radius_m(wheel)
-                + tyre.rolling_radius_m(static_n + more_n)
+            let more_n = if load_n.is_finite() {
+                load_n - static_n
+            } else {
+                0.0
+            };
+            let radius_m = self.rolling_radius_m(wheel) + tyre.rolling_radius_m(static_n + more_n)
                 - tyre.rolling_radius_m(static_n);
             // The wheel rolls along the ground below it, which is not the plane through all wheels.
             let slope = rise / along.abs();

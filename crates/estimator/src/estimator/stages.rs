@@ -7,7 +7,6 @@ use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreFor
 use super::events::{channel_event, frozen_event, vehicle_event};
 use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
-use crate::{Input, Tuning};
 use crate::feedback::EstimatorFeedback;
 use crate::fusion::{Fusion, StepInput};
 use crate::gaussian::Gaussian;
@@ -22,6 +21,7 @@ use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held};
 use crate::wheel_frame::WheelFrame;
+use crate::{Input, Tuning};
 
 /// Forces of the tyres by the measurement path.
 #[derive(Default)]

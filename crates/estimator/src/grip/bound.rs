@@ -42,7 +42,11 @@ impl BoundBlock {
         let whole = std::mem::take(self);
         // Errors of consecutive steps are the same: the mean of a block is no better than one step.
         let mean = |sums: [f64; 3]| sums.map(|sum| sum * part);
-        Some(lower_bound(mean(whole.force_n), mean(whole.sigma_n), tuning))
+        Some(lower_bound(
+            mean(whole.force_n),
+            mean(whole.sigma_n),
+            tuning,
+        ))
     }
 }
 
@@ -96,7 +100,10 @@ mod tests {
         // 10 N along the force and 20 N of the load, of which half counts.
         let bound = lower_bound(force, [10.0, 10.0, 20.0], &t);
         let sigma = (2.0_f64 * 100.0).sqrt() / 1000.0;
-        assert!((bound - (0.5 - t.bound_sigma * sigma)).abs() < 1e-12, "{bound}");
+        assert!(
+            (bound - (0.5 - t.bound_sigma * sigma)).abs() < 1e-12,
+            "{bound}"
+        );
         assert_eq!(lower_bound([300.0, 0.0, 50.0], [1.0; 3], &t), 0.0);
         // The ground below a force of two steps with an unknown normal.
         let wide = lower_bound(force, [100.0; 3], &t);

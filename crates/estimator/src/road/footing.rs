@@ -41,7 +41,7 @@ impl Footing {
         let height_m = lowest_m.min(before_m + part * (self.level_m - before_m));
         self.height_m = Some(height_m);
         let unknown_m = (lowest_m - height_m).max((height_m - self.level_m).abs());
-        [height_m, t.lifted_sigma_m + 0.5 * unknown_m]
+        [height_m, t.lifted_sigma_m + t.lifted_part * unknown_m]
     }
 }
 

@@ -10,12 +10,28 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// Speed, m/s: 80 km/h.
-const SPEED_M_S: f64 = 80.0 / 3.6;
-const SPRING: f64 = 63.3;
-const TYRE: f64 = 653.0;
-const DAMPER: f64 = 6.0;
-const MASS: f64 = 0.15;
+/// Parameters of a quarter car over its sprung mass.
+struct QuarterCar {
+    /// k_s, 1/s^2.
+    spring: f64,
+    /// k_t, 1/s^2.
+    tyre: f64,
+    /// c, 1/s.
+    damper: f64,
+    /// mu.
+    mass: f64,
+    /// Speed, m/s.
+    speed_m_s: f64,
+}
+
+/// The golden car.
+const GOLDEN: QuarterCar = QuarterCar {
+    spring: 63.3,
+    tyre: 653.0,
+    damper: 6.0,
+    mass: 0.15,
+    speed_m_s: 80.0 / 3.6,
+};
 
 type Transition = SMatrix<f64, 6, 6>;
 
@@ -27,16 +43,19 @@ impl GoldenStep {
     /// For points that are `spacing_m` apart.
     pub(super) fn new(spacing_m: f64) -> Self {
         // States: z_s, z_s', z_u, z_u', the profile, and its change over the step.
-        let dt = spacing_m / SPEED_M_S;
+        let dt = spacing_m / GOLDEN.speed_m_s;
         let mut rates = Transition::zeros();
         rates[(0, 1)] = dt;
         rates[(2, 3)] = dt;
-        for (column, value) in [-SPRING, -DAMPER, SPRING, DAMPER].into_iter().enumerate() {
+        for (column, value) in [-GOLDEN.spring, -GOLDEN.damper, GOLDEN.spring, GOLDEN.damper]
+            .into_iter()
+            .enumerate()
+        {
             rates[(1, column)] = dt * value;
-            rates[(3, column)] = -dt * value / MASS;
+            rates[(3, column)] = -dt * value / GOLDEN.mass;
         }
-        rates[(3, 2)] -= dt * TYRE / MASS;
-        rates[(3, 4)] = dt * TYRE / MASS;
+        rates[(3, 2)] -= dt * GOLDEN.tyre / GOLDEN.mass;
+        rates[(3, 4)] = dt * GOLDEN.tyre / GOLDEN.mass;
         rates[(4, 5)] = 1.0;
         Self(exponential(&rates))
     }
@@ -84,7 +103,7 @@ impl GoldenCar {
         let [s, ds, u, du] = self.state;
         let next = step.0 * SVector::from([s, ds, u, du, before, mean - before]);
         self.state = [next[0], next[1], next[2], next[3]];
-        Some((next[1] - next[3]).abs() / SPEED_M_S)
+        Some((next[1] - next[3]).abs() / GOLDEN.speed_m_s)
     }
 }
 
@@ -109,14 +128,17 @@ mod tests {
                     count += 1;
                 }
             }
-            let w = std::f64::consts::TAU * SPEED_M_S / wave_m;
+            let w = std::f64::consts::TAU * GOLDEN.speed_m_s / wave_m;
             let gain = suspension_rate(w);
             // Mean of |sin| is 2/pi; the profile is averaged over 0.25 m and between its points.
             let half = std::f64::consts::PI * 0.25 / wave_m;
-            let expected = 2.0 / std::f64::consts::PI * amplitude * gain / SPEED_M_S
+            let expected = 2.0 / std::f64::consts::PI * amplitude * gain / GOLDEN.speed_m_s
                 * (math::sin(half) / half);
             let found = sum / f64::from(count);
-            assert!((found / expected - 1.0).abs() < 0.02, "{wave_m}: {found} {expected}");
+            assert!(
+                (found / expected - 1.0).abs() < 0.02,
+                "{wave_m}: {found} {expected}"
+            );
         }
     }
 
@@ -124,10 +146,11 @@ mod tests {
     fn suspension_rate(w: f64) -> f64 {
         use nalgebra::Complex;
         let i = Complex::new(0.0, w);
-        let link = i * DAMPER + SPRING;
+        let link = i * GOLDEN.damper + GOLDEN.spring;
         // (s^2 + link) z_s = link z_u; (mu s^2 + link + k_t) z_u = link z_s + k_t.
         let ratio = link / (i * i + link);
-        let unsprung = Complex::new(TYRE, 0.0) / (i * i * MASS + link + TYRE - link * ratio);
+        let unsprung = Complex::new(GOLDEN.tyre, 0.0)
+            / (i * i * GOLDEN.mass + link + GOLDEN.tyre - link * ratio);
         (i * (ratio - 1.0) * unsprung).norm()
     }
 }

@@ -45,7 +45,12 @@ mod tests {
     fn bank_grade_and_warp_have_the_signs_of_the_vehicle() {
         let places = [[0.8, 0.5], [0.8, -0.5], [-0.7, 0.5], [-0.7, -0.5]];
         let of = |height: fn(f64, f64) -> f64| {
-            fit(&places, &places.map(|[x, y]| height(x, y)), &[1e-6; 4], [0.0; 2])
+            fit(
+                &places,
+                &places.map(|[x, y]| height(x, y)),
+                &[1e-6; 4],
+                [0.0; 2],
+            )
         };
         // The left side is high: the right side is down.
         let bank = of(|_, y| 0.1 * y);

@@ -6,12 +6,8 @@ use super::golden_car::{GoldenCar, GoldenStep};
 use super::spectrum::Spectrum;
 use crate::tuning::RoadTuning;
 
-/// Distance between two points of the profile, m.
-const SPACING_M: f64 = 0.1;
 /// Most points between two instants.
 const POINTS_MAX: u32 = 16;
-/// Distance over which the golden car forgets its start, m.
-const CAR_SETTLES_M: f64 = 20.0;
 
 /// Roughness of the profiles under the four wheels.
 #[derive(Clone, Debug)]
@@ -35,8 +31,8 @@ impl RoadStatistics {
     pub fn new(tuning: &RoadTuning) -> Self {
         Self {
             tuning: *tuning,
-            spectrum: Spectrum::new(SPACING_M),
-            car_step: GoldenStep::new(SPACING_M),
+            spectrum: Spectrum::new(tuning.spacing_m),
+            car_step: GoldenStep::new(tuning.spacing_m),
             cars: [GoldenCar::default(); 4],
             driven_m: 0.0,
             last: None,
@@ -53,20 +49,21 @@ impl RoadStatistics {
             return;
         };
         let moved_m = speed_m_s * dt;
+        let spacing_m = self.tuning.spacing_m;
         let Some((before, since_m)) = self.last else {
             self.begin(height_m);
             return;
         };
-        let mut next_m = SPACING_M - since_m;
+        let mut next_m = spacing_m - since_m;
         let mut points = 0;
         while next_m <= moved_m && points < POINTS_MAX {
             let part = next_m / moved_m;
             let point = std::array::from_fn(|i| before[i] + part * (height_m[i] - before[i]));
             self.push(&point, speed_m_s);
-            next_m += SPACING_M;
+            next_m += spacing_m;
             points += 1;
         }
-        self.last = Some((*height_m, moved_m - (next_m - SPACING_M)));
+        self.last = Some((*height_m, moved_m - (next_m - spacing_m)));
     }
 
     fn begin(&mut self, height_m: &[f64; 4]) {
@@ -77,16 +74,16 @@ impl RoadStatistics {
     }
 
     fn push(&mut self, height_m: &[f64; 4], speed_m_s: f64) {
-        let t = &self.tuning;
-        self.driven_m += SPACING_M;
+        let t = self.tuning;
+        self.driven_m += t.spacing_m;
         self.spectrum
             .push(height_m, speed_m_s, t.wave_hz_max, t.memory_m);
         let mut moved = [0.0; 2];
         for (i, car) in self.cars.iter_mut().enumerate() {
             moved[i % 2] += 0.5 * car.push(height_m[i], &self.car_step).unwrap_or(0.0);
         }
-        if self.driven_m > CAR_SETTLES_M && speed_m_s >= t.iri_speed_min_m_s {
-            let keep = 1.0 - SPACING_M / t.memory_m;
+        if self.driven_m > t.car_settles_m && speed_m_s >= t.iri_speed_min_m_s {
+            let keep = 1.0 - t.spacing_m / t.memory_m;
             self.weight = keep * self.weight + 1.0;
             for (index, moved) in self.index.iter_mut().zip(moved) {
                 *index = keep * *index + moved;
@@ -101,7 +98,7 @@ impl RoadStatistics {
             return road;
         }
         let t = &self.tuning;
-        let driven_m = SPACING_M * self.weight;
+        let driven_m = t.spacing_m * self.weight;
         let indexed = driven_m >= t.iri_distance_m && speed_m_s >= t.iri_speed_min_m_s;
         Road {
             roughness: self.spectrum.roughness(t.roughness_distance_m),

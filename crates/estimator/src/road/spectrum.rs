@@ -7,14 +7,25 @@
 
 use sample::RoadRoughness;
 
-/// Reference of the standard, cycles/m.
-const N0: f64 = 0.1;
-/// Bands, cycles/m: waves of 0.6 to 10 m.
-const EDGES: [f64; BANDS + 1] = [0.1, 0.2, 0.4, 0.8, 1.6];
 /// Number of bands.
 const BANDS: usize = 4;
-/// Quantile of the normal distribution for bounds of 95 %.
-const QUANTILE: f64 = 1.96;
+
+/// What the spectrum of a road is.
+struct Standard {
+    /// Reference n0, cycles/m.
+    n0: f64,
+    /// Edges of the octave bands, cycles/m: waves of 0.6 to 10 m.
+    edges: [f64; BANDS + 1],
+    /// Quantile of the normal distribution for bounds of 95 %.
+    quantile: f64,
+}
+
+/// ISO 8608.
+const ISO8608: Standard = Standard {
+    n0: 0.1,
+    edges: [0.1, 0.2, 0.4, 0.8, 1.6],
+    quantile: 1.96,
+};
 
 /// A section of second order in direct form II, transposed.
 #[derive(Clone, Copy, Debug)]
@@ -84,7 +95,7 @@ impl Band {
         let mut n = 0.5 * step;
         while n * spacing_m < 0.5 {
             let gain: f64 = sections.iter().map(|s| s.power(n * spacing_m)).product();
-            let density = (N0 / n) * (N0 / n) * gain;
+            let density = (ISO8608.n0 / n) * (ISO8608.n0 / n) * gain;
             integral += density * step;
             squares += density * density * step;
             n += step;
@@ -123,7 +134,9 @@ impl Spectrum {
     pub(super) fn new(spacing_m: f64) -> Self {
         Self {
             spacing_m,
-            bands: std::array::from_fn(|i| Band::new(EDGES[i], EDGES[i + 1], spacing_m)),
+            bands: std::array::from_fn(|i| {
+                Band::new(ISO8608.edges[i], ISO8608.edges[i + 1], spacing_m)
+            }),
             memory: Default::default(),
             variance: Default::default(),
             points: 0,
@@ -159,8 +172,8 @@ impl Spectrum {
                 }
                 square += 0.25 * value * value;
             }
-            let settled = f64::from(self.points) * self.spacing_m * EDGES[i] > 1.5;
-            if !settled || EDGES[i + 1] * speed_m_s > wave_hz_max {
+            let settled = f64::from(self.points) * self.spacing_m * ISO8608.edges[i] > 1.5;
+            if !settled || ISO8608.edges[i + 1] * speed_m_s > wave_hz_max {
                 continue;
             }
             let fading = &mut self.variance[i];
@@ -195,7 +208,7 @@ impl Spectrum {
             let bound = |z: f64| gd_n0_m3 / (1.0 - part + z * part.sqrt()).powi(3);
             RoadRoughness {
                 gd_n0_m3,
-                bounds_m3: [bound(QUANTILE), bound(-QUANTILE)],
+                bounds_m3: [bound(ISO8608.quantile), bound(-ISO8608.quantile)],
                 waviness: line.slope().map_or(f64::NAN, |slope| 2.0 - slope),
                 distance_m: longest_m,
             }
@@ -207,7 +220,7 @@ impl Band {
     /// Logarithm of the middle of the band, cycles/m.
     fn bandwidth_centre(&self) -> f64 {
         // The centre of (n0/n)^2 |H|^2 follows from its integral: G I/B is the density there.
-        0.5 * math::ln(N0 * N0 * self.bandwidth / self.integral)
+        0.5 * math::ln(ISO8608.n0 * ISO8608.n0 * self.bandwidth / self.integral)
     }
 }
 
@@ -237,9 +250,8 @@ impl Line {
     }
 
     fn slope(&self) -> Option<f64> {
-        (self.count > 1).then(|| {
-            (self.w * self.xy - self.x * self.y) / (self.w * self.xx - self.x * self.x)
-        })
+        (self.count > 1)
+            .then(|| (self.w * self.xy - self.x * self.y) / (self.w * self.xx - self.x * self.x))
     }
 }
 
@@ -255,7 +267,7 @@ mod tests {
     fn a_random_walk_has_its_roughness_within_the_bounds() {
         let spacing_m = 0.1;
         let wanted = 256e-6;
-        let q = wanted * 0.5 * (std::f64::consts::TAU * N0).powi(2);
+        let q = wanted * 0.5 * (std::f64::consts::TAU * ISO8608.n0).powi(2);
         let mut random = Random::new(11);
         let mut inside = 0;
         for _ in 0..40 {

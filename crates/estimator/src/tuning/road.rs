@@ -29,8 +29,15 @@ tuning! {
         level_memory_m: f64 = 8.0, "m";
         /// Distance over which the ground below a wheel in the air goes back to its mean.
         fall_m: f64 = 0.5, "m";
-        /// Standard deviation of the height under such a wheel, beside half of its clearance.
+        /// Standard deviation of the height under such a wheel, constant part.
         lifted_sigma_m: f64 = 0.03, "m";
+        /// The same as a part of its clearance, and of what the height is from its mean.
+        lifted_part: f64 = 0.8, "1";
+        /// Distance between two points of the profile. The weights of the mean over 0.25 m of the golden car are for
+        /// this distance.
+        spacing_m: f64 = 0.1, "m";
+        /// Distance over which the golden car forgets its start.
+        car_settles_m: f64 = 20.0, "m";
         /// Distance of the fading memory of roughness and index: its equivalent is twice as long.
         memory_m: f64 = 150.0, "m";
         /// Largest frequency at the wheel of the waves that count for the roughness: the wheel hops above it, and
@@ -41,15 +48,15 @@ tuning! {
         /// Distance above `iri_speed_min_m_s` after which the index is reported.
         iri_distance_m: f64 = 50.0, "m";
         /// Memory of the slope of the ground (`road/slope.rs`).
-        slope_memory_m: f64 = 12.0, "m";
-        /// Memory of the mean that shows a change of the slope, and of the slope during the change. On the trail of
-        /// an independent simulator, bank and grade are wrong by 0.52 and 0.36 degrees rms with perfect signals; without
-        /// this they are wrong by 0.86 and 0.48 degrees.
+        slope_memory_m: f64 = 16.0, "m";
+        /// Memory of the mean that shows a change of the slope, and that is the slope during the change. On the trail of
+        /// an independent simulator, bank and grade are wrong by 0.51 and 0.38 degrees rms with perfect signals; with
+        /// a mean over 12 m alone they are wrong by 0.86 and 0.48 degrees.
         slope_change_m: f64 = 4.0, "m";
         /// Memory of the usual spread.
         slope_spread_m: f64 = 80.0, "m";
         /// Mean over the usual spread from which the slope of the ground changes.
-        slope_change_sigma: f64 = 1.0, "1";
+        slope_change_sigma: f64 = 1.2, "1";
         /// Least usual spread of the plane's slope.
         slope_spread_min: f64 = 0.004, "1";
         /// Speed that stands for time at rest.

@@ -86,7 +86,10 @@ fn heights_and_class_of_the_road_are_those_of_the_ground() {
             _ => &['D', 'E'],
         };
         assert!(classes.contains(&last.class()), "{name}: {last:?}");
-        let indexed = found.roads.iter().filter(|road| road.iri_m_km[0].is_finite());
+        let indexed = found
+            .roads
+            .iter()
+            .filter(|road| road.iri_m_km[0].is_finite());
         let slow = indexed.filter(|road| {
             let row = row_of(road.time);
             row < run.rows && run.column("vx_body")[row] < 7.8
@@ -145,7 +148,10 @@ fn longitudinal_slip_is_that_of_the_tyres() {
             }
         }
     }
-    let (error, square) = (rms(errors.iter().copied()), rms(squares.into_iter()).powi(2));
+    let (error, square) = (
+        rms(errors.iter().copied()),
+        rms(squares.into_iter()).powi(2),
+    );
     eprintln!("slip: {error:.4} rms, mean square {square:.2}");
     assert!(errors.len() > 3000 && error < 0.01, "{error}");
     assert!(square > 0.3 && square < 1.5, "{square}");

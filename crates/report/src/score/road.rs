@@ -219,11 +219,7 @@ fn errors(values: impl Iterator<Item = [f64; 3]>) -> Errors {
 }
 
 /// Errors above the corner of the high-pass, of the parts without a gap. `pick` gives estimate, truth, sigma.
-fn above(
-    roads: &[Road],
-    truth: &TruthByTime,
-    pick: impl Fn(&Road, &Truth) -> [f64; 3],
-) -> Errors {
+fn above(roads: &[Road], truth: &TruthByTime, pick: impl Fn(&Road, &Truth) -> [f64; 3]) -> Errors {
     let mut parts: Vec<Vec<[f64; 3]>> = vec![Vec::new()];
     let mut before: Option<LogTime> = None;
     for road in roads {
@@ -270,7 +266,11 @@ fn roughness(truth: &TruthByTime, roads: &[Road], stated: Option<String>) -> Rou
     let speed_min = Tuning::default().road.speed_min_m_s;
     for (time, truth) in truth {
         let known = truth.speed_m_s >= speed_min;
-        statistics.step(INTERVAL_S, truth.speed_m_s, known.then_some(&truth.height_m));
+        statistics.step(
+            INTERVAL_S,
+            truth.speed_m_s,
+            known.then_some(&truth.height_m),
+        );
         let blank = Road {
             unknown: None,
             ..Road::unknown(*time, RoadUnknown::Settling)

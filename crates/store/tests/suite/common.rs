@@ -9,9 +9,9 @@ use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
     Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude, GnssPosition,
     GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime,
-    LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road, RoadPlane, RoadRoughness,
-    Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
-    WheelSpeedSample,
+    LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road, RoadPlane,
+    RoadRoughness, Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth, SourceId,
+    SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
