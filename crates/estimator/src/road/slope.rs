@@ -98,7 +98,7 @@ mod tests {
             let truth = [math::atan(cosine * north), -math::atan(sine * north)];
             for value in &mut rough {
                 *value += dt * speed / 0.8 * -*value
-                    + 0.02 * (2.0 * dt * speed / 0.8).sqrt() * random.normal();
+                    + 0.02 * f64::sqrt(2.0 * dt * speed / 0.8) * random.normal();
             }
             let plane = [truth[0] + rough[0], truth[1] + rough[1]];
             let found = filter.step(Some(plane), yaw, speed * dt, dt, &tuning);
