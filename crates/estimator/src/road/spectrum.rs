@@ -3,7 +3,8 @@
 //! On a road with Gd(n) = G (n0/n)^2 the output of a band filter with the gain |H(n)| has the variance
 //! G I with I = integral of (n0/n)^2 |H(n)|^2 dn. Each band gives G = variance/I, whose distribution is that
 //! of chi-square over nu with nu = 2 B L: the statistical bandwidth B = I^2/integral of ((n0/n)^2 |H|^2)^2 dn
-//! and the length L. The sum of all bands weighted by nu is the maximum likelihood of G.
+//! and the length L. The sum of all bands weighted by nu is the maximum likelihood of G for separate bands. Its
+//! degrees of freedom contain that the bands overlap.
 
 use sample::RoadRoughness;
 
@@ -90,22 +91,37 @@ impl Band {
             Section::new(from * spacing_m, true),
             Section::new(to * spacing_m, false),
         ];
-        let (mut integral, mut squares) = (0.0, 0.0);
-        let step = 0.001;
-        let mut n = 0.5 * step;
-        while n * spacing_m < 0.5 {
-            let gain: f64 = sections.iter().map(|s| s.power(n * spacing_m)).product();
-            let density = (ISO8608.n0 / n) * (ISO8608.n0 / n) * gain;
-            integral += density * step;
-            squares += density * density * step;
-            n += step;
-        }
+        let density = |n: f64| density(&sections, n, spacing_m);
+        let integral = integral(spacing_m, density);
+        let squares = self::integral(spacing_m, |n| density(n).powi(2));
         Self {
             sections,
             integral,
             bandwidth: integral * integral / squares,
         }
     }
+}
+
+/// (n0/n)^2 |H(n)|^2.
+fn density(sections: &[Section; 2], n: f64, spacing_m: f64) -> f64 {
+    let gain: f64 = sections.iter().map(|s| s.power(n * spacing_m)).product();
+    (ISO8608.n0 / n) * (ISO8608.n0 / n) * gain
+}
+
+/// Integral over all frequencies of a profile, cycles/m.
+fn integral(spacing_m: f64, value: impl Fn(f64) -> f64) -> f64 {
+    let steps = (500.0 / spacing_m) as u32;
+    let step = 0.5 / spacing_m / f64::from(steps);
+    (0..steps)
+        .map(|k| step * value(step * (f64::from(k) + 0.5)))
+        .sum()
+}
+
+fn overlaps(bands: &[Band; BANDS], spacing_m: f64) -> [[f64; BANDS]; BANDS] {
+    let of = |band: &Band, n: f64| density(&band.sections, n, spacing_m) / band.integral;
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| integral(spacing_m, |n| of(&bands[i], n) * of(&bands[j], n)))
+    })
 }
 
 /// Variance of a band with a fading memory.
@@ -121,9 +137,11 @@ struct Fading {
 pub(super) struct Spectrum {
     spacing_m: f64,
     bands: [Band; BANDS],
+    /// Integrals of the products of the bands' densities over their integrals, m: bands overlap.
+    overlaps: [[f64; BANDS]; BANDS],
     /// Filters of each band and profile.
     memory: [[[[f64; 2]; 2]; 4]; BANDS],
-    variance: [Fading; BANDS],
+    fading: [Fading; BANDS],
     /// Points since the profile began.
     points: u32,
     first_m: [f64; 4],
@@ -132,13 +150,15 @@ pub(super) struct Spectrum {
 impl Spectrum {
     /// For points that are `spacing_m` apart.
     pub(super) fn new(spacing_m: f64) -> Self {
+        let edges = &ISO8608.edges;
+        let bands: [Band; BANDS] =
+            std::array::from_fn(|i| Band::new(edges[i], edges[i + 1], spacing_m));
         Self {
             spacing_m,
-            bands: std::array::from_fn(|i| {
-                Band::new(ISO8608.edges[i], ISO8608.edges[i + 1], spacing_m)
-            }),
+            overlaps: overlaps(&bands, spacing_m),
+            bands,
             memory: Default::default(),
-            variance: Default::default(),
+            fading: Default::default(),
             points: 0,
             first_m: [0.0; 4],
         }
@@ -176,7 +196,7 @@ impl Spectrum {
             if !settled || ISO8608.edges[i + 1] * speed_m_s > wave_hz_max {
                 continue;
             }
-            let fading = &mut self.variance[i];
+            let fading = &mut self.fading[i];
             fading.weights = keep * fading.weights + 1.0;
             fading.squares_of_weights = keep * keep * fading.squares_of_weights + 1.0;
             fading.sum_m2 = keep * fading.sum_m2 + square;
@@ -187,7 +207,8 @@ impl Spectrum {
     pub(super) fn roughness(&self, distance_m: f64) -> Option<RoadRoughness> {
         let (mut freedom, mut sum, mut longest_m) = (0.0, 0.0, 0.0_f64);
         let mut line = Line::default();
-        for (band, fading) in self.bands.iter().zip(&self.variance) {
+        let mut each = [[0.0; 2]; BANDS];
+        for (i, (band, fading)) in self.bands.iter().zip(&self.fading).enumerate() {
             if fading.weights <= 0.0 {
                 continue;
             }
@@ -195,6 +216,7 @@ impl Spectrum {
                 self.spacing_m * fading.weights * fading.weights / fading.squares_of_weights;
             let nu = 2.0 * band.bandwidth * length_m;
             let density = fading.sum_m2 / fading.weights / band.integral;
+            each[i] = [nu, length_m];
             freedom += nu;
             sum += nu * density;
             longest_m = longest_m.max(length_m);
@@ -203,8 +225,8 @@ impl Spectrum {
         let known = freedom > 0.0 && longest_m >= distance_m && sum > 0.0;
         known.then(|| {
             let gd_n0_m3 = sum / freedom;
-            // Wilson and Hilferty's approximation of the quantiles of chi-square over nu.
-            let part = 2.0 / (9.0 * freedom);
+            // Wilson and Hilferty's approximation of the quantiles of chi-square over its degrees of freedom.
+            let part = self.variance(&each, freedom) / 9.0;
             let bound = |z: f64| gd_n0_m3 / (1.0 - part + z * part.sqrt()).powi(3);
             RoadRoughness {
                 gd_n0_m3,
@@ -213,6 +235,21 @@ impl Spectrum {
                 distance_m: longest_m,
             }
         })
+    }
+}
+
+impl Spectrum {
+    /// Relative variance of the weighted sum: 2 over its degrees of freedom.
+    fn variance(&self, each: &[[f64; 2]; BANDS], freedom: f64) -> f64 {
+        let mut variance = 0.0;
+        for ([nu, length_m], row) in each.iter().zip(&self.overlaps) {
+            for ([other_nu, other_m], overlap) in each.iter().zip(row) {
+                if *nu > 0.0 && *other_nu > 0.0 {
+                    variance += nu * other_nu * overlap / (length_m * other_m).sqrt();
+                }
+            }
+        }
+        variance / (freedom * freedom)
     }
 }
 

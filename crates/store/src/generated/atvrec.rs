@@ -1031,12 +1031,13 @@ pub struct AxleGrip {
     pub friction: ::core::option::Option<f64>,
     #[prost(double, optional, tag = "4")]
     pub friction_sigma: ::core::option::Option<f64>,
-    /// Lower bound of the coefficient: the largest ratio of lateral force to load in the last 10 s,
-    /// less two standard deviations.
+    /// Grip at least: lower bound of the coefficient of the ground of the last 10 s, which holds with a
+    /// probability of 0.98. The largest ratio of the axle's force along the ground to its load, less three
+    /// standard deviations, which contain the unknown normal of rough ground.
     #[prost(double, tag = "5")]
     pub friction_min: f64,
-    /// That ratio over the friction coefficient. The coefficient of the vehicle file is used where no
-    /// other is known.
+    /// The largest ratio of lateral force, less two standard deviations, to load in the last 10 s, over
+    /// the friction coefficient. The coefficient of the vehicle file is used where no other is known.
     #[prost(double, tag = "6")]
     pub utilisation: f64,
     /// Standard deviation of the utilisation, from that of the friction.
