@@ -157,6 +157,14 @@ impl Engine {
                 records.push(Record::Estimate(estimate));
             }
             Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
+            Output::Road(road) => records.push(Record::Road {
+                stage: Stage::Estimate,
+                road,
+            }),
+            Output::LaggedRoad(road) => records.push(Record::Road {
+                stage: Stage::Lagged,
+                road,
+            }),
             Output::Event(event) => {
                 match &event.kind {
                     EventKind::SensorFault(name) => drop(faulty.insert(name.clone())),

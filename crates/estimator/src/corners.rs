@@ -11,7 +11,7 @@ use model::suspension::{
     BodyMotion, Corner, CornerPose, CornerStatics, GroundPlane, TyreFrame, ground_plane,
 };
 use model::vehicle::Vehicle;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use sample::{LogTime, PerWheel, STANDARD_GRAVITY_M_S2, TyreForce, Wheel};
 
 use crate::EstimatorError;
@@ -215,6 +215,40 @@ impl Corners {
         &self.states
     }
 
+    /// The same corners on a vehicle on which a load pulls: force and moment about the centre of gravity, vehicle
+    /// axes, N and N m. In the balances, the load is part of what accelerates the vehicle beside the tyres.
+    #[must_use]
+    pub fn states_with(&self, load: &Vector6<f64>) -> [CornerState; 4] {
+        let mut states = self.states;
+        for state in &mut states {
+            state.travel.wrench[0] -= load * 0.25;
+        }
+        states
+    }
+
+    /// Whether the contact points gave the ground's normal in the last step.
+    #[must_use]
+    pub fn touches(&self) -> bool {
+        self.seen.is_some()
+    }
+
+    /// Speed of the centre of wheel `i` along the ground's normal, m/s.
+    #[must_use]
+    pub fn wheel_rise(&self, i: usize, motion: &MotionState) -> f64 {
+        let state = &self.states[i];
+        let arm = self.seen_from_cg(state.pose.wheel_centre_m);
+        let velocity = motion.velocity_m_s + motion.rate_rad_s.cross(&arm) + state.travel_m_s;
+        self.normal.dot(&velocity)
+    }
+
+    /// Whether the lengths of all struts are measured.
+    #[must_use]
+    pub fn known(&self, now: LogTime) -> bool {
+        self.linkages
+            .iter()
+            .all(|linkage| linkage.length.known(now))
+    }
+
     /// Maps between members and tyres one step before.
     #[must_use]
     pub fn statics_before(&self) -> &[CornerStatics; 4] {
@@ -361,11 +395,7 @@ impl Corners {
         });
         let speed_m_s = motion.velocity_m_s.x;
         // Without deflections the travel of the wheels is unknown.
-        if self
-            .linkages
-            .iter()
-            .all(|linkage| linkage.length.known(now))
-        {
+        if self.known(now) {
             self.tilt.step(dt, along_m_s, speed_m_s, &self.tuning.tilt);
         }
     }
@@ -374,10 +404,7 @@ impl Corners {
     /// propagated with the body's rotation.
     fn tilt(&mut self, now: LogTime, dt: f64, motion: &MotionState, load_n: [f64; 4]) {
         self.normal -= motion.rate_rad_s.cross(&self.normal) * dt;
-        let known = self
-            .linkages
-            .iter()
-            .all(|linkage| linkage.length.known(now));
+        let known = self.known(now);
         if !known {
             // Without deflections the ground is assumed level.
             self.normal = motion.earth_from_body.inverse() * Vector3::z();

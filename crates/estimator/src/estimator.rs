@@ -6,13 +6,14 @@ mod lagged;
 mod monitors;
 mod payload;
 mod placement;
+mod road;
 mod sensors;
 mod stages;
 
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
 use sample::{
-    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Sample,
+    Estimate, Event, LogTime, Measurement, NANOS_PER_SECOND, Parameters, PerWheel, Road, Sample,
     SourceId, Wheel,
 };
 
@@ -28,12 +29,14 @@ use crate::inputs::Readings;
 use crate::lift::LiftDetector;
 use crate::motion::{ACCEL_BIAS, GYRO_BIAS, MotionFilter, MotionSettings, VelocityReceiver};
 use crate::planar::Planar;
+use crate::road::{RoadEstimator, SlopeFilter};
 use crate::smoother::Step;
 use crate::steering_column::SteeringColumn;
 use crate::tuning::Tuning;
 use crate::waiting::{Held, Waiting};
 use crate::{Calibration, EstimatorError, Input, Method, Settings};
 
+pub(crate) use lagged::LAG_STEPS;
 pub use placement::WheelPlacement;
 
 use events::Divergence;
@@ -52,6 +55,10 @@ pub enum Output {
     /// The estimate of two steps before, with what was measured since, after the estimate of an
     /// instant.
     Lagged(Estimate),
+    /// The road at one instant, before the estimate of the instant.
+    Road(Road),
+    /// The road two steps before, with the loads that were measured since.
+    LaggedRoad(Road),
     /// Estimated parameters, at each full second of the log clock, after the estimate.
     Parameters(Parameters),
     /// An event.
@@ -90,6 +97,10 @@ pub struct Estimator {
     expected: ExpectedForces,
     lift: LiftDetector,
     grip: Grip,
+    road: Option<RoadEstimator>,
+    slope: SlopeFilter,
+    /// Longitudinal slips of the last step.
+    slip_before: [f64; 4],
     planar: Option<Planar>,
     /// Results of the last step for the next.
     feedback: EstimatorFeedback,
@@ -151,9 +162,14 @@ impl Estimator {
                 .map(|name| Divergence::new(name, t.recovery_s)),
             monitors: ConsistencyMonitors::new(&t.watch),
             corners,
-            fusion,
             expected: ExpectedForces::new(vehicle, &t.expected),
             grip: Grip::new(vehicle, &t.grip),
+            road: fusion
+                .is_some()
+                .then(|| RoadEstimator::new(vehicle, &t.road)),
+            slope: SlopeFilter::default(),
+            slip_before: [f64::NAN; 4],
+            fusion,
             feedback: EstimatorFeedback::default(),
             moving_since: None,
             lift: LiftDetector::new(
@@ -257,6 +273,11 @@ impl Estimator {
                 let speeds = speeds.angular_speed_rad_s;
                 self.waiting.push(time, Held::WheelSpeed(speeds));
             }
+            Measurement::Control(control) => {
+                if let Some(force_n) = control.hitch_force_n() {
+                    self.waiting.push(time, Held::HitchForce(force_n));
+                }
+            }
             Measurement::HubAcceleration(hub) if uses(Input::HubAcceleration) => {
                 self.waiting.push(time, Held::HubAcceleration(*hub));
             }
@@ -292,11 +313,20 @@ impl Estimator {
             lagged,
             frames,
         } = self.measure_forces(time, &state, &expected, out);
+        self.estimate_road(time, &state, &carrier, lagged.as_ref(), out);
         let steering_wheel = self.monitor(time, &state, &measured, settled, out);
         let rollover = self.detect_lift(time, &state, &measured, lagged.as_ref(), out);
-        self.complete_motion(&mut motion, &state, planar.as_ref(), steer_rad);
+        self.complete_motion(
+            time,
+            &mut motion,
+            &state,
+            &carrier,
+            planar.as_ref(),
+            steer_rad,
+        );
+        self.complete_wheels(time, &mut motion, &state, &carrier);
         if navigated && settled {
-            self.learn_grip(time, &state, &motion, &measured, out);
+            self.learn_grip(time, &state, &motion, &measured, &reported, out);
         }
         self.feedback = self.feed_back(measured, steering_wheel);
         let estimate = Estimate {

@@ -512,6 +512,12 @@ impl Fusion {
         }
     }
 
+    /// Length of a wheel's strut, m; `None` before the filter has settled.
+    #[must_use]
+    pub fn strut_length_m(&self, wheel: usize) -> Option<f64> {
+        (!self.settling()).then_some(1e-3 * self.state[LENGTH + wheel])
+    }
+
     /// Acceleration of the body at the next step, from the sum of all tyre forces. `None` while the
     /// inertial unit is silent or contradicts the forces, as on jackstands.
     #[must_use]

@@ -14,19 +14,28 @@
 //! sensitivity to friction vanishes, the factor walks and its standard deviation grows. Then
 //! [`Grip::axle`] reports no friction, only the largest part in use within the last `USED_SECONDS`.
 //!
+//! The lower bound of the friction coefficient (`bound`) holds on any ground: the force of an axle
+//! along the ground over its load, less `bound_sigma` standard deviations, which contain the
+//! unknown normal of rough ground. It is the largest value within the last `USED_SECONDS`. These
+//! have about ten values with independent errors, so that three standard deviations of each give a
+//! bound that holds with a probability of 0.98.
+//!
 //! A change of surface is found by a two-sided cumulative sum of normalised differences with the
 //! sign of the expected force while the tyres are excited. With k = 0.5 and h = 10.94 white
 //! differences would give one false alarm an hour at 100 Hz; the differences are slower and not
-//! white, so the reference is `cusum_reference`.
+//! white, so the reference is `cusum_reference`. A change is declared only at a posterior
+//! probability of at least `posterior_min`. On rough ground the differences have errors of unknown
+//! size, such a posterior is not reached, and no change is declared.
+
+mod bound;
 
 use model::vehicle::{self, Vehicle};
 use nalgebra::{Matrix4, Vector4};
-use sample::{Axle, AxleGrip, Event, EventKind, LogTime, NANOS_PER_SECOND, PerWheel, TyreForce};
+use sample::{Axle, AxleGrip, Event, EventKind, LogTime, PerWheel, TyreForce};
 
 use crate::tuning::GripTuning;
 
-/// Seconds for which the friction in use is remembered.
-const USED_SECONDS: usize = 10;
+use bound::{BoundBlock, UsedFriction};
 
 /// Part of the grip mu N at the slip for which the linear stiffness alone would give `linear` of
 /// it: the rational curve of Rill's TMeasy (*Road Vehicle Dynamics*, 2012, section 3.3), which
@@ -60,12 +69,10 @@ struct AxleTyres {
     runs: [ChangeRun; 2],
     learned: u32,
     used: UsedFriction,
+    bound: UsedFriction,
+    bounding: BoundBlock,
     block: Block,
 }
-
-/// Largest lateral force over load in each of the last seconds of the log clock, with the second.
-#[derive(Clone, Copy, Debug, Default)]
-struct UsedFriction([(u64, f64); USED_SECONDS]);
 
 /// A cumulative sum, and the forces since it left zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -119,6 +126,8 @@ pub struct GripInput<'a> {
     pub sideslip_sigma_rad: f64,
     /// Measured forces.
     pub forces: &'a PerWheel<TyreForce>,
+    /// The same with the unknown normal of the ground in the standard deviations.
+    pub reported: &'a PerWheel<TyreForce>,
     /// Whether the ground is rough: what it does to the forces is no other surface.
     pub rough: bool,
 }
@@ -143,8 +152,7 @@ impl Grip {
         let a = &self.axles[axle];
         let [stiffness_sigma, friction_sigma] = [0, 1].map(|i| a.covariance[(i, i)].sqrt());
         let (stiffness_factor, friction) = (math::exp(a.state[0]), a.friction());
-        let friction_min = a.used.largest(now);
-        let utilisation = friction_min / friction;
+        let utilisation = a.used.largest(now) / friction;
         let t = &self.tuning;
         let seen = utilisation >= t.utilisation_min && friction_sigma < t.friction_sigma_max;
         AxleGrip {
@@ -152,7 +160,7 @@ impl Grip {
             stiffness_factor_sigma: stiffness_factor * stiffness_sigma,
             friction: seen.then_some(friction),
             friction_sigma: seen.then_some(friction * friction_sigma),
-            friction_min,
+            friction_min: a.bound.largest(now),
             utilisation,
             utilisation_sigma: utilisation * friction_sigma,
         }
@@ -200,6 +208,12 @@ impl Grip {
     /// Takes one instant and reports changes of the surface.
     pub fn step(&mut self, input: &GripInput<'_>, out: &mut impl FnMut(Event)) {
         let t = self.tuning;
+        for (i, axle) in self.axles.iter_mut().enumerate() {
+            let pair = [2 * i, 2 * i + 1].map(|w| &input.reported.0[w]);
+            if let Some(bound) = axle.bounding.take(pair, &t) {
+                axle.bound.take(input.now, bound);
+            }
+        }
         let usable = input.speed_m_s > t.speed_min_m_s
             && input.sideslip_sigma_rad < t.sideslip_sigma_max_rad;
         for (i, axle) in self.axles.iter_mut().enumerate() {
@@ -298,23 +312,6 @@ impl Block {
     }
 }
 
-impl UsedFriction {
-    fn take(&mut self, now: LogTime, used: f64) {
-        let second = now.0 / NANOS_PER_SECOND as u64;
-        let slot = &mut self.0[second as usize % USED_SECONDS];
-        *slot = match *slot {
-            (same, before) if same == second => (second, used.max(before)),
-            _ => (second, used),
-        };
-    }
-
-    fn largest(&self, now: LogTime) -> f64 {
-        let oldest = (now.0 / NANOS_PER_SECOND as u64).saturating_sub(USED_SECONDS as u64);
-        let late = self.0.iter().filter(|(second, _)| *second >= oldest);
-        late.fold(0.0, |most, (_, used)| used.max(most))
-    }
-}
-
 impl AxleTyres {
     fn new(tyre: &vehicle::Tyre, tuning: &GripTuning) -> Self {
         Self {
@@ -330,6 +327,8 @@ impl AxleTyres {
             runs: [ChangeRun::default(); 2],
             learned: 0,
             used: UsedFriction::default(),
+            bound: UsedFriction::default(),
+            bounding: BoundBlock::default(),
             block: Block::default(),
         }
     }
@@ -449,6 +448,7 @@ impl AxleTyres {
         self.runs = [ChangeRun::default(); 2];
         self.learned = 0;
         self.used = UsedFriction::default();
+        self.bound = UsedFriction::default();
         for i in 0..2 {
             self.covariance.row_mut(i).fill(0.0);
             self.covariance.column_mut(i).fill(0.0);
@@ -466,10 +466,11 @@ impl ChangeRun {
             return None;
         }
         let odds = 2.0 * tuning.cusum_reference * self.sum / part - tuning.log_odds;
-        Some(Change {
+        let probability = 1.0 / (1.0 + math::exp(-odds));
+        (probability >= tuning.posterior_min).then_some(Change {
             ratio,
             values: self.values,
-            probability: 1.0 / (1.0 + math::exp(-odds)),
+            probability,
         })
     }
 }
@@ -477,6 +478,28 @@ impl ChangeRun {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A sum whose posterior is below the limit declares nothing, however low the threshold is.
+    #[test]
+    fn a_change_needs_its_posterior() {
+        let tuning = GripTuning {
+            cusum_threshold: 1.0,
+            ..GripTuning::default()
+        };
+        let posterior = |sum: f64| {
+            let run = ChangeRun {
+                sum,
+                values: 5,
+                force_n: 500.0,
+                expected_n: 1000.0,
+            };
+            run.change(1.0, &tuning).map(|change| change.probability)
+        };
+        // ln(0.99/0.01) and the prior odds, over twice the reference.
+        let limit = (math::ln(99.0) + tuning.log_odds) / (2.0 * tuning.cusum_reference);
+        assert_eq!(posterior(0.99 * limit), None);
+        assert!(posterior(1.01 * limit).is_some_and(|p| p >= 0.99));
+    }
 
     #[test]
     fn the_curve_has_an_inverse_and_holds_fialas() {

@@ -110,6 +110,8 @@ pub struct Readings {
     /// Specific force along the axes of each hub accelerometer, sensor axes, biases removed, m/s^2.
     /// [`HubSensor`](crate::calibration::HubSensor) has the axes' directions.
     pub hub_acceleration_m_s2: PerWheel<[Option<Reading>; 3]>,
+    /// Force of a load on the hitch, vehicle axes, N, and when it was measured.
+    pub hitch_n: Option<(LogTime, [f64; 3])>,
     /// Wheel speeds, rad/s.
     pub wheel_speed_rad_s: PerWheel<Option<Reading>>,
     /// Wheel speeds that a monitor has found faulty.

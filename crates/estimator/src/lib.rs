@@ -33,6 +33,7 @@ pub mod motion;
 pub mod planar;
 mod process_noise;
 pub mod regression;
+pub mod road;
 pub mod score;
 mod settings;
 pub mod simple;

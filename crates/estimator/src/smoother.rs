@@ -151,6 +151,8 @@ impl Smoother {
         Motion {
             steer_rad: filtered.steer_rad,
             slip_angle_rad,
+            longitudinal_slip: filtered.longitudinal_slip,
+            longitudinal_slip_sigma: filtered.longitudinal_slip_sigma,
             bank_rad: filtered.bank_rad + motion.roll_rad - filtered.roll_rad,
             grade_rad: filtered.grade_rad + motion.pitch_rad - filtered.pitch_rad,
             ..motion

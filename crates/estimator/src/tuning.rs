@@ -13,6 +13,8 @@ mod fusion;
 mod grip;
 mod motion;
 mod planar;
+mod road;
+mod slip;
 mod vertical;
 mod watch;
 
@@ -24,6 +26,8 @@ pub use fusion::{
 pub use grip::GripTuning;
 pub use motion::{AidingTuning, JumpTuning, MotionTuning, ReceiverTuning};
 pub use planar::{PlanarInputTuning, PlanarTuning};
+pub use road::RoadTuning;
+pub use slip::SlipTuning;
 pub use vertical::{ExpectedTuning, LiftTuning, StaticsTuning};
 pub use watch::{
     BiasWatchTuning, HubWatchTuning, ImuConsistencyTuning, InertialWatchTuning,
@@ -95,6 +99,8 @@ tuning! {
         /// A reading that is older than this is not used. Corner and steering readings arrive every
         /// 10 ms.
         fresh_s: f64 = 0.1, "s";
+        /// Time for which the last force of a load on the hitch is used.
+        hitch_held_s: f64 = 0.5, "s";
         /// Age of the last accepted GNSS velocity from which wheel speeds and tyre slip replace it.
         gnss_silent_s: f64 = 0.3, "s";
         /// Age of the last accepted GNSS attitude from which tyre slip replaces it.
@@ -125,6 +131,8 @@ tuning! {
         group expected: ExpectedTuning;
         group grip: GripTuning;
         group lift: LiftTuning;
+        group road: RoadTuning;
+        group slip: SlipTuning;
         group planar: PlanarTuning;
     }
 }

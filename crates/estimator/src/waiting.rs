@@ -38,6 +38,8 @@ pub enum Held {
     WheelSpeed(PerWheel<Option<f64>>),
     /// Readings of a wheel's hub accelerometer.
     HubAcceleration(HubAccelerationSample),
+    /// Force of a load on the hitch, vehicle axes, N.
+    HitchForce([f64; 3]),
 }
 
 /// A sample with its time of validity.
@@ -66,6 +68,7 @@ impl Entry {
             Held::SteeringWheel(_) => 7,
             Held::WheelSpeed(_) => 8,
             Held::HubAcceleration(hub) => 9 + hub.wheel.index() as u8,
+            Held::HitchForce(_) => 13,
         }
     }
 
@@ -88,6 +91,7 @@ impl Entry {
                 digest(counts.map(|count| count.map_or(-1.0, f64::from)))
             }
             Held::SteeringWheel(angle) => angle.to_bits(),
+            Held::HitchForce(force) => digest(*force),
             Held::WheelSpeed(speeds) => digest(speeds.0.map(|speed| speed.unwrap_or(f64::NAN))),
             Held::HubAcceleration(hub) => {
                 let axes = hub.specific_force_m_s2;

@@ -46,6 +46,18 @@ pub struct Vehicle {
     /// Masses that the vehicle carries or not; the values above are without them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub payload: Vec<Payload>,
+    /// Where a load is hitched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hitch: Option<Hitch>,
+}
+
+/// Where a load is hitched to the sprung part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hitch {
+    /// Place in the front axle's frame: forward and left of, and above, the point on the design ground below the
+    /// middle of the front wheel centres, m.
+    pub position_m: [f64; 3],
 }
 
 /// Mass properties of the whole vehicle and of its sprung part.

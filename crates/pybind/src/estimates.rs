@@ -23,7 +23,7 @@ impl Collected {
             Output::Estimate(estimate) => self.estimates.push(estimate),
             Output::Parameters(parameters) => self.parameters.push(parameters),
             Output::Event(event) => self.events.push(event),
-            Output::Lagged(_) | Output::Step(_) => {}
+            Output::Lagged(_) | Output::LaggedRoad(_) | Output::Road(_) | Output::Step(_) => {}
         }
     }
 
@@ -115,6 +115,10 @@ fn estimates<'py>(py: Python<'py>, rows: &[Estimate]) -> PyResult<Bound<'py, PyD
     table.several("acceleration_m_s2", |row| row.motion.acceleration_m_s2)?;
     table.several("steer_rad", |row| row.motion.steer_rad.0)?;
     table.several("slip_angle_rad", |row| row.motion.slip_angle_rad.0)?;
+    table.several("longitudinal_slip", |row| row.motion.longitudinal_slip.0)?;
+    table.several("longitudinal_slip_sigma", |row| {
+        row.motion.longitudinal_slip_sigma.0
+    })?;
     table.one("bank_rad", |row| row.motion.bank_rad)?;
     table.one("grade_rad", |row| row.motion.grade_rad)?;
     table.forces("force", |row| &row.carrier)?;

@@ -7,6 +7,7 @@ mod compare;
 mod forces;
 mod innovations;
 mod lifts;
+mod road;
 mod surfaces;
 
 use std::collections::BTreeMap;
@@ -23,6 +24,7 @@ pub use compare::{Comparison, Difference, compare};
 pub use forces::ForceScore;
 pub use innovations::{InnovationScore, innovations, innovations_json};
 pub use lifts::{Lift, Lifts};
+pub use road::{RoadScore, Roads, RoughnessScore};
 pub use surfaces::{SurfaceChange, SurfaceChanges};
 
 /// Sideslip and slip angles mean little below this speed, m/s.
@@ -97,6 +99,8 @@ pub struct Score {
     pub two_wheel_lifts: Lifts,
     /// Changes of the surface, where the truth tells the friction.
     pub surface_changes: Option<SurfaceChanges>,
+    /// The road, where the truth has the heights of the ground.
+    pub road: Option<Roads>,
     /// Channels that were excluded, where the log tells the faults that its simulation injected.
     pub channels: Option<Channels>,
     /// How many events of each kind the estimator declared.
@@ -139,6 +143,7 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
         lifts,
         two_wheel_lifts,
         surface_changes: surfaces::find(reader, start, from_s, &loads, &events)?,
+        road: road::find(reader, start, signals_from_s, &vehicle)?,
         channels: reader
             .session()
             .injected_faults
@@ -336,6 +341,14 @@ fn each_signal(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
         let truth = |e: &Estimate| (true_angle(e, e.motion.slip_angle_rad[wheel]), none);
         add_plain("slip_angle", Some(wheel), "rad", &slip, &truth);
     }
+    for wheel in Wheel::ALL {
+        let slip = |e: &Estimate| {
+            let motion = &e.motion;
+            let sigma = motion.longitudinal_slip_sigma[wheel];
+            (motion.longitudinal_slip[wheel], sigma)
+        };
+        add_plain("longitudinal_slip", Some(wheel), "1", &slip, &slip);
+    }
     each_force(frames, add);
 }
 
@@ -485,6 +498,7 @@ impl Score {
             "surface_changes": changes,
             "missed_surface_changes": surfaces.map(SurfaceChanges::missed),
             "false_surface_changes": surfaces.map(|surfaces| surfaces.false_changes),
+            "road": self.road.as_ref().map(Roads::to_json),
             "channels": self.channels.as_ref().map(Channels::to_json),
             "events": self.events,
         })

@@ -47,9 +47,14 @@ pub struct Motion {
     pub steer_rad: PerWheel<f64>,
     /// Slip angle of each wheel: from its heading to its centre's velocity along the ground, rad.
     pub slip_angle_rad: PerWheel<f64>,
-    /// Road bank, right side down positive, rad.
+    /// Longitudinal slip of each wheel: rolling speed less speed of its centre along its heading, over the
+    /// amount of the latter; `NaN` where unknown.
+    pub longitudinal_slip: PerWheel<f64>,
+    /// Its standard deviation.
+    pub longitudinal_slip_sigma: PerWheel<f64>,
+    /// Road bank without roughness, right side down positive, rad.
     pub bank_rad: f64,
-    /// Road grade, nose down positive, rad.
+    /// Road grade without roughness, nose down positive, rad.
     pub grade_rad: f64,
 }
 
@@ -66,6 +71,8 @@ impl Motion {
         acceleration_m_s2: [f64::NAN; 3],
         steer_rad: PerWheel([f64::NAN; 4]),
         slip_angle_rad: PerWheel([f64::NAN; 4]),
+        longitudinal_slip: PerWheel([f64::NAN; 4]),
+        longitudinal_slip_sigma: PerWheel([f64::NAN; 4]),
         bank_rad: f64::NAN,
         grade_rad: f64::NAN,
     };
@@ -215,11 +222,12 @@ pub struct AxleGrip {
     pub friction: Option<f64>,
     /// Its standard deviation; `None` as the coefficient.
     pub friction_sigma: Option<f64>,
-    /// What the coefficient is at least: the largest part of the load that was lateral force of
-    /// late, less two deviations.
+    /// What the coefficient is at least, with a probability of 0.98: the largest part of the load that
+    /// was force along the ground of late, less three standard deviations.
     pub friction_min: f64,
-    /// That part divided by the estimated friction coefficient. Without an estimate, it is divided by
-    /// the coefficient of the vehicle file.
+    /// The largest part of the load that was lateral force of late, less two standard deviations,
+    /// divided by the estimated friction coefficient. Without an estimate, it is divided by the
+    /// coefficient of the vehicle file.
     pub utilisation: f64,
     /// Its standard deviation, by what is known of the friction.
     pub utilisation_sigma: f64,

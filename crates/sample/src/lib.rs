@@ -21,6 +21,7 @@ pub mod boundary;
 mod estimate;
 mod innovation;
 mod measurement;
+mod road;
 mod stamp;
 pub mod text;
 mod wheel;
@@ -37,6 +38,7 @@ pub use measurement::{
     GnssVelocity, GroundSpeedSample, HubAccelerationSample, ImuSample, Measurement, Sample, Signal,
     SignalFrame, SteerSample, StrainChannel, WheelSpeedSample,
 };
+pub use road::{Road, RoadPlane, RoadRoughness, RoadUnknown, road_class};
 pub use stamp::{LogTime, NANOS_PER_SECOND};
 pub use wheel::{Axle, PerWheel, Side, Wheel};
 

@@ -324,6 +324,26 @@ pub struct ControlSample {
     pub values: Vec<Signal>,
 }
 
+impl ControlSample {
+    /// Names of the force of a load on the hitch: forward, left and up on the vehicle, N.
+    pub const HITCH_FORCE: [&'static str; 3] = ["hitch_force_x", "hitch_force_y", "hitch_force_z"];
+
+    /// Force of a load on the hitch, vehicle axes, N; an axis without a value is zero. `None` where no axis has a
+    /// finite value in N.
+    #[must_use]
+    pub fn hitch_force_n(&self) -> Option<[f64; 3]> {
+        let axis = |name: &str| {
+            let mut all = self.values.iter();
+            let found = all.find(|signal| signal.name == name && signal.unit == "N")?;
+            found.value.is_finite().then_some(found.value)
+        };
+        let axes = Self::HITCH_FORCE.map(axis);
+        axes.iter()
+            .any(Option::is_some)
+            .then(|| axes.map(Option::unwrap_or_default))
+    }
+}
+
 /// One CAN message decoded through a DBC.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SignalFrame {

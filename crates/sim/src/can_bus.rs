@@ -174,6 +174,7 @@ impl CanBus {
                 .0
                 .map(|wheel| wheel.angular_speed_rad_s * (1.0 + noise.normal(sigma)));
             frames.push(wheel_speed_frame(speeds));
+            frames.extend(state.hitch_force_n.map(hitch_frame));
         }
         frames.sort_by_key(|frame| frame.id);
         let mut sent = Vec::with_capacity(frames.len() + Wheel::ALL.len());
@@ -274,6 +275,12 @@ fn wheel_speed_frame(speeds_rad_s: [f64; 4]) -> CanFrame {
         WHEEL_SPEED_FRAME,
         speeds_rad_s.map(|speed| Some(field(speed).cast_unsigned())),
     )
+}
+
+/// Force of a load on the hitch, N.
+fn hitch_frame(force_n: [f64; 3]) -> CanFrame {
+    let [x, y, z] = force_n.map(|n| Some((n.round() as i16).cast_unsigned()));
+    frame(0x220, [x, y, z, None])
 }
 
 /// Instants at a fixed rate, the first at zero.

@@ -44,6 +44,8 @@ pub struct TruthState {
     pub bank_rad: f64,
     /// Grade of the ground, nose down positive, rad.
     pub grade_rad: f64,
+    /// Force of a load on the hitch, body axes, N; `None` without one.
+    pub hitch_force_n: Option<[f64; 3]>,
     /// Each corner.
     pub wheels: PerWheel<WheelTruth>,
 }
@@ -61,6 +63,8 @@ pub struct WheelTruth {
     pub steer_rad: f64,
     /// Tyre slip angle, rad.
     pub slip_angle_rad: f64,
+    /// Longitudinal slip; `NaN` where the motion does not tell it.
+    pub longitudinal_slip: f64,
     /// Friction coefficient below the tyre.
     pub friction: f64,
     /// Length of the strut between its mounts, m.
@@ -89,6 +93,7 @@ impl Default for WheelTruth {
             angular_speed_rad_s: f64::NAN,
             steer_rad: f64::NAN,
             slip_angle_rad: f64::NAN,
+            longitudinal_slip: f64::NAN,
             friction: f64::NAN,
             strut_length_m: f64::NAN,
             link_force_n: [f64::NAN; 5],
@@ -118,6 +123,7 @@ impl Default for TruthState {
             steering_wheel_rad: 0.0,
             bank_rad: 0.0,
             grade_rad: 0.0,
+            hitch_force_n: None,
             wheels: PerWheel([WheelTruth::default(); 4]),
         }
     }
@@ -144,6 +150,8 @@ impl TruthState {
             acceleration_m_s2: self.acceleration_m_s2,
             steer_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].steer_rad),
             slip_angle_rad: PerWheel::from_fn(|wheel| self.wheels[wheel].slip_angle_rad),
+            longitudinal_slip: PerWheel::from_fn(|wheel| self.wheels[wheel].longitudinal_slip),
+            longitudinal_slip_sigma: PerWheel([f64::NAN; 4]),
             bank_rad: self.bank_rad,
             grade_rad: self.grade_rad,
         }
@@ -248,6 +256,8 @@ impl TruthState {
             steering_wheel_rad: l(a.steering_wheel_rad, b.steering_wheel_rad),
             bank_rad: l(a.bank_rad, b.bank_rad),
             grade_rad: l(a.grade_rad, b.grade_rad),
+            hitch_force_n: (a.hitch_force_n.as_ref().zip(b.hitch_force_n.as_ref()))
+                .map(|(a, b)| mix(a, b, weight)),
             wheels: PerWheel::from_fn(|wheel| {
                 WheelTruth::between(&a.wheels[wheel], &b.wheels[wheel], weight)
             }),
@@ -264,6 +274,7 @@ impl WheelTruth {
             angular_speed_rad_s: l(a.angular_speed_rad_s, b.angular_speed_rad_s),
             steer_rad: l(a.steer_rad, b.steer_rad),
             slip_angle_rad: l(a.slip_angle_rad, b.slip_angle_rad),
+            longitudinal_slip: l(a.longitudinal_slip, b.longitudinal_slip),
             friction: l(a.friction, b.friction),
             strut_length_m: l(a.strut_length_m, b.strut_length_m),
             link_force_n: mix(&a.link_force_n, &b.link_force_n, weight),

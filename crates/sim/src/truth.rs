@@ -60,7 +60,7 @@ const OPTIONAL: [&str; 11] = [
 ];
 
 /// Columns of each wheel that are used where they are found.
-const OPTIONAL_OF_WHEEL: [&str; 50] = [
+const OPTIONAL_OF_WHEEL: [&str; 51] = [
     "Mx[Nm]",
     "My[Nm]",
     "Mz[Nm]",
@@ -111,6 +111,7 @@ const OPTIONAL_OF_WHEEL: [&str; 50] = [
     "ma_hub_y[N]",
     "ma_hub_z[N]",
     "ground_z[m]",
+    "kappa[-]",
 ];
 
 impl Motion {
@@ -318,6 +319,7 @@ fn states(columns: &Columns) -> Vec<TruthState> {
                 bank_rad: known("bank_base[rad]", row).unwrap_or(0.0),
                 // The file's grade is positive uphill.
                 grade_rad: -known("grade_base[rad]", row).unwrap_or(0.0),
+                hitch_force_n: None,
                 wheels: PerWheel::from_fn(|wheel| wheel_truth(wheel, |name| get(row, name))),
             };
             ground::tell(&mut state, |name| get(row, name));
@@ -336,6 +338,7 @@ fn wheel_truth(wheel: Wheel, get: impl Fn(&str) -> f64) -> WheelTruth {
         angular_speed_rad_s: get("omega[rad/s]"),
         steer_rad: get("steer[rad]"),
         slip_angle_rad: get("alpha[rad]"),
+        longitudinal_slip: get("kappa[-]"),
         friction: get("mu[-]"),
         strut_length_m: get("spring_len[m]"),
         link_force_n: [

@@ -258,6 +258,7 @@ impl Params {
             },
             sources: sources(),
             payload: Vec::new(),
+            hitch: None,
         }
     }
 

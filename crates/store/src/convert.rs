@@ -1,12 +1,14 @@
 //! Conversion between the types of `sample` and the messages of the log.
 
 mod estimate;
+mod road;
 mod scene;
 mod sensor;
 
 use prost::{Message, Name};
 use sample::{
-    ForceFrame, LogTime, Motion, NANOS_PER_SECOND, PerWheel, Rollover, Sample, SourceId, TyreForce,
+    ForceFrame, LogTime, Motion, NANOS_PER_SECOND, PerWheel, Road, Rollover, Sample, SourceId,
+    TyreForce,
 };
 
 use crate::error::MessageError;
@@ -19,6 +21,7 @@ use estimate::{
     log_to_proto, motion_from_proto, motion_to_proto, parameters_from_proto, parameters_to_proto,
     rollover_from_proto, rollover_to_proto, transforms_from_proto, transforms_to_proto,
 };
+use road::{road_from_proto, road_to_proto};
 use sensor::{decode_measurement, encode_sample};
 
 /// A message ready for its channel.
@@ -129,6 +132,7 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
             forces,
         } => vec![forces_message(*stage, *time, *frame, forces)],
         Record::Rollover { time, rollover } => vec![rollover_message(*time, rollover)],
+        Record::Road { stage, road } => vec![road_message(*stage, road)],
         Record::Friction { time, coefficient } => vec![friction_message(*time, *coefficient)],
         Record::Ground { time, ground } => vec![ground_message(*time, ground)],
         Record::Pose { time, pose } => vec![pose_message(*time, pose)],
@@ -205,6 +209,11 @@ fn rollover_message(time: LogTime, rollover: &Rollover) -> Encoded {
     Encoded::new(topic, time, time, &rollover_to_proto(rollover))
 }
 
+fn road_message(stage: Stage, road: &Road) -> Encoded {
+    let topic = format!("/{}/road", stage.name());
+    Encoded::new(topic, road.time, road.time, &road_to_proto(road))
+}
+
 fn friction_message(time: LogTime, coefficient: PerWheel<f64>) -> Encoded {
     let message = pb::Friction {
         wheels: wheels::entries(|wheel, axle, side| pb::WheelFriction {
@@ -242,6 +251,16 @@ where
         field,
         value: value.into(),
     })
+}
+
+/// A value, absent where it is not a number.
+fn some(value: f64) -> Option<f64> {
+    (!value.is_nan()).then_some(value)
+}
+
+/// A value, `NaN` where it is absent.
+fn nan(value: Option<f64>) -> f64 {
+    value.unwrap_or(f64::NAN)
 }
 
 fn vector(v: [f64; 3]) -> pb::Vector3 {
@@ -309,6 +328,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
         "atvrec.Rollover" => Record::Rollover {
             time,
             rollover: rollover_from_proto(&pb::Rollover::decode(data)?),
+        },
+        "atvrec.Road" => Record::Road {
+            stage,
+            road: road_from_proto(time, &pb::Road::decode(data)?),
         },
         "atvrec.Friction" => {
             let friction = pb::Friction::decode(data)?;

@@ -177,6 +177,7 @@ fn motion(data: &[u8]) -> Result<pb::Motion, DecodeError> {
             side,
             steer_rad,
             slip_angle_rad,
+            ..pb::WheelMotion::default()
         }
     });
     Ok(message)

@@ -1,6 +1,6 @@
 use sample::{
-    Estimate, Event, ForceFrame, Health, LogTime, Motion, Parameters, PerWheel, Rollover, Sample,
-    Severity, SourceId, TyreForce,
+    Estimate, Event, ForceFrame, Health, LogTime, Motion, Parameters, PerWheel, Road, Rollover,
+    Sample, Severity, SourceId, TyreForce,
 };
 
 use crate::Scene;
@@ -58,6 +58,13 @@ pub enum Record {
         time: LogTime,
         /// Load-transfer ratios and times to lift.
         rollover: Rollover,
+    },
+    /// The road under the wheels.
+    Road {
+        /// Origin: [`Stage::Estimate`] or [`Stage::Lagged`].
+        stage: Stage,
+        /// The road.
+        road: Road,
     },
     /// Friction coefficient of the ground under each wheel: a part of the truth.
     Friction {

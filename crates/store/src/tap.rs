@@ -38,11 +38,12 @@ const MESSAGE_HEAD: usize = 18;
 /// A kind of records that nobody wants is encoded again after this time: it may have a new topic.
 const LOOK_AGAIN_NS: i64 = sample::NANOS_PER_SECOND;
 /// Channels that are announced at the start, so that a reader misses no rare message of theirs.
-const ANNOUNCED: [(&str, &str); 13] = [
+const ANNOUNCED: [(&str, &str); 14] = [
     ("/estimate/motion", "atvrec.Motion"),
     ("/estimate/tyre_forces", "atvrec.TyreForces"),
     ("/estimate/contact_forces", "atvrec.TyreForces"),
     ("/estimate/rollover", "atvrec.Rollover"),
+    ("/estimate/road", "atvrec.Road"),
     ("/estimate/parameters", "atvrec.Parameters"),
     ("/estimate/events", "atvrec.Event"),
     ("/model/tyre_forces", "atvrec.TyreForces"),
@@ -303,6 +304,7 @@ fn time_of(record: &Record) -> LogTime {
         | Record::Pose { time, .. }
         | Record::Mark { time, .. }
         | Record::Transforms { time, .. } => *time,
+        Record::Road { road, .. } => road.time,
         Record::Parameters(parameters) => parameters.time,
         Record::Event(event) => event.time,
         Record::Health(health) => health.time,

@@ -72,7 +72,7 @@ macro_rules! wheel_entries {
 }
 
 wheel_entries!(
-    TyreForce WheelMotion WheelLiftTime WheelFriction WheelGround WheelStrain WheelDeflection WheelAngularSpeed
+    TyreForce WheelMotion WheelLiftTime WheelRoad WheelFriction WheelGround WheelStrain WheelDeflection WheelAngularSpeed
     WheelHubAcceleration
 );
 

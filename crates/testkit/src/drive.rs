@@ -45,6 +45,10 @@ fn of_body(state: &TruthState) -> Named {
         ),
         named(["bank", "grade"], [state.bank_rad, state.grade_rad]),
         named(
+            ["hitch_Fx", "hitch_Fy", "hitch_Fz"],
+            state.hitch_force_n.unwrap_or_default(),
+        ),
+        named(
             ["beta", "handwheel"],
             [motion.sideslip_rad, state.steering_wheel_rad],
         ),

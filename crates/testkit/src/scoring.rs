@@ -4,7 +4,7 @@ use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::{Calibration, Estimator, Output, Settings};
 use model::sensors::Sensors;
 use model::vehicle::Vehicle;
-use sample::{Estimate, Event, Sample, Wheel};
+use sample::{Estimate, Event, Road, Sample, Wheel};
 
 use crate::sensing;
 use crate::truth::{RATE_HZ, Run};
@@ -19,11 +19,16 @@ const LOADED_N: f64 = 100.0;
 const FORCES: [&str; 3] = ["Fx", "Fy", "Fz"];
 
 /// What the estimator makes of a run.
+#[derive(Default)]
 pub struct Estimated {
     /// One estimate each 10 ms.
     pub estimates: Vec<Estimate>,
     /// Estimates with a lag of 20 ms.
     pub lagged: Vec<Estimate>,
+    /// The road each 10 ms.
+    pub roads: Vec<Road>,
+    /// The road with a lag of 20 ms.
+    pub lagged_roads: Vec<Road>,
     /// Events in their order.
     pub events: Vec<Event>,
 }
@@ -42,16 +47,14 @@ pub fn estimate(
 ) -> Estimated {
     let mut estimator = Estimator::new(vehicle, sensors, calibration, settings)
         .expect("the estimator takes this vehicle and these sensors");
-    let mut result = Estimated {
-        estimates: Vec::new(),
-        lagged: Vec::new(),
-        events: Vec::new(),
-    };
+    let mut result = Estimated::default();
     for sample in samples {
         estimator.advance(sample.log_time, &mut |output| match output {
             Output::Estimate(estimate) => result.estimates.push(estimate),
             Output::Event(event) => result.events.push(event),
             Output::Lagged(estimate) => result.lagged.push(estimate),
+            Output::Road(road) => result.roads.push(road),
+            Output::LaggedRoad(road) => result.lagged_roads.push(road),
             Output::Parameters(_) | Output::Step(_) => {}
         });
         estimator.push(sample);

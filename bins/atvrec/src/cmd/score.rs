@@ -1,8 +1,8 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Channels, Comparison, ForceScore, InnovationScore, Lifts, Score, SurfaceChanges, compare,
-    innovations, innovations_json, score, score_methods,
+    Channels, Comparison, ForceScore, InnovationScore, Lifts, Roads, Score, SurfaceChanges,
+    compare, innovations, innovations_json, score, score_methods,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
@@ -121,11 +121,50 @@ fn print_score(found: &Score) {
     if let Some(surfaces) = &found.surface_changes {
         print_surface_changes(surfaces);
     }
+    if let Some(road) = &found.road {
+        print_road(road);
+    }
     if let Some(channels) = &found.channels {
         print_channels(channels);
     }
     for (kind, count) in &found.events {
         println!("events: {count} {kind}");
+    }
+}
+
+fn print_road(found: &Roads) {
+    for row in &found.outputs {
+        let [bank, grade, warp] = &row.plane;
+        println!(
+            "road, {}: height above 0.5 Hz {:.1} mm rms (truth {:.1}), nees {:.2}; bank {:.2} deg, \
+             grade {:.2} deg, warp {:.1} mm rms",
+            row.output,
+            row.height.rms * 1e3,
+            row.height.truth_rms * 1e3,
+            row.height.nees,
+            bank.rms.to_degrees(),
+            grade.rms.to_degrees(),
+            warp.rms * 1e3,
+        );
+    }
+    let roughness = &found.roughness;
+    if let Some([estimate, truth]) = &roughness.last {
+        let [best, worst] = estimate.class_bounds();
+        println!(
+            "road: class {} (bounds {best} to {worst}), by the truth {}; Gd(n0) {:.0}e-6 m3, by the truth \
+             {:.0}e-6 m3; the class agrees for {:.0} % of the time",
+            estimate.class(),
+            truth.class(),
+            estimate.gd_n0_m3 * 1e6,
+            truth.gd_n0_m3 * 1e6,
+            roughness.class_agrees * 100.0,
+        );
+    }
+    if let Some([estimate, truth]) = roughness.iri_m_km {
+        println!("road: IRI {estimate:.2} m/km, by the truth {truth:.2} m/km");
+    }
+    for (why, count) in &found.unknown {
+        println!("road: {count} instants without values ({why})");
     }
 }
 

@@ -154,7 +154,7 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (14_398_112_196_137_024_913, 8_800),
+            (7_549_237_195_712_392_543, 8_800),
         ),
         (
             "/estimate/contact_forces",

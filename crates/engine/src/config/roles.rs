@@ -22,6 +22,8 @@ pub enum Role {
     /// Axis of a hub accelerometer, 0 to 2; the factor converts the signal's unit to m/s^2, absent
     /// for counts.
     HubAcceleration(Wheel, usize, Option<f64>),
+    /// Axis of the force of a load on the hitch, 0 to 2; the factor converts the signal's unit to N.
+    HitchForce(usize, f64),
 }
 
 /// A signal and its role.
@@ -62,6 +64,14 @@ pub fn read(
             length_factor(signal).map(|factor| Role::SteerRod(side, factor))
         });
     }
+    let mut hitch = section.section("hitch_force", collector);
+    for (axis, name) in HubAccelerationSample::AXES.into_iter().enumerate() {
+        let field = hitch.optional::<String>(name, collector);
+        let default = format!("Hitch.force_{name}");
+        finder.add(field, &default, collector, |signal| {
+            force_factor(signal).map(|factor| Role::HitchForce(axis, factor))
+        });
+    }
     let mut speeds = section.section("wheel_speed", collector);
     let mut deflections = section.section("deflection", collector);
     let mut strains = section.section("strain", collector);
@@ -96,7 +106,7 @@ pub fn read(
         }
         axes.finish(collector);
     }
-    for section in [speeds, deflections, strains, hubs, section] {
+    for section in [hitch, speeds, deflections, strains, hubs, section] {
         section.finish(collector);
     }
     finder.roles
@@ -227,6 +237,19 @@ fn angle_factor(signal: &SignalDef) -> Result<f64, String> {
         "deg" | "degree" | "degrees" | "°" => Ok(1.0_f64.to_radians()),
         unit => Err(format!(
             "{} has the unit \"{unit}\", which is not a unit of an angle",
+            signal.name
+        )),
+    }
+}
+
+/// Factor that converts the unit of a signal to N.
+fn force_factor(signal: &SignalDef) -> Result<f64, String> {
+    match signal.unit.trim() {
+        "N" => Ok(1.0),
+        "daN" => Ok(10.0),
+        "kN" => Ok(1000.0),
+        unit => Err(format!(
+            "{} has the unit \"{unit}\", which is not a unit of a force",
             signal.name
         )),
     }

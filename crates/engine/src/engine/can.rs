@@ -3,7 +3,7 @@
 use model::sensors::{HubAcceleration, Potentiometers};
 use model::strain::ABSENT_COUNT;
 use sample::{
-    CanFrame, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement,
+    CanFrame, ControlSample, CornerSample, DeviceTime, HubAccelerationSample, LogTime, Measurement,
     NANOS_PER_SECOND, PerWheel, Sample, Signal, SignalFrame, SourceId, SteerSample, StrainChannel,
     Wheel, WheelSpeedSample,
 };
@@ -101,6 +101,7 @@ struct Measured {
     speeds_rad_s: PerWheel<Option<f64>>,
     corners: PerWheel<Option<CornerSample>>,
     hubs: PerWheel<Option<HubAccelerationSample>>,
+    hitch_n: [Option<f64>; 3],
 }
 
 impl CanDecoder {
@@ -245,6 +246,9 @@ impl CanDecoder {
         if let Some(steering_wheel_rad) = by_encoder.or(by_rods) {
             emit(Measurement::Steer(SteerSample { steering_wheel_rad }));
         }
+        if let Some(hitch) = measured.hitch() {
+            emit(Measurement::Control(hitch));
+        }
         if measured.speeds_rad_s.0.iter().any(Option::is_some) {
             emit(Measurement::WheelSpeed(WheelSpeedSample {
                 angular_speed_rad_s: measured.speeds_rad_s,
@@ -310,6 +314,9 @@ fn decode(
                         .and_then(|(scale, count)| scale.specific_force_m_s2(count)),
                 };
             }
+            Some(Role::HitchForce(axis, factor)) => {
+                measured.hitch_n[axis] = Some(value.physical * factor);
+            }
             None => {}
         }
     }
@@ -324,6 +331,21 @@ impl Measured {
         let count = known().count();
         let rack_m_rad = rack_m_rad.filter(|rack| *rack != 0.0 && count > 0)?;
         Some(known().sum::<f64>() / count as f64 / rack_m_rad)
+    }
+
+    /// Force of a load on the hitch.
+    fn hitch(&self) -> Option<ControlSample> {
+        let named = ControlSample::HITCH_FORCE.into_iter().zip(self.hitch_n);
+        let values: Vec<Signal> = named
+            .filter_map(|(name, value)| {
+                Some(Signal {
+                    name: name.to_owned(),
+                    value: value?,
+                    unit: "N".to_owned(),
+                })
+            })
+            .collect();
+        (!values.is_empty()).then_some(ControlSample { values })
     }
 
     fn corner(&mut self, wheel: Wheel) -> &mut CornerSample {

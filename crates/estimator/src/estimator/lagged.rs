@@ -5,7 +5,7 @@ use sample::{Estimate, PerWheel, TyreForce};
 use crate::wheel_frame::WheelFrame;
 
 /// Steps of the lag: 20 ms at 100 Hz.
-pub(super) const LAG_STEPS: usize = 2;
+pub(crate) const LAG_STEPS: usize = 2;
 
 /// The estimates of the last steps with the wheels' axes.
 #[derive(Clone, Debug, Default)]

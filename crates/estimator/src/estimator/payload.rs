@@ -52,6 +52,9 @@ impl Estimator {
             self.planar = Some(planar);
         }
         self.expected.load(&vehicle);
+        if let Some(road) = &mut self.road {
+            road.load(&vehicle);
+        }
         let static_n = PerWheel::from_fn(|wheel: Wheel| vehicle.static_load_n(wheel));
         self.lift.load(static_n, &self.settings.tuning.lift);
         self.vehicle = vehicle;

@@ -1,16 +1,18 @@
 //! The stages of one step.
 
+use model::vehicle::Vehicle;
+use nalgebra::{Vector3, Vector6};
 use sample::{Estimate, ForceSource, LogTime, Motion, PerWheel, Rollover, TyreForce, Wheel};
 
 use super::events::{channel_event, frozen_event, vehicle_event};
 use super::lagged::LAG_STEPS;
 use super::{Estimator, Output};
-use crate::Input;
 use crate::feedback::EstimatorFeedback;
 use crate::fusion::{Fusion, StepInput};
 use crate::gaussian::Gaussian;
 use crate::grid::GRID_S;
 use crate::grip::GripInput;
+use crate::inputs::Readings;
 use crate::kinematics;
 use crate::lift::LiftInput;
 use crate::motion::MotionState;
@@ -19,6 +21,7 @@ use crate::smoother::Step;
 use crate::statics::{self, CornerAssumptions};
 use crate::waiting::{Entry, Held};
 use crate::wheel_frame::WheelFrame;
+use crate::{Input, Tuning};
 
 /// Forces of the tyres by the measurement path.
 #[derive(Default)]
@@ -65,6 +68,7 @@ impl Estimator {
                 Held::Corner(_)
                 | Held::SteeringWheel(_)
                 | Held::WheelSpeed(_)
+                | Held::HitchForce(_)
                 | Held::HubAcceleration(..)
                     if !fresh => {}
                 Held::Inertial { force, rate } => self.take_inertial(time, force, rate, now, out),
@@ -84,6 +88,7 @@ impl Estimator {
                 Held::HubAcceleration(hub) => {
                     self.take_hub_acceleration(time, &hub, now, out);
                 }
+                Held::HitchForce(force_n) => self.readings.hitch_n = Some((time, force_n)),
                 Held::WheelSpeed(speeds) => {
                     for wheel in Wheel::ALL {
                         if let Some(speed) = speeds[wheel] {
@@ -184,12 +189,14 @@ impl Estimator {
             return MeasuredForces::default();
         };
         let mut lagged = None;
+        let hitched = hitch_wrench(&self.vehicle, &self.readings, now, &self.settings.tuning)
+            .map(|wrench| corners.states_with(&wrench));
         let forces = if let Some(fusion) = &mut self.fusion {
             let input = StepInput {
                 now,
                 dt: GRID_S,
                 fresh_s: self.settings.tuning.fresh_s,
-                corners: corners.states(),
+                corners: hitched.as_ref().unwrap_or(corners.states()),
                 statics_before: corners.statics_before(),
                 motion,
                 channels: &self.calibration.corners,
@@ -297,9 +304,11 @@ impl Estimator {
     /// Stage 10: completes the reported motion by the force filter's angular rate, steer angles and
     /// slip angles.
     pub(super) fn complete_motion(
-        &self,
+        &mut self,
+        time: LogTime,
         motion: &mut Motion,
         state: &MotionState,
+        forces: &PerWheel<TyreForce>,
         planar: Option<&PlanarMotion>,
         steer_rad: [f64; 4],
     ) {
@@ -309,6 +318,7 @@ impl Estimator {
         if let Some(planar) = planar {
             planar.write_to(motion);
         }
+        self.complete_slope(time, motion, state, forces);
         motion.steer_rad = PerWheel(steer_rad);
         motion.slip_angle_rad = match &self.corners {
             Some(corners) => kinematics::slip_angles_on(corners, state),
@@ -324,6 +334,7 @@ impl Estimator {
         state: &MotionState,
         motion: &Motion,
         measured: &PerWheel<TyreForce>,
+        reported: &PerWheel<TyreForce>,
         out: &mut impl FnMut(Output),
     ) {
         if !self.monitors.steering.is_used()
@@ -340,6 +351,7 @@ impl Estimator {
             corrected_rad: self.feedback.steer_offset_rad,
             sideslip_sigma_rad: state.sideslip_sigma_rad,
             forces: measured,
+            reported,
             rough: self.is_rough(),
         };
         self.grip
@@ -390,4 +402,31 @@ impl Estimator {
             })));
         }
     }
+}
+
+/// Force and moment about the centre of gravity of a load on the hitch, vehicle axes, N and N m; `None` without a
+/// hitch in the vehicle file or a recent value.
+fn hitch_wrench(
+    vehicle: &Vehicle,
+    readings: &Readings,
+    now: LogTime,
+    tuning: &Tuning,
+) -> Option<Vector6<f64>> {
+    let hitch = vehicle.hitch.as_ref()?;
+    let (time, force_n) = readings.hitch_n?;
+    if now.seconds_since(time) > tuning.hitch_held_s {
+        return None;
+    }
+    let body = &vehicle.body;
+    let [x, y, z] = hitch.position_m;
+    let arm = Vector3::new(
+        x + body.front_axle_to_cg_m,
+        y - body.cg_y_m,
+        z - body.cg_height_m,
+    );
+    let force = Vector3::from(force_n);
+    let moment = arm.cross(&force);
+    Some(Vector6::new(
+        force.x, force.y, force.z, moment.x, moment.y, moment.z,
+    ))
 }

@@ -33,6 +33,10 @@ tuning! {
         utilisation_min: f64 = 0.4, "1";
         /// Standard deviations that are subtracted from a lateral force for the friction in use.
         used_sigma: f64 = 2.0, "σ";
+        /// Standard deviations that are subtracted for the lower bound of the friction.
+        bound_sigma: f64 = 3.0, "σ";
+        /// Least posterior probability of a change of surface that is declared.
+        posterior_min: f64 = 0.99, "1";
         /// Model error as a part of the axle's load.
         model_part: f64 = 0.018, "1";
         /// Lowest speed at which slip angles are used.

@@ -233,7 +233,11 @@ fn judge(
             Output::Event(event) => {
                 outcome.resets += usize::from(event.kind == EventKind::FilterReset);
             }
-            Output::Lagged(_) | Output::Parameters(_) | Output::Step(_) => {}
+            Output::Lagged(_)
+            | Output::LaggedRoad(_)
+            | Output::Road(_)
+            | Output::Parameters(_)
+            | Output::Step(_) => {}
         });
         estimator.push(sample);
     }

@@ -19,6 +19,7 @@ mod filter_spec;
 mod golden;
 mod identification;
 mod motion_faults;
+mod road;
 mod robust;
 mod second_filter;
 mod sensitivity;

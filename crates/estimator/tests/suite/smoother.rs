@@ -47,8 +47,7 @@ fn smoothed(vehicle: &Vehicle, steps: &[Step], lag: usize) -> Estimated {
     smoother.finish(&mut |estimate| estimates.push(estimate));
     Estimated {
         estimates,
-        lagged: Vec::new(),
-        events: Vec::new(),
+        ..Estimated::default()
     }
 }
 
@@ -69,8 +68,7 @@ fn what_came_after_makes_estimates_better() {
         let steps = steps(vehicle, &sensors, samples);
         let filtered = Estimated {
             estimates: steps.iter().map(|step| step.estimate.clone()).collect(),
-            lagged: Vec::new(),
-            events: Vec::new(),
+            ..Estimated::default()
         };
         let smoothed = smoothed(vehicle, &steps, LAG_STEPS);
         let [before, after] = [&filtered, &smoothed].map(|result| errors(run, vehicle, result));

@@ -152,6 +152,7 @@ impl From<Plain> for Vehicle {
             },
             drivetrain: plain.drivetrain,
             payload: Vec::new(),
+            hitch: None,
             sources,
         }
     }

@@ -60,6 +60,10 @@ pub(super) const SECTIONS: &[TableRules] = &[
         tables: &["payload"],
         rules: PAYLOAD,
     },
+    TableRules {
+        tables: &["hitch"],
+        rules: HITCH,
+    },
 ];
 
 const TOP: &[Rule] = &[
@@ -72,7 +76,10 @@ const TOP: &[Rule] = &[
     may("drivetrain", Table),
     may("sources", Texts),
     may("payload", Tables),
+    may("hitch", Table),
 ];
+
+const HITCH: &[Rule] = &[must("position_m", POINT)];
 
 const PAYLOAD: &[Rule] = &[
     must("name", Text),

@@ -186,6 +186,10 @@ class Estimates:
     """Steer angles of the road wheels, left positive, rad, (n, 4)."""
     slip_angle_rad: Doubles
     """Slip angles of the wheels, rad, (n, 4)."""
+    longitudinal_slip: Doubles
+    """Longitudinal slips of the wheels, (n, 4); NaN without a wheel speed and below 1 m/s."""
+    longitudinal_slip_sigma: Doubles
+    """Their standard deviations, (n, 4)."""
     bank_rad: Doubles
     """Bank of the road, right side down positive, rad, (n,)."""
     grade_rad: Doubles

@@ -142,6 +142,51 @@ class SurfaceChange(TypedDict):
     """Part of the lateral force that was declared to be left."""
 
 
+class RoadOutput(TypedDict):
+    """The road of one output against the heights of the ground in the truth.
+
+    Each error has ``count``, ``rms_<unit>``, ``truth_rms_<unit>`` and ``nees``.
+    """
+
+    output: str
+    """``estimate`` or ``lagged``."""
+    height: dict[str, float]
+    """Above 0.5 Hz, of the worst wheel, m."""
+    bank: dict[str, float]
+    grade: dict[str, float]
+    warp: dict[str, float]
+
+
+class Roughness(TypedDict):
+    """Roughness by ISO 8608."""
+
+    # A keyword of Python: read it as ``roughness["class"]``.
+    class_bounds: list[str]
+    gd_n0_m3: float
+    bounds_m3: list[float]
+    waviness: float | None
+    distance_m: float
+
+
+class RoadScore(TypedDict):
+    """The road against the truth."""
+
+    outputs: list[RoadOutput]
+    roughness: Roughness | None
+    """The last estimate."""
+    roughness_truth: Roughness | None
+    """By the same method from the true heights."""
+    class_agrees: float
+    """Part of the instants with the class of the truth."""
+    roughness_inside: float
+    """Part of the instants whose bounds contain the Gd(n0) of the truth."""
+    stated_class: str | None
+    iri_m_km: float | None
+    iri_truth_m_km: float | None
+    unknown: dict[str, int]
+    """Instants without values, by reason."""
+
+
 class Score(TypedDict):
     """Estimates against truth: the keys of ``atvrec score --json``."""
 
@@ -168,6 +213,8 @@ class Score(TypedDict):
     missed_surface_changes: int | None
     """Detectable changes that were not declared."""
     false_surface_changes: int | None
+    road: RoadScore | None
+    """None if the truth has no heights of the ground."""
     channels: Channels | None
     """None if the log does not tell the faults that its simulation injected."""
     events: dict[str, int]

@@ -289,6 +289,7 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             .into(),
             acceleration_m_s2: [f64::NAN; 3],
             steering_wheel_rad: self.steering_wheel[0],
+            hitch_force_n: (self.plan.hitch.as_ref()).map(|hitch| (hitch.force_n)(time_s)),
             ..TruthState::default()
         };
         let earth_from_body = truth.earth_from_body().into_inner();
@@ -320,6 +321,7 @@ impl<'a, G: Ground + ?Sized> Drive<'a, G> {
             angular_speed_rad_s: wheel.spin_rad_s,
             steer_rad,
             slip_angle_rad: math::atan(wheel.slip_tangent),
+            longitudinal_slip: f64::NAN,
             friction: corner.tyre_file.friction * wheel.contact.friction,
             strut_length_m: state.strut_m[i],
             link_force_n: links.map_or([f64::NAN; 5], |links| {

@@ -155,7 +155,8 @@ fn of_flat(flat: Plan) -> RoughPlan {
     }
 }
 
-/// Height of the hitch above the design ground, and its distance behind the rear axle, m.
+/// Height of the hitch above the design ground, and its distance behind the rear axle, m, of a vehicle whose file has
+/// no hitch.
 const HITCH_HEIGHT_M: f64 = 0.35;
 const HITCH_BEHIND_M: f64 = 0.45;
 /// Pull of the load that is towed, N.
@@ -163,12 +164,15 @@ const TOW_N: f64 = 400.0;
 
 /// The load pulls back from 6 s on, and from the left after 16 s, as a trailer in a curve does.
 fn hitch(vehicle: &Vehicle) -> Hitch {
+    let body = &vehicle.body;
+    let default_m = [
+        -vehicle.wheelbase_m() - HITCH_BEHIND_M,
+        body.cg_y_m,
+        HITCH_HEIGHT_M,
+    ];
+    let [x, y, z] = (vehicle.hitch.as_ref()).map_or(default_m, |hitch| hitch.position_m);
     Hitch {
-        point_m: [
-            -vehicle.body.cg_to_rear_axle_m - HITCH_BEHIND_M,
-            0.0,
-            HITCH_HEIGHT_M,
-        ],
+        point_m: [x + body.front_axle_to_cg_m, y - body.cg_y_m, z],
         force_n: Box::new(|t| {
             let pull_n = TOW_N * smooth((t - 6.0) / 2.0);
             let side = 0.25 * smooth((t - 16.0) / 2.0);

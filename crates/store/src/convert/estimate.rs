@@ -6,7 +6,7 @@ use sample::{
     SourceHealth, SourceId, TyreForce, Wheel,
 };
 
-use super::{array, narrow, timestamp, vector};
+use super::{array, nan, narrow, some, timestamp, vector};
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
 use crate::wheels::{axle, axle_number, entries, per_wheel, position, side, wheel};
@@ -30,6 +30,8 @@ pub(super) fn motion_to_proto(motion: &Motion) -> pb::Motion {
             side,
             steer_rad: motion.steer_rad[wheel],
             slip_angle_rad: motion.slip_angle_rad[wheel],
+            longitudinal_slip: some(motion.longitudinal_slip[wheel]),
+            longitudinal_slip_sigma: some(motion.longitudinal_slip_sigma[wheel]),
         }),
         bank_rad: motion.bank_rad,
         grade_rad: motion.grade_rad,
@@ -48,6 +50,10 @@ pub(super) fn motion_from_proto(m: &pb::Motion) -> Motion {
         acceleration_m_s2: array(m.acceleration_m_s2),
         steer_rad: per_wheel(&m.wheels, f64::NAN, |entry| entry.steer_rad),
         slip_angle_rad: per_wheel(&m.wheels, f64::NAN, |entry| entry.slip_angle_rad),
+        longitudinal_slip: per_wheel(&m.wheels, f64::NAN, |entry| nan(entry.longitudinal_slip)),
+        longitudinal_slip_sigma: per_wheel(&m.wheels, f64::NAN, |entry| {
+            nan(entry.longitudinal_slip_sigma)
+        }),
         bank_rad: m.bank_rad,
         grade_rad: m.grade_rad,
     }
@@ -74,7 +80,7 @@ fn force_to_proto(axle: u32, side: String, force: &TyreForce) -> pb::TyreForce {
     };
     let [x_n, y_n, z_n] = force.force_n;
     let [x_sigma_n, y_sigma_n, z_sigma_n] = force.sigma_n;
-    let known = |values: [f64; 3]| values.map(|value| (!value.is_nan()).then_some(value));
+    let known = |values: [f64; 3]| values.map(some);
     let [moment_x_n_m, moment_y_n_m, moment_z_n_m] = known(force.moment_n_m);
     let [moment_x_sigma_n_m, moment_y_sigma_n_m, moment_z_sigma_n_m] =
         known(force.moment_sigma_n_m);
@@ -102,7 +108,7 @@ pub(super) fn forces_from_proto(message: &pb::TyreForces) -> (ForceFrame, PerWhe
         pb::ForceFrame::Unspecified | pb::ForceFrame::Contact => ForceFrame::Contact,
         pb::ForceFrame::WheelCarrier => ForceFrame::WheelCarrier,
     };
-    let known = |values: [Option<f64>; 3]| values.map(|value| value.unwrap_or(f64::NAN));
+    let known = |values: [Option<f64>; 3]| values.map(nan);
     let forces = per_wheel(&message.wheels, TyreForce::default(), |f| TyreForce {
         force_n: [f.x_n, f.y_n, f.z_n],
         sigma_n: [f.x_sigma_n, f.y_sigma_n, f.z_sigma_n],

@@ -636,10 +636,10 @@ pub struct Motion {
     pub acceleration_m_s2: ::core::option::Option<Vector3>,
     #[prost(message, repeated, tag = "15")]
     pub wheels: ::prost::alloc::vec::Vec<WheelMotion>,
-    /// Road bank, right side down positive.
+    /// Road bank, right side down positive: the slope of the ground without its roughness.
     #[prost(double, tag = "13")]
     pub bank_rad: f64,
-    /// Road grade, nose down positive.
+    /// Road grade, nose down positive: the slope of the ground without its roughness.
     #[prost(double, tag = "14")]
     pub grade_rad: f64,
 }
@@ -666,6 +666,13 @@ pub struct WheelMotion {
     /// A positive slip angle gives a negative lateral force.
     #[prost(double, tag = "4")]
     pub slip_angle_rad: f64,
+    /// Longitudinal slip: rolling speed less speed of the wheel centre along its heading, over the amount of
+    /// the latter; positive where the wheel drives. Absent without a wheel speed and below 1 m/s.
+    #[prost(double, optional, tag = "5")]
+    pub longitudinal_slip: ::core::option::Option<f64>,
+    /// Standard deviation.
+    #[prost(double, optional, tag = "6")]
+    pub longitudinal_slip_sigma: ::core::option::Option<f64>,
 }
 impl ::prost::Name for WheelMotion {
     const NAME: &'static str = "WheelMotion";
@@ -740,6 +747,109 @@ impl ::prost::Name for TyreForce {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/atvrec.TyreForce".into()
+    }
+}
+/// The road under the wheels.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Road {
+    /// Why the message has no values: ROAD_UNKNOWN_NOTHING where it has.
+    #[prost(enumeration = "RoadUnknown", tag = "1")]
+    pub unknown: i32,
+    #[prost(message, repeated, tag = "2")]
+    pub wheels: ::prost::alloc::vec::Vec<WheelRoad>,
+    /// Plane through the four ground points, by least squares, with standard deviations. Bank: right side
+    /// down positive. Grade: nose down positive.
+    #[prost(double, optional, tag = "3")]
+    pub bank_rad: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "4")]
+    pub bank_sigma_rad: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "5")]
+    pub grade_rad: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "6")]
+    pub grade_sigma_rad: ::core::option::Option<f64>,
+    /// Heights front left - front right - rear left + rear right.
+    #[prost(double, optional, tag = "7")]
+    pub warp_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "8")]
+    pub warp_sigma_m: ::core::option::Option<f64>,
+    /// Roughness by ISO 8608; absent before enough road has passed.
+    #[prost(message, optional, tag = "9")]
+    pub roughness: ::core::option::Option<RoadRoughness>,
+    /// International Roughness Index of the left and of the right track, m/km; absent below 8 m/s.
+    #[prost(double, optional, tag = "10")]
+    pub iri_left_m_km: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "11")]
+    pub iri_right_m_km: ::core::option::Option<f64>,
+}
+impl ::prost::Name for Road {
+    const NAME: &'static str = "Road";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.Road".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.Road".into()
+    }
+}
+/// The road under one wheel. The left wheels see the left track, the front wheel first.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WheelRoad {
+    #[prost(uint32, tag = "1")]
+    pub axle: u32,
+    #[prost(string, tag = "2")]
+    pub side: ::prost::alloc::string::String,
+    /// Height of the ground below the wheel centre, against a reference that follows the ground with 0.02 Hz.
+    /// Waves of the road above 0.5 Hz are known to the standard deviation. Under a wheel that is off the
+    /// ground: the lowest point of its tyre.
+    #[prost(double, tag = "3")]
+    pub height_m: f64,
+    /// Standard deviation of what is above 0.5 Hz.
+    #[prost(double, tag = "4")]
+    pub height_sigma_m: f64,
+}
+impl ::prost::Name for WheelRoad {
+    const NAME: &'static str = "WheelRoad";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.WheelRoad".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.WheelRoad".into()
+    }
+}
+/// Roughness of the road: Gd(n) = Gd(n0) (n/n0)^-2 with n0 = 0.1 cycles/m.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RoadRoughness {
+    /// Class of Gd(n0), "A" to "H".
+    #[prost(string, tag = "1")]
+    pub class: ::prost::alloc::string::String,
+    /// Classes of the bounds of Gd(n0).
+    #[prost(string, tag = "2")]
+    pub class_best: ::prost::alloc::string::String,
+    #[prost(string, tag = "3")]
+    pub class_worst: ::prost::alloc::string::String,
+    #[prost(double, tag = "4")]
+    pub gd_n0_m3: f64,
+    /// The road's Gd(n0) is between both with a probability of 0.95.
+    #[prost(double, tag = "5")]
+    pub gd_n0_low_m3: f64,
+    #[prost(double, tag = "6")]
+    pub gd_n0_high_m3: f64,
+    /// Fitted negative exponent of Gd(n).
+    #[prost(double, optional, tag = "7")]
+    pub waviness: ::core::option::Option<f64>,
+    /// Distance that the value rests on: the equivalent of a fading memory.
+    #[prost(double, tag = "8")]
+    pub distance_m: f64,
+}
+impl ::prost::Name for RoadRoughness {
+    const NAME: &'static str = "RoadRoughness";
+    const PACKAGE: &'static str = "atvrec";
+    fn full_name() -> ::prost::alloc::string::String {
+        "atvrec.RoadRoughness".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/atvrec.RoadRoughness".into()
     }
 }
 /// Rollover indicators from the loads of /estimate/contact_forces. No message if the loads are unknown.
@@ -921,12 +1031,13 @@ pub struct AxleGrip {
     pub friction: ::core::option::Option<f64>,
     #[prost(double, optional, tag = "4")]
     pub friction_sigma: ::core::option::Option<f64>,
-    /// Lower bound of the coefficient: the largest ratio of lateral force to load in the last 10 s,
-    /// less two standard deviations.
+    /// Grip at least: lower bound of the coefficient of the ground of the last 10 s, which holds with a
+    /// probability of 0.98. The largest ratio of the axle's force along the ground to its load, less three
+    /// standard deviations, which contain the unknown normal of rough ground.
     #[prost(double, tag = "5")]
     pub friction_min: f64,
-    /// That ratio over the friction coefficient. The coefficient of the vehicle file is used where no
-    /// other is known.
+    /// The largest ratio of lateral force, less two standard deviations, to load in the last 10 s, over
+    /// the friction coefficient. The coefficient of the vehicle file is used where no other is known.
     #[prost(double, tag = "6")]
     pub utilisation: f64,
     /// Standard deviation of the utilisation, from that of the friction.
@@ -1301,6 +1412,42 @@ impl ForceSource {
             "FORCE_SOURCE_STATICS" => Some(Self::Statics),
             "FORCE_SOURCE_FUSION" => Some(Self::Fusion),
             "FORCE_SOURCE_MODEL" => Some(Self::Model),
+            _ => None,
+        }
+    }
+}
+/// Why a message about the road has no values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum RoadUnknown {
+    Nothing = 0,
+    /// The estimator has not settled since its start.
+    Settling = 1,
+    /// The vehicle is slower than 2 m/s.
+    Slow = 2,
+    /// No potentiometer measures the travel of a wheel.
+    NoDeflection = 3,
+}
+impl RoadUnknown {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Nothing => "ROAD_UNKNOWN_NOTHING",
+            Self::Settling => "ROAD_UNKNOWN_SETTLING",
+            Self::Slow => "ROAD_UNKNOWN_SLOW",
+            Self::NoDeflection => "ROAD_UNKNOWN_NO_DEFLECTION",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "ROAD_UNKNOWN_NOTHING" => Some(Self::Nothing),
+            "ROAD_UNKNOWN_SETTLING" => Some(Self::Settling),
+            "ROAD_UNKNOWN_SLOW" => Some(Self::Slow),
+            "ROAD_UNKNOWN_NO_DEFLECTION" => Some(Self::NoDeflection),
             _ => None,
         }
     }

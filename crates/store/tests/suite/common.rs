@@ -9,9 +9,9 @@ use sample::{
     Arrival, Attitude, Axle, AxleGrip, CanFlags, CanFrame, ControlSample, CornerSample, DeviceTime,
     Estimate, Event, EventKind, FixQuality, ForceFrame, ForceSource, GnssAttitude, GnssPosition,
     GnssVelocity, GroundSpeedSample, Health, ImuSample, InnovationKind, Innovations, LogTime,
-    LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Rollover, Sample,
-    Severity, Side, Signal, SignalFrame, SourceHealth, SourceId, SteerSample, TyreForce, Wheel,
-    WheelSpeedSample,
+    LossPlace, Measurement, Motion, Notice, Parameters, Payload, PerWheel, Road, RoadPlane,
+    RoadRoughness, Rollover, Sample, Severity, Side, Signal, SignalFrame, SourceHealth, SourceId,
+    SteerSample, TyreForce, Wheel, WheelSpeedSample,
 };
 
 /// Log clock at the start of the run.
@@ -196,6 +196,10 @@ pub fn records(time: LogTime) -> Vec<Record> {
                 pitch_rad: 0.2,
                 roll_rad: 0.3,
             },
+        },
+        Record::Road {
+            stage: Stage::Estimate,
+            road: road(time),
         },
         Record::Parameters(parameters(time)),
         Record::Health(health(time)),
@@ -460,8 +464,35 @@ pub fn motion() -> Motion {
         acceleration_m_s2: [0.4, 0.5, 0.6],
         steer_rad: PerWheel([0.11, 0.12, 0.0, 0.0]),
         slip_angle_rad: PerWheel([0.01, 0.02, 0.03, 0.04]),
+        longitudinal_slip: PerWheel([0.05, -0.06, 0.0, 0.08]),
+        longitudinal_slip_sigma: PerWheel([0.005, 0.006, 0.007, 0.008]),
         bank_rad: 0.05,
         grade_rad: 0.07,
+    }
+}
+
+/// A road in which every member differs.
+pub fn road(time: LogTime) -> Road {
+    Road {
+        time,
+        unknown: None,
+        height_m: PerWheel([0.01, 0.02, 0.03, -0.04]),
+        height_sigma_m: PerWheel([0.001, 0.002, 0.003, 0.004]),
+        plane: RoadPlane {
+            bank_rad: 0.11,
+            bank_sigma_rad: 0.011,
+            grade_rad: -0.12,
+            grade_sigma_rad: 0.012,
+            warp_m: 0.13,
+            warp_sigma_m: 0.013,
+        },
+        roughness: Some(RoadRoughness {
+            gd_n0_m3: 300e-6,
+            bounds_m3: [200e-6, 400e-6],
+            waviness: 2.1,
+            distance_m: 150.0,
+        }),
+        iri_m_km: [8.0, 9.0],
     }
 }
 

@@ -15,8 +15,7 @@ pub fn model(result: &Estimated) -> Estimated {
     }
     Estimated {
         estimates,
-        lagged: Vec::new(),
-        events: Vec::new(),
+        ..Estimated::default()
     }
 }
 
@@ -52,8 +51,7 @@ pub fn deflection(
     }
     Estimated {
         estimates,
-        lagged: Vec::new(),
-        events: Vec::new(),
+        ..Estimated::default()
     }
 }
 
