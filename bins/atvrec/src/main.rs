@@ -55,7 +55,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Replay(args) => cmd::replay::run(&args, quiet),
         Command::Report(args) => cmd::report::run(&args, quiet),
         Command::Events(args) => cmd::events::run(&args),
-        Command::Score(args) => cmd::score::run(&args),
+        Command::Score(args) => cmd::score::run(&args, quiet),
         Command::Demo(args) => cmd::demo::run(&args, quiet),
         Command::Virtual(args) => cmd::virtual_::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args, quiet),

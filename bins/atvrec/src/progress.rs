@@ -35,7 +35,9 @@ impl Progress {
 
     fn new(what: &'static str, total: f64, unit: &'static str, quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden());
-        if let Ok(style) = ProgressStyle::with_template("{prefix} {wide_bar} {percent}% {msg} {eta}") {
+        if let Ok(style) =
+            ProgressStyle::with_template("{prefix} {wide_bar} {percent}% {msg} {eta}")
+        {
             bar.set_style(style);
         }
         bar.set_prefix(what);

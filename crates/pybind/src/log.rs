@@ -104,7 +104,10 @@ impl LogReader {
         let (start, end) = (LogTime(start_ns), LogTime(end_ns));
         let tables = interrupt::detached(py, move || reader.tables(&topics, start, end))?;
         let tables = tables.map_err(|e| errors::log(&e))?;
-        tables.into_iter().map(|table| read_topic(py, table)).collect()
+        tables
+            .into_iter()
+            .map(|table| read_topic(py, table))
+            .collect()
     }
 
     /// What `atvrec score --json` prints: against the truth in the log, with the simple methods or not,

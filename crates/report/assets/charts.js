@@ -134,6 +134,7 @@ function zoom(next) {
   zooming = true;
   range = next;
   const [min, max] = range ?? fullRange();
+  document.body.dataset.range = `${min} ${max}`;
   for (const chart of charts) {
     chart.stale = true;
     if (chart.visible) refresh(chart, min, max);

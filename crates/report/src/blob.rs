@@ -179,7 +179,11 @@ mod tests {
         let mut blob = Blob::default();
         let first = blob.add(&values).unwrap();
         let time = blob.add_times(&times);
-        assert_eq!(blob.add(&values), Some(first), "equal series are stored once");
+        assert_eq!(
+            blob.add(&values),
+            Some(first),
+            "equal series are stored once"
+        );
         assert_eq!(blob.add(&[f32::NAN]), None);
         let found = read(&blob.bytes, &blob.heads[first.0]);
         for (found, value) in found.iter().zip(values) {

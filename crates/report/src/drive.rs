@@ -5,9 +5,7 @@ mod sources;
 use std::collections::BTreeMap;
 
 use sample::{Event, Health, LogTime, Parameters};
-use store::{
-    Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset,
-};
+use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
 use crate::frame::Frame;
 use crate::options::Options;
@@ -96,8 +94,6 @@ pub struct Drive {
     pub health: Option<Health>,
     /// The last clock fit of each device.
     pub clocks: BTreeMap<String, ClockFit>,
-    /// Topics of the log.
-    pub topics: Vec<String>,
 }
 
 /// Where the messages of a topic go.
@@ -145,12 +141,22 @@ impl Drive {
                 if tables.rows(position) >= BATCH_ROWS {
                     drive.take_table(&sinks[position], tables.take(position));
                 }
-            } else if let Some(record) = message.record()? {
-                drive.take_record(record, reader.session());
+                continue;
+            }
+            match message.record() {
+                Ok(Some(record)) => drive.take_record(record, reader.session()),
+                Ok(None) => {}
+                // A malformed message costs itself alone.
+                Err(error @ store::Error::BadMessage { .. }) => {
+                    drive.missing.push(error.to_string());
+                }
+                Err(error) => return Err(error.into()),
             }
         }
         let damage = messages.missing().iter().map(ToString::to_string);
-        let damage: Vec<String> = damage.filter(|text| !drive.missing.contains(text)).collect();
+        let damage: Vec<String> = damage
+            .filter(|text| !drive.missing.contains(text))
+            .collect();
         drive.missing.extend(damage);
         for (position, sink) in sinks.iter().enumerate() {
             let table = tables.take(position);
@@ -192,7 +198,6 @@ impl Drive {
             attachments: reader.attachments()?,
             start: info.span.unwrap_or_default().0,
             utc_offset,
-            topics: info.channels.keys().cloned().collect(),
             ..Self::default()
         })
     }
@@ -213,10 +218,7 @@ impl Drive {
             let events = events(reader)?;
             let event = find_event(&events, around)?;
             let at_s = event.time.seconds_since(first);
-            span_s = [
-                (at_s - AROUND_S).max(0.0),
-                (at_s + AROUND_S).min(whole_s),
-            ];
+            span_s = [(at_s - AROUND_S).max(0.0), (at_s + AROUND_S).min(whole_s)];
         }
         if span_s[0] > span_s[1] {
             return Err(Error::Span {
@@ -246,11 +248,18 @@ impl Drive {
         };
         let both = ["contact", "wheel_carrier"];
         let found = both.into_iter().find(|frame| {
-            has(&of_frame(self.stage, frame)) && (!has("/truth/motion") || has(&of_frame("truth", frame)))
+            has(&of_frame(self.stage, frame))
+                && (!has("/truth/motion") || has(&of_frame("truth", frame)))
         });
         let frame = found
-            .or_else(|| both.into_iter().find(|frame| has(&of_frame(self.stage, frame))))
-            .or_else(|| both.into_iter().find(|frame| has(&of_frame("truth", frame))))
+            .or_else(|| {
+                both.into_iter()
+                    .find(|frame| has(&of_frame(self.stage, frame)))
+            })
+            .or_else(|| {
+                both.into_iter()
+                    .find(|frame| has(&of_frame("truth", frame)))
+            })
             .unwrap_or("contact");
         self.force_frame = frame;
         let mut sinks = vec![

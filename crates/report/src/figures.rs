@@ -92,7 +92,10 @@ impl Figures {
 }
 
 fn distance(drive: &Drive, blob: &mut Blob) -> Option<[crate::blob::Id; 2]> {
-    let distance: Vec<f32> = distance_m(&drive.motion).iter().map(|d| *d as f32).collect();
+    let distance: Vec<f32> = distance_m(&drive.motion)
+        .iter()
+        .map(|d| *d as f32)
+        .collect();
     let moves = distance.last().is_some_and(|last| *last > 0.0);
     if !moves {
         return None;

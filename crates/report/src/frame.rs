@@ -16,14 +16,6 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame with the time grid of another.
-    pub fn like(other: &Self) -> Self {
-        Self {
-            time_s: other.time_s.clone(),
-            columns: BTreeMap::new(),
-        }
-    }
-
     /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
@@ -51,6 +43,14 @@ impl Frame {
             if let Some(values) = self.columns.get_mut(&column.name) {
                 values.resize(before, f32::NAN);
                 extend(values, &column.values);
+                for (value, is_present) in values[before..]
+                    .iter_mut()
+                    .zip(column.present.iter().flatten())
+                {
+                    if !is_present {
+                        *value = f32::NAN;
+                    }
+                }
             }
         }
         let rows = self.time_s.len();
@@ -81,14 +81,17 @@ impl Frame {
         self.columns.get(name).map(Vec::as_slice)
     }
 
-    /// Adds a column.
-    pub fn set(&mut self, name: impl Into<String>, values: Vec<f32>) {
-        self.columns.insert(name.into(), values);
+    /// The finite values of a column with their times.
+    pub fn finite(&self, name: &str) -> Option<(Vec<f64>, Vec<f32>)> {
+        let values = self.get(name)?;
+        let pairs = self.time_s.iter().zip(values);
+        Some(pairs.filter(|(_, value)| value.is_finite()).unzip())
     }
 
-    /// Names of the columns.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.columns.keys().map(String::as_str)
+    /// Adds a column.
+    #[cfg(test)]
+    pub fn set(&mut self, name: impl Into<String>, values: Vec<f32>) {
+        self.columns.insert(name.into(), values);
     }
 
     /// The columns at the times of `grid`: by a straight line between neighbours that are at most
@@ -191,7 +194,12 @@ mod tests {
         };
         frame.set("a", vec![0.0, 1.0, 2.0, 3.0]);
         let on = frame.on(&[-1.0, 0.0, 0.05, 0.1, 2.0, 5.1, 6.0]);
-        let found: Vec<String> = on.get("a").unwrap().iter().map(|v| format!("{v:.2}")).collect();
+        let found: Vec<String> = on
+            .get("a")
+            .unwrap()
+            .iter()
+            .map(|v| format!("{v:.2}"))
+            .collect();
         assert_eq!(found, ["NaN", "0.00", "0.50", "1.00", "NaN", "3.00", "NaN"]);
         assert_eq!(frame.gaps(), [[0.1, 5.0]]);
     }

@@ -143,7 +143,10 @@ pub fn large_files(attachments: &mut Vec<Attachment>) -> Vec<(String, Attachment
     let named = |(number, attachment): (usize, Attachment)| {
         let is_safe = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
         let name = attachment.name.chars();
-        let name: String = name.map(|c| if is_safe(c) { c } else { '_' }).take(80).collect();
+        let name: String = name
+            .map(|c| if is_safe(c) { c } else { '_' })
+            .take(80)
+            .collect();
         // The number keeps names apart, and no name begins with a dot.
         (format!("{number}-{name}"), attachment)
     };
@@ -220,7 +223,12 @@ mod tests {
             time_s: vec![0.0, 1.0],
             ..crate::frame::Frame::default()
         };
-        for name in ["velocity_m_s.east", "velocity_m_s.north", "east_m", "north_m"] {
+        for name in [
+            "velocity_m_s.east",
+            "velocity_m_s.north",
+            "east_m",
+            "north_m",
+        ] {
             frame.set(name, vec![1.0, 2.0]);
         }
         drive.sensors.insert(format!("/gnss/{NAME}"), frame);

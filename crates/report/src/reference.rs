@@ -127,7 +127,10 @@ mod tests {
             ..Frame::default()
         };
         motion.set("velocity_x_m_s", vec![10.0, 10.0, 10.0, f32::NAN, -10.0]);
-        let found: Vec<String> = distance_m(&motion).iter().map(|d| format!("{d:.1}")).collect();
+        let found: Vec<String> = distance_m(&motion)
+            .iter()
+            .map(|d| format!("{d:.1}"))
+            .collect();
         assert_eq!(found, ["0.0", "5.0", "6.0", "6.0", "11.0"]);
         assert_eq!(interpolate(&[0.0, 2.0], &[1.0, 5.0], 0.5), 2.0);
         assert_eq!(interpolate(&[0.0, 2.0], &[1.0, 5.0], 3.0), 5.0);

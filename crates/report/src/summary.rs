@@ -79,7 +79,10 @@ impl Summary {
             payload: vehicle.as_ref().map(payload).unwrap_or_default(),
             vehicle: vehicle.map(|vehicle| vehicle.name),
             force_unit: options.units.of(Quantity::Force).1,
-            distance_m: distance_m(&drive.motion).last().copied().unwrap_or_default(),
+            distance_m: distance_m(&drive.motion)
+                .last()
+                .copied()
+                .unwrap_or_default(),
             consistent: consistent(drive),
             gaps_s: drive.motion.gaps(),
             ..Self::default()
@@ -175,7 +178,9 @@ fn quantile(values: &mut [f32], part: f64) -> Option<f64> {
         return None;
     }
     let rank = rank.clamp(1, values.len()) - 1;
-    Some(f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1))
+    Some(f64::from(
+        *values.select_nth_unstable_by(rank, f32::total_cmp).1,
+    ))
 }
 
 /// Largest 99.9 % quantile of the force along the ground over the load: single wild samples are left
@@ -184,61 +189,81 @@ fn utilisation(forces: &Frame, wheel: &str) -> Option<f64> {
     let [x, y, z] = ["x", "y", "z"].map(|axis| forces.get(&format!("{wheel}.{axis}_n")));
     let (x, y, z) = (x?, y?, z?);
     let rows = 0..z.len();
-    let parts = rows.filter(|row| z[*row] > LOAD_MIN_N).map(|row| {
-        math::hypot(f64::from(x[row]), f64::from(y[row])) as f32 / z[row]
-    });
+    let parts = rows
+        .filter(|row| z[*row] > LOAD_MIN_N)
+        .map(|row| math::hypot(f64::from(x[row]), f64::from(y[row])) as f32 / z[row]);
     let mut parts: Vec<f32> = parts.filter(|part| part.is_finite()).collect();
     quantile(&mut parts, 0.999)
 }
 
+/// How one value of a column is found from two of them.
+type Pick = fn(f64, f64) -> f64;
+
 fn vehicle_rows(drive: &Drive, options: &Options) -> Vec<VehicleRow> {
-    let mut rows = Vec::new();
-    let mut row = |key, name, frame: &Frame, column: &str, quantity, pick: fn(f64, f64) -> f64| {
+    use Quantity::{Acceleration, Angle, Number, Speed};
+    let size: Pick = |a, b| a.abs().max(b.abs());
+    let lateral = "acceleration_m_s2.y";
+    let forward = "acceleration_m_s2.x";
+    let of_motion: [(&'static str, &'static str, &str, Quantity, Pick); 5] = [
+        (
+            "speed_max",
+            "greatest speed",
+            "velocity_x_m_s",
+            Speed,
+            f64::max,
+        ),
+        (
+            "lateral_acceleration_max",
+            "greatest lateral acceleration",
+            lateral,
+            Acceleration,
+            size,
+        ),
+        (
+            "forward_acceleration_max",
+            "greatest forward acceleration",
+            forward,
+            Acceleration,
+            f64::max,
+        ),
+        (
+            "forward_acceleration_min",
+            "greatest braking",
+            forward,
+            Acceleration,
+            f64::min,
+        ),
+        ("roll_max", "greatest roll angle", "roll_rad", Angle, size),
+    ];
+    let row = |frame: &Frame, key, name, column: &str, quantity, pick: Pick| {
         let (factor, unit) = options.units.of(quantity);
         let values = frame.get(column).unwrap_or_default().iter();
-        let finite = values.copied().filter(|value| value.is_finite()).map(f64::from);
-        if let Some(value) = finite.reduce(pick) {
-            let value = value * factor;
-            rows.push(VehicleRow {
-                key,
-                name,
-                value,
-                unit,
-            });
-        }
+        let mut finite = values
+            .filter(|value| value.is_finite())
+            .map(|v| f64::from(*v));
+        let first = finite.next()?;
+        // The first value with itself, so that its sign is left out where the others' are.
+        let value = finite.fold(pick(first, first), pick) * factor;
+        Some(VehicleRow {
+            key,
+            name,
+            value,
+            unit,
+        })
     };
-    let size = |a: f64, b: f64| a.abs().max(b.abs());
-    let motion = &drive.motion;
-    row(
-        "speed_max",
-        "greatest speed",
-        motion,
-        "velocity_x_m_s",
-        Quantity::Speed,
-        f64::max,
-    );
-    let lateral = "acceleration_m_s2.y";
-    let name = "greatest lateral acceleration";
-    let acceleration = Quantity::Acceleration;
-    row("lateral_acceleration_max", name, motion, lateral, acceleration, size);
-    let forward = "acceleration_m_s2.x";
-    let name = "greatest forward acceleration";
-    row("forward_acceleration_max", name, motion, forward, acceleration, f64::max);
-    let name = "greatest braking";
-    row("forward_acceleration_min", name, motion, forward, acceleration, f64::min);
-    row("roll_max", "greatest roll angle", motion, "roll_rad", Quantity::Angle, size);
-    row(
-        "load_transfer_ratio_max",
-        "greatest load-transfer ratio",
+    let (key, name) = ("load_transfer_ratio_max", "greatest load-transfer ratio");
+    let ratio = row(
         &drive.rollover,
+        key,
+        name,
         "load_transfer_ratio",
-        Quantity::Number,
+        Number,
         size,
     );
-    for row in &mut rows {
-        if matches!(row.key, "lateral_acceleration_max" | "roll_max" | "load_transfer_ratio_max") {
-            row.value = row.value.abs();
-        }
-    }
-    rows
+    let of_motion = of_motion
+        .into_iter()
+        .filter_map(|(key, name, column, quantity, pick)| {
+            row(&drive.motion, key, name, column, quantity, pick)
+        });
+    of_motion.chain(ratio).collect()
 }

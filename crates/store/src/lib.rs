@@ -50,7 +50,8 @@ pub use ledger::{LossLedger, Losses};
 pub use log_writer::LogWriter;
 pub use new_name::rename_without_replacing;
 pub use reader::{
-    ArrivalIter, ChannelInfo, Info, Message, MessageIter, MessageRef, Missing, Reader, Selection,
+    ArrivalIter, ChannelInfo, EstimateJoiner, Info, Message, MessageIter, MessageRef, Missing,
+    Reader, Selection,
 };
 pub use record::{
     ClockFit, Ground, LogMessage, Pose, Record, Stage, Transform, UtcOffset, WheelGround,

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use sample::{Estimate, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce};
 
 pub use arrivals::ArrivalIter;
-pub use messages::{Message, MessageIter, MessageRef, Selection};
+pub use messages::{EstimateJoiner, Message, MessageIter, MessageRef, Selection};
 
 use crate::recovery::RECOVERED_METADATA;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};

@@ -41,7 +41,9 @@ pub fn run(args: &EventsArgs) -> anyhow::Result<Outcome> {
         }
     }
     let rows = events.iter().enumerate();
-    let rows: Vec<Value> = rows.map(|(index, event)| row(index + 1, event, start)).collect();
+    let rows: Vec<Value> = rows
+        .map(|(index, event)| row(index + 1, event, start))
+        .collect();
     if args.json {
         println!("{:#}", json!({ "events": rows }));
     } else if args.snapshot.is_none() {

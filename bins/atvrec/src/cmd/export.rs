@@ -14,8 +14,8 @@ use store::{Column, Info, Missing, Reader, Table, UtcOffset, Values};
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
 use crate::interrupt::Interrupt;
-use crate::progress::Progress;
 use crate::output;
+use crate::progress::Progress;
 use engine::output::{Kind, Target};
 
 /// Kind of the output.
@@ -53,42 +53,16 @@ pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         topic: &args.topic,
         span: [start, end],
         utc: reader.utc_offset()?,
-        progress: Progress::seconds("export", end_of(&info, end).seconds_since(start.max(begin)), quiet),
+        progress: Progress::seconds(
+            "export",
+            end_of(&info, end).seconds_since(start.max(begin)),
+            quiet,
+        ),
         interrupt: Interrupt::listen()?,
         begin: start.max(begin),
     };
     let columns = export.columns()?;
-    let mut written = Written::default();
-    match &target {
-        None => {
-            let sink = std::io::stdout().lock();
-            let result = export.write_text(sink, &columns, &mut written);
-            result.or_else(|error| match error.downcast::<std::io::Error>() {
-                Ok(cause) => Ok(output::ignore_closed_pipe(cause)?),
-                Err(other) => Err(other),
-            })?;
-        }
-        Some(target) => {
-            let is_parquet = target.has_extension("parquet");
-            target.write_by(|file| match is_parquet {
-                #[cfg(feature = "formats")]
-                true => Ok(export.write_parquet(file, &columns, &mut written)?),
-                _ => {
-                    let result = export.write_text(BufWriter::new(file), &columns, &mut written);
-                    result.map_err(|error| match error.downcast::<std::io::Error>() {
-                        Ok(cause) => cause.into(),
-                        Err(other) => other.into(),
-                    })
-                }
-            })?;
-            println!(
-                "{}: {} rows, {} columns",
-                target.path().display(),
-                written.rows,
-                columns.columns.len() + 2
-            );
-        }
-    }
+    let written = export.write(target.as_ref(), &columns)?;
     export.progress.finish();
     // A channel without a schema concerns its own topic only, whose table reports it.
     let mut missing = info.missing;
@@ -156,6 +130,42 @@ impl Export<'_> {
         let mut columns = self.reader.columns(self.topic, self.span)?;
         self.add_utc(&mut columns);
         Ok(columns)
+    }
+
+    /// Writes all rows to standard output or to the target, and prints what was written there.
+    fn write(&self, target: Option<&Target>, columns: &Table) -> anyhow::Result<Written> {
+        let mut written = Written::default();
+        match target {
+            None => {
+                let sink = std::io::stdout().lock();
+                let result = self.write_text(sink, columns, &mut written);
+                result.or_else(|error| match error.downcast::<std::io::Error>() {
+                    Ok(cause) => Ok(output::ignore_closed_pipe(cause)?),
+                    Err(other) => Err(other),
+                })?;
+            }
+            Some(target) => {
+                let is_parquet = target.has_extension("parquet");
+                target.write_by(|file| match is_parquet {
+                    #[cfg(feature = "formats")]
+                    true => Ok(self.write_parquet(file, columns, &mut written)?),
+                    _ => {
+                        let result = self.write_text(BufWriter::new(file), columns, &mut written);
+                        result.map_err(|error| match error.downcast::<std::io::Error>() {
+                            Ok(cause) => cause.into(),
+                            Err(other) => other.into(),
+                        })
+                    }
+                })?;
+                println!(
+                    "{}: {} rows, {} columns",
+                    target.path().display(),
+                    written.rows,
+                    columns.columns.len() + 2
+                );
+            }
+        }
+        Ok(written)
     }
 
     fn write_text(

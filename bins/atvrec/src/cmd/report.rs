@@ -35,8 +35,14 @@ pub fn run(args: &ReportArgs, quiet: bool) -> anyhow::Result<Outcome> {
         println!("{:#}", found.numbers);
         return Ok(Outcome::Good);
     }
-    write_with(&args.logs, &options, &args.output, args.replace.force, quiet)
-        .map(|()| Outcome::Good)
+    write_with(
+        &args.logs,
+        &options,
+        &args.output,
+        args.replace.force,
+        quiet,
+    )
+    .map(|()| Outcome::Good)
 }
 
 /// Writes the report with the default options, and prints its path and size.

@@ -93,6 +93,7 @@ pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {
 pub fn is_drawn(name: &str) -> bool {
     name == "steering_wheel_rad"
         || name.ends_with("deflection_m")
+        || (name.ends_with(".raw_counts") && name.len() == "fl.raw_counts".len())
         || name.starts_with("velocity_m_s.")
         || matches!(name, "east_m" | "north_m")
 }

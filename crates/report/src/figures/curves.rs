@@ -221,7 +221,9 @@ impl<'a> Curves<'a> {
     /// Panels of an estimated motion: the estimate, the reference, and below it the error.
     pub fn motion_panels(&mut self, y_label: &str, specs: &[Spec<'_>]) -> Vec<Panel> {
         let drive = self.drive;
-        let reference = self.reference.map(|reference| (&*reference.motion, reference));
+        let reference = self
+            .reference
+            .map(|reference| (&*reference.motion, reference));
         self.compared(&drive.motion, reference, y_label, specs)
     }
 
@@ -261,7 +263,12 @@ impl<'a> Curves<'a> {
                 && own.len() == others.len()
             {
                 let difference = own.iter().zip(&others).map(|(a, b)| a - b).collect();
+                let name = match specs.len() {
+                    1 => "error".to_owned(),
+                    _ => format!("{}, error", spec.name),
+                };
                 let of_error = Spec {
+                    name: &name,
                     is_important: false,
                     ..*spec
                 };

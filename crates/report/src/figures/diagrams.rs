@@ -70,7 +70,13 @@ fn friction_circles(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     }
     let caption = "Force along the ground over the load of each wheel. The distance from the middle \
                    is the friction that the wheel uses.";
-    let figure = diagram("friction-circles", "Friction circles", caption, "Fy / Fz", panels);
+    let figure = diagram(
+        "friction-circles",
+        "Friction circles",
+        caption,
+        "Fy / Fz",
+        panels,
+    );
     all.push((figure, "no forces in all three axes are estimated"));
 }
 
@@ -81,7 +87,10 @@ fn accelerations(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     if let [Some(x), Some(y)] = axes {
         let g = |value: f32| f64::from(value) / GRAVITY_M_S2;
         let found = points(motion, |row| Some([g(y[row]), g(x[row])]));
-        panels.push(panel("forward (g)", curves.points("estimate", Pen::Points(0), &found)));
+        panels.push(panel(
+            "forward (g)",
+            curves.points("estimate", Pen::Points(0), &found),
+        ));
     }
     let caption = "Acceleration of the centre of gravity.";
     all.push((
@@ -116,7 +125,13 @@ fn handling(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
                    turn (right half), positive values are understeer.";
     let figure = Figure {
         kind: Kind::Plain,
-        ..diagram("handling", "Handling diagram", caption, "lateral acceleration (g)", panels)
+        ..diagram(
+            "handling",
+            "Handling diagram",
+            caption,
+            "lateral acceleration (g)",
+            panels,
+        )
     };
     all.push((figure, NO_ESTIMATES));
 }
@@ -133,7 +148,8 @@ fn track(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
             Some([east[row], north[row]].map(|place| f64::from(place) * factor))
         });
         let name = topic.trim_start_matches("/gnss/");
-        one.traces.extend(curves.points(name, Pen::Other(index), &found));
+        one.traces
+            .extend(curves.points(name, Pen::Other(index), &found));
     }
     let figure = Figure {
         kind: Kind::Map,

@@ -2,12 +2,13 @@
 
 use super::curves::{Curves, Spec};
 use super::{Candidate, WHEELS, panel, timed};
-use crate::frame::{Frame, GAP_S};
+use crate::frame::GAP_S;
 use crate::options::Quantity;
 use crate::plot::{Data, Figure, Kind, Panel, Pen, Trace};
 
 /// Bins of the histogram of velocities.
 const BINS: usize = 80;
+const NO_POTENTIOMETER: &str = "no potentiometer is connected (/deflection)";
 /// Samples of a segment of a spectrum.
 const SEGMENT: usize = 256;
 
@@ -20,21 +21,30 @@ pub fn all(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 
 fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let drive = curves.drive;
-    let deflection = drive.sensors.iter().find(|(topic, _)| topic.starts_with("/deflection"));
+    let deflection = drive
+        .sensors
+        .iter()
+        .find(|(topic, _)| topic.starts_with("/deflection"));
     let mut panels = Vec::new();
+    let (factor, metres) = curves.options.units.of(Quantity::Length);
+    let is_calibrated = |wheel: &(&str, &str)| {
+        let column = format!("{}.deflection_m", wheel.0);
+        deflection.is_some_and(|(_, frame)| frame.get(&column).is_some())
+    };
+    let (column, factor, unit) = match WHEELS.iter().any(is_calibrated) {
+        true => ("deflection_m", factor, metres),
+        false => ("raw_counts", 1.0, "counts"),
+    };
     let mut velocity = panel("part of the time (%)", None);
-    let mut spectrum = panel("travel, log10 of m²/Hz", None);
+    let mut spectrum = panel(format!("log10 of ({unit})²/Hz"), None);
     for (index, (wheel, name)) in WHEELS.into_iter().enumerate() {
-        let column = format!("{wheel}.deflection_m");
         let Some((_, frame)) = deflection else { break };
-        let spec = Spec::new("travel", &column, Quantity::Length);
-        let unit = curves.unit(Quantity::Length);
-        let mut one = panel(format!("travel ({unit})"), curves.curve(frame, spec));
-        one.heading = name.to_owned();
-        panels.push(one);
-        let Some(values) = frame.get(&column) else {
+        let Some((times, mut values)) = frame.finite(&format!("{wheel}.{column}")) else {
             continue;
         };
+        for value in &mut values {
+            *value = (f64::from(*value) * factor) as f32;
+        }
         let pen = Pen::Other(index);
         let trace = |(x, y): (Vec<f64>, Vec<f64>)| Trace {
             name: name.to_owned(),
@@ -43,33 +53,40 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         };
         velocity
             .traces
-            .extend(velocities(frame, values).map(trace));
-        spectrum.traces.extend(power(frame, values).map(trace));
+            .extend(velocities(&times, &values).map(trace));
+        spectrum.traces.extend(power(&times, &values).map(trace));
+        let spec = Spec::new("travel", "", Quantity::Length);
+        let travel = curves.of_values(&times, values, None, spec);
+        let mut one = panel(format!("travel ({unit})"), travel);
+        one.heading = name.to_owned();
+        panels.push(one);
     }
-    let reason = "no potentiometer is connected (/deflection)";
-    let caption = "Deflection of the struts from their length at rest; compression is positive.";
-    all.push((timed("travel", "Suspension travel", caption, panels), reason));
-    let plain = |id: &'static str, title: &'static str, caption: &'static str, x: &'static str, one: Panel| Figure {
-        id: id.into(),
-        title: title.into(),
-        caption: caption.into(),
-        panels: vec![one],
-        x_label: x.into(),
+    let caption = "Readings of the potentiometers: the deflection from the length at rest, compression \
+                   positive, or counts if the log has no calibration.";
+    let travel = timed("travel", "Suspension travel", caption, panels);
+    let velocity = Figure {
+        id: "travel-velocity".into(),
+        title: "Velocity of the suspension".into(),
+        caption: "How often each velocity of the struts occurs.".into(),
+        panels: vec![velocity],
+        x_label: format!("velocity ({unit}/s)").into(),
         kind: Kind::Plain,
     };
-    let caption = "How often each velocity of the struts occurs.";
-    let title = "Velocity of the suspension";
-    let figure = plain("travel-velocity", title, caption, "velocity (m/s)", velocity);
-    all.push((figure, reason));
-    let caption = "Power spectral density of the deflection, averaged over segments.";
-    let title = "Spectrum of the suspension";
-    all.push((plain("travel-spectrum", title, caption, "frequency (Hz)", spectrum), reason));
+    let spectrum = Figure {
+        id: "travel-spectrum".into(),
+        title: "Spectrum of the suspension".into(),
+        caption: "Power spectral density of the deflection, averaged over segments.".into(),
+        panels: vec![spectrum],
+        x_label: "frequency (Hz)".into(),
+        kind: Kind::Plain,
+    };
+    all.extend([travel, velocity, spectrum].map(|figure| (figure, NO_POTENTIOMETER)));
 }
 
 /// Histogram of the velocity: middle of the bins, and per cent.
-fn velocities(frame: &Frame, values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let times = frame.time_s.windows(2);
-    let velocities = times.zip(values.windows(2)).filter_map(|(time, value)| {
+fn velocities(times: &[f64], values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let steps = times.windows(2);
+    let velocities = steps.zip(values.windows(2)).filter_map(|(time, value)| {
         let step_s = time[1] - time[0];
         let velocity = f64::from(value[1] - value[0]) / step_s;
         (step_s > 0.0 && step_s < GAP_S && velocity.is_finite()).then_some(velocity)
@@ -88,13 +105,16 @@ fn velocities(frame: &Frame, values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
     }
     let middle = |bin: usize| ((bin as f64 + 0.5) / BINS as f64 * 2.0 - 1.0) * most;
     let part = |count: &usize| *count as f64 / velocities.len() as f64 * 100.0;
-    Some(((0..BINS).map(middle).collect(), counts.iter().map(part).collect()))
+    Some((
+        (0..BINS).map(middle).collect(),
+        counts.iter().map(part).collect(),
+    ))
 }
 
 /// Power spectral density by Welch's method with a Hann window: frequency, and log10 of the density.
-fn power(frame: &Frame, values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let (first, last) = (frame.time_s.first()?, frame.time_s.last()?);
-    let interval_s = (last - first) / (frame.len().checked_sub(1)?.max(1)) as f64;
+fn power(times: &[f64], values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (first, last) = (times.first()?, times.last()?);
+    let interval_s = (last - first) / times.len().checked_sub(1)?.max(1) as f64;
     let turn = std::f64::consts::TAU / SEGMENT as f64;
     let waves: Vec<[f64; 2]> = (0..SEGMENT)
         .map(|k| [math::cos(turn * k as f64), math::sin(turn * k as f64)])
@@ -127,7 +147,9 @@ fn power(frame: &Frame, values: &[f32]) -> Option<(Vec<f64>, Vec<f64>)> {
     // The mean square of a Hann window is 3/8; both signs of a frequency count.
     let scale = 2.0 * interval_s / (SEGMENT as f64 * 0.375 * f64::from(segments));
     let frequencies = (1..half).map(|order| order as f64 / (SEGMENT as f64 * interval_s));
-    let powers = density[1..].iter().map(|sum| math::log10((sum * scale).max(1e-30)));
+    let powers = density[1..]
+        .iter()
+        .map(|sum| math::log10((sum * scale).max(1e-30)));
     Some((frequencies.collect(), powers.collect()))
 }
 
@@ -164,7 +186,12 @@ fn rates(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let caption = "Samples of each topic in each second, and the time from the instant that a sample \
                    is for to its arrival.";
     all.push((
-        timed("sources-rates", "Rates and latencies", caption, vec![counts, latencies]),
+        timed(
+            "sources-rates",
+            "Rates and latencies",
+            caption,
+            vec![counts, latencies],
+        ),
         "the log has no decoded samples of a sensor",
     ));
 }
@@ -178,18 +205,14 @@ mod tests {
         let time_s: Vec<f64> = (0..2560).map(|k| f64::from(k) * 0.01).collect();
         let wave = |t: &f64| (0.02 * math::sin(std::f64::consts::TAU * 12.5 * t)) as f32;
         let values: Vec<f32> = time_s.iter().map(wave).collect();
-        let frame = Frame {
-            time_s,
-            ..Frame::default()
-        };
-        let (x, y) = power(&frame, &values).unwrap();
+        let (x, y) = power(&time_s, &values).unwrap();
         let top = (0..y.len()).max_by(|a, b| y[*a].total_cmp(&y[*b])).unwrap();
         assert!((x[top] - 12.5).abs() < 0.2, "{}", x[top]);
         // Half the square of the amplitude.
         let df = x[1] - x[0];
         let sum: f64 = y.iter().map(|p| 10_f64.powf(*p) * df).sum();
         assert!((sum - 0.0002).abs() < 0.00001, "{sum}");
-        let (_, part) = velocities(&frame, &values).unwrap();
+        let (_, part) = velocities(&time_s, &values).unwrap();
         assert!((part.iter().sum::<f64>() - 100.0).abs() < 1e-9);
     }
 }

@@ -71,7 +71,9 @@ fn axle_forces(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
                 continue;
             };
             let sum = left.iter().zip(right);
-            let sum = sum.map(|(a, b)| (f64::from(a + b) * factor) as f32).collect();
+            let sum = sum
+                .map(|(a, b)| (f64::from(a + b) * factor) as f32)
+                .collect();
             let spec = Spec::new(name, "", Quantity::Force).pen(pen);
             one.traces
                 .extend(curves.of_values(&frame.time_s, sum, None, spec));
@@ -89,10 +91,6 @@ fn axle_forces(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 pub fn motion(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     speed(curves, all);
     steer(curves, all);
-    let label = |curves: &Curves<'_>, name: &str, quantity| {
-        format!("{name} ({})", curves.unit(quantity))
-    };
-    let y_label = label(curves, "rate", Quantity::Rate);
     let rates = [
         Spec::new("roll rate", "roll_rate_rad_s", Quantity::Rate).pen(Pen::Other(0)),
         Spec::new("pitch rate", "pitch_rate_rad_s", Quantity::Rate).pen(Pen::Other(1)),
@@ -100,34 +98,13 @@ pub fn motion(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
             .pen(Pen::Other(2))
             .important(),
     ];
-    let panels = curves.motion_panels(&y_label, &rates);
-    all.push((timed("rates", "Angular rates", "Body axes.", panels), NO_ESTIMATES));
-
-    let y_label = label(curves, "sideslip", Quantity::Angle);
-    let sideslip = Spec::new("sideslip", "sideslip_rad", Quantity::Angle)
-        .sigma("sideslip_sigma_rad")
-        .important()
-        .needs_speed();
-    let panels = curves.motion_panels(&y_label, &[sideslip]);
-    let caption = "At the centre of gravity, with one standard deviation. Below walking pace the \
-                   angle means little and is left out.";
-    all.push((timed("sideslip", "Sideslip angle", caption, panels), NO_ESTIMATES));
-
-    let y_label = label(curves, "slip angle", Quantity::Angle);
-    let mut panels = Vec::new();
-    for (wheel, heading) in WHEELS {
-        let column = format!("{wheel}.slip_angle_rad");
-        let spec = Spec::new("slip angle", &column, Quantity::Angle).needs_speed();
-        let mut pair = curves.motion_panels(&y_label, &[spec]);
-        pair[0].heading = heading.to_owned();
-        panels.extend(pair);
-    }
-    let caption = "A positive slip angle gives a negative lateral force.";
-    all.push((timed("slip-angles", "Slip angles", caption, panels), NO_ESTIMATES));
-
+    let panels = labelled(curves, "rate", &rates);
+    all.push((
+        timed("rates", "Angular rates", "Body axes.", panels),
+        NO_ESTIMATES,
+    ));
+    slip(curves, all);
     rollover(curves, all);
-
-    let y_label = label(curves, "angle", Quantity::Angle);
     let attitude = [
         Spec::new("roll", "roll_rad", Quantity::Angle)
             .pen(Pen::Other(0))
@@ -136,11 +113,12 @@ pub fn motion(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
             .pen(Pen::Other(1))
             .important(),
     ];
-    let panels = curves.motion_panels(&y_label, &attitude);
+    let panels = labelled(curves, "angle", &attitude);
     let caption = "Right side down and nose down are positive.";
-    all.push((timed("attitude", "Roll and pitch", caption, panels), NO_ESTIMATES));
-
-    let y_label = label(curves, "acceleration", Quantity::Acceleration);
+    all.push((
+        timed("attitude", "Roll and pitch", caption, panels),
+        NO_ESTIMATES,
+    ));
     let acceleration = [
         Spec::new("forward", "acceleration_m_s2.x", Quantity::Acceleration)
             .pen(Pen::Other(0))
@@ -149,9 +127,46 @@ pub fn motion(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
             .pen(Pen::Other(1))
             .important(),
     ];
-    let panels = curves.motion_panels(&y_label, &acceleration);
+    let panels = labelled(curves, "acceleration", &acceleration);
     let caption = "Of the centre of gravity, without gravity.";
-    all.push((timed("acceleration", "Acceleration", caption, panels), NO_ESTIMATES));
+    all.push((
+        timed("acceleration", "Acceleration", caption, panels),
+        NO_ESTIMATES,
+    ));
+}
+
+/// Panels of the motion with the unit of their first curve in the label.
+fn labelled(curves: &mut Curves<'_>, name: &str, specs: &[Spec<'_>]) -> Vec<Panel> {
+    let label = format!("{name} ({})", curves.unit(specs[0].quantity));
+    curves.motion_panels(&label, specs)
+}
+
+/// Sideslip and slip angles.
+fn slip(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
+    let sideslip = Spec::new("sideslip", "sideslip_rad", Quantity::Angle)
+        .sigma("sideslip_sigma_rad")
+        .important()
+        .needs_speed();
+    let panels = labelled(curves, "sideslip", &[sideslip]);
+    let caption = "At the centre of gravity, with one standard deviation. Below walking pace the \
+                   angle means little and is left out.";
+    all.push((
+        timed("sideslip", "Sideslip angle", caption, panels),
+        NO_ESTIMATES,
+    ));
+    let mut panels = Vec::new();
+    for (wheel, heading) in WHEELS {
+        let column = format!("{wheel}.slip_angle_rad");
+        let spec = Spec::new("slip angle", &column, Quantity::Angle).needs_speed();
+        let mut pair = labelled(curves, "slip angle", &[spec]);
+        heading.clone_into(&mut pair[0].heading);
+        panels.extend(pair);
+    }
+    let caption = "A positive slip angle gives a negative lateral force.";
+    all.push((
+        timed("slip-angles", "Slip angles", caption, panels),
+        NO_ESTIMATES,
+    ));
 }
 
 fn speed(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
@@ -165,9 +180,10 @@ fn speed(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         let [Some(east), Some(north)] = parts else {
             continue;
         };
-        let speed = east.iter().zip(north).map(|(east, north)| {
-            (math::hypot((*east).into(), (*north).into()) * factor) as f32
-        });
+        let speed = east
+            .iter()
+            .zip(north)
+            .map(|(east, north)| (math::hypot((*east).into(), (*north).into()) * factor) as f32);
         let name = format!("antenna of {}", topic.trim_start_matches("/gnss/"));
         let spec = Spec::new(&name, "", Quantity::Speed).pen(Pen::Other(index));
         let speed = speed.collect();
@@ -181,7 +197,10 @@ fn speed(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 
 fn steer(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let drive = curves.drive;
-    let wheels = [("road wheel FL", "fl.steer_rad"), ("road wheel FR", "fr.steer_rad")];
+    let wheels = [
+        ("road wheel FL", "fl.steer_rad"),
+        ("road wheel FR", "fr.steer_rad"),
+    ];
     let mut traces: Vec<Trace> = Vec::new();
     for (index, (name, column)) in wheels.into_iter().enumerate() {
         let spec = Spec::new(name, column, Quantity::Angle).pen(Pen::Other(index + 1));
@@ -214,8 +233,18 @@ fn rollover(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     };
     let traces = [
         curve(curves, "vehicle", "load_transfer_ratio", Pen::Measured),
-        curve(curves, "front axle", "front.load_transfer_ratio", Pen::Other(0)),
-        curve(curves, "rear axle", "rear.load_transfer_ratio", Pen::Other(1)),
+        curve(
+            curves,
+            "front axle",
+            "front.load_transfer_ratio",
+            Pen::Other(0),
+        ),
+        curve(
+            curves,
+            "rear axle",
+            "rear.load_transfer_ratio",
+            Pen::Other(1),
+        ),
     ];
     let caption = "Right less left over the sum of the loads. At 1 the left wheels, at -1 the right \
                    wheels are off the ground.";
@@ -233,7 +262,9 @@ pub fn grip(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     type Pick = fn(&AxleGrip) -> f64;
     let parts: [(&str, usize, bool, Pick); 3] = [
         ("stiffness factor", 0, false, |grip| grip.stiffness_factor),
-        ("friction", 2, false, |grip| grip.friction.unwrap_or(f64::NAN)),
+        ("friction", 2, false, |grip| {
+            grip.friction.unwrap_or(f64::NAN)
+        }),
         ("friction, at least", 2, true, |grip| {
             grip.friction.map_or(grip.friction_min, |_| f64::NAN)
         }),
@@ -268,7 +299,11 @@ pub fn grip(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 fn innovations(curves: &Curves<'_>, all: &mut Vec<Candidate>, x: &[f64]) {
     let mut one: Panel = panel("mean y²/S", None);
     for kind in sample::InnovationKind::ALL {
-        let of_kind = curves.drive.learnt.iter().map(|p| p.innovations[kind.index()]);
+        let of_kind = curves
+            .drive
+            .learnt
+            .iter()
+            .map(|p| p.innovations[kind.index()]);
         let y: Vec<f64> = of_kind
             .map(|found| match found.count {
                 0 => f64::NAN,
@@ -297,7 +332,11 @@ pub fn colours(curves: &mut Curves<'_>) -> Vec<Trace> {
     let label = |name: &str, unit: &str| format!("{name} ({unit})");
     let motion = [
         ("speed", "velocity_x_m_s", Quantity::Speed),
-        ("lateral acceleration", "acceleration_m_s2.y", Quantity::Acceleration),
+        (
+            "lateral acceleration",
+            "acceleration_m_s2.y",
+            Quantity::Acceleration,
+        ),
         ("sideslip", "sideslip_rad", Quantity::Angle),
         ("roll", "roll_rad", Quantity::Angle),
     ];
@@ -311,7 +350,11 @@ pub fn colours(curves: &mut Curves<'_>) -> Vec<Trace> {
         };
         all.extend(curves.curve(&drive.motion, spec));
     }
-    let spec = Spec::new("load-transfer ratio", "load_transfer_ratio", Quantity::Number);
+    let spec = Spec::new(
+        "load-transfer ratio",
+        "load_transfer_ratio",
+        Quantity::Number,
+    );
     all.extend(curves.curve(&drive.rollover, spec.important()));
     all
 }

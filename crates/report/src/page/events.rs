@@ -28,7 +28,11 @@ pub fn table(drive: &Drive, body: &mut String) {
             Severity::Warning => "warning",
             Severity::Error => "error",
         };
-        rows.push((message.time, kind, format!("{}: {}", message.name, message.text)));
+        rows.push((
+            message.time,
+            kind,
+            format!("{}: {}", message.name, message.text),
+        ));
     }
     if rows.is_empty() {
         body.push_str("<p class=\"caption\">None.</p>");

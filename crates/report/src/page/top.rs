@@ -93,7 +93,10 @@ fn wheels(summary: &Summary, frame: &str, body: &mut String) {
 }
 
 fn wheel(row: &WheelRow, body: &mut String) {
-    for (index, name) in ["F<sub>x</sub>", "F<sub>y</sub>", "F<sub>z</sub>"].into_iter().enumerate() {
+    for (index, name) in ["F<sub>x</sub>", "F<sub>y</sub>", "F<sub>z</sub>"]
+        .into_iter()
+        .enumerate()
+    {
         let first = if index == 0 { row.name } else { "" };
         let _ = write!(body, "<tr><td>{first}</td><td>{name}</td>");
         let cells = row.axes[index].map(|axis: Axis| {
@@ -161,7 +164,7 @@ pub fn lacking(figures: &Figures, body: &mut String) {
             None => by_reason.push((reason, vec![title])),
         }
     }
-    body.push_str("<details id=\"lacking\"><summary>What this log lacks</summary><ul>");
+    body.push_str("<details id=\"lacking\" open><summary>What this log lacks</summary><ul>");
     for (reason, titles) in by_reason {
         let _ = write!(body, "<li>{}: {}.</li>", titles.join(", "), html(reason));
     }

@@ -31,7 +31,12 @@ impl Summary {
             .collect();
         let rows = self.vehicle_rows.iter();
         let vehicle: Map<String, Value> = rows
-            .map(|row| (row.key.to_owned(), json!({"value": row.value, "unit": row.unit})))
+            .map(|row| {
+                (
+                    row.key.to_owned(),
+                    json!({"value": row.value, "unit": row.unit}),
+                )
+            })
             .collect();
         json!({
             "files": drive.files.iter().map(|(name, _)| name).collect::<Vec<_>>(),

@@ -17,13 +17,18 @@ pub fn of(drive: &Drive, summary: &Summary) -> Vec<String> {
     }
     let resets = count(|kind| matches!(kind, EventKind::FilterReset));
     if resets > 0 {
-        verdict.push(format!("a filter was reset {}", many(resets, "time", "times")));
+        verdict.push(format!(
+            "a filter was reset {}",
+            many(resets, "time", "times")
+        ));
     }
     if !summary.gaps_s.is_empty() {
         let longest = summary.gaps_s.iter().map(|[from, to]| to - from);
         let longest = longest.fold(0.0, f64::max);
         let gaps = many(summary.gaps_s.len(), "gap", "gaps");
-        verdict.push(format!("{gaps} in the estimates, the longest {longest:.1} s"));
+        verdict.push(format!(
+            "{gaps} in the estimates, the longest {longest:.1} s"
+        ));
     }
     verdict.push(match summary.consistent {
         Some((inside, windows)) => format!(

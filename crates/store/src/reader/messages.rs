@@ -53,8 +53,9 @@ impl Selection {
     /// The test of a topic, fast for many topics.
     fn filter(&self) -> impl Fn(&str) -> bool {
         let all = self.topics.iter().flatten();
-        let (beginnings, whole): (Vec<&str>, Vec<&str>) =
-            all.map(String::as_str).partition(|topic| topic.ends_with('*'));
+        let (beginnings, whole): (Vec<&str>, Vec<&str>) = all
+            .map(String::as_str)
+            .partition(|topic| topic.ends_with('*'));
         let whole: BTreeSet<&str> = whole.into_iter().collect();
         let takes_all = self.topics.is_none();
         move |topic| {
@@ -212,7 +213,10 @@ impl MessageIter {
         };
         let open = self.open.as_ref()?;
         let Located { header, data } = located;
-        let channel = open.channels.get(usize::from(header.channel_id))?.as_ref()?;
+        let channel = open
+            .channels
+            .get(usize::from(header.channel_id))?
+            .as_ref()?;
         Some(Ok(MessageRef {
             channel,
             sequence: header.sequence,
@@ -415,49 +419,85 @@ pub(super) fn signals(message: MessageRef<'_>) -> Result<Vec<Signal>> {
         .map_err(|cause| bad_message(message)(cause.into()))
 }
 
-/// Joins the parts of each instant, which are adjacent in the log.
+/// Puts the estimates of a stage together from their parts, which are adjacent in the log.
+#[derive(Clone, Debug)]
+pub struct EstimateJoiner {
+    stage: Stage,
+    open: Option<Estimate>,
+}
+
+impl EstimateJoiner {
+    /// A joiner of the estimates of a stage. Those of [`Stage::Estimate`] have the forces that the model
+    /// expects, too.
+    #[must_use]
+    pub const fn new(stage: Stage) -> Self {
+        Self { stage, open: None }
+    }
+
+    /// Takes a record, and returns the estimate before it if the record is of another instant. Records
+    /// of other stages are left out.
+    pub fn push(&mut self, record: &Record) -> Option<Estimate> {
+        let is_own = |stage: Stage| {
+            stage == self.stage || (self.stage == Stage::Estimate && stage == Stage::Model)
+        };
+        let time = match record {
+            Record::Motion { time, stage, .. } if *stage == self.stage => *time,
+            Record::TyreForces { time, stage, .. } if is_own(*stage) => *time,
+            Record::Rollover { time, .. } if self.stage == Stage::Estimate => *time,
+            _ => return None,
+        };
+        let done = self.open.take_if(|open| open.time != time);
+        let estimate = self.open.get_or_insert_with(|| unknown_estimate(time));
+        match record {
+            Record::Motion { motion, .. } => estimate.motion = *motion,
+            Record::Rollover { rollover, .. } => estimate.rollover = *rollover,
+            Record::TyreForces {
+                forces,
+                frame,
+                stage: of,
+                ..
+            } => match frame {
+                _ if *of != self.stage => estimate.expected = *forces,
+                ForceFrame::Contact => estimate.measured = *forces,
+                ForceFrame::WheelCarrier => estimate.carrier = *forces,
+            },
+            _ => {}
+        }
+        done
+    }
+
+    /// The last estimate.
+    #[must_use]
+    pub fn finish(self) -> Option<Estimate> {
+        self.open
+    }
+}
+
+/// Joins the parts of each instant.
 pub(super) fn joined(
     messages: MessageIter,
     stage: Stage,
 ) -> impl Iterator<Item = Result<Estimate>> {
     let mut messages = messages.fuse();
-    let mut open: Option<Estimate> = None;
+    // The model is joined with the estimates.
+    let stage = match stage {
+        Stage::Model => Stage::Estimate,
+        stage => stage,
+    };
+    let mut joiner = Some(EstimateJoiner::new(stage));
     std::iter::from_fn(move || {
         loop {
             let Some(message) = messages.next() else {
-                return open.take().map(Ok);
+                return joiner.take()?.finish().map(Ok);
             };
-            let record = match message.and_then(|message| message.record()) {
-                Ok(record) => record,
+            match message.and_then(|message| message.record()) {
                 Err(error) => return Some(Err(error)),
-            };
-            let time = match &record {
-                Some(
-                    Record::Motion { time, .. }
-                    | Record::TyreForces { time, .. }
-                    | Record::Rollover { time, .. },
-                ) => *time,
-                _ => continue,
-            };
-            let done = open.take_if(|open| open.time != time);
-            let estimate = open.get_or_insert_with(|| unknown_estimate(time));
-            match record {
-                Some(Record::Motion { motion, .. }) => estimate.motion = motion,
-                Some(Record::Rollover { rollover, .. }) => estimate.rollover = rollover,
-                Some(Record::TyreForces {
-                    forces,
-                    frame,
-                    stage: of,
-                    ..
-                }) => match frame {
-                    _ if of != stage => estimate.expected = forces,
-                    ForceFrame::Contact => estimate.measured = forces,
-                    ForceFrame::WheelCarrier => estimate.carrier = forces,
-                },
-                _ => {}
-            }
-            if let Some(done) = done {
-                return Some(Ok(done));
+                Ok(None) => {}
+                Ok(Some(record)) => {
+                    if let Some(done) = joiner.as_mut()?.push(&record) {
+                        return Some(Ok(done));
+                    }
+                }
             }
         }
     })
