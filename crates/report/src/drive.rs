@@ -78,6 +78,8 @@ pub struct Drive {
     pub rollover: Frame,
     /// Values of sensors by topic.
     pub sensors: BTreeMap<String, Frame>,
+    /// Travel of the suspension by the column of each wheel.
+    pub travel: BTreeMap<String, Frame>,
     /// Longitude and latitude of the first position of each receiver, rad.
     origins: BTreeMap<String, Option<[f64; 2]>>,
     /// Rates and latencies of the sensors by topic.
@@ -289,14 +291,26 @@ impl Drive {
         }
         let start_ns = self.start.0;
         let is_force = |name: &str| name.ends_with("_n") && !name.contains("moment");
-        let is_shown_truth = |name: &str| !name.contains("rate") || name.starts_with("yaw");
+        let is_shown = |name: &str| {
+            let hidden = [
+                "velocity_y",
+                "bank",
+                "grade",
+                "rl.steer",
+                "rr.steer",
+                "acceleration_m_s2.z",
+            ];
+            !hidden.iter().any(|hidden| name.starts_with(hidden))
+        };
         match sink {
-            Sink::Motion => self.motion.extend(&table, start_ns, |_| true),
+            Sink::Motion => self.motion.extend(&table, start_ns, is_shown),
             Sink::Forces => self.forces.extend(&table, start_ns, is_force),
             Sink::Model => self.model.extend(&table, start_ns, |name| {
                 is_force(name) && !name.contains("sigma")
             }),
-            Sink::TruthMotion => self.truth_motion.extend(&table, start_ns, is_shown_truth),
+            Sink::TruthMotion => self.truth_motion.extend(&table, start_ns, |name| {
+                is_shown(name) && !name.contains("steer") && !name.contains("sigma")
+            }),
             Sink::TruthForces => self.truth_forces.extend(&table, start_ns, |name| {
                 is_force(name) && !name.contains("sigma")
             }),
@@ -314,9 +328,22 @@ impl Drive {
                 sources::to_local(&mut table, origin);
                 let rates = self.rates.entry(topic.clone()).or_default();
                 rates.add(&table, start_ns);
-                let frame = self.sensors.entry(topic.clone()).or_default();
-                frame.extend(&table, start_ns, sources::is_drawn);
+                self.take_sensor(topic, &table);
             }
+        }
+    }
+
+    /// Keeps the values of a sensor that are drawn. Each wheel of the suspension has a frame of its own:
+    /// its samples have instants of their own.
+    fn take_sensor(&mut self, topic: &str, table: &store::Table) {
+        if topic.starts_with("/deflection") {
+            for column in table.columns.iter().filter(|c| sources::is_travel(&c.name)) {
+                let frame = self.travel.entry(column.name.clone()).or_default();
+                frame.extend_present(table, self.start.0, &column.name);
+            }
+        } else if table.columns.iter().any(|c| sources::is_drawn(&c.name)) {
+            let frame = self.sensors.entry(topic.to_owned()).or_default();
+            frame.extend(table, self.start.0, sources::is_drawn);
         }
     }
 
@@ -346,12 +373,14 @@ impl Drive {
         ];
         own.into_iter().for_each(Frame::finish);
         self.sensors.values_mut().for_each(Frame::finish);
+        self.travel.values_mut().for_each(Frame::finish);
         let grid = &self.motion.time_s;
-        if !grid.is_empty() {
+        if !grid.is_empty() && self.truth_motion.time_s != *grid {
             self.truth_motion = self.truth_motion.on(grid);
         }
-        if !self.forces.is_empty() {
-            self.truth_forces = self.truth_forces.on(&self.forces.time_s);
+        let grid = &self.forces.time_s;
+        if !grid.is_empty() && self.truth_forces.time_s != *grid {
+            self.truth_forces = self.truth_forces.on(grid);
         }
     }
 

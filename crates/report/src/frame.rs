@@ -59,6 +59,25 @@ impl Frame {
         }
     }
 
+    /// Adds the rows of a table in which a column has a value, with that column alone.
+    pub fn extend_present(&mut self, table: &Table, start_ns: u64, name: &str) {
+        let Some(column) = table.columns.iter().find(|column| column.name == name) else {
+            return;
+        };
+        let mut values = Vec::new();
+        extend(&mut values, &column.values);
+        let start = start_ns.cast_signed();
+        let sink = self.columns.entry(name.to_owned()).or_default();
+        for (row, (time_ns, value)) in table.publish_time_ns.iter().zip(values).enumerate() {
+            let is_present = column.present.as_ref().is_none_or(|present| present[row]);
+            if is_present && value.is_finite() {
+                self.time_s
+                    .push(time_ns.saturating_sub(start) as f64 * 1e-9);
+                sink.push(value);
+            }
+        }
+    }
+
     /// Sorts the rows by time, if they are not, and removes columns without a finite value.
     pub fn finish(&mut self) {
         if !self.time_s.is_sorted() {
@@ -81,11 +100,13 @@ impl Frame {
         self.columns.get(name).map(Vec::as_slice)
     }
 
-    /// The finite values of a column with their times.
-    pub fn finite(&self, name: &str) -> Option<(Vec<f64>, Vec<f32>)> {
-        let values = self.get(name)?;
-        let pairs = self.time_s.iter().zip(values);
-        Some(pairs.filter(|(_, value)| value.is_finite()).unzip())
+    /// A frame without columns.
+    #[cfg(test)]
+    pub fn at(time_s: Vec<f64>) -> Self {
+        Self {
+            time_s,
+            columns: BTreeMap::new(),
+        }
     }
 
     /// Adds a column.

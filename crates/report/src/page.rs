@@ -204,25 +204,19 @@ mod tests {
     #[test]
     fn texts_of_a_log_cannot_leave_their_place() {
         const NAME: &str = "<!--<script>\u{1b}\u{202e}";
-        let mut drive = Drive {
-            files: vec![(NAME.into(), 1)],
-            limits: vec!["no hard-points".to_owned()],
-            missing: vec![NAME.into()],
-            facts: vec![(NAME.into(), NAME.into())],
-            attachments: vec![Attachment {
-                name: NAME.into(),
-                media_type: String::new(),
-                data: NAME.into(),
-            }],
-            span_s: [0.0, 1.0],
-            marks: vec![(LogTime(0), NAME.into())],
-            stage: "estimate",
-            ..Drive::default()
-        };
-        let mut frame = crate::frame::Frame {
-            time_s: vec![0.0, 1.0],
-            ..crate::frame::Frame::default()
-        };
+        let mut drive = Drive::default();
+        drive.files = vec![(NAME.into(), 1)];
+        drive.limits = vec!["no hard-points".to_owned()];
+        drive.missing = vec![NAME.into()];
+        drive.facts = vec![(NAME.into(), NAME.into())];
+        drive.attachments = vec![Attachment {
+            name: NAME.into(),
+            media_type: String::new(),
+            data: NAME.into(),
+        }];
+        drive.span_s = [0.0, 1.0];
+        drive.marks = vec![(LogTime(0), NAME.into())];
+        let mut frame = crate::frame::Frame::at(vec![0.0, 1.0]);
         for name in [
             "velocity_m_s.east",
             "velocity_m_s.north",

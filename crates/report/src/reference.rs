@@ -122,10 +122,7 @@ mod tests {
 
     #[test]
     fn distance_counts_no_gap() {
-        let mut motion = Frame {
-            time_s: vec![0.0, 1.0, 1.1, 1.2, 100.0],
-            ..Frame::default()
-        };
+        let mut motion = Frame::at(vec![0.0, 1.0, 1.1, 1.2, 100.0]);
         motion.set("velocity_x_m_s", vec![10.0, 10.0, 10.0, f32::NAN, -10.0]);
         let found: Vec<String> = distance_m(&motion)
             .iter()

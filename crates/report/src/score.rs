@@ -147,7 +147,6 @@ pub fn score_with(
     let Drive {
         truth,
         estimates,
-        lagged,
         events,
         reports,
         friction,
@@ -159,6 +158,7 @@ pub fn score_with(
     let seconds = pairs.len() as f64 * INTERVAL_S;
     drop(pairs);
     if has_lagged(reader) {
+        let lagged = reader.of_stage(Stage::Lagged).collect::<Result<_, _>>()?;
         let lagged = paired(&truth, lagged, from_s)?;
         forces.extend(forces::find(&lagged, Stage::Lagged.name(), &loads));
     }

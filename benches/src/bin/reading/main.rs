@@ -5,7 +5,11 @@
 //! `reading stretch LOG HOURS OUTPUT`: writes the messages of a log again and again, until they have
 //! so many hours; `reading topics COUNT OUTPUT`: writes a log of so many topics.
 
-#![allow(clippy::disallowed_methods, reason = "it takes arguments and measures")]
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "it takes arguments and measures"
+)]
 
 mod plain;
 

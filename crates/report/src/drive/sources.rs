@@ -92,8 +92,11 @@ pub fn to_local(table: &mut Table, origin: &mut Option<[f64; 2]>) {
 /// Whether the values of a sensor's column are drawn.
 pub fn is_drawn(name: &str) -> bool {
     name == "steering_wheel_rad"
-        || name.ends_with("deflection_m")
-        || (name.ends_with(".raw_counts") && name.len() == "fl.raw_counts".len())
         || name.starts_with("velocity_m_s.")
         || matches!(name, "east_m" | "north_m")
+}
+
+/// Whether a column is the travel of a wheel's suspension, in metres or in counts.
+pub fn is_travel(name: &str) -> bool {
+    name.ends_with(".deflection_m") || name.ends_with(".raw_counts")
 }

@@ -4,7 +4,7 @@ use super::curves::{Curves, Spec};
 use super::{Candidate, WHEELS, panel, timed};
 use crate::frame::GAP_S;
 use crate::options::Quantity;
-use crate::plot::{Data, Figure, Kind, Panel, Pen, Trace};
+use crate::plot::{Data, Figure, Kind, Pen, Trace};
 
 /// Bins of the histogram of velocities.
 const BINS: usize = 80;
@@ -21,15 +21,12 @@ pub fn all(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
 
 fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let drive = curves.drive;
-    let deflection = drive
-        .sensors
-        .iter()
-        .find(|(topic, _)| topic.starts_with("/deflection"));
     let mut panels = Vec::new();
     let (factor, metres) = curves.options.units.of(Quantity::Length);
     let is_calibrated = |wheel: &(&str, &str)| {
         let column = format!("{}.deflection_m", wheel.0);
-        deflection.is_some_and(|(_, frame)| frame.get(&column).is_some())
+        let frame = drive.travel.get(&column);
+        frame.is_some_and(|frame| !frame.is_empty())
     };
     let (column, factor, unit) = match WHEELS.iter().any(is_calibrated) {
         true => ("deflection_m", factor, metres),
@@ -38,10 +35,12 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
     let mut velocity = panel("part of the time (%)", None);
     let mut spectrum = panel(format!("log10 of ({unit})²/Hz"), None);
     for (index, (wheel, name)) in WHEELS.into_iter().enumerate() {
-        let Some((_, frame)) = deflection else { break };
-        let Some((times, mut values)) = frame.finite(&format!("{wheel}.{column}")) else {
+        let column = format!("{wheel}.{column}");
+        let Some(frame) = drive.travel.get(&column) else {
             continue;
         };
+        let times = &frame.time_s;
+        let mut values = frame.get(&column).unwrap_or_default().to_vec();
         for value in &mut values {
             *value = (f64::from(*value) * factor) as f32;
         }
@@ -53,10 +52,10 @@ fn suspension(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         };
         velocity
             .traces
-            .extend(velocities(&times, &values).map(trace));
-        spectrum.traces.extend(power(&times, &values).map(trace));
+            .extend(velocities(times, &values).map(trace));
+        spectrum.traces.extend(power(times, &values).map(trace));
         let spec = Spec::new("travel", "", Quantity::Length);
-        let travel = curves.of_values(&times, values, None, spec);
+        let travel = curves.of_values(times, values, None, spec);
         let mut one = panel(format!("travel ({unit})"), travel);
         one.heading = name.to_owned();
         panels.push(one);
@@ -210,7 +209,7 @@ mod tests {
         assert!((x[top] - 12.5).abs() < 0.2, "{}", x[top]);
         // Half the square of the amplitude.
         let df = x[1] - x[0];
-        let sum: f64 = y.iter().map(|p| 10_f64.powf(*p) * df).sum();
+        let sum: f64 = y.iter().map(|p| math::powf(10.0, *p) * df).sum();
         assert!((sum - 0.0002).abs() < 0.00001, "{sum}");
         let (_, part) = velocities(&time_s, &values).unwrap();
         assert!((part.iter().sum::<f64>() - 100.0).abs() < 1e-9);

@@ -1,4 +1,5 @@
-//! What a score needs of a log, read in one pass.
+//! What a score needs of a log. The lagged estimates are read after the others are judged: all
+//! estimates together need too much memory.
 
 use std::rc::Rc;
 
@@ -12,7 +13,6 @@ use super::{ScoreError, TruthByTime};
 pub(super) struct Drive {
     pub truth: TruthByTime,
     pub estimates: Vec<Estimate>,
-    pub lagged: Vec<Estimate>,
     pub events: Vec<Event>,
     pub reports: Vec<Parameters>,
     /// Friction coefficients of the truth.
@@ -32,10 +32,10 @@ impl Drive {
             Stage::Estimate => "/model/tyre_forces".to_owned(),
             stage => format!("/{}/*", stage.name()),
         };
-        let topics = ["/estimate/*", "/lagged/*", "/truth/*"].map(str::to_owned);
+        let topics = ["/estimate/*", "/truth/*"].map(str::to_owned);
         let topics = topics.into_iter().chain([own]);
         let mut messages = reader.messages(Selection::topics(topics));
-        let mut joiners = [Stage::Truth, stage, Stage::Lagged].map(EstimateJoiner::new);
+        let mut joiners = [Stage::Truth, stage].map(EstimateJoiner::new);
         let mut count = 0_u32;
         while let Some(message) = messages.next_ref() {
             if let Some(record) = message?.record()? {
@@ -69,8 +69,7 @@ impl Drive {
             0 => {
                 self.truth.insert(estimate.time, Rc::new(estimate));
             }
-            1 => self.estimates.push(estimate),
-            _ => self.lagged.push(estimate),
+            _ => self.estimates.push(estimate),
         }
     }
 
