@@ -11,14 +11,13 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
-/// Steps between the least and the greatest value of a series: fewer than a screen shows, in a long
-/// drive.
+/// Steps between the least and the greatest value of a series, in a short and in a long drive.
 const STEPS_FINE: f64 = 65_535.0;
 const STEPS_COARSE: f64 = 4_095.0;
-/// Values of all series from which on the steps are coarse.
-const COARSE_FROM: usize = 2_000_000;
+/// The same of envelopes: a figure has fewer pixels.
+const STEPS_ENVELOPE: f64 = 1_023.0;
 /// Level of the compressor.
-const LEVEL: u8 = 9;
+const LEVEL: u8 = 6;
 
 /// Position of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,12 +36,29 @@ pub struct Blob {
     bytes: Vec<u8>,
     heads: Vec<Value>,
     known: HashMap<u64, Id>,
-    values: usize,
+    /// The drive is long: the steps are coarse.
+    pub is_long: bool,
 }
 
 impl Blob {
     /// Adds numbers; `None` without a finite one.
     pub fn add(&mut self, values: &[f32]) -> Option<Id> {
+        self.add_in_steps(
+            values,
+            if self.is_long {
+                STEPS_COARSE
+            } else {
+                STEPS_FINE
+            },
+        )
+    }
+
+    /// Adds one side of an envelope; `None` without a finite value.
+    pub fn add_envelope(&mut self, values: &[f32]) -> Option<Id> {
+        self.add_in_steps(values, STEPS_ENVELOPE)
+    }
+
+    fn add_in_steps(&mut self, values: &[f32], steps: f64) -> Option<Id> {
         let finite = || values.iter().filter(|value| value.is_finite());
         let least = finite().copied().min_by(f32::total_cmp)?;
         let greatest = finite().copied().max_by(f32::total_cmp)?;
@@ -51,11 +67,6 @@ impl Blob {
             return Some(*known);
         }
         let (least, span) = (f64::from(least), f64::from(greatest) - f64::from(least));
-        let steps = if self.values > COARSE_FROM {
-            STEPS_COARSE
-        } else {
-            STEPS_FINE
-        };
         let step = if span > 0.0 { span / steps } else { 1.0 };
         let offset = self.bytes.len();
         let mut before = 0;
@@ -68,7 +79,6 @@ impl Blob {
             varint(&mut self.bytes, zigzag(rounded - before) + 1);
             before = rounded;
         }
-        self.values += values.len();
         let head = json!({"o": offset, "n": values.len(), "l": least, "s": step});
         Some(self.insert(key, head))
     }

@@ -85,6 +85,7 @@ impl<'a> Curves<'a> {
         blob: &'a mut Blob,
     ) -> Self {
         let speed = drive.motion.get("velocity_x_m_s").unwrap_or_default();
+        blob.is_long = drive.motion.len() > LONG;
         let is_slow = speed.iter().map(|v| f64::from(v.abs()) < SLOWEST_M_S);
         Self {
             drive,
@@ -212,8 +213,8 @@ impl<'a> Curves<'a> {
                 *high = high.max(*value);
             }
         }
-        let low = self.blob.add(&low)?;
-        let high = self.blob.add(&high)?;
+        let low = self.blob.add_envelope(&low)?;
+        let high = self.blob.add_envelope(&high)?;
         let x = self.blob.add_times(&times);
         Some(Data::Envelope { x, low, high })
     }

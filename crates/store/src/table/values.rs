@@ -137,7 +137,13 @@ impl Values {
 
     /// All values; the same type without values stays, with memory for `rows` rows.
     pub(super) fn take(&mut self, rows: usize) -> Self {
-        let empty = match self {
+        let empty = self.empty(rows);
+        std::mem::replace(self, empty)
+    }
+
+    /// The same type without values, with memory for `rows` rows.
+    fn empty(&self, rows: usize) -> Self {
+        match self {
             Self::F64(_) => Self::F64(Vec::with_capacity(rows)),
             Self::I32(_) => Self::I32(Vec::with_capacity(rows)),
             Self::I64(_) => Self::I64(Vec::with_capacity(rows)),
@@ -148,10 +154,9 @@ impl Values {
             Self::Bytes(_) => Self::Bytes(Vec::new()),
             Self::List { values, .. } => Self::List {
                 ends: Vec::new(),
-                values: Box::new(values.take(0)),
+                values: Box::new(values.empty(0)),
             },
-        };
-        std::mem::replace(self, empty)
+        }
     }
 
     pub(super) fn truncate(&mut self, rows: usize) {
