@@ -206,7 +206,7 @@ fn steer(curves: &mut Curves<'_>, all: &mut Vec<Candidate>) {
         let spec = Spec::new(name, column, Quantity::Angle).pen(Pen::Other(index + 1));
         traces.extend(curves.curve(&drive.motion, spec));
     }
-    let steering = drive.sensors.iter().filter_map(|(_, frame)| {
+    let steering = drive.sensors.values().filter_map(|frame| {
         let tenth = frame.get("steering_wheel_rad")?.iter();
         let tenth = tenth.map(|angle| angle.to_degrees() / 10.0).collect();
         Some((frame, tenth))
