@@ -86,11 +86,10 @@ function chartOptions(chart, specs, width) {
     if (helper) return { label: spec.label, width: 0, points: { show: false }, class: "helper" };
     return { spanGaps: false, ...spec, value: (_, value) => short(value) };
   });
-  const span = chart.timed ? fullRange() : null;
   return {
     width, height: chart.height, bands, padding: [8, 8, 0, 0],
     legend: { live: true },
-    scales: { x: { time: false, range: (_, low, high) => (chart.timed ? range ?? span : [low, high]) } },
+    scales: { x: { time: false, range: (_, low, high) => (high > low ? [low, high] : [low, low + 1]) } },
     axes: [{ ...axis, size: 30 }, { ...axis, size: 62, label: chart.panel.y, labelFont: font, labelSize: 20,
       values: (_, ticks) => ticks.map((tick) => String(+tick.toPrecision(6))) }],
     series: [{ label: byDistance ? "m" : "s", value: (_, value) => short(value) }, ...list],
@@ -153,8 +152,8 @@ function build(chart) {
   const width = Math.max(chart.node.clientWidth, 240);
   zooming = true;
   chart.plot = new uPlot(chartOptions(chart, specs, width), joined, chart.node);
+  refresh(chart, ...(range ?? fullRange()));
   zooming = false;
-  chart.stale = false;
 }
 
 const inView = new IntersectionObserver((entries) => {
