@@ -133,7 +133,7 @@ pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreE
 /// by an error.
 ///
 /// # Errors
-/// As [`score`], and the error of `progress`.
+/// As [`score()`], and the error of `progress`.
 pub fn score_with(
     reader: &Reader,
     stage: Stage,
