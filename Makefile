@@ -65,10 +65,10 @@ licences: setup ## Licences, sources and bans of all dependencies; installs carg
 python: venv ## Reference readers on our logs, and the Python package's tests
 	@scripts/test-python
 
-browser: setup ## The live page in a real browser, and Foxglove's own client
+browser: setup ## The live page and the report in a real browser, and Foxglove's own client
 	@scripts/test-browser
 
-screenshots: setup ## Draw the pictures of the live page again (docs/live*.png); look at them
+screenshots: setup ## Draw the pictures of the live page and of the report again (docs/*.png); look at them
 	@scripts/test-browser screenshots
 
 rig: ## The bounded rig: SocketCAN, SJA1000 and UARTs in a real kernel

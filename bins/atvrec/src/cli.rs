@@ -7,7 +7,7 @@ mod number;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use sim::Manoeuvre;
 
 pub use identify::{
@@ -66,6 +66,8 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Write a self-contained HTML report of a log.
     Report(ReportArgs),
+    /// List the events of a log, or write the seconds around each of them.
+    Events(EventsArgs),
     /// Compare the estimates of a log with the truth or another log.
     Score(ScoreArgs),
     /// Record, replay and report a virtual drive, without hardware.
@@ -241,6 +243,70 @@ pub struct ReportArgs {
     /// Report to write (HTML); it needs no network.
     #[arg(short, long, default_value = "report.html", value_name = "FILE")]
     pub output: PathBuf,
+    /// Leave out earlier data; seconds from the start of the log.
+    #[arg(long = "from", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
+    pub from_s: Option<f64>,
+    /// Leave out later data; seconds from the start of the log.
+    #[arg(long = "to", value_name = "SECONDS", value_parser = number::moment_s, allow_negative_numbers = true)]
+    pub to_s: Option<f64>,
+    /// Show only 5 s around an event: its number in `atvrec events`, or the first one of a kind.
+    #[arg(long, value_name = "EVENT", conflicts_with_all = ["from_s", "to_s"])]
+    pub around: Option<String>,
+    /// Draw the estimates of these logs of another run beside this one.
+    #[arg(long, value_name = "LOG")]
+    pub against: Vec<PathBuf>,
+    /// Compare with the other run at the same time or at the same distance.
+    #[arg(long, value_enum, default_value = "time", requires = "against")]
+    pub by: Axis,
+    /// Units: si (N, m/s), metric (kN, km/h), us (lbf, mph); angles are in degrees.
+    #[arg(long, value_enum, default_value = "si")]
+    pub units: UnitSystem,
+    /// Show the smoothed estimates of `replay --smooth` instead of the causal estimates.
+    #[arg(long)]
+    pub smoothed: bool,
+    /// Keep single samples of all curves of a long drive.
+    #[arg(long)]
+    pub full: bool,
+    /// Print the numbers behind the report as JSON, and write no page.
+    #[arg(long)]
+    pub json: bool,
+    /// Whether outputs may replace files.
+    #[command(flatten)]
+    pub replace: Replace,
+}
+
+/// What two runs have in common at a point of comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Axis {
+    /// Seconds since the start.
+    Time,
+    /// Metres since the start.
+    Distance,
+}
+
+/// Units of a report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum UnitSystem {
+    /// N, m/s, m.
+    Si,
+    /// kN, km/h, m.
+    Metric,
+    /// lbf, mph, ft.
+    Us,
+}
+
+/// `atvrec events`.
+#[derive(Debug, Args)]
+pub struct EventsArgs {
+    /// Logs, in the order in which they were recorded.
+    #[arg(required = true, value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Write 5 s before and after each event to this directory, as a log and as JSON.
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "events")]
+    pub snapshot: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
     /// Whether outputs may replace files.
     #[command(flatten)]
     pub replace: Replace,

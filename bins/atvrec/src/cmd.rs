@@ -5,6 +5,7 @@ pub mod check;
 pub mod completions;
 pub mod control;
 pub mod demo;
+pub mod events;
 pub mod export;
 pub mod findings;
 pub mod identify;

@@ -14,6 +14,7 @@ mod control;
 mod devices;
 mod exit;
 mod folder;
+mod interrupt;
 mod messages;
 mod output_can;
 mod pipeline;
@@ -52,12 +53,13 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
     match cli.command {
         Command::Record(args) => cmd::record::run(&args, quiet),
         Command::Replay(args) => cmd::replay::run(&args, quiet),
-        Command::Report(args) => cmd::report::run(&args),
-        Command::Score(args) => cmd::score::run(&args),
+        Command::Report(args) => cmd::report::run(&args, quiet),
+        Command::Events(args) => cmd::events::run(&args),
+        Command::Score(args) => cmd::score::run(&args, quiet),
         Command::Demo(args) => cmd::demo::run(&args, quiet),
         Command::Virtual(args) => cmd::virtual_::run(&args),
         Command::Simulate(args) => cmd::simulate::run(&args, quiet),
-        Command::Export(args) => cmd::export::run(&args),
+        Command::Export(args) => cmd::export::run(&args, quiet),
         Command::Info(args) => cmd::info::run(&args),
         Command::Check(args) => cmd::check::run(&args),
         Command::Calibrate(command) => cmd::calibrate::run(&command),
@@ -73,7 +75,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Stop(args) => cmd::control::command(&args, &Request::Stop),
         Command::Reload(args) => cmd::control::command(&args, &Request::Reload),
         Command::Link(args) => cmd::link::run(&args),
-        Command::Import(command) => cmd::import::run(&command),
+        Command::Import(command) => cmd::import::run(&command, quiet),
         Command::Completions(args) => cmd::completions::run(&args),
         Command::Man(args) => cmd::man::run(&args),
     }

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use report::score::{ForceScore, compare, innovations, innovations_json, score, score_methods};
 use sample::LogTime;
-use store::{Reader, Stage};
+use store::{Reader, Stage, Table};
 
 use crate::{arrays, errors, interrupt};
 
@@ -17,6 +17,25 @@ use crate::{arrays, errors, interrupt};
 pub struct LogReader {
     pub reader: Arc<Reader>,
     pub paths: Vec<PathBuf>,
+}
+
+/// Columns, units, and what is missing.
+type ReadTopic<'py> = (Bound<'py, PyDict>, Bound<'py, PyDict>, Vec<String>);
+
+fn read_topic(py: Python<'_>, table: Table) -> PyResult<ReadTopic<'_>> {
+    let columns = PyDict::new(py);
+    let units = PyDict::new(py);
+    columns.set_item("log_time_ns", table.log_time_ns.into_pyarray(py))?;
+    columns.set_item("publish_time_ns", table.publish_time_ns.into_pyarray(py))?;
+    for column in table.columns {
+        let name = column.name.clone();
+        if !column.unit.is_empty() {
+            units.set_item(&name, &column.unit)?;
+        }
+        columns.set_item(name, arrays::column(py, column)?)?;
+    }
+    let missing = table.missing.iter().map(ToString::to_string).collect();
+    Ok((columns, units, missing))
 }
 
 #[pymethods]
@@ -72,33 +91,23 @@ impl LogReader {
         Ok(dict)
     }
 
-    /// Columns of a topic, their units, and what is missing, as a tuple of two dicts and a list.
-    /// The ends of the stretch, both included, are ns of the log clock.
-    #[allow(clippy::type_complexity)]
+    /// For each topic its columns, their units, and what is missing, as a tuple of two dicts and a list.
+    /// The ends of the stretch, both included, are ns of the log clock. All topics are read in one pass.
     fn read<'py>(
         &self,
         py: Python<'py>,
-        topic: &str,
+        topics: Vec<String>,
         start_ns: u64,
         end_ns: u64,
-    ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Vec<String>)> {
-        let (reader, topic) = (Arc::clone(&self.reader), topic.to_owned());
+    ) -> PyResult<Vec<ReadTopic<'py>>> {
+        let reader = Arc::clone(&self.reader);
         let (start, end) = (LogTime(start_ns), LogTime(end_ns));
-        let table = interrupt::detached(py, move || reader.table(&topic, start, end))?;
-        let table = table.map_err(|e| errors::log(&e))?;
-        let columns = PyDict::new(py);
-        let units = PyDict::new(py);
-        columns.set_item("log_time_ns", table.log_time_ns.into_pyarray(py))?;
-        columns.set_item("publish_time_ns", table.publish_time_ns.into_pyarray(py))?;
-        for column in table.columns {
-            let name = column.name.clone();
-            if !column.unit.is_empty() {
-                units.set_item(&name, &column.unit)?;
-            }
-            columns.set_item(name, arrays::column(py, column)?)?;
-        }
-        let missing = table.missing.iter().map(ToString::to_string).collect();
-        Ok((columns, units, missing))
+        let tables = interrupt::detached(py, move || reader.tables(&topics, start, end))?;
+        let tables = tables.map_err(|e| errors::log(&e))?;
+        tables
+            .into_iter()
+            .map(|table| read_topic(py, table))
+            .collect()
     }
 
     /// What `atvrec score --json` prints: against the truth in the log, with the simple methods or not,

@@ -1,31 +1,36 @@
-// Draws the figures and keeps the time axes of all of them on the same stretch.
-(() => {
-  const figures = JSON.parse(document.getElementById("figures").textContent);
-  const options = { responsive: true, displaylogo: false, scrollZoom: false,
-    modeBarButtonsToRemove: ["select2d", "lasso2d"] };
-  const timed = [];
-  let following = false;
+// Builds the page when its numbers are there.
+await unpack();
+eventLines = lines();
+const now = make("div");
+now.id = "now";
+document.body.append(now);
+for (const figure of data.figures) {
+  const place = document.getElementById(`${figure.id}-plot`);
+  (figure.kind === "time" ? timeFigure : diagram)(figure, place);
+}
 
-  const follow = (source, change) => {
-    if (following) return;
-    const range = change["xaxis.range[0]"] !== undefined
-      ? { "xaxis.range[0]": change["xaxis.range[0]"], "xaxis.range[1]": change["xaxis.range[1]"] }
-      : change["xaxis.autorange"] ? { "xaxis.autorange": true } : null;
-    if (!range) return;
-    following = true;
-    Promise.all(timed.filter((plot) => plot !== source).map((plot) => Plotly.relayout(plot, range)))
-      .finally(() => { following = false; });
-  };
-
-  for (const figure of figures) {
-    const place = document.getElementById(figure.id + "-plot");
-    Plotly.newPlot(place, figure.data, figure.layout, options).then(() => {
-      if (!figure.timed) return;
-      timed.push(place);
-      place.on("plotly_relayout", (change) => follow(place, change));
-    });
-  }
-  window.addEventListener("beforeprint", () => {
-    for (const figure of figures) Plotly.Plots.resize(document.getElementById(figure.id + "-plot"));
+document.getElementById("all")?.addEventListener("click", () => zoom(null));
+const axisLabel = document.getElementById("axis-label");
+if (axisLabel && data.distance) {
+  axisLabel.hidden = false;
+  document.getElementById("axis").addEventListener("change", (event) => {
+    byDistance = event.target.value === "distance";
+    range = null;
+    rebuild();
   });
-})();
+}
+// A row of the table of events shows its instant in the figures.
+for (const row of document.querySelectorAll("tr[data-at]")) {
+  row.addEventListener("click", () => {
+    const at = +row.dataset.at;
+    zoom(abscissa([at - 5, at + 5]));
+    document.querySelector("section figure")?.scrollIntoView({ behavior: "smooth", block: "center" });
+  });
+}
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { rebuild(); redraw(); });
+addEventListener("resize", redraw);
+addEventListener("beforeprint", () => {
+  for (const chart of charts) if (!chart.plot) build(chart);
+  diagrams.forEach(draw);
+});
+document.body.dataset.ready = "yes";

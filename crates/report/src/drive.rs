@@ -1,65 +1,91 @@
 //! What a report needs of a log, read in one pass.
 
+mod sources;
+
 use std::collections::BTreeMap;
 
-use sample::{
-    Event, ForceFrame, Health, LogTime, Measurement, Motion, Parameters, PerWheel, Rollover,
-    Sample, TyreForce,
-};
-use store::{Attachment, ClockFit, LogMessage, Reader, Record, Selection, Stage, UtcOffset};
+use sample::{Event, Health, LogTime, Parameters};
+use store::{Attachment, ClockFit, Info, LogMessage, Reader, Record, Selection, Tables, UtcOffset};
 
-/// Topics that the report reads; raw bytes and DBC messages stay untouched.
-const TOPICS: [&str; 10] = [
-    "/estimate/*",
-    "/model/*",
-    "/truth/*",
-    "/steer*",
-    "/gnss/*",
+use crate::frame::Frame;
+use crate::options::Options;
+use crate::{Error, Progress};
+pub use sources::SourceRates;
+
+/// Topics whose messages are read one by one; they are few.
+const RECORDS: [&str; 7] = [
+    "/estimate/events",
+    "/estimate/parameters",
     "/health",
-    "/clock_fit/*",
     "/mark",
     "/log",
-    "/wheel_speed*",
+    "/clock_fit/*",
+    "/utc_offset",
 ];
+/// Topics of sensors, whose values or times are drawn.
+const SENSORS: [&str; 9] = [
+    "/imu/",
+    "/gnss/",
+    "/strain",
+    "/deflection",
+    "/steer",
+    "/wheel_speed",
+    "/ground_speed",
+    "/hub_acceleration",
+    "/attitude",
+];
+/// Rows of a table that are in memory before they become columns.
+const BATCH_ROWS: usize = 4096;
+/// Time before and after an event that `--around` shows, s.
+pub const AROUND_S: f64 = 5.0;
 
 /// One drive.
+#[derive(Default)]
 pub struct Drive {
     /// Files and their sizes in bytes.
     pub files: Vec<(String, u64)>,
-    /// What is missing from the log, in plain words.
-    pub missing: Vec<String>,
     /// What was not estimated, and why.
     pub limits: Vec<String>,
+    /// What is missing from the log, in plain words.
+    pub missing: Vec<String>,
     /// Run, version and other facts, by name.
     pub facts: Vec<(String, String)>,
     /// Files carried inside the log.
     pub attachments: Vec<Attachment>,
-    /// Log clock of the first message.
+    /// Log clock of the first message of the log.
     pub start: LogTime,
+    /// Begin and end of what is shown, s from the start.
+    pub span_s: [f64; 2],
     /// UTC against the log clock, where a receiver sent the date.
     pub utc_offset: Option<UtcOffset>,
-    /// Seconds from the first to the last message.
-    pub duration_s: f64,
+    /// Topics of the estimates that are shown: `estimate` or `smoothed`.
+    pub stage: &'static str,
     /// Estimated motion.
-    pub estimate: Series<Motion>,
-    /// Measured forces.
-    pub measured: Series<PerWheel<TyreForce>>,
-    /// The model's expected forces.
-    pub expected: Series<PerWheel<TyreForce>>,
-    /// True motion, of a simulation.
-    pub truth: Series<Motion>,
-    /// True forces, of a simulation.
-    pub truth_forces: Series<PerWheel<TyreForce>>,
-    /// Load-transfer ratios and times to lift.
-    pub rollover: Series<Rollover>,
-    /// What the estimator has learnt, with the tyres' grip.
-    pub learnt: Series<Parameters>,
-    /// Steering-wheel angle, rad.
-    pub steering_wheel_rad: Series<f64>,
-    /// Horizontal speed of the GNSS antenna, m/s, by source.
-    pub gnss_speed_m_s: BTreeMap<String, Series<f64>>,
-    /// East and north of the first position, m, by source.
-    pub track_m: BTreeMap<String, Vec<[f64; 2]>>,
+    pub motion: Frame,
+    /// Estimated forces, and their frame.
+    pub forces: Frame,
+    /// `contact` or `wheel_carrier`.
+    pub force_frame: &'static str,
+    /// Forces that the vehicle model expects.
+    pub model: Frame,
+    /// True motion and forces, or those of a reference instrument.
+    pub truth_motion: Frame,
+    /// True forces in the frame of the estimated ones.
+    pub truth_forces: Frame,
+    /// Ground under the wheels, of a simulation.
+    pub ground: Frame,
+    /// Load-transfer ratios.
+    pub rollover: Frame,
+    /// Values of sensors by topic.
+    pub sensors: BTreeMap<String, Frame>,
+    /// Travel of the suspension by the column of each wheel.
+    pub travel: BTreeMap<String, Frame>,
+    /// Longitude and latitude of the first position of each receiver, rad.
+    origins: BTreeMap<String, Option<[f64; 2]>>,
+    /// Rates and latencies of the sensors by topic.
+    pub rates: BTreeMap<String, SourceRates>,
+    /// What the estimator has found of sensors and tyres.
+    pub learnt: Vec<Parameters>,
     /// Declared events.
     pub events: Vec<Event>,
     /// Marks set by people.
@@ -72,161 +98,259 @@ pub struct Drive {
     pub clocks: BTreeMap<String, ClockFit>,
 }
 
-/// Values in time.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series<T> {
-    /// Seconds since the drive's start.
-    pub time_s: Vec<f64>,
-    /// The value at each time.
-    pub values: Vec<T>,
-}
-
-impl<T> Default for Series<T> {
-    fn default() -> Self {
-        Self {
-            time_s: Vec::new(),
-            values: Vec::new(),
-        }
-    }
-}
-
-impl<T> Series<T> {
-    /// Number of values.
-    pub fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    /// Whether there is no value.
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
-
-    /// One number of each value.
-    pub fn map(&self, mut number: impl FnMut(&T) -> f64) -> Vec<f64> {
-        self.values.iter().map(&mut number).collect()
-    }
-
-    fn push(&mut self, time_s: f64, value: T) {
-        self.time_s.push(time_s);
-        self.values.push(value);
-    }
+/// Where the messages of a topic go.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Sink {
+    Motion,
+    Forces,
+    Model,
+    TruthMotion,
+    TruthForces,
+    Ground,
+    Rollover,
+    Sensor,
 }
 
 impl Drive {
     /// Reads a drive.
-    pub fn read(reader: &Reader) -> store::Result<Self> {
-        let mut info = reader.info();
-        info.missing.extend(reader.changed()?);
-        let (start, end) = info.span.unwrap_or_default();
-        let session = reader.session();
-        let utc_offset = reader.utc_offset()?;
-        let mut drive = Self {
-            files: info
-                .files
-                .iter()
-                .map(|(path, bytes)| (path.display().to_string(), *bytes))
-                .collect(),
-            limits: Vec::new(),
-            missing: info.missing.iter().map(ToString::to_string).collect(),
-            facts: vec![
-                ("Run".into(), session.run_id.clone()),
-                (
-                    "Recorded by".into(),
-                    format!("atvrec {} {}", session.version, session.git_hash),
-                ),
-                (
-                    "Clock".into(),
-                    session.clock_statement(utc_offset).unwrap_or_default(),
-                ),
-                ("Host".into(), session.host.clone()),
-                ("Boot".into(), session.boot_id.clone()),
-            ],
-            attachments: reader.attachments()?,
-            start,
-            utc_offset,
-            duration_s: end.seconds_since(start),
-            estimate: Series::default(),
-            measured: Series::default(),
-            expected: Series::default(),
-            truth: Series::default(),
-            truth_forces: Series::default(),
-            rollover: Series::default(),
-            learnt: Series::default(),
-            steering_wheel_rad: Series::default(),
-            gnss_speed_m_s: BTreeMap::new(),
-            track_m: BTreeMap::new(),
-            events: Vec::new(),
-            marks: Vec::new(),
-            messages: Vec::new(),
-            health: None,
-            clocks: BTreeMap::new(),
-        };
-        drive.facts.retain(|(_, value)| !value.trim().is_empty());
-        let mut origins = BTreeMap::new();
-        // The report has the contact frame. A reference instrument has the other frame alone.
-        let is_shown = |stage: Stage, frame: ForceFrame| {
-            let contact = format!("/{}/contact_forces", stage.name());
-            frame == ForceFrame::Contact || !info.channels.contains_key(&contact)
-        };
-        for message in reader.messages(Selection::topics(TOPICS)) {
-            if let Some(record) = message?.record()? {
-                if let Record::TyreForces { stage, frame, .. } = &record
-                    && !is_shown(*stage, *frame)
-                {
-                    continue;
+    pub fn read(
+        reader: &Reader,
+        options: &Options,
+        progress: &mut Progress<'_>,
+    ) -> Result<Self, Error> {
+        let info = reader.info();
+        let mut drive = Self::of_info(reader, &info)?;
+        drive.span_s = drive.choose_span(reader, &info, options)?;
+        drive.stage = drive.choose_stage(&info, options)?;
+        let sinks = drive.sinks(&info);
+        let topics: Vec<&str> = sinks.iter().map(|(topic, _)| topic.as_str()).collect();
+        let mut tables = Tables::new(reader, &topics)?;
+        let all = topics.iter().copied().chain(RECORDS);
+        let [from, to] = drive.span_s.map(|at_s| drive.start.offset_seconds(at_s));
+        let mut messages = reader.messages(Selection::topics(all).between(from, to));
+        let bytes: u64 = info.files.iter().map(|(_, bytes)| bytes).sum();
+        let mut count = 0_u32;
+        loop {
+            count += 1;
+            if count.is_multiple_of(1024) {
+                progress(messages.bytes_done() as f64 / bytes.max(1) as f64)?;
+            }
+            let Some(message) = messages.next_ref() else {
+                break;
+            };
+            let message = message?;
+            if let Some(position) = tables.push(&message) {
+                if tables.rows(position) >= BATCH_ROWS {
+                    drive.take_table(&sinks[position], tables.take(position));
                 }
-                drive.take(record, session, &mut origins);
+                continue;
+            }
+            match message.record() {
+                Ok(Some(record)) => drive.take_record(record, reader.session()),
+                Ok(None) => {}
+                // A malformed message costs itself alone.
+                Err(error @ store::Error::BadMessage { .. }) => {
+                    drive.missing.push(error.to_string());
+                }
+                Err(error) => return Err(error.into()),
             }
         }
+        let damage = messages.missing().iter().map(ToString::to_string);
+        let damage: Vec<String> = damage
+            .filter(|text| !drive.missing.contains(text))
+            .collect();
+        drive.missing.extend(damage);
+        for (position, sink) in sinks.iter().enumerate() {
+            let table = tables.take(position);
+            drive.take_table(sink, table);
+        }
+        drive.finish();
         Ok(drive)
     }
 
-    fn take(
-        &mut self,
-        record: Record,
-        session: &store::Session,
-        origins: &mut BTreeMap<String, [f64; 2]>,
-    ) {
-        let start = self.start;
-        let seconds = |time: LogTime| time.seconds_since(start);
+    fn of_info(reader: &Reader, info: &Info) -> Result<Self, Error> {
+        let session = reader.session();
+        let utc_offset = reader.utc_offset()?;
+        let mut missing: Vec<String> = info.missing.iter().map(ToString::to_string).collect();
+        missing.extend(reader.changed()?.iter().map(ToString::to_string));
+        let mut facts = vec![
+            ("Run", session.run_id.clone()),
+            (
+                "Recorded by",
+                format!("atvrec {} {}", session.version, session.git_hash),
+            ),
+            (
+                "Clock",
+                session.clock_statement(utc_offset).unwrap_or_default(),
+            ),
+            ("Host", session.host.clone()),
+            ("Boot", session.boot_id.clone()),
+        ];
+        if session.version.is_empty() {
+            facts[1].1 = "another program".to_owned();
+        }
+        facts.retain(|(_, value)| !value.trim().is_empty());
+        let files = info.files.iter();
+        Ok(Self {
+            files: files
+                .map(|(path, bytes)| (path.display().to_string(), *bytes))
+                .collect(),
+            missing,
+            facts: facts.into_iter().map(|(n, v)| (n.to_owned(), v)).collect(),
+            attachments: reader.attachments()?,
+            start: info.span.unwrap_or_default().0,
+            utc_offset,
+            ..Self::default()
+        })
+    }
+
+    fn choose_span(
+        &self,
+        reader: &Reader,
+        info: &Info,
+        options: &Options,
+    ) -> Result<[f64; 2], Error> {
+        let (first, last) = info.span.unwrap_or_default();
+        let whole_s = last.seconds_since(first);
+        let mut span_s = [
+            options.from_s.unwrap_or(0.0).max(0.0),
+            options.to_s.unwrap_or(whole_s).min(whole_s),
+        ];
+        if let Some(around) = &options.around {
+            let events = events(reader)?;
+            let event = find_event(&events, around)?;
+            let at_s = event.time.seconds_since(first);
+            span_s = [(at_s - AROUND_S).max(0.0), (at_s + AROUND_S).min(whole_s)];
+        }
+        if span_s[0] > span_s[1] {
+            return Err(Error::Span {
+                from_s: span_s[0],
+                to_s: span_s[1],
+                whole_s,
+            });
+        }
+        Ok(span_s)
+    }
+
+    fn choose_stage(&self, info: &Info, options: &Options) -> Result<&'static str, Error> {
+        match options.smoothed {
+            true if !info.channels.contains_key("/smoothed/motion") => Err(Error::NotSmoothed),
+            true => Ok("smoothed"),
+            false => Ok("estimate"),
+        }
+    }
+
+    /// The topics that become columns. The report has the contact frame; a reference instrument has
+    /// the other frame alone.
+    fn sinks(&mut self, info: &Info) -> Vec<(String, Sink)> {
+        let has = |topic: &str| info.channels.contains_key(topic);
+        let of_frame = |stage: &str, frame: &str| match frame {
+            "contact" => format!("/{stage}/contact_forces"),
+            _ => format!("/{stage}/tyre_forces"),
+        };
+        let both = ["contact", "wheel_carrier"];
+        let found = both.into_iter().find(|frame| {
+            has(&of_frame(self.stage, frame))
+                && (!has("/truth/motion") || has(&of_frame("truth", frame)))
+        });
+        let frame = found
+            .or_else(|| {
+                both.into_iter()
+                    .find(|frame| has(&of_frame(self.stage, frame)))
+            })
+            .or_else(|| {
+                both.into_iter()
+                    .find(|frame| has(&of_frame("truth", frame)))
+            })
+            .unwrap_or("contact");
+        self.force_frame = frame;
+        let mut sinks = vec![
+            (format!("/{}/motion", self.stage), Sink::Motion),
+            (of_frame(self.stage, frame), Sink::Forces),
+            ("/model/tyre_forces".to_owned(), Sink::Model),
+            ("/truth/motion".to_owned(), Sink::TruthMotion),
+            (of_frame("truth", frame), Sink::TruthForces),
+            ("/truth/ground".to_owned(), Sink::Ground),
+            ("/estimate/rollover".to_owned(), Sink::Rollover),
+        ];
+        let is_protobuf = |topic: &&String| {
+            let schema = info.channels.get(*topic).map(|(schema, _)| schema.as_str());
+            schema.is_some_and(|schema| schema.starts_with("atvrec."))
+        };
+        let sensors = info.channels.keys().filter(|topic| {
+            SENSORS.iter().any(|beginning| topic.starts_with(beginning)) && is_protobuf(topic)
+        });
+        sinks.extend(sensors.map(|topic| (topic.clone(), Sink::Sensor)));
+        sinks.retain(|(topic, _)| has(topic) && is_protobuf(&topic));
+        sinks
+    }
+
+    fn take_table(&mut self, (topic, sink): &(String, Sink), table: store::Table) {
+        for missing in &table.missing {
+            self.missing.push(missing.to_string());
+        }
+        let start_ns = self.start.0;
+        let is_force = |name: &str| name.ends_with("_n") && !name.contains("moment");
+        let is_shown = |name: &str| {
+            let hidden = [
+                "velocity_y",
+                "bank",
+                "grade",
+                "rl.steer",
+                "rr.steer",
+                "acceleration_m_s2.z",
+            ];
+            !hidden.iter().any(|hidden| name.starts_with(hidden))
+        };
+        match sink {
+            Sink::Motion => self.motion.extend(&table, start_ns, is_shown),
+            Sink::Forces => self.forces.extend(&table, start_ns, is_force),
+            Sink::Model => self.model.extend(&table, start_ns, |name| {
+                is_force(name) && !name.contains("sigma")
+            }),
+            Sink::TruthMotion => self.truth_motion.extend(&table, start_ns, |name| {
+                is_shown(name) && !name.contains("steer") && !name.contains("sigma")
+            }),
+            Sink::TruthForces => self.truth_forces.extend(&table, start_ns, |name| {
+                is_force(name) && !name.contains("sigma")
+            }),
+            Sink::Ground => {
+                let is_height = |name: &str| name.ends_with("ground_height_m");
+                self.ground.extend(&table, start_ns, is_height);
+            }
+            Sink::Rollover => {
+                let is_ratio = |name: &str| name.contains("ratio");
+                self.rollover.extend(&table, start_ns, is_ratio);
+            }
+            Sink::Sensor => {
+                let mut table = table;
+                let origin = self.origins.entry(topic.clone()).or_default();
+                sources::to_local(&mut table, origin);
+                let rates = self.rates.entry(topic.clone()).or_default();
+                rates.add(&table, start_ns);
+                self.take_sensor(topic, &table);
+            }
+        }
+    }
+
+    /// Keeps the values of a sensor that are drawn. Each wheel of the suspension has a frame of its own:
+    /// its samples have instants of their own.
+    fn take_sensor(&mut self, topic: &str, table: &store::Table) {
+        if topic.starts_with("/deflection") {
+            for column in table.columns.iter().filter(|c| sources::is_travel(&c.name)) {
+                let frame = self.travel.entry(column.name.clone()).or_default();
+                frame.extend_present(table, self.start.0, &column.name);
+            }
+        } else if table.columns.iter().any(|c| sources::is_drawn(&c.name)) {
+            let frame = self.sensors.entry(topic.to_owned()).or_default();
+            frame.extend(table, self.start.0, sources::is_drawn);
+        }
+    }
+
+    fn take_record(&mut self, record: Record, session: &store::Session) {
         match record {
-            Record::Motion {
-                time,
-                stage: Stage::Estimate,
-                motion,
-            } => {
-                self.estimate.push(seconds(time), motion);
-            }
-            Record::Motion {
-                time,
-                stage: Stage::Truth,
-                motion,
-            } => {
-                self.truth.push(seconds(time), motion);
-            }
-            Record::TyreForces {
-                time,
-                stage,
-                forces,
-                ..
-            } => {
-                let series = match stage {
-                    Stage::Estimate => &mut self.measured,
-                    Stage::Model => &mut self.expected,
-                    Stage::Truth => &mut self.truth_forces,
-                    Stage::Smoothed | Stage::Lagged => return,
-                };
-                series.push(seconds(time), forces);
-            }
-            Record::Sample(sample) => {
-                let name = session.source_name(sample.source);
-                self.take_sample(&sample, name, origins);
-            }
             Record::Event(event) => self.events.push(event),
-            Record::Rollover { time, rollover } => self.rollover.push(seconds(time), rollover),
-            Record::Parameters(parameters) => {
-                self.learnt.push(seconds(parameters.time), parameters);
-            }
+            Record::Parameters(parameters) => self.learnt.push(parameters),
             Record::Health(health) => self.health = Some(health),
             Record::ClockFit(fit) => {
                 self.clocks.insert(session.source_name(fit.source), fit);
@@ -237,41 +361,68 @@ impl Drive {
         }
     }
 
-    fn take_sample(
-        &mut self,
-        sample: &Sample,
-        name: String,
-        origins: &mut BTreeMap<String, [f64; 2]>,
-    ) {
-        let time_s = sample.valid_time.seconds_since(self.start);
-        match &sample.measurement {
-            Measurement::Steer(steer) => self
-                .steering_wheel_rad
-                .push(time_s, steer.steering_wheel_rad),
-            Measurement::GnssVelocity(velocity) if velocity.quality.is_solved() => {
-                let [east, north, _] = velocity.velocity_enu_m_s;
-                let series = self.gnss_speed_m_s.entry(name).or_default();
-                series.push(time_s, math::hypot(east, north));
-            }
-            Measurement::GnssPosition(position) if position.quality.is_solved() => {
-                let here = [position.longitude_rad, position.latitude_rad];
-                let origin = *origins.entry(name.clone()).or_insert(here);
-                self.track_m
-                    .entry(name)
-                    .or_default()
-                    .push(local_m(origin, here));
-            }
-            _ => {}
+    fn finish(&mut self) {
+        let own = [
+            &mut self.motion,
+            &mut self.forces,
+            &mut self.model,
+            &mut self.truth_motion,
+            &mut self.truth_forces,
+            &mut self.ground,
+            &mut self.rollover,
+        ];
+        own.into_iter().for_each(Frame::finish);
+        self.sensors.values_mut().for_each(Frame::finish);
+        self.travel.values_mut().for_each(Frame::finish);
+        let grid = &self.motion.time_s;
+        if !grid.is_empty() && self.truth_motion.time_s != *grid {
+            self.truth_motion = self.truth_motion.on(grid);
         }
+        let grid = &self.forces.time_s;
+        if !grid.is_empty() && self.truth_forces.time_s != *grid {
+            self.truth_forces = self.truth_forces.on(grid);
+        }
+    }
+
+    /// Seconds that are shown.
+    pub fn duration_s(&self) -> f64 {
+        self.span_s[1] - self.span_s[0]
+    }
+
+    /// Seconds of an instant from the start of the drive.
+    pub fn seconds(&self, time: LogTime) -> f64 {
+        time.seconds_since(self.start)
     }
 }
 
-/// East and north of `here` from `origin` (longitude, latitude in rad), m. The sphere of the WGS 84
-/// mean radius is good to 0.5 % of the distance, which is enough for a picture.
-fn local_m(origin: [f64; 2], here: [f64; 2]) -> [f64; 2] {
-    const MEAN_RADIUS_M: f64 = 6_371_008.8;
-    [
-        (here[0] - origin[0]) * math::cos(origin[1]) * MEAN_RADIUS_M,
-        (here[1] - origin[1]) * MEAN_RADIUS_M,
-    ]
+/// All events of a log.
+///
+/// # Errors
+/// If the log cannot be read.
+pub fn events(reader: &Reader) -> store::Result<Vec<Event>> {
+    let mut events = Vec::new();
+    for message in reader.messages(Selection::topics(["/estimate/events"])) {
+        if let Some(Record::Event(event)) = message?.record()? {
+            events.push(event);
+        }
+    }
+    Ok(events)
+}
+
+/// The event with a number from 1, or the first of a kind.
+fn find_event<'a>(events: &'a [Event], wanted: &str) -> Result<&'a Event, Error> {
+    let found = match wanted.parse::<usize>() {
+        Ok(number) => number.checked_sub(1).and_then(|index| events.get(index)),
+        Err(_) => events.iter().find(|event| event.kind.name() == wanted),
+    };
+    found.ok_or_else(|| {
+        let mut kinds: Vec<&str> = events.iter().map(|event| event.kind.name()).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        Error::NoEvent {
+            wanted: wanted.to_owned(),
+            count: events.len(),
+            kinds: kinds.join(", "),
+        }
+    })
 }

@@ -3,11 +3,12 @@
 
 use std::fmt::Write;
 
-use sample::text::{html as escape, json_in_html};
+use sample::text::html as escape;
 use serde_json::{Value, json};
 
 use crate::Figure;
-use crate::page::{SCRIPT, STYLE, plotly_script};
+use crate::blob::Blob;
+use crate::page::{document, section};
 
 /// What the page shows.
 #[derive(Clone, Debug, Default)]
@@ -52,35 +53,12 @@ pub fn html(page: &Page) -> String {
         table_of(table, &mut body);
     }
     for figure in &figures {
-        let _ = write!(
-            body,
-            "<h2 id=\"{id}\">{title}</h2><p class=\"caption\">{caption}</p>\
-             <figure id=\"{id}-plot\"></figure>",
-            id = escape(&figure.id),
-            title = escape(&figure.title),
-            caption = escape(&figure.caption)
-        );
+        section(figure, &mut body);
     }
-    format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <title>{title}</title><style>{STYLE}</style>{plotly}</head><body>{body}\
-         <footer>Drag to zoom, double-click to zoom out.</footer>\
-         <script type=\"application/json\" id=\"figures\">{data}</script>\
-         <script>{SCRIPT}</script></body></html>\n",
-        plotly = plotly_script(),
-        data = json_in_html(&figures_json(&figures).to_string()),
-    )
-}
-
-/// The figures, none of which moves another's axes.
-fn figures_json(figures: &[&Figure]) -> Value {
-    let drawn = figures.iter().map(|figure| {
-        let (data, mut layout) = figure.to_plotly();
-        layout["hovermode"] = json!("closest");
-        json!({"id": figure.id, "timed": false, "data": data, "layout": layout})
-    });
-    Value::Array(drawn.collect())
+    body.push_str("<footer>Drag to zoom, double-click to zoom out.</footer>");
+    let mut blob = Blob::default();
+    let drawn: Vec<Value> = figures.iter().map(|f| f.to_json(&mut blob)).collect();
+    document(&page.title, &body, json!({"figures": drawn}), blob)
 }
 
 fn warnings(warnings: &[String], body: &mut String) {
@@ -122,7 +100,7 @@ fn table_of(table: &Table, body: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Panel, Pen, Trace};
+    use crate::{Data, Kind, Panel, Pen, Trace};
 
     fn page() -> Page {
         Page {
@@ -139,17 +117,19 @@ mod tests {
                 title: "Counts & time".into(),
                 caption: "Points are measured.".into(),
                 panels: vec![Panel {
-                    heading: String::new(),
                     y_label: "counts".into(),
                     traces: vec![Trace {
                         name: "measured".into(),
                         pen: Pen::Points(0),
-                        x: vec![0.0, 1.0],
-                        y: vec![2.0, 3.0],
+                        data: Data::Own {
+                            x: vec![0.0, 1.0],
+                            y: vec![2.0, 3.0],
+                        },
                     }],
+                    ..Panel::default()
                 }],
                 x_label: "time (s)".into(),
-                equal_axes: false,
+                kind: Kind::Plain,
             }],
         }
     }
@@ -162,7 +142,7 @@ mod tests {
             "FR lower_front drifts",
             "<td class=\"n\">511.25</td>",
             "Counts &amp; time",
-            "\"mode\":\"markers\"",
+            "\"p\":\"points0\"",
         ] {
             assert!(html.contains(part), "{part}");
         }
@@ -171,7 +151,10 @@ mod tests {
     #[test]
     fn a_figure_without_data_is_left_out() {
         let mut page = page();
-        page.figures[0].panels[0].traces[0].y = vec![f64::NAN; 2];
+        page.figures[0].panels[0].traces[0].data = Data::Own {
+            x: vec![0.0, 1.0],
+            y: vec![f64::NAN; 2],
+        };
         assert!(!html(&page).contains("counts-plot"));
     }
 }

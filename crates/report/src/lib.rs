@@ -2,59 +2,141 @@
 //!
 //! # Contents
 //!
-//! The page works without a network, and its figures can be zoomed and printed. They have the
-//! quantities of the figures of the thesis: steer angle and speed, angular rates, sideslip, slip
-//! angles, and for each wheel the expected force of the vehicle model and the measured force. The
-//! crate estimates nothing: the page shows the values of the log. [`mod@score`] compares estimates
-//! with the truth or with those of another log.
+//! The page works without a network, and its figures can be zoomed and printed. It has a verdict in
+//! words, tables of the wheels and of the vehicle, figures of motion and forces with the events, the
+//! standard deviations and the truth where the log has them, and a list of what the log lacks. The crate
+//! estimates nothing: the page shows the values of the log. [`mod@score`] compares estimates with the
+//! truth or with those of another log.
 
-mod decimate;
+mod blob;
 mod drive;
 mod figures;
 pub mod findings;
+mod frame;
+mod options;
 mod page;
 mod plot;
+mod reference;
 pub mod score;
+mod summary;
 
 use std::path::PathBuf;
 
-use store::Reader;
+use store::{Attachment, Reader};
 
 pub use store;
 
-pub use plot::{Figure, Panel, Pen, Trace};
+pub use drive::events;
+pub use options::{Options, Quantity, Units};
+pub use plot::{Data, Figure, Kind, Panel, Pen, Trace};
 
-/// What went into a report.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Summary {
-    /// Seconds from the first to the last message.
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A log could not be read.
+    #[error(transparent)]
+    Log(#[from] store::Error),
+    /// The log has no such event.
+    #[error(
+        "the log has no event {wanted:?}; it has {count} events{}; use a number from 1 or a kind \
+         (`atvrec events` lists them)", kinds_of(.kinds)
+    )]
+    NoEvent {
+        /// What was asked for.
+        wanted: String,
+        /// Events of the log.
+        count: usize,
+        /// Their kinds.
+        kinds: String,
+    },
+    /// The end is before the begin, or the begin after the end of the log.
+    #[error(
+        "nothing is between {from_s:.1} s and {to_s:.1} s: the log has {whole_s:.1} s; use other \
+         values of --from and --to"
+    )]
+    Span {
+        /// Begin.
+        from_s: f64,
+        /// End.
+        to_s: f64,
+        /// Length of the log.
+        whole_s: f64,
+    },
+    /// The log has no smoothed estimates.
+    #[error(
+        "the log has no smoothed estimates (/smoothed/motion); make them with `atvrec replay \
+         --smooth -o OUTPUT` and report that log"
+    )]
+    NotSmoothed,
+    /// Two runs have nothing to compare.
+    #[error(
+        "the log of --against has no estimated motion to compare with; use a log with estimates"
+    )]
+    NoReference,
+    /// The user interrupted the work.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}
+
+fn kinds_of(kinds: &str) -> String {
+    match kinds {
+        "" => String::new(),
+        kinds => format!(" ({kinds})"),
+    }
+}
+
+/// Called with the part of the work that is done, from 0 to 1. An error ends the work.
+pub type Progress<'a> = dyn FnMut(f64) -> Result<(), Error> + 'a;
+
+/// A report.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The page.
+    pub html: String,
+    /// The numbers behind it, by the keys of `docs/report.md`.
+    pub numbers: serde_json::Value,
+    /// Seconds that are shown.
     pub duration_s: f64,
     /// Instants with an estimate.
     pub estimates: usize,
-    /// Figures drawn; those that the log has no data for are left out.
+    /// Figures drawn.
     pub figures: usize,
-    /// Size of the report in bytes.
-    pub bytes: u64,
+    /// Attachments of the log that are too large for the page. The page links to them as files in a
+    /// directory.
+    pub files: Vec<(String, Attachment)>,
 }
 
-/// The report of one drive, recorded in `logs` (in their order), as HTML.
-///
-/// `limits` are lines with what was not estimated, and why; the page begins with them.
+/// The report of one drive, recorded in `logs` (in their order). `directory` is the name of the
+/// directory for large attachments.
 ///
 /// # Errors
-/// If a log cannot be read. A log that was cut short is reported as far as it goes, and the report
-/// says so.
-pub fn html(logs: &[PathBuf], limits: Vec<String>) -> store::Result<(String, Summary)> {
+/// If a log cannot be read, or lacks what the options ask for. A log that was cut short is reported as
+/// far as it goes, and the report says so.
+pub fn report(
+    logs: &[PathBuf],
+    options: &Options,
+    directory: &str,
+    progress: &mut Progress<'_>,
+) -> Result<Report, Error> {
     let reader = Reader::open(logs)?;
-    let mut drive = drive::Drive::read(&reader)?;
-    drive.limits = limits;
-    let figures = figures::all(&drive);
-    let html = page::render(&drive, &figures);
-    let summary = Summary {
-        duration_s: drive.duration_s,
-        estimates: drive.estimate.len(),
-        figures: figures.len(),
-        bytes: html.len() as u64,
-    };
-    Ok((html, summary))
+    let mut drive = drive::Drive::read(&reader, options, progress)?;
+    drive.limits.clone_from(&options.limits);
+    let summary = summary::Summary::of(&drive, options);
+    let files = page::large_files(&mut drive.attachments);
+    let reference = reference::Reference::choose(&drive, options, progress)?;
+    let mut blob = blob::Blob::default();
+    let figures = figures::Figures::of(&drive, reference.as_ref(), options, &mut blob);
+    let html = page::render(&drive, &summary, &figures, &files, directory, blob);
+    let mut numbers = summary.to_json(&drive, options);
+    numbers["figures"] = figures.names();
+    numbers["lacking"] = figures.lacking_json();
+    Ok(Report {
+        html,
+        numbers,
+        duration_s: drive.duration_s(),
+        estimates: drive.motion.len(),
+        figures: figures.all.len(),
+        files,
+    })
 }

@@ -1,69 +1,157 @@
 //! The page around the figures.
 
+mod events;
+mod tables;
+mod top;
+
 use std::fmt::Write;
 
 use chrono::DateTime;
-use sample::text::{html, html_lines, json_in_html};
-use sample::{Event, LogTime, LossPlace, Severity};
+use sample::LogTime;
+use sample::text::{html, json_in_html};
 use serde_json::{Value, json};
+use store::Attachment;
 
+use crate::blob::Blob;
 use crate::drive::Drive;
+use crate::figures::Figures;
 use crate::plot::Figure;
+use crate::summary::Summary;
 
-pub(crate) const STYLE: &str = include_str!("../assets/report.css");
-pub(crate) const SCRIPT: &str = include_str!("../assets/report.js");
+/// Larger attachments become files beside the page, bytes.
+const ATTACHMENT_MAX: usize = 1_000_000;
+/// Style of all pages.
+const STYLE: &str = concat!(
+    include_str!("../assets/uplot/uPlot.min.css"),
+    include_str!("../assets/report.css")
+);
+/// Drawing library, a module.
+const UPLOT: &str = include_str!("../assets/uplot/uPlot.esm.js");
+const UPLOT_LICENCE: &str = include_str!("../assets/uplot/LICENSE");
+/// Own scripts: numbers, charts, diagrams, and the page.
+const SCRIPTS: [&str; 4] = [
+    include_str!("../assets/numbers.js"),
+    include_str!("../assets/charts.js"),
+    include_str!("../assets/diagrams.js"),
+    include_str!("../assets/report.js"),
+];
+/// The page loads nothing from anywhere.
+const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+                      img-src data:; base-uri 'none'; form-action 'none'";
 
 /// The whole report.
-pub fn render(drive: &Drive, figures: &[Figure]) -> String {
+pub fn render(
+    drive: &Drive,
+    summary: &Summary,
+    figures: &Figures,
+    large: &[(String, Attachment)],
+    directory: &str,
+    mut blob: Blob,
+) -> String {
     let mut body = String::new();
-    head(drive, &mut body);
-    navigation(figures, &mut body);
-    for figure in figures {
-        let _ = write!(
-            body,
-            "<h2 id=\"{id}\">{title}</h2><p class=\"caption\">{caption}</p>\
-             <figure id=\"{id}-plot\"></figure>",
-            id = figure.id,
-            title = figure.title,
-            caption = figure.caption
-        );
+    top::write(drive, summary, &mut body);
+    top::lacking(figures, &mut body);
+    navigation(&figures.all, &mut body);
+    body.push_str(
+        "<div id=\"controls\"><button id=\"all\">Whole drive</button> \
+         <label id=\"axis-label\" hidden>abscissa <select id=\"axis\">\
+         <option value=\"time\">time</option><option value=\"distance\">distance</option>\
+         </select></label></div>",
+    );
+    for figure in &figures.all {
+        section(figure, &mut body);
     }
-    events(drive, &mut body);
-    learnt(drive, &mut body);
-    sources(drive, &mut body);
-    clocks(drive, &mut body);
-    files(drive, &mut body);
-    format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <title>{title}</title><style>{STYLE}</style>{plotly}</head><body>{body}\
-         <footer>Drag to zoom, double-click to zoom out; all time axes move together. Long drives \
-         are drawn by the extremes of short stretches, so no peak is lost.</footer>\
-         <script type=\"application/json\" id=\"figures\">{data}</script>\
-         <script>{SCRIPT}</script></body></html>\n",
-        title = html(&title(drive)),
-        plotly = plotly_script(),
-        data = json_in_html(&figures_json(figures).to_string()),
-    )
-}
-
-/// plotly.js itself, with its licence in its head. The crate offers it together with a typesetter
-/// of formulas, which no figure here needs.
-pub(crate) fn plotly_script() -> String {
-    const END: &str = "</script>";
-    let scripts = plotly::Plot::offline_js_sources();
-    let end = scripts
-        .find(END)
-        .map_or(scripts.len(), |start| start + END.len());
-    scripts[..end].to_owned()
-}
-
-fn figures_json(figures: &[Figure]) -> Value {
-    let drawn = figures.iter().map(|figure| {
-        let (data, layout) = figure.to_plotly();
-        json!({"id": figure.id, "timed": !figure.equal_axes, "data": data, "layout": layout})
+    events::table(drive, &mut body);
+    tables::learnt(drive, &mut body);
+    tables::sources(drive, &mut body);
+    tables::clocks(drive, &mut body);
+    tables::files(drive, large, directory, &mut body);
+    body.push_str(
+        "<footer>Drag in a figure to zoom; double-click to see the whole drive. All figures over time \
+         move together.</footer>",
+    );
+    let drawn: Vec<Value> = figures.all.iter().map(|f| f.to_json(&mut blob)).collect();
+    let colours = figures.colours.iter().filter_map(|c| c.to_json(&mut blob));
+    let data = json!({
+        "figures": drawn,
+        "colours": colours.collect::<Vec<_>>(),
+        "distance": figures.distance.map(|ids| ids.map(crate::blob::Id::json)),
+        "span": drive.span_s,
+        "lines": events::lines(drive, summary),
     });
-    Value::Array(drawn.collect())
+    document(&title(drive), &body, data, blob)
+}
+
+/// A page with figures.
+pub fn document(title: &str, body: &str, mut data: Value, mut blob: Blob) -> String {
+    data["series"] = blob.heads();
+    let data = json_in_html(&data.to_string());
+    let numbers = blob.text();
+    let mut page = String::with_capacity(body.len() + data.len() + numbers.len() + (1 << 18));
+    let _ = write!(
+        page,
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <meta name=\"color-scheme\" content=\"light dark\">\
+         <title>{title}</title><style>{STYLE}</style></head><body>{body}\
+         <script type=\"application/json\" id=\"data\">",
+        title = html(title),
+    );
+    page.push_str(&data);
+    page.push_str("</script><script type=\"text/plain\" id=\"numbers\">");
+    page.push_str(&numbers);
+    drop(numbers);
+    page.push_str("</script><script type=\"module\">/*\n");
+    page.push_str(UPLOT_LICENCE);
+    page.push_str("*/\n");
+    page.push_str(uplot());
+    // A block of its own: the library has short names at its top level.
+    page.push_str("{\n");
+    for script in SCRIPTS {
+        page.push_str(script);
+    }
+    page.push_str("}\n</script></body></html>\n");
+    page
+}
+
+/// The library without its last statement, which exports it from its module.
+fn uplot() -> &'static str {
+    let end = UPLOT.rfind("export {").unwrap_or(UPLOT.len());
+    &UPLOT[..end]
+}
+
+/// Heading, caption and place of a figure.
+pub fn section(figure: &Figure, body: &mut String) {
+    let _ = write!(
+        body,
+        "<section><h2 id=\"{id}\">{title}</h2><p class=\"caption\">{caption}</p>\
+         <figure id=\"{id}-plot\"></figure></section>",
+        id = html(&figure.id),
+        title = html(&figure.title),
+        caption = html(&figure.caption)
+    );
+}
+
+/// Takes the large attachments, with names for files.
+pub fn large_files(attachments: &mut Vec<Attachment>) -> Vec<(String, Attachment)> {
+    let all = std::mem::take(attachments);
+    let (large, small) = all
+        .into_iter()
+        .partition(|attachment| attachment.data.len() > ATTACHMENT_MAX);
+    *attachments = small;
+    let named = |(number, attachment): (usize, Attachment)| {
+        let is_safe = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
+        let name = attachment.name.chars();
+        let name: String = name
+            .map(|c| if is_safe(c) { c } else { '_' })
+            .take(80)
+            .collect();
+        // The number keeps names apart, and no name begins with a dot.
+        (format!("{number}-{name}"), attachment)
+    };
+    let large: Vec<Attachment> = large;
+    large.into_iter().enumerate().map(named).collect()
 }
 
 fn title(drive: &Drive) -> String {
@@ -71,270 +159,16 @@ fn title(drive: &Drive) -> String {
     format!("Drive of {}", utc(LogTime(start_ns)))
 }
 
-fn head(drive: &Drive, body: &mut String) {
-    let _ = write!(body, "<h1>{}</h1><p class=\"when\">", html(&title(drive)));
-    for (name, value) in &drive.facts {
-        let _ = write!(body, "{}: {} · ", html(name), html(value));
-    }
-    let _ = write!(body, "{:.1} s</p><div class=\"cards\">", drive.duration_s);
-    let lost = drive.health.iter().flat_map(|health| &health.sources);
-    let lost: u64 = lost.flat_map(|source| source.lost).sum();
-    let cards = [
-        (
-            format!(
-                "{:.1} m/s",
-                greatest(drive.estimate.map(|m| m.velocity_x_m_s))
-            ),
-            "top speed",
-        ),
-        (
-            format!(
-                "{:.2} m/s²",
-                greatest(drive.estimate.map(|m| m.acceleration_m_s2[1].abs()))
-            ),
-            "greatest lateral acceleration",
-        ),
-        (
-            format!("{:.0} N", least_load(drive)),
-            "least measured wheel load",
-        ),
-        (drive.events.len().to_string(), "events"),
-        (lost.to_string(), "items lost"),
-    ];
-    for (value, name) in cards {
-        let value = if value.contains("inf") || value.contains("NaN") {
-            "–".into()
-        } else {
-            value
-        };
-        let _ = write!(
-            body,
-            "<div class=\"card\"><b>{value}</b><span>{name}</span></div>"
-        );
-    }
-    body.push_str("</div>");
-    warning(body, "This log is not whole.", &drive.missing);
-    warning(body, "Not everything is estimated.", &drive.limits);
-}
-
-/// A box with a title and lines, if there are lines.
-fn warning(body: &mut String, title: &str, lines: &[String]) {
-    if lines.is_empty() {
-        return;
-    }
-    let _ = write!(body, "<div class=\"warning\"><b>{title}</b><ul>");
-    for line in lines {
-        let _ = write!(body, "<li>{}</li>", html(line));
-    }
-    body.push_str("</ul></div>");
-}
-
-fn greatest(values: Vec<f64>) -> f64 {
-    values
-        .into_iter()
-        .filter(|value| value.is_finite())
-        .fold(f64::NEG_INFINITY, f64::max)
-}
-
-fn least_load(drive: &Drive) -> f64 {
-    let loads = drive
-        .measured
-        .values
-        .iter()
-        .flat_map(|forces| forces.0.map(|f| f.force_n[2]));
-    loads
-        .filter(|load| load.is_finite())
-        .fold(f64::INFINITY, f64::min)
-}
-
 fn navigation(figures: &[Figure], body: &mut String) {
     body.push_str("<nav>");
     for figure in figures {
-        let _ = write!(body, "<a href=\"#{}\">{}</a>", figure.id, figure.title);
+        let (id, title) = (html(&figure.id), html(&figure.title));
+        let _ = write!(body, "<a href=\"#{id}\">{title}</a>");
     }
     body.push_str(
         "<a href=\"#events\">Events</a><a href=\"#learnt\">Learnt</a>\
-         <a href=\"#sources\">Sources</a>\
-         <a href=\"#files\">Files</a></nav>",
+         <a href=\"#sources\">Sources</a><a href=\"#files\">Files</a></nav>",
     );
-}
-
-fn events(drive: &Drive, body: &mut String) {
-    body.push_str("<h2 id=\"events\">Events, marks and messages</h2>");
-    let mut rows: Vec<(LogTime, String, String)> = Vec::new();
-    for event in &drive.events {
-        rows.push((event.time, "event".into(), event_text(event)));
-    }
-    for (time, text) in &drive.marks {
-        rows.push((*time, "mark".into(), text.clone()));
-    }
-    for message in &drive.messages {
-        let kind = match message.severity {
-            Severity::Info => "message",
-            Severity::Warning => "warning",
-            Severity::Error => "error",
-        };
-        rows.push((
-            message.time,
-            kind.into(),
-            format!("{}: {}", message.name, message.text),
-        ));
-    }
-    if rows.is_empty() {
-        body.push_str("<p class=\"caption\">None.</p>");
-        return;
-    }
-    rows.sort_by_key(|row| row.0);
-    body.push_str(
-        "<div class=\"wide\"><table><tr><th class=\"n\">time (s)</th><th></th><th></th></tr>",
-    );
-    for (time, kind, text) in rows {
-        let _ = write!(
-            body,
-            "<tr><td class=\"n\">{:.2}</td><td>{kind}</td><td>{}</td></tr>",
-            time.seconds_since(drive.start),
-            html(&text)
-        );
-    }
-    body.push_str("</table></div>");
-}
-
-fn event_text(event: &Event) -> String {
-    match event.probability {
-        Some(probability) => format!("{} (probability {probability:.2})", event.text),
-        None => event.text.clone(),
-    }
-}
-
-fn learnt(drive: &Drive, body: &mut String) {
-    let Some(learnt) = drive.learnt.values.last() else {
-        return;
-    };
-    body.push_str(
-        "<h2 id=\"learnt\">Learnt</h2><p class=\"caption\">What the estimator had found of the \
-         sensors by the drive's end, beyond the calibration, with standard deviations.</p>\
-         <div class=\"wide\"><table><tr><th></th><th class=\"n\">value</th>\
-         <th class=\"n\">deviation</th><th></th></tr>",
-    );
-    let mut row = |name: &str, value: f64, sigma: f64, unit: &str| {
-        let _ = write!(
-            body,
-            "<tr><td>{name}</td><td class=\"n\">{value:.3}</td><td class=\"n\">{sigma:.3}</td>\
-             <td>{unit}</td></tr>"
-        );
-    };
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        row(
-            &format!("accelerometer bias, {name}"),
-            learnt.accel_bias_m_s2[axis],
-            learnt.accel_bias_sigma_m_s2[axis],
-            "m/s²",
-        );
-        row(
-            &format!("gyro bias, {name}"),
-            learnt.gyro_bias_rad_s[axis].to_degrees(),
-            learnt.gyro_bias_sigma_rad_s[axis].to_degrees(),
-            "deg/s",
-        );
-    }
-    row(
-        "steer offset at the road wheels, left positive",
-        learnt.steer_offset_rad.to_degrees(),
-        learnt.steer_offset_sigma_rad.to_degrees(),
-        "deg",
-    );
-    body.push_str("</table></div>");
-}
-
-fn sources(drive: &Drive, body: &mut String) {
-    let Some(health) = &drive.health else { return };
-    body.push_str(
-        "<h2 id=\"sources\">Sources</h2><div class=\"wide\"><table><tr><th>source</th>\
-         <th>state</th><th class=\"n\">messages</th><th class=\"n\">bytes</th>\
-         <th class=\"n\">bad checksums</th><th class=\"n\">skipped bytes</th>\
-         <th class=\"n\">gaps</th><th class=\"n\">malformed</th><th class=\"n\">reopened</th>",
-    );
-    for place in LossPlace::ALL {
-        let _ = write!(body, "<th class=\"n\">lost: {}</th>", place.name());
-    }
-    body.push_str("</tr>");
-    for source in &health.sources {
-        let state = match (source.open, source.silent) {
-            (false, _) => "closed",
-            (true, true) => "silent",
-            (true, false) => "open",
-        };
-        let _ = write!(body, "<tr><td>{}</td><td>{state}</td>", html(&source.name));
-        let counters = [
-            source.messages,
-            source.bytes,
-            source.checksum_errors,
-            source.skipped_bytes,
-            source.gaps,
-            source.malformed,
-            source.reopened,
-        ];
-        for value in counters.into_iter().chain(source.lost) {
-            let _ = write!(body, "<td class=\"n\">{value}</td>");
-        }
-        body.push_str("</tr>");
-    }
-    body.push_str("</table></div>");
-    if !health.faulty_sensors.is_empty() {
-        let names = html(&health.faulty_sensors.join(", "));
-        let _ = write!(
-            body,
-            "<p>Found faulty and left out at the end: {names}.</p>"
-        );
-    }
-}
-
-fn clocks(drive: &Drive, body: &mut String) {
-    if drive.clocks.is_empty() {
-        return;
-    }
-    body.push_str(
-        "<h2 id=\"clocks\">Clocks</h2><p class=\"caption\">Each device's clock against the log \
-         clock, as fitted at the end of the drive.</p><div class=\"wide\"><table><tr>\
-         <th>source</th><th class=\"n\">offset (s)</th><th class=\"n\">drift (ppm)</th>\
-         <th class=\"n\">residual (ms)</th><th class=\"n\">steps</th></tr>",
-    );
-    for (name, fit) in &drive.clocks {
-        let _ = write!(
-            body,
-            "<tr><td>{}</td><td class=\"n\">{:.4}</td><td class=\"n\">{:.1}</td>\
-             <td class=\"n\">{:.2}</td><td class=\"n\">{}</td></tr>",
-            html(name),
-            fit.offset_s,
-            fit.drift_ppm,
-            1e3 * fit.residual_sigma_s,
-            fit.steps
-        );
-    }
-    body.push_str("</table></div>");
-}
-
-fn files(drive: &Drive, body: &mut String) {
-    body.push_str("<h2 id=\"files\">Files</h2><ul>");
-    for (path, bytes) in &drive.files {
-        let _ = write!(
-            body,
-            "<li>{} ({:.1} MB)</li>",
-            html(path),
-            *bytes as f64 / 1e6
-        );
-    }
-    body.push_str("</ul>");
-    for attachment in &drive.attachments {
-        let text = String::from_utf8_lossy(&attachment.data);
-        let _ = write!(
-            body,
-            "<details><summary>{} ({} bytes, in the log)</summary><pre>{}</pre></details>",
-            html(&attachment.name),
-            attachment.data.len(),
-            html_lines(&text)
-        );
-    }
 }
 
 fn utc(time: LogTime) -> String {
@@ -348,7 +182,7 @@ fn utc(time: LogTime) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::Series;
+    use crate::options::Options;
 
     #[test]
     fn times_are_utc() {
@@ -359,59 +193,78 @@ mod tests {
     }
 
     #[test]
-    fn the_drawing_library_is_carried_with_its_licence_and_nothing_else() {
-        let script = plotly_script();
-        assert!(script.contains("plotly.js v"));
-        assert!(script.contains("MIT license"));
-        assert_eq!(script.matches("</script>").count(), 1);
+    fn the_drawing_library_is_carried_with_its_licence_and_exports_nothing() {
+        let page = document("x", "", json!({"figures": []}), Blob::default());
+        assert!(page.contains("Leon Sorokin") && page.contains("Permission is hereby granted"));
+        assert!(!page.contains("export {"));
+        assert!(!uplot().contains("</script"));
     }
 
     /// A log whose texts were made to leave their place in the page.
     #[test]
     fn texts_of_a_log_cannot_leave_their_place() {
         const NAME: &str = "<!--<script>\u{1b}\u{202e}";
-        let series = || Series {
-            time_s: vec![0.0, 1.0],
-            values: vec![1.0, 2.0],
-        };
-        let drive = Drive {
-            files: vec![(NAME.into(), 1)],
-            limits: vec!["no hard-points".to_owned()],
-            missing: vec![NAME.into()],
-            facts: vec![(NAME.into(), NAME.into())],
-            attachments: vec![store::Attachment {
+        let mut drive = Drive::default();
+        drive.files = vec![(NAME.into(), 1)];
+        drive.limits = vec!["no hard-points".to_owned()];
+        drive.missing = vec![NAME.into()];
+        drive.facts = vec![(NAME.into(), NAME.into())];
+        drive.attachments = vec![Attachment {
+            name: NAME.into(),
+            media_type: String::new(),
+            data: NAME.into(),
+        }];
+        drive.span_s = [0.0, 1.0];
+        drive.marks = vec![(LogTime(0), NAME.into())];
+        let mut frame = crate::frame::Frame::at(vec![0.0, 1.0]);
+        for name in [
+            "velocity_m_s.east",
+            "velocity_m_s.north",
+            "east_m",
+            "north_m",
+        ] {
+            frame.set(name, vec![1.0, 2.0]);
+        }
+        drive.sensors.insert(format!("/gnss/{NAME}"), frame);
+        let options = Options::default();
+        let summary = Summary::of(&drive, &options);
+        let mut blob = Blob::default();
+        let figures = Figures::of(&drive, None, &options, &mut blob);
+        assert!(figures.all.len() > 1, "names reach the figures");
+        let large = [(
+            "0-x".to_owned(),
+            Attachment {
                 name: NAME.into(),
                 media_type: String::new(),
-                data: NAME.into(),
-            }],
-            start: LogTime(0),
-            duration_s: 1.0,
-            estimate: Series::default(),
-            measured: Series::default(),
-            expected: Series::default(),
-            truth: Series::default(),
-            truth_forces: Series::default(),
-            rollover: Series::default(),
-            learnt: Series::default(),
-            steering_wheel_rad: Series::default(),
-            gnss_speed_m_s: [(NAME.to_owned(), series())].into(),
-            track_m: [(NAME.to_owned(), vec![[0.0; 2], [1.0; 2]])].into(),
-            events: Vec::new(),
-            marks: vec![(LogTime(0), NAME.into())],
-            messages: Vec::new(),
-            health: None,
-            utc_offset: None,
-            clocks: std::collections::BTreeMap::new(),
-        };
-        let figures: Vec<Figure> = crate::figures::all(&drive)
-            .into_iter()
-            .filter(Figure::has_data)
-            .collect();
-        assert!(figures.len() > 1, "names reach the figures");
-        let page = render(&drive, &figures);
-        let own = page.replace(plotly_script().as_str(), "");
+                data: Vec::new(),
+            },
+        )];
+        let page = render(&drive, &summary, &figures, &large, NAME, blob);
+        let mut own = page.replace(uplot(), "");
+        for script in SCRIPTS {
+            own = own.replace(script, "");
+        }
         assert!(!own.contains(NAME) && !own.contains("<!--"));
         assert!(!own.contains(['\u{1b}', '\u{202e}']));
-        assert_eq!(own.matches("<script").count(), 2);
+        assert_eq!(own.matches("<script").count(), 3);
+    }
+
+    #[test]
+    fn large_attachments_get_harmless_names() {
+        let mut all = vec![
+            Attachment {
+                name: "../../etc/passwd".into(),
+                media_type: String::new(),
+                data: vec![0; ATTACHMENT_MAX + 1],
+            },
+            Attachment {
+                name: "small".into(),
+                media_type: String::new(),
+                data: Vec::new(),
+            },
+        ];
+        let large = large_files(&mut all);
+        assert_eq!(large[0].0, "0-.._.._etc_passwd");
+        assert_eq!((all.len(), all[0].name.as_str()), (1, "small"));
     }
 }

@@ -4,6 +4,7 @@
 
 mod channels;
 mod compare;
+mod drive;
 mod forces;
 mod innovations;
 mod lifts;
@@ -11,6 +12,7 @@ mod road;
 mod surfaces;
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
 use estimator::score;
@@ -20,6 +22,8 @@ use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use channels::Channels;
+use drive::Drive;
+
 pub use compare::{Comparison, Difference, compare};
 pub use forces::ForceScore;
 pub use innovations::{InnovationScore, innovations, innovations_json};
@@ -51,6 +55,9 @@ pub enum ScoreError {
          of `replay --smooth`"
     )]
     NoPair(&'static str),
+    /// The user interrupted the work.
+    #[error("interrupted")]
+    Interrupted,
     /// No vehicle.
     #[error(
         "the configuration in the log has no valid vehicle, so that nothing was estimated; replay \
@@ -107,8 +114,8 @@ pub struct Score {
     pub events: BTreeMap<&'static str, usize>,
 }
 
-/// What is compared: for each instant the estimate and the truth.
-type Pairs = Vec<(Estimate, Estimate)>;
+/// What is compared: for each instant the estimate and the truth, which several outputs share.
+type Pairs = Vec<(Estimate, Rc<Estimate>)>;
 
 /// A signal of an estimate with its standard deviation (`NaN` if there is none).
 type Pick<'a> = &'a dyn Fn(&Estimate) -> (f64, f64);
@@ -123,27 +130,53 @@ const SETTLING_S: f64 = 2.0;
 /// # Errors
 /// If the log cannot be read, has no truth, no estimate or no vehicle.
 pub fn score(reader: &Reader, stage: Stage, from_s: f64) -> Result<Score, ScoreError> {
+    score_with(reader, stage, from_s, &mut |_| Ok(()))
+}
+
+/// The same; `progress` is called with the part of the log that was read, from 0 to 1, and ends the work
+/// by an error.
+///
+/// # Errors
+/// As [`score()`], and the error of `progress`.
+pub fn score_with(
+    reader: &Reader,
+    stage: Stage,
+    from_s: f64,
+    progress: &mut dyn FnMut(f64) -> Result<(), ScoreError>,
+) -> Result<Score, ScoreError> {
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
     let loads = static_loads(&vehicle);
-    let (start, pairs) = pairs(reader, stage, from_s)?;
+    let drive = Drive::read(reader, stage, progress)?;
+    let start = drive.start().ok_or(ScoreError::NoTruth)?;
+    let Drive {
+        truth,
+        estimates,
+        events,
+        reports,
+        friction,
+    } = drive;
+    let signals_from_s = from_s;
+    let pairs = paired(&truth, estimates, from_s)?;
     let mut forces = forces::find(&pairs, stage.name(), &loads);
+    let signals = signals(&pairs, &loads);
+    let seconds = pairs.len() as f64 * INTERVAL_S;
+    drop(pairs);
     if has_lagged(reader) {
-        let (_, lagged) = self::pairs(reader, Stage::Lagged, from_s)?;
+        let lagged = reader.of_stage(Stage::Lagged).collect::<Result<_, _>>()?;
+        let lagged = paired(&truth, lagged, from_s)?;
         forces.extend(forces::find(&lagged, Stage::Lagged.name(), &loads));
     }
-    let events = events(reader)?;
-    let signals_from_s = from_s;
     let from_s = if from_s > SETTLING_S { from_s } else { 0.0 };
-    let [lifts, two_wheel_lifts] = lifts::find(reader, start, from_s, &loads, &events)?;
+    let [lifts, two_wheel_lifts] = lifts::find(&truth, start, from_s, &loads, &events);
     Ok(Score {
-        seconds: pairs.len() as f64 * INTERVAL_S,
-        signals: signals(&pairs, &loads),
+        seconds,
+        signals,
         forces,
-        innovations: innovations(reader, signals_from_s)?,
+        innovations: innovations::judged(&reports, signals_from_s),
         lifts,
         two_wheel_lifts,
-        surface_changes: surfaces::find(reader, start, from_s, &loads, &events)?,
-        road: road::find(reader, start, signals_from_s, &vehicle)?,
+            surface_changes: surfaces::find(&truth, &friction, start, from_s, &loads, &events),
+            road: road::find(reader, start, signals_from_s, &vehicle)?,
         channels: reader
             .session()
             .injected_faults
@@ -167,7 +200,7 @@ pub fn score_methods(
     let truth = truth(reader)?;
     let mut all = Vec::new();
     for (name, estimates) in methods {
-        let pairs = paired(&truth, estimates.into_iter().map(Ok), from_s)?;
+        let pairs = paired(&truth, estimates, from_s)?;
         all.extend(forces::find(&pairs, name, &loads));
     }
     Ok(all)
@@ -211,44 +244,33 @@ fn contact_load_n(truth: &Estimate, wheel: Wheel) -> f64 {
     }
 }
 
-type TruthByTime = BTreeMap<LogTime, Estimate>;
+type TruthByTime = BTreeMap<LogTime, Rc<Estimate>>;
 
 fn truth(reader: &Reader) -> Result<TruthByTime, ScoreError> {
     let mut truth = BTreeMap::new();
     for state in reader.truth() {
         let state = state?;
-        truth.insert(state.time, state);
+        truth.insert(state.time, Rc::new(state));
     }
     Ok(truth)
 }
 
 /// Estimates beside the truth of the same instant.
-fn paired(
-    truth: &TruthByTime,
-    estimates: impl Iterator<Item = store::Result<Estimate>>,
-    from_s: f64,
-) -> Result<Pairs, ScoreError> {
+fn paired(truth: &TruthByTime, estimates: Vec<Estimate>, from_s: f64) -> Result<Pairs, ScoreError> {
     let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
-    let mut pairs = Pairs::new();
-    for estimate in estimates {
-        let estimate = estimate?;
-        if estimate.time.seconds_since(start) < from_s {
-            continue;
-        }
-        if let Some(truth) = truth.get(&estimate.time) {
-            pairs.push((estimate, truth.clone()));
-        }
-    }
+    let late = estimates
+        .into_iter()
+        .filter(|estimate| estimate.time.seconds_since(start) >= from_s);
+    let pairs: Pairs = late
+        .filter_map(|estimate| {
+            let truth = Rc::clone(truth.get(&estimate.time)?);
+            Some((estimate, truth))
+        })
+        .collect();
     if pairs.is_empty() {
         return Err(ScoreError::NoPair("truth"));
     }
     Ok(pairs)
-}
-
-fn pairs(reader: &Reader, stage: Stage, from_s: f64) -> Result<(LogTime, Pairs), ScoreError> {
-    let truth = truth(reader)?;
-    let start = *truth.keys().next().ok_or(ScoreError::NoTruth)?;
-    Ok((start, paired(&truth, reader.of_stage(stage), from_s)?))
 }
 
 fn events(reader: &Reader) -> Result<Vec<Event>, ScoreError> {

@@ -50,7 +50,8 @@ pub use ledger::{LossLedger, Losses};
 pub use log_writer::LogWriter;
 pub use new_name::rename_without_replacing;
 pub use reader::{
-    ArrivalIter, ChannelInfo, Info, Message, MessageIter, Missing, Reader, Selection,
+    ArrivalIter, ChannelInfo, EstimateJoiner, Info, Message, MessageIter, MessageRef, Missing,
+    Reader, Selection,
 };
 pub use record::{
     ClockFit, Ground, LogMessage, Pose, Record, Stage, Transform, UtcOffset, WheelGround,
@@ -69,7 +70,7 @@ pub use session::{
     Attachment, ClockState, InjectedFault, Options, Session, Source, SourceKind, utc_ns,
 };
 pub use summary::Summary;
-pub use table::{Column, RowDecoder, Table, Values};
+pub use table::{Column, RowDecoder, Table, Tables, Values};
 pub use tap::{TapChannel, TapDecoder, TapEncoder, TapFrame, TapMessage};
 
 /// Types generated from the schemas in `proto/` (`make bless` writes them).

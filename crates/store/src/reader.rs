@@ -14,7 +14,7 @@ use std::sync::Arc;
 use sample::{Estimate, LogTime, Motion, PerWheel, Rollover, Signal, SourceId, TyreForce};
 
 pub use arrivals::ArrivalIter;
-pub use messages::{Message, MessageIter, Selection};
+pub use messages::{EstimateJoiner, Message, MessageIter, MessageRef, Selection};
 
 use crate::recovery::RECOVERED_METADATA;
 use crate::session::{COUNTERS_METADATA, RUN_METADATA, UTC_METADATA};
@@ -25,7 +25,7 @@ pub(crate) use index::{Index, Lost, ScanOptions};
 
 /// One or more files of a run, read as one log.
 pub struct Reader {
-    files: Vec<Arc<LogFile>>,
+    pub(crate) files: Vec<Arc<LogFile>>,
     session: Session,
 }
 
@@ -317,11 +317,7 @@ impl Reader {
             info.missing.extend(index.missing.iter().cloned());
             let without = index.channels.values().filter(|c| c.has_no_schema());
             info.missing
-                .extend(without.map(|channel| Missing::NoSchema {
-                    path: file.path.clone(),
-                    topic: channel.topic.clone(),
-                    schema: channel.schema.clone(),
-                }));
+                .extend(without.map(|channel| channel.without_schema(&file.path)));
             info.missing.extend(file.unwritten(&mut info.counters));
         }
         info.missing.extend(self.missing_parts());
@@ -454,6 +450,15 @@ impl ChannelInfo {
     pub(crate) fn has_no_schema(&self) -> bool {
         self.schema_data.is_empty() && self.schema.contains('.')
     }
+
+    /// Statement that the schema is not in the file at `path`.
+    pub(crate) fn without_schema(&self, path: &Path) -> Missing {
+        Missing::NoSchema {
+            path: path.to_owned(),
+            topic: self.topic.clone(),
+            schema: self.schema.clone(),
+        }
+    }
 }
 
 impl LogFile {
@@ -478,7 +483,7 @@ impl Message {
     /// # Errors
     /// If the message does not follow its schema.
     pub fn record(&self) -> Result<Option<Record>> {
-        messages::record(self)
+        messages::record(self.by_ref())
     }
 
     /// Named values of a message whose schema was made at run time (a DBC message, a controller).
@@ -486,7 +491,7 @@ impl Message {
     /// # Errors
     /// If the message does not follow its schema.
     pub fn signals(&self) -> Result<Vec<Signal>> {
-        messages::signals(self)
+        messages::signals(self.by_ref())
     }
 }
 

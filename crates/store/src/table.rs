@@ -5,11 +5,12 @@ mod plan;
 mod values;
 mod walk;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use sample::LogTime;
 
-use crate::reader::{ChannelInfo, Missing, Reader, Selection};
+use crate::reader::{ChannelInfo, MessageRef, Missing, Reader, Selection};
 use crate::{Error, Result};
 use plan::Plan;
 pub use values::Values;
@@ -68,6 +69,45 @@ impl Column {
 }
 
 impl Table {
+    /// Takes all rows out and leaves the columns.
+    fn split_off_rows(&mut self) -> Self {
+        let rows = self.log_time_ns.len();
+        let columns = self.columns.iter_mut().map(|column| Column {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            names: column.names.clone(),
+            values: column.values.take(rows),
+            present: column.present.as_mut().map(std::mem::take),
+        });
+        Self {
+            columns: columns.collect(),
+            log_time_ns: std::mem::take(&mut self.log_time_ns),
+            publish_time_ns: std::mem::take(&mut self.publish_time_ns),
+            missing: std::mem::take(&mut self.missing),
+        }
+    }
+
+    /// Adds the columns of `all` that this table does not have yet, absent in all rows. `all` are those of
+    /// [`Reader::columns`], whose first columns are those of each batch.
+    pub fn pad(&mut self, all: &[Column]) {
+        for column in all.iter().skip(self.columns.len()) {
+            let mut column = column.clone();
+            for _ in &self.log_time_ns {
+                column.begin_row();
+                column.values.end_row();
+            }
+            self.columns.push(column);
+        }
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        self.log_time_ns.truncate(rows);
+        self.publish_time_ns.truncate(rows);
+        for column in &mut self.columns {
+            column.truncate(rows);
+        }
+    }
+
     /// Adds the message as a row, or leaves the table as it was.
     fn push(
         &mut self,
@@ -120,9 +160,7 @@ impl RowDecoder {
 
     /// Numbers of a message: name of the column and value. Damaged messages have none.
     pub fn numbers(&mut self, data: &[u8]) -> impl Iterator<Item = (&str, f64)> {
-        for column in &mut self.table.columns {
-            column.truncate(0);
-        }
+        self.table.truncate(0);
         let _ = self.table.push(&mut self.plan, data);
         let columns = self.table.columns.iter();
         columns.filter_map(|column| Some((column.name.as_str(), column.values.first_number()?)))
@@ -133,63 +171,196 @@ impl Reader {
     /// A topic as columns, from `start` to `end`, both included.
     ///
     /// # Errors
-    /// If the log has no such topic, its messages are not encoded as protobuf, its schema is no protobuf schema, two schemas of the topic
-    /// contradict each other, or a file can no longer be read. A malformed message is no error: see
-    /// [`Table::missing`].
+    /// As [`Reader::tables`].
     pub fn table(&self, topic: &str, start: LogTime, end: LogTime) -> Result<Table> {
-        let mut table = Table::default();
-        let mut plans: Vec<(Arc<ChannelInfo>, Plan)> = Vec::new();
-        let mut known = false;
-        for channel in self.channels().filter(|channel| channel.topic == topic) {
-            known = true;
-            let encoding = &channel.message_encoding;
-            if !matches!(encoding.as_str(), "" | "protobuf") {
-                return Err(Error::Encoding {
-                    topic: topic.to_owned(),
-                    schema: channel.schema.clone(),
-                    encoding: encoding.clone(),
-                });
-            }
-            // Messages of a channel without a schema are left out.
-            if !channel.has_no_schema() {
-                plan_of(&mut plans, &mut table, channel)?;
+        let tables = self.tables(&[topic], start, end)?;
+        Ok(tables.into_iter().next().unwrap_or_default())
+    }
+
+    /// Several topics as columns, from `start` to `end`, both included: one table for each, in the order
+    /// of `topics`. Each chunk is read and inflated once for all topics.
+    ///
+    /// # Errors
+    /// If the log has no such topic, its messages are not encoded as protobuf, its schema is no protobuf
+    /// schema, two schemas of the topic contradict each other, or a file can no longer be read. A
+    /// malformed message is no error: see [`Table::missing`].
+    pub fn tables(
+        &self,
+        topics: &[impl AsRef<str>],
+        start: LogTime,
+        end: LogTime,
+    ) -> Result<Vec<Table>> {
+        let mut tables = Vec::new();
+        self.each_batch(topics, [start, end], usize::MAX, |topic, table| {
+            tables.push((topic, table));
+            Ok::<(), Error>(())
+        })?;
+        tables.sort_by_key(|(topic, _)| *topic);
+        Ok(tables.into_iter().map(|(_, table)| table).collect())
+    }
+
+    /// Columns of a topic without rows: as they are at the end of the stretch of time. Entries with
+    /// names that the schema does not tell are found by reading through the messages.
+    ///
+    /// # Errors
+    /// As [`Reader::tables`].
+    pub fn columns(&self, topic: &str, [start, end]: [LogTime; 2]) -> Result<Table> {
+        let open = Tables::new(self, &[topic])?;
+        if !open.all.iter().any(OpenTable::can_grow) {
+            return Ok(open.all.into_iter().next().unwrap_or_default().table);
+        }
+        let mut last = Table::default();
+        self.each_batch(&[topic], [start, end], BATCH_ROWS, |_, mut table| {
+            table.truncate(0);
+            last = table;
+            Ok::<(), Error>(())
+        })?;
+        Ok(last)
+    }
+
+    /// Calls `take` with the position of a topic and at most `rows` rows of it, again and again, and with
+    /// the rest of each topic at the end. The memory does not grow with the length of the log, unless
+    /// `rows` is unlimited.
+    ///
+    /// # Errors
+    /// As [`Reader::tables`], and any error of `take`.
+    pub fn each_batch<E: From<Error>>(
+        &self,
+        topics: &[impl AsRef<str>],
+        [start, end]: [LogTime; 2],
+        rows: usize,
+        mut take: impl FnMut(usize, Table) -> std::result::Result<(), E>,
+    ) -> std::result::Result<(), E> {
+        let mut open = Tables::new(self, topics)?;
+        let names = topics.iter().map(|topic| topic.as_ref());
+        let mut messages = self.messages(Selection::topics(names).between(start, end));
+        while let Some(message) = messages.next_ref() {
+            if let Some(position) = open.push(&message?)
+                && open.rows(position) >= rows
+            {
+                take(position, open.take(position))?;
             }
         }
-        if !known {
-            let known: Vec<String> = self.info().channels.into_keys().collect();
+        let missing = messages.missing().to_vec();
+        for position in 0..topics.len() {
+            let mut table = open.take(position);
+            table.missing.extend(missing.iter().cloned());
+            take(position, table)?;
+        }
+        Ok(())
+    }
+}
+
+/// Rows of a batch of [`Reader::each_batch`] if nothing else matters.
+const BATCH_ROWS: usize = 1 << 14;
+
+/// A table that is being filled, with the plans of its channels.
+#[derive(Default)]
+struct OpenTable {
+    topic: String,
+    table: Table,
+    plans: Vec<(Arc<ChannelInfo>, Plan)>,
+}
+
+impl OpenTable {
+    fn push(&mut self, plan: usize, message: &MessageRef<'_>) {
+        let pushed = self.table.push(&mut self.plans[plan].1, message.data);
+        let table = &mut self.table;
+        match pushed {
+            Ok(()) => {
+                table.log_time_ns.push(message.log_time.0.cast_signed());
+                table
+                    .publish_time_ns
+                    .push(message.publish_time.0.cast_signed());
+            }
+            Err(cause) => table.missing.push(Missing::BadMessage {
+                topic: self.topic.clone(),
+                log_time: message.log_time,
+                text: cause.to_string(),
+            }),
+        }
+    }
+
+    /// Whether messages may add columns.
+    fn can_grow(&self) -> bool {
+        self.plans.iter().any(|(_, plan)| !plan.keyed.is_empty())
+    }
+}
+
+/// Tables of several topics that are filled message by message, for readers that need messages of other
+/// topics in the same pass.
+pub struct Tables {
+    all: Vec<OpenTable>,
+    /// For each file and number of a channel: position of the table, and of the plan in it.
+    places: Vec<Vec<Option<(usize, usize)>>>,
+}
+
+impl Tables {
+    /// Empty tables, with the columns that the schemas tell.
+    ///
+    /// # Errors
+    /// As [`Reader::tables`].
+    pub fn new(reader: &Reader, topics: &[impl AsRef<str>]) -> Result<Self> {
+        let names = topics.iter().map(AsRef::as_ref);
+        let positions: BTreeMap<&str, usize> = names.zip(0..).collect();
+        let mut all: Vec<OpenTable> = Vec::new();
+        all.resize_with(topics.len(), OpenTable::default);
+        let mut places = Vec::new();
+        for file in &reader.files {
+            let mut of_file = Vec::new();
+            for (id, channel) in &file.index.channels {
+                let Some(position) = positions.get(channel.topic.as_str()) else {
+                    continue;
+                };
+                all[*position].topic.clone_from(&channel.topic);
+                let encoding = &channel.message_encoding;
+                if !matches!(encoding.as_str(), "" | "protobuf") {
+                    return Err(Error::Encoding {
+                        topic: channel.topic.clone(),
+                        schema: channel.schema.clone(),
+                        encoding: encoding.clone(),
+                    });
+                }
+                let OpenTable { table, plans, .. } = &mut all[*position];
+                // Messages of a channel without a schema are left out.
+                if channel.has_no_schema() {
+                    table.missing.push(channel.without_schema(&file.path));
+                    continue;
+                }
+                let plan = plan_of(plans, table, channel)?;
+                of_file.resize(usize::from(*id) + 1, None);
+                of_file[usize::from(*id)] = Some((*position, plan));
+            }
+            places.push(of_file);
+        }
+        if let Some(unknown) = all.iter().position(|one| one.topic.is_empty()) {
+            let known: Vec<String> = reader.info().channels.into_keys().collect();
             return Err(Error::NoTopic {
-                topic: topic.to_owned(),
+                topic: topics[unknown].as_ref().to_owned(),
                 known: known.join(", "),
             });
         }
-        let mut messages = self.messages(Selection::topics([topic]).between(start, end));
-        for message in messages.by_ref() {
-            let message = message?;
-            if message.channel.has_no_schema() {
-                continue;
-            }
-            let plan = plan_of(&mut plans, &mut table, &message.channel)?;
-            let plan = &mut plans[plan].1;
-            match table.push(plan, &message.data) {
-                Ok(()) => {
-                    table.log_time_ns.push(message.log_time.0.cast_signed());
-                    table
-                        .publish_time_ns
-                        .push(message.publish_time.0.cast_signed());
-                }
-                Err(cause) => table.missing.push(Missing::BadMessage {
-                    topic: topic.to_owned(),
-                    log_time: message.log_time,
-                    text: cause.to_string(),
-                }),
-            }
-        }
-        table.missing.extend(messages.missing().iter().cloned());
-        let unreadable = |missing: &Missing| matches!(missing, Missing::NoSchema { topic: of, .. } if of == topic);
-        table
-            .missing
-            .extend(self.info().missing.into_iter().filter(unreadable));
-        Ok(table)
+        Ok(Self { all, places })
+    }
+
+    /// Adds a message as a row of the table of its topic, and returns the position of the topic; `None`
+    /// if the topic has no table.
+    pub fn push(&mut self, message: &MessageRef<'_>) -> Option<usize> {
+        let (file, id) = message.place;
+        let (position, plan) = (*self.places.get(file)?.get(usize::from(id))?)?;
+        self.all[position].push(plan, message);
+        Some(position)
+    }
+
+    /// Rows of a table that were not taken yet.
+    #[must_use]
+    pub fn rows(&self, position: usize) -> usize {
+        self.all[position].table.log_time_ns.len()
+    }
+
+    /// Takes the rows of a table.
+    pub fn take(&mut self, position: usize) -> Table {
+        self.all[position].table.split_off_rows()
     }
 }
 

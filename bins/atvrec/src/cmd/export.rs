@@ -4,7 +4,7 @@
 mod parquet;
 mod text;
 
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 
 use engine::config::closest;
 use engine::missing;
@@ -13,7 +13,9 @@ use store::{Column, Info, Missing, Reader, Table, UtcOffset, Values};
 
 use crate::cli::ExportArgs;
 use crate::exit::{Outcome, UsageError};
+use crate::interrupt::Interrupt;
 use crate::output;
+use crate::progress::Progress;
 use engine::output::{Kind, Target};
 
 /// Kind of the output.
@@ -22,7 +24,7 @@ const TABLE: Kind = Kind::Table {
 };
 
 /// Runs the command.
-pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
+pub fn run(args: &ExportArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let target = args
         .output
         .as_ref()
@@ -46,35 +48,28 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<Outcome> {
     let end = args
         .to_s
         .map_or(LogTime(u64::MAX), |to_s| begin.offset_seconds(to_s));
-    let mut table = reader.table(&args.topic, start, end)?;
-    if let Some(utc) = reader.utc_offset()? {
-        table.columns.push(utc_column(&table, utc));
-    }
+    let export = Export {
+        reader: &reader,
+        topic: &args.topic,
+        span: [start, end],
+        utc: reader.utc_offset()?,
+        progress: Progress::seconds(
+            "export",
+            end_of(&info, end).seconds_since(start.max(begin)),
+            quiet,
+        ),
+        interrupt: Interrupt::listen()?,
+        begin: start.max(begin),
+    };
+    let columns = export.columns()?;
+    let written = export.write(target.as_ref(), &columns)?;
+    export.progress.finish();
     // A channel without a schema concerns its own topic only, whose table reports it.
-    let mut missing = reader.info().missing;
+    let mut missing = info.missing;
     missing.retain(|missing| !matches!(missing, Missing::NoSchema { .. }));
-    missing.extend(table.missing.iter().cloned());
+    missing.extend(written.missing);
     for line in missing::summary(&missing) {
         tracing::warn!("{line}");
-    }
-    match &target {
-        None => {
-            text::write(&table, std::io::stdout().lock()).or_else(output::ignore_closed_pipe)?
-        }
-        Some(target) => {
-            let is_parquet = target.has_extension("parquet");
-            target.write_by(|file| match is_parquet {
-                #[cfg(feature = "formats")]
-                true => Ok(parquet::write(&table, file)?),
-                _ => Ok(text::write(&table, BufWriter::new(file))?),
-            })?;
-            println!(
-                "{}: {} rows, {} columns",
-                target.path().display(),
-                table.log_time_ns.len(),
-                table.columns.len() + 2
-            );
-        }
     }
     // A log that is still being recorded has lost nothing, and neither have parts that were not given.
     let is_loss = |missing: &Missing| {
@@ -102,15 +97,135 @@ fn check_topic(topic: &str, info: &Info) -> anyhow::Result<()> {
     anyhow::bail!("the log has no topic {topic}; {hint}")
 }
 
-/// Column with the UTC of `publish_time_ns`, from a GNSS receiver.
-fn utc_column(table: &Table, utc: UtcOffset) -> Column {
-    let times = table.publish_time_ns.iter();
-    Column {
-        name: "utc_ns".to_owned(),
-        unit: String::new(),
-        names: Vec::new(),
-        values: Values::I64(times.map(|ns| ns.saturating_add(utc.offset_ns)).collect()),
-        present: None,
+/// Rows that are in memory at a time.
+const BATCH_ROWS: usize = 1 << 15;
+
+/// A topic that is exported in batches of rows.
+struct Export<'a> {
+    reader: &'a Reader,
+    topic: &'a str,
+    span: [LogTime; 2],
+    utc: Option<UtcOffset>,
+    progress: Progress,
+    interrupt: Interrupt,
+    /// Time of the first row.
+    begin: LogTime,
+}
+
+/// The last time of an export.
+fn end_of(info: &Info, end: LogTime) -> LogTime {
+    info.span.map_or(end, |(_, last)| last.min(end))
+}
+
+/// What was exported.
+#[derive(Default)]
+struct Written {
+    rows: usize,
+    missing: Vec<Missing>,
+}
+
+impl Export<'_> {
+    /// The columns of all batches, without rows.
+    fn columns(&self) -> anyhow::Result<Table> {
+        let mut columns = self.reader.columns(self.topic, self.span)?;
+        self.add_utc(&mut columns);
+        Ok(columns)
+    }
+
+    /// Writes all rows to standard output or to the target, and prints what was written there.
+    fn write(&self, target: Option<&Target>, columns: &Table) -> anyhow::Result<Written> {
+        let mut written = Written::default();
+        match target {
+            None => {
+                let sink = std::io::stdout().lock();
+                let result = self.write_text(sink, columns, &mut written);
+                result.or_else(|error| match error.downcast::<std::io::Error>() {
+                    Ok(cause) => Ok(output::ignore_closed_pipe(cause)?),
+                    Err(other) => Err(other),
+                })?;
+            }
+            Some(target) => {
+                let is_parquet = target.has_extension("parquet");
+                target.write_by(|file| match is_parquet {
+                    #[cfg(feature = "formats")]
+                    true => Ok(self.write_parquet(file, columns, &mut written)?),
+                    _ => {
+                        let result = self.write_text(BufWriter::new(file), columns, &mut written);
+                        result.map_err(|error| match error.downcast::<std::io::Error>() {
+                            Ok(cause) => cause.into(),
+                            Err(other) => other.into(),
+                        })
+                    }
+                })?;
+                println!(
+                    "{}: {} rows, {} columns",
+                    target.path().display(),
+                    written.rows,
+                    columns.columns.len() + 2
+                );
+            }
+        }
+        Ok(written)
+    }
+
+    fn write_text(
+        &self,
+        sink: impl Write,
+        columns: &Table,
+        written: &mut Written,
+    ) -> anyhow::Result<()> {
+        let mut writer = text::Writer::new(sink, &columns.columns)?;
+        self.each(columns, written, |table| Ok(writer.write(table)?))?;
+        Ok(writer.finish()?)
+    }
+
+    #[cfg(feature = "formats")]
+    fn write_parquet(
+        &self,
+        file: std::fs::File,
+        columns: &Table,
+        written: &mut Written,
+    ) -> anyhow::Result<()> {
+        let mut writer = parquet::Writer::new(file, &columns.columns)?;
+        self.each(columns, written, |table| writer.write(table))?;
+        writer.finish()
+    }
+
+    /// Calls `write` with each batch.
+    fn each(
+        &self,
+        columns: &Table,
+        written: &mut Written,
+        mut write: impl FnMut(&Table) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let topics = [self.topic];
+        self.reader
+            .each_batch(&topics, self.span, BATCH_ROWS, |_, mut table| {
+                self.interrupt.check()?;
+                if let Some(last) = table.log_time_ns.last() {
+                    let last = LogTime(last.cast_unsigned());
+                    self.progress.set(last.seconds_since(self.begin));
+                }
+                written.missing.append(&mut table.missing);
+                written.rows += table.log_time_ns.len();
+                let own = columns.columns.len() - usize::from(self.utc.is_some());
+                table.pad(&columns.columns[..own]);
+                self.add_utc(&mut table);
+                write(&table)
+            })
+    }
+
+    /// Adds the column with the UTC of `publish_time_ns`, from a GNSS receiver.
+    fn add_utc(&self, table: &mut Table) {
+        let Some(utc) = self.utc else { return };
+        let times = table.publish_time_ns.iter();
+        table.columns.push(Column {
+            name: "utc_ns".to_owned(),
+            unit: String::new(),
+            names: Vec::new(),
+            values: Values::I64(times.map(|ns| ns.saturating_add(utc.offset_ns)).collect()),
+            present: None,
+        });
     }
 }
 

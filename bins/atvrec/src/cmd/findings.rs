@@ -2,7 +2,7 @@
 
 use estimator::finding::{Figure, Finding, Findings};
 use report::findings::{Page, Table};
-use report::{Panel, Pen, Trace};
+use report::{Data, Kind, Panel, Pen, Trace};
 use serde_json::{Value, json};
 
 /// Prints all results as tables or as one JSON document.
@@ -162,20 +162,22 @@ fn figure(id: &str, found: &Figure) -> report::Figure {
         } else {
             Pen::Points(k)
         },
-        x: series.x.clone(),
-        y: series.y.clone(),
+        data: Data::Own {
+            x: series.x.clone(),
+            y: series.y.clone(),
+        },
     });
     report::Figure {
         id: id.to_owned().into(),
         title: found.title.clone().into(),
         caption: "".into(),
         panels: vec![Panel {
-            heading: String::new(),
             y_label: found.y_label.clone(),
             traces: traces.collect(),
+            ..Panel::default()
         }],
         x_label: found.x_label.clone().into(),
-        equal_axes: false,
+        kind: Kind::Plain,
     }
 }
 

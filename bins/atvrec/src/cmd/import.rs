@@ -23,6 +23,7 @@ use sample::LogTime;
 
 use crate::cli::{ImportCommand, ImportInto};
 use crate::exit::{Outcome, UsageError};
+use crate::interrupt::Interrupt;
 use engine::output::{Kind, Target};
 
 /// Time zero of a file without a date: 2000-01-01 UTC, ns.
@@ -36,11 +37,11 @@ const NAMES_MAX: usize = 50;
 const UNIX_TIME_FROM_NS: i128 = 315_532_800_000_000_000;
 
 /// Runs the command.
-pub fn run(command: &ImportCommand) -> anyhow::Result<Outcome> {
+pub fn run(command: &ImportCommand, quiet: bool) -> anyhow::Result<Outcome> {
     match command {
         ImportCommand::Vehicle(args) => vehicle::run(args),
-        ImportCommand::Csv(args) => csv::run(args),
-        ImportCommand::Alog(args) => alog::run(args),
+        ImportCommand::Csv(args) => csv::run(args, quiet),
+        ImportCommand::Alog(args) => alog::run(args, quiet),
     }
 }
 
@@ -66,12 +67,16 @@ struct Output<'p> {
     into: &'p ImportInto,
     /// Input files.
     inputs: Vec<&'p Path>,
+    /// Nothing is shown while the import runs.
+    quiet: bool,
+    interrupt: Interrupt,
 }
 
 /// Checks the output; `tables` are the imported files and their column maps.
 fn output<'p>(
     into: &'p ImportInto,
     tables: impl IntoIterator<Item = &'p PathBuf>,
+    quiet: bool,
 ) -> anyhow::Result<Output<'p>> {
     let named = [&into.vehicle, &into.sensors, &into.calibration];
     let mut inputs: Vec<&Path> = named.into_iter().flatten().map(Path::new).collect();
@@ -80,6 +85,8 @@ fn output<'p>(
         log: Target::new(&into.output, Kind::Log, into.replace.force, inputs.clone())?,
         into,
         inputs,
+        quiet,
+        interrupt: Interrupt::listen()?,
     })
 }
 

@@ -11,6 +11,7 @@ use store::{Reader, Session};
 
 use crate::cli::{ReplayArgs, ReplayChanges};
 use crate::exit::Outcome;
+use crate::interrupt::Interrupt;
 use crate::progress::Progress;
 
 /// Runs the command.
@@ -41,7 +42,9 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let progress = Progress::seconds("replay", log_seconds(&reader), quiet);
     let mut pace = args.rate.map(Pace::new);
     let mut first = None;
-    let done = replay.run(|entry| {
+    let interrupt = Interrupt::listen()?;
+    let done = replay.run(|entry| -> anyhow::Result<()> {
+        interrupt.check()?;
         if let Entry::Arrival(arrival) = &entry {
             let time = arrival.log_time;
             progress.set(time.seconds_since(*first.get_or_insert(time)));
@@ -50,7 +53,7 @@ pub fn run(args: &ReplayArgs, quiet: bool) -> anyhow::Result<Outcome> {
             }
         }
         match &mut log {
-            Some(log) => log.push(entry),
+            Some(log) => Ok(log.push(entry)?),
             None => Ok(()),
         }
     })?;

@@ -2,32 +2,117 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::ReportArgs;
-use crate::exit::Outcome;
+use anyhow::Context;
 use engine::output::{Kind, Target};
 use engine::{Config, scope};
+use report::{Options, Report, Units};
 use store::Reader;
 
+use crate::cli::{Axis, ReportArgs, UnitSystem};
+use crate::exit::Outcome;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
+
 /// Runs the command.
-pub fn run(args: &ReportArgs) -> anyhow::Result<Outcome> {
-    write(&args.logs, &args.output, args.replace.force)?;
-    Ok(Outcome::Good)
+pub fn run(args: &ReportArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let options = Options {
+        from_s: args.from_s,
+        to_s: args.to_s,
+        around: args.around.clone(),
+        against: args.against.clone(),
+        by_distance: args.by == Axis::Distance,
+        units: match args.units {
+            UnitSystem::Si => Units::Si,
+            UnitSystem::Metric => Units::Metric,
+            UnitSystem::Us => Units::Us,
+        },
+        smoothed: args.smoothed,
+        full: args.full,
+        limits: limits(&args.logs)?,
+    };
+    if args.json {
+        let found = make(&args.logs, &options, "", quiet)?;
+        println!("{:#}", found.numbers);
+        return Ok(Outcome::Good);
+    }
+    write_with(
+        &args.logs,
+        &options,
+        &args.output,
+        args.replace.force,
+        quiet,
+    )
+    .map(|()| Outcome::Good)
 }
 
-/// Writes the report and prints its path and size.
+/// Writes the report with the default options, and prints its path and size.
 pub fn write(logs: &[PathBuf], output: &Path, force: bool) -> anyhow::Result<()> {
-    let inputs = logs.iter().map(|log| &**log);
+    let options = Options {
+        limits: limits(logs)?,
+        ..Options::default()
+    };
+    write_with(logs, &options, output, force, true)
+}
+
+fn write_with(
+    logs: &[PathBuf],
+    options: &Options,
+    output: &Path,
+    force: bool,
+    quiet: bool,
+) -> anyhow::Result<()> {
+    let inputs = logs.iter().chain(&options.against).map(|log| &**log);
     let target = Target::new(output, Kind::Page, force, inputs)?;
-    let (html, summary) = report::html(logs, limits(logs)?)?;
-    target.write(&html)?;
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let directory = format!("{stem}-files");
+    let found = make(logs, options, &directory, quiet)?;
+    target.write(&found.html)?;
+    write_files(&found, &output.with_file_name(&directory), force)?;
     println!(
         "{}: {:.1} s, {} estimates, {} figures, {:.1} MB",
         output.display(),
-        summary.duration_s,
-        summary.estimates,
-        summary.figures,
-        summary.bytes as f64 / 1e6
+        found.duration_s,
+        found.estimates,
+        found.figures,
+        found.html.len() as f64 / 1e6
     );
+    Ok(())
+}
+
+fn make(
+    logs: &[PathBuf],
+    options: &Options,
+    directory: &str,
+    quiet: bool,
+) -> anyhow::Result<Report> {
+    let interrupt = Interrupt::listen()?;
+    let bytes = logs.iter().chain(&options.against).map(|log| {
+        let found = log.metadata();
+        found.map_or(0, |found| found.len())
+    });
+    let progress = Progress::bytes("report", bytes.sum(), quiet);
+    let found = report::report(logs, options, directory, &mut |part| {
+        progress.set_part(part);
+        interrupt.check().map_err(|_| report::Error::Interrupted)
+    });
+    progress.finish();
+    Ok(found?)
+}
+
+/// Writes the attachments that are too large for the page.
+fn write_files(found: &Report, directory: &Path, force: bool) -> anyhow::Result<()> {
+    if found.files.is_empty() {
+        return Ok(());
+    }
+    std::fs::create_dir_all(directory)
+        .with_context(|| format!("cannot create the directory {}", directory.display()))?;
+    for (name, attachment) in &found.files {
+        let target = Target::new(&directory.join(name), Kind::Any, force, None)?;
+        target.write_by(|mut file| {
+            use std::io::Write;
+            Ok(file.write_all(&attachment.data)?)
+        })?;
+    }
     Ok(())
 }
 

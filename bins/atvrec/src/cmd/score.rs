@@ -1,17 +1,19 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Channels, Comparison, ForceScore, InnovationScore, Lifts, Roads, Score, SurfaceChanges,
-    compare, innovations, innovations_json, score, score_methods,
+    Channels, Comparison, ForceScore, InnovationScore, Lifts, Roads, Score, ScoreError, SurfaceChanges,
+    compare, innovations, innovations_json, score_methods, score_with,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
 
 use crate::cli::ScoreArgs;
 use crate::exit::Outcome;
+use crate::interrupt::Interrupt;
+use crate::progress::Progress;
 
 /// Runs the command.
-pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
+pub fn run(args: &ScoreArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let reader = Reader::open(&args.logs)?;
     let stage = if args.smoothed {
         Stage::Smoothed
@@ -40,7 +42,14 @@ pub fn run(args: &ScoreArgs) -> anyhow::Result<Outcome> {
         }
         return Ok(Outcome::Good);
     }
-    let found = score(&reader, stage, args.from_s)?;
+    let bytes = reader.info().files.iter().map(|(_, bytes)| bytes).sum();
+    let progress = Progress::bytes("score", bytes, quiet);
+    let interrupt = Interrupt::listen()?;
+    let found = score_with(&reader, stage, args.from_s, &mut |part| {
+        progress.set_part(part);
+        interrupt.check().map_err(|_| ScoreError::Interrupted)
+    })?;
+    progress.finish();
     let methods = if args.methods {
         let simple = engine::simple_methods_of(&reader)?.by_name();
         Some(score_methods(&reader, simple, args.from_s)?)

@@ -43,7 +43,7 @@ pub fn run(args: &VirtualArgs) -> anyhow::Result<Outcome> {
 
     let mut bus = args.can.as_deref().map(open_bus).transpose()?;
     let stop = Arc::new(AtomicBool::new(false));
-    stop_on_signals(Arc::clone(&stop))?;
+    crate::interrupt::stop_on_signals(Arc::clone(&stop))?;
     loop {
         let mut send = |frame: &CanFrame| match &mut bus {
             Some(bus) => Ok(bus.send(frame)?),
@@ -88,33 +88,4 @@ fn print_ports(simulated: &VirtualDrive, devices: &Devices, config: &Path) {
         println!("  {}", link.display());
     }
     println!("record with: atvrec record --config {}", config.display());
-}
-
-/// Sets `stop` when SIGINT or SIGTERM is received.
-fn stop_on_signals(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("cannot start the signal handling")?;
-    std::thread::Builder::new()
-        .name("signals".to_owned())
-        .spawn(move || {
-            let received: std::io::Result<()> = runtime.block_on(async {
-                let mut interrupt = signal(SignalKind::interrupt())?;
-                let mut terminate = signal(SignalKind::terminate())?;
-                tokio::select! {
-                    _ = interrupt.recv() => {}
-                    _ = terminate.recv() => {}
-                }
-                Ok(())
-            });
-            if let Err(error) = received {
-                tracing::warn!(%error, "cannot handle SIGINT and SIGTERM; end the program with SIGKILL");
-                return;
-            }
-            stop.store(true, Ordering::Relaxed);
-        })
-        .context("cannot start the thread \"signals\"")?;
-    Ok(())
 }

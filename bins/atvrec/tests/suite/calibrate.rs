@@ -122,7 +122,7 @@ fn the_jackstand_zero_finds_offsets_and_names_every_fault() {
         }
     }
     let page = std::fs::read_to_string(at("zero.html")).expect("a page");
-    assert!(page.contains("FR lower_front drifts") && page.contains("plotly.js"));
+    assert!(page.contains("FR lower_front drifts") && page.contains("uPlot"));
 }
 
 #[test]

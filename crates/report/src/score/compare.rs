@@ -1,6 +1,7 @@
 //! Estimates of two logs of the same drive.
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use sample::{Estimate, Event, ForceFrame, LogTime, Parameters, Wheel};
 use serde_json::{Value, json};
@@ -93,7 +94,7 @@ pub fn compare(
             Some(other) => {
                 let first = *start.get_or_insert(estimate.time);
                 if estimate.time.seconds_since(first) >= from_s {
-                    pairs.push((estimate, other));
+                    pairs.push((estimate, Rc::new(other)));
                 }
             }
             None => only_here += 1,
@@ -104,7 +105,7 @@ pub fn compare(
     // A log of an earlier version has no forces in the wheel-carrier frame to compare with.
     let frames = [
         forces::frames(pairs.iter().map(|(a, _)| a)),
-        forces::frames(pairs.iter().map(|(_, b)| b)),
+        forces::frames(pairs.iter().map(|(_, b)| &**b)),
     ];
     let is_common = |frame| frames.iter().all(|own| own[0][0] == frame);
     let both = [[ForceFrame::WheelCarrier; 2], [ForceFrame::Contact; 2]];

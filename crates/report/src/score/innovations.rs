@@ -2,7 +2,7 @@
 
 use estimator::consistency::chi_squared_bounds;
 use estimator::score::median;
-use sample::{InnovationKind, Innovations, LogTime};
+use sample::{InnovationKind, Innovations, Parameters};
 use serde_json::{Value, json};
 use store::{Reader, Record, Selection};
 
@@ -37,21 +37,30 @@ pub struct InnovationScore {
 /// # Errors
 /// If the log cannot be read.
 pub fn innovations(reader: &Reader, from_s: f64) -> Result<Vec<InnovationScore>, ScoreError> {
-    let mut first: Option<LogTime> = None;
     let mut reports = Vec::new();
     for message in reader.messages(Selection::topics(["/estimate/parameters"])) {
         if let Some(Record::Parameters(parameters)) = message?.record()? {
-            let first = *first.get_or_insert(parameters.time);
-            if parameters.time.seconds_since(first) >= from_s + 1.0 {
-                reports.push(parameters.innovations);
-            }
+            reports.push(parameters);
         }
     }
-    let of_kind = |kind: InnovationKind| judge(kind, reports.iter().map(|all| all[kind.index()]));
-    Ok(InnovationKind::ALL
+    Ok(judged(&reports, from_s))
+}
+
+/// Judges reports of each second.
+pub(super) fn judged(reports: &[Parameters], from_s: f64) -> Vec<InnovationScore> {
+    let first = reports
+        .first()
+        .map(|report| report.time)
+        .unwrap_or_default();
+    let late = reports
+        .iter()
+        .filter(|report| report.time.seconds_since(first) >= from_s + 1.0);
+    let of_kind =
+        |kind: InnovationKind| judge(kind, late.clone().map(|all| all.innovations[kind.index()]));
+    InnovationKind::ALL
         .into_iter()
         .filter_map(of_kind)
-        .collect())
+        .collect()
 }
 
 fn judge(

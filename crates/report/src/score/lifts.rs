@@ -2,9 +2,8 @@
 
 use sample::{Event, EventKind, LogTime, PerWheel, Side, Wheel};
 use serde_json::{Value, json};
-use store::Reader;
 
-use super::{ScoreError, contact_load_n};
+use super::{TruthByTime, contact_load_n};
 
 /// A wheel is off the ground while the load in the contact frame is below this part of its static load.
 const LIFTED: f64 = 0.02;
@@ -173,18 +172,17 @@ impl Course {
 
 /// Finds the lifts of a log's truth, of wheels and of sides, without the first `from_s` seconds.
 pub(super) fn find(
-    reader: &Reader,
+    truth: &TruthByTime,
     start: LogTime,
     from_s: f64,
     loads: &PerWheel<f64>,
     events: &[Event],
-) -> Result<[Lifts; 2], ScoreError> {
+) -> [Lifts; 2] {
     let mut wheels = Wheel::ALL.map(|wheel| Course::new(wheel.abbreviation()));
     let mut sides = Side::ALL.map(|side| Course::new(side.name()));
-    for truth in reader.truth() {
-        let truth = truth?;
+    for truth in truth.values() {
         let at_s = truth.time.seconds_since(start);
-        let part = PerWheel::from_fn(|wheel| contact_load_n(&truth, wheel) / loads[wheel]);
+        let part = PerWheel::from_fn(|wheel| contact_load_n(truth, wheel) / loads[wheel]);
         for wheel in Wheel::ALL {
             wheels[wheel.index()].loads.push((at_s, part[wheel]));
         }
@@ -210,7 +208,7 @@ pub(super) fn find(
             _ => {}
         }
     }
-    Ok([judged(&wheels, from_s), judged(&sides, from_s)])
+    [judged(&wheels, from_s), judged(&sides, from_s)]
 }
 
 fn judged(courses: &[Course], from_s: f64) -> Lifts {

@@ -2,9 +2,8 @@
 
 use sample::{Axle, Estimate, Event, EventKind, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
-use store::{Reader, Record, Selection};
 
-use super::{ScoreError, contact_load_n};
+use super::{TruthByTime, contact_load_n};
 
 /// Change of an axle's mean friction that is one of the surface, as a part of it.
 const CHANGED: f64 = 0.1;
@@ -103,12 +102,13 @@ impl Ground {
 /// Finds the changes of surface of a log's truth without its first `from_s` seconds; `None` where
 /// the truth does not tell the friction.
 pub(super) fn find(
-    reader: &Reader,
+    truth: &TruthByTime,
+    friction: &[(LogTime, PerWheel<f64>)],
     start: LogTime,
     from_s: f64,
     loads: &PerWheel<f64>,
     events: &[Event],
-) -> Result<Option<SurfaceChanges>, ScoreError> {
+) -> Option<SurfaceChanges> {
     let said: Vec<(Axle, f64, f64)> = events
         .iter()
         .filter_map(|event| match event.kind {
@@ -118,14 +118,9 @@ pub(super) fn find(
             _ => None,
         })
         .collect();
-    let mut known = false;
     let mut grounds = [Ground::default(), Ground::default()];
     let mut changes = Vec::new();
-    for message in reader.messages(Selection::topics(["/truth/friction"])) {
-        let Some(Record::Friction { time, coefficient }) = message?.record()? else {
-            continue;
-        };
-        known = true;
+    for (time, coefficient) in friction {
         let at_s = time.seconds_since(start);
         for (axle, ground) in Axle::ALL.into_iter().zip(&mut grounds) {
             let [left, right] = axle.wheels().map(|wheel| coefficient[wheel]);
@@ -138,7 +133,7 @@ pub(super) fn find(
             }));
         }
     }
-    let detectable = detectable(reader, start, loads, &changes)?;
+    let detectable = detectable(truth, start, loads, &changes);
     let of_it = |said: &(Axle, f64, f64), change: &Change| {
         said.0 == change.axle && (0.0..NEAR_S).contains(&(said.1 - change.at_s))
     };
@@ -157,12 +152,12 @@ pub(super) fn find(
             declared_force_ratio: first.map(|said| said.2),
         }
     };
-    Ok(known.then(|| SurfaceChanges {
+    (!friction.is_empty()).then(|| SurfaceChanges {
         changes: (changes.iter().zip(detectable).map(judged))
             .filter(|change| change.at_s >= from_s)
             .collect(),
         false_changes,
-    }))
+    })
 }
 
 /// A change of the surface under an axle.
@@ -177,11 +172,11 @@ struct Change {
 
 /// For each change whether a loaded wheel of the axle used enough of the lower friction.
 fn detectable(
-    reader: &Reader,
+    truth: &TruthByTime,
     start: LogTime,
     loads: &PerWheel<f64>,
     changes: &[Change],
-) -> Result<Vec<bool>, ScoreError> {
+) -> Vec<bool> {
     let mut found = vec![false; changes.len()];
     // Since when each wheel of a change's axle has used enough.
     let mut since = vec![[None; 2]; changes.len()];
@@ -194,18 +189,17 @@ fn detectable(
         .map(|change| next_s(change).min(change.at_s + NEAR_S))
         .collect();
     if changes.is_empty() {
-        return Ok(found);
+        return found;
     }
-    for truth in reader.truth() {
-        let truth = truth?;
+    for truth in truth.values() {
         let at_s = truth.time.seconds_since(start);
         for (i, change) in changes.iter().enumerate() {
             if !(change.at_s..ends[i]).contains(&at_s) {
                 continue;
             }
             for (wheel, since) in change.axle.wheels().into_iter().zip(&mut since[i]) {
-                let is_loaded = contact_load_n(&truth, wheel) > LOADED * loads[wheel];
-                if is_loaded && utilisation(&truth, wheel) > USED * change.lower {
+                let is_loaded = contact_load_n(truth, wheel) > LOADED * loads[wheel];
+                if is_loaded && utilisation(truth, wheel) > USED * change.lower {
                     let since_s: f64 = *since.get_or_insert(at_s);
                     found[i] |= at_s - since_s >= USED_MIN_S - 1e-9;
                 } else {
@@ -214,7 +208,7 @@ fn detectable(
             }
         }
     }
-    Ok(found)
+    found
 }
 
 /// Force along the ground over the load, contact frame.

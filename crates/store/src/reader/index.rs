@@ -49,6 +49,7 @@ pub(crate) struct Index {
     pub gives_unchecked: bool,
     /// The checksum of the data section is right.
     data_confirmed: bool,
+    channel_sets: ChannelSets,
 }
 
 /// A chunk, or messages outside of chunks.
@@ -59,7 +60,22 @@ pub(crate) struct Part {
     pub start: LogTime,
     pub end: LogTime,
     /// Channels with messages in it; `None` if unknown.
-    pub channels: Option<BTreeSet<u16>>,
+    pub channels: Option<Arc<BTreeSet<u16>>>,
+}
+
+/// Sets of channels, each kept once: most chunks of a log have the same channels.
+#[derive(Default)]
+struct ChannelSets(BTreeSet<Arc<BTreeSet<u16>>>);
+
+impl ChannelSets {
+    fn shared(&mut self, channels: BTreeSet<u16>) -> Arc<BTreeSet<u16>> {
+        if let Some(known) = self.0.get(&channels) {
+            return Arc::clone(known);
+        }
+        let channels = Arc::new(channels);
+        self.0.insert(Arc::clone(&channels));
+        channels
+    }
 }
 
 /// Damage of a file, in numbers.
@@ -141,8 +157,10 @@ impl Index {
                 bytes_end: chunk.chunk_start_offset.saturating_add(chunk.chunk_length),
                 start: LogTime(chunk.message_start_time),
                 end: LogTime(chunk.message_end_time),
-                channels: (!chunk.message_index_offsets.is_empty())
-                    .then(|| chunk.message_index_offsets.keys().copied().collect()),
+                channels: (!chunk.message_index_offsets.is_empty()).then(|| {
+                    let channels = chunk.message_index_offsets.keys().copied().collect();
+                    index.channel_sets.shared(channels)
+                }),
             }),
             Some(Record::AttachmentIndex(attachment)) => index.attachments.push(attachment),
             Some(Record::MetadataIndex(record)) => metadata.push((record.offset, record.length)),
@@ -414,6 +432,7 @@ impl Index {
             }
         });
         if let Some((start, end)) = span {
+            let channels = self.channel_sets.shared(channels);
             self.add_part(Part {
                 offset,
                 bytes_end,
@@ -435,7 +454,7 @@ impl Index {
             part.bytes_end = end;
             part.start = part.start.min(time);
             part.end = part.end.max(time);
-            channels.insert(header.channel_id);
+            Arc::make_mut(channels).insert(header.channel_id);
             let span = self.span.unwrap_or((time, time));
             self.span = Some((span.0.min(time), span.1.max(time)));
             return;
@@ -445,7 +464,7 @@ impl Index {
             bytes_end: end,
             start: time,
             end: time,
-            channels: Some([header.channel_id].into()),
+            channels: Some(Arc::new([header.channel_id].into())),
         });
     }
 

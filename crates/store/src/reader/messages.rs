@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeSet, VecDeque};
 use std::fs::File;
+use std::ops::Range;
 use std::sync::Arc;
 
-use mcap::records::op;
+use mcap::records::{MessageHeader, op};
 use sample::{Estimate, ForceFrame, LogTime, Measurement, Sample, Signal, SignalFrame, SourceId};
 
 use super::{ChannelInfo, LogFile, Missing, unknown_estimate};
@@ -49,13 +50,21 @@ impl Selection {
         Self { start, end, ..self }
     }
 
-    fn wants(&self, topic: &str) -> bool {
-        self.topics.as_ref().is_none_or(|topics| {
-            topics.iter().any(|wanted| match wanted.strip_suffix('*') {
-                Some(beginning) => topic.starts_with(beginning),
-                None => topic == wanted,
-            })
-        })
+    /// The test of a topic, fast for many topics.
+    fn filter(&self) -> impl Fn(&str) -> bool {
+        let all = self.topics.iter().flatten();
+        let (beginnings, whole): (Vec<&str>, Vec<&str>) = all
+            .map(String::as_str)
+            .partition(|topic| topic.ends_with('*'));
+        let whole: BTreeSet<&str> = whole.into_iter().collect();
+        let takes_all = self.topics.is_none();
+        move |topic| {
+            takes_all
+                || whole.contains(topic)
+                || beginnings
+                    .iter()
+                    .any(|beginning| topic.starts_with(beginning.trim_end_matches('*')))
+        }
     }
 }
 
@@ -74,33 +83,104 @@ pub struct Message {
     pub data: Vec<u8>,
 }
 
-/// Messages of a [`super::Reader`], in the order of writing.
+/// A message of the log in the buffer of the reader, in the present layout.
+#[derive(Clone, Copy, Debug)]
+pub struct MessageRef<'a> {
+    /// Its channel.
+    pub channel: &'a Arc<ChannelInfo>,
+    /// Its number on the channel.
+    pub sequence: u32,
+    /// Log clock when it was recorded or computed.
+    pub log_time: LogTime,
+    /// Log clock when it was true.
+    pub publish_time: LogTime,
+    /// Contents, by the channel's schema.
+    pub data: &'a [u8],
+    /// Position of its file among those of the reader, and number of its channel in the file.
+    pub(crate) place: (usize, u16),
+}
+
+impl MessageRef<'_> {
+    /// The message with contents of its own.
+    #[must_use]
+    pub fn to_message(&self) -> Message {
+        Message {
+            channel: Arc::clone(self.channel),
+            sequence: self.sequence,
+            log_time: self.log_time,
+            publish_time: self.publish_time,
+            data: self.data.to_vec(),
+        }
+    }
+
+    /// As [`Message::record`].
+    ///
+    /// # Errors
+    /// If the message does not follow its schema.
+    pub fn record(&self) -> Result<Option<Record>> {
+        record(*self)
+    }
+}
+
+impl Message {
+    pub(super) const fn by_ref(&self) -> MessageRef<'_> {
+        MessageRef {
+            channel: &self.channel,
+            sequence: self.sequence,
+            log_time: self.log_time,
+            publish_time: self.publish_time,
+            data: self.data.as_slice(),
+            place: (0, 0),
+        }
+    }
+}
+
+/// Messages of a [`super::Reader`], in the order of writing. A chunk is read and inflated once for all
+/// topics of the selection, into a buffer that the next chunk uses again.
 pub struct MessageIter {
     files: VecDeque<Arc<LogFile>>,
+    /// Number of files that were opened.
+    opened: usize,
     selection: Selection,
     open: Option<OpenFile>,
     missing: Vec<Missing>,
     decompressor: Decompressor,
+    /// A message of an earlier layout in the present one.
+    converted: Vec<u8>,
+    /// Part of the bytes of all files that is done.
+    bytes_done: u64,
 }
 
 struct OpenFile {
     file: Arc<LogFile>,
     scanner: Scanner<File>,
     wanted: BTreeSet<u16>,
+    /// The wanted channels by number.
+    channels: Vec<Option<Arc<ChannelInfo>>>,
     next_part: usize,
     /// Records of the part that is being read, and the number of bytes that are done.
     records: Vec<u8>,
     done: usize,
 }
 
+/// Where the contents of a message are.
+struct Located {
+    header: MessageHeader,
+    /// Bytes of the records of the part; `None` if the contents were converted.
+    data: Option<Range<usize>>,
+}
+
 impl MessageIter {
     pub(super) fn new(files: Vec<Arc<LogFile>>, selection: Selection) -> Self {
         Self {
             files: files.into(),
+            opened: 0,
             selection,
             open: None,
             missing: Vec::new(),
             decompressor: Decompressor::default(),
+            converted: Vec::new(),
+            bytes_done: 0,
         }
     }
 
@@ -110,22 +190,65 @@ impl MessageIter {
         &self.missing
     }
 
+    /// Bytes of the files that were read or left out so far.
+    #[must_use]
+    pub const fn bytes_done(&self) -> u64 {
+        self.bytes_done
+    }
+
+    /// The next message, without a copy of its contents.
+    pub fn next_ref(&mut self) -> Option<Result<MessageRef<'_>>> {
+        let located = loop {
+            if let Some(located) = self.next_of_part() {
+                break located;
+            }
+            match self.advance() {
+                Ok(true) => {}
+                Ok(false) => return None,
+                Err(error) => {
+                    self.open = None;
+                    return Some(Err(error));
+                }
+            }
+        };
+        let open = self.open.as_ref()?;
+        let Located { header, data } = located;
+        let channel = open
+            .channels
+            .get(usize::from(header.channel_id))?
+            .as_ref()?;
+        Some(Ok(MessageRef {
+            channel,
+            sequence: header.sequence,
+            log_time: LogTime(header.log_time),
+            publish_time: LogTime(header.publish_time),
+            data: data.map_or(&self.converted, |range| &open.records[range]),
+            place: (self.opened - 1, header.channel_id),
+        }))
+    }
+
     /// Reads the next part of the files; `false` at the end of the last.
     fn advance(&mut self) -> Result<bool> {
         let Some(open) = &mut self.open else {
             let Some(file) = self.files.pop_front() else {
                 return Ok(false);
             };
-            let channels = &file.index.channels;
-            let wanted = channels
-                .iter()
-                .filter(|(_, channel)| self.selection.wants(&channel.topic))
-                .map(|(id, _)| *id)
-                .collect();
+            self.opened += 1;
+            let is_wanted = self.selection.filter();
+            let channels = file.index.channels.iter();
+            let selected = channels.filter(|(_, channel)| is_wanted(&channel.topic));
+            let mut wanted = BTreeSet::new();
+            let mut channels = Vec::new();
+            for (id, channel) in selected {
+                wanted.insert(*id);
+                channels.resize(usize::from(*id) + 1, None);
+                channels[usize::from(*id)] = Some(Arc::clone(channel));
+            }
             self.open = Some(OpenFile {
                 scanner: Scanner::open(&file.path)?,
                 file,
                 wanted,
+                channels,
                 next_part: 0,
                 records: Vec::new(),
                 done: 0,
@@ -137,11 +260,12 @@ impl MessageIter {
             return Ok(true);
         };
         open.next_part += 1;
+        self.bytes_done += part.bytes_end.saturating_sub(part.offset);
         let in_time = part.start <= self.selection.end && part.end >= self.selection.start;
         let has_wanted = part
             .channels
             .as_ref()
-            .is_none_or(|channels| !channels.is_disjoint(&open.wanted));
+            .is_none_or(|channels| channels.iter().any(|id| open.wanted.contains(id)));
         if in_time && has_wanted {
             let (offset, bytes) = (part.offset, part.bytes_end.saturating_sub(part.offset));
             let records = records_of(&mut open.scanner, &mut self.decompressor, offset, bytes)
@@ -161,40 +285,33 @@ impl MessageIter {
     }
 
     /// The next message of the part that is being read.
-    fn next_of_part(&mut self) -> Option<Message> {
+    fn next_of_part(&mut self) -> Option<Located> {
         let open = self.open.as_mut()?;
         while let Some((opcode, body, _)) = scan::split_record(&open.records[open.done..]) {
             open.done += scan::PREFIX as usize + body.len();
             if opcode == op::MESSAGE
                 && let Some((header, data)) = scan::message(body)
-                && open.wanted.contains(&header.channel_id)
+                && let Some(Some(channel)) = open.channels.get(usize::from(header.channel_id))
                 && (self.selection.start.0..=self.selection.end.0).contains(&header.log_time)
-                && let Some(channel) = open.file.index.channels.get(&header.channel_id)
             {
-                let log_time = LogTime(header.log_time);
-                let data = match channel.is_earlier {
-                    true => earlier::message(&channel.schema, data),
-                    false => Ok(data.to_vec()),
-                };
-                match data {
+                if !channel.is_earlier {
+                    let data = Some(open.done - data.len()..open.done);
+                    return Some(Located { header, data });
+                }
+                match earlier::message(&channel.schema, data) {
                     Ok(data) => {
-                        return Some(Message {
-                            channel: Arc::clone(channel),
-                            sequence: header.sequence,
-                            log_time,
-                            publish_time: LogTime(header.publish_time),
-                            data,
-                        });
+                        self.converted = data;
+                        return Some(Located { header, data: None });
                     }
                     Err(cause) => self.missing.push(Missing::BadMessage {
                         topic: channel.topic.clone(),
-                        log_time,
+                        log_time: LogTime(header.log_time),
                         text: cause.to_string(),
                     }),
                 }
             }
         }
-        open.records = Vec::new();
+        self.decompressor.reuse(std::mem::take(&mut open.records));
         open.done = 0;
         None
     }
@@ -240,23 +357,12 @@ impl Iterator for MessageIter {
     type Item = Result<Message>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        loop {
-            if let Some(message) = self.next_of_part() {
-                return Some(Ok(message));
-            }
-            match self.advance() {
-                Ok(true) => {}
-                Ok(false) => return None,
-                Err(error) => {
-                    self.open = None;
-                    return Some(Err(error));
-                }
-            }
-        }
+        let message = self.next_ref()?;
+        Some(message.map(|message| message.to_message()))
     }
 }
 
-fn bad_message(message: &Message) -> impl FnOnce(crate::error::MessageError) -> Error {
+fn bad_message(message: MessageRef<'_>) -> impl FnOnce(crate::error::MessageError) -> Error {
     let topic = message.channel.topic.clone();
     let log_time = message.log_time.0;
     move |cause| Error::BadMessage {
@@ -266,8 +372,8 @@ fn bad_message(message: &Message) -> impl FnOnce(crate::error::MessageError) -> 
     }
 }
 
-pub(super) fn record(message: &Message) -> Result<Option<Record>> {
-    let channel = &message.channel;
+pub(super) fn record(message: MessageRef<'_>) -> Result<Option<Record>> {
+    let channel = message.channel;
     let source = channel.source.unwrap_or(SourceId(0));
     if channel.schema.starts_with("atvrec.signals.") && channel.has_no_schema() {
         return Ok(None);
@@ -304,58 +410,94 @@ pub(super) fn record(message: &Message) -> Result<Option<Record>> {
         log_time: message.log_time,
         publish_time: message.publish_time,
     };
-    convert::decode(&envelope, &message.data).map_err(bad_message(message))
+    convert::decode(&envelope, message.data).map_err(bad_message(message))
 }
 
-pub(super) fn signals(message: &Message) -> Result<Vec<Signal>> {
-    let channel = &message.channel;
-    dynamic::decode(&channel.schema_data, &channel.metadata, &message.data)
+pub(super) fn signals(message: MessageRef<'_>) -> Result<Vec<Signal>> {
+    let channel = message.channel;
+    dynamic::decode(&channel.schema_data, &channel.metadata, message.data)
         .map_err(|cause| bad_message(message)(cause.into()))
 }
 
-/// Joins the parts of each instant, which are adjacent in the log.
+/// Puts the estimates of a stage together from their parts, which are adjacent in the log.
+#[derive(Clone, Debug)]
+pub struct EstimateJoiner {
+    stage: Stage,
+    open: Option<Estimate>,
+}
+
+impl EstimateJoiner {
+    /// A joiner of the estimates of a stage. Those of [`Stage::Estimate`] have the forces that the model
+    /// expects, too.
+    #[must_use]
+    pub const fn new(stage: Stage) -> Self {
+        Self { stage, open: None }
+    }
+
+    /// Takes a record, and returns the estimate before it if the record is of another instant. Records
+    /// of other stages are left out.
+    pub fn push(&mut self, record: &Record) -> Option<Estimate> {
+        let is_own = |stage: Stage| {
+            stage == self.stage || (self.stage == Stage::Estimate && stage == Stage::Model)
+        };
+        let time = match record {
+            Record::Motion { time, stage, .. } if *stage == self.stage => *time,
+            Record::TyreForces { time, stage, .. } if is_own(*stage) => *time,
+            Record::Rollover { time, .. } if self.stage == Stage::Estimate => *time,
+            _ => return None,
+        };
+        let done = self.open.take_if(|open| open.time != time);
+        let estimate = self.open.get_or_insert_with(|| unknown_estimate(time));
+        match record {
+            Record::Motion { motion, .. } => estimate.motion = *motion,
+            Record::Rollover { rollover, .. } => estimate.rollover = *rollover,
+            Record::TyreForces {
+                forces,
+                frame,
+                stage: of,
+                ..
+            } => match frame {
+                _ if *of != self.stage => estimate.expected = *forces,
+                ForceFrame::Contact => estimate.measured = *forces,
+                ForceFrame::WheelCarrier => estimate.carrier = *forces,
+            },
+            _ => {}
+        }
+        done
+    }
+
+    /// The last estimate.
+    #[must_use]
+    pub fn finish(self) -> Option<Estimate> {
+        self.open
+    }
+}
+
+/// Joins the parts of each instant.
 pub(super) fn joined(
     messages: MessageIter,
     stage: Stage,
 ) -> impl Iterator<Item = Result<Estimate>> {
     let mut messages = messages.fuse();
-    let mut open: Option<Estimate> = None;
+    // The model is joined with the estimates.
+    let stage = match stage {
+        Stage::Model => Stage::Estimate,
+        stage => stage,
+    };
+    let mut joiner = Some(EstimateJoiner::new(stage));
     std::iter::from_fn(move || {
         loop {
             let Some(message) = messages.next() else {
-                return open.take().map(Ok);
+                return joiner.take()?.finish().map(Ok);
             };
-            let record = match message.and_then(|message| message.record()) {
-                Ok(record) => record,
+            match message.and_then(|message| message.record()) {
                 Err(error) => return Some(Err(error)),
-            };
-            let time = match &record {
-                Some(
-                    Record::Motion { time, .. }
-                    | Record::TyreForces { time, .. }
-                    | Record::Rollover { time, .. },
-                ) => *time,
-                _ => continue,
-            };
-            let done = open.take_if(|open| open.time != time);
-            let estimate = open.get_or_insert_with(|| unknown_estimate(time));
-            match record {
-                Some(Record::Motion { motion, .. }) => estimate.motion = motion,
-                Some(Record::Rollover { rollover, .. }) => estimate.rollover = rollover,
-                Some(Record::TyreForces {
-                    forces,
-                    frame,
-                    stage: of,
-                    ..
-                }) => match frame {
-                    _ if of != stage => estimate.expected = forces,
-                    ForceFrame::Contact => estimate.measured = forces,
-                    ForceFrame::WheelCarrier => estimate.carrier = forces,
-                },
-                _ => {}
-            }
-            if let Some(done) = done {
-                return Some(Ok(done));
+                Ok(None) => {}
+                Ok(Some(record)) => {
+                    if let Some(done) = joiner.as_mut()?.push(&record) {
+                        return Some(Ok(done));
+                    }
+                }
             }
         }
     })

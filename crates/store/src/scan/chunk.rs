@@ -71,9 +71,18 @@ pub(super) fn adds_up(header: &ChunkHeader, length: u64) -> bool {
 #[derive(Default)]
 pub(crate) struct Decompressor {
     zstd: Option<zstd::bulk::Decompressor<'static>>,
+    /// Buffer for the next records.
+    spare: Vec<u8>,
 }
 
 impl Decompressor {
+    /// Takes records back that are no longer needed. The next chunk uses their memory.
+    pub(crate) fn reuse(&mut self, records: Vec<u8>) {
+        if records.capacity() > self.spare.capacity() {
+            self.spare = records;
+        }
+    }
+
     /// The records of a chunk's whole body, of at most `bound` bytes.
     pub(crate) fn chunk(&mut self, body: &[u8], bound: u64) -> Result<Chunk, Refusal> {
         let (header, data) = header(body).ok_or(Refusal::Damaged)?;
@@ -89,7 +98,12 @@ impl Decompressor {
                 self.zstd = zstd::bulk::Decompressor::new().ok();
             }
             let zstd = self.zstd.as_mut().ok_or(Refusal::Damaged)?;
-            zstd.decompress(data, size).map_err(|_| Refusal::Damaged)?
+            let mut records = std::mem::take(&mut self.spare);
+            records.clear();
+            records.reserve(size);
+            zstd.decompress_to_buffer(data, &mut records)
+                .map_err(|_| Refusal::Damaged)?;
+            records
         } else {
             inflate(&header.compression, data, header.uncompressed_size)?
         };

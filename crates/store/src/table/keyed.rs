@@ -1,6 +1,7 @@
 //! Lists whose entries have names: wheels, axles, members of a wheel's suspension. Their entries get
 //! columns of their own: `fl.z_n`, `front.friction`, `fl.tie_rod.raw_counts`.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use prost::DecodeError;
@@ -72,10 +73,10 @@ impl Key {
     }
 
     /// The name of an entry.
-    pub(super) fn name(self, entry: &[u8]) -> Result<String, DecodeError> {
-        let text = |number| -> Result<&str, DecodeError> {
+    pub(super) fn name(self, entry: &[u8]) -> Result<Cow<'_, str>, DecodeError> {
+        let text = |number| {
             let bytes = find(entry, number, WireType::LengthDelimited, delimited)?;
-            Ok(std::str::from_utf8(bytes.unwrap_or_default()).unwrap_or_default())
+            Ok::<_, DecodeError>(std::str::from_utf8(bytes.unwrap_or_default()).unwrap_or_default())
         };
         let axle = |number| -> Result<u64, DecodeError> {
             let found = find(entry, number, WireType::Varint, decode_varint)?;
@@ -85,19 +86,19 @@ impl Key {
         };
         Ok(match self {
             Self::Wheel { axle: number, side } => match (axle(number)?, text(side)?) {
-                (1, "left") => "fl".to_owned(),
-                (1, "right") => "fr".to_owned(),
-                (2, "left") => "rl".to_owned(),
-                (2, "right") => "rr".to_owned(),
-                (axle, side @ ("left" | "right")) => format!("axle{axle}_{side}"),
+                (1, "left") => "fl".into(),
+                (1, "right") => "fr".into(),
+                (2, "left") => "rl".into(),
+                (2, "right") => "rr".into(),
+                (axle, side @ ("left" | "right")) => format!("axle{axle}_{side}").into(),
                 _ => return Err(malformed("a side is neither left nor right")),
             },
             Self::Axle { axle: number } => match axle(number)? {
-                1 => "front".to_owned(),
-                2 => "rear".to_owned(),
-                axle => format!("axle{axle}"),
+                1 => "front".into(),
+                2 => "rear".into(),
+                axle => format!("axle{axle}").into(),
             },
-            Self::Name { name } => text(name)?.to_owned(),
+            Self::Name { name } => text(name)?.into(),
         })
     }
 }

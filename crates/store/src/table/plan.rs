@@ -27,7 +27,7 @@ pub(super) struct Plan {
 /// A message type at one place of the tree.
 #[derive(Default)]
 pub(super) struct Node {
-    pub fields: BTreeMap<u32, Field>,
+    pub fields: Fields,
     /// Columns that get an entry for each element, if the message is repeated.
     pub columns: Vec<usize>,
     /// Columns of this message that are zero, not absent, when the message does not mention them.
@@ -36,6 +36,40 @@ pub(super) struct Node {
     pub presence: Option<usize>,
     /// Row or element in which the message was last found.
     pub last_stamp: u64,
+}
+
+/// Fields of a message type by their numbers.
+#[derive(Default)]
+pub(super) struct Fields {
+    /// Those with small numbers, which nearly all fields have.
+    small: Vec<Option<Field>>,
+    large: BTreeMap<u32, Field>,
+}
+
+impl Fields {
+    /// Numbers from here on are kept in a map.
+    const LARGE: u32 = 256;
+
+    pub fn get(&self, number: u32) -> Option<Field> {
+        match self.small.get(number as usize) {
+            Some(field) => *field,
+            None => self.large.get(&number).copied(),
+        }
+    }
+
+    fn insert(&mut self, number: u32, field: Field) {
+        if number >= Self::LARGE {
+            self.large.insert(number, field);
+            return;
+        }
+        let index = number as usize;
+        self.small.resize(self.small.len().max(index + 1), None);
+        self.small[index] = Some(field);
+    }
+
+    fn is_empty(&self) -> bool {
+        self.small.is_empty() && self.large.is_empty()
+    }
 }
 
 /// A field of a message type.

@@ -287,3 +287,31 @@ proptest! {
         prop_assert_eq!(&column(&table, "data").values, &Values::Bytes(vec![bytes]));
     }
 }
+
+#[test]
+fn rows_that_are_taken_in_batches_are_those_of_the_whole() {
+    let message = |count: usize| {
+        let source = |n: usize| proto::SourceHealth {
+            name: format!("s{n}"),
+            messages: n as u64,
+            ..proto::SourceHealth::default()
+        };
+        let health = proto::Health {
+            sources: (0..count).map(source).collect(),
+            faulty_sensors: vec!["x".to_owned(); count],
+        };
+        health.encode_to_vec()
+    };
+    let data: Vec<Vec<u8>> = (0..5).map(message).collect();
+    let mut whole = table("atvrec.Health", &data);
+    let taken = whole.split_off_rows();
+    assert_eq!(taken, table("atvrec.Health", &data));
+    assert!(whole.log_time_ns.is_empty());
+    assert!(
+        whole
+            .columns
+            .iter()
+            .zip(&taken.columns)
+            .all(|(empty, full)| empty.name == full.name && empty.values.same_type(&full.values))
+    );
+}

@@ -135,6 +135,30 @@ impl Values {
         }
     }
 
+    /// All values; the same type without values stays, with memory for `rows` rows.
+    pub(super) fn take(&mut self, rows: usize) -> Self {
+        let empty = self.empty(rows);
+        std::mem::replace(self, empty)
+    }
+
+    /// The same type without values, with memory for `rows` rows.
+    fn empty(&self, rows: usize) -> Self {
+        match self {
+            Self::F64(_) => Self::F64(Vec::with_capacity(rows)),
+            Self::I32(_) => Self::I32(Vec::with_capacity(rows)),
+            Self::I64(_) => Self::I64(Vec::with_capacity(rows)),
+            Self::U32(_) => Self::U32(Vec::with_capacity(rows)),
+            Self::U64(_) => Self::U64(Vec::with_capacity(rows)),
+            Self::Bool(_) => Self::Bool(Vec::with_capacity(rows)),
+            Self::Text(_) => Self::Text(Vec::new()),
+            Self::Bytes(_) => Self::Bytes(Vec::new()),
+            Self::List { values, .. } => Self::List {
+                ends: Vec::new(),
+                values: Box::new(values.empty(0)),
+            },
+        }
+    }
+
     pub(super) fn truncate(&mut self, rows: usize) {
         each!(self, list => list.truncate(rows), ends, values => {
             ends.truncate(rows);

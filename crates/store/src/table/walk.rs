@@ -33,7 +33,7 @@ fn node(
     let mut rest = data;
     while !rest.is_empty() {
         let (number, wire_type) = decode_key(&mut rest)?;
-        match plan.nodes[index].fields.get(&number).copied() {
+        match plan.nodes[index].fields.get(number) {
             None => {
                 prost::encoding::skip_field(wire_type, number, &mut rest, DecodeContext::default())?
             }

@@ -18,37 +18,53 @@ use super::{heading, value_name};
 /// Internal error: the schema has a field for each column.
 const FEWER: &str = "internal error: the Parquet schema has fewer columns than the table";
 
-/// Most rows of a row group.
-const GROUP_ROWS: usize = 1 << 20;
-
 /// Writes a table as compressed columns. Columns with absent values are optional fields, lists are
 /// repeated fields.
-pub fn write(table: &Table, file: File) -> anyhow::Result<()> {
-    let properties = WriterProperties::builder()
-        .set_compression(Compression::ZSTD(ZstdLevel::default()))
-        .build();
-    let mut writer = SerializedFileWriter::new(file, schema(table)?, Arc::new(properties))?;
-    let rows = table.log_time_ns.len();
-    for begin in (0..rows).step_by(GROUP_ROWS) {
-        let end = rows.min(begin + GROUP_ROWS);
-        let mut group = writer.next_row_group()?;
+pub struct Writer(SerializedFileWriter<File>);
+
+impl Writer {
+    /// Writes the head of the file.
+    pub fn new(file: File, columns: &[Column]) -> anyhow::Result<Self> {
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+            .build();
+        let schema = schema(columns)?;
+        Ok(Self(SerializedFileWriter::new(
+            file,
+            schema,
+            Arc::new(properties),
+        )?))
+    }
+
+    /// Writes rows as a row group.
+    pub fn write(&mut self, table: &Table) -> anyhow::Result<()> {
+        let rows = table.log_time_ns.len();
+        if rows == 0 {
+            return Ok(());
+        }
+        let mut group = self.0.next_row_group()?;
         for times in [&table.log_time_ns, &table.publish_time_ns] {
             let mut column = group.next_column()?.context(FEWER)?;
-            put::<Int64Type>(&mut column, &times[begin..end], &Levels::default())?;
+            put::<Int64Type>(&mut column, times, &Levels::default())?;
             column.close()?;
         }
         for column in &table.columns {
             let mut sink = group.next_column()?.context(FEWER)?;
-            write_column(&mut sink, column, begin, end)?;
+            write_column(&mut sink, column, rows)?;
             sink.close()?;
         }
         group.close()?;
+        Ok(())
     }
-    writer.close()?;
-    Ok(())
+
+    /// Writes the end of the file.
+    pub fn finish(self) -> anyhow::Result<()> {
+        self.0.close()?;
+        Ok(())
+    }
 }
 
-fn schema(table: &Table) -> anyhow::Result<TypePtr> {
+fn schema(columns: &[Column]) -> anyhow::Result<TypePtr> {
     let time = |name| {
         let builder = Type::primitive_type_builder(name, Physical::INT64);
         builder.with_repetition(Repetition::REQUIRED).build()
@@ -57,7 +73,7 @@ fn schema(table: &Table) -> anyhow::Result<TypePtr> {
         Arc::new(time("log_time_ns")?),
         Arc::new(time("publish_time_ns")?),
     ];
-    for column in &table.columns {
+    for column in columns {
         let (values, repetition) = match &column.values {
             Values::List { values, .. } => (&**values, Repetition::REPEATED),
             values if column.present.is_some() => (values, Repetition::OPTIONAL),
@@ -92,24 +108,23 @@ struct Levels {
     repetition: Option<Vec<i16>>,
 }
 
-/// Writes rows `begin` to `end`.
 fn write_column(
     sink: &mut SerializedColumnWriter<'_>,
     column: &Column,
-    begin: usize,
-    end: usize,
+    rows: usize,
 ) -> anyhow::Result<()> {
     match (&column.values, &column.present) {
         (Values::List { ends, values }, _) => {
-            let start_of = |row: usize| row.checked_sub(1).map_or(0, |before| ends[before]);
             let (mut definition, mut repetition) = (Vec::new(), Vec::new());
-            for row in begin..end {
-                let count = ends[row] - start_of(row);
+            let mut start = 0;
+            for end in ends {
+                let count = end - start;
+                start = *end;
                 definition.extend(std::iter::repeat_n(i16::from(count > 0), count.max(1)));
                 repetition.push(0);
                 repetition.extend(std::iter::repeat_n(1, count.max(1) - 1));
             }
-            let chosen: Vec<usize> = (start_of(begin)..start_of(end)).collect();
+            let chosen: Vec<usize> = (0..start).collect();
             let levels = Levels {
                 definition: Some(definition),
                 repetition: Some(repetition),
@@ -117,8 +132,8 @@ fn write_column(
             write_values(sink, column, values, &chosen, &levels)
         }
         (values, Some(present)) => {
-            let chosen: Vec<usize> = (begin..end).filter(|row| present[*row]).collect();
-            let definition = present[begin..end].iter().map(|is| i16::from(*is));
+            let chosen: Vec<usize> = (0..rows).filter(|row| present[*row]).collect();
+            let definition = present.iter().map(|is| i16::from(*is));
             let levels = Levels {
                 definition: Some(definition.collect()),
                 repetition: None,
@@ -126,7 +141,7 @@ fn write_column(
             write_values(sink, column, values, &chosen, &levels)
         }
         (values, None) => {
-            let chosen: Vec<usize> = (begin..end).collect();
+            let chosen: Vec<usize> = (0..rows).collect();
             write_values(sink, column, values, &chosen, &Levels::default())
         }
     }

@@ -11,43 +11,68 @@ use super::{heading, value_name};
 /// Writes a table: a line of headings, then a line per row. An absent cell is empty, or `NaN` in a
 /// column of floating-point numbers. The values of a list are separated by `;`. Text has no control
 /// characters, and an apostrophe precedes text that a spreadsheet could evaluate as a formula.
-pub fn write(table: &Table, sink: impl Write) -> io::Result<()> {
-    write_rows(table, sink).map_err(|error| match error.into_kind() {
-        csv::ErrorKind::Io(cause) => cause,
-        other => io::Error::other(format!("{other:?}")),
-    })
+pub struct Writer<W: Write> {
+    lines: csv::Writer<W>,
+    cell: String,
 }
 
-fn write_rows(table: &Table, sink: impl Write) -> csv::Result<()> {
-    let mut lines = csv::Writer::from_writer(sink);
-    lines.write_field("log_time_ns")?;
-    lines.write_field("publish_time_ns")?;
-    for column in &table.columns {
-        lines.write_field(csv_cell(&heading(column)).as_bytes())?;
+impl<W: Write> Writer<W> {
+    /// Writes the headings.
+    pub fn new(sink: W, columns: &[Column]) -> io::Result<Self> {
+        let mut writer = Self {
+            lines: csv::Writer::from_writer(sink),
+            cell: String::new(),
+        };
+        writer.headings(columns).map_err(cause)?;
+        Ok(writer)
     }
-    lines.write_record(None::<&[u8]>)?;
-    let mut cell = String::new();
-    for (row, times) in table
-        .log_time_ns
-        .iter()
-        .zip(&table.publish_time_ns)
-        .enumerate()
-    {
-        lines.write_field(times.0.to_string())?;
-        lines.write_field(times.1.to_string())?;
-        for column in &table.columns {
-            cell.clear();
-            write_cell(column, row, &mut cell);
-            if is_text(column) {
-                lines.write_field(csv_cell(&cell).as_bytes())?;
-            } else {
-                lines.write_field(&cell)?;
-            }
+
+    /// Writes rows.
+    pub fn write(&mut self, table: &Table) -> io::Result<()> {
+        self.rows(table).map_err(cause)
+    }
+
+    /// Writes what is in memory.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.lines.flush()
+    }
+
+    fn headings(&mut self, columns: &[Column]) -> csv::Result<()> {
+        self.lines.write_field("log_time_ns")?;
+        self.lines.write_field("publish_time_ns")?;
+        for column in columns {
+            self.lines
+                .write_field(csv_cell(&heading(column)).as_bytes())?;
         }
-        lines.write_record(None::<&[u8]>)?;
+        self.lines.write_record(None::<&[u8]>)
     }
-    lines.flush()?;
-    Ok(())
+
+    fn rows(&mut self, table: &Table) -> csv::Result<()> {
+        let Self { lines, cell } = self;
+        let times = table.log_time_ns.iter().zip(&table.publish_time_ns);
+        for (row, times) in times.enumerate() {
+            lines.write_field(times.0.to_string())?;
+            lines.write_field(times.1.to_string())?;
+            for column in &table.columns {
+                cell.clear();
+                write_cell(column, row, cell);
+                if is_text(column) {
+                    lines.write_field(csv_cell(cell).as_bytes())?;
+                } else {
+                    lines.write_field(&*cell)?;
+                }
+            }
+            lines.write_record(None::<&[u8]>)?;
+        }
+        Ok(())
+    }
+}
+
+fn cause(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(cause) => cause,
+        other => io::Error::other(format!("{other:?}")),
+    }
 }
 
 /// Whether the cells of a column are text, which a spreadsheet could evaluate as a formula.

@@ -16,8 +16,8 @@ use crate::cli::ImportAlogArgs;
 use crate::exit::{Outcome, UsageError};
 
 /// Runs the command.
-pub fn run(args: &ImportAlogArgs) -> anyhow::Result<Outcome> {
-    let output = output(&args.into, args.columns.iter().chain([&args.input]))?;
+pub fn run(args: &ImportAlogArgs, quiet: bool) -> anyhow::Result<Outcome> {
+    let output = output(&args.into, args.columns.iter().chain([&args.input]), quiet)?;
     let map_name = args
         .columns
         .as_ref()

@@ -17,7 +17,7 @@ use crate::exit::{Outcome, UsageError};
 use rows::Rows;
 
 /// Runs the command.
-pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
+pub fn run(args: &ImportCsvArgs, quiet: bool) -> anyhow::Result<Outcome> {
     let columns = &args.columns;
     if columns.len() != 1 && columns.len() != args.input.len() {
         return Err(UsageError(format!(
@@ -28,7 +28,7 @@ pub fn run(args: &ImportCsvArgs) -> anyhow::Result<Outcome> {
         ))
         .into());
     }
-    let output = output(&args.into, args.input.iter().chain(columns))?;
+    let output = output(&args.into, args.input.iter().chain(columns), quiet)?;
     let map_of = |file: usize| &columns[file.min(columns.len() - 1)];
     let names = source_names(&args.input);
     let (mut tables, mut errors) = (Vec::new(), RowErrors::default());

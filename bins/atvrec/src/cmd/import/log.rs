@@ -12,6 +12,7 @@ use super::decode::{Decoded, decode};
 use super::plausible::Finding;
 use super::truth::TruthPoint;
 use crate::exit::{Outcome, UsageError};
+use crate::progress::Progress;
 use engine::output::{Kind, LogFile, Target};
 
 /// Interval of ticks, equal to that of the recorder, ns.
@@ -90,7 +91,7 @@ pub fn write(
             span.is_some_and(|(first, last)| (first..=last + TAIL_NS).contains(&point.time))
         };
         let truth = truth.iter().filter(within).collect();
-        let written = write_run(config, sources, run, truth, &decoded, &target)?;
+        let written = write_run(config, sources, run, truth, &decoded, &target, output)?;
         written.print(config, &decoded, &target);
     }
     Ok(Outcome::Good)
@@ -207,6 +208,7 @@ fn write_run(
     truth: Vec<&TruthPoint>,
     decoded: &Decoded,
     target: &Target,
+    output: &Output<'_>,
 ) -> anyhow::Result<Written> {
     let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else {
         return Ok(Written::default());
@@ -234,13 +236,17 @@ fn write_run(
         log.push(*id, start, opened)?;
     }
     let mut preambles: Vec<Vec<u8>> = sources.iter().map(|s| s.preamble.clone()).collect();
+    let progress = Progress::seconds("import", end.seconds_since(start), output.quiet);
     for piece in pieces {
+        output.interrupt.check()?;
+        progress.set(piece.time.seconds_since(start));
         log.tick_until(piece.time)?;
         let mut bytes = std::mem::take(&mut preambles[piece.source]);
         bytes.extend(piece.bytes);
         log.push(ids[piece.source], piece.time, Payload::Bytes(bytes))?;
         log.last_data = piece.time;
     }
+    progress.finish();
     log.tick_until(end)?;
     for id in &ids {
         let closed = Payload::Notice(Notice::Closed(STOPPED.to_owned()));

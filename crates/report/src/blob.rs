@@ -1,0 +1,206 @@
+//! Numbers of the figures as bytes that the page decodes.
+//!
+//! A series is rounded to steps, and each number is stored as the difference to the one before it: a
+//! zigzag number plus one in groups of seven bits, zero for a number that is not finite. Times are
+//! microseconds, stored as differences of differences. All bytes are deflated and in base 64.
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Value, json};
+
+/// Steps between the least and the greatest value of a series, in a short and in a long drive.
+const STEPS_FINE: f64 = 65_535.0;
+const STEPS_COARSE: f64 = 4_095.0;
+/// The same of envelopes: a figure has fewer pixels.
+const STEPS_ENVELOPE: f64 = 1_023.0;
+/// Level of the compressor.
+const LEVEL: u8 = 6;
+
+/// Position of a series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Id(usize);
+
+impl Id {
+    /// For the page.
+    pub fn json(self) -> Value {
+        json!(self.0)
+    }
+}
+
+/// All series.
+#[derive(Debug, Default)]
+pub struct Blob {
+    bytes: Vec<u8>,
+    heads: Vec<Value>,
+    known: HashMap<u64, Id>,
+    /// The drive is long: the steps are coarse.
+    pub is_long: bool,
+}
+
+impl Blob {
+    /// Adds numbers; `None` without a finite one.
+    pub fn add(&mut self, values: &[f32]) -> Option<Id> {
+        self.add_in_steps(
+            values,
+            if self.is_long {
+                STEPS_COARSE
+            } else {
+                STEPS_FINE
+            },
+        )
+    }
+
+    /// Adds one side of an envelope; `None` without a finite value.
+    pub fn add_envelope(&mut self, values: &[f32]) -> Option<Id> {
+        self.add_in_steps(values, STEPS_ENVELOPE)
+    }
+
+    fn add_in_steps(&mut self, values: &[f32], steps: f64) -> Option<Id> {
+        let finite = || values.iter().filter(|value| value.is_finite());
+        let least = finite().copied().min_by(f32::total_cmp)?;
+        let greatest = finite().copied().max_by(f32::total_cmp)?;
+        let key = key(0, values.iter().map(|value| u64::from(value.to_bits())));
+        if let Some(known) = self.known.get(&key) {
+            return Some(*known);
+        }
+        let (least, span) = (f64::from(least), f64::from(greatest) - f64::from(least));
+        let step = if span > 0.0 { span / steps } else { 1.0 };
+        let offset = self.bytes.len();
+        let mut before = 0;
+        for value in values {
+            if !value.is_finite() {
+                self.bytes.push(0);
+                continue;
+            }
+            let rounded = ((f64::from(*value) - least) / step).round() as i64;
+            varint(&mut self.bytes, zigzag(rounded - before) + 1);
+            before = rounded;
+        }
+        let head = json!({"o": offset, "n": values.len(), "l": least, "s": step});
+        Some(self.insert(key, head))
+    }
+
+    /// Adds times in s, which rise.
+    pub fn add_times(&mut self, times: &[f64]) -> Id {
+        let key = key(1, times.iter().map(|time| time.to_bits()));
+        if let Some(known) = self.known.get(&key) {
+            return *known;
+        }
+        let offset = self.bytes.len();
+        let (mut before, mut step) = (0, 0);
+        for time in times {
+            let micros = (time * 1e6).round() as i64;
+            varint(&mut self.bytes, zigzag(micros - before - step));
+            step = micros - before;
+            before = micros;
+        }
+        let head = json!({"o": offset, "n": times.len(), "t": 1});
+        self.insert(key, head)
+    }
+
+    fn insert(&mut self, key: u64, head: Value) -> Id {
+        let id = Id(self.heads.len());
+        self.heads.push(head);
+        self.known.insert(key, id);
+        id
+    }
+
+    /// Heads of all series, for the page.
+    pub fn heads(&mut self) -> Value {
+        Value::Array(std::mem::take(&mut self.heads))
+    }
+
+    /// All bytes, deflated, in base 64.
+    pub fn text(self) -> String {
+        let packed = miniz_oxide::deflate::compress_to_vec(&self.bytes, LEVEL);
+        drop(self.bytes);
+        STANDARD.encode(packed)
+    }
+}
+
+fn key(kind: u64, values: impl Iterator<Item = u64>) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    kind.hash(&mut hasher);
+    for value in values {
+        value.hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+const fn zigzag(value: i64) -> u64 {
+    ((value << 1) ^ (value >> 63)).cast_unsigned()
+}
+
+fn varint(bytes: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        bytes.push((value & 0x7f) as u8 | 0x80);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reads a series back as the page does.
+    fn read(bytes: &[u8], head: &Value) -> Vec<f64> {
+        let number = |name: &str| head[name].as_f64().unwrap();
+        let mut at = number("o") as usize;
+        let mut next = || {
+            let (mut value, mut shift) = (0_u64, 0);
+            loop {
+                let byte = bytes[at];
+                at += 1;
+                value |= u64::from(byte & 0x7f) << shift;
+                shift += 7;
+                if byte < 0x80 {
+                    return value;
+                }
+            }
+        };
+        let signed = |code: u64| (code >> 1).cast_signed() ^ -(code & 1).cast_signed();
+        let (mut sum, mut step) = (0, 0);
+        let is_time = head.get("t").is_some();
+        let count = number("n") as usize;
+        let value = |_| {
+            let code = next();
+            if is_time {
+                step += signed(code);
+                sum += step;
+                return sum as f64 * 1e-6;
+            }
+            if code == 0 {
+                return f64::NAN;
+            }
+            sum += signed(code - 1);
+            number("l") + sum as f64 * number("s")
+        };
+        (0..count).map(value).collect()
+    }
+
+    #[test]
+    fn series_come_back_within_half_a_step() {
+        let values = [1.0, f32::NAN, -3.5, 250.25, 250.25];
+        let times = [0.0, 0.01, 0.02, 0.029_999, 86_400.0];
+        let mut blob = Blob::default();
+        let first = blob.add(&values).unwrap();
+        let time = blob.add_times(&times);
+        assert_eq!(
+            blob.add(&values),
+            Some(first),
+            "equal series are stored once"
+        );
+        assert_eq!(blob.add(&[f32::NAN]), None);
+        let found = read(&blob.bytes, &blob.heads[first.0]);
+        for (found, value) in found.iter().zip(values) {
+            let same = found.is_nan() && value.is_nan();
+            assert!(same || (found - f64::from(value)).abs() < 253.75 / 65_535.0);
+        }
+        let found = read(&blob.bytes, &blob.heads[time.0]);
+        assert!(found.iter().zip(times).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+}

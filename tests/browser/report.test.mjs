@@ -1,0 +1,149 @@
+// The report in a real browser: of a simulated drive, and of a passenger car for an hour.
+
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { chromium } from "playwright-core";
+
+import { ATVREC } from "./vehicle.mjs";
+import { car } from "./car.mjs";
+
+// The target is 200 ms; a loaded machine gets ten times as much.
+const ZOOMED_WITHIN_MS = 2000;
+const HOUR_S = 3600;
+
+let directory;
+let browser;
+
+function run(...args) {
+  const done = spawnSync(ATVREC, ["--quiet", ...args], { cwd: directory, encoding: "utf8" });
+  assert.equal(done.status, 0, done.stderr);
+  return done.stdout;
+}
+
+before(async () => {
+  directory = mkdtempSync(join(tmpdir(), "atvrec-report-"));
+  run("simulate", "--manoeuvre", "step-steer", "--for", "8", "-o", "drive.mcap");
+  run("report", "drive.mcap", "-o", "drive.html");
+  car(directory, "hour", HOUR_S);
+  run("import", "csv", "hour.csv", "--columns", "map.toml", "--vehicle", "car.toml", "-o", "hour.mcap");
+  run("report", "hour.mcap", "-o", "hour.html");
+  browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox"] });
+});
+
+after(async () => {
+  await browser?.close();
+  if (directory) rmSync(directory, { recursive: true, force: true });
+});
+
+async function open(name, { width = 1400, scheme = "light" } = {}) {
+  const context = await browser.newContext({ viewport: { width, height: 1000 }, colorScheme: scheme });
+  const page = await context.newPage();
+  const errors = [];
+  const requests = [];
+  page.on("console", (message) => message.type() === "error" && errors.push(message.text()));
+  page.on("pageerror", (error) => errors.push(error.message));
+  page.on("request", (request) => /^(https?|wss?|ftp):/.test(request.url()) && requests.push(request.url()));
+  await page.goto(`file://${join(directory, name)}`);
+  await page.waitForFunction(() => document.body.dataset.ready === "yes", null, { timeout: 60000 });
+  return { context, page, errors, requests };
+}
+
+// Scrolls through the page, so that all figures are drawn.
+async function see(page) {
+  const height = await page.evaluate(() => document.documentElement.scrollHeight);
+  for (let y = 0; y < height; y += 700) {
+    await page.evaluate((top) => scrollTo(0, top), y);
+    await page.waitForTimeout(60);
+  }
+}
+
+test("a drive is shown without an error and without a request", async () => {
+  const { context, page, errors, requests } = await open("drive.html");
+  await see(page);
+  assert.ok(await page.locator(".uplot canvas").count() > 20, "figures over time");
+  assert.match(await page.textContent("#verdict"), /^Recording complete, no loss; /);
+  for (const id of ["lateral", "friction-circles", "gg", "handling", "track", "travel", "innovations"]) {
+    assert.equal(await page.locator(`#${id}`).count(), 1, id);
+  }
+  assert.deepEqual(errors, []);
+  assert.deepEqual(requests, []);
+  await context.close();
+});
+
+test("no two texts intersect, and the page is not wider than the window", async () => {
+  for (const scheme of ["light", "dark"]) {
+    for (const width of [400, 800, 1400]) {
+      const { context, page } = await open("drive.html", { width, scheme });
+      await see(page);
+      const found = await page.evaluate(intersections);
+      assert.deepEqual(found.intersecting, [], `${width} px, ${scheme}`);
+      assert.ok(found.wide <= width, `${scheme}: the page is ${found.wide} px wide, the window ${width} px`);
+      await context.close();
+    }
+  }
+});
+
+// Runs in the page.
+function intersections() {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const boxes = [];
+  while (walker.nextNode()) {
+    const node = walker.currentNode;
+    const parent = node.parentElement;
+    // What scrolls sideways in its own box, and the line at the end of the window, cover other texts on purpose.
+    if (!node.textContent.trim() || !parent.checkVisibility() || parent.closest("select, script, .wide, #now, pre")) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    for (const box of range.getClientRects()) boxes.push({ box, text: node.textContent.trim().slice(0, 40) });
+  }
+  boxes.sort((a, b) => a.box.top - b.box.top);
+  const intersecting = [];
+  boxes.forEach((a, n) => {
+    for (let k = n + 1; k < boxes.length && boxes[k].box.top < a.box.bottom; k++) {
+      const b = boxes[k];
+      const x = Math.min(a.box.right, b.box.right) - Math.max(a.box.left, b.box.left);
+      const y = Math.min(a.box.bottom, b.box.bottom) - Math.max(a.box.top, b.box.top);
+      // Lines of one paragraph touch each other.
+      if (x > 1 && y > 4) intersecting.push([a.text, b.text]);
+    }
+  });
+  return { intersecting, wide: document.documentElement.scrollWidth };
+}
+
+test("an hour of a passenger car has no empty figure, and zooms to single samples", async () => {
+  const { context, page, errors } = await open("hour.html");
+  await see(page);
+  assert.equal(await page.locator("#sideslip").count(), 1);
+  assert.equal(await page.locator("#axle-forces").count(), 1);
+  assert.equal(await page.locator("#travel").count(), 0, "a car without potentiometers has no travel");
+  assert.match(await page.textContent("#lacking"), /Suspension travel/);
+  await page.locator("#sideslip-plot .u-over").first().scrollIntoViewIfNeeded();
+  await page.waitForTimeout(500);
+  let took = 0;
+  // Each drag shows a fiftieth of what was shown: an hour becomes some milliseconds.
+  for (let n = 0; n < 4; n++) {
+    const box = await page.locator("#sideslip-plot .u-over").first().boundingBox();
+    const [x, y] = [box.x + box.width / 2, box.y + 40];
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    await page.mouse.move(x + box.width / 50, y, { steps: 3 });
+    await page.evaluate(() => {
+      document.body.dataset.begin = performance.now();
+      document.body.dataset.range = "";
+    });
+    await page.mouse.up();
+    await page.waitForFunction(() => document.body.dataset.range);
+    took = Math.max(took, await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() =>
+      requestAnimationFrame(() => resolve(performance.now() - document.body.dataset.begin))))));
+  }
+  console.log(`zoomed from an hour to single samples in ${took.toFixed(0)} ms`);
+  assert.ok(took < ZOOMED_WITHIN_MS, `${took} ms`);
+  const shown = await page.evaluate(() => document.body.dataset.range?.split(" ").map(Number));
+  assert.ok(shown && shown[1] - shown[0] < HOUR_S / 1000, `shows ${shown}`);
+  assert.deepEqual(errors, []);
+  await context.close();
+});
