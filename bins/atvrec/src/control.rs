@@ -138,6 +138,7 @@ pub fn status(handler: &ControlHandler) -> Value {
         .into_iter()
         .map(|(id, counters)| {
             let name = handler.status.source_name(id);
+            let [late, too_late] = handler.status.late(id);
             json!({
                 "source": id,
                 "open": counters.open,
@@ -146,6 +147,8 @@ pub fn status(handler: &ControlHandler) -> Value {
                 "items": counters.items,
                 "bytes": counters.bytes,
                 "lost": losses.of(id),
+                "late": late,
+                "too_late": too_late,
                 "last_data_ns": counters.last_data.map(|time| time.0),
                 "age_s": counters.last_data.map(|time| now.seconds_since(time)),
                 "rate_hz": handler.status.rate_hz(&name),

@@ -159,6 +159,8 @@ pub struct Extras<'a> {
     pub clock: Option<std::sync::mpsc::Sender<LogClock>>,
     /// Whether the state is shown as a line on the terminal.
     pub shows_line: bool,
+    /// File that says whether the computer's clock is synchronised, if the kernel does not.
+    pub clock_state: Option<PathBuf>,
 }
 
 /// Records until `stop` is ready, then stops sources, stream, threads and files in this order.
@@ -174,7 +176,10 @@ pub async fn record(
     let sockets = control::paths(&config);
     let (commands, mut received) = mpsc::channel(COMMAND_QUEUE);
     let (trigger_events, mut triggers) = mpsc::channel(TRIGGER_QUEUE);
-    let mut controller = RecordingController::new(config, extras.reload, trigger_events, folder)?;
+    let log_clock = LogClock::start();
+    let mut controller =
+        RecordingController::new(config, extras.reload, trigger_events, folder, log_clock)?;
+    controller.clock = session::clock_state(log_clock.now(), extras.clock_state.as_deref());
     controller.start().await?;
     if let Some(clock) = &extras.clock {
         // A receiver that has gone needs no clock.
@@ -393,9 +398,8 @@ impl<'a> RecordingController<'a> {
         reload: Option<Reload<'a>>,
         trigger_events: mpsc::Sender<TriggerEvent>,
         folder: Folder,
+        log_clock: LogClock,
     ) -> anyhow::Result<Self> {
-        let log_clock = LogClock::start();
-        let clock = session::clock_state(log_clock.now());
         let sequencer = Sequencer::idle(log_clock);
         let (session, hello) = session::tap(&config, log_clock.now());
         let can = CanSink::start(&config, log_clock)?;
@@ -421,7 +425,7 @@ impl<'a> RecordingController<'a> {
             failed: None,
             folders: vec![folder],
             protected: Protected::default(),
-            clock,
+            clock: ClockState::Unknown,
         })
     }
 

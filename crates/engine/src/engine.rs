@@ -8,8 +8,10 @@ mod adapter;
 mod can;
 mod clock;
 mod counts;
+mod rate;
 mod reception;
 mod source;
+mod timely;
 mod utc;
 
 use std::collections::BTreeSet;
@@ -29,6 +31,7 @@ pub use can::DM1;
 pub use counts::MessageCounts;
 pub use reception::Reception;
 use source::{SilenceChange, SourceState};
+use timely::Timely;
 
 /// Time between two health reports.
 const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
@@ -43,7 +46,7 @@ const STOPPED: &str = "stopped";
 /// Computes records from arrivals.
 pub struct Engine {
     sources: Vec<SourceState>,
-    estimator: Option<Estimator>,
+    estimator: Option<Timely>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
     silence: Silence,
@@ -82,7 +85,7 @@ impl Engine {
     /// Engine that also smooths, for a replay. [`Engine::finish`] returns the last smoothed estimates.
     pub fn smoothing(config: &Config) -> Result<Self> {
         let mut engine = Self::new(config)?;
-        engine.estimator = engine.estimator.map(Estimator::traced);
+        engine.estimator = engine.estimator.map(Timely::traced);
         let settings = config.estimator.as_ref();
         if let Some(settings) = settings {
             let loaded = settings.vehicle.loaded(&settings.settings.payload);
@@ -184,7 +187,7 @@ impl Engine {
             _ => estimator.advance(now, &mut take),
         }
         if let Some(scene) = &mut self.scene {
-            scene.advance(estimator, first, records);
+            scene.advance(estimator.estimator(), first, records);
             self.samples.iter().for_each(|sample| scene.sample(sample));
         }
         for sample in &self.samples {
@@ -197,7 +200,7 @@ impl Engine {
         let marked = self
             .estimator
             .as_mut()
-            .map(|estimator| estimator.mark(text));
+            .map(|estimator| estimator.mark(now, text));
         if let Some(Err(error)) = marked {
             let text = format!("the mark \"{text}\" has no effect: {error}");
             let name = "estimator".to_owned();
@@ -332,14 +335,14 @@ fn has_data(payload: &Payload) -> bool {
     }
 }
 
-fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
+fn new_estimator(config: &config::Estimator) -> Result<Timely> {
     let estimator = Estimator::new(
         &config.vehicle,
         &config.sensors,
         &config.calibration,
         config.settings.clone(),
     )?;
-    Ok(estimator)
+    Ok(Timely::new(estimator))
 }
 
 /// Motion and forces of a later stage.

@@ -180,6 +180,12 @@ fn print_sources(response: &Value) {
             source["bytes"],
             text(&source["state"]),
         );
+        if source["late"] != 0 || source["too_late"] != 0 {
+            println!(
+                "                late: {} by 5 to 100 ms, used at their own time; {} later, not used",
+                source["late"], source["too_late"]
+            );
+        }
         let undecoded = source["undecoded"].as_array().into_iter().flatten();
         let undecoded: Vec<String> = undecoded
             .map(|message| format!("{} {}", text(&message["name"]), message["count"]))
