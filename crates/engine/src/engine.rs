@@ -31,7 +31,7 @@ pub use can::DM1;
 pub use counts::MessageCounts;
 pub use reception::Reception;
 use source::{SilenceChange, SourceState};
-use timely::Timely;
+use timely::{Patience, Timely};
 
 /// Time between two health reports.
 const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
@@ -50,6 +50,7 @@ pub struct Engine {
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
     silence: Silence,
+    patience: Patience,
     /// Losses in the notices of the stream, so that a replay computes the same health.
     losses: Losses,
     faulty_sensors: BTreeSet<String>,
@@ -73,6 +74,7 @@ impl Engine {
             smoother: None,
             samples: Vec::new(),
             silence: Silence::default(),
+            patience: Patience::default(),
             losses: Losses::default(),
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
@@ -128,8 +130,10 @@ impl Engine {
     pub fn push(&mut self, arrival: &Arrival, records: &mut Vec<Record>) {
         let now = arrival.log_time;
         self.samples.clear();
+        let is_data = has_data(&arrival.payload);
+        let limit_ns = self.patience.limit_ns(now, is_data);
         if let Some(source) = self.sources.get_mut(usize::from(arrival.source.0)) {
-            source.push(arrival, &mut self.samples);
+            source.push(arrival, limit_ns, &mut self.samples);
         }
         if let Payload::Notice(notice) = &arrival.payload {
             self.losses.add_notice(arrival.source, notice);
@@ -138,13 +142,13 @@ impl Engine {
                 self.mark(now, text, records);
             }
         }
-        self.estimate(now, has_data(&arrival.payload), records);
+        self.estimate(now, is_data, limit_ns, records);
         records.extend(self.samples.drain(..).map(Record::Sample));
         self.watch(now, records);
         self.report_health(now, records);
     }
 
-    fn estimate(&mut self, now: LogTime, has_data: bool, records: &mut Vec<Record>) {
+    fn estimate(&mut self, now: LogTime, has_data: bool, limit_ns: i64, records: &mut Vec<Record>) {
         let Some(estimator) = &mut self.estimator else {
             return;
         };
@@ -179,12 +183,12 @@ impl Engine {
         };
         match silent_from {
             Some(from) if !is_ignored => {
-                estimator.advance(from, &mut take);
+                estimator.advance(from, limit_ns, &mut take);
                 if has_data {
                     estimator.skip_to(now);
                 }
             }
-            _ => estimator.advance(now, &mut take),
+            _ => estimator.advance(now, limit_ns, &mut take),
         }
         if let Some(scene) = &mut self.scene {
             scene.advance(estimator.estimator(), first, records);

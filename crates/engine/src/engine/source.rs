@@ -23,8 +23,6 @@ const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
 
 /// Delay from which a message counts as late, ns: what the estimator waits for measurements.
 const LATE_NS: i64 = 5_000_000;
-/// Delay from which a message is not used, ns.
-pub const LATE_MAX_NS: i64 = 100_000_000;
 
 /// Additional time without data that is allowed after a device was opened, because it is set up.
 const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
@@ -46,6 +44,8 @@ pub struct SourceState {
     /// Clocks of the identifiers on a bus whose stamps are coarse or missing.
     rates: RateClocks,
     late: Lateness,
+    /// Largest delay of a message that is used, ns.
+    limit_ns: i64,
     /// Messages by name.
     named: MessageCounts,
     /// Data of a source from which nothing was understood so far.
@@ -96,9 +96,9 @@ struct Lateness {
 }
 
 impl Lateness {
-    fn count(&mut self, late_ns: i64) {
-        self.used += u64::from((LATE_NS + 1..=LATE_MAX_NS).contains(&late_ns));
-        self.unused += u64::from(late_ns > LATE_MAX_NS);
+    fn count(&mut self, late_ns: i64, limit_ns: i64) {
+        self.used += u64::from((LATE_NS + 1..=limit_ns).contains(&late_ns));
+        self.unused += u64::from(late_ns > limit_ns);
     }
 }
 
@@ -171,6 +171,7 @@ impl SourceState {
             adapter: AdapterClock::default(),
             rates: RateClocks::default(),
             late: Lateness::default(),
+            limit_ns: 0,
             named: MessageCounts::default(),
             unread: Unread::default(),
             kind: source.meaning.kind(),
@@ -183,7 +184,9 @@ impl SourceState {
     }
 
     /// Processes an arrival of the source and appends the samples.
-    pub fn push(&mut self, arrival: &Arrival, sink: &mut Vec<Sample>) {
+    /// Messages later than `limit_ns` are not used.
+    pub fn push(&mut self, arrival: &Arrival, limit_ns: i64, sink: &mut Vec<Sample>) {
+        self.limit_ns = limit_ns;
         let log_time = arrival.log_time;
         match &arrival.payload {
             Payload::Bytes(bytes) => {
@@ -222,7 +225,7 @@ impl SourceState {
                         self.rates.lateness_ns(frame, now, coarse)
                     }
                 };
-                self.late.count(late_ns);
+                self.late.count(late_ns, self.limit_ns);
                 let before = sink.len();
                 decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
                 self.named.count_frame(frame, sink.get(before));
@@ -244,12 +247,12 @@ impl SourceState {
         sink: &mut Vec<Sample>,
     ) {
         let (id, timing, named) = (self.id, &mut self.timing, &mut self.named);
-        let late = &mut self.late;
+        let (late, limit_ns) = (&mut self.late, self.limit_ns);
         let deliver = |item: Item<'_>| {
             named.count_item(&item);
             let is_measured = !item.measurements.is_empty();
             let mapped = timing.tag(item.device_time, is_measured, arrived);
-            late.count(arrived - mapped);
+            late.count(arrived - mapped, limit_ns);
             let tag = timing.of_arrival(mapped);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {

@@ -5,7 +5,7 @@
 //! what it gets from then on. When the samples have come, the copy takes all of them in the order in which
 //! they would have arrived, repeats the steps, and replaces the estimator. What the repeated steps
 //! estimate is not handed out again: it was estimated at its time. Estimates with a lag wait for what is
-//! missing, for at most 100 ms. They and all later steps are as if nothing had been late.
+//! missing, for at most the delay of a sample that is used ([`Patience`]). They and all later steps are as if nothing had been late.
 //!
 //! Without late samples nothing is repeated, and no estimate changes.
 
@@ -13,8 +13,6 @@ use std::collections::BTreeMap;
 
 use estimator::{Estimator, EstimatorError, GRID_NANOS, Output};
 use sample::{Event, EventKind, LogTime, Measurement, Sample, SourceId, Wheel};
-
-use super::source::LATE_MAX_NS;
 
 /// Delay after an instant until its step, ns, as the estimator has it.
 const HOLD_NS: i64 = 5_000_000;
@@ -24,6 +22,43 @@ const SLACK_NS: i64 = 200_000;
 const INTERVAL_MAX_NS: i64 = 50_000_000;
 /// Part of the difference by which the expected interval falls to a shorter one.
 const INTERVAL_PARTS: i64 = 16;
+
+/// Delay from which a sample is not used, ns.
+const LATE_MAX_NS: i64 = 100_000_000;
+/// Time without data of any source that is a stall, ns.
+const STALL_MIN_NS: i64 = 20_000_000;
+/// Longest time without data of any source that is a stall and no silence, ns.
+const STALL_MAX_NS: i64 = 1_000_000_000;
+
+/// How late a sample may be. If the computer stalls, no data of any source comes: the length of the stall
+/// is added to the delays that come from the sources.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Patience {
+    last_data: Option<LogTime>,
+    /// Length of the last stall, ns, and its end.
+    stall: Option<(i64, LogTime)>,
+}
+
+impl Patience {
+    /// Largest delay of a sample that is used, ns, at an arrival.
+    pub fn limit_ns(&mut self, now: LogTime, has_data: bool) -> i64 {
+        let gap_ns = self.last_data.map_or(0, |last| now - last);
+        let is_stall = (STALL_MIN_NS..=STALL_MAX_NS).contains(&gap_ns);
+        if has_data {
+            self.last_data = Some(now);
+            if is_stall {
+                self.stall = Some((gap_ns, now));
+            }
+        }
+        let of_last = self.stall.filter(|(_, end)| now - *end < LATE_MAX_NS);
+        let stall_ns = match of_last {
+            Some((length_ns, _)) => length_ns,
+            None if is_stall => gap_ns,
+            None => 0,
+        };
+        LATE_MAX_NS + stall_ns
+    }
+}
 
 /// The samples of one kind of a source.
 #[derive(Clone, Copy, Debug)]
@@ -50,9 +85,9 @@ impl Stream {
     }
 
     /// Whether a sample was due before `deadline` that has not come, and may still be used when it comes.
-    fn is_behind(&self, deadline: LogTime) -> bool {
+    fn is_behind(&self, deadline: LogTime, limit_ns: i64) -> bool {
         let due = self.newest + self.interval_ns;
-        (SLACK_NS..=LATE_MAX_NS).contains(&(deadline - due))
+        (SLACK_NS..=limit_ns).contains(&(deadline - due))
     }
 }
 
@@ -84,6 +119,8 @@ pub struct Timely {
     point: Option<Point>,
     /// Whether a late sample has come since the last step.
     is_due: bool,
+    /// Largest delay of a sample that is used, ns.
+    limit_ns: i64,
 }
 
 impl Timely {
@@ -95,6 +132,7 @@ impl Timely {
             next: None,
             point: None,
             is_due: false,
+            limit_ns: LATE_MAX_NS,
         }
     }
 
@@ -109,10 +147,11 @@ impl Timely {
         &self.estimator
     }
 
-    /// As [`Estimator::advance`].
-    pub fn advance(&mut self, now: LogTime, out: &mut impl FnMut(Output)) {
+    /// As [`Estimator::advance`]. `limit_ns` is the largest delay of a sample that is used.
+    pub fn advance(&mut self, now: LogTime, limit_ns: i64, out: &mut impl FnMut(Output)) {
+        self.limit_ns = limit_ns;
         let mut next = match self.next {
-            Some(next) if now - next <= LATE_MAX_NS => next,
+            Some(next) if now - next <= limit_ns => next,
             // The first call, or a jump over which the estimator alone decides where its grid continues.
             _ => return self.jump(now, out),
         };
@@ -162,7 +201,7 @@ impl Timely {
         self.estimator.mark(text)
     }
 
-    /// As [`Estimator::push`]. A sample that is later than 100 ms is not used.
+    /// As [`Estimator::push`]. A sample that is later than the limit is not used.
     pub fn push(&mut self, sample: &Sample) {
         let Some(kind) = kind(&sample.measurement) else {
             if let Some(point) = &mut self.point {
@@ -179,7 +218,7 @@ impl Timely {
                 delay_ns: i64::MAX,
             })
             .push(sample);
-        if late_ns > LATE_MAX_NS {
+        if late_ns > self.limit_ns {
             return;
         }
         if let Some(point) = &mut self.point {
@@ -215,7 +254,7 @@ impl Timely {
 
     fn is_behind(&self, instant: LogTime) -> bool {
         let mut streams = self.streams.values();
-        streams.any(|stream| stream.is_behind(instant + HOLD_NS))
+        streams.any(|stream| stream.is_behind(instant + HOLD_NS, self.limit_ns))
     }
 
     fn point_before(&self, step: LogTime) -> Point {
@@ -233,7 +272,7 @@ impl Timely {
         let Some(next) = self.next else { return };
         let last = next.offset_nanos(-GRID_NANOS.cast_signed());
         let is_over = self.point.as_ref().is_some_and(|point| {
-            last - point.step > LATE_MAX_NS || !self.is_due && !self.is_behind(last)
+            last - point.step > self.limit_ns || !self.is_due && !self.is_behind(last)
         });
         if is_over && let Some(point) = self.point.take() {
             point.held.into_iter().for_each(&mut *out);
