@@ -121,7 +121,14 @@ impl Engine {
 
     /// Appends the records that were waiting for more arrivals.
     pub fn finish(&mut self, records: &mut Vec<Record>) {
-        if let Some(smoother) = &mut self.smoother {
+        if let (Some(smoother), Some(estimator)) = (&mut self.smoother, &mut self.estimator) {
+            estimator.finish(&mut |output| {
+                if let Output::Step(step) = output {
+                    smoother.push(*step, &mut |estimate| {
+                        push_stage(records, Stage::Smoothed, &estimate);
+                    });
+                }
+            });
             smoother.finish(&mut |estimate| push_stage(records, Stage::Smoothed, &estimate));
         }
     }

@@ -28,6 +28,8 @@ const SPREAD_MAX_S: f64 = 0.04;
 /// Delay up to which a message keeps the time of its arrival, s: the delays of ports and schedulers on a
 /// machine that is not busy.
 const PORT_TOLERANCE_S: f64 = 0.0002;
+/// The same of a device that writes lines: long lines take longer.
+const LINE_TOLERANCE_S: f64 = 0.006;
 /// The same on a bus, on which a frame waits for others.
 const BUS_TOLERANCE_S: f64 = 0.001;
 /// Part of the interval by which the messages after a loss are late.
@@ -98,6 +100,14 @@ impl RateClock {
             behind: (0, f64::INFINITY),
             begun: Vec::new(),
             is_off: false,
+        }
+    }
+
+    /// Clock of a device that writes lines.
+    pub fn of_lines() -> Self {
+        Self {
+            tolerance_s: LINE_TOLERANCE_S,
+            ..Self::new(None)
         }
     }
 

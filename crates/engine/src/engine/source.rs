@@ -59,7 +59,7 @@ pub struct SourceState {
 fn rate_clock(meaning: &Meaning) -> Option<RateClock> {
     match meaning {
         Meaning::Crossbow440(rate) => Some(RateClock::new(Some(rate.interval_s()))),
-        Meaning::Line(_) => Some(RateClock::new(None)),
+        Meaning::Line(_) => Some(RateClock::of_lines()),
         _ => None,
     }
 }

@@ -16,7 +16,7 @@ use sample::{Event, EventKind, LogTime, Measurement, Sample, SourceId, Wheel};
 
 /// Delay after an instant until its step, ns, as the estimator has it.
 const HOLD_NS: i64 = 5_000_000;
-/// Delay of a sample up to which it is not missing, ns.
+/// Delay of a sample beyond its usual one up to which it is not missing, ns.
 const SLACK_NS: i64 = 200_000;
 /// Longest interval between two samples that is expected, ns.
 const INTERVAL_MAX_NS: i64 = 50_000_000;
@@ -86,7 +86,7 @@ impl Stream {
 
     /// Whether a sample was due before `deadline` that has not come, and may still be used when it comes.
     fn is_behind(&self, deadline: LogTime, limit_ns: i64) -> bool {
-        let due = self.newest + self.interval_ns;
+        let due = self.newest + self.interval_ns + self.delay_ns;
         (SLACK_NS..=limit_ns).contains(&(deadline - due))
     }
 }
@@ -102,7 +102,7 @@ struct Point {
     estimator: Box<Estimator>,
     /// Instant of the step.
     step: LogTime,
-    /// What came since, with the time at which it would have come without any delay.
+    /// What came since, with the time at which it would have come without being late.
     inputs: Vec<(LogTime, Input)>,
     /// Kinds of the events that were handed out since.
     events: Vec<Event>,
@@ -124,6 +124,14 @@ pub struct Timely {
 }
 
 impl Timely {
+    /// Hands out the steps that wait for late samples, at the end. Estimates with a lag do not come any more,
+    /// as in a recording, which ends without a last call.
+    pub fn finish(&mut self, out: &mut impl FnMut(Output)) {
+        let held = self.point.take().map_or_else(Vec::new, |point| point.held);
+        let is_step = |output: &Output| matches!(output, Output::Step(_));
+        held.into_iter().filter(is_step).for_each(out);
+    }
+
     /// Before the first sample.
     pub fn new(estimator: Estimator) -> Self {
         Self {
@@ -222,9 +230,9 @@ impl Timely {
             return;
         }
         if let Some(point) = &mut self.point {
-            let time = sample.valid_time;
-            point.inputs.push((time, Input::Sample(sample.clone())));
-            let missed = self.next.map(|next| next - time);
+            let due = sample.log_time.offset_nanos(-late_ns);
+            point.inputs.push((due, Input::Sample(sample.clone())));
+            let missed = self.next.map(|next| next - due);
             self.is_due |= missed.is_some_and(|ns| ns > GRID_NANOS.cast_signed() - HOLD_NS);
         }
         self.estimator.push(sample);
