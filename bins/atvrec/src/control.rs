@@ -27,7 +27,7 @@ pub use socket::{Listener, paths, tap_paths};
 /// Longest request, bytes: a mark of [`MARK_MAX`] characters, each escaped.
 const REQUEST_MAX: u64 = 16_384;
 /// Longest text of a mark, characters.
-const MARK_MAX: usize = 1000;
+pub const MARK_MAX: usize = 1000;
 /// Longest time in which a client sends its request, and in which it reads the response.
 const CLIENT_TIMEOUT: Duration = Duration::from_secs(10);
 

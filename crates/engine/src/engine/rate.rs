@@ -45,8 +45,9 @@ const WINDOWS: usize = 3;
 const STAMP_TOLERANCE_NS: i64 = 700_000;
 /// Number of consecutive late messages after which one was lost.
 const BEHIND_MAX: u32 = 20;
-/// Time without a message after which the fit begins again, s.
-const GAP_MAX_S: f64 = 0.5;
+/// Time without a message after which the origin is found again, s: of devices that do not count, and of
+/// devices that count their messages.
+const GAP_MAX_S: [f64; 2] = [1.0, 10.0];
 /// Number of new beginnings within [`WRONG_WITHIN_S`] that show a wrong rate.
 const WRONG_AFTER: usize = 3;
 /// See [`WRONG_AFTER`], s.
@@ -127,7 +128,8 @@ impl RateClock {
             Steps::Unknown => 1,
             Steps::Restart => 0,
         };
-        if steps == Steps::Restart || gap_s > GAP_MAX_S.max(2.0 * interval_s) {
+        let gap_max_s = GAP_MAX_S[usize::from(steps != Steps::Unknown)];
+        if steps == Steps::Restart || gap_s > gap_max_s {
             self.restart(arrived);
             return arrived;
         }
