@@ -176,10 +176,7 @@ pub async fn record(
     let sockets = control::paths(&config);
     let (commands, mut received) = mpsc::channel(COMMAND_QUEUE);
     let (trigger_events, mut triggers) = mpsc::channel(TRIGGER_QUEUE);
-    let log_clock = LogClock::start();
-    let mut controller =
-        RecordingController::new(config, extras.reload, trigger_events, folder, log_clock)?;
-    controller.clock = session::clock_state(log_clock.now(), extras.clock_state.as_deref());
+    let mut controller = RecordingController::new(config, &extras, trigger_events, folder)?;
     controller.start().await?;
     if let Some(clock) = &extras.clock {
         // A receiver that has gone needs no clock.
@@ -395,11 +392,12 @@ type Closed = anyhow::Result<(RecorderSummary, Engine, Progress)>;
 impl<'a> RecordingController<'a> {
     fn new(
         config: Config,
-        reload: Option<Reload<'a>>,
+        extras: &Extras<'a>,
         trigger_events: mpsc::Sender<TriggerEvent>,
         folder: Folder,
-        log_clock: LogClock,
     ) -> anyhow::Result<Self> {
+        let log_clock = LogClock::start();
+        let clock = session::clock_state(log_clock.now(), extras.clock_state.as_deref());
         let sequencer = Sequencer::idle(log_clock);
         let (session, hello) = session::tap(&config, log_clock.now());
         let can = CanSink::start(&config, log_clock)?;
@@ -410,7 +408,7 @@ impl<'a> RecordingController<'a> {
             can,
             status,
             config: Arc::new(config),
-            reload,
+            reload: extras.reload,
             supervisor: Supervisor::new(sequencer.clone()),
             sequencer,
             heartbeats: Heartbeats::default(),
@@ -425,7 +423,7 @@ impl<'a> RecordingController<'a> {
             failed: None,
             folders: vec![folder],
             protected: Protected::default(),
-            clock: ClockState::Unknown,
+            clock,
         })
     }
 

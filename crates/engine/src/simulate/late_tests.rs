@@ -68,57 +68,35 @@ fn drive(truth: Option<&str>, sensors: &str, seed: u64, seconds: f64) -> Drive {
     }
 }
 
-fn run(drive: &Drive, delay: Delay, stamps: Stamps) -> Outcome {
-    let mut simulated = VirtualDrive::new(drive).expect("a drive");
-    let config = simulated.config().expect("a configuration");
-    let start = simulated.start();
-    let duration_s = simulated.duration_s();
-    let mut arrivals: Vec<(f64, usize, SourceId, Payload)> = Vec::new();
-    let mut random = math::Random::new(7);
-    let mut cycles = BTreeMap::new();
-    let mut last: BTreeMap<Port, f64> = BTreeMap::new();
-    for tick in 0..(duration_s * 10.0) as usize {
-        arrivals.push((
-            tick as f64 * 0.1,
-            arrivals.len(),
-            SourceId::HOST,
-            Payload::Tick,
-        ));
-    }
+/// What arrives at the recorder: time, s, source and data.
+type Arrivals = Vec<(f64, SourceId, Payload)>;
+
+fn arrivals(
+    simulated: &mut VirtualDrive,
+    config: &Config,
+    delay: Delay,
+    stamps: Stamps,
+) -> Arrivals {
+    let (start, duration_s) = (simulated.start(), simulated.duration_s());
+    let ticks = 0..(duration_s * 10.0) as usize;
+    let mut arrivals: Arrivals = ticks
+        .map(|tick| (tick as f64 * 0.1, SourceId::HOST, Payload::Tick))
+        .collect();
+    let mut late = Late {
+        delay,
+        random: math::Random::new(7),
+        cycles: BTreeMap::new(),
+        last: BTreeMap::new(),
+    };
     while let Some(emission) = simulated.vehicle.next() {
-        if emission.time_s > duration_s {
+        let sent_s = emission.time_s;
+        if sent_s > duration_s {
             break;
         }
         let mut sources = config.sources.iter();
         let Some(source) = sources.find(|source| source.spec.name == emission.port.name()) else {
             continue;
         };
-        let sent_s = emission.time_s;
-        let arrived_s = match delay {
-            Delay::Jitter(ports, most_s)
-                if ports.contains(&emission.port) && sent_s > UNDISTURBED_S =>
-            {
-                let cycle = (sent_s * 100.0) as u64;
-                let (known, late_s) = cycles.entry(emission.port).or_insert((u64::MAX, 0.0));
-                if *known != cycle {
-                    (*known, *late_s) = (cycle, random.between(0.0, most_s));
-                }
-                sent_s + *late_s
-            }
-            Delay::Stall {
-                ports,
-                every_s,
-                for_s,
-            } if ports.contains(&emission.port)
-                && sent_s % every_s < for_s
-                && sent_s > UNDISTURBED_S =>
-            {
-                sent_s - sent_s % every_s + for_s
-            }
-            _ => sent_s,
-        };
-        let behind = last.entry(emission.port).or_insert(0.0);
-        *behind = behind.max(arrived_s);
         let payload = match emission.output {
             Output::Bytes(bytes) => Payload::Bytes(bytes),
             Output::Can(mut frame) => {
@@ -133,9 +111,57 @@ fn run(drive: &Drive, delay: Delay, stamps: Stamps) -> Outcome {
                 Payload::Can(vec![frame])
             }
         };
-        arrivals.push((*behind, arrivals.len(), source.spec.id, payload));
+        arrivals.push((
+            late.arrival_s(emission.port, sent_s),
+            source.spec.id,
+            payload,
+        ));
     }
-    arrivals.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    arrivals.sort_by(|a, b| a.0.total_cmp(&b.0));
+    arrivals
+}
+
+/// What is between the ports and the recorder.
+struct Late {
+    delay: Delay,
+    random: math::Random,
+    /// Number of the last 10 ms of each port, and their delay, s.
+    cycles: BTreeMap<Port, (u64, f64)>,
+    /// Last arrival of each port, s.
+    last: BTreeMap<Port, f64>,
+}
+
+impl Late {
+    fn arrival_s(&mut self, port: Port, sent_s: f64) -> f64 {
+        let arrived_s = match self.delay {
+            Delay::Jitter(ports, most_s) if ports.contains(&port) && sent_s > UNDISTURBED_S => {
+                let cycle = (sent_s * 100.0) as u64;
+                let known = self.cycles.entry(port).or_insert((u64::MAX, 0.0));
+                if known.0 != cycle {
+                    *known = (cycle, self.random.between(0.0, most_s));
+                }
+                sent_s + known.1
+            }
+            Delay::Stall {
+                ports,
+                every_s,
+                for_s,
+            } if ports.contains(&port) && sent_s % every_s < for_s && sent_s > UNDISTURBED_S => {
+                sent_s - sent_s % every_s + for_s
+            }
+            _ => sent_s,
+        };
+        let behind = self.last.entry(port).or_insert(0.0);
+        *behind = behind.max(arrived_s);
+        *behind
+    }
+}
+
+fn run(drive: &Drive, delay: Delay, stamps: Stamps) -> Outcome {
+    let mut simulated = VirtualDrive::new(drive).expect("a drive");
+    let config = simulated.config().expect("a configuration");
+    let start = simulated.start();
+    let arrivals = arrivals(&mut simulated, &config, delay, stamps);
     let mut feed = Feed::new(&config).expect("an engine");
     let mut found = [BTreeMap::new(), BTreeMap::new()];
     let (mut faults, mut late) = (Vec::new(), [0, 0]);
@@ -158,16 +184,17 @@ fn run(drive: &Drive, delay: Delay, stamps: Stamps) -> Outcome {
                 }
             }
             Entry::Record(Record::Health(health)) => {
+                let sources = &health.sources;
                 late = [
-                    health.sources.iter().map(|source| source.late).sum(),
-                    health.sources.iter().map(|source| source.too_late).sum(),
+                    sources.iter().map(|source| source.late).sum(),
+                    sources.iter().map(|source| source.too_late).sum(),
                 ];
             }
             _ => {}
         }
         Ok::<_, Error>(())
     };
-    for (time_s, _, source, payload) in arrivals {
+    for (time_s, source, payload) in arrivals {
         feed.push(source, start.offset_seconds(time_s), payload, &mut sink)
             .expect("an engine");
     }
