@@ -175,8 +175,8 @@ pub fn score_with(
         innovations: innovations::judged(&reports, signals_from_s),
         lifts,
         two_wheel_lifts,
-            surface_changes: surfaces::find(&truth, &friction, start, from_s, &loads, &events),
-            road: road::find(reader, start, signals_from_s, &vehicle)?,
+        surface_changes: surfaces::find(&truth, &friction, start, from_s, &loads, &events),
+        road: road::find(reader, start, signals_from_s, &vehicle)?,
         channels: reader
             .session()
             .injected_faults

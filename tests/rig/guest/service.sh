@@ -65,7 +65,9 @@ echo "started in $(since "$begin") s"
 udevadm trigger --action=add /sys/class/net/can1
 wait_for "can1 brought up by its unit" sh -c 'ip link show can1 | grep -q "state UP"'
 systemctl show -P Result atvrec-can@can1.service
-for unit in atvrec.service atvrec-can@can1.service; do
+[ "$(systemctl show -P Result atvrec-clock)" = success ]
+cat /run/atvrec-clock/state
+for unit in atvrec.service atvrec-clock.service atvrec-can@can1.service; do
     systemd-analyze security --no-pager "$unit" >"/rig/security.$unit"
     tail -n 1 "/rig/security.$unit"
 done

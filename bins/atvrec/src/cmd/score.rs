@@ -1,8 +1,8 @@
 //! `atvrec score`: compare the estimates of a log with the truth or with the estimates of another log.
 
 use report::score::{
-    Channels, Comparison, ForceScore, InnovationScore, Lifts, Roads, Score, ScoreError, SurfaceChanges,
-    compare, innovations, innovations_json, score_methods, score_with,
+    Channels, Comparison, ForceScore, InnovationScore, Lifts, Roads, Score, ScoreError,
+    SurfaceChanges, compare, innovations, innovations_json, score_methods, score_with,
 };
 use sample::Wheel;
 use store::{Reader, Stage};
