@@ -60,7 +60,7 @@ pub struct RoadInput<'a> {
     pub unknown: Option<RoadUnknown>,
     /// Loads and their standard deviations, wheel-carrier frame.
     pub forces: &'a PerWheel<TyreForce>,
-    /// The same [`LAG`] steps before.
+    /// The same two steps before.
     pub lagged: &'a PerWheel<TyreForce>,
 }
 
@@ -124,7 +124,7 @@ impl RoadEstimator {
         self.static_load_n = Wheel::ALL.map(|wheel| vehicle.static_load_n(wheel));
     }
 
-    /// Takes one instant. Returns its road, and the road [`LAG`] steps before by the loads with the lag.
+    /// Takes one instant. Returns its road, and the road two steps before by the loads with the lag.
     pub fn step(&mut self, input: &RoadInput<'_>) -> (Road, Option<Road>) {
         let now = self.moment(input);
         self.past.rotate_right(1);

@@ -32,7 +32,7 @@ fn main() -> anyhow::Result<()> {
         ["loop", log, topics @ ..] => {
             let begin = Instant::now();
             let rows = plain::read(Path::new(log), topics)?;
-            told("plain loop", rows, begin);
+            print_row("plain loop", rows, begin);
             Ok(())
         }
         ["stretch", log, hours, output] => stretch(log, hours.parse()?, output),
@@ -43,7 +43,7 @@ fn main() -> anyhow::Result<()> {
     }
 }
 
-fn told(what: &str, rows: usize, begin: Instant) {
+fn print_row(what: &str, rows: usize, begin: Instant) {
     println!(
         "{what:<20} {rows} messages in {:.3} s",
         begin.elapsed().as_secs_f64()
@@ -60,7 +60,7 @@ fn tables(log: &str, topics: &[&str]) -> anyhow::Result<()> {
     }
     let tables = reader.tables(&topics, LogTime(0), LogTime(u64::MAX))?;
     let rows = tables.iter().map(|table| table.log_time_ns.len()).sum();
-    told("Reader::tables", rows, begin);
+    print_row("Reader::tables", rows, begin);
     Ok(())
 }
 

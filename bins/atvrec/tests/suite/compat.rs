@@ -154,12 +154,12 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (7_549_237_195_712_392_543, 8_800),
+            (16_788_492_675_318_567_214, 8_800),
         ),
         (
             "/estimate/contact_forces",
             force_columns(),
-            (3_598_692_903_201_439_276, 9_600),
+            (7_626_419_165_063_867_877, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));

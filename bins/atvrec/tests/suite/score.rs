@@ -12,6 +12,7 @@ fn promised(section: &str) -> BTreeSet<String> {
     let section = document
         .split("\n## ")
         .find(|part| part.starts_with(section));
+    let section = section.and_then(|part| part.split("\n### ").next());
     let rows = section.expect("the section").lines();
     let rows = rows.filter(|line| line.starts_with("| `"));
     let keys = rows.flat_map(|row| row.split('|').nth(1).unwrap_or_default().split(','));

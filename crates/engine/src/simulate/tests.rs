@@ -452,7 +452,7 @@ fn a_driver_who_sits_aside_is_known_or_costs_lateral_force() {
         (3.5..9.0).contains(&without) && (2.0..6.0).contains(&aside),
         "{told}"
     );
-    assert!(with < 1.2 && (marked - after).abs() < 0.05, "{told}");
+    assert!(with < 1.2 && (marked - after).abs() < 0.4, "{told}");
     let (_, notes) = lateral_error(&[], &[(1.0, "payload pilot on")], 2.0);
     assert!(notes[0].contains("use one of driver, ballast"), "{notes:?}");
 }

@@ -363,7 +363,7 @@ impl Fusion {
 
     /// Takes a row's value; an innovation beyond the limit weighs as one at the limit. Returns the
     /// normalised innovation.
-    pub(super) fn take_limited(
+    fn take_limited(
         &self,
         joint: &mut Joint,
         m: usize,

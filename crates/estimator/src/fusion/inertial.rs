@@ -222,13 +222,7 @@ impl Fusion {
             } else {
                 self.tuning.gate_sigma
             };
-            // A vehicle that rolls is carried by its tyres alone: then a reading beyond the gate weighs as
-            // one at the gate, because the forces can have changed by more than their noise tells.
-            let innovation = if self.rolling && !self.held {
-                self.take_limited(joint, m, sum[axis], variance, gate)
-            } else {
-                self.take(joint, m, sum[axis], variance, gate)
-            };
+            let innovation = self.take(joint, m, sum[axis], variance, gate);
             self.count(InnovationKind::Accelerometer, innovation, gate);
             agrees &= within(gate, innovation, 1.0);
             if axis == 2 && !agrees && posed && !self.rolling {
