@@ -1,5 +1,7 @@
 //! A source in the engine: decoder, device clock and counters.
 
+use std::collections::BTreeMap;
+
 use sample::{
     Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
     SourceHealth, SourceId,
@@ -23,6 +25,9 @@ const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
 
 /// Delay from which a message counts as late, ns: what the estimator waits for measurements.
 const LATE_NS: i64 = 5_000_000;
+
+/// Increase of a usual delay with each message, ns: the fit of a device clock follows the drift.
+const USUAL_RISE_NS: i64 = 1_000;
 
 /// Additional time without data that is allowed after a device was opened, because it is set up.
 const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
@@ -87,15 +92,26 @@ struct Timing {
 }
 
 /// Numbers of late messages.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Lateness {
     /// Later than the estimator waits, and used at their own time.
     used: u64,
     /// Later than the estimator uses.
     unused: u64,
+    /// Usual delay of each message that was measured, by name, ns: the line carries the messages of one
+    /// instant one after another.
+    usual_ns: BTreeMap<&'static str, i64>,
 }
 
 impl Lateness {
+    /// Counts a message by its delay beyond the usual one.
+    fn count_named(&mut self, name: &'static str, delay_ns: i64, limit_ns: i64) {
+        let usual_ns = self.usual_ns.entry(name).or_insert(delay_ns);
+        *usual_ns = delay_ns.min(*usual_ns + USUAL_RISE_NS);
+        let late_ns = delay_ns - *usual_ns;
+        self.count(late_ns, limit_ns);
+    }
+
     fn count(&mut self, late_ns: i64, limit_ns: i64) {
         self.used += u64::from((LATE_NS + 1..=limit_ns).contains(&late_ns));
         self.unused += u64::from(late_ns > limit_ns);
@@ -252,7 +268,9 @@ impl SourceState {
             named.count_item(&item);
             let is_measured = !item.measurements.is_empty();
             let mapped = timing.tag(item.device_time, is_measured, arrived);
-            late.count(arrived - mapped, limit_ns);
+            if is_measured {
+                late.count_named(item.name, arrived - mapped, limit_ns);
+            }
             let tag = timing.of_arrival(mapped);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
