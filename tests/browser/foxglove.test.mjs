@@ -196,6 +196,8 @@ test(`a live process that is stopped for ${STALL_S} s costs the recorder nothing
 
 test("late data is no fault", async () => {
   const driver = vehicle.processes[0];
+  // The drive is repeated, and the vehicle begins at another place then: that is no late data.
+  const before = vehicle.status();
   for (let n = 0; n < 12; n += 1) {
     driver.kill("SIGSTOP");
     await pause(n % 2 ? 36 : 53);
@@ -203,8 +205,9 @@ test("late data is no fault", async () => {
     await pause(700);
   }
   const { events, faulty_sensors: faulty } = vehicle.status();
-  assert.deepEqual(events.filter(({ kind }) => kind.sensor_fault).map(({ text }) => text), []);
-  assert.deepEqual(faulty, []);
+  const faults = events.filter(({ kind, time }) => kind.sensor_fault && time > before.now_ns);
+  assert.deepEqual(faults.map(({ text }) => text), []);
+  assert.deepEqual(faulty.filter((name) => !before.faulty_sensors.includes(name)), []);
 });
 
 test("a log is played with pause, position and speed", async () => {
