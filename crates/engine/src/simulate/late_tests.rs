@@ -85,7 +85,7 @@ fn arrivals(
         cycles: BTreeMap::new(),
         last: BTreeMap::new(),
     };
-    while let Some(emission) = simulated.vehicle.next() {
+    for emission in simulated.vehicle.by_ref() {
         let sent_s = emission.time_s;
         if sent_s > duration_s {
             break;
@@ -264,7 +264,7 @@ fn run_all(drive: &Drive, seeds: &[u64], delay: Delay, stamps: Stamps) -> Outcom
         let found = run(&drive, delay, stamps);
         for (sum, error) in outcome.errors.iter_mut().zip(found.errors) {
             for (sum, error) in sum.iter_mut().zip(error) {
-                *sum = sum.hypot(error / (seeds.len() as f64).sqrt());
+                *sum = (*sum * *sum + error * error / seeds.len() as f64).sqrt();
             }
         }
         outcome.faults.extend(found.faults);
