@@ -350,7 +350,7 @@ impl Drive {
     fn take_record(&mut self, record: Record, session: &store::Session) {
         match record {
             Record::Event(event) => self.events.push(event),
-            Record::Parameters(parameters) => self.learnt.push(parameters),
+            Record::Parameters(parameters) => self.learnt.push(*parameters),
             Record::Health(health) => self.health = Some(health),
             Record::ClockFit(fit) => {
                 self.clocks.insert(session.source_name(fit.source), fit);
