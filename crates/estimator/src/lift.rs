@@ -288,7 +288,12 @@ impl LoadState {
         let limit = least + margin.max(0.0);
         let back = back.max(t.down_by * limit);
         let load_n = at.lagged.value_n;
-        self.below = if load_n < limit { self.below + 1 } else { 0 };
+        // One noisy load between both limits neither counts nor ends the count.
+        if load_n < limit {
+            self.below += 1;
+        } else if load_n > back {
+            self.below = 0;
+        }
         if !self.up && self.below >= t.steps {
             self.up = true;
             let onset_s = at.lag_s + 0.01 * f64::from(t.steps - 1);

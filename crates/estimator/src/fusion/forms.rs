@@ -117,8 +117,8 @@ pub(super) struct CornerForms {
     pub(super) strut: Form,
     /// The strut's acceleration, m/s^2.
     pub(super) acceleration: Form,
-    /// Force that 1 m more of strut presses the tyre with less the road's movement, N/m.
-    pub(super) pressing_n_m: f64,
+    /// Force that 1 m more of strut presses a tyre on the ground with less, N/m.
+    pub(super) stiffness_n_m: f64,
     /// 1 for a tyre on the ground, 0 for a wheel in the air, by the load before the step.
     pub(super) touching: f64,
     step_s: f64,
@@ -136,7 +136,11 @@ impl CornerForms {
         let bent = 0.5 * square_s2 / self.step_s;
         // Of the acceleration now and one step before.
         let now = 1e3 * (of_speed * (bent - mean_s) + 0.5 * of_length * square_s2)
-            + 0.5 * form.gains[2] * (mean_s * self.step_s - square_s2) * self.pressing_n_m;
+            + 0.5
+                * form.gains[2]
+                * (mean_s * self.step_s - square_s2)
+                * self.touching
+                * self.stiffness_n_m;
         let before = -1e3 * of_speed * bent;
         let mut sum = form.plus(now, &self.acceleration);
         sum.gains[AT_SPEED] -= of_length * mean_s;
@@ -223,8 +227,7 @@ impl Fusion {
             strut,
             acceleration,
             touching,
-            pressing_n_m: touching
-                * self.body.tyres[wheel].vertical_stiffness_n_m
+            stiffness_n_m: self.body.tyres[wheel].vertical_stiffness_n_m
                 * corner.frame.normal().dot(&travel.path),
             step_s: input.dt,
             steps_back_max: self.tuning.members.steps_back_max,

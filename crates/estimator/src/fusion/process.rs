@@ -9,7 +9,7 @@ use super::layout::{
 };
 use super::propagation::{Noises, Propagation};
 use super::transition::Transition;
-use super::{Fusion, StepInput, StepModel, lengths};
+use super::{CornerForms, Fusion, StepInput, StepModel, lengths};
 use crate::calibration::CornerChannels;
 use crate::feedback::BodyMotionEstimate;
 use crate::process_noise::ProcessNoise;
@@ -99,7 +99,7 @@ impl Fusion {
             Propagation::new(
                 wheel,
                 &forms.acceleration,
-                [forms.touching, 1e-3 * forms.pressing_n_m],
+                [forms.touching, 1e-3 * forms.touching * forms.stiffness_n_m],
                 time_s,
                 dt,
             )
@@ -180,6 +180,18 @@ impl Fusion {
         }
     }
 
+    /// Density of the white noise of a load, N^2/s. A wheel in the air can land in any step; then its load
+    /// grows by the speed with which the wheel falls.
+    fn load_density(&self, forms: &CornerForms, wheel: usize, dt: f64) -> f64 {
+        let n = self.tuning.force_noise;
+        let pressed_n_s = self.state[RATE + 3 * wheel + 2]
+            - 1e-3 * forms.stiffness_n_m * self.state[SPEED + wheel];
+        let landing_n_s = n.air_part * pressed_n_s;
+        let road = self.force_noise.road(wheel);
+        let air = n.air_density + landing_n_s * landing_n_s * dt;
+        forms.touching * road + (1.0 - forms.touching) * air
+    }
+
     fn add_process_noise(
         &mut self,
         input: &StepInput<'_>,
@@ -189,6 +201,7 @@ impl Fusion {
     ) {
         let (t, dt) = (self.tuning, input.dt);
         let n = t.force_noise;
+        let loads: [f64; 4] = std::array::from_fn(|i| self.load_density(&model.forms[i], i, dt));
         let c = &mut self.covariance;
         // Forces of the vehicle model do not adapt the density.
         let rate = if self.blind {
@@ -199,8 +212,9 @@ impl Fusion {
         let along = n.road_along * n.road_along;
         for (wheel, propagation) in propagations.iter().enumerate() {
             let road = self.force_noise.road(wheel);
+            let load = loads[wheel];
             let noises = Noises {
-                force: [along * road, along * road, road],
+                force: [along * road, along * road, load],
                 rate,
                 speed: 1e6
                     * (t.strut_rate_density * t.strut_rate_density

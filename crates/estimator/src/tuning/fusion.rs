@@ -190,6 +190,11 @@ tuning! {
         surprise_max: f64 = 3.0e6, "N²/s";
         /// Limit of one innovation.
         innovation_max: f64 = 5.0, "σ";
+        /// Density of the load's white noise of a wheel in the air, which can touch the ground at any time.
+        air_density: f64 = 1.0e4, "N²/s";
+        /// Its standard deviation over a step as a part of the load that the wheel would gain in it on flat
+        /// ground: a wheel that falls quickly lands hard.
+        air_part: f64 = 0.3, "1";
         /// White noise of F_x and F_y as a part of that of the load: a rock also pushes along and across.
         road_along: f64 = 0.2, "1";
         /// Part of the density times the step that is the variance of the load between two steps: 1/12 for a
