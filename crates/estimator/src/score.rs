@@ -276,7 +276,9 @@ mod tests {
     fn normalised_square_of_known_errors() {
         let mut all = SquareStatistics::default();
         assert_eq!(all.mean(), None);
-        [1.0, f64::NAN, 3.0].map(|normalised| all.push(normalised));
+        for normalised in [1.0, f64::NAN, 3.0] {
+            all.push(normalised);
+        }
         assert!((all.mean().unwrap() - 5.0).abs() < 1e-12);
     }
 
