@@ -159,16 +159,8 @@ impl<'a> Ground<'a> {
     fn compare(&mut self, all: bool) {
         let last = self.truth.keys().next_back().copied().unwrap_or_default();
         for output in &mut self.outputs {
-            while let Some(road) = output.waiting.pop_front_if(|road| road.time <= last || all) {
-                output.take(
-                    &road,
-                    self.from,
-                    &self.truth,
-                    self.vehicle,
-                    &mut self.unknown,
-                );
-            }
-            while output.waiting.len() > WAITING_MAX {
+            let is_due = |road: &Road| road.time <= last || all;
+            while output.waiting.len() > WAITING_MAX || output.waiting.front().is_some_and(is_due) {
                 if let Some(road) = output.waiting.pop_front() {
                     output.take(
                         &road,
