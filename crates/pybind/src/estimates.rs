@@ -20,8 +20,8 @@ impl Collected {
     /// Takes an output of the estimator.
     pub fn push(&mut self, output: Output) {
         match output {
-            Output::Estimate(estimate) => self.estimates.push(*estimate),
-            Output::Parameters(parameters) => self.parameters.push(*parameters),
+            Output::Estimate(estimate) => self.estimates.push(estimate),
+            Output::Parameters(parameters) => self.parameters.push(parameters),
             Output::Event(event) => self.events.push(event),
             Output::Lagged(_) | Output::LaggedRoad(_) | Output::Road(_) | Output::Step(_) => {}
         }
