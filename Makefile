@@ -23,6 +23,7 @@ TESTS := setup check python rig
 test: export ATVREC_REQUIRE_DATA ?= 0
 test: $(TESTS) ## All that needs nothing beside the project: 25 minutes cold on two quiet cores
 
+test-all: export STALL_S ?= 60
 test-all: $(TESTS) browser ## The same with the recordings in ../shared, as CI runs it: 70 minutes
 
 check: setup fmt clippy unit doc deny ratchet links ## Formatting, lints, tests, documentation, licences
@@ -65,7 +66,7 @@ licences: setup ## Licences, sources and bans of all dependencies; installs carg
 python: venv ## Reference readers on our logs, and the Python package's tests
 	@scripts/test-python
 
-browser: setup ## The live page and the report in a real browser, and Foxglove's own client
+browser: setup ## The live page and the report in a real browser, and Foxglove's own client (STALL_S: for how long a client is stopped; test-all: 60)
 	@scripts/test-browser
 
 screenshots: setup ## Draw the pictures of the live page and of the report again (docs/*.png); look at them

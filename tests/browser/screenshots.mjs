@@ -10,7 +10,7 @@ const docs = process.argv[2];
 const vehicle = await Vehicle.start("mixed-driving");
 const browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox"] });
 try {
-  for (const [name, width, height, colorScheme] of [["live", 1400, 1120, "dark"], ["live-phone", 400, 900, "light"]]) {
+  for (const [name, width, height, colorScheme] of [["live", 1400, 1330, "dark"], ["live-phone", 400, 900, "light"]]) {
     const context = await browser.newContext({ viewport: { width, height }, colorScheme });
     const page = await context.newPage();
     await page.goto(`${vehicle.address}/?token=${TOKEN}`);

@@ -123,6 +123,10 @@ pub enum Command {
     ///
     /// The command needs the capability CAP_NET_ADMIN.
     Link(LinkArgs),
+    /// Write whether the computer's clock is synchronised to a file.
+    ///
+    /// For the service, whose recorder may not ask the kernel itself.
+    ClockState(ClockStateArgs),
     /// Import logs and project files of other formats.
     #[command(subcommand)]
     Import(ImportCommand),
@@ -152,6 +156,10 @@ pub struct RecordArgs {
     /// Stop after this many seconds.
     #[arg(long = "for", value_name = "SECONDS", value_parser = number::duration_s, allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
+    /// Read from this file whether the computer's clock is synchronised, if the kernel does not say so.
+    /// `atvrec clock-state` writes the file.
+    #[arg(long, value_name = "FILE")]
+    pub clock_state: Option<PathBuf>,
     /// Print the summary as JSON.
     #[arg(long)]
     pub json: bool,
@@ -727,6 +735,14 @@ pub struct LinkArgs {
     /// Configuration file.
     #[arg(short, long, default_value = "atvrec.toml", value_name = "FILE")]
     pub config: PathBuf,
+}
+
+/// `atvrec clock-state`.
+#[derive(Debug, Args)]
+pub struct ClockStateArgs {
+    /// File for the state; it is replaced.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
 }
 
 /// `atvrec completions`.

@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod check;
+pub mod clock_state;
 pub mod completions;
 pub mod control;
 pub mod demo;

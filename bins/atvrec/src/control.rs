@@ -27,7 +27,7 @@ pub use socket::{Listener, paths, tap_paths};
 /// Longest request, bytes: a mark of [`MARK_MAX`] characters, each escaped.
 const REQUEST_MAX: u64 = 16_384;
 /// Longest text of a mark, characters.
-const MARK_MAX: usize = 1000;
+pub const MARK_MAX: usize = 1000;
 /// Longest time in which a client sends its request, and in which it reads the response.
 const CLIENT_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -138,6 +138,7 @@ pub fn status(handler: &ControlHandler) -> Value {
         .into_iter()
         .map(|(id, counters)| {
             let name = handler.status.source_name(id);
+            let [late, too_late] = handler.status.late(id);
             json!({
                 "source": id,
                 "open": counters.open,
@@ -146,6 +147,8 @@ pub fn status(handler: &ControlHandler) -> Value {
                 "items": counters.items,
                 "bytes": counters.bytes,
                 "lost": losses.of(id),
+                "late": late,
+                "too_late": too_late,
                 "last_data_ns": counters.last_data.map(|time| time.0),
                 "age_s": counters.last_data.map(|time| now.seconds_since(time)),
                 "rate_hz": handler.status.rate_hz(&name),

@@ -75,6 +75,7 @@ fn run(cli: Cli) -> anyhow::Result<Outcome> {
         Command::Stop(args) => cmd::control::command(&args, &Request::Stop),
         Command::Reload(args) => cmd::control::command(&args, &Request::Reload),
         Command::Link(args) => cmd::link::run(&args),
+        Command::ClockState(args) => cmd::clock_state::run(&args),
         Command::Import(command) => cmd::import::run(&command, quiet),
         Command::Completions(args) => cmd::completions::run(&args),
         Command::Man(args) => cmd::man::run(&args),

@@ -51,6 +51,9 @@ pub struct Counters {
     problem: Mutex<String>,
 }
 
+/// Upper ends of the classes in which the state shows the latencies, in bins.
+const CLASSES: [usize; 11] = [10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000];
+
 /// Latencies in steps of 0.1 ms.
 struct Histogram {
     bins: Box<[u32; 1000]>,
@@ -82,6 +85,20 @@ impl Histogram {
             sum >= limit
         })?;
         Some((bin + 1) as f64 * 0.1)
+    }
+
+    /// Upper end of each class, ms, and the number of sets in it. The last class has no upper end.
+    fn classes(&self) -> Vec<(f64, u64)> {
+        let mut begin = 0;
+        let class = |end| {
+            let bins = &self.bins[begin..end];
+            begin = end;
+            (
+                end as f64 * 0.1,
+                bins.iter().map(|count| u64::from(*count)).sum(),
+            )
+        };
+        CLASSES.into_iter().map(class).collect()
     }
 }
 
@@ -135,6 +152,7 @@ impl CanSink {
             "latency_median_ms": latency.quantile_ms(0.5),
             "latency_99_ms": latency.quantile_ms(0.99),
             "latency_max_ms": latency.quantile_ms(1.0),
+            "latency_classes_ms": latency.classes(),
         })
     }
 }
@@ -315,5 +333,11 @@ mod tests {
         near(0.5, 5.1);
         near(0.99, 10.0);
         near(1.0, 100.0);
+        let classes = histogram.classes();
+        assert_eq!(classes[0], (1.0, 10));
+        assert_eq!(classes[3], (5.0, 20));
+        assert_eq!(classes[10], (100.0, 1));
+        let sum: u64 = classes.iter().map(|(_, count)| count).sum();
+        assert_eq!(sum, histogram.count);
     }
 }

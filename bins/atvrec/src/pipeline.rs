@@ -159,6 +159,8 @@ pub struct Extras<'a> {
     pub clock: Option<std::sync::mpsc::Sender<LogClock>>,
     /// Whether the state is shown as a line on the terminal.
     pub shows_line: bool,
+    /// File that says whether the computer's clock is synchronised, if the kernel does not.
+    pub clock_state: Option<PathBuf>,
 }
 
 /// Records until `stop` is ready, then stops sources, stream, threads and files in this order.
@@ -174,7 +176,7 @@ pub async fn record(
     let sockets = control::paths(&config);
     let (commands, mut received) = mpsc::channel(COMMAND_QUEUE);
     let (trigger_events, mut triggers) = mpsc::channel(TRIGGER_QUEUE);
-    let mut controller = RecordingController::new(config, extras.reload, trigger_events, folder)?;
+    let mut controller = RecordingController::new(config, &extras, trigger_events, folder)?;
     controller.start().await?;
     if let Some(clock) = &extras.clock {
         // A receiver that has gone needs no clock.
@@ -390,12 +392,12 @@ type Closed = anyhow::Result<(RecorderSummary, Engine, Progress)>;
 impl<'a> RecordingController<'a> {
     fn new(
         config: Config,
-        reload: Option<Reload<'a>>,
+        extras: &Extras<'a>,
         trigger_events: mpsc::Sender<TriggerEvent>,
         folder: Folder,
     ) -> anyhow::Result<Self> {
         let log_clock = LogClock::start();
-        let clock = session::clock_state(log_clock.now());
+        let clock = session::clock_state(log_clock.now(), extras.clock_state.as_deref());
         let sequencer = Sequencer::idle(log_clock);
         let (session, hello) = session::tap(&config, log_clock.now());
         let can = CanSink::start(&config, log_clock)?;
@@ -406,7 +408,7 @@ impl<'a> RecordingController<'a> {
             can,
             status,
             config: Arc::new(config),
-            reload,
+            reload: extras.reload,
             supervisor: Supervisor::new(sequencer.clone()),
             sequencer,
             heartbeats: Heartbeats::default(),

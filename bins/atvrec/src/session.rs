@@ -1,6 +1,7 @@
 //! Session of a recording on this machine.
 
-use std::fs;
+use std::path::Path;
+use std::{fs, io};
 
 use engine::Config;
 use engine::session::{build_time, started_at, utc_compact};
@@ -34,16 +35,36 @@ pub fn tap(config: &Config, now: LogTime) -> (Session, String) {
     (started_at(config, now), hello.to_string())
 }
 
-/// State of the host's clock, which was at `anchor` when the log clock was set from it.
-pub fn clock_state(anchor: LogTime) -> ClockState {
+/// Contents of the file of `atvrec clock-state`.
+pub const SYNCHRONISED: &str = "synchronised";
+/// See [`SYNCHRONISED`].
+pub const UNSYNCHRONISED: &str = "unsynchronised";
+
+/// State of the host's clock, which was at `anchor` when the log clock was set from it; by `file` if the
+/// kernel does not say it.
+pub fn clock_state(anchor: LogTime, file: Option<&Path>) -> ClockState {
     if anchor < build_time() {
         return ClockState::BeforeBuild;
     }
-    match acq::clock_is_synchronised() {
-        Ok(true) => ClockState::Synchronised,
-        Ok(false) => ClockState::Unsynchronised,
-        Err(error) => {
-            tracing::debug!(%error, "cannot read from the kernel whether the clock is synchronised");
+    state_of(acq::clock_is_synchronised(), file)
+}
+
+fn state_of(kernel: io::Result<bool>, file: Option<&Path>) -> ClockState {
+    let error = match kernel {
+        Ok(true) => return ClockState::Synchronised,
+        Ok(false) => return ClockState::Unsynchronised,
+        Err(error) => error,
+    };
+    let state = file.map(|file| read_line(&file.to_string_lossy()));
+    match state.as_deref() {
+        Some(SYNCHRONISED) => ClockState::Synchronised,
+        Some(UNSYNCHRONISED) => ClockState::Unsynchronised,
+        _ => {
+            tracing::warn!(
+                %error,
+                file = file.map(|file| file.display().to_string()),
+                "neither the kernel nor a file says whether the clock is synchronised"
+            );
             ClockState::Unknown
         }
     }
@@ -54,4 +75,24 @@ fn read_line(path: &str) -> String {
         .unwrap_or_default()
         .trim()
         .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_says_what_the_kernel_does_not() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let file = directory.path().join("state");
+        let refused = || Err(io::Error::from(io::ErrorKind::PermissionDenied));
+        assert_eq!(state_of(refused(), None), ClockState::Unknown);
+        assert_eq!(state_of(refused(), Some(&file)), ClockState::Unknown);
+        fs::write(&file, "unsynchronised\n").expect("written");
+        assert_eq!(state_of(refused(), Some(&file)), ClockState::Unsynchronised);
+        assert_eq!(state_of(Ok(true), Some(&file)), ClockState::Synchronised);
+        fs::write(&file, "synchronised\n").expect("written");
+        assert_eq!(state_of(refused(), Some(&file)), ClockState::Synchronised);
+        assert_eq!(state_of(Ok(false), Some(&file)), ClockState::Unsynchronised);
+    }
 }

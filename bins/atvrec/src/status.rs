@@ -165,6 +165,15 @@ impl RecorderStatus {
         source.map_or_else(Vec::new, |source| source.undecoded.clone())
     }
 
+    /// Messages of a source that came late and were used at their own time, and those that came too late
+    /// to be used.
+    pub fn late(&self, id: SourceId) -> [u64; 2] {
+        let state = self.lock();
+        let mut sources = state.found.health.sources.iter();
+        let source = sources.find(|source| source.source == id);
+        source.map_or([0, 0], |source| [source.late, source.too_late])
+    }
+
     /// Sensors that the estimator excludes.
     pub fn faulty_sensors(&self) -> Vec<String> {
         self.lock().found.health.faulty_sensors.clone()

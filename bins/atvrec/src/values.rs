@@ -43,15 +43,23 @@ pub fn recent(status: &Value) -> Option<&Value> {
 pub fn number(value: &Value, decimals: usize) -> String {
     value
         .as_f64()
-        .map_or_else(|| "–".to_owned(), |value| format!("{value:.decimals$}"))
+        .map_or_else(|| "–".to_owned(), |value| fixed(value, decimals))
+}
+
+/// A number with these decimals; a zero has no sign.
+fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|c| matches!(c, '0' | '.')) => zero.to_owned(),
+        _ => text,
+    }
 }
 
 /// An angle in degrees.
 pub fn degrees(value: &Value) -> String {
-    value.as_f64().map_or_else(
-        || "–".to_owned(),
-        |value| format!("{:.1}", value.to_degrees()),
-    )
+    value
+        .as_f64()
+        .map_or_else(|| "–".to_owned(), |value| fixed(value.to_degrees(), 1))
 }
 
 /// Least time until a wheel lifts and which wheel; `None` if none falls.
@@ -149,6 +157,14 @@ mod tests {
                 },
             },
         })
+    }
+
+    #[test]
+    fn a_zero_has_no_sign() {
+        let texts = [-0.04, -0.06, 0.0, 12.0].map(|value| number(&json!(value), 1));
+        assert_eq!(texts, ["0.0", "-0.1", "0.0", "12.0"]);
+        assert_eq!(number(&json!(-0.4), 0), "0");
+        assert_eq!(degrees(&json!(-0.0005)), "0.0");
     }
 
     #[test]

@@ -8,8 +8,10 @@ mod adapter;
 mod can;
 mod clock;
 mod counts;
+mod rate;
 mod reception;
 mod source;
+mod timely;
 mod utc;
 
 use std::collections::BTreeSet;
@@ -29,6 +31,7 @@ pub use can::DM1;
 pub use counts::MessageCounts;
 pub use reception::Reception;
 use source::{SilenceChange, SourceState};
+use timely::{Patience, Timely};
 
 /// Time between two health reports.
 const HEALTH_INTERVAL_NS: i64 = NANOS_PER_SECOND;
@@ -43,10 +46,11 @@ const STOPPED: &str = "stopped";
 /// Computes records from arrivals.
 pub struct Engine {
     sources: Vec<SourceState>,
-    estimator: Option<Estimator>,
+    estimator: Option<Timely>,
     smoother: Option<Smoother>,
     samples: Vec<Sample>,
     silence: Silence,
+    patience: Patience,
     /// Losses in the notices of the stream, so that a replay computes the same health.
     losses: Losses,
     faulty_sensors: BTreeSet<String>,
@@ -70,6 +74,7 @@ impl Engine {
             smoother: None,
             samples: Vec::new(),
             silence: Silence::default(),
+            patience: Patience::default(),
             losses: Losses::default(),
             faulty_sensors: BTreeSet::new(),
             next_watch: None,
@@ -82,7 +87,7 @@ impl Engine {
     /// Engine that also smooths, for a replay. [`Engine::finish`] returns the last smoothed estimates.
     pub fn smoothing(config: &Config) -> Result<Self> {
         let mut engine = Self::new(config)?;
-        engine.estimator = engine.estimator.map(Estimator::traced);
+        engine.estimator = engine.estimator.map(Timely::traced);
         let settings = config.estimator.as_ref();
         if let Some(settings) = settings {
             let loaded = settings.vehicle.loaded(&settings.settings.payload);
@@ -116,7 +121,14 @@ impl Engine {
 
     /// Appends the records that were waiting for more arrivals.
     pub fn finish(&mut self, records: &mut Vec<Record>) {
-        if let Some(smoother) = &mut self.smoother {
+        if let (Some(smoother), Some(estimator)) = (&mut self.smoother, &mut self.estimator) {
+            estimator.finish(&mut |output| {
+                if let Output::Step(step) = output {
+                    smoother.push(*step, &mut |estimate| {
+                        push_stage(records, Stage::Smoothed, &estimate);
+                    });
+                }
+            });
             smoother.finish(&mut |estimate| push_stage(records, Stage::Smoothed, &estimate));
         }
     }
@@ -125,8 +137,10 @@ impl Engine {
     pub fn push(&mut self, arrival: &Arrival, records: &mut Vec<Record>) {
         let now = arrival.log_time;
         self.samples.clear();
+        let is_data = has_data(&arrival.payload);
+        let limit_ns = self.patience.limit_ns(now, is_data);
         if let Some(source) = self.sources.get_mut(usize::from(arrival.source.0)) {
-            source.push(arrival, &mut self.samples);
+            source.push(arrival, limit_ns, &mut self.samples);
         }
         if let Payload::Notice(notice) = &arrival.payload {
             self.losses.add_notice(arrival.source, notice);
@@ -135,13 +149,13 @@ impl Engine {
                 self.mark(now, text, records);
             }
         }
-        self.estimate(now, has_data(&arrival.payload), records);
+        self.estimate(now, is_data, limit_ns, records);
         records.extend(self.samples.drain(..).map(Record::Sample));
         self.watch(now, records);
         self.report_health(now, records);
     }
 
-    fn estimate(&mut self, now: LogTime, has_data: bool, records: &mut Vec<Record>) {
+    fn estimate(&mut self, now: LogTime, has_data: bool, limit_ns: i64, records: &mut Vec<Record>) {
         let Some(estimator) = &mut self.estimator else {
             return;
         };
@@ -186,15 +200,15 @@ impl Engine {
         };
         match silent_from {
             Some(from) if !is_ignored => {
-                estimator.advance(from, &mut take);
+                estimator.advance(from, limit_ns, &mut take);
                 if has_data {
                     estimator.skip_to(now);
                 }
             }
-            _ => estimator.advance(now, &mut take),
+            _ => estimator.advance(now, limit_ns, &mut take),
         }
         if let Some(scene) = &mut self.scene {
-            scene.advance(estimator, first, records);
+            scene.advance(estimator.estimator(), first, records);
             self.samples.iter().for_each(|sample| scene.sample(sample));
         }
         for sample in &self.samples {
@@ -207,7 +221,7 @@ impl Engine {
         let marked = self
             .estimator
             .as_mut()
-            .map(|estimator| estimator.mark(text));
+            .map(|estimator| estimator.mark(now, text));
         if let Some(Err(error)) = marked {
             let text = format!("the mark \"{text}\" has no effect: {error}");
             let name = "estimator".to_owned();
@@ -342,14 +356,14 @@ fn has_data(payload: &Payload) -> bool {
     }
 }
 
-fn new_estimator(config: &config::Estimator) -> Result<Estimator> {
+fn new_estimator(config: &config::Estimator) -> Result<Timely> {
     let estimator = Estimator::new(
         &config.vehicle,
         &config.sensors,
         &config.calibration,
         config.settings.clone(),
     )?;
-    Ok(estimator)
+    Ok(Timely::new(estimator))
 }
 
 /// Motion and forces of a later stage.

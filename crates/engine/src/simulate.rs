@@ -67,4 +67,6 @@ pub fn simulate<E: From<Error>>(
 }
 
 #[cfg(test)]
+mod late_tests;
+#[cfg(test)]
 mod tests;

@@ -9,6 +9,7 @@ use sample::text::printable;
 use sample::{LogTime, NANOS_PER_SECOND};
 use store::{
     Encoded, LogWriter, Message, MessageIter, Reader, Record, Selection, same_force_values,
+    same_health_without_late,
 };
 
 use crate::Result;
@@ -24,6 +25,8 @@ const TYRE_FORCES: &str = "/estimate/tyre_forces";
 /// Topics of the estimate with a lag. A vehicle with a force filter has them; a log without them is of an
 /// earlier filter, whose numbers are others.
 const LAGGED: &str = "/lagged/";
+/// Counters of the sources.
+const HEALTH: &str = "/health";
 /// Topics of the estimator.
 const ESTIMATED: [&str; 4] = ["/estimate/", "/model/", SMOOTHED, LAGGED];
 /// Topics that logs of earlier versions do not contain.
@@ -313,7 +316,8 @@ fn is_same(recorded: &Message, computed: &Encoded, values_alone: bool) -> bool {
     let same = recorded.data == computed.data
         || values_alone
             && computed.topic.ends_with("/contact_forces")
-            && same_force_values(&recorded.data, &computed.data);
+            && same_force_values(&recorded.data, &computed.data)
+        || computed.topic == HEALTH && same_health_without_late(&recorded.data, &computed.data);
     recorded.publish_time == computed.publish_time && same
 }
 

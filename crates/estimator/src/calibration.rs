@@ -311,6 +311,20 @@ mod tests {
         );
     }
 
+    /// The largest value of a field of 16 bits is "no count", so the largest count of a converter of 16 bits is
+    /// one less.
+    #[test]
+    fn a_saturated_converter_of_sixteen_bits_measures_nothing() {
+        let sensors = Sensors::builtin("full-bridge-16bit").unwrap();
+        let resolved = Resolved::new(&sensors, &Calibration::nominal("x")).unwrap();
+        let corner = &resolved.corners[Wheel::FrontRight];
+        for channel in [&corner.strain[0], &corner.deflection] {
+            assert!(channel.value(65_533).is_some());
+            assert_eq!(channel.value(65_534), None, "saturated high");
+            assert_eq!(channel.value(0), None, "saturated low");
+        }
+    }
+
     #[test]
     fn a_file_overrides_what_it_names_and_survives_a_round_trip() {
         let text = r#"

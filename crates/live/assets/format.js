@@ -1,7 +1,10 @@
-// Numbers as text. An unknown value is a dash.
+// Numbers as text. An unknown value is a dash, and a zero has no sign.
 
-export const number = (value, decimals = 0) =>
-  value === null || value === undefined || !Number.isFinite(value) ? "–" : value.toFixed(decimals);
+export function number(value, decimals = 0) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? text.replace("-", "") : text;
+}
 
 export const degrees = (value, decimals = 1) =>
   value === null || value === undefined ? "–" : number(value * 180 / Math.PI, decimals);

@@ -363,6 +363,10 @@ pub struct SourceHealth {
     pub lost: [u64; LossPlace::ALL.len()],
     /// Messages that the decoder knows by name and does not decode.
     pub undecoded: Vec<MessageCount>,
+    /// Messages or frames that came more than 5 ms late, and were used at their own time.
+    pub late: u64,
+    /// Messages or frames that came more than 100 ms late; the estimator does not use them.
+    pub too_late: u64,
 }
 
 /// Number of messages of one name.

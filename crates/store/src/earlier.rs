@@ -197,6 +197,18 @@ pub fn same_force_values(a: &[u8], b: &[u8]) -> bool {
     values(a).is_some_and(|own| values(b) == Some(own))
 }
 
+/// Whether a health report is that of a version that does not count late messages, and has otherwise the
+/// counters of `new`.
+pub fn same_health_without_late(old: &[u8], new: &[u8]) -> bool {
+    let Ok(mut health) = pb::Health::decode(new) else {
+        return false;
+    };
+    for source in &mut health.sources {
+        (source.late, source.too_late) = (0, 0);
+    }
+    health.encode_to_vec() == old
+}
+
 fn tyre_forces(data: &[u8]) -> Result<pb::TyreForces, DecodeError> {
     let old = old::TyreForces::decode(data)?;
     let mut message = pb::TyreForces {

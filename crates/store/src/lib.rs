@@ -40,7 +40,7 @@ pub use sample;
 pub use convert::Encoded;
 pub use counters::WriteCounters;
 pub use dynamic::{CAN_ID, DynamicMessage, SOURCE_ADDRESS, SignalSchema};
-pub use earlier::same_force_values;
+pub use earlier::{same_force_values, same_health_without_late};
 pub use error::{Error, Result};
 pub use file::{
     ACTIVE_SUFFIX, DAMAGED_SUFFIX, Finished, LOSSES_SUFFIX, UNRECOVERABLE_SUFFIX, Writer,

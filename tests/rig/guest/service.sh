@@ -65,7 +65,10 @@ echo "started in $(since "$begin") s"
 udevadm trigger --action=add /sys/class/net/can1
 wait_for "can1 brought up by its unit" sh -c 'ip link show can1 | grep -q "state UP"'
 systemctl show -P Result atvrec-can@can1.service
-for unit in atvrec.service atvrec-can@can1.service; do
+[ "$(systemctl show -P Result atvrec-clock)" = success ]
+cat /run/atvrec-clock/state
+systemctl start atvrec-live
+for unit in atvrec.service atvrec-clock.service atvrec-can@can1.service atvrec-live.service; do
     systemd-analyze security --no-pager "$unit" >"/rig/security.$unit"
     tail -n 1 "/rig/security.$unit"
 done
@@ -78,6 +81,18 @@ if runuser -u stranger -- atvrec status --socket /run/atvrec/control; then
     echo "a stranger may ask"
     exit 1
 fi
+
+say "live page"
+page() { # prints the first line of the answer
+    bash -c 'exec 3<>/dev/tcp/127.0.0.1/8765
+        printf "GET / HTTP/1.1\r\nHost: 127.0.0.1:8765\r\nConnection: close\r\n\r\n" >&3
+        head -n 1 <&3'
+}
+page | tee /rig/page
+live_pid=$(systemctl show -P MainPID atvrec-live)
+grep -E '^(Uid|CapEff|NoNewPrivs)' "/proc/$live_pid/status"
+# All frames below are recorded although the live process reads nothing.
+kill -STOP "$live_pid"
 
 say traffic
 cangen can0 -g 10 -n 100 -I 123 -L 8 -D i &
@@ -103,6 +118,13 @@ cp /tmp/good /etc/atvrec/atvrec.toml
 wait "$sender"
 runuser -u member -- atvrec status --socket /run/atvrec/control
 sleep 1
+
+say "live page after a stop"
+kill -CONT "$live_pid"
+wait_for "the page" sh -c 'systemctl is-active atvrec-live'
+page
+systemctl stop atvrec-live
+[ "$(systemctl show -P Result atvrec-live)" = success ]
 
 say "orderly stop"
 begin=$(now)

@@ -12,7 +12,7 @@ use sample::text::{printable, printable_lines};
 use serde_json::Value;
 
 use crate::cli::{ControlArgs, MarkArgs, SocketArgs, StatusArgs};
-use crate::control::{self, Request};
+use crate::control::{self, MARK_MAX, Request};
 use crate::exit::Outcome;
 use crate::values::{self, text};
 
@@ -27,6 +27,12 @@ const SERVICE_CONFIG: &str = "/etc/atvrec/atvrec.toml";
 
 /// Adds a mark.
 pub fn mark(args: &MarkArgs) -> anyhow::Result<Outcome> {
+    // The recorder does not read a request that is much longer.
+    let length = args.text.chars().count();
+    anyhow::ensure!(
+        length <= MARK_MAX,
+        "the text of the mark has {length} characters; use at most {MARK_MAX}"
+    );
     let request = Request::Mark {
         text: args.text.clone(),
     };
@@ -180,6 +186,12 @@ fn print_sources(response: &Value) {
             source["bytes"],
             text(&source["state"]),
         );
+        if source["late"] != 0 || source["too_late"] != 0 {
+            println!(
+                "                late: {} by 5 to 100 ms, used at their own time; {} later, not used",
+                source["late"], source["too_late"]
+            );
+        }
         let undecoded = source["undecoded"].as_array().into_iter().flatten();
         let undecoded: Vec<String> = undecoded
             .map(|message| format!("{} {}", text(&message["name"]), message["count"]))

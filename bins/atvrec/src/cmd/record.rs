@@ -33,6 +33,7 @@ pub fn run(args: &RecordArgs, quiet: bool) -> anyhow::Result<Outcome> {
             Some(_) => control::paths(&config),
             None => Vec::new(),
         },
+        clock_state: args.clock_state.clone(),
         shows_line: !quiet && std::io::stderr().is_terminal(),
         ..Extras::default()
     };
@@ -130,6 +131,15 @@ pub fn as_text(summary: &Summary) -> String {
             source.gaps,
             source.lost.iter().sum::<u64>(),
         );
+    }
+    for source in &summary.health.sources {
+        if source.late + source.too_late > 0 {
+            let _ = writeln!(
+                text,
+                "  {}: {} messages were 5 to 100 ms late and used at their own time, {} later and not used",
+                source.name, source.late, source.too_late
+            );
+        }
     }
     for name in &summary.health.faulty_sensors {
         let _ = writeln!(

@@ -63,6 +63,12 @@ fn an_output_that_is_down_is_reported_and_the_recorder_records() {
     assert_eq!(status["writing"], "recording");
     assert_eq!(status["output_can"]["open"], false);
     assert_ne!(status["output_can"]["problem"], "");
+    let long = "x".repeat(100_000);
+    let error = stderr(&recorder.ask(&["mark", &long]).assert().failure());
+    assert!(
+        error.contains("100000 characters; use at most 1000"),
+        "{error}"
+    );
     // Its source sent nothing.
     assert_eq!(recorder.stop(), Some(3));
 }

@@ -4,12 +4,15 @@
 //! when each was on the bus: the least difference of log clock and stamp is that of a frame that came
 //! without delay. A frame that is later than that by more than [`LATE_NS`] is used at its own time.
 //! Frames that are not late keep the time of their arrival, whose resolution is better than that of
-//! the stamps (1 ms on SLCAN).
+//! the stamps (1 ms on SLCAN). A stamp counts whole milliseconds, so that a frame was on the bus half of
+//! one after it in the mean.
 
 use sample::{LogTime, NANOS_PER_SECOND};
 
-/// Delay from which a frame is late, ns: what the estimator waits for measurements.
-const LATE_NS: i64 = 5_000_000;
+/// Resolution of a stamp, ns.
+const RESOLUTION_NS: i64 = 1_000_000;
+/// Delay from which a frame has its own time, ns: the resolution, and the drift that the offset follows.
+const LATE_NS: i64 = RESOLUTION_NS + RESOLUTION_NS / 5;
 /// Delay that no stall explains, ns: the adapter has begun to count anew.
 const DELAY_MAX_NS: i64 = 10 * NANOS_PER_SECOND;
 /// Drift between the clocks that is followed: one part in this number (200 ppm).
@@ -38,7 +41,11 @@ impl AdapterClock {
             return 0;
         }
         let late = difference - offset;
-        if late > LATE_NS { late } else { 0 }
+        if late > LATE_NS {
+            late - RESOLUTION_NS / 2
+        } else {
+            0
+        }
     }
 }
 
@@ -73,8 +80,8 @@ mod tests {
     fn jitter_drift_and_a_restart_are_not_late() {
         let mut clock = AdapterClock::default();
         for ms in 0..600_000_i64 {
-            // 100 ppm, and delays of up to 3 ms.
-            let log = LogTime((ms * MS + ms * MS / 10_000 + ms * 7 % 4 * MS).cast_unsigned());
+            // 100 ppm, and delays of up to 0.15 ms.
+            let log = LogTime((ms * MS + ms * MS / 10_000 + ms * 7 % 4 * MS / 20).cast_unsigned());
             assert_eq!(clock.lateness_ns(log, ms * MS), 0, "{ms}");
         }
         assert_eq!(clock.lateness_ns(at(0), 0), 0);

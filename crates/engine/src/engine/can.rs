@@ -13,7 +13,17 @@ use wire::j1939::{self, Lamps, Transport};
 use crate::config::{CanMeaning, Role};
 
 /// Largest plausible age of a kernel stamp, ns; an older stamp is ignored.
-const KERNEL_DELAY_MAX_NS: i64 = NANOS_PER_SECOND;
+const KERNEL_DELAY_MAX_NS: i64 = 10 * NANOS_PER_SECOND;
+
+/// Time from the kernel's stamp of a frame to its arrival, ns; zero if the wall clock was set between.
+pub fn kernel_delay_ns(realtime_ns: i64, kernel_ns: i64) -> i64 {
+    let delay_ns = realtime_ns.saturating_sub(kernel_ns);
+    if (0..=KERNEL_DELAY_MAX_NS).contains(&delay_ns) {
+        delay_ns
+    } else {
+        0
+    }
+}
 
 /// Name of the message with the active trouble codes of a sender.
 pub const DM1: &str = "DM1";
@@ -58,11 +68,9 @@ pub struct Arrived {
     pub source: SourceId,
     /// Time on the log clock.
     pub log_time: LogTime,
-    /// Time on the wall clock, ns.
-    pub realtime_ns: i64,
     /// Time from the sampling of a message to its kernel stamp, s.
     pub latency_s: f64,
-    /// How late the frame is by the stamps of the adapter, ns.
+    /// How late the frame is by its stamps, or by the rate of its identifier, ns.
     pub late_ns: i64,
 }
 
@@ -72,22 +80,16 @@ impl Arrived {
         Sample {
             source: self.source,
             log_time: self.log_time,
-            valid_time: self.instant_of(frame),
+            valid_time: self.instant(),
             device_time: frame.hardware_ns.map(DeviceTime::AdapterNanos),
             measurement,
         }
     }
 
-    /// Time of a frame: the kernel's stamp, converted from the wall clock to the log clock. Without
-    /// one, the arrival, or of a late frame its own time by the adapter's stamp.
-    fn instant_of(&self, frame: &CanFrame) -> LogTime {
-        let delay_ns = frame
-            .kernel_ns
-            .map(|kernel_ns| self.realtime_ns - kernel_ns)
-            .filter(|delay_ns| (0..=KERNEL_DELAY_MAX_NS).contains(delay_ns))
-            .unwrap_or(self.late_ns);
+    /// Time of a frame.
+    fn instant(&self) -> LogTime {
         self.log_time
-            .offset_nanos(-delay_ns)
+            .offset_nanos(-self.late_ns)
             .offset_seconds(-self.latency_s)
     }
 }
@@ -411,7 +413,6 @@ mod tests {
             late_ns: 0,
             source: SourceId(0),
             log_time: LogTime(1_000_000_000),
-            realtime_ns: 0,
             latency_s: 0.0,
         };
         let mut samples = Vec::new();
@@ -467,7 +468,6 @@ mod tests {
             late_ns: 0,
             source: SourceId(0),
             log_time: LogTime(1_000_000_000),
-            realtime_ns: 0,
             latency_s: 0.0,
         };
         for (number, (id, extended)) in frames.iter().enumerate() {
@@ -550,7 +550,6 @@ mod tests {
                 late_ns: 0,
                 source: SourceId(0),
                 log_time: LogTime(1_000_000_000 + 50_000_000 * number as u64),
-                realtime_ns: 0,
                 latency_s: 0.0,
             };
             decoder.push(&arrived, &frame, &mut samples);

@@ -1,5 +1,7 @@
 //! A source in the engine: decoder, device clock and counters.
 
+use std::collections::BTreeMap;
+
 use sample::{
     Arrival, CanFrame, DeviceTime, LogTime, Measurement, NANOS_PER_SECOND, Notice, Payload, Sample,
     SourceHealth, SourceId,
@@ -9,9 +11,10 @@ use wire::gps_time::{GPS_EPOCH_UNIX_S, SECONDS_PER_DAY};
 use wire::{Item, Protocol, Statistics};
 
 use super::adapter::AdapterClock;
-use super::can::{Arrived, CanDecoder, Scales};
+use super::can::{Arrived, CanDecoder, Scales, kernel_delay_ns};
 use super::clock::{ClockFit, Scale};
 use super::counts::MessageCounts;
+use super::rate::{RateClock, RateClocks, counted};
 use super::reception::{Reception, Unread};
 use super::utc::UtcClock;
 use crate::Result;
@@ -19,6 +22,12 @@ use crate::config::{self, GnssMeaning, Meaning, Source};
 
 /// Largest time between two velocity records that is used as their interval, s.
 const VELOCITY_INTERVAL_MAX_S: f64 = 1.5;
+
+/// Delay from which a message counts as late, ns: what the estimator waits for measurements.
+const LATE_NS: i64 = 5_000_000;
+
+/// Increase of a usual delay with each message, ns: the fit of a device clock follows the drift.
+const USUAL_RISE_NS: i64 = 1_000;
 
 /// Additional time without data that is allowed after a device was opened, because it is set up.
 const OPENING_GRACE_NS: i64 = 2 * NANOS_PER_SECOND;
@@ -37,12 +46,27 @@ pub struct SourceState {
     bytes: u64,
     frames: u64,
     adapter: AdapterClock,
+    /// Clocks of the identifiers on a bus whose stamps are coarse or missing.
+    rates: RateClocks,
+    late: Lateness,
+    /// Largest delay of a message that is used, ns.
+    limit_ns: i64,
     /// Messages by name.
     named: MessageCounts,
     /// Data of a source from which nothing was understood so far.
     unread: Unread,
     /// Kind in the configuration, and whether data that is not understood is a mistake.
     kind: (&'static str, bool),
+}
+
+/// Clock of the devices that send neither time nor date: the recorder sets the rate of the inertial unit,
+/// and learns that of a device that writes lines.
+fn rate_clock(meaning: &Meaning) -> Option<RateClock> {
+    match meaning {
+        Meaning::Crossbow440(rate) => Some(RateClock::new(Some(rate.interval_s()))),
+        Meaning::Line(_) => Some(RateClock::of_lines()),
+        _ => None,
+    }
 }
 
 enum Decoder {
@@ -57,12 +81,41 @@ enum Decoder {
 /// Computes the time of validity from device time and arrival.
 struct Timing {
     fits: [ClockFit; 3],
+    /// Clock of a device without time stamps, with its last counter.
+    rate: Option<(RateClock, Option<(u32, u32)>)>,
     transport_delay_s: f64,
     velocity_latency_s: Option<f64>,
     attitude_latency_s: f64,
     last_velocity_tag_s: Option<f64>,
     velocity_interval_s: f64,
     utc: UtcClock,
+}
+
+/// Numbers of late messages.
+#[derive(Clone, Debug, Default)]
+struct Lateness {
+    /// Later than the estimator waits, and used at their own time.
+    used: u64,
+    /// Later than the estimator uses.
+    unused: u64,
+    /// Usual delay of each message that was measured, by name, ns: the line carries the messages of one
+    /// instant one after another.
+    usual_ns: BTreeMap<&'static str, i64>,
+}
+
+impl Lateness {
+    /// Counts a message by its delay beyond the usual one.
+    fn count_named(&mut self, name: &'static str, delay_ns: i64, limit_ns: i64) {
+        let usual_ns = self.usual_ns.entry(name).or_insert(delay_ns);
+        *usual_ns = delay_ns.min(*usual_ns + USUAL_RISE_NS);
+        let late_ns = delay_ns - *usual_ns;
+        self.count(late_ns, limit_ns);
+    }
+
+    fn count(&mut self, late_ns: i64, limit_ns: i64) {
+        self.used += u64::from((LATE_NS + 1..=limit_ns).contains(&late_ns));
+        self.unused += u64::from(late_ns > limit_ns);
+    }
 }
 
 /// Change of the silence of a source.
@@ -118,7 +171,10 @@ impl SourceState {
             id: source.spec.id,
             name: source.spec.name.clone(),
             decoder,
-            timing: Timing::new(source.transport_delay_s, gnss, attitude_latency_s),
+            timing: Timing {
+                rate: rate_clock(&source.meaning).map(|clock| (clock, None)),
+                ..Timing::new(source.transport_delay_s, gnss, attitude_latency_s)
+            },
             silent_after_ns: source
                 .silent_after
                 .map(|limit| i64::try_from(limit.as_nanos()).unwrap_or(i64::MAX)),
@@ -129,6 +185,9 @@ impl SourceState {
             bytes: 0,
             frames: 0,
             adapter: AdapterClock::default(),
+            rates: RateClocks::default(),
+            late: Lateness::default(),
+            limit_ns: 0,
             named: MessageCounts::default(),
             unread: Unread::default(),
             kind: source.meaning.kind(),
@@ -141,7 +200,9 @@ impl SourceState {
     }
 
     /// Processes an arrival of the source and appends the samples.
-    pub fn push(&mut self, arrival: &Arrival, sink: &mut Vec<Sample>) {
+    /// Messages later than `limit_ns` are not used.
+    pub fn push(&mut self, arrival: &Arrival, limit_ns: i64, sink: &mut Vec<Sample>) {
+        self.limit_ns = limit_ns;
         let log_time = arrival.log_time;
         match &arrival.payload {
             Payload::Bytes(bytes) => {
@@ -167,16 +228,20 @@ impl SourceState {
         let arrived = Arrived {
             source: self.id,
             log_time: arrival.log_time,
-            realtime_ns: arrival.realtime_ns,
             latency_s: self.timing.transport_delay_s,
             late_ns: 0,
         };
         if let Decoder::Can(decoder) = &mut self.decoder {
             for frame in frames {
-                let stamp_ns = frame.hardware_ns.filter(|_| frame.kernel_ns.is_none());
-                let late_ns = stamp_ns.map_or(0, |stamp_ns| {
-                    self.adapter.lateness_ns(arrival.log_time, stamp_ns)
-                });
+                let late_ns = match (frame.kernel_ns, frame.hardware_ns) {
+                    (Some(kernel_ns), _) => kernel_delay_ns(arrival.realtime_ns, kernel_ns),
+                    (None, stamp_ns) => {
+                        let now = arrival.log_time;
+                        let coarse = stamp_ns.map(|ns| self.adapter.lateness_ns(now, ns));
+                        self.rates.lateness_ns(frame, now, coarse)
+                    }
+                };
+                self.late.count(late_ns, self.limit_ns);
                 let before = sink.len();
                 decoder.push(&Arrived { late_ns, ..arrived }, frame, sink);
                 self.named.count_frame(frame, sink.get(before));
@@ -198,9 +263,15 @@ impl SourceState {
         sink: &mut Vec<Sample>,
     ) {
         let (id, timing, named) = (self.id, &mut self.timing, &mut self.named);
+        let (late, limit_ns) = (&mut self.late, self.limit_ns);
         let deliver = |item: Item<'_>| {
             named.count_item(&item);
-            let tag = timing.tag(item.device_time, arrived);
+            let is_measured = !item.measurements.is_empty();
+            let mapped = timing.tag(item.device_time, is_measured, arrived);
+            if is_measured {
+                late.count_named(item.name, arrived - mapped, limit_ns);
+            }
+            let tag = timing.of_arrival(mapped);
             timing.utc.push(&item.message, &timing.fits);
             for measurement in item.measurements {
                 let latency_s = match item.protocol {
@@ -276,6 +347,8 @@ impl SourceState {
             reopened: self.opened.saturating_sub(1),
             lost: losses.of(self.id),
             undecoded: self.named.undecoded(),
+            late: self.late.used,
+            too_late: self.late.unused,
         }
     }
 
@@ -353,6 +426,7 @@ impl Timing {
     fn new(transport_delay_s: f64, gnss: Option<&GnssMeaning>, attitude_latency_s: f64) -> Self {
         Self {
             fits: Scale::ALL.map(ClockFit::new),
+            rate: None,
             transport_delay_s,
             velocity_latency_s: gnss.and_then(|gnss| gnss.velocity_latency_s),
             attitude_latency_s: gnss
@@ -369,13 +443,26 @@ impl Timing {
         log_time.offset_seconds(-self.transport_delay_s)
     }
 
-    /// Time of a message's time tag on the log clock.
-    fn tag(&mut self, device: Option<DeviceTime>, log_time: LogTime) -> LogTime {
+    /// Arrival of a message as it would have been without delay.
+    fn tag(&mut self, device: Option<DeviceTime>, is_measured: bool, log_time: LogTime) -> LogTime {
         let mapped = device.and_then(|device| {
             let scale = Scale::of(device)?;
             self.fits[scale as usize].push(device, log_time)
         });
-        self.of_arrival(mapped.unwrap_or(log_time))
+        if let Some(mapped) = mapped {
+            return mapped;
+        }
+        let counter = match device {
+            Some(DeviceTime::Counter { value, modulus }) => Some((value, modulus)),
+            _ => None,
+        };
+        match self.rate.as_mut().filter(|_| is_measured) {
+            Some((rate, before)) => {
+                let steps = counted(std::mem::replace(before, counter), counter);
+                rate.push(steps, log_time)
+            }
+            None => log_time,
+        }
     }
 
     /// Latency of a measurement: time from its validity to its time tag, s.

@@ -4,6 +4,7 @@ use sample::LogTime;
 
 use super::{CONTRADICTS, SensorChange};
 use crate::gaussian::{Gaussian, within};
+use crate::grid::GRID_S;
 use crate::tuning::SteeringWatchTuning;
 
 /// Monitor of the steering wheel.
@@ -75,7 +76,8 @@ impl SteeringWatch {
         }
         let before_jump = last
             .filter(|last| {
-                let span_s = time.seconds_since(last.time).max(0.0);
+                // Late readings of a device without a clock may have one time.
+                let span_s = time.seconds_since(last.time).max(GRID_S);
                 (angle_rad - last.angle_rad).abs() > t.jump_rad_s * span_s
             })
             .map(|last| last.angle_rad);
@@ -209,6 +211,22 @@ mod tests {
         assert_eq!(reported(angle, turned).0, [(230, true)]);
         let moving = |k| 0.5 + 1e-3 * (k % 7) as f64;
         assert_eq!(reported(moving, turned).0, []);
+    }
+
+    /// After a stall, the readings of a device without a clock arrive together, with the time of their
+    /// arrival.
+    #[test]
+    fn readings_that_come_late_and_at_once_are_no_jump() {
+        let mut watch = SteeringWatch::default();
+        for k in 0..600_u64 {
+            let time = LogTime(10_000_000 * if k % 30 < 6 { k - k % 30 + 6 } else { k });
+            let turned = 1.9 * (0.02 * k as f64).sin();
+            let expected = Some(Gaussian::new(turned + 0.02, 0.01));
+            let used = watch.judge(time, turned, expected, &mut |change| {
+                panic!("reading {k} is a fault: {}", change.faulty);
+            });
+            assert!((used - turned).abs() < 1e-9, "{k}: {used}, not {turned}");
+        }
     }
 
     /// Near the friction limit the slip angle that a lateral force implies is very uncertain.

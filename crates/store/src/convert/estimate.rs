@@ -402,6 +402,8 @@ pub(super) fn health_to_proto(health: &Health) -> pb::Health {
             lost_in_queue: lost(LossPlace::Queue),
             lost_on_disk: lost(LossPlace::Disk),
             undecoded: counts.collect(),
+            late: s.late,
+            too_late: s.too_late,
         }
     });
     pb::Health {
@@ -436,6 +438,8 @@ pub(super) fn health_from_proto(time: LogTime, health: pb::Health) -> Result<Hea
             reopened: s.reopened,
             undecoded: counts.collect(),
             lost,
+            late: s.late,
+            too_late: s.too_late,
         })
     });
     Ok(Health {

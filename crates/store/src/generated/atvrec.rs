@@ -1891,6 +1891,12 @@ pub struct SourceHealth {
     /// Messages that the decoder knows by name and does not decode.
     #[prost(message, repeated, tag = "16")]
     pub undecoded: ::prost::alloc::vec::Vec<MessageCount>,
+    /// Messages that came more than 5 ms late, and were used at their own time.
+    #[prost(uint64, tag = "17")]
+    pub late: u64,
+    /// Messages that came more than 100 ms late; the estimator does not use them.
+    #[prost(uint64, tag = "18")]
+    pub too_late: u64,
 }
 impl ::prost::Name for SourceHealth {
     const NAME: &'static str = "SourceHealth";

@@ -550,6 +550,8 @@ fn health(time: LogTime) -> Health {
                 name: "GSV".to_owned(),
                 count: 12,
             }],
+            late: 5,
+            too_late: 6,
         }],
         faulty_sensors: vec!["FL deflection".to_owned(), "steering wheel".to_owned()],
     }

@@ -352,4 +352,30 @@ mod tests {
         assert!(error.contains("needs 3 bytes"), "{error}");
         assert!(read("dbc_errors = \"ignore\"\n").is_err());
     }
+
+    /// A message that arrives later than the others of its source has a latency of its own.
+    #[test]
+    fn a_message_can_have_a_latency_of_its_own() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let dbc = "VERSION \"\"\nBU_: A\nBO_ 256 Early: 8 A\n SG_ s : 0|8@1+ (1,0) [0|0] \"rad\" A\n\
+                   BO_ 257 Late: 8 A\n SG_ s : 0|8@1+ (1,0) [0|0] \"rad\" A\n";
+        std::fs::write(directory.path().join("in.dbc"), dbc).expect("written");
+        let read = |latencies: &str| {
+            let text = format!(
+                "[source.x]\nkind = \"can\"\ninterface = \"can0\"\ndbc = [\"in.dbc\"]\n\
+                 [source.x.message_latency_s]\n{latencies}"
+            );
+            Config::from_text(&text, directory.path()).map_err(|error| error.to_string())
+        };
+        let config = read("Late = 0.003\n").expect("a configuration");
+        let Meaning::Can(meaning) = &config.sources[0].meaning else {
+            panic!("a CAN source")
+        };
+        assert_eq!(meaning.latencies_s, [[None, Some(0.003)]]);
+        let error = read("Lat = 0.003\n").expect_err("no such message");
+        assert!(error.contains("has the message \"Lat\""), "{error}");
+        assert!(error.contains("did you mean \"Late\"?"), "{error}");
+        let error = read("Late = -1\n").expect_err("the future");
+        assert!(error.contains("-1 s is out of range"), "{error}");
+    }
 }
