@@ -220,7 +220,7 @@ mod tests {
         let mut watch = SteeringWatch::default();
         for k in 0..600_u64 {
             let time = LogTime(10_000_000 * if k % 30 < 6 { k - k % 30 + 6 } else { k });
-            let turned = 1.9 * (0.02 * k as f64).sin();
+            let turned = 1.9 * math::sin(0.02 * k as f64);
             let expected = Some(Gaussian::new(turned + 0.02, 0.01));
             let used = watch.judge(time, turned, expected, &mut |change| {
                 panic!("reading {k} is a fault: {}", change.faulty);
