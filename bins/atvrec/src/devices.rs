@@ -122,8 +122,8 @@ impl TruthSink {
         let until = self.start.offset_seconds(time_s);
         while self.next <= until {
             let mut record = simulated.truth(self.next.seconds_since(self.start));
-            if let Record::Truth { time, .. } = &mut record {
-                *time = self.next;
+            if let Record::Truth(truth) = &mut record {
+                truth.time = self.next;
             }
             // Fails only when the recording ends.
             let _ = self.queue.try_send(record);

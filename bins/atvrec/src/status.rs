@@ -78,8 +78,8 @@ struct Found {
 impl Found {
     fn take(&mut self, record: &Record) {
         match record {
-            Record::Estimate(estimate) => self.estimate = Some(estimate.clone()),
-            Record::Parameters(parameters) => self.parameters = Some(*parameters),
+            Record::Estimate(estimate) => self.estimate = Some((**estimate).clone()),
+            Record::Parameters(parameters) => self.parameters = Some(**parameters),
             Record::Event(event) => {
                 if self.events.len() == EVENTS_MAX {
                     self.events.pop_front();

@@ -168,9 +168,11 @@ impl Engine {
         let mut take = |output| match output {
             Output::Estimate(estimate) => {
                 *estimates += u64::from(silent_from.is_some_and(|from| estimate.time >= from));
-                records.push(Record::Estimate(estimate));
+                records.push(Record::Estimate(Box::new(estimate)));
             }
-            Output::Parameters(parameters) => records.push(Record::Parameters(parameters)),
+            Output::Parameters(parameters) => {
+                records.push(Record::Parameters(Box::new(parameters)))
+            }
             Output::Road(road) => records.push(Record::Road {
                 stage: Stage::Estimate,
                 road,

@@ -12,7 +12,7 @@ use sample::{LogTime, PerWheel, StrainChannel, Wheel};
 use sim::{
     InertialUnit, Manoeuvre, Motion, Options, Port, TruthState, VelocityReceiver, VirtualVehicle,
 };
-use store::{Ground, InjectedFault, Pose, Record, Session, WheelGround};
+use store::{Ground, InjectedFault, Pose, Record, Session, Truth, WheelGround};
 use wire::dbc::Database;
 use wire::gps_time::unix_ns_from_gps;
 use wire::line;
@@ -177,7 +177,7 @@ impl VirtualDrive {
     /// Record of the truth at `time_s` of the drive.
     pub fn truth(&self, time_s: f64) -> Record {
         let state = self.vehicle.truth_at(time_s);
-        Record::Truth {
+        Record::Truth(Box::new(Truth {
             time: self.start().offset_seconds(time_s),
             motion: state.motion(),
             carrier: state.carrier_forces(),
@@ -190,7 +190,7 @@ impl VirtualDrive {
                 roll_rad: state.roll_rad,
             }),
             friction: state.friction(),
-        }
+        }))
     }
 
     /// Configuration whose sources are the ports of this vehicle, at `ports`.

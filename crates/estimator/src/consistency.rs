@@ -11,7 +11,7 @@
 //! with rho measured over the whole run about zero, so that an error that never changes sign counts
 //! as one draw. The bounds are those of chi-square over nu.
 
-use crate::score::median;
+use crate::score::{Distribution, correlate};
 pub use crate::statistics::chi_squared_bounds;
 
 /// Steps of a window in which an estimator is judged: one second.
@@ -42,60 +42,142 @@ pub struct Consistency {
 #[must_use]
 pub fn consistency(normalised: &[Vec<f64>], window: usize) -> Option<Consistency> {
     let length = normalised.iter().map(Vec::len).min()?;
-    let steps: Vec<usize> = (0..length)
-        .filter(|k| normalised.iter().all(|z| z[*k].is_finite()))
-        .collect();
-    let signals: Vec<Vec<f64>> = normalised
-        .iter()
-        .map(|z| steps.iter().map(|k| z[*k]).collect())
-        .collect();
-    if window == 0 || steps.len() < window {
-        return None;
+    let mut all = ConsistencyStatistics::new(normalised.len(), window);
+    let mut step = vec![0.0; normalised.len()];
+    for k in 0..length {
+        for (value, z) in step.iter_mut().zip(normalised) {
+            *value = z[k];
+        }
+        all.push(&step);
     }
-    let freedom = effective_freedom(&signals, window);
-    let bounds = chi_squared_bounds(freedom);
-    let count = (signals.len() * window) as f64;
-    let mut means: Vec<f64> = (0..steps.len() / window)
-        .map(|w| {
-            let part = w * window..(w + 1) * window;
-            let squares = signals.iter().flat_map(|z| &z[part.clone()]);
-            squares.map(|z| z * z).sum::<f64>() / count
-        })
-        .collect();
-    let part = |test: &dyn Fn(f64) -> bool| {
-        means.iter().filter(|mean| test(**mean)).count() as f64 / means.len() as f64
-    };
-    Some(Consistency {
-        windows: means.len(),
-        inside: part(&|mean| (bounds[0]..=bounds[1]).contains(&mean)),
-        above: part(&|mean| mean > bounds[1]),
-        freedom,
-        bounds,
-        mean: means.iter().sum::<f64>() / means.len() as f64,
-        median: median(&mut means)?,
-    })
+    all.finish()
 }
 
-/// n^2 / sum rho^2 over all pairs of a window.
-fn effective_freedom(signals: &[Vec<f64>], window: usize) -> f64 {
-    let power: Vec<f64> = signals
-        .iter()
-        .map(|z| z.iter().map(|z| z * z).sum::<f64>().max(f64::MIN_POSITIVE) / z.len() as f64)
-        .collect();
-    let mut sum = 0.0;
-    for (i, first) in signals.iter().enumerate() {
-        for (j, second) in signals.iter().enumerate() {
-            for lag in 0..window {
-                let pairs = first.len() - lag;
-                let product: f64 = first[lag..].iter().zip(second).map(|(a, b)| a * b).sum();
+/// Steps whose products are formed together.
+const STEPS_TOGETHER: usize = 1024;
+
+/// The same for signals that come step by step, in constant memory.
+#[derive(Clone, Debug)]
+pub struct ConsistencyStatistics {
+    window: usize,
+    /// The last steps of each signal, whose products are not formed yet.
+    recent: Vec<Vec<f64>>,
+    steps: usize,
+    /// Sum of the squares of each signal.
+    squares: Vec<f64>,
+    /// Sums of the products of each pair of signals, for each lag of the first from 0 to `window - 1`.
+    products: Vec<Vec<f64>>,
+    means: Distribution,
+    sum_of_means: f64,
+}
+
+impl ConsistencyStatistics {
+    /// For a number of signals and windows of `window` steps.
+    #[must_use]
+    pub fn new(signals: usize, window: usize) -> Self {
+        Self {
+            window,
+            recent: vec![Vec::new(); signals],
+            steps: 0,
+            squares: vec![0.0; signals],
+            products: vec![vec![0.0; window]; signals * signals],
+            means: Distribution::default(),
+            sum_of_means: 0.0,
+        }
+    }
+
+    /// Takes the normalised errors of a step.
+    pub fn push(&mut self, step: &[f64]) {
+        if self.window == 0 || !step.iter().all(|z| z.is_finite()) {
+            return;
+        }
+        for (recent, z) in self.recent.iter_mut().zip(step) {
+            recent.push(*z);
+        }
+        for (sum, z) in self.squares.iter_mut().zip(step) {
+            *sum += z * z;
+        }
+        self.steps += 1;
+        if self.steps.is_multiple_of(self.window) {
+            self.end_window();
+        }
+        let length = self.recent.first().map_or(0, Vec::len);
+        if length >= self.window - 1 + STEPS_TOGETHER.max(self.window) {
+            self.form_products(length - (self.window - 1));
+        }
+    }
+
+    fn end_window(&mut self) {
+        let count = (self.recent.len() * self.window) as f64;
+        let last = |z: &Vec<f64>| z.len() - self.window;
+        let squares = self.recent.iter().flat_map(|z| &z[last(z)..]);
+        let mean = squares.map(|z| z * z).sum::<f64>() / count;
+        self.sum_of_means += mean;
+        self.means.push(mean);
+    }
+
+    /// Forms the products of the steps before `end` with those up to `window - 1` after them.
+    fn form_products(&mut self, end: usize) {
+        let count = self.recent.len();
+        for (i, first) in self.recent.iter().enumerate() {
+            for (j, second) in self.recent.iter().enumerate() {
+                let sums = &mut self.products[i * count + j];
+                correlate(&second[..end], first, sums);
+            }
+        }
+        for recent in &mut self.recent {
+            recent.drain(..end);
+        }
+    }
+
+    /// The result; `None` without a single window.
+    #[must_use]
+    pub fn finish(mut self) -> Option<Consistency> {
+        if self.means.count() == 0 {
+            return None;
+        }
+        // Zeros behind the end add nothing to the products.
+        let length = self.recent.first().map_or(0, Vec::len);
+        for recent in &mut self.recent {
+            recent.resize(length + self.window - 1, 0.0);
+        }
+        self.form_products(length);
+        let freedom = self.effective_freedom();
+        let bounds = chi_squared_bounds(freedom);
+        let count = self.means.count() as f64;
+        let not_above = self.means.up_to(bounds[1]);
+        Some(Consistency {
+            windows: self.means.count(),
+            inside: (not_above - self.means.below(bounds[0])) / count,
+            above: (count - not_above) / count,
+            freedom,
+            bounds,
+            mean: self.sum_of_means / count,
+            median: self.means.median()?,
+        })
+    }
+
+    /// n^2 / sum rho^2 over all pairs of a window.
+    fn effective_freedom(&self) -> f64 {
+        let (signals, window) = (self.recent.len(), self.window);
+        let power: Vec<f64> = self
+            .squares
+            .iter()
+            .map(|sum| sum.max(f64::MIN_POSITIVE) / self.steps as f64)
+            .collect();
+        let mut sum = 0.0;
+        for (pair, products) in self.products.iter().enumerate() {
+            let (i, j) = (pair / signals, pair % signals);
+            for (lag, product) in products.iter().enumerate() {
+                let pairs = self.steps - lag;
                 let correlation = product / pairs as f64 / (power[i] * power[j]).sqrt();
                 let times = if lag == 0 { window } else { 2 * (window - lag) };
                 sum += times as f64 * correlation * correlation;
             }
         }
+        let count = (signals * window) as f64;
+        count * count / sum
     }
-    let count = (signals.len() * window) as f64;
-    count * count / sum
 }
 
 #[cfg(test)]

@@ -1,10 +1,16 @@
 //! Estimates against truth: errors, delay and consistency of time series.
 //!
 //! All functions take equally spaced, equally long slices. Pairs of which either value is not
-//! finite are left out.
+//! finite are left out. The statistics take a long series part by part, in constant memory.
+
+mod distribution;
+
+use multiversion::multiversion;
+
+pub use distribution::Distribution;
 
 /// Errors of one signal.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
     /// Pairs that were compared.
     pub count: usize,
@@ -21,105 +27,200 @@ pub struct Errors {
 /// Errors of `estimate` against `truth`; `None` without a single pair.
 #[must_use]
 pub fn errors(estimate: &[f64], truth: &[f64]) -> Option<Errors> {
-    let mut sizes: Vec<f64> = Vec::with_capacity(estimate.len());
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for (error, _) in pairs(estimate, truth).map(|(e, t)| (e - t, t)) {
-        sum += error;
-        squares += error * error;
-        sizes.push(error.abs());
-    }
-    if sizes.is_empty() {
-        return None;
-    }
-    sizes.sort_by(f64::total_cmp);
-    let count = sizes.len();
-    let rank = (0.95 * count as f64).ceil() as usize;
-    Some(Errors {
-        count,
-        mean: sum / count as f64,
-        rmse: (squares / count as f64).sqrt(),
-        peak: sizes[count - 1],
-        percentile_95: sizes[rank.clamp(1, count) - 1],
-    })
+    let mut all = ErrorStatistics::default();
+    all.push(estimate, truth);
+    all.errors()
 }
 
-/// 100 RMSE / max(peak of |truth|, floor), per cent: for a tyre's force the floor is the static
-/// wheel load.
-#[must_use]
-pub fn normalised_error_percent(estimate: &[f64], truth: &[f64], floor: f64) -> Option<f64> {
-    let errors = errors(estimate, truth)?;
-    let peak = truth
-        .iter()
-        .filter(|value| value.is_finite())
-        .fold(floor.abs(), |peak, value| peak.max(value.abs()));
-    (peak > 0.0).then(|| 100.0 * errors.rmse / peak)
+/// Errors of a signal that comes in parts.
+#[derive(Clone, Debug, Default)]
+pub struct ErrorStatistics {
+    sum: f64,
+    squares: f64,
+    sizes: Distribution,
+    largest_truth: f64,
 }
 
-/// How late `estimate` is against `truth`, in sample intervals, within plus and minus `most`: the
-/// peak of the cross-correlation of what both have beside their means, between samples by a
-/// parabola. `None` where a series does not move or the peak stands at the end of the range.
-#[must_use]
-pub fn delay(estimate: &[f64], truth: &[f64], most: usize) -> Option<f64> {
-    let length = estimate.len().min(truth.len());
-    if length < 2 * most + 3 {
-        return None;
+impl ErrorStatistics {
+    /// Takes the next part.
+    pub fn push(&mut self, estimate: &[f64], truth: &[f64]) {
+        for (e, t) in pairs(estimate, truth) {
+            let error = e - t;
+            self.sum += error;
+            self.squares += error * error;
+            self.sizes.push(error.abs());
+        }
+        let sizes = truth.iter().filter(|value| value.is_finite());
+        self.largest_truth = sizes.fold(self.largest_truth, |peak, value| peak.max(value.abs()));
     }
-    let clean = |series: &[f64]| -> Option<Vec<f64>> {
-        let finite: Vec<f64> = series.iter().copied().filter(|x| x.is_finite()).collect();
-        let mean = finite.iter().sum::<f64>() / finite.len().max(1) as f64;
-        let centred: Vec<f64> = series[..length]
-            .iter()
-            .map(|x| if x.is_finite() { x - mean } else { 0.0 })
+
+    /// The errors so far; `None` without a single pair.
+    #[must_use]
+    pub fn errors(&self) -> Option<Errors> {
+        let count = self.sizes.count();
+        let rank = (0.95 * count as f64).ceil() as usize;
+        Some(Errors {
+            count,
+            mean: self.sum / count as f64,
+            rmse: (self.squares / count as f64).sqrt(),
+            peak: self.sizes.largest()?,
+            percentile_95: self.sizes.at_rank(rank.clamp(1, count.max(1)) - 1)?,
+        })
+    }
+
+    /// 100 RMSE / max(peak of |truth|, floor), per cent: for a tyre's force the floor is the static
+    /// wheel load.
+    #[must_use]
+    pub fn normalised_percent(&self, floor: f64) -> Option<f64> {
+        let peak = floor.abs().max(self.largest_truth);
+        let errors = self.errors()?;
+        (peak > 0.0).then(|| 100.0 * errors.rmse / peak)
+    }
+}
+
+/// How late an estimate is, from parts of at most some minutes.
+///
+/// The delay is the peak of the cross-correlation of what estimate and truth have beside their means, in
+/// sample intervals, between samples by a parabola. The means are those of each part.
+#[derive(Clone, Debug)]
+pub struct DelayStatistics {
+    most: usize,
+    products: Vec<f64>,
+    energies: Vec<f64>,
+}
+
+impl DelayStatistics {
+    /// For delays within plus and minus `most`.
+    #[must_use]
+    pub fn new(most: usize) -> Self {
+        Self {
+            most,
+            products: vec![0.0; 2 * most + 1],
+            energies: vec![0.0; 2 * most + 1],
+        }
+    }
+
+    /// Takes the next part. A part that is too short, or in which a series does not move, has no effect.
+    pub fn push(&mut self, estimate: &[f64], truth: &[f64]) {
+        let length = estimate.len().min(truth.len());
+        if length < 2 * self.most + 3 {
+            return;
+        }
+        let (Some(estimate), Some(truth)) =
+            (centred(&estimate[..length]), centred(&truth[..length]))
+        else {
+            return;
+        };
+        let middle = &truth[self.most..length - self.most];
+        correlate(middle, &estimate, &mut self.products);
+        let mut energy: f64 = estimate[..middle.len()].iter().map(|x| x * x).sum();
+        for (shift, sum) in self.energies.iter_mut().enumerate() {
+            *sum += energy.max(0.0);
+            let next = estimate.get(shift + middle.len()).copied();
+            energy += next.unwrap_or_default().powi(2) - estimate[shift].powi(2);
+        }
+    }
+
+    /// The delay; `None` where no part had an effect or the peak is at the end of the range.
+    #[must_use]
+    pub fn delay(&self) -> Option<f64> {
+        let both = self.products.iter().zip(&self.energies);
+        let all: Vec<f64> = both
+            .map(|(product, energy)| product / energy.max(f64::MIN_POSITIVE).sqrt())
             .collect();
-        centred.iter().any(|x| *x != 0.0).then_some(centred)
-    };
-    let (estimate, truth) = (clean(estimate)?, clean(truth)?);
-    let middle = &truth[most..length - most];
-    let correlation = |shift: usize| -> f64 {
-        let part = &estimate[shift..shift + middle.len()];
-        let energy: f64 = part.iter().map(|x| x * x).sum();
-        let product: f64 = part.iter().zip(middle).map(|(a, b)| a * b).sum();
-        product / energy.max(f64::MIN_POSITIVE).sqrt()
-    };
-    let all: Vec<f64> = (0..=2 * most).map(correlation).collect();
-    let best = (0..all.len()).max_by(|a, b| all[*a].total_cmp(&all[*b]))?;
-    if best == 0 || best == all.len() - 1 {
-        return None;
+        let best = (0..all.len()).max_by(|a, b| all[*a].total_cmp(&all[*b]))?;
+        if best == 0 || best == all.len() - 1 {
+            return None;
+        }
+        let [left, top, right] = [all[best - 1], all[best], all[best + 1]];
+        let bend = left - 2.0 * top + right;
+        let part = if bend < 0.0 {
+            0.5 * (left - right) / bend
+        } else {
+            0.0
+        };
+        Some(best as f64 + part - self.most as f64)
     }
-    let [left, top, right] = [all[best - 1], all[best], all[best + 1]];
-    let bend = left - 2.0 * top + right;
-    let part = if bend < 0.0 {
-        0.5 * (left - right) / bend
-    } else {
-        0.0
-    };
-    Some(best as f64 + part - most as f64)
+}
+
+/// A series less its mean, zero where it is not finite; `None` if it does not move.
+fn centred(series: &[f64]) -> Option<Vec<f64>> {
+    let finite = || series.iter().copied().filter(|x| x.is_finite());
+    let mean = finite().sum::<f64>() / finite().count().max(1) as f64;
+    let centred: Vec<f64> = series
+        .iter()
+        .map(|x| if x.is_finite() { x - mean } else { 0.0 })
+        .collect();
+    centred.iter().any(|x| *x != 0.0).then_some(centred)
+}
+
+/// Number of lags whose sums are formed together, in registers of the processor.
+const LAGS_TOGETHER: usize = 16;
+
+/// Adds to each `sums[lag]` the products `fixed[k] moving[k + lag]` over all k, in the order of k.
+pub(crate) fn correlate(fixed: &[f64], moving: &[f64], sums: &mut [f64]) {
+    let mut lag = 0;
+    while lag < sums.len() {
+        let rest = &mut sums[lag..];
+        let count = rest.len().min(LAGS_TOGETHER);
+        let mut running = [0.0; LAGS_TOGETHER];
+        running[..count].copy_from_slice(&rest[..count]);
+        // Sums of lags that were not asked for are dropped; what they would read behind the end is not.
+        let whole = moving[lag..]
+            .len()
+            .saturating_sub(LAGS_TOGETHER - 1)
+            .min(fixed.len());
+        add_products(&fixed[..whole], &moving[lag..], &mut running);
+        for k in whole..fixed.len() {
+            for (i, sum) in running[..count].iter_mut().enumerate() {
+                *sum += fixed[k] * moving[lag + k + i];
+            }
+        }
+        rest[..count].copy_from_slice(&running[..count]);
+        lag += count;
+    }
+}
+
+/// Adds the products of all values of `fixed` with [`LAGS_TOGETHER`] values of `moving` from the same place on.
+#[multiversion(targets("x86_64+avx+avx2"))]
+fn add_products(fixed: &[f64], moving: &[f64], sums: &mut [f64; LAGS_TOGETHER]) {
+    let mut running = *sums;
+    let mut k = 0;
+    while k < fixed.len() {
+        let (x, window) = (fixed[k], &moving[k..k + LAGS_TOGETHER]);
+        let mut i = 0;
+        while i < LAGS_TOGETHER {
+            running[i] += x * window[i];
+            i += 1;
+        }
+        k += 1;
+    }
+    *sums = running;
 }
 
 /// Mean of ((estimate - truth)/sigma)^2: one where the stated deviations hold, more where the
 /// estimator is too sure of itself.
-#[must_use]
-pub fn normalised_square(estimate: &[f64], truth: &[f64], sigma: &[f64]) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for ((e, t), s) in estimate.iter().zip(truth).zip(sigma) {
-        let square = ((e - t) / s).powi(2);
-        if square.is_finite() {
-            sum += square;
-            count += 1.0;
-        }
-    }
-    (count > 0.0).then(|| sum / count)
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SquareStatistics {
+    sum: f64,
+    count: f64,
 }
 
-/// Median; `None` without a value. The values are put in order.
-#[must_use]
-pub fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
+impl SquareStatistics {
+    /// Takes the next normalised error; one that is not finite is left out.
+    pub fn push(&mut self, normalised: f64) {
+        let square = normalised.powi(2);
+        if square.is_finite() {
+            self.sum += square;
+            self.count += 1.0;
+        }
     }
-    let middle = values.len() / 2;
-    let (_, median, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(*median)
+
+    /// The mean so far; `None` without a single error.
+    #[must_use]
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0.0).then(|| self.sum / self.count)
+    }
 }
 
 fn pairs<'a>(estimate: &'a [f64], truth: &'a [f64]) -> impl Iterator<Item = (f64, f64)> + 'a {
@@ -148,8 +249,16 @@ mod tests {
         assert_eq!(found.peak, 4.0);
         assert_eq!(found.percentile_95, 4.0);
         assert!(errors(&[f64::NAN], &[1.0]).is_none());
-        let percent = normalised_error_percent(&[1.0, 1.0], &[0.0, 2.0], 4.0).unwrap();
+        let mut all = ErrorStatistics::default();
+        all.push(&[1.0, 1.0], &[0.0, 2.0]);
+        let percent = all.normalised_percent(4.0).unwrap();
         assert!((percent - 25.0).abs() < 1e-12);
+    }
+
+    fn delay(estimate: &[f64], truth: &[f64], most: usize) -> Option<f64> {
+        let mut all = DelayStatistics::new(most);
+        all.push(estimate, truth);
+        all.delay()
     }
 
     #[test]
@@ -165,7 +274,35 @@ mod tests {
 
     #[test]
     fn normalised_square_of_known_errors() {
-        let mean = normalised_square(&[1.0, 3.0], &[0.0, 0.0], &[1.0, 1.0]).unwrap();
-        assert!((mean - 5.0).abs() < 1e-12);
+        let mut all = SquareStatistics::default();
+        assert_eq!(all.mean(), None);
+        for normalised in [1.0, f64::NAN, 3.0] {
+            all.push(normalised);
+        }
+        assert!((all.mean().unwrap() - 5.0).abs() < 1e-12);
+    }
+
+    /// The parts of a long series give what the whole gives.
+    #[test]
+    fn parts_give_what_the_whole_gives() {
+        let (truth, estimate) = (wave(4000, 0.0), wave(4000, 2.6));
+        let (mut delays, mut all) = (DelayStatistics::new(20), ErrorStatistics::default());
+        for (e, t) in estimate.chunks(1000).zip(truth.chunks(1000)) {
+            delays.push(e, t);
+            all.push(e, t);
+        }
+        assert!((delays.delay().unwrap() - 2.6).abs() < 0.02);
+        assert_eq!(all.errors(), errors(&estimate, &truth));
+    }
+
+    #[test]
+    fn products_of_all_lags_are_those_of_one_lag_at_a_time() {
+        let (fixed, moving) = (wave(300, 0.0), wave(360, 5.0));
+        let mut sums = vec![1.0; 37];
+        correlate(&fixed, &moving, &mut sums);
+        for (lag, sum) in sums.iter().enumerate() {
+            let products = fixed.iter().zip(&moving[lag..]).map(|(x, y)| x * y);
+            assert_eq!(*sum, products.fold(1.0, |sum, product| sum + product));
+        }
     }
 }

@@ -298,7 +298,7 @@ impl Parts {
                 ForceFrame::Contact => self.contact = Some(forces),
             },
             Record::Rollover { rollover, .. } => self.rollover = Some(rollover),
-            Record::Parameters(parameters) => self.parameters = Some(parameters),
+            Record::Parameters(parameters) => self.parameters = Some(*parameters),
             Record::Event(event) => self.events.push(json!(event)),
             Record::Transforms { transforms, .. } => {
                 let mut body = transforms.iter();

@@ -30,8 +30,8 @@ impl Collected {
     /// Takes a record of the engine.
     pub fn record(&mut self, record: store::Record) {
         match record {
-            store::Record::Estimate(estimate) => self.estimates.push(estimate),
-            store::Record::Parameters(parameters) => self.parameters.push(parameters),
+            store::Record::Estimate(estimate) => self.estimates.push(*estimate),
+            store::Record::Parameters(parameters) => self.parameters.push(*parameters),
             store::Record::Event(event) => self.events.push(event),
             _ => {}
         }

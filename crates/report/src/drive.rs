@@ -123,6 +123,7 @@ impl Drive {
         drive.span_s = drive.choose_span(reader, &info, options)?;
         drive.stage = drive.choose_stage(&info, options)?;
         let sinks = drive.sinks(&info);
+        drive.expect_rows(&sinks, &info);
         let topics: Vec<&str> = sinks.iter().map(|(topic, _)| topic.as_str()).collect();
         let mut tables = Tables::new(reader, &topics)?;
         let all = topics.iter().copied().chain(RECORDS);
@@ -285,6 +286,28 @@ impl Drive {
         sinks
     }
 
+    /// Reserves the frames for the messages of the whole log; memory that no row needs is not touched.
+    fn expect_rows(&mut self, sinks: &[(String, Sink)], info: &Info) {
+        let (first, last) = info.span.unwrap_or_default();
+        let whole_s = last.seconds_since(first);
+        for (topic, sink) in sinks {
+            let count = info.channels.get(topic).map_or(0, |(_, count)| *count);
+            let share = self.duration_s() / whole_s.max(f64::MIN_POSITIVE);
+            let rows = (count as f64 * share.min(1.0)).ceil() as usize;
+            let frame = Frame::expecting(rows);
+            match sink {
+                Sink::Motion => self.motion = frame,
+                Sink::Forces => self.forces = frame,
+                Sink::Model => self.model = frame,
+                Sink::TruthMotion => self.truth_motion = frame,
+                Sink::TruthForces => self.truth_forces = frame,
+                Sink::Ground => self.ground = frame,
+                Sink::Rollover => self.rollover = frame,
+                Sink::Sensor => {}
+            }
+        }
+    }
+
     fn take_table(&mut self, (topic, sink): &(String, Sink), table: store::Table) {
         for missing in &table.missing {
             self.missing.push(missing.to_string());
@@ -301,6 +324,7 @@ impl Drive {
                 "acceleration_m_s2.z",
             ];
             !hidden.iter().any(|hidden| name.starts_with(hidden))
+                && !name.contains("longitudinal_slip")
         };
         match sink {
             Sink::Motion => self.motion.extend(&table, start_ns, is_shown),
@@ -350,7 +374,7 @@ impl Drive {
     fn take_record(&mut self, record: Record, session: &store::Session) {
         match record {
             Record::Event(event) => self.events.push(event),
-            Record::Parameters(parameters) => self.learnt.push(parameters),
+            Record::Parameters(parameters) => self.learnt.push(*parameters),
             Record::Health(health) => self.health = Some(health),
             Record::ClockFit(fit) => {
                 self.clocks.insert(session.source_name(fit.source), fit);
@@ -381,6 +405,23 @@ impl Drive {
         let grid = &self.forces.time_s;
         if !grid.is_empty() && self.truth_forces.time_s != *grid {
             self.truth_forces = self.truth_forces.on(grid);
+        }
+        self.share_times();
+    }
+
+    /// Lets frames of the same instants share their times.
+    fn share_times(&mut self) {
+        let motion = &self.motion;
+        let others = [
+            &mut self.forces,
+            &mut self.model,
+            &mut self.truth_motion,
+            &mut self.truth_forces,
+            &mut self.ground,
+            &mut self.rollover,
+        ];
+        for frame in others.into_iter().chain(self.sensors.values_mut()) {
+            frame.share_times(motion);
         }
     }
 

@@ -1,6 +1,7 @@
 //! Columns of a topic on one time grid.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use store::{Table, Values};
 
@@ -10,12 +11,38 @@ pub const GAP_S: f64 = 1.0;
 /// Columns of a topic, in 32 bits: an hour of all curves must fit into the memory of a small computer.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// Seconds since the start of the drive.
-    pub time_s: Vec<f64>,
+    /// Seconds since the start of the drive; frames of the same instants share them.
+    pub time_s: Arc<Vec<f64>>,
     columns: BTreeMap<String, Vec<f32>>,
+    /// Number of rows that the log has. Columns that grow in steps would leave holes in the memory.
+    expected: usize,
 }
 
 impl Frame {
+    /// A frame of a topic with a number of messages.
+    pub fn expecting(expected: usize) -> Self {
+        Self {
+            expected,
+            ..Self::default()
+        }
+    }
+
+    /// Shares the times of another frame if they are the same.
+    pub fn share_times(&mut self, other: &Self) {
+        if self.time_s == other.time_s {
+            self.time_s = Arc::clone(&other.time_s);
+        }
+    }
+
+    /// Times to which rows are added.
+    fn times(&mut self) -> &mut Vec<f64> {
+        let times = Arc::make_mut(&mut self.time_s);
+        if times.is_empty() {
+            times.reserve_exact(self.expected);
+        }
+        times
+    }
+
     /// Whether there is no sample.
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
@@ -31,14 +58,15 @@ impl Frame {
         let before = self.time_s.len();
         let start = start_ns.cast_signed();
         let times = table.publish_time_ns.iter();
-        self.time_s
+        self.times()
             .extend(times.map(|ns| ns.saturating_sub(start) as f64 * 1e-9));
         for column in table.columns.iter().filter(|column| wants(&column.name)) {
             if !is_number(&column.values) {
                 continue;
             }
             if !self.columns.contains_key(&column.name) {
-                self.columns.insert(column.name.clone(), Vec::new());
+                let values = Vec::with_capacity(self.expected);
+                self.columns.insert(column.name.clone(), values);
             }
             if let Some(values) = self.columns.get_mut(&column.name) {
                 values.resize(before, f32::NAN);
@@ -67,15 +95,19 @@ impl Frame {
         let mut values = Vec::new();
         extend(&mut values, &column.values);
         let start = start_ns.cast_signed();
-        let sink = self.columns.entry(name.to_owned()).or_default();
+        let mut sink = self
+            .columns
+            .remove(name)
+            .unwrap_or_else(|| Vec::with_capacity(self.expected));
+        let times = self.times();
         for (row, (time_ns, value)) in table.publish_time_ns.iter().zip(values).enumerate() {
             let is_present = column.present.as_ref().is_none_or(|present| present[row]);
             if is_present && value.is_finite() {
-                self.time_s
-                    .push(time_ns.saturating_sub(start) as f64 * 1e-9);
+                times.push(time_ns.saturating_sub(start) as f64 * 1e-9);
                 sink.push(value);
             }
         }
+        self.columns.insert(name.to_owned(), sink);
     }
 
     /// Sorts the rows by time, if they are not, and removes columns without a finite value.
@@ -83,7 +115,8 @@ impl Frame {
         if !self.time_s.is_sorted() {
             let mut order: Vec<usize> = (0..self.time_s.len()).collect();
             order.sort_by(|a, b| self.time_s[*a].total_cmp(&self.time_s[*b]));
-            self.time_s = order.iter().map(|row| self.time_s[*row]).collect();
+            let times: Vec<f64> = order.iter().map(|row| self.time_s[*row]).collect();
+            self.time_s = Arc::new(times);
             for values in self.columns.values_mut() {
                 *values = order.iter().map(|row| values[*row]).collect();
             }
@@ -93,6 +126,7 @@ impl Frame {
         for values in self.columns.values_mut() {
             values.shrink_to_fit();
         }
+        Arc::make_mut(&mut self.time_s).shrink_to_fit();
     }
 
     /// A column, if it has a finite value.
@@ -104,8 +138,8 @@ impl Frame {
     #[cfg(test)]
     pub fn at(time_s: Vec<f64>) -> Self {
         Self {
-            time_s,
-            columns: BTreeMap::new(),
+            time_s: Arc::new(time_s),
+            ..Self::default()
         }
     }
 
@@ -118,13 +152,13 @@ impl Frame {
     /// The columns at the times of `grid`: by a straight line between neighbours that are at most
     /// [`GAP_S`] apart, else NaN.
     pub fn on(&self, grid: &[f64]) -> Self {
-        if self.time_s == grid {
+        if **self.time_s == *grid {
             return self.clone();
         }
         let weights = weights(&self.time_s, grid);
         let mut all = Self {
-            time_s: grid.to_vec(),
-            columns: BTreeMap::new(),
+            time_s: Arc::new(grid.to_vec()),
+            ..Self::default()
         };
         for (name, values) in &self.columns {
             let at = weights.iter().map(|(index, part)| {
@@ -210,7 +244,7 @@ mod tests {
     #[test]
     fn columns_come_to_another_grid_and_do_not_cross_a_gap() {
         let mut frame = Frame {
-            time_s: vec![0.0, 0.1, 5.0, 5.1],
+            time_s: Arc::new(vec![0.0, 0.1, 5.0, 5.1]),
             ..Frame::default()
         };
         frame.set("a", vec![0.0, 1.0, 2.0, 3.0]);

@@ -4,26 +4,26 @@
 
 mod channels;
 mod compare;
-mod drive;
 mod forces;
 mod innovations;
 mod lifts;
+mod pass;
 mod road;
+mod signals;
 mod surfaces;
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
+use estimator::consistency::Consistency;
 use estimator::score;
 use model::vehicle::Vehicle;
+use pass::Pass;
 use sample::{Estimate, Event, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 use store::{Attachment, Reader, Record, Selection, Stage};
 
 pub use channels::Channels;
-use drive::Drive;
-
 pub use compare::{Comparison, Difference, compare};
 pub use forces::ForceScore;
 pub use innovations::{InnovationScore, innovations, innovations_json};
@@ -37,6 +37,8 @@ const SLIP_SPEED_MIN_M_S: f64 = 3.0;
 const INTERVAL_S: f64 = 0.01;
 /// Longest delay that is looked for, intervals.
 const DELAY_MAX: usize = 50;
+/// Number of instants that are compared together: 82 s. Memory does not grow with the length of a log.
+const PART_PAIRS: usize = 8192;
 /// Why a log could not be scored.
 #[derive(Debug, thiserror::Error)]
 pub enum ScoreError {
@@ -145,45 +147,9 @@ pub fn score_with(
     progress: &mut dyn FnMut(f64) -> Result<(), ScoreError>,
 ) -> Result<Score, ScoreError> {
     let vehicle = vehicle_of(&reader.attachments()?).ok_or(ScoreError::NoVehicle)?;
-    let loads = static_loads(&vehicle);
-    let drive = Drive::read(reader, stage, progress)?;
-    let start = drive.start().ok_or(ScoreError::NoTruth)?;
-    let Drive {
-        truth,
-        estimates,
-        events,
-        reports,
-        friction,
-    } = drive;
-    let signals_from_s = from_s;
-    let pairs = paired(&truth, estimates, from_s)?;
-    let mut forces = forces::find(&pairs, stage.name(), &loads);
-    let signals = signals(&pairs, &loads);
-    let seconds = pairs.len() as f64 * INTERVAL_S;
-    drop(pairs);
-    if has_lagged(reader) {
-        let lagged = reader.of_stage(Stage::Lagged).collect::<Result<_, _>>()?;
-        let lagged = paired(&truth, lagged, from_s)?;
-        forces.extend(forces::find(&lagged, Stage::Lagged.name(), &loads));
-    }
-    let from_s = if from_s > SETTLING_S { from_s } else { 0.0 };
-    let [lifts, two_wheel_lifts] = lifts::find(&truth, start, from_s, &loads, &events);
-    Ok(Score {
-        seconds,
-        signals,
-        forces,
-        innovations: innovations::judged(&reports, signals_from_s),
-        lifts,
-        two_wheel_lifts,
-        surface_changes: surfaces::find(&truth, &friction, start, from_s, &loads, &events),
-        road: road::find(reader, start, signals_from_s, &vehicle)?,
-        channels: reader
-            .session()
-            .injected_faults
-            .as_ref()
-            .map(|injected| channels::find(injected, start, from_s, &events)),
-        events: counts(&events, start.offset_seconds(from_s)),
-    })
+    let mut pass = Pass::new(&vehicle, stage, from_s);
+    pass.read(reader, progress)?;
+    pass.finish(reader)
 }
 
 /// Scores the forces of other methods on the same log, by name.
@@ -201,14 +167,11 @@ pub fn score_methods(
     let mut all = Vec::new();
     for (name, estimates) in methods {
         let pairs = paired(&truth, estimates, from_s)?;
-        all.extend(forces::find(&pairs, name, &loads));
+        let mut forces = forces::Forces::default();
+        forces.push(&pairs);
+        all.extend(forces.finish(name, &loads));
     }
     Ok(all)
-}
-
-fn has_lagged(reader: &Reader) -> bool {
-    let topic = format!("/{}/tyre_forces", Stage::Lagged.name());
-    reader.info().channels.contains_key(&topic)
 }
 
 /// The vehicle of a log's configuration.
@@ -308,6 +271,12 @@ const OWN: [&str; 3] = ["measured_force_x", "measured_force_y", "measured_force_
 
 /// Calls `add` with each signal. `frames`: as [`forces::frames`] gives them.
 fn each_signal(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
+    each_plain(&mut add);
+    each_force(frames, add);
+}
+
+/// Calls `add` with each signal except forces and moments.
+fn each_plain(mut add: impl FnMut(Signal<'_>)) {
     let mut add_plain = |name, wheel, unit, estimate: Pick<'_>, truth: Pick<'_>| {
         add(Signal {
             name,
@@ -371,7 +340,6 @@ fn each_signal(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
         };
         add_plain("longitudinal_slip", Some(wheel), "1", &slip, &slip);
     }
-    each_force(frames, add);
 }
 
 /// Calls `add` with the forces and moments of each wheel.
@@ -419,44 +387,6 @@ fn each_force(frames: &[[ForceFrame; 2]], mut add: impl FnMut(Signal<'_>)) {
             }
         }
     }
-}
-
-fn signals(pairs: &Pairs, loads: &PerWheel<f64>) -> Vec<SignalScore> {
-    let frames = forces::frames(pairs.iter().map(|(estimate, _)| estimate));
-    let mut all = Vec::new();
-    each_signal(&frames, |signal| {
-        let of_estimate = pairs.iter().map(|(e, _)| (signal.estimate)(e));
-        let (values, sigmas): (Vec<f64>, Vec<f64>) = of_estimate.unzip();
-        let truths: Vec<f64> = pairs.iter().map(|(_, t)| (signal.truth)(t).0).collect();
-        let Some(errors) = score::errors(&values, &truths) else {
-            return;
-        };
-        let floor = match (signal.unit, signal.wheel) {
-            ("N", Some(wheel)) => Some(loads[wheel]),
-            ("N m", _) => Some(forces::MOMENT_FLOOR_N_M),
-            _ => None,
-        };
-        all.push(SignalScore {
-            signal: signal.name,
-            wheel: signal.wheel,
-            unit: signal.unit,
-            frame: signal.frame,
-            errors,
-            normalised_percent: floor
-                .and_then(|floor| score::normalised_error_percent(&values, &truths, floor)),
-            delay_s: score::delay(&values, &truths, DELAY_MAX).map(|delay| delay * INTERVAL_S),
-            nees: score::normalised_square(&values, &truths, &sigmas),
-            nees_inside: windows_inside(&values, &truths, &sigmas),
-        });
-    });
-    all
-}
-
-/// Part of one signal's windows whose mean normalised square lies within its bounds.
-fn windows_inside(values: &[f64], truths: &[f64], sigmas: &[f64]) -> Option<f64> {
-    let triples = values.iter().zip(truths).zip(sigmas);
-    let normalised = triples.map(|((v, t), s)| (v - t) / s).collect();
-    consistency(&[normalised], WINDOW_STEPS).map(|found| found.inside)
 }
 
 impl Score {

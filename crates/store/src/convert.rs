@@ -14,7 +14,7 @@ use sample::{
 use crate::error::MessageError;
 use crate::proto::{atvrec as pb, foxglove};
 use crate::wheels;
-use crate::{ClockFit, Ground, Pose, Record, Stage, UtcOffset};
+use crate::{ClockFit, Ground, Pose, Record, Stage, Truth, UtcOffset};
 use estimate::{
     clock_fit_to_proto, event_from_proto, event_to_proto, forces_from_proto, forces_to_proto,
     ground_from_proto, ground_to_proto, health_from_proto, health_to_proto, log_from_proto,
@@ -98,15 +98,16 @@ fn encode_record(record: &Record, name: &dyn Fn(SourceId) -> String) -> Vec<Enco
             }
             messages
         }
-        Record::Truth {
-            time,
-            motion,
-            carrier,
-            contact,
-            ground,
-            pose,
-            friction,
-        } => {
+        Record::Truth(truth) => {
+            let Truth {
+                time,
+                motion,
+                carrier,
+                contact,
+                ground,
+                pose,
+                friction,
+            } = &**truth;
             let mut messages = vec![motion_message(Stage::Truth, *time, motion)];
             for (frame, forces) in [
                 (ForceFrame::WheelCarrier, carrier),
@@ -352,9 +353,10 @@ pub(crate) fn decode(envelope: &Envelope<'_>, data: &[u8]) -> Result<Option<Reco
             };
             Record::Pose { time, pose }
         }
-        "atvrec.Parameters" => {
-            Record::Parameters(parameters_from_proto(time, pb::Parameters::decode(data)?))
-        }
+        "atvrec.Parameters" => Record::Parameters(Box::new(parameters_from_proto(
+            time,
+            pb::Parameters::decode(data)?,
+        ))),
         "atvrec.Event" => Record::Event(event_from_proto(time, pb::Event::decode(data)?)?),
         "atvrec.Health" => Record::Health(health_from_proto(time, pb::Health::decode(data)?)?),
         "atvrec.ClockFit" => {

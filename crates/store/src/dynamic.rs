@@ -142,8 +142,17 @@ impl DynamicMessage {
         FileDescriptorSet { file: vec![file] }.encode_to_vec()
     }
 
+    /// Whether these signals are the first ones of the schema, in its order.
+    fn begins_with(&self, signals: &[Signal]) -> bool {
+        signals.len() <= self.signals.len()
+            && (signals.iter().zip(&self.signals)).all(|(signal, known)| signal.name == known.name)
+    }
+
     /// Adds signals that are not known yet; `true` if there were any.
     pub(crate) fn extend(&mut self, signals: &[Signal]) -> bool {
+        if self.begins_with(signals) {
+            return false;
+        }
         let before = self.signals.len();
         for signal in signals {
             if !self.signals.iter().any(|known| known.name == signal.name) {
@@ -159,6 +168,12 @@ impl DynamicMessage {
 
     pub(crate) fn encode(&self, signals: &[Signal]) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(10 * signals.len());
+        if self.begins_with(signals) {
+            for (signal, number) in signals.iter().zip(field_numbers()) {
+                prost::encoding::double::encode(number, &signal.value, &mut bytes);
+            }
+            return bytes;
+        }
         for signal in signals {
             let position = self.signals.iter().position(|s| s.name == signal.name);
             if let Some(number) = position.and_then(|p| field_numbers().nth(p)) {
@@ -189,15 +204,17 @@ pub(crate) fn encode(
             }
             _ => return None,
         };
-    let message = known
-        .entry(topic.clone())
-        .or_insert_with(|| DynamicMessage {
+    if !known.contains_key(&topic) {
+        let message = DynamicMessage {
             topic: topic.clone(),
             name: name.to_owned(),
             can_id,
             parameter_group: None,
             signals: Vec::new(),
-        });
+        };
+        known.insert(topic.clone(), message);
+    }
+    let message = known.get_mut(&topic)?;
     let grew = message.extend(signals);
     let encoded = Encoded {
         schema: message.schema_name(),

@@ -54,7 +54,7 @@ pub use reader::{
     Reader, Selection,
 };
 pub use record::{
-    ClockFit, Ground, LogMessage, Pose, Record, Stage, Transform, UtcOffset, WheelGround,
+    ClockFit, Ground, LogMessage, Pose, Record, Stage, Transform, Truth, UtcOffset, WheelGround,
 };
 pub use recorder::{
     Backlog, DiskState, GoneLog, Progress, Recorder, RecorderStatus, RecorderSummary,

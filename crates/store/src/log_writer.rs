@@ -25,7 +25,8 @@ pub struct LogWriter<W: Write> {
     mcap: mcap::Writer<NoSeek<BufWriter<W>>>,
     session: Session,
     options: Options,
-    channels: HashMap<ChannelKey, Channel>,
+    /// Channels by topic.
+    channels: HashMap<String, Vec<Channel>>,
     encoder: raw::Encoder,
     group: Vec<Arrival>,
     decoded: Vec<Encoded>,
@@ -41,10 +42,10 @@ pub struct LogWriter<W: Write> {
     counters: WriteCounters,
 }
 
-type ChannelKey = (String, String, Option<SourceId>);
-
 struct Channel {
     id: u16,
+    schema: String,
+    source: Option<SourceId>,
     messages: u32,
 }
 
@@ -245,8 +246,7 @@ impl<W: Write> LogWriter<W> {
         let (message, grew) = dynamic::encode(&mut self.latched.dynamic, sample, &name)?;
         if grew {
             // The schema has new fields: the topic continues in a new channel.
-            self.channels
-                .retain(|(known, _, _), _| *known != message.topic);
+            self.channels.remove(&message.topic);
         }
         Some(message)
     }
@@ -342,17 +342,22 @@ impl<W: Write> LogWriter<W> {
     }
 
     fn write(&mut self, message: &Encoded) -> Result<()> {
-        let key = (
-            message.topic.clone(),
-            message.schema.clone(),
-            message.source,
-        );
-        if !self.channels.contains_key(&key) {
-            let id = self.add_channel(message)?;
-            self.channels
-                .insert(key.clone(), Channel { id, messages: 0 });
+        let is_own = |channel: &Channel| {
+            channel.source == message.source && channel.schema == message.schema
+        };
+        let known = self.channels.get(&message.topic);
+        if !known.is_some_and(|channels| channels.iter().any(is_own)) {
+            let channel = Channel {
+                id: self.add_channel(message)?,
+                schema: message.schema.clone(),
+                source: message.source,
+                messages: 0,
+            };
+            let channels = self.channels.entry(message.topic.clone()).or_default();
+            channels.push(channel);
         }
-        let Some(channel) = self.channels.get_mut(&key) else {
+        let channels = self.channels.get_mut(&message.topic);
+        let Some(channel) = channels.and_then(|all| all.iter_mut().find(|one| is_own(one))) else {
             return Ok(());
         };
         channel.messages = channel.messages.wrapping_add(1);

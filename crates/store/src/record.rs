@@ -14,24 +14,9 @@ pub enum Record {
     /// A measurement.
     Sample(Sample),
     /// All that the estimator publishes at one instant.
-    Estimate(Estimate),
+    Estimate(Box<Estimate>),
     /// The truth of a simulation at one instant.
-    Truth {
-        /// The instant.
-        time: LogTime,
-        /// Motion of the body.
-        motion: Motion,
-        /// Forces of the ground on the tyres, wheel-carrier frame, if they are known.
-        carrier: Option<PerWheel<TyreForce>>,
-        /// Forces of the ground on the tyres, contact frame, if they are known.
-        contact: Option<PerWheel<TyreForce>>,
-        /// The wheels on their ground, if the simulation gives it.
-        ground: Option<Ground>,
-        /// Pose of the vehicle, if the simulation gives it.
-        pose: Option<Pose>,
-        /// Friction coefficient of the ground under each wheel, if the simulation gives it.
-        friction: Option<PerWheel<f64>>,
-    },
+    Truth(Box<Truth>),
     /// Motion of the body: a part of an estimate or of the truth.
     Motion {
         /// The instant.
@@ -88,7 +73,7 @@ pub enum Record {
         pose: Pose,
     },
     /// Parameters that the estimator finds.
-    Parameters(Parameters),
+    Parameters(Box<Parameters>),
     /// An event that the estimator or a source declares.
     Event(Event),
     /// State of the recorder.
@@ -115,6 +100,25 @@ pub enum Record {
     },
     /// Change of a three-dimensional scene for viewers; [`crate::Reader`] does not read it back.
     Scene(Scene),
+}
+
+/// The truth of a simulation at one instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// The instant.
+    pub time: LogTime,
+    /// Motion of the body.
+    pub motion: Motion,
+    /// Forces of the ground on the tyres, wheel-carrier frame, if they are known.
+    pub carrier: Option<PerWheel<TyreForce>>,
+    /// Forces of the ground on the tyres, contact frame, if they are known.
+    pub contact: Option<PerWheel<TyreForce>>,
+    /// The wheels on their ground, if the simulation gives it.
+    pub ground: Option<Ground>,
+    /// Pose of the vehicle, if the simulation gives it.
+    pub pose: Option<Pose>,
+    /// Friction coefficient of the ground under each wheel, if the simulation gives it.
+    pub friction: Option<PerWheel<f64>>,
 }
 
 /// Origin of a motion or a force.

@@ -295,8 +295,8 @@ fn time_of(record: &Record) -> LogTime {
     match record {
         Record::Sample(sample) => sample.log_time,
         Record::Estimate(estimate) => estimate.time,
-        Record::Truth { time, .. }
-        | Record::Motion { time, .. }
+        Record::Truth(truth) => truth.time,
+        Record::Motion { time, .. }
         | Record::TyreForces { time, .. }
         | Record::Rollover { time, .. }
         | Record::Friction { time, .. }

@@ -216,11 +216,10 @@ fn errors(
         if !(3.0..simulated.duration_s() - 0.5).contains(&time_s) {
             continue;
         }
-        let Record::Truth {
-            carrier: Some(truth),
-            ..
-        } = simulated.truth(time_s)
-        else {
+        let Record::Truth(instant) = simulated.truth(time_s) else {
+            continue;
+        };
+        let Some(truth) = instant.carrier else {
             continue;
         };
         count += 1.0;

@@ -128,7 +128,7 @@ fn dead_and_frozen_axes_of_hub_accelerometers_are_named() {
     let expected = options.faults.sensors();
     let (_, records, _) = drive("slow-sine", 11, options);
     let start = records.iter().find_map(|record| match record {
-        Record::Truth { time, .. } => Some(*time),
+        Record::Truth(truth) => Some(truth.time),
         _ => None,
     });
     let start = start.expect("the truth");
@@ -251,7 +251,7 @@ fn the_truth_has_the_class_of_the_road() {
         })
         .expect("a drive");
         match simulated.truth(1.0) {
-            Record::Truth { ground, .. } => ground.expect("the ground").road_class,
+            Record::Truth(truth) => truth.ground.expect("the ground").road_class,
             _ => None,
         }
     };
@@ -387,8 +387,9 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
     let mut waiting = marks.to_vec();
     let mut take = |entry: Entry| {
         match entry {
-            Entry::Record(Record::Truth { time, contact, .. }) => {
-                truth.insert(time, contact.expect("the truth in the contact frame"));
+            Entry::Record(Record::Truth(instant)) => {
+                let contact = instant.contact.expect("the truth in the contact frame");
+                truth.insert(instant.time, contact);
             }
             Entry::Record(Record::Estimate(estimate)) => {
                 found.insert(estimate.time, estimate.measured);
@@ -413,7 +414,7 @@ fn lateral_error(known: &[&str], marks: &[(f64, &str)], from_s: f64) -> (f64, Ve
             return Ok(());
         }
         match entry {
-            Entry::Record(Record::Truth { .. }) => take(entry),
+            Entry::Record(Record::Truth(_)) => take(entry),
             _ => Ok(()),
         }
     })

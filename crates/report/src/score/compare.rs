@@ -148,7 +148,7 @@ fn parameters(here: &Reader, there: &Reader, from: LogTime) -> Result<[usize; 2]
         let mut all = BTreeMap::new();
         for message in reader.messages(Selection::topics(["/estimate/parameters"])) {
             if let Some(Record::Parameters(found)) = message?.record()? {
-                all.insert(found.time, found);
+                all.insert(found.time, *found);
             }
         }
         Ok(all)

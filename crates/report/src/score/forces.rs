@@ -1,11 +1,11 @@
 //! Errors of the tyre forces and of their standard deviations, by frame.
 
-use estimator::consistency::{Consistency, WINDOW_STEPS, consistency};
-use estimator::score::{self, median};
+use estimator::consistency::{Consistency, ConsistencyStatistics, WINDOW_STEPS};
+use estimator::score::{Distribution, ErrorStatistics, SquareStatistics};
 use sample::{Estimate, ForceFrame, PerWheel, TyreForce, Wheel};
 use serde_json::{Value, json};
 
-use super::Pairs;
+use super::{PART_PAIRS, Pairs};
 
 /// Least peak of a moment by which its error is divided, N m.
 pub(super) const MOMENT_FLOOR_N_M: f64 = 50.0;
@@ -39,6 +39,14 @@ pub struct ForceScore {
 /// both.
 pub(super) fn frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> [[ForceFrame; 2]; 2] {
     use ForceFrame::{Contact, WheelCarrier};
+    known_frames(estimates).unwrap_or([[Contact, Contact], [WheelCarrier, Contact]])
+}
+
+/// The same; `None` where the estimates have no force.
+pub(super) fn known_frames<'a>(
+    estimates: impl Iterator<Item = &'a Estimate>,
+) -> Option<[[ForceFrame; 2]; 2]> {
+    use ForceFrame::{Contact, WheelCarrier};
     let mut is_given = [false; 2];
     for estimate in estimates {
         for (given, frame) in is_given.iter_mut().zip([WheelCarrier, Contact]) {
@@ -47,76 +55,135 @@ pub(super) fn frames<'a>(estimates: impl Iterator<Item = &'a Estimate>) -> [[For
         }
     }
     match is_given {
-        [true, true] => [[WheelCarrier, WheelCarrier], [Contact, Contact]],
-        [true, false] => [[WheelCarrier, WheelCarrier], [Contact, WheelCarrier]],
-        _ => [[Contact, Contact], [WheelCarrier, Contact]],
+        [true, true] => Some([[WheelCarrier, WheelCarrier], [Contact, Contact]]),
+        [true, false] => Some([[WheelCarrier, WheelCarrier], [Contact, WheelCarrier]]),
+        [false, true] => Some([[Contact, Contact], [WheelCarrier, Contact]]),
+        [false, false] => None,
     }
 }
 
-/// Scores an output in each frame of which the truth tells the forces.
-pub(super) fn find(pairs: &Pairs, output: &'static str, loads: &PerWheel<f64>) -> Vec<ForceScore> {
-    let frames = frames(pairs.iter().map(|(estimate, _)| estimate));
-    frames
-        .into_iter()
-        .filter_map(|[truth, estimate]| in_frame(pairs, output, loads, truth, estimate))
-        .collect()
+/// Errors of an output so far, in each frame of which the truth tells the forces.
+#[derive(Default)]
+pub(super) struct Forces(Option<[InFrame; 2]>);
+
+impl Forces {
+    /// Takes the next part.
+    pub fn push(&mut self, pairs: &Pairs) {
+        if self.0.is_none() {
+            let frames = known_frames(pairs.iter().map(|(estimate, _)| estimate));
+            self.0 = frames.map(|frames| frames.map(InFrame::new));
+        }
+        for frame in self.0.iter_mut().flatten() {
+            frame.push(pairs);
+        }
+    }
+
+    /// The scores; none where nothing was compared.
+    pub fn finish(self, output: &'static str, loads: &PerWheel<f64>) -> Vec<ForceScore> {
+        let frames = self.0.into_iter().flatten();
+        frames
+            .filter_map(|frame| frame.finish(output, loads))
+            .collect()
+    }
 }
 
-fn in_frame(
-    pairs: &Pairs,
-    output: &'static str,
-    loads: &PerWheel<f64>,
-    frame: ForceFrame,
-    estimate_frame: ForceFrame,
-) -> Option<ForceScore> {
-    // A value of all instants: of the estimate, and of the truth.
-    let series = |wheel: Wheel, pick: &dyn Fn(&TyreForce) -> f64| -> [Vec<f64>; 2] {
+/// Errors in one frame: of F_x, F_y, F_z and of the moments, by wheel.
+struct InFrame {
+    truth: ForceFrame,
+    estimate: ForceFrame,
+    errors: [[ErrorStatistics; 4]; 3],
+    moments: [[ErrorStatistics; 4]; 2],
+    squares: [SquareStatistics; 3],
+    distributions: [Distribution; 3],
+    windows: ConsistencyStatistics,
+}
+
+impl InFrame {
+    fn new([truth, estimate]: [ForceFrame; 2]) -> Self {
+        Self {
+            truth,
+            estimate,
+            errors: Default::default(),
+            moments: Default::default(),
+            squares: Default::default(),
+            distributions: [(); 3].map(|()| Distribution::exact_up_to(4 * PART_PAIRS)),
+            windows: ConsistencyStatistics::new(12, WINDOW_STEPS),
+        }
+    }
+
+    /// A value of all instants: of the estimate, and of the truth.
+    fn series(
+        &self,
+        pairs: &Pairs,
+        wheel: Wheel,
+        pick: &dyn Fn(&TyreForce) -> f64,
+    ) -> [Vec<f64>; 2] {
         let both = pairs.iter().map(|(estimate, truth)| {
-            let own = pick(&estimate.forces(estimate_frame)[wheel]);
-            (own, pick(&truth.forces(frame)[wheel]))
+            let own = pick(&estimate.forces(self.estimate)[wheel]);
+            (own, pick(&truth.forces(self.truth)[wheel]))
         });
         let (estimates, truths) = both.unzip();
         [estimates, truths]
-    };
-    let mut normalised = Vec::new();
-    let (mut worst_percent, mut nees, mut nees_median) = ([None; 3], [None; 3], [None; 3]);
-    for axis in 0..3 {
-        let mut squares = Vec::new();
-        for wheel in Wheel::ALL {
-            let [estimates, truths] = series(wheel, &|force| force.force_n[axis]);
-            let [sigmas, _] = series(wheel, &|force| force.sigma_n[axis]);
-            let percent = score::normalised_error_percent(&estimates, &truths, loads[wheel]);
-            worst_percent[axis] = larger(worst_percent[axis], percent);
-            let errors = estimates.iter().zip(&truths).zip(&sigmas);
-            let z: Vec<f64> = errors.map(|((e, t), s)| (e - t) / s).collect();
-            squares.extend(z.iter().map(|z| z * z).filter(|square| square.is_finite()));
-            normalised.push(z);
+    }
+
+    fn push(&mut self, pairs: &Pairs) {
+        let mut normalised = Vec::new();
+        for axis in 0..3 {
+            for wheel in Wheel::ALL {
+                let [estimates, truths] = self.series(pairs, wheel, &|force| force.force_n[axis]);
+                let [sigmas, _] = self.series(pairs, wheel, &|force| force.sigma_n[axis]);
+                self.errors[axis][wheel.index()].push(&estimates, &truths);
+                let errors = estimates.iter().zip(&truths).zip(&sigmas);
+                let z: Vec<f64> = errors.map(|((e, t), s)| (e - t) / s).collect();
+                for z in z.iter().filter(|z| (*z * *z).is_finite()) {
+                    self.squares[axis].push(*z);
+                    self.distributions[axis].push(z * z);
+                }
+                normalised.push(z);
+            }
         }
-        if !squares.is_empty() {
-            nees[axis] = Some(squares.iter().sum::<f64>() / squares.len() as f64);
-            nees_median[axis] = median(&mut squares);
+        for (place, axis) in MOMENT_AXES.into_iter().enumerate() {
+            for wheel in Wheel::ALL {
+                let [estimates, truths] =
+                    self.series(pairs, wheel, &|force| force.moment_n_m[axis]);
+                self.moments[place][wheel.index()].push(&estimates, &truths);
+            }
+        }
+        let mut step = [0.0; 12];
+        for k in 0..pairs.len() {
+            for (value, z) in step.iter_mut().zip(&normalised) {
+                *value = z[k];
+            }
+            self.windows.push(&step);
         }
     }
-    if worst_percent.iter().all(Option::is_none) {
-        return None;
-    }
-    let worst_moment_percent = MOMENT_AXES.map(|axis| {
-        let of_wheel = |wheel| {
-            let [estimates, truths] = series(wheel, &|force| force.moment_n_m[axis]);
-            score::normalised_error_percent(&estimates, &truths, MOMENT_FLOOR_N_M)
+
+    fn finish(self, output: &'static str, loads: &PerWheel<f64>) -> Option<ForceScore> {
+        let worst = |wheels: &[ErrorStatistics; 4], floor: &dyn Fn(Wheel) -> f64| {
+            let percent = |wheel: Wheel| wheels[wheel.index()].normalised_percent(floor(wheel));
+            Wheel::ALL.into_iter().map(percent).fold(None, larger)
         };
-        Wheel::ALL.into_iter().map(of_wheel).fold(None, larger)
-    });
-    Some(ForceScore {
-        output,
-        frame,
-        estimate_frame,
-        worst_percent,
-        worst_moment_percent,
-        nees,
-        nees_median,
-        windows: consistency(&normalised, WINDOW_STEPS),
-    })
+        let worst_percent = self
+            .errors
+            .each_ref()
+            .map(|axis| worst(axis, &|wheel| loads[wheel]));
+        if worst_percent.iter().all(Option::is_none) {
+            return None;
+        }
+        Some(ForceScore {
+            output,
+            frame: self.truth,
+            estimate_frame: self.estimate,
+            worst_percent,
+            worst_moment_percent: self
+                .moments
+                .each_ref()
+                .map(|axis| worst(axis, &|_| MOMENT_FLOOR_N_M)),
+            nees: self.squares.map(|axis| axis.mean()),
+            nees_median: self.distributions.map(|axis| axis.median()),
+            windows: self.windows.finish(),
+        })
+    }
 }
 
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {

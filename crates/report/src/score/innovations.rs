@@ -1,8 +1,8 @@
 //! Whether innovations are as large as the filters expect, second by second. No truth is needed.
 
 use estimator::consistency::chi_squared_bounds;
-use estimator::score::median;
-use sample::{InnovationKind, Innovations, Parameters};
+use estimator::score::Distribution;
+use sample::{InnovationKind, Innovations, LogTime, Parameters};
 use serde_json::{Value, json};
 use store::{Reader, Record, Selection};
 
@@ -40,14 +40,29 @@ pub fn innovations(reader: &Reader, from_s: f64) -> Result<Vec<InnovationScore>,
     let mut reports = Vec::new();
     for message in reader.messages(Selection::topics(["/estimate/parameters"])) {
         if let Some(Record::Parameters(parameters)) = message?.record()? {
-            reports.push(parameters);
+            reports.push(Judged::new(&parameters));
         }
     }
     Ok(judged(&reports, from_s))
 }
 
+/// What is judged of a report.
+pub(super) struct Judged {
+    time: LogTime,
+    innovations: [Innovations; InnovationKind::ALL.len()],
+}
+
+impl Judged {
+    pub fn new(report: &Parameters) -> Self {
+        Self {
+            time: report.time,
+            innovations: report.innovations,
+        }
+    }
+}
+
 /// Judges reports of each second.
-pub(super) fn judged(reports: &[Parameters], from_s: f64) -> Vec<InnovationScore> {
+pub(super) fn judged(reports: &[Judged], from_s: f64) -> Vec<InnovationScore> {
     let first = reports
         .first()
         .map(|report| report.time)
@@ -69,7 +84,7 @@ fn judge(
 ) -> Option<InnovationScore> {
     let (mut count, mut rejected, mut sum) = (0, 0, 0.0);
     let (mut inside, mut above) = (0_usize, 0_usize);
-    let mut means = Vec::new();
+    let mut means = Distribution::default();
     for found in reports {
         rejected += u64::from(found.rejected);
         if found.count == 0 {
@@ -82,9 +97,9 @@ fn judge(
         count += u64::from(found.count);
         sum += f64::from(found.count) * found.mean_square;
     }
-    let windows = means.len();
+    let windows = means.count();
     let part = |some: usize| some as f64 / windows as f64;
-    let median = median(&mut means)?;
+    let median = means.median()?;
     Some(InnovationScore {
         kind,
         count,

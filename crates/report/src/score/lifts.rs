@@ -1,9 +1,9 @@
 //! Lifts of the truth, and what was declared of them.
 
-use sample::{Event, EventKind, LogTime, PerWheel, Side, Wheel};
+use sample::{Estimate, Event, EventKind, LogTime, PerWheel, Side, Wheel};
 use serde_json::{Value, json};
 
-use super::{TruthByTime, contact_load_n};
+use super::contact_load_n;
 
 /// A wheel is off the ground while the load in the contact frame is below this part of its static load.
 const LIFTED: f64 = 0.02;
@@ -77,20 +77,57 @@ impl Lift {
 /// What the truth and the estimator say of one wheel or side; times in s from the start of the truth.
 struct Course {
     what: &'static str,
-    /// Load as a part of the static load; of a side, that of its more loaded wheel.
-    loads: Vec<(f64, f64)>,
+    /// Begin and end of each lift of the truth.
+    lifts: Vec<[f64; 2]>,
+    /// Whether the wheel was on the ground since the start. What begins in the air does not count.
+    was_down: bool,
+    /// Since when it is off the ground.
+    up_since_s: Option<f64>,
+    /// Time of the last load.
+    last_s: f64,
+    /// Loads up to [`LIGHT`] as a part of the static load; of a side, that of its more loaded wheel.
+    light: Vec<(f64, f64)>,
     /// Declared lifts, each until the touchdown that was declared after it.
     declared: Vec<[f64; 2]>,
     warnings: Vec<f64>,
 }
 
 impl Course {
-    fn new(what: &'static str) -> Self {
+    const fn new(what: &'static str) -> Self {
         Self {
             what,
-            loads: Vec::new(),
+            lifts: Vec::new(),
+            was_down: false,
+            up_since_s: None,
+            last_s: 0.0,
+            light: Vec::new(),
             declared: Vec::new(),
             warnings: Vec::new(),
+        }
+    }
+
+    /// Takes the next load of the truth.
+    fn push(&mut self, at_s: f64, part: f64) {
+        self.last_s = at_s;
+        if part.is_nan() {
+            return;
+        }
+        if part <= LIGHT {
+            self.light.push((at_s, part));
+        }
+        if part >= LIFTED {
+            self.was_down = true;
+            self.end_lift(at_s);
+        } else if self.was_down {
+            self.up_since_s.get_or_insert(at_s);
+        }
+    }
+
+    fn end_lift(&mut self, at_s: f64) {
+        if let Some(since_s) = self.up_since_s.take()
+            && at_s - since_s >= LIFT_MIN_S - 1e-9
+        {
+            self.lifts.push([since_s, at_s]);
         }
     }
 
@@ -105,39 +142,19 @@ impl Course {
         }
     }
 
-    /// Begin and end of each lift of the truth. What begins in the air does not count.
-    fn lifts(&self) -> Vec<[f64; 2]> {
-        let mut lifts: Vec<[f64; 2]> = Vec::new();
-        let (mut up, mut since_s) = (true, None);
-        for &(at_s, part) in &self.loads {
-            if part.is_nan() {
-                continue;
-            }
-            if part >= LIFTED {
-                up = false;
-                lifts.extend(since_s.take().map(|since_s| [since_s, at_s]));
-            } else if !up {
-                since_s.get_or_insert(at_s);
-            }
-        }
-        let last_s = self.loads.last().map_or(0.0, |load| load.0);
-        lifts.extend(since_s.map(|since_s| [since_s, last_s]));
-        lifts.retain(|[from_s, to_s]| to_s - from_s >= LIFT_MIN_S - 1e-9);
-        lifts
-    }
-
-    /// Least load between two times.
+    /// Least load between two times; infinite if it is above [`LIGHT`].
     fn least(&self, from_s: f64, to_s: f64) -> f64 {
-        let first = self.loads.partition_point(|load| load.0 < from_s - 1e-9);
-        let within = self.loads[first..]
+        let first = self.light.partition_point(|load| load.0 < from_s - 1e-9);
+        let within = self.light[first..]
             .iter()
             .take_while(|load| load.0 <= to_s + 1e-9);
         within.map(|load| load.1).fold(f64::INFINITY, f64::min)
     }
 
-    fn judge(&self, from_s: f64, all: &mut Lifts) {
+    fn judge(&mut self, from_s: f64, all: &mut Lifts) {
+        self.end_lift(self.last_s);
         let mut earlier_s = f64::NEG_INFINITY;
-        for [at_s, end_s] in self.lifts() {
+        for &[at_s, end_s] in &self.lifts {
             let mut declared = self.declared.iter();
             let found =
                 declared.find(|[up_s, down_s]| *up_s <= end_s + NEAR_S && *down_s >= at_s - NEAR_S);
@@ -170,48 +187,60 @@ impl Course {
     }
 }
 
-/// Finds the lifts of a log's truth, of wheels and of sides, without the first `from_s` seconds.
-pub(super) fn find(
-    truth: &TruthByTime,
-    start: LogTime,
-    from_s: f64,
-    loads: &PerWheel<f64>,
-    events: &[Event],
-) -> [Lifts; 2] {
-    let mut wheels = Wheel::ALL.map(|wheel| Course::new(wheel.abbreviation()));
-    let mut sides = Side::ALL.map(|side| Course::new(side.name()));
-    for truth in truth.values() {
+/// What the truth says of the lifts of wheels and of sides.
+pub(super) struct Courses {
+    wheels: [Course; 4],
+    sides: [Course; 2],
+}
+
+impl Default for Courses {
+    fn default() -> Self {
+        Self {
+            wheels: Wheel::ALL.map(|wheel| Course::new(wheel.abbreviation())),
+            sides: Side::ALL.map(|side| Course::new(side.name())),
+        }
+    }
+}
+
+impl Courses {
+    /// Takes the next instant of the truth.
+    pub fn push(&mut self, truth: &Estimate, start: LogTime, loads: &PerWheel<f64>) {
         let at_s = truth.time.seconds_since(start);
         let part = PerWheel::from_fn(|wheel| contact_load_n(truth, wheel) / loads[wheel]);
         for wheel in Wheel::ALL {
-            wheels[wheel.index()].loads.push((at_s, part[wheel]));
+            self.wheels[wheel.index()].push(at_s, part[wheel]);
         }
         for side in Side::ALL {
             let [front, rear] = side.wheels().map(|wheel| part[wheel]);
-            sides[side.index()].loads.push((at_s, front.max(rear)));
+            self.sides[side.index()].push(at_s, front.max(rear));
         }
     }
-    for event in events {
-        let at_s = event.time.seconds_since(start);
-        match event.kind {
-            EventKind::Lift(wheel) => wheels[wheel.index()].lift(at_s),
-            EventKind::Touchdown(wheel) => {
-                wheels[wheel.index()].touch_down(at_s);
-                let of_wheel = Side::ALL
-                    .into_iter()
-                    .filter(|side| side.wheels().contains(&wheel));
-                of_wheel.for_each(|side| sides[side.index()].touch_down(at_s));
+
+    /// Compares the lifts of wheels and of sides with the events, without the first `from_s` seconds.
+    pub fn finish(mut self, start: LogTime, from_s: f64, events: &[Event]) -> [Lifts; 2] {
+        let (wheels, sides) = (&mut self.wheels, &mut self.sides);
+        for event in events {
+            let at_s = event.time.seconds_since(start);
+            match event.kind {
+                EventKind::Lift(wheel) => wheels[wheel.index()].lift(at_s),
+                EventKind::Touchdown(wheel) => {
+                    wheels[wheel.index()].touch_down(at_s);
+                    let of_wheel = Side::ALL
+                        .into_iter()
+                        .filter(|side| side.wheels().contains(&wheel));
+                    of_wheel.for_each(|side| sides[side.index()].touch_down(at_s));
+                }
+                EventKind::LiftWarning(wheel, _) => wheels[wheel.index()].warnings.push(at_s),
+                EventKind::TwoWheelLift(side) => sides[side.index()].lift(at_s),
+                EventKind::TwoWheelLiftWarning(side, _) => sides[side.index()].warnings.push(at_s),
+                _ => {}
             }
-            EventKind::LiftWarning(wheel, _) => wheels[wheel.index()].warnings.push(at_s),
-            EventKind::TwoWheelLift(side) => sides[side.index()].lift(at_s),
-            EventKind::TwoWheelLiftWarning(side, _) => sides[side.index()].warnings.push(at_s),
-            _ => {}
         }
+        [judged(wheels, from_s), judged(sides, from_s)]
     }
-    [judged(&wheels, from_s), judged(&sides, from_s)]
 }
 
-fn judged(courses: &[Course], from_s: f64) -> Lifts {
+fn judged(courses: &mut [Course], from_s: f64) -> Lifts {
     let mut all = Lifts::default();
     for course in courses {
         course.judge(from_s, &mut all);
@@ -226,15 +255,13 @@ mod tests {
 
     /// A load that is `part` in each of the intervals and 1 elsewhere, for 20 s.
     fn course(light: &[(f64, f64, f64)]) -> Course {
-        let loads = (0..2000).map(|k| {
+        let mut course = Course::new("FL");
+        for k in 0..2000 {
             let at_s = f64::from(k) * 0.01;
             let within = |(from_s, to_s, _): &&(f64, f64, f64)| (*from_s..*to_s).contains(&at_s);
-            (at_s, light.iter().find(within).map_or(1.0, |light| light.2))
-        });
-        Course {
-            loads: loads.collect(),
-            ..Course::new("FL")
+            course.push(at_s, light.iter().find(within).map_or(1.0, |light| light.2));
         }
+        course
     }
 
     #[test]
@@ -247,7 +274,7 @@ mod tests {
         ]);
         wheel.lift(7.0);
         wheel.touch_down(8.5);
-        let found = judged(&[wheel], 2.0);
+        let found = judged(&mut [wheel], 2.0);
         let lifts: Vec<_> = (found.lifts.iter())
             .map(|lift| (lift.at_s, lift.declared_after_s))
             .collect();
@@ -265,7 +292,7 @@ mod tests {
             wheel.lift(at_s);
         }
         wheel.warnings = vec![3.5, 5.5, 8.5];
-        let found = judged(&[wheel], 2.0);
+        let found = judged(&mut [wheel], 2.0);
         assert_eq!((found.declared, found.false_lifts), (4, 2));
         assert_eq!((found.warnings, found.false_warnings), (3, 1));
     }

@@ -1,15 +1,16 @@
 //! The road against the heights of the ground in the truth.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use estimator::Tuning;
 use estimator::road::{RoadStatistics, Section};
 use model::vehicle::Vehicle;
-use sample::{LogTime, Road, RoadRoughness, RoadUnknown, Wheel};
+use sample::{Estimate, LogTime, Road, RoadRoughness, RoadUnknown, Wheel};
 use serde_json::{Value, json};
-use store::{Reader, Record, Selection, Stage};
+use store::Stage;
 
-use super::{INTERVAL_S, ScoreError};
+use super::INTERVAL_S;
+use super::pass::WAITING_MAX;
 
 /// Corner of the high-pass that estimate and truth pass forward and backward, Hz.
 const HIGH_PASS_HZ: f64 = 0.5;
@@ -69,124 +70,210 @@ pub struct Roads {
 /// Heights and speed of the truth.
 struct Truth {
     height_m: [f64; 4],
-    speed_m_s: f64,
+    /// The road of the true heights.
+    road: Road,
 }
 
-/// Scores the road of a log without its first `from_s` seconds; `None` where the truth has no heights or the
-/// log no road.
-pub(super) fn find(
-    reader: &Reader,
-    start: LogTime,
-    from_s: f64,
-    vehicle: &Vehicle,
-) -> Result<Option<Roads>, ScoreError> {
-    let (truth, stated_class) = truth(reader)?;
-    if truth.is_empty() {
-        return Ok(None);
+/// The road so far.
+pub(super) struct Ground<'a> {
+    vehicle: &'a Vehicle,
+    from: LogTime,
+    /// Speeds and heights of the truth that wait for each other.
+    speeds: BTreeMap<LogTime, f64>,
+    heights: BTreeMap<LogTime, [f64; 4]>,
+    statistics: RoadStatistics,
+    is_known: bool,
+    /// The last instants of the truth.
+    truth: BTreeMap<LogTime, Truth>,
+    stated_class: Option<String>,
+    outputs: [Output; 2],
+    unknown: BTreeMap<&'static str, usize>,
+}
+
+impl<'a> Ground<'a> {
+    pub fn new(vehicle: &'a Vehicle) -> Self {
+        Self {
+            vehicle,
+            from: LogTime(u64::MAX),
+            speeds: BTreeMap::new(),
+            heights: BTreeMap::new(),
+            statistics: RoadStatistics::new(&Tuning::default().road),
+            is_known: false,
+            truth: BTreeMap::new(),
+            stated_class: None,
+            outputs: [Stage::Estimate, Stage::Lagged].map(Output::new),
+            unknown: BTreeMap::new(),
+        }
     }
-    let mut unknown = BTreeMap::new();
-    let mut all = Vec::new();
-    for stage in [Stage::Estimate, Stage::Lagged] {
-        let roads = roads(reader, stage, start.offset_seconds(from_s))?;
-        if stage == Stage::Estimate {
-            for why in roads.iter().filter_map(|road| road.unknown) {
-                *unknown.entry(why.name()).or_insert(0) += 1;
+
+    /// Takes an instant of the truth; roads are compared from `from` on.
+    pub fn push_truth(&mut self, truth: &Estimate, from: LogTime) {
+        self.from = from;
+        keep(
+            &mut self.speeds,
+            truth.time,
+            truth.motion.velocity_x_m_s.abs(),
+        );
+        self.join(truth.time);
+        self.compare(false);
+    }
+
+    /// Takes the ground of an instant of the truth.
+    pub fn push_ground(&mut self, time: LogTime, ground: store::Ground) {
+        let height = |wheel| ground.wheels[wheel].ground_height_m;
+        let heights = Wheel::ALL.map(|wheel| height(wheel).unwrap_or(f64::NAN));
+        self.stated_class = ground.road_class;
+        if heights.iter().all(|h| h.is_finite()) {
+            keep(&mut self.heights, time, heights);
+            self.join(time);
+        }
+    }
+
+    /// Takes a road of the estimator.
+    pub fn push_road(&mut self, stage: Stage, road: Road) {
+        if let Some(output) = self.outputs.iter_mut().find(|output| output.stage == stage) {
+            output.waiting.push_back(road);
+        }
+    }
+
+    /// Joins speed and heights of an instant.
+    fn join(&mut self, time: LogTime) {
+        let (Some(speed_m_s), Some(height_m)) = (self.speeds.get(&time), self.heights.get(&time))
+        else {
+            return;
+        };
+        let (speed_m_s, height_m) = (*speed_m_s, *height_m);
+        let known = speed_m_s >= Tuning::default().road.speed_min_m_s;
+        self.statistics
+            .step(INTERVAL_S, speed_m_s, known.then_some(&height_m));
+        let blank = Road {
+            unknown: None,
+            ..Road::unknown(time, RoadUnknown::Settling)
+        };
+        let road = self.statistics.complete(blank, speed_m_s);
+        keep(&mut self.truth, time, Truth { height_m, road });
+        self.is_known = true;
+    }
+
+    /// Compares the roads up to the last instant of the truth, or all.
+    fn compare(&mut self, all: bool) {
+        let last = self.truth.keys().next_back().copied().unwrap_or_default();
+        for output in &mut self.outputs {
+            let is_due = |road: &Road| road.time <= last || all;
+            while output.waiting.len() > WAITING_MAX || output.waiting.front().is_some_and(is_due) {
+                if let Some(road) = output.waiting.pop_front() {
+                    output.take(
+                        &road,
+                        self.from,
+                        &self.truth,
+                        self.vehicle,
+                        &mut self.unknown,
+                    );
+                }
             }
         }
-        if !roads.is_empty() {
-            all.push((stage.name(), roads));
+    }
+
+    /// The scores; `None` where the truth has no heights or the log no road.
+    pub fn finish(mut self, from: LogTime) -> Option<Roads> {
+        self.from = from;
+        self.compare(true);
+        let known = self.outputs.into_iter().filter(|output| output.count > 0);
+        let mut known: Vec<Output> = known.collect();
+        if !self.is_known {
+            return None;
         }
-    }
-    let Some((_, roads)) = all.last() else {
-        return Ok(None);
-    };
-    let roughness = roughness(&truth, roads, stated_class);
-    let outputs = all
-        .iter()
-        .map(|(output, roads)| of_output(output, roads, &truth, vehicle))
-        .collect();
-    Ok(Some(Roads {
-        outputs,
-        roughness,
-        unknown,
-    }))
-}
-
-type TruthByTime = BTreeMap<LogTime, Truth>;
-
-fn truth(reader: &Reader) -> Result<(TruthByTime, Option<String>), ScoreError> {
-    let mut speeds = BTreeMap::new();
-    for state in reader.truth() {
-        let state = state?;
-        speeds.insert(state.time, state.motion.velocity_x_m_s.abs());
-    }
-    let mut truth = BTreeMap::new();
-    let mut class = None;
-    for message in reader.messages(Selection::topics(["/truth/ground"])) {
-        if let Some(Record::Ground { time, ground }) = message?.record()? {
-            let height = |wheel| ground.wheels[wheel].ground_height_m;
-            let heights = Wheel::ALL.map(|wheel| height(wheel).unwrap_or(f64::NAN));
-            class = ground.road_class;
-            if let Some(speed_m_s) = speeds.get(&time)
-                && heights.iter().all(|h| h.is_finite())
-            {
-                truth.insert(
-                    time,
-                    Truth {
-                        height_m: heights,
-                        speed_m_s: *speed_m_s,
-                    },
-                );
-            }
-        }
-    }
-    Ok((truth, class))
-}
-
-fn roads(reader: &Reader, stage: Stage, from: LogTime) -> Result<Vec<Road>, ScoreError> {
-    let topic = format!("/{}/road", stage.name());
-    let mut roads = Vec::new();
-    for message in reader.messages(Selection::topics([topic])) {
-        if let Some(Record::Road { road, .. }) = message?.record()?
-            && road.time >= from
-        {
-            roads.push(road);
-        }
-    }
-    Ok(roads)
-}
-
-fn of_output(
-    output: &'static str,
-    roads: &[Road],
-    truth: &TruthByTime,
-    vehicle: &Vehicle,
-) -> RoadScore {
-    let worst = Wheel::ALL.map(|wheel| {
-        let i = wheel.index();
-        above(roads, truth, |road, truth| {
-            let found = road.height_m[wheel];
-            [found, truth.height_m[i], road.height_sigma_m[wheel]]
+        let roughness = known.last_mut()?.roughness.finish(self.stated_class);
+        Some(Roads {
+            outputs: known.into_iter().map(Output::finish).collect(),
+            roughness,
+            unknown: self.unknown,
         })
-    });
-    let height = worst.into_iter().max_by(|a, b| a.rms.total_cmp(&b.rms));
-    let places = Wheel::ALL.map(|wheel| vehicle.wheel_place_m(wheel));
-    let plane = [0, 1, 2].map(|part| {
-        errors(roads.iter().filter_map(|road| {
-            let truth = plane(&truth.get(&road.time)?.height_m, &places)[part];
-            let p = &road.plane;
-            let [found, sigma] = [
-                [p.bank_rad, p.bank_sigma_rad],
-                [p.grade_rad, p.grade_sigma_rad],
-                [p.warp_m, p.warp_sigma_m],
-            ][part];
-            Some([found - truth, truth, sigma])
-        }))
-    });
-    RoadScore {
-        output,
-        height: height.unwrap_or_default(),
-        plane,
+    }
+}
+
+/// Keeps a value beside the last ones.
+fn keep<T>(all: &mut BTreeMap<LogTime, T>, time: LogTime, value: T) {
+    all.insert(time, value);
+    if all.len() > WAITING_MAX {
+        all.pop_first();
+    }
+}
+
+/// The road of one output so far.
+struct Output {
+    stage: Stage,
+    /// Roads whose truth was not read yet.
+    waiting: VecDeque<Road>,
+    count: usize,
+    heights: [HighPassed; 4],
+    plane: [Errors; 3],
+    roughness: RoughnessSums,
+}
+
+impl Output {
+    fn new(stage: Stage) -> Self {
+        Self {
+            stage,
+            waiting: VecDeque::new(),
+            count: 0,
+            heights: Default::default(),
+            plane: Default::default(),
+            roughness: RoughnessSums::default(),
+        }
+    }
+
+    fn take(
+        &mut self,
+        road: &Road,
+        from: LogTime,
+        truth: &BTreeMap<LogTime, Truth>,
+        vehicle: &Vehicle,
+        unknown: &mut BTreeMap<&'static str, usize>,
+    ) {
+        if road.time < from {
+            return;
+        }
+        self.count += 1;
+        if self.stage == Stage::Estimate
+            && let Some(why) = road.unknown
+        {
+            *unknown.entry(why.name()).or_insert(0) += 1;
+        }
+        let Some(truth) = truth.get(&road.time) else {
+            return;
+        };
+        for (wheel, errors) in Wheel::ALL.into_iter().zip(&mut self.heights) {
+            let found = road.height_m[wheel];
+            let truth_m = truth.height_m[wheel.index()];
+            errors.push(
+                road.time,
+                [found - truth_m, truth_m, road.height_sigma_m[wheel]],
+            );
+        }
+        let places = Wheel::ALL.map(|wheel| vehicle.wheel_place_m(wheel));
+        let of_truth = plane(&truth.height_m, &places);
+        let p = &road.plane;
+        let found = [
+            [p.bank_rad, p.bank_sigma_rad],
+            [p.grade_rad, p.grade_sigma_rad],
+            [p.warp_m, p.warp_sigma_m],
+        ];
+        for ((errors, [found, sigma]), truth) in self.plane.iter_mut().zip(found).zip(of_truth) {
+            errors.add([found - truth, truth, sigma]);
+        }
+        self.roughness.add(road, &truth.road);
+    }
+
+    fn finish(self) -> RoadScore {
+        let worst = self.heights.map(HighPassed::finish).into_iter();
+        RoadScore {
+            output: self.stage.name(),
+            height: worst
+                .max_by(|a, b| a.rms.total_cmp(&b.rms))
+                .unwrap_or_default(),
+            plane: self.plane.map(Errors::means),
+        }
     }
 }
 
@@ -200,109 +287,145 @@ fn plane(height_m: &[f64; 4], places: &[[f64; 2]; 4]) -> [f64; 3] {
     [math::atan(left), -math::atan(ahead), fl - fr - rl + rr]
 }
 
-/// Errors of [error, truth, sigma].
-fn errors(values: impl Iterator<Item = [f64; 3]>) -> Errors {
-    let mut all = Errors::default();
-    for [error, truth, sigma] in values.filter(|all| all.iter().all(|v| v.is_finite())) {
-        all.count += 1;
-        all.rms += error * error;
-        all.truth_rms += truth * truth;
-        all.nees += error * error / (sigma * sigma);
+impl Errors {
+    /// Adds the squares of [error, truth, sigma], which are sums until [`Errors::means`].
+    fn add(&mut self, [error, truth, sigma]: [f64; 3]) {
+        if [error, truth, sigma].iter().all(|v| v.is_finite()) {
+            self.count += 1;
+            self.rms += error * error;
+            self.truth_rms += truth * truth;
+            self.nees += error * error / (sigma * sigma);
+        }
     }
-    let count = all.count.max(1) as f64;
-    Errors {
-        count: all.count,
-        rms: (all.rms / count).sqrt(),
-        truth_rms: (all.truth_rms / count).sqrt(),
-        nees: all.nees / count,
+
+    /// Root mean squares of the sums.
+    fn means(self) -> Self {
+        let count = self.count.max(1) as f64;
+        Self {
+            count: self.count,
+            rms: (self.rms / count).sqrt(),
+            truth_rms: (self.truth_rms / count).sqrt(),
+            nees: self.nees / count,
+        }
     }
 }
 
-/// Errors above the corner of the high-pass, of the parts without a gap. `pick` gives estimate, truth, sigma.
-fn above(roads: &[Road], truth: &TruthByTime, pick: impl Fn(&Road, &Truth) -> [f64; 3]) -> Errors {
-    let mut parts: Vec<Vec<[f64; 3]>> = vec![Vec::new()];
-    let mut before: Option<LogTime> = None;
-    for road in roads {
-        let values = truth.get(&road.time).map(|truth| pick(road, truth));
-        let Some(values) = values.filter(|all| all.iter().all(|v| v.is_finite())) else {
-            continue;
-        };
-        if before.is_some_and(|before| road.time.seconds_since(before) > 1.5 * INTERVAL_S) {
-            parts.push(Vec::new());
-        }
-        before = Some(road.time);
-        if let Some(part) = parts.last_mut() {
-            part.push(values);
-        }
-    }
-    let long = |part: &&Vec<[f64; 3]>| part.len() as f64 * INTERVAL_S >= PART_MIN_S;
-    errors(parts.iter().filter(long).flat_map(|part| {
-        let column = |value: fn(&[f64; 3]) -> f64| high_passed(part.iter().map(value).collect());
-        let error = column(|[found, truth, _]| found - truth);
-        let truth = column(|[_, truth, _]| *truth);
-        let both = error.into_iter().zip(truth).zip(part);
-        both.map(|((error, truth), [_, _, sigma])| [error, truth, *sigma])
-            .collect::<Vec<_>>()
-    }))
+/// Instants that are filtered backward together, and those after them, in which the backward filter
+/// settles: 20 s, after which 10^-19 of its state is left.
+const BACKWARD: [usize; 2] = [8192, 2048];
+
+/// Errors above [`HIGH_PASS_HZ`], of the parts without a gap: a Butterworth filter of second order,
+/// forward and backward.
+#[derive(Default)]
+struct HighPassed {
+    before: Option<LogTime>,
+    /// Values of the part so far.
+    length: usize,
+    /// First values of the part, and memories of the forward filter, of error and truth.
+    first: [f64; 2],
+    memory: [[f64; 2]; 2],
+    /// Values after the forward filter with their standard deviation.
+    forward: Vec<[f64; 3]>,
+    errors: Errors,
 }
 
-/// The values above [`HIGH_PASS_HZ`]: Butterworth of second order, forward and backward.
-fn high_passed(mut values: Vec<f64>) -> Vec<f64> {
-    let section = Section::new(HIGH_PASS_HZ * INTERVAL_S, true);
-    for _ in 0..2 {
-        let first = values.first().copied().unwrap_or_default();
-        let mut memory = [0.0; 2];
-        for value in &mut values {
-            *value = section.push(&mut memory, *value - first);
+impl HighPassed {
+    /// Takes error, truth and standard deviation of the next instant.
+    fn push(&mut self, time: LogTime, [error, truth, sigma]: [f64; 3]) {
+        if ![error, truth, sigma].iter().all(|v| v.is_finite()) {
+            return;
         }
-        values.reverse();
+        let gap_s = self.before.map(|before| time.seconds_since(before));
+        if gap_s.is_some_and(|gap_s| gap_s > 1.5 * INTERVAL_S) {
+            self.end_part();
+        }
+        self.before = Some(time);
+        if self.length == 0 {
+            self.first = [error, truth];
+            self.memory = Default::default();
+        }
+        self.length += 1;
+        let section = high_pass();
+        let error = section.push(&mut self.memory[0], error - self.first[0]);
+        let truth = section.push(&mut self.memory[1], truth - self.first[1]);
+        self.forward.push([error, truth, sigma]);
+        if self.forward.len() == BACKWARD[0] + BACKWARD[1] {
+            self.filter_backward(BACKWARD[0]);
+        }
     }
-    values
+
+    fn end_part(&mut self) {
+        if self.length as f64 * INTERVAL_S >= PART_MIN_S {
+            self.filter_backward(self.forward.len());
+        }
+        self.forward.clear();
+        self.length = 0;
+    }
+
+    /// Filters all values backward, and takes the first `done` of them.
+    fn filter_backward(&mut self, done: usize) {
+        let section = high_pass();
+        let last = self.forward.last().copied().unwrap_or_default();
+        let mut memory = [[0.0; 2]; 2];
+        let mut found = Vec::with_capacity(self.forward.len());
+        for [error, truth, sigma] in self.forward.iter().rev() {
+            let error = section.push(&mut memory[0], error - last[0]);
+            let truth = section.push(&mut memory[1], truth - last[1]);
+            found.push([error, truth, *sigma]);
+        }
+        for values in found.into_iter().rev().take(done) {
+            self.errors.add(values);
+        }
+        self.forward.drain(..done);
+    }
+
+    fn finish(mut self) -> Errors {
+        self.end_part();
+        self.errors.means()
+    }
 }
 
-fn roughness(truth: &TruthByTime, roads: &[Road], stated: Option<String>) -> RoughnessScore {
-    let mut statistics = RoadStatistics::new(&Tuning::default().road);
-    let mut of_truth = BTreeMap::new();
-    let speed_min = Tuning::default().road.speed_min_m_s;
-    for (time, truth) in truth {
-        let known = truth.speed_m_s >= speed_min;
-        statistics.step(
-            INTERVAL_S,
-            truth.speed_m_s,
-            known.then_some(&truth.height_m),
-        );
-        let blank = Road {
-            unknown: None,
-            ..Road::unknown(*time, RoadUnknown::Settling)
-        };
-        of_truth.insert(*time, statistics.complete(blank, truth.speed_m_s));
-    }
-    let (mut last, mut count, mut agrees, mut inside) = (None, 0_usize, 0_usize, 0_usize);
-    let (mut index, mut indexed) = ([0.0; 2], 0_usize);
-    for road in roads {
-        let Some(truth) = of_truth.get(&road.time) else {
-            continue;
-        };
+fn high_pass() -> Section {
+    Section::new(HIGH_PASS_HZ * INTERVAL_S, true)
+}
+
+/// Roughness and index so far.
+#[derive(Default)]
+struct RoughnessSums {
+    last: Option<[RoadRoughness; 2]>,
+    count: usize,
+    agrees: usize,
+    inside: usize,
+    index: [f64; 2],
+    indexed: usize,
+}
+
+impl RoughnessSums {
+    fn add(&mut self, road: &Road, truth: &Road) {
         if let (Some(found), Some(truth)) = (road.roughness, truth.roughness) {
-            count += 1;
-            agrees += usize::from(found.class() == truth.class());
+            self.count += 1;
+            self.agrees += usize::from(found.class() == truth.class());
             let [low, high] = found.bounds_m3;
-            inside += usize::from((low..=high).contains(&truth.gd_n0_m3));
-            last = Some([found, truth]);
+            self.inside += usize::from((low..=high).contains(&truth.gd_n0_m3));
+            self.last = Some([found, truth]);
         }
         let means = [road, truth].map(|road| 0.5 * (road.iri_m_km[0] + road.iri_m_km[1]));
         if means.iter().all(|mean| mean.is_finite()) {
-            indexed += 1;
-            index = [index[0] + means[0], index[1] + means[1]];
+            self.indexed += 1;
+            self.index = [self.index[0] + means[0], self.index[1] + means[1]];
         }
     }
-    let part = |some: usize| some as f64 / count.max(1) as f64;
-    RoughnessScore {
-        last,
-        class_agrees: part(agrees),
-        inside: part(inside),
-        iri_m_km: (indexed > 0).then(|| index.map(|sum| sum / indexed as f64)),
-        stated_class: stated,
+
+    fn finish(&self, stated_class: Option<String>) -> RoughnessScore {
+        let part = |some: usize| some as f64 / self.count.max(1) as f64;
+        let index = self.index.map(|sum| sum / self.indexed as f64);
+        RoughnessScore {
+            last: self.last,
+            class_agrees: part(self.agrees),
+            inside: part(self.inside),
+            iri_m_km: (self.indexed > 0).then_some(index),
+            stated_class,
+        }
     }
 }
 

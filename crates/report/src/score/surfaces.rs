@@ -1,9 +1,11 @@
 //! Changes of the surface in the truth, and what was declared of them.
 
+use std::collections::VecDeque;
+
 use sample::{Axle, Estimate, Event, EventKind, ForceFrame, LogTime, PerWheel, Wheel};
 use serde_json::{Value, json};
 
-use super::{TruthByTime, contact_load_n};
+use super::contact_load_n;
 
 /// Change of an axle's mean friction that is one of the surface, as a part of it.
 const CHANGED: f64 = 0.1;
@@ -99,65 +101,159 @@ impl Ground {
     }
 }
 
-/// Finds the changes of surface of a log's truth without its first `from_s` seconds; `None` where
-/// the truth does not tell the friction.
-pub(super) fn find(
-    truth: &TruthByTime,
-    friction: &[(LogTime, PerWheel<f64>)],
-    start: LogTime,
-    from_s: f64,
-    loads: &PerWheel<f64>,
-    events: &[Event],
-) -> Option<SurfaceChanges> {
-    let said: Vec<(Axle, f64, f64)> = events
-        .iter()
-        .filter_map(|event| match event.kind {
-            EventKind::SurfaceChange(axle, ratio) => {
-                Some((axle, event.time.seconds_since(start), ratio))
-            }
-            _ => None,
-        })
-        .collect();
-    let mut grounds = [Ground::default(), Ground::default()];
-    let mut changes = Vec::new();
-    for (time, coefficient) in friction {
-        let at_s = time.seconds_since(start);
-        for (axle, ground) in Axle::ALL.into_iter().zip(&mut grounds) {
-            let [left, right] = axle.wheels().map(|wheel| coefficient[wheel]);
-            let change = ground.take(at_s, 0.5 * (left + right));
-            changes.extend(change.map(|(at_s, ratio, lower)| Change {
-                axle,
-                at_s,
-                ratio,
-                lower,
-            }));
+/// The changes of the surface in the truth so far.
+#[derive(Default)]
+pub(super) struct Surfaces {
+    /// Friction coefficients that the truth of motion has not reached.
+    friction: VecDeque<(LogTime, PerWheel<f64>)>,
+    is_known: bool,
+    grounds: [Ground; 2],
+    changes: Vec<Change>,
+    /// The last instants of the truth.
+    recent: VecDeque<Instant>,
+}
+
+/// An instant of the truth.
+struct Instant {
+    at_s: f64,
+    is_loaded: PerWheel<bool>,
+    utilisation: PerWheel<f64>,
+}
+
+/// How long an instant is kept, s: longer than a change can become known after its begin, and than
+/// [`NEAR_S`].
+const KEPT_S: f64 = 2.0 * NEAR_S;
+
+impl Surfaces {
+    /// Takes the friction coefficients of an instant.
+    pub fn push_friction(&mut self, time: LogTime, coefficient: PerWheel<f64>) {
+        self.is_known = true;
+        self.friction.push_back((time, coefficient));
+    }
+
+    /// Takes the next instant of the truth.
+    pub fn push(&mut self, truth: &Estimate, start: LogTime, loads: &PerWheel<f64>) {
+        if !self.is_known {
+            return;
+        }
+        let at_s = truth.time.seconds_since(start);
+        self.recent.push_back(Instant {
+            at_s,
+            is_loaded: PerWheel::from_fn(|wheel| {
+                contact_load_n(truth, wheel) > LOADED * loads[wheel]
+            }),
+            utilisation: PerWheel::from_fn(|wheel| utilisation(truth, wheel)),
+        });
+        self.find_changes(start);
+        self.judge_changes(at_s - 1.5 * NEAR_S);
+        while self
+            .recent
+            .front()
+            .is_some_and(|old| old.at_s < at_s - KEPT_S)
+        {
+            self.recent.pop_front();
         }
     }
-    let detectable = detectable(truth, start, loads, &changes);
-    let of_it = |said: &(Axle, f64, f64), change: &Change| {
-        said.0 == change.axle && (0.0..NEAR_S).contains(&(said.1 - change.at_s))
-    };
-    let false_changes = said
-        .iter()
-        .filter(|said| said.1 >= from_s && !changes.iter().any(|change| of_it(said, change)))
-        .count();
-    let judged = |(change, detectable): (&Change, bool)| {
-        let first = said.iter().find(|said| of_it(said, change));
-        SurfaceChange {
-            axle: change.axle,
-            at_s: change.at_s,
-            friction_ratio: change.ratio,
-            detectable,
-            declared_after_s: first.map(|said| said.1 - change.at_s),
-            declared_force_ratio: first.map(|said| said.2),
+
+    /// Finds the changes in the friction that was read.
+    fn find_changes(&mut self, start: LogTime) {
+        for (time, coefficient) in self.friction.drain(..) {
+            let at_s = time.seconds_since(start);
+            for (axle, ground) in Axle::ALL.into_iter().zip(&mut self.grounds) {
+                let [left, right] = axle.wheels().map(|wheel| coefficient[wheel]);
+                let change = ground.take(at_s, 0.5 * (left + right));
+                self.changes
+                    .extend(change.map(|(at_s, ratio, lower)| Change {
+                        axle,
+                        at_s,
+                        ratio,
+                        lower,
+                        detectable: None,
+                    }));
+            }
         }
-    };
-    (!friction.is_empty()).then(|| SurfaceChanges {
-        changes: (changes.iter().zip(detectable).map(judged))
-            .filter(|change| change.at_s >= from_s)
-            .collect(),
-        false_changes,
-    })
+    }
+
+    /// Judges the changes before `until_s`, after which the next change of the axle is known.
+    fn judge_changes(&mut self, until_s: f64) {
+        for place in 0..self.changes.len() {
+            let change = &self.changes[place];
+            if change.detectable.is_some() || change.at_s > until_s {
+                continue;
+            }
+            let mut later = self.changes[place + 1..].iter();
+            let next = later.find(|other| other.axle == change.axle);
+            let next_s = next.map_or(f64::INFINITY, |next| next.at_s);
+            let end_s = next_s.min(change.at_s + NEAR_S);
+            self.changes[place].detectable = Some(self.is_detectable(change, end_s));
+        }
+    }
+
+    /// Whether a loaded wheel of the axle used enough of the lower friction before `end_s`.
+    fn is_detectable(&self, change: &Change, end_s: f64) -> bool {
+        change.axle.wheels().into_iter().any(|wheel| {
+            let mut since_s = None;
+            let mut within = self.recent.iter();
+            within.any(|truth| {
+                if !(change.at_s..end_s).contains(&truth.at_s) {
+                    return false;
+                }
+                if truth.is_loaded[wheel] && truth.utilisation[wheel] > USED * change.lower {
+                    let since_s: f64 = *since_s.get_or_insert(truth.at_s);
+                    truth.at_s - since_s >= USED_MIN_S - 1e-9
+                } else {
+                    since_s = None;
+                    false
+                }
+            })
+        })
+    }
+
+    /// Compares the changes with the events, without the first `from_s` seconds; `None` where the truth
+    /// does not tell the friction.
+    pub fn finish(
+        mut self,
+        start: LogTime,
+        from_s: f64,
+        events: &[Event],
+    ) -> Option<SurfaceChanges> {
+        self.find_changes(start);
+        self.judge_changes(f64::INFINITY);
+        let told: Vec<(Axle, f64, f64)> = events
+            .iter()
+            .filter_map(|event| match event.kind {
+                EventKind::SurfaceChange(axle, ratio) => {
+                    Some((axle, event.time.seconds_since(start), ratio))
+                }
+                _ => None,
+            })
+            .collect();
+        let changes = &self.changes;
+        let of_it = |told: &(Axle, f64, f64), change: &Change| {
+            told.0 == change.axle && (0.0..NEAR_S).contains(&(told.1 - change.at_s))
+        };
+        let false_changes = told
+            .iter()
+            .filter(|told| told.1 >= from_s && !changes.iter().any(|change| of_it(told, change)))
+            .count();
+        let judged = |change: &Change| {
+            let first = told.iter().find(|told| of_it(told, change));
+            SurfaceChange {
+                axle: change.axle,
+                at_s: change.at_s,
+                friction_ratio: change.ratio,
+                detectable: change.detectable.unwrap_or(false),
+                declared_after_s: first.map(|told| told.1 - change.at_s),
+                declared_force_ratio: first.map(|told| told.2),
+            }
+        };
+        self.is_known.then(|| SurfaceChanges {
+            changes: (changes.iter().map(judged))
+                .filter(|change| change.at_s >= from_s)
+                .collect(),
+            false_changes,
+        })
+    }
 }
 
 /// A change of the surface under an axle.
@@ -168,47 +264,8 @@ struct Change {
     ratio: f64,
     /// The lower of the two.
     lower: f64,
-}
-
-/// For each change whether a loaded wheel of the axle used enough of the lower friction.
-fn detectable(
-    truth: &TruthByTime,
-    start: LogTime,
-    loads: &PerWheel<f64>,
-    changes: &[Change],
-) -> Vec<bool> {
-    let mut found = vec![false; changes.len()];
-    // Since when each wheel of a change's axle has used enough.
-    let mut since = vec![[None; 2]; changes.len()];
-    let next_s = |change: &Change| {
-        let mut later = changes.iter().filter(|other| other.axle == change.axle);
-        let next = later.find(|other| other.at_s > change.at_s);
-        next.map_or(f64::INFINITY, |next| next.at_s)
-    };
-    let ends: Vec<f64> = (changes.iter())
-        .map(|change| next_s(change).min(change.at_s + NEAR_S))
-        .collect();
-    if changes.is_empty() {
-        return found;
-    }
-    for truth in truth.values() {
-        let at_s = truth.time.seconds_since(start);
-        for (i, change) in changes.iter().enumerate() {
-            if !(change.at_s..ends[i]).contains(&at_s) {
-                continue;
-            }
-            for (wheel, since) in change.axle.wheels().into_iter().zip(&mut since[i]) {
-                let is_loaded = contact_load_n(truth, wheel) > LOADED * loads[wheel];
-                if is_loaded && utilisation(truth, wheel) > USED * change.lower {
-                    let since_s: f64 = *since.get_or_insert(at_s);
-                    found[i] |= at_s - since_s >= USED_MIN_S - 1e-9;
-                } else {
-                    *since = None;
-                }
-            }
-        }
-    }
-    found
+    /// Whether the tyres used enough of it, once that is known.
+    detectable: Option<bool>,
 }
 
 /// Force along the ground over the load, contact frame.

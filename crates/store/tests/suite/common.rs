@@ -201,7 +201,7 @@ pub fn records(time: LogTime) -> Vec<Record> {
             stage: Stage::Estimate,
             road: road(time),
         },
-        Record::Parameters(parameters(time)),
+        Record::Parameters(Box::new(parameters(time))),
         Record::Health(health(time)),
         Record::ClockFit(ClockFit {
             source: SourceId(3),

@@ -44,7 +44,7 @@ fn files_rotate_without_a_gap_and_explain_themselves() {
         Recorder::start(directory.path(), "run", session(), options).expect("a recorder");
     let written = arrivals(21, 4_000);
     push_all(&recorder, &written);
-    recorder.record(Record::Estimate(estimate(START)));
+    recorder.record(Record::Estimate(Box::new(estimate(START))));
     let summary = recorder.finish().expect("finished");
     let paths = paths(&summary);
     assert!(paths.len() >= 4, "{paths:?}");
@@ -595,7 +595,7 @@ fn decoded_records_are_in_the_log_too() {
     let recorder =
         Recorder::start(directory.path(), "run", session(), Options::default()).expect("started");
     for n in 0..200 {
-        assert!(recorder.record(Record::Estimate(estimate(START + n * 10_000_000))));
+        assert!(recorder.record(Record::Estimate(Box::new(estimate(START + n * 10_000_000)))));
     }
     let summary = recorder.finish().expect("finished");
     let reader = Reader::open(paths(&summary)).expect("a log");

@@ -38,7 +38,7 @@ fn log_of(written: &[Arrival], records: &[Record]) -> Vec<u8> {
     }
     for arrival in written {
         if arrival.sequence % 16 == 15 {
-            writer.record(&Record::Estimate(estimate(arrival.log_time)));
+            writer.record(&Record::Estimate(Box::new(estimate(arrival.log_time))));
         }
         writer.push(arrival.clone()).expect("a vector");
     }
@@ -161,7 +161,7 @@ fn messages_of_a_chunk_that_is_cut_are_saved_unchecked_only() {
     };
     let mut writer = LogWriter::new(Vec::new(), session(), options, 0).expect("a vector");
     for n in 0..4_000 {
-        writer.record(&Record::Estimate(estimate(START + n)));
+        writer.record(&Record::Estimate(Box::new(estimate(START + n))));
     }
     let bytes = writer.finish(&BTreeMap::new()).expect("a vector");
     let summary = mcap::Summary::read(&bytes).expect("good").expect("there");

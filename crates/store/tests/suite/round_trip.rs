@@ -60,7 +60,12 @@ fn every_record_comes_back() {
 #[test]
 fn estimates_are_put_together_again() {
     let written: Vec<_> = (0..300).map(|n| estimate(START + n * 10_000_000)).collect();
-    let records: Vec<_> = written.iter().cloned().map(Record::Estimate).collect();
+    let records: Vec<_> = written
+        .iter()
+        .cloned()
+        .map(Box::new)
+        .map(Record::Estimate)
+        .collect();
     let (_directory, reader) = on_disk(&write(&[], &records, &Options::default()));
     let read: Vec<_> = reader
         .estimates()
@@ -101,7 +106,7 @@ fn a_log_explains_itself() {
 fn schemas_and_metadata_are_documented() {
     let contract = include_str!("../../../../docs/log.md");
     let mut records = records(START);
-    records.push(Record::Estimate(estimate(START)));
+    records.push(Record::Estimate(Box::new(estimate(START))));
     let (_directory, reader) = on_disk(&write(&arrivals(8, 500), &records, &Options::default()));
     let info = reader.info();
     for (topic, (schema, _)) in &info.channels {
@@ -196,7 +201,7 @@ fn minus_zero_loses_its_sign_and_nan_keeps_its_bits() {
             values: vec![signal(-0.0)],
         }),
     });
-    let records = [Record::Estimate(written), control];
+    let records = [Record::Estimate(Box::new(written)), control];
     let (_directory, reader) = on_disk(&write(&[], &records, &Options::default()));
     let read = reader.estimates().next().expect("one").expect("readable");
     assert_eq!(read.motion.velocity_y_m_s.to_bits(), 0.0_f64.to_bits());

@@ -94,7 +94,7 @@ impl TruthPoint {
             force_n: [0, 1, 2].map(|axis| get(Truth::Force(wheel, axis))),
             ..TyreForce::default()
         });
-        Record::Truth {
+        Record::Truth(Box::new(store::Truth {
             time: self.time,
             motion,
             carrier: Some(forces),
@@ -102,7 +102,7 @@ impl TruthPoint {
             ground: None,
             pose: None,
             friction: None,
-        }
+        }))
     }
 }
 
@@ -120,14 +120,10 @@ mod tests {
         let points = reference.on_grid();
         let found: Vec<u64> = points.iter().map(|p| p.time.0 / 1_000_000).collect();
         assert_eq!(found, [10, 20, 30, 40, 600, 610, 620]);
-        let Record::Truth {
-            motion,
-            carrier: Some(forces),
-            ..
-        } = points[0].record()
-        else {
+        let Record::Truth(truth) = points[0].record() else {
             panic!("a truth");
         };
+        let (motion, forces) = (truth.motion, truth.carrier.expect("forces"));
         assert!((motion.sideslip_rad - 1.0).abs() < 1e-12);
         assert!(motion.roll_rad.is_nan() && forces[Wheel::FrontLeft].force_n[2].is_nan());
     }

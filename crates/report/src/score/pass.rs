@@ -1,0 +1,234 @@
+//! The pass over a log that scores it: estimates are compared with the truth part by part.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::rc::Rc;
+
+use model::vehicle::Vehicle;
+use sample::{Estimate, Event, LogTime, PerWheel};
+use store::{EstimateJoiner, Reader, Record, Selection, Stage};
+
+use super::forces::{ForceScore, Forces};
+use super::innovations::{self, Judged};
+use super::lifts::Courses;
+use super::road::Ground;
+use super::signals::Signals;
+use super::surfaces::Surfaces;
+use super::{
+    INTERVAL_S, PART_PAIRS, Pairs, SETTLING_S, Score, ScoreError, channels, counts, static_loads,
+};
+
+/// Instants that wait for their counterpart at most: 41 s at 100 Hz.
+pub(super) const WAITING_MAX: usize = 4096;
+
+/// What was read so far.
+pub(super) struct Pass<'a> {
+    stage: Stage,
+    from_s: f64,
+    loads: PerWheel<f64>,
+    start: Option<LogTime>,
+    /// The last instants of the truth.
+    truth: BTreeMap<LogTime, Rc<Estimate>>,
+    /// Of the stage, and of the estimates with a lag.
+    outputs: [Output; 2],
+    signals: Signals,
+    /// Number of instants of the stage that were compared.
+    count: usize,
+    courses: Courses,
+    surfaces: Surfaces,
+    ground: Ground<'a>,
+    events: Vec<Event>,
+    reports: Vec<Judged>,
+}
+
+/// An output of the estimator.
+struct Output {
+    /// Estimates whose truth was not read yet.
+    waiting: VecDeque<Estimate>,
+    pairs: Pairs,
+    forces: Forces,
+}
+
+impl Output {
+    fn new() -> Self {
+        Self {
+            waiting: VecDeque::new(),
+            pairs: Vec::new(),
+            forces: Forces::default(),
+        }
+    }
+
+    /// Pairs the estimates whose truth is known, and leaves out those that have none.
+    fn pair(&mut self, truth: &BTreeMap<LogTime, Rc<Estimate>>, from: LogTime) {
+        while let Some(first) = self.waiting.front() {
+            let found = truth.get(&first.time);
+            if found.is_none() && self.waiting.len() <= WAITING_MAX {
+                let last = truth.keys().next_back();
+                if last.is_none_or(|last| *last < first.time) {
+                    return;
+                }
+            }
+            if let (Some(estimate), Some(truth)) = (self.waiting.pop_front(), found)
+                && estimate.time >= from
+            {
+                self.pairs.push((estimate, Rc::clone(truth)));
+            }
+        }
+    }
+}
+
+impl<'a> Pass<'a> {
+    pub fn new(vehicle: &'a Vehicle, stage: Stage, from_s: f64) -> Self {
+        Self {
+            stage,
+            from_s,
+            loads: static_loads(vehicle),
+            start: None,
+            truth: BTreeMap::new(),
+            outputs: [Output::new(), Output::new()],
+            signals: Signals::default(),
+            count: 0,
+            courses: Courses::default(),
+            surfaces: Surfaces::default(),
+            ground: Ground::new(vehicle),
+            events: Vec::new(),
+            reports: Vec::new(),
+        }
+    }
+
+    /// Reads the log. `progress` is called with the part of the log that was read, from 0 to 1.
+    pub fn read(
+        &mut self,
+        reader: &Reader,
+        progress: &mut dyn FnMut(f64) -> Result<(), ScoreError>,
+    ) -> Result<(), ScoreError> {
+        let bytes: u64 = reader.info().files.iter().map(|(_, bytes)| bytes).sum();
+        let mut messages = reader.messages(Selection::topics(topics(self.stage)));
+        let mut joiners = [Stage::Truth, self.stage, Stage::Lagged].map(EstimateJoiner::new);
+        let mut count = 0_u32;
+        while let Some(message) = messages.next_ref() {
+            if let Some(record) = message?.record()? {
+                for (of, joiner) in joiners.iter_mut().enumerate() {
+                    if let Some(done) = joiner.push(&record) {
+                        self.add(of, done);
+                    }
+                }
+                self.take(record);
+            }
+            count += 1;
+            if count.is_multiple_of(1024) {
+                progress(messages.bytes_done() as f64 / bytes.max(1) as f64)?;
+            }
+        }
+        for (of, joiner) in joiners.into_iter().enumerate() {
+            if let Some(done) = joiner.finish() {
+                self.add(of, done);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes an instant of the truth (0), of the stage (1) or of the estimates with a lag (2).
+    fn add(&mut self, of: usize, estimate: Estimate) {
+        if of > 0 {
+            self.outputs[of - 1].waiting.push_back(estimate);
+            if self.outputs[of - 1].waiting.len() > WAITING_MAX {
+                self.pair();
+            }
+            return;
+        }
+        let start = *self.start.get_or_insert(estimate.time);
+        self.courses.push(&estimate, start, &self.loads);
+        self.surfaces.push(&estimate, start, &self.loads);
+        self.ground
+            .push_truth(&estimate, start.offset_seconds(self.from_s));
+        self.truth.insert(estimate.time, Rc::new(estimate));
+        if self.truth.len() > WAITING_MAX {
+            self.truth.pop_first();
+        }
+        self.pair();
+    }
+
+    fn pair(&mut self) {
+        let Some(start) = self.start else {
+            return;
+        };
+        let from = start.offset_seconds(self.from_s);
+        for output in 0..self.outputs.len() {
+            self.outputs[output].pair(&self.truth, from);
+            if self.outputs[output].pairs.len() >= PART_PAIRS {
+                self.compare(output);
+            }
+        }
+    }
+
+    /// Compares the pairs of an output.
+    fn compare(&mut self, output: usize) {
+        let Output { pairs, forces, .. } = &mut self.outputs[output];
+        forces.push(pairs);
+        if output == 0 {
+            self.count += pairs.len();
+            self.signals.push(pairs);
+        }
+        pairs.clear();
+    }
+
+    fn take(&mut self, record: Record) {
+        match record {
+            Record::Event(event) => self.events.push(event),
+            Record::Parameters(parameters) => self.reports.push(Judged::new(&parameters)),
+            Record::Friction { time, coefficient } => {
+                self.surfaces.push_friction(time, coefficient)
+            }
+            Record::Road { stage, road, .. } => self.ground.push_road(stage, road),
+            Record::Ground { time, ground } => self.ground.push_ground(time, ground),
+            _ => {}
+        }
+    }
+
+    pub fn finish(mut self, reader: &Reader) -> Result<Score, ScoreError> {
+        let start = self.start.ok_or(ScoreError::NoTruth)?;
+        for output in 0..self.outputs.len() {
+            // What waits has no truth: the last truth was read.
+            self.outputs[output].pair(&self.truth, start.offset_seconds(self.from_s));
+            self.compare(output);
+        }
+        if self.count == 0 {
+            return Err(ScoreError::NoPair("truth"));
+        }
+        let from_s = if self.from_s > SETTLING_S {
+            self.from_s
+        } else {
+            0.0
+        };
+        let [own, lagged] = self.outputs;
+        let mut forces: Vec<ForceScore> = own.forces.finish(self.stage.name(), &self.loads);
+        forces.extend(lagged.forces.finish(Stage::Lagged.name(), &self.loads));
+        let [lifts, two_wheel_lifts] = self.courses.finish(start, from_s, &self.events);
+        let injected = reader.session().injected_faults.as_ref();
+        Ok(Score {
+            seconds: self.count as f64 * INTERVAL_S,
+            signals: self.signals.finish(&self.loads),
+            forces,
+            innovations: innovations::judged(&self.reports, self.from_s),
+            lifts,
+            two_wheel_lifts,
+            surface_changes: self.surfaces.finish(start, from_s, &self.events),
+            road: self.ground.finish(start.offset_seconds(self.from_s)),
+            channels: injected
+                .map(|injected| channels::find(injected, start, from_s, &self.events)),
+            events: counts(&self.events, start.offset_seconds(from_s)),
+        })
+    }
+}
+
+/// The topics that a score needs.
+fn topics(stage: Stage) -> Vec<String> {
+    let mut topics: Vec<String> = ["/truth/*", "/lagged/*", "/estimate/*"]
+        .map(str::to_owned)
+        .into();
+    topics.push(match stage {
+        Stage::Estimate => "/model/tyre_forces".to_owned(),
+        stage => format!("/{}/*", stage.name()),
+    });
+    topics
+}
