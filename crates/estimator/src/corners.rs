@@ -414,7 +414,11 @@ impl Corners {
         let compression = PerWheel(std::array::from_fn(|i| {
             load_n[i] / self.linkages[i].tyre_stiffness_n_m
         }));
-        let weight = PerWheel(load_n.map(|load| f64::from(load > self.tuning.contact_n)));
+        // On twisted ground the plane through four contacts and that through three differ: a wheel that lifts
+        // leaves it gradually.
+        let [least_n, full_n] = self.tuning.contact_n;
+        let part = |load: f64| ((load - least_n) / (full_n - least_n)).clamp(0.0, 1.0);
+        let weight = PerWheel(load_n.map(part));
         let plane = known.then(|| ground_plane(&poses, &radius, &compression, &weight));
         let plane = plane.flatten();
         if let Some(plane) = &plane {
@@ -424,8 +428,13 @@ impl Corners {
         self.turn_over_ground = seen
             .zip(self.seen)
             .map(|(now, before)| turn_from_normals(before, now, motion.rate_rad_s.z, dt));
+        let kept = if self.seen.is_some() {
+            math::exp(-dt / self.tuning.normal_time_s)
+        } else {
+            0.0
+        };
         self.seen = seen;
-        self.normal = seen.unwrap_or(self.normal);
+        self.normal = seen.map_or(self.normal, |seen| seen.lerp(&self.normal, kept));
         if self.normal.z < 0.3 || !self.normal.iter().all(|n| n.is_finite()) {
             self.normal = Vector3::z();
         }

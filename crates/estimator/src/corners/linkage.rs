@@ -139,7 +139,7 @@ impl Linkage {
             self.on_path(body, &frame, [rate, rack[0], rack[1]], spin)?
         } else {
             let mut motion = CornerMotion::on_body(&self.corner, pose, body, rate, rack);
-            if load_n > self.tuning.contact_n {
+            if load_n > self.tuning.contact_n[0] {
                 motion = motion.on_ground(&self.corner, pose, normal, gravity);
             }
             motion.spin_rad_s = spin;

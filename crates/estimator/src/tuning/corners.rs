@@ -5,8 +5,12 @@ use super::tuning;
 tuning! {
     /// Position of the linkages, the ground's normal and the contact frames (`corners.rs`).
     CornerTuning {
-        /// Load under which a wheel's contact point does not define the ground.
-        contact_n: f64 = 60.0, "N";
+        /// Load under which a wheel's contact point does not define the ground, and from which it defines it
+        /// fully.
+        contact_n: [f64; 2] = [60.0, 400.0], "N";
+        /// Time constant with which the ground's normal follows the plane through the contact points; the
+        /// gyros turn it meanwhile.
+        normal_time_s: f64 = 0.2, "s";
         /// Error of the strut model beside the error of its length: for the filtered length.
         strut_sigma_n: f64 = 8.0, "N";
         /// Largest standard deviation of the front wheels' heading that a workshop's zero of the
