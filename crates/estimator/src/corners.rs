@@ -428,7 +428,8 @@ impl Corners {
         self.turn_over_ground = seen
             .zip(self.seen)
             .map(|(now, before)| turn_from_normals(before, now, motion.rate_rad_s.z, dt));
-        let kept = if self.seen.is_some() {
+        // Without gyros nothing turns the normal between two planes.
+        let kept = if self.seen.is_some() && motion.inertial {
             math::exp(-dt / self.tuning.normal_time_s)
         } else {
             0.0
