@@ -576,6 +576,48 @@ mod tests {
         assert_eq!(widened.sigma_n[2], 5.0);
     }
 
+    /// On twisted ground the plane through three contact points is another one than that through four.
+    #[test]
+    fn a_wheel_that_lifts_on_twisted_ground_does_not_turn_the_normal_at_once() {
+        let mut corners = prowler();
+        let now = LogTime(1_000_000_000);
+        for (linkage, up_m) in corners.linkages.iter_mut().zip([0.1, -0.1, -0.1, 0.1]) {
+            linkage.pose.wheel_centre_m.z += up_m;
+            let length_m = linkage.pose.strut_length_m;
+            linkage.length.update(now, now, length_m);
+        }
+        let mut motion = MotionState {
+            earth_from_body: nalgebra::Rotation3::identity(),
+            velocity_m_s: Vector3::x(),
+            rate_rad_s: Vector3::zeros(),
+            rate_dot_rad_s2: Vector3::zeros(),
+            specific_force_m_s2: Vector3::z() * STANDARD_GRAVITY_M_S2,
+            specific_force_dot_m_s3: Vector3::zeros(),
+            sideslip_rad: 0.0,
+            sideslip_sigma_rad: 0.1,
+            inertial: true,
+            inertial_age_s: 0.0,
+        };
+        let on_all = [2000.0; 4];
+        let lifted = [0.0, 2000.0, 2000.0, 2000.0];
+        let turned_deg = |corners: &mut Corners, motion: &MotionState, load_n| {
+            let before = corners.normal;
+            corners.tilt(now, 0.01, motion, load_n);
+            before.angle(&corners.normal).to_degrees()
+        };
+        corners.tilt(now, 0.01, &motion, on_all);
+        let first = turned_deg(&mut corners, &motion, lifted);
+        assert!((0.05..1.0).contains(&first), "{first} degrees in one step");
+        let rest: f64 = (0..200)
+            .map(|_| turned_deg(&mut corners, &motion, lifted))
+            .sum();
+        assert!(rest > 5.0, "{rest} degrees in 2 s");
+        // Without gyros, nothing but the plane gives the normal.
+        motion.inertial = false;
+        let at_once = turned_deg(&mut corners, &motion, on_all);
+        assert!(at_once > 5.0, "{at_once} degrees");
+    }
+
     #[test]
     fn only_tyres_that_lean_unlike_each_other_feign_a_slope() {
         let corners = prowler();
