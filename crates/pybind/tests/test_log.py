@@ -173,8 +173,9 @@ def test_a_log_of_an_earlier_layout_has_the_columns_of_the_present_one(simulated
     for topic in earlier.topics:
         # The columns of /control/... have the names that a configuration gives them.
         if topic in present.topics and not topic.startswith("/control/"):
-            # Earlier logs do not count the messages that no decoder reads.
-            names = [n for n in present.read(topic) if not n.startswith("sources.undecoded.")]
+            # Earlier logs count neither late messages nor those that no decoder reads.
+            later = ("sources.undecoded.", "sources.late", "sources.too_late")
+            names = [n for n in present.read(topic) if not n.startswith(later)]
             assert list(earlier.read(topic)) == names, topic
     load = earlier.read("/estimate/contact_forces")["fl.z_n"]
     assert load.size == 400
