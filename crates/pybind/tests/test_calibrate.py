@@ -164,7 +164,7 @@ def test_the_load_rig_of_a_log_is_the_commands(program: str, tmp_path: Path) -> 
         for link, channel in corner["strain"].items():
             gain = found["calibration"]["corner"][key]["strain"][link]["gain_per_count"]
             # The command takes the readings by the time of their measurement, `read` by that of their arrival.
-            assert gain == pytest.approx(channel["gain_per_count"], rel=2e-4), (key, link)
+            assert gain == pytest.approx(channel["gain_per_count"], rel=1e-3), (key, link)
     assert len(found["counts_per_n"]) == 20
 
 
