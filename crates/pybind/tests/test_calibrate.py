@@ -163,7 +163,7 @@ def test_the_load_rig_of_a_log_is_the_commands(program: str, tmp_path: Path) -> 
     for key, corner in by_command["corner"].items():
         for link, channel in corner["strain"].items():
             gain = found["calibration"]["corner"][key]["strain"][link]["gain_per_count"]
-            # The command takes the readings by the time of their measurement, `read` by that of their arrival.
+            # The readings at the ends of an interval differ between the command and `read`.
             assert gain == pytest.approx(channel["gain_per_count"], rel=1e-3), (key, link)
     assert len(found["counts_per_n"]) == 20
 
