@@ -63,6 +63,13 @@ impl ForceNoise {
         self.pace = speed_m_s.abs().max(t.road_speed_min_m_s) / t.road_speed_m_s;
     }
 
+    /// Time constant of the rate at which the road presses a tyre, s.
+    pub fn road_time_s(&self) -> f64 {
+        let t = &self.tuning;
+        let [least, most] = t.road_time_s;
+        (t.road_length_m / (self.pace * t.road_speed_m_s)).clamp(least, most)
+    }
+
     /// Its mean over the wheels.
     pub fn mean_road(&self) -> f64 {
         self.pace * self.roughness()

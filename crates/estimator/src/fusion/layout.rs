@@ -1,7 +1,7 @@
 //! Indices of the states. Wheels in the order of [`sample::Wheel::ALL`].
 
 /// Number of states.
-pub const SIZE: usize = 118;
+pub const SIZE: usize = 122;
 /// One number for each state.
 pub type State = [f64; SIZE];
 /// Force of wheel w along axis a at `FORCE + 3 w + a`; wheel-carrier frame, N.
@@ -32,10 +32,12 @@ pub const OFFSET: usize = 54;
 pub const LENGTH_ERROR: usize = 74;
 /// What the mean load of wheel w since the step before has more than the line between both loads, N.
 pub const BETWEEN: usize = 78;
+/// Rate at which the road presses the tyre of wheel w, N/s.
+pub const ROAD: usize = 82;
 /// The forces one step before.
-pub const BEFORE: usize = 82;
+pub const BEFORE: usize = 86;
 /// The forces two steps before.
-pub const LAGGED: usize = 94;
+pub const LAGGED: usize = 98;
 /// Remaining bias of the hub accelerometer of wheel w, sensor axis a at `HUB_BIAS + 3 w + a`, m/s^2.
 /// The last states: a vehicle without these sensors leaves them out.
-pub const HUB_BIAS: usize = 106;
+pub const HUB_BIAS: usize = 110;

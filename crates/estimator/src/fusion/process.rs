@@ -5,7 +5,7 @@ use sample::{PerWheel, STANDARD_GRAVITY_M_S2};
 
 use super::layout::{
     ACCEL_BIAS, BEFORE, BETWEEN, BODY_RATE, FORCE, HUB_BIAS, LENGTH, LENGTH_ERROR, MOMENT, OFFSET,
-    RATE, SIZE, SPEED, STRUT, State, TORQUE,
+    RATE, ROAD, SIZE, SPEED, STRUT, State, TORQUE,
 };
 use super::propagation::{Noises, Propagation};
 use super::transition::Transition;
@@ -48,6 +48,7 @@ impl Fusion {
             }
             // The load's rate holds only what the travel of the wheel does not explain.
             variance[RATE + 3 * wheel + 2] = t.load_rate_start_sigma_n_s.powi(2);
+            variance[ROAD + wheel] = t.load_rate_start_sigma_n_s.powi(2);
             for i in 0..2 {
                 variance[MOMENT + 2 * wheel + i] =
                     self.body.moment_sigma_n_m(wheel, &t.moments)[i].powi(2);
@@ -95,12 +96,15 @@ impl Fusion {
         }
         let propagations: [Propagation; 4] = std::array::from_fn(|wheel| {
             let forms = &model.forms[wheel];
-            let time_s = self.tuning.load_rate_time_s;
+            let times_s = [
+                self.tuning.load_rate_time_s,
+                self.force_noise.road_time_s(),
+            ];
             Propagation::new(
                 wheel,
                 &forms.acceleration,
                 [forms.touching, 1e-3 * forms.touching * forms.stiffness_n_m],
-                time_s,
+                times_s,
                 dt,
             )
         });
@@ -158,6 +162,7 @@ impl Fusion {
         for wheel in 0..4 {
             fade(RATE + 3 * wheel + 2, 1, t.load_rate_time_s);
         }
+        fade(ROAD, 4, self.force_noise.road_time_s());
         let moment = fade(MOMENT, SPEED - MOMENT, t.moment_time_s);
         let strut = fade(STRUT, 4, t.strut_time_s);
         fade(TORQUE, 2, t.torque_time_s[0]);
@@ -189,7 +194,7 @@ impl Fusion {
         let landing_n_s = n.air_part * pressed_n_s;
         let road = self.force_noise.road(wheel);
         let air = n.air_density + landing_n_s * landing_n_s * dt;
-        forms.touching * road + (1.0 - forms.touching) * air
+        forms.touching * n.road_white * road + (1.0 - forms.touching) * air
     }
 
     fn add_process_noise(
@@ -210,12 +215,14 @@ impl Fusion {
             self.force_noise.densities()
         };
         let along = n.road_along * n.road_along;
+        let [x, y, z] = rate;
+        let road_time_s = self.force_noise.road_time_s();
         for (wheel, propagation) in propagations.iter().enumerate() {
             let road = self.force_noise.road(wheel);
             let load = loads[wheel];
             let noises = Noises {
                 force: [along * road, along * road, load],
-                rate,
+                rate: [x, y, z, (1.0 - n.road_white) * road / (road_time_s * road_time_s)],
                 speed: 1e6
                     * (t.strut_rate_density * t.strut_rate_density
                         + n.road_strut_rate * n.road_strut_rate * road),

@@ -3,18 +3,20 @@
 //! | equation | what |
 //! |---|---|
 //! | F_x' = R_x + w, F_y' = R_y + w | force rates, with white noise on rates and forces |
-//! | F_z' = R_z - k e_z l' + w | the wheel's travel presses the tyre: k tyre stiffness, e_z vertical movement of the wheel centre for the strut's length |
+//! | F_z' = R_z + P - k e_z l' + w | the wheel's travel presses the tyre: k tyre stiffness, e_z vertical movement of the wheel centre for the strut's length |
+//! | P' = -P/T + w | the road presses the tyre: T is the time in which the tyre passes its contact |
 //! | l'' = a F + b M + ... + c | the strut's row of the statics |
 //!
 //! The white noise on F_z is a road whose height is a random walk (ISO 8608, waviness 2).
 
 use super::forms::{AT_LENGTH, AT_SPEED, CORNER, Form, corner_states};
-use super::layout::{FORCE, RATE};
+use super::layout::{FORCE, RATE, ROAD};
 
-/// States of a corner, its force rates, and one.
-const LOCAL: usize = CORNER + 4;
+/// States of a corner, its force rates, the rate of the road, and one.
+const LOCAL: usize = CORNER + 5;
 const AT_RATE: usize = CORNER;
-const ONE: usize = CORNER + 3;
+const AT_ROAD: usize = CORNER + 3;
+const ONE: usize = CORNER + 4;
 const LOAD: usize = 2;
 /// States whose equation has more than a rate: load, strut rate, strut length.
 const COUPLED: [usize; 3] = [LOAD, AT_SPEED, AT_LENGTH];
@@ -26,6 +28,8 @@ pub(super) struct Propagation {
     /// Rows of F_x, F_y, F_z, strut rate and length over the local states.
     full: [[f64; LOCAL]; 5],
     half: [[f64; LOCAL]; 5],
+    /// Part of the road's rate that remains after half a step.
+    road_kept: f64,
     wheel: usize,
 }
 
@@ -36,8 +40,8 @@ const ROWS: [usize; 5] = [0, 1, LOAD, AT_SPEED, AT_LENGTH];
 pub(super) struct Noises {
     /// On F_x, F_y, F_z, N^2/s.
     pub(super) force: [f64; 3],
-    /// On their rates, (N/s)^2/s.
-    pub(super) rate: [f64; 3],
+    /// On their rates and on that of the road, (N/s)^2/s.
+    pub(super) rate: [f64; 4],
     /// On the strut's rate, (mm/s)^2/s.
     pub(super) speed: f64,
 }
@@ -46,22 +50,25 @@ pub(super) struct Noises {
 pub(super) fn global(wheel: usize, local: usize) -> usize {
     match local.checked_sub(AT_RATE) {
         None => corner_states(wheel)[local],
-        Some(axis) => RATE + 3 * wheel + axis,
+        Some(axis @ 0..3) => RATE + 3 * wheel + axis,
+        Some(_) => ROAD + wheel,
     }
 }
 
 impl Propagation {
     /// With the acceleration of the strut, m/s^2, the part of the tyre that touches the ground, the tyre's
-    /// stiffness along the strut, N/mm of its length, and the time constant of the load's rate, s.
+    /// stiffness along the strut, N/mm of its length, and the time constants of the load's rate and of the
+    /// road's, s.
     pub(super) fn new(
         wheel: usize,
         acceleration: &Form,
         [touching, pressing_n_mm]: [f64; 2],
-        load_rate_time_s: f64,
+        times_s: [f64; 2],
         dt: f64,
     ) -> Self {
         let mut equations = [[0.0; LOCAL]; 3];
         equations[0][AT_RATE + 2] = touching;
+        equations[0][AT_ROAD] = touching;
         equations[0][AT_SPEED] = -pressing_n_mm;
         for (k, gain) in acceleration.gains.iter().enumerate() {
             equations[1][k] = 1e3 * gain;
@@ -80,7 +87,7 @@ impl Propagation {
             of_full *= dt / f64::from(n);
             of_half *= 0.5 * dt / f64::from(n);
             for row in 0..3 {
-                power[row] = times_equations(&power[row], &equations, load_rate_time_s);
+                power[row] = times_equations(&power[row], &equations, times_s);
                 for k in 0..LOCAL {
                     full[row][k] += of_full * power[row][k];
                     half[row][k] += of_half * power[row][k];
@@ -99,6 +106,7 @@ impl Propagation {
         Self {
             full: with_plain(full, dt),
             half: with_plain(half, 0.5 * dt),
+            road_kept: math::exp(-0.5 * dt / times_s[1]),
             wheel,
         }
     }
@@ -116,18 +124,19 @@ impl Propagation {
     pub(super) fn noise(&self, noises: &Noises, dt: f64, add: &mut impl FnMut(usize, usize, f64)) {
         let sources = (0..3)
             .map(|axis| (axis, noises.force[axis]))
-            .chain((0..3).map(|axis| (AT_RATE + axis, noises.rate[axis])))
+            .chain((0..4).map(|axis| (AT_RATE + axis, noises.rate[axis])))
             .chain([(AT_SPEED, noises.speed)]);
         for (source, density) in sources {
             // The source itself keeps its place; what it moves are the rows.
             let own = source >= AT_RATE;
-            let effect = |rows: &[[f64; LOCAL]; 5]| -> [f64; 6] {
+            let kept = if source == AT_ROAD { self.road_kept } else { 1.0 };
+            let effect = |rows: &[[f64; LOCAL]; 5], kept: f64| -> [f64; 6] {
                 std::array::from_fn(|k| match rows.get(k) {
                     Some(row) => row[source],
-                    None => f64::from(own),
+                    None => f64::from(own) * kept,
                 })
             };
-            let (full, half) = (effect(&self.full), effect(&self.half));
+            let (full, half) = (effect(&self.full, kept * kept), effect(&self.half, kept));
             let begin: [f64; 6] = std::array::from_fn(|k| match ROWS.get(k) {
                 Some(local) => f64::from(*local == source),
                 None => f64::from(own),
@@ -151,7 +160,7 @@ impl Propagation {
 fn times_equations(
     row: &[f64; LOCAL],
     equations: &[[f64; LOCAL]; 3],
-    load_rate_time_s: f64,
+    [load_rate_s, road_s]: [f64; 2],
 ) -> [f64; LOCAL] {
     let mut product = [0.0; LOCAL];
     for (equation, local) in equations.iter().zip(COUPLED) {
@@ -161,7 +170,8 @@ fn times_equations(
     }
     product[AT_RATE] += row[0];
     product[AT_RATE + 1] += row[1];
-    product[AT_RATE + 2] -= row[AT_RATE + 2] / load_rate_time_s;
+    product[AT_RATE + 2] -= row[AT_RATE + 2] / load_rate_s;
+    product[AT_ROAD] -= row[AT_ROAD] / road_s;
     product
 }
 

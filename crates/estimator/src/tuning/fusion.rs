@@ -166,6 +166,12 @@ tuning! {
         road_speed_m_s: f64 = 10.0, "m/s";
         /// Least speed with which it passes.
         road_speed_min_m_s: f64 = 0.5, "m/s";
+        /// Way on which the rate at which the road presses a tyre stays alike: a part of the tyre's contact.
+        road_length_m: f64 = 0.06, "m";
+        /// Bounds of its time constant.
+        road_time_s: [f64; 2] = [0.005, 0.1], "s";
+        /// Part of the road's noise that is white.
+        road_white: f64 = 0.1, "1";
         /// Bounds of that density.
         road_bounds: [f64; 2] = [300.0, 1.0e8], "N²/s";
         /// Weight of one innovation in the mean square that adapts the density: a fifth of a second.
@@ -199,7 +205,7 @@ tuning! {
         road_along: f64 = 0.2, "1";
         /// Part of the density times the step that is the variance of the load between two steps: 1/12 for a
         /// random walk.
-        road_between: f64 = 0.015, "1";
+        road_between: f64 = 0.004, "1";
         /// Standard deviation of a member's force from roughness, for a density of one.
         road_member: f64 = 0.002, "√s";
         /// The same of a strut's force.
@@ -207,9 +213,9 @@ tuning! {
         /// The same of a strut's acceleration.
         road_strut_rate: f64 = 1.0e-5, "m/s²/N";
         /// The same of the tyre's moments.
-        road_moment_m: f64 = 0.012, "m √s";
+        road_moment_m: f64 = 0.009, "m √s";
         /// The same of the sum of all forces.
-        road_sum: f64 = 0.03, "√s";
+        road_sum: f64 = 0.04, "√s";
         /// The same of the balance of moments, for the square root of the density.
         road_balance_m: f64 = 0.03, "m";
     }
