@@ -79,11 +79,12 @@ use inertial::Balance;
 use joint::Joint;
 use lag::Lag;
 use layout::{
-    ACCEL_BIAS, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, RATE, SIZE, SPEED, State, TORQUE,
+    ACCEL_BIAS, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, MOMENT, RATE, SIZE, SPEED, State,
+    TORQUE,
 };
 use lengths::LengthWatch;
 use moments::KnownMoment;
-use process::{accel_noise, torque_noise};
+use process::{accel_noise, tipping_noise, torque_noise};
 
 /// Axes of the moments that are states.
 const MOMENT_AXES: [usize; 2] = [0, 2];
@@ -102,6 +103,8 @@ pub struct Fusion {
     force_noise: ForceNoise,
     torque: [ProcessNoise<2>; 2],
     accel: ProcessNoise<3>,
+    /// Of each tyre's M_x.
+    tipping: ProcessNoise<4>,
     lengths: [LengthWatch; 4],
     /// Consecutive innovations of each potentiometer that no strut makes.
     jumps: [u32; 4],
@@ -253,6 +256,7 @@ impl Fusion {
             force_noise: ForceNoise::new(t.force_noise, process_noise),
             torque: torque_noise(t, process_noise),
             accel: accel_noise(t, process_noise),
+            tipping: tipping_noise(t, process_noise),
             lengths: [LengthWatch::default(); 4],
             jumps: [0; 4],
             suspected: [false; 4],
@@ -293,6 +297,7 @@ impl Fusion {
         self.force_noise = ForceNoise::new(self.tuning.force_noise, self.process_noise);
         self.torque = torque_noise(&self.tuning, self.process_noise);
         self.accel = accel_noise(&self.tuning, self.process_noise);
+        self.tipping = tipping_noise(&self.tuning, self.process_noise);
         for (wheel, load) in self.body.static_load.into_iter().enumerate() {
             self.state[FORCE + 3 * wheel + 2] = load;
         }
@@ -323,6 +328,7 @@ impl Fusion {
         let loads = self.estimates::<12>(FORCE);
         let torques = [0, 2].map(|part| self.estimates::<2>(TORQUE + part));
         let accels = self.estimates::<3>(ACCEL_BIAS);
+        let moments = self.estimates::<8>(MOMENT);
         self.agreed = false;
         let inertial = input.motion.inertial && !self.settling();
         if inertial {
@@ -351,6 +357,9 @@ impl Fusion {
                 let corrected = corrections(torques, &self.estimates(TORQUE + 2 * part));
                 self.torque[part].learn(corrected);
             }
+            let corrected = corrections(&moments, &self.estimates::<8>(MOMENT));
+            self.tipping
+                .learn(std::array::from_fn(|wheel| corrected[2 * wheel]));
             self.accel
                 .learn(corrections(&accels, &self.estimates(ACCEL_BIAS)));
         }

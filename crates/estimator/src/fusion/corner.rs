@@ -159,7 +159,8 @@ impl Fusion {
                 NO_OWN
             };
             rows.set(STRAIN + i, form.gains, own);
-            let noise = unlagged.noise * c.noise_sigma.powi(2);
+            let bent = t.bend_part * unlagged.bend;
+            let noise = unlagged.noise * c.noise_sigma.powi(2) + bent * bent;
             let (extra, tolerance) = if axial {
                 let n = &self.tuning.force_noise;
                 let rough = n.road_member * n.road_member * self.force_noise.road(wheel);

@@ -13,7 +13,11 @@ use crate::inputs::Reading;
 
 /// The last reading of a channel with a lag.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Lag(Option<(LogTime, f64)>);
+pub(super) struct Lag {
+    reading: Option<(LogTime, f64)>,
+    /// The last two values without the lag, the latest first.
+    values: [Option<f64>; 2],
+}
 
 /// A reading without its lag.
 #[derive(Clone, Copy, Debug)]
@@ -23,26 +27,38 @@ pub(super) struct Unlagged {
     pub(super) delay: Back,
     /// Factor on the variance of a single reading.
     pub(super) noise: f64,
+    /// Second difference of this value and the two before: the signal is no line between two readings. Zero
+    /// after a gap.
+    pub(super) bend: f64,
 }
 
 impl Lag {
     /// Takes a reading and undoes the lag.
     pub(super) fn invert(&mut self, reading: &Reading, tau_s: f64) -> Unlagged {
-        let before = self.0.replace((reading.time, reading.value));
+        let before = self.reading.replace((reading.time, reading.value));
         let count = f64::from(reading.count);
         // A gap of more than five steps is not bridged.
         let near = before.filter(|(time, _)| reading.time.seconds_since(*time) < 5.0 * GRID_S);
         let Some((time, value)) = near else {
+            self.values = [None; 2];
             return Unlagged {
                 value: reading.value,
                 delay: Back::at(tau_s),
                 noise: 1.0 / count,
+                bend: 0.0,
             };
         };
         let gap_s = reading.time.seconds_since(time);
         let kept = math::exp(-gap_s / tau_s);
+        let value = (reading.value - kept * value) / (1.0 - kept);
+        let bend = match self.values {
+            [Some(one), Some(two)] => value - 2.0 * one + two,
+            _ => 0.0,
+        };
+        self.values = [Some(value), self.values[0]];
         Unlagged {
-            value: (reading.value - kept * value) / (1.0 - kept),
+            value,
+            bend,
             delay: Back {
                 mean_s: tau_s - gap_s * kept / (1.0 - kept),
                 square_s2: 2.0 * tau_s * tau_s

@@ -35,6 +35,15 @@ pub(super) fn accel_noise(
     ProcessNoise::new(bounds[0], bounds, process_noise)
 }
 
+/// Noise of each tyre's M_x: the ground under a wheel leans across the track.
+pub(super) fn tipping_noise(
+    tuning: &FusionTuning,
+    process_noise: ProcessNoiseTuning,
+) -> ProcessNoise<4> {
+    let bounds = tuning.moments.tipping_bounds;
+    ProcessNoise::new(bounds[0], bounds, process_noise)
+}
+
 impl Fusion {
     /// Sets the initial covariance, and the strain offsets and length errors to zero.
     pub(super) fn forget(&mut self, channels: &PerWheel<CornerChannels>) {
@@ -234,8 +243,9 @@ impl Fusion {
             let rough = n.road_moment_m * n.road_moment_m * road;
             for i in 0..2 {
                 let sigma = model.known[wheel].sigma_n_m[i];
+                let adapted = if i == 0 { self.tipping.density() } else { 0.0 };
                 let variance = gains.moment * (sigma * sigma + rough);
-                c.add_noise(MOMENT + 2 * wheel + i, variance);
+                c.add_noise(MOMENT + 2 * wheel + i, variance + adapted * dt);
             }
             let line = &input.corners[wheel].travel.strut;
             let stop = if line.stopped {

@@ -85,6 +85,9 @@ tuning! {
         member_sigma_n: f64 = 1.3, "N";
         /// The same as a part of the force.
         member_sigma_part: f64 = 0.002, "1";
+        /// Standard deviation of a member's force because the force does not change along a line between two
+        /// readings, as a part of the second difference of the readings.
+        bend_part: f64 = 0.05, "1";
         /// The same without a potentiometer, when the design position replaces the measured one,
         /// constant part.
         unposed_sigma_n: f64 = 60.0, "N";
@@ -213,7 +216,7 @@ tuning! {
         /// The same of a strut's acceleration.
         road_strut_rate: f64 = 1.0e-5, "m/s²/N";
         /// The same of the tyre's moments.
-        road_moment_m: f64 = 0.009, "m √s";
+        road_moment_m: f64 = 0.008, "m √s";
         /// The same of the sum of all forces.
         road_sum: f64 = 0.04, "√s";
         /// The same of the balance of moments, for the square root of the density.
@@ -243,6 +246,8 @@ tuning! {
         /// Standard deviation of M_x and M_z beyond tread and trail: upright wheels without side
         /// force.
         sigma_n_m: f64 = 1.0, "N m";
+        /// Bounds of the further density of the noise of M_x, which adapts.
+        tipping_bounds: [f64; 2] = [1.0, 6.0e3], "(N m)²/s";
         /// Standard deviation of M_x where the tread width is unknown.
         untreaded_sigma_n_m: f64 = 28.0, "N m";
         /// Error of the tread's moment from its width and stiffness, as a part of it.
