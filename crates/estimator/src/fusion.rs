@@ -79,8 +79,8 @@ use inertial::Balance;
 use joint::Joint;
 use lag::Lag;
 use layout::{
-    ACCEL_BIAS, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, MOMENT, RATE, SIZE, SPEED, State,
-    TORQUE,
+    ACCEL_BIAS, BEFORE, BODY_RATE, FORCE, HUB_BIAS, LAGGED, LENGTH, MOMENT, RATE, SIZE, SPEED,
+    State, TORQUE,
 };
 use lengths::LengthWatch;
 use moments::KnownMoment;
@@ -132,6 +132,10 @@ pub struct Fusion {
     blind: bool,
     /// Whether the vehicle moves: then the tyres alone carry it.
     rolling: bool,
+    /// F_x of each tyre three steps before, N.
+    earlier_n: [f64; 4],
+    /// Second difference of each tyre's F_x, N.
+    blow_n: [f64; 4],
     steps: u32,
     resets: u32,
     innovations: InnovationTally,
@@ -273,6 +277,8 @@ impl Fusion {
             held: false,
             blind: false,
             rolling: false,
+            earlier_n: [0.0; 4],
+            blow_n: [0.0; 4],
             steps: 0,
             resets: 0,
             innovations: InnovationTally::default(),
@@ -322,6 +328,7 @@ impl Fusion {
             self.forget(input.channels);
         }
         let model = self.model(input);
+        self.earlier_n = std::array::from_fn(|wheel| self.state[LAGGED + 3 * wheel]);
         self.force_noise.drive(input.motion.velocity_m_s.x);
         self.predict(input, &model);
         let rates = self.estimates::<12>(RATE);
@@ -377,10 +384,11 @@ impl Fusion {
         for wheel in 0..4 {
             self.moved[wheel] = self.strut_ahead(&model, wheel, input.dt);
         }
+        self.learn_blows();
         self.steps = self.steps.saturating_add(1);
         Forces {
-            now: self.forces(FORCE),
-            lagged: self.forces(LAGGED),
+            now: self.forces(FORCE, self.blow_n),
+            lagged: self.forces(LAGGED, self.lagged_blow_n()),
         }
     }
 
@@ -437,13 +445,48 @@ impl Fusion {
             && self.covariance.sound()
     }
 
-    fn forces(&self, first: usize) -> PerWheel<TyreForce> {
+    /// Second difference of each tyre's F_x over the last three steps, N, without its sign. A larger one of
+    /// the last tenth of a second counts in part: blows follow each other.
+    fn learn_blows(&mut self) {
+        for (wheel, blow_n) in self.blow_n.iter_mut().enumerate() {
+            let [now, before, earlier] =
+                [FORCE, BEFORE, LAGGED].map(|at| self.state[at + 3 * wheel]);
+            let bend_n = (now - 2.0 * before + earlier).abs();
+            *blow_n = bend_n.max(self.tuning.members.blow_keep * *blow_n);
+        }
+    }
+
+    /// The larger of the second differences around the forces of two steps before and one step later, N.
+    fn lagged_blow_n(&self) -> [f64; 4] {
+        std::array::from_fn(|wheel| {
+            let [now, before, lagged] =
+                [FORCE, BEFORE, LAGGED].map(|at| self.state[at + 3 * wheel]);
+            let later = now - 2.0 * before + lagged;
+            let around = before - 2.0 * lagged + self.earlier_n[wheel];
+            later.abs().max(around.abs())
+        })
+    }
+
+    /// Forces of all tyres at a place of the state. A blow along the wheel that begins and ends within the time
+    /// between two readings shows as a large second difference of F_x. The readings do not tell its course:
+    /// its standard deviation grows.
+    fn forces(&self, first: usize, blow_n: [f64; 4]) -> PerWheel<TyreForce> {
+        let t = self.tuning.members;
         PerWheel(std::array::from_fn(|wheel| {
             let at = |axis: usize| first + 3 * wheel + axis;
+            let resolved_n = t.blow_part * self.body.static_load[wheel];
+            let unknown_n = t.blow_sigma * (blow_n[wheel] - resolved_n).max(0.0);
             TyreForce {
                 force_n: std::array::from_fn(|axis| self.state[at(axis)]),
                 sigma_n: std::array::from_fn(|axis| {
-                    self.covariance.variance(at(axis)).max(0.0).sqrt()
+                    let variance = self.covariance.variance(at(axis)).max(0.0);
+                    (variance
+                        + if axis == 0 {
+                            unknown_n * unknown_n
+                        } else {
+                            0.0
+                        })
+                    .sqrt()
                 }),
                 source: ForceSource::Fusion,
                 ..TyreForce::default()

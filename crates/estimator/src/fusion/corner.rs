@@ -210,7 +210,9 @@ impl Fusion {
             let form = forms.ago(&forms.acceleration.times(unit[axis]), back);
             let own = (HUB_BIAS + 3 * wheel + axis, 1.0);
             rows.set(HUB + axis, form.gains, own);
-            let noise = unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2;
+            let bent = t.bend_part * unlagged.bend;
+            let noise =
+                unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2 + bent * bent;
             Some(RowMeasurement {
                 value: unlagged.value - form.constant - still[axis],
                 variance: noise + floor,

@@ -105,10 +105,7 @@ impl Fusion {
         }
         let propagations: [Propagation; 4] = std::array::from_fn(|wheel| {
             let forms = &model.forms[wheel];
-            let times_s = [
-                self.tuning.load_rate_time_s,
-                self.force_noise.road_time_s(),
-            ];
+            let times_s = [self.tuning.load_rate_time_s, self.force_noise.road_time_s()];
             Propagation::new(
                 wheel,
                 &forms.acceleration,
@@ -231,7 +228,12 @@ impl Fusion {
             let load = loads[wheel];
             let noises = Noises {
                 force: [along * road, along * road, load],
-                rate: [x, y, z, (1.0 - n.road_white) * road / (road_time_s * road_time_s)],
+                rate: [
+                    x,
+                    y,
+                    z,
+                    (1.0 - n.road_white) * road / (road_time_s * road_time_s),
+                ],
                 speed: 1e6
                     * (t.strut_rate_density * t.strut_rate_density
                         + n.road_strut_rate * n.road_strut_rate * road),

@@ -129,7 +129,11 @@ impl Propagation {
         for (source, density) in sources {
             // The source itself keeps its place; what it moves are the rows.
             let own = source >= AT_RATE;
-            let kept = if source == AT_ROAD { self.road_kept } else { 1.0 };
+            let kept = if source == AT_ROAD {
+                self.road_kept
+            } else {
+                1.0
+            };
             let effect = |rows: &[[f64; LOCAL]; 5], kept: f64| -> [f64; 6] {
                 std::array::from_fn(|k| match rows.get(k) {
                     Some(row) => row[source],

@@ -88,6 +88,13 @@ tuning! {
         /// Standard deviation of a member's force because the force does not change along a line between two
         /// readings, as a part of the second difference of the readings.
         bend_part: f64 = 0.05, "1";
+        /// Second difference of F_x, as a part of the static load, beyond which it is a blow that the readings
+        /// do not resolve.
+        blow_part: f64 = 0.2, "1";
+        /// Standard deviation of F_x of such a blow, as a part of what is beyond.
+        blow_sigma: f64 = 0.35, "1";
+        /// Fading memory per step of a blow: a tenth of a second.
+        blow_keep: f64 = 0.9, "1";
         /// The same without a potentiometer, when the design position replaces the measured one,
         /// constant part.
         unposed_sigma_n: f64 = 60.0, "N";
