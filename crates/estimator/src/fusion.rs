@@ -14,6 +14,7 @@
 //! | [`layout::OFFSET`] | offset of each axial strain channel | N |
 //! | [`layout::LENGTH_ERROR`] | strut length less the potentiometer's reading | mm |
 //! | [`layout::BETWEEN`] | mean load since the step before, less that of the line between | N |
+//! | [`layout::ROAD`] | rate at which the road presses each tyre | N/s |
 //! | [`layout::BEFORE`], [`layout::LAGGED`] | the forces one and two steps before | N |
 //! | [`layout::HUB_BIAS`] | remaining bias of each hub accelerometer | m/s^2 |
 //!
@@ -23,7 +24,7 @@
 //! l'' = (F_s(l, l') + e - A_6 F - B_6 M - c_6)/(dF_6/dl'')
 //!
 //! A member's force is then A F + B M + c + (dF/dl'') l'', from [`CornerStatics`]. The tyre is a spring
-//! that the wheel's travel presses, on a road whose height is a random walk. The moments of all tyres about
+//! that the wheel's travel presses, on a road whose height is a random walk, smoothed by the contact. The moments of all tyres about
 //! the centre of gravity turn the body:
 //!
 //! I w' = sum(r_i x R_i F_i + R_i M_i) - (moments of the unsprung masses against the body) - w x (I w + h) - h'
@@ -33,7 +34,7 @@
 //!
 //! Every equation is linear in the states, because geometry, attitude and inertia forces come from
 //! the motion filter; no iteration is needed. Measurements are scalars. Rows with common states share the passes over the covariance (`fusion/joint.rs`). The
-//! covariance is a full symmetric matrix: a square root of 118 states would cost more than the step
+//! covariance is a full symmetric matrix: a square root of 122 states would cost more than the step
 //! may take, and the states are scaled so that the condition number is small for doubles.
 
 mod body;

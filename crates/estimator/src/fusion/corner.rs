@@ -211,8 +211,7 @@ impl Fusion {
             let own = (HUB_BIAS + 3 * wheel + axis, 1.0);
             rows.set(HUB + axis, form.gains, own);
             let bent = t.bend_part * unlagged.bend;
-            let noise =
-                unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2 + bent * bent;
+            let noise = unlagged.noise * hub.noise_sigma_m_s2 * hub.noise_sigma_m_s2 + bent * bent;
             Some(RowMeasurement {
                 value: unlagged.value - form.constant - still[axis],
                 variance: noise + floor,

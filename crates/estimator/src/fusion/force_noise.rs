@@ -5,7 +5,8 @@
 //! ([`ProcessNoise`]). So a steady circle is smoothed more than a launch, and the standard deviations hold
 //! in both.
 //!
-//! The road presses each tyre by itself: white noise on the load, whose density follows the innovations of
+//! The road presses each tyre by itself: noise on the load, which is white but for the time in which the tyre
+//! passes a part of its contact. Its density follows the innovations of
 //! the wheel's potentiometer and hub accelerometer slowly. It stands for the roughness of the road, which does
 //! not change from one step to the next; a rock is an innovation of its own.
 

@@ -7,7 +7,8 @@
 //! | P' = -P/T + w | the road presses the tyre: T is the time in which the tyre passes its contact |
 //! | l'' = a F + b M + ... + c | the strut's row of the statics |
 //!
-//! The white noise on F_z is a road whose height is a random walk (ISO 8608, waviness 2).
+//! The noise of P and the white noise on F_z are a road whose height is a random walk (ISO 8608, waviness 2) that
+//! the contact smooths.
 
 use super::forms::{AT_LENGTH, AT_SPEED, CORNER, Form, corner_states};
 use super::layout::{FORCE, RATE, ROAD};
@@ -181,3 +182,40 @@ fn times_equations(
 
 /// Forces are the first states of a corner.
 const _: () = assert!(FORCE == 0);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A load that only the road changes is the integral of a Gauss-Markov process: its variance over a
+    /// step from known values in closed form (Gelb, Applied Optimal Estimation, 1974, section 3.8).
+    #[test]
+    fn the_road_presses_as_the_integral_of_a_gauss_markov_process() {
+        let (dt, time_s, density) = (0.01, 0.008, 4.0e6);
+        let corner = Propagation::new(0, &Form::default(), [1.0, 0.0], [1.0, time_s], dt);
+        let kept = math::exp(-dt / time_s);
+        let of_rate = corner.full[2][AT_ROAD];
+        assert!((of_rate - time_s * (1.0 - kept)).abs() < 1e-9, "{of_rate}");
+        let noises = Noises {
+            force: [0.0; 3],
+            rate: [0.0, 0.0, 0.0, density],
+            speed: 0.0,
+        };
+        let mut variance = [0.0; 2];
+        corner.noise(&noises, dt, &mut |i, j, value| {
+            for (sum, at) in variance.iter_mut().zip([FORCE + LOAD, ROAD]) {
+                if i == at && j == at {
+                    *sum += value;
+                }
+            }
+        });
+        let load = density
+            * time_s
+            * time_s
+            * (dt - 2.0 * time_s * (1.0 - kept) + 0.5 * time_s * (1.0 - kept * kept));
+        let rate = density * 0.5 * time_s * (1.0 - kept * kept);
+        for (is, wanted) in variance.into_iter().zip([load, rate]) {
+            assert!((is / wanted - 1.0).abs() < 0.03, "{is} {wanted}");
+        }
+    }
+}
