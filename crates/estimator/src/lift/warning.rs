@@ -131,6 +131,8 @@ impl Watch {
         let found = [
             scope != Scope::Nothing
                 && most + margin < t.light
+                // The slow filter overshoots where a load turns quickly.
+                && self.quick.value - self.slow.value < t.overshoot
                 && falls(&self.slow, t.fall_min, t.lead_s),
             scope == Scope::All
                 && self.quick.value + margin < t.quick_light

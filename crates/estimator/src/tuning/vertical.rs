@@ -51,6 +51,8 @@ tuning! {
         quick_light: f64 = 0.21, "1";
         /// Standard deviations by which the load must be below these limits.
         light_sigma: f64 = 1.0, "σ";
+        /// Part of the static load by which the slow filter may be below the quick one.
+        overshoot: f64 = 0.05, "1";
         /// Lead time of the slow filter.
         lead_s: f64 = 1.4, "s";
         /// Lead time of the quick filter.
